@@ -1,6 +1,6 @@
-"""A robot that bends, from Pinocchio alone: what a controller commands, and where the tool then is.
+"""A robot that bends, from Pinocchio alone: commanded joint values, and resulting tool poses.
 
-Every joint's spring gives way until it carries the force where the robot then stands.
+Every joint spring deflects until it carries the force on the deflected robot.
 """
 
 import numpy as np
@@ -25,12 +25,12 @@ class BendingRobot:
         self.stiffness = np.asarray(stiffness, float)
 
     def flange(self, q):
-        """The flange of the robot without load in F_b."""
+        """Flange of the unloaded robot in F_b."""
         pin.framesForwardKinematics(self.model, self.data, q)
         return self.data.oMf[self.frame].copy()
 
     def loaded(self, q, force, tip):
-        """The flange under a force [N], F_b, at a point of the flange frame [m]."""
+        """Flange under a force [N], F_b, at a point of the flange frame [m]."""
         bent = q
         for _ in range(40):
             J = pin.computeFrameJacobian(
@@ -41,7 +41,7 @@ class BendingRobot:
         return self.flange(bent)
 
     def commanded(self, flange, q):
-        """Joint values for a pose of the flange from some near it; the carriage stands still."""
+        """Joint values for a pose of the flange, starting from `q`; the carriage is fixed."""
         free = ~self.held
         for _ in range(50):
             here = self.flange(q)

@@ -1,7 +1,7 @@
-"""One campaign as many programs would write it; knows no reader of ours.
+"""One campaign as many programs would write it, independent of our readers.
 
 Three reflectors on a flange in ten poses, unloaded and loaded, and four base points before and
-after, 2 to 12 m off.
+after, at 2 to 12 m.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _BASE = {
 
 
 def _turn(vector):
-    """Rotation by a vector, Rodrigues' formula."""
+    """Rotation by a rotation vector, Rodrigues' formula."""
     angle = np.linalg.norm(vector)
     x, y, z = vector / angle
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -29,7 +29,7 @@ def _turn(vector):
 
 
 def campaign(seed=5):
-    """Group, target and place [m] of every reading."""
+    """Group, target and position [m] of every reading."""
     rng = np.random.default_rng(seed)
 
     def base(group):
@@ -53,7 +53,7 @@ POINTS = campaign()
 
 
 def table(separator, head, row, above=(), end="\n"):
-    """Lines above, titles, and what `row` says of number, group, target and place of a reading."""
+    """Lines above, titles, and `row` applied to number, group, target and position of a reading."""
     rows = [separator.join(row(k, *point)) for k, point in enumerate(POINTS)]
     return "".join(line + end for line in [*above, *([head] if head else []), *rows])
 
@@ -64,13 +64,13 @@ def xyz(place, unit="mm", digits=4):
 
 
 def german(cells, thousands="."):
-    """Numbers as they are written where the comma is the decimal mark."""
+    """Numbers written with a decimal comma."""
     grouped = (f"{float(cell):,.4f}" for cell in cells)
     return [cell.replace(",", "~").replace(".", ",").replace("~", thousands) for cell in grouped]
 
 
 def polar(place):
-    """Distance [m], horizontal angle as a total station counts it and zenith angle [deg]."""
+    """Distance [m], horizontal angle in the sense of a total station, and zenith angle [deg]."""
     far = float(np.linalg.norm(place))
     x, y, z = place
     return far, math.degrees(math.atan2(-y, x)) % 360, math.degrees(math.acos(z / far))
@@ -83,7 +83,7 @@ def dms(angle, form="{}°{:02d}'{:07.4f}\""):
 
 
 def workbook(sheets):
-    """A small .xlsx: rows of texts and numbers by the name of their sheet."""
+    """A small .xlsx: rows of texts and numbers by sheet name."""
     main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
     office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
     package = "http://schemas.openxmlformats.org/package/2006"

@@ -1,6 +1,6 @@
-"""Is a pose free? By Pinocchio, coal and a ray, from the robot file's own words.
+"""Check that a pose is free, with Pinocchio, coal and ray tests, from the robot file itself.
 
-Nothing here is taken from the package but the robot's file and its model for Pinocchio.
+Nothing here is taken from the package except the robot file and its model for Pinocchio.
 """
 
 import itertools
@@ -29,10 +29,8 @@ TOOL = {
     },
     "capsules": [{"from": [0.05, 0.0, 0.03], "to": [0.05, 0.0, 0.21], "radius": 0.09}],
 }
-"""A cell beside the rail, and an effector whose reflectors face away from the flange.
-
-P1 and the load point sit on its body, P2 and P3 stand free.
-"""
+"""A cell beside the rail, and an effector whose reflectors face away from the flange. P1 and the
+load point are on its body, P2 and P3 are free-standing."""
 
 
 class Checked:
@@ -44,7 +42,7 @@ class Checked:
         self.data = self.built.createData()
         rows = tomllib.loads(robot.text).get("capsules", [])
         rows = [(row["link"], row["from"], row["to"], row["radius"]) for row in rows]
-        if hulls is not None:  # of a robot whose file has none
+        if hulls is not None:  # for a robot whose file has none
             names = ["base", *(joint.name for joint in robot.joints)]
             both = zip(hulls.carrier, hulls.ends[0], hulls.ends[1], hulls.radius, strict=True)
             rows = [(names[c], a, b, r) for c, a, b, r in both]
@@ -67,7 +65,7 @@ class Checked:
         self.watched = [one for one in self.pairs if one not in self.touching_at_zero]
 
     def frame(self, link):
-        """Where a link is, once the pose is set."""
+        """Frame of a link at the current pose."""
         if link == "base":
             return pin.SE3.Identity()
         if link == "flange":
@@ -79,7 +77,7 @@ class Checked:
         return zip(self.own, self.radius, strict=True)
 
     def set(self, q):
-        """Stand in a pose: `at` are both ends of every capsule in F_b, (k, 2, 3)."""
+        """Set a pose: `at` has both ends of every capsule in F_b, (k, 2, 3)."""
         pin.framesForwardKinematics(self.built, self.data, np.asarray(q, float))
         frames = {link: self.frame(link) for link in {row[0] for row in self.rows}}
         here = [frames[row[0]] for row in self.rows]
@@ -97,19 +95,19 @@ class Checked:
         return self.shapes[k], coal.Transform3s(self.turned[k], self.at[k].mean(axis=0))
 
     def apart(self, q, pair):
-        """Distance of two capsules by coal, negative where they overlap."""
+        """Distance of two capsules by coal, negative if they overlap."""
         self.set(q)
         return self.between(pair)
 
     def near(self, pairs):
-        """Pairs of which the balls around both capsules meet: only these can touch."""
+        """Pairs whose bounding spheres overlap: only these can touch."""
         i, j = np.array(pairs).T
         half = np.linalg.norm(self.at[:, 1] - self.at[:, 0], axis=1) / 2 + self.radius
         off = np.linalg.norm(self.at[i].mean(axis=1) - self.at[j].mean(axis=1), axis=1)
         return [pair for pair, may in zip(pairs, off < half[i] + half[j], strict=True) if may]
 
     def between(self, pair):
-        """The same of the pose that the robot stands in."""
+        """The same at the current pose."""
         found = coal.DistanceResult()
         shapes = [one for k in pair for one in self.shape(k)]
         return coal.distance(*shapes, coal.DistanceRequest(), found)
@@ -119,7 +117,7 @@ class Checked:
         return self.frame("flange").act(np.array(self.tool[name], float))
 
     def loaded(self, q, force):
-        """Joint values under the pull: each gives way by its compliance times its torque."""
+        """Joint values under the pull: each deflects by its compliance times its torque."""
         pin.computeJointJacobians(self.built, self.data, q)
         self.set(q)
         at = self.point("load_point")
@@ -131,7 +129,7 @@ class Checked:
         return q + self.robot.nominal_compliance * torque
 
     def complaints(self, q, anchor, force_n):
-        """Everything that a pose breaks, unloaded and loaded, in words."""
+        """Every violation of a pose, unloaded and loaded, in words."""
         q = np.asarray(q, float)
         out = [
             f"{name} turns too far"
@@ -153,7 +151,7 @@ class Checked:
         return out + self._low()
 
     def _shots(self, q):
-        """Reflectors that the tracker shoots from beyond their acceptance."""
+        """Reflectors seen by the tracker outside their acceptance angle."""
         self.set(q)
         R = self.frame("flange").rotation
         for name, one in self.tool.get("acceptance", {}).items():
@@ -164,7 +162,7 @@ class Checked:
                 yield f"{name} beyond its acceptance"
 
     def _lines(self, anchor):
-        """Capsules that beams or chain cross, where the line begins outside of them."""
+        """Capsules crossed by beams or chain, if the line starts outside them."""
         out = []
         for name in (n for n in self.tool if n not in ("acceptance", "capsules")):
             end = anchor if name == "load_point" else self.cell["tracker_m"]
@@ -180,7 +178,7 @@ class Checked:
         return out
 
     def _along(self, p, e):
-        """Capsules of which the ball around them is less than a reflector off the line."""
+        """Capsules whose bounding sphere is within a reflector's size of the line."""
         a, b = self.at[:, 0], self.at[:, 1]
         middle = (a + b) / 2 - p
         share = np.clip(middle @ (e - p) / ((e - p) @ (e - p)), 0, 1)
@@ -203,7 +201,7 @@ class Checked:
 
 
 def upright(along):
-    """A rotation that takes z, the axis of coal's capsules, into this direction."""
+    """A rotation of z, the axis of coal's capsules, to this direction."""
     z = along / np.linalg.norm(along) if along.any() else np.array([0.0, 0.0, 1.0])
     x = np.cross(z, [1.0, 0, 0] if abs(z[0]) < 0.9 else [0, 1.0, 0])
     x /= np.linalg.norm(x)
@@ -218,7 +216,7 @@ def off_segment(p, a, b):
 
 
 def digs_in(p, e, a, b):
-    """Whether a line gets nearer to a segment in its first tenth of a millimetre."""
+    """Whether a line approaches a segment in its first tenth of a millimetre."""
     ahead = p + 1e-4 * (e - p) / np.linalg.norm(e - p)
     return off_segment(ahead, a, b) < off_segment(p, a, b) - 1e-9
 

@@ -1,4 +1,4 @@
-"""The bench: campaigns whose truth we know."""
+"""Fixtures: campaigns with known truth."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ SEED = 20261103
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection(session: pytest.Session) -> None:
-    """Workers that import all tests begin each at another file.
+    """Let each worker import the tests in another order.
 
-    In a fresh clone pytest compiles them, ten seconds of it, and keeps what it has compiled: each
-    worker reads a part from the others. What does not import is reported when it is collected.
+    In a fresh clone pytest compiles them, which takes ten seconds, and keeps the result: each
+    worker reads a part from the others. Import errors are reported at collection.
     """
     told = getattr(session.config, "workerinput", None)
     if told is None or session.config.args != session.config.getini("testpaths"):
@@ -46,10 +46,10 @@ def pytest_collection(session: pytest.Session) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """What a module makes once is made in one worker, and such groups begin before single tests.
+    """Run tests that share a module's fixture in one worker, and start such groups first.
 
-    Without that each worker makes every fixture of a module, and a long group that begins last
-    keeps one worker busy while the other has nothing left.
+    Otherwise each worker builds every fixture of a module, and a long group that starts last keeps
+    one worker busy while the others idle.
     """
     _sample(items)
     if not hasattr(config, "workerinput"):
@@ -61,7 +61,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _sample(items: list[pytest.Item]) -> None:
-    """Of a test that is `sampled(n)`, all but the first n are slow: kinds that differ little."""
+    """Of a test marked `sampled(n)`, all but the first n are slow: variants that differ little."""
     played: dict[str, int] = defaultdict(int)
     for item in items:
         if (few := item.get_closest_marker("sampled")) is not None:
@@ -72,14 +72,14 @@ def _sample(items: list[pytest.Item]) -> None:
 
 
 def _shares(item: pytest.Item) -> bool:
-    """Whether a test asks for a fixture that its module makes once."""
+    """Whether a test uses a module-scoped fixture."""
     known = item._fixtureinfo.name2fixturedefs  # type: ignore[attr-defined]  # nothing public tells
     return any(one.scope == "module" for found in known.values() for one in found)
 
 
 @contextlib.contextmanager
 def without_pages() -> Iterator[None]:
-    """Runs in this process leave blank pages: drawing is two thirds of a run on a few poses."""
+    """Runs in this process leave blank pages: drawing takes two thirds of a run on a few poses."""
     with pytest.MonkeyPatch.context() as patch:
         blank = {"index.html": b"", "report.pdf": b""}
         patch.setattr("pipeline.run.render", lambda *_: blank)
@@ -88,11 +88,11 @@ def without_pages() -> Iterator[None]:
 
 @contextlib.contextmanager
 def without_drawings() -> Iterator[None]:
-    """Runs in this process leave pages and PDFs whose pictures are blank.
+    """Runs in this process leave pages and PDFs with blank figures.
 
-    Matplotlib takes three quarters of a report; who reads its words needs none of that.
+    Matplotlib takes three quarters of a report; tests of its words do not need it.
     """
-    from pipeline.report.svg import by_hand  # matplotlib imports for half a second
+    from pipeline.report.svg import by_hand  # importing matplotlib takes half a second
 
     blank = by_hand('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>')
     with pytest.MonkeyPatch.context() as patch:
@@ -102,7 +102,7 @@ def without_drawings() -> Iterator[None]:
 
 @contextlib.contextmanager
 def with_little_effort() -> Iterator[None]:
-    """`pipeline design` in this process finds a plan that keeps all limits, if not the best one."""
+    """`pipeline design` in this process finds a feasible plan, not necessarily the best."""
     little = Effort(first=0, rounds=1, poses=48, settled=6, exchanged=2, bounds=2, directions=16)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pipeline.design.search.Effort", lambda **said: replace(little, **said))
@@ -138,7 +138,7 @@ def exact_campaign(small_plan: Plan) -> RawCampaign:
 
 @pytest.fixture(scope="session")
 def read_back() -> Callable[[RawCampaign], Reduced]:
-    """From a simulated campaign's files to forces and displacements, by the run's own steps."""
+    """From a simulated campaign's files to forces and displacements, by the steps of the run."""
 
     def through_the_stages(campaign: RawCampaign) -> Reduced:
         raw = in_memory(campaign.files)

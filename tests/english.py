@@ -1,4 +1,4 @@
-"""Words that no German or French text has."""
+"""Words that do not occur in German or French texts."""
 
 import re
 

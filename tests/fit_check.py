@@ -1,4 +1,4 @@
-"""What holds of every fit in an answer, whatever the machine hides and the noise does."""
+"""Properties of every fit in an answer, whatever the hidden causes and the noise."""
 
 import pytest
 from scipy import stats
@@ -7,7 +7,7 @@ ALONE = "rest on the noise stated in campaign.toml."
 
 
 def told_by_chi_square(answer):
-    """Each p-value of result.json is that of the chi-square beside it; how many were held to it."""
+    """Check each p-value of result.json against its chi-square; return the number of checks."""
     fits = [one["fit"] for one in (answer, answer["joint_springs"], answer["extended"]) if one]
     for fit in fits:
         chi2, dof, p = fit["chi2"], fit["dof"], fit["p_value"]

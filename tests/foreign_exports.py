@@ -1,7 +1,7 @@
-"""Small files of the kinds that lie on a tracker's PC, and what is known of them by hand.
+"""Small files of the kinds found on a tracker's PC, with contents known by hand.
 
-Numbers are made up; forms are those of programs. Positions are worked out here, with sines and
-cosines of angles written as such, and share nothing with the readers.
+Numbers are invented; formats are those of programs. Positions are computed here with sines and
+cosines, independently of the readers.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ class Foreign:
 
 
 def polar(far, azimuth, zenith):
-    """Where a beam ends, from distance, azimuth and zenith angle [rad]."""
+    """End of a beam, from distance, azimuth and zenith angle [rad]."""
     level = far * math.sin(zenith)
     return (level * math.cos(azimuth), level * math.sin(azimuth), far * math.cos(zenith))
 
 
 def mirrored(place):
-    """Where the same numbers lead if the horizontal angle grows clockwise."""
+    """Position from the same numbers if horizontal angles increase clockwise."""
     x, y, z = place
     return x, -y, z
 

@@ -1,6 +1,6 @@
-"""Finds a browser for test_browser.py; run as a program, it tries to install one first.
+"""Find a browser for test_browser.py; run as a program, try to install one first.
 
-`make test` runs it. It never fails: without a browser the tests of the page skip and say so.
+`make test` runs it. It never fails: without a browser the tests of the page are skipped.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def browser_path() -> str | None:
 
 
 def install() -> None:
-    """Ask the system's package manager for one, where that needs no password."""
+    """Install one with the system's package manager, if that needs no password."""
     if not shutil.which("apt-get") or not hasattr(os, "geteuid") or os.geteuid() != 0:
         return
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "timeout": PATIENCE_S}

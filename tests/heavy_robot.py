@@ -1,8 +1,8 @@
 """A machine tool's arm on a rail, heavy and crooked, from Pinocchio alone.
 
-A tree of joints: behind the rail six small motions by which the bed is crooked and six by which the
-carriage gives way, behind each of the first three turning joints two by which its bearing tilts.
-What carries weight gives way until it carries it where the machine then stands.
+A tree of joints: after the rail six small motions by which the bed is crooked and six by which the
+carriage yields, after each of the first three revolute joints two by which its bearing tilts.
+Everything that carries weight deflects until equilibrium.
 """
 
 from dataclasses import dataclass, field
@@ -22,14 +22,14 @@ SMALL = {"rx": pin.JointModelRX, "ry": pin.JointModelRY, "rz": pin.JointModelRZ,
 
 @dataclass
 class Truth:
-    """What is wrong with a machine; compliances [rad/(N m)], [m/N]."""
+    """True errors of a machine; compliances [rad/(N m)], [m/N]."""
 
     joints: np.ndarray
     tilt: dict = field(default_factory=dict)  # joint 2..4 -> about x, y of its frame
     carriage: dict = field(default_factory=dict)  # of SMALL, in axes of the rail's frame -> number
     rail: object = None  # q1 -> six motions x y z rx ry rz of the carriage, (m, 6)
     balancer: object = None  # angle of joint 3 -> torque on it [N m]
-    turned: object = None  # q, weight's torque (m, 7) -> how far joints stand off (m, 7)
+    turned: object = None  # q, weight's torque (m, 7) -> joint errors (m, 7)
     mass: np.ndarray = field(default_factory=lambda: MASS)
     centre: np.ndarray = field(default_factory=lambda: CENTRE)
 
@@ -40,7 +40,7 @@ def errors_of_table(n, rng, length=4e-4, angle=4e-4):
 
 
 class HeavyRobot:
-    """The machine: its nominal robot, how far each link is off, and what is wrong with it."""
+    """The machine: its nominal robot, the error of each link, and its true errors."""
 
     def __init__(self, robot, off, truth):
         self.robot, self.truth = robot, truth
@@ -116,7 +116,7 @@ TOOL = np.array([[0.25, 0.1, 0.12], [-0.15, 0.24, 0.2], [-0.1, -0.22, 0.05]])
 
 
 def poses(rng, stations, each, robot):
-    """Commanded joint values, station by station along six metres, (m, n)."""
+    """Commanded joint values, by station along six metres, (m, n)."""
     low = np.array([-60, 0, -30, -120, -100, -170]) * np.pi / 180
     high = np.array([60, 80, 60, 120, 100, 170]) * np.pi / 180
     q = rng.uniform(low, high, (stations * each, 6))
@@ -125,7 +125,7 @@ def poses(rng, stations, each, robot):
 
 
 def read(machine, q, rng, noise=1e-5, joint=1e-5, station=None):
-    """Readings of three reflectors at commanded joint values, by a tracker somewhere."""
+    """Readings of three reflectors at commanded joint values, by a tracker at some position."""
     turned = q + joint * rng.standard_normal(q.shape) * ~machine.robot.prismatic
     flange = np.stack([machine.flange(one) for one in turned])
     at = np.einsum("mij,tj->mti", flange[:, :3, :3], TOOL) + flange[:, None, :3, 3]
@@ -150,7 +150,7 @@ def read(machine, q, rng, noise=1e-5, joint=1e-5, station=None):
 
 
 def waves(rng, range_m, sizes):
-    """A crooked bed: three smooth waves in each of six motions, of some rms sizes (6,)."""
+    """A crooked bed: three smooth waves in each of six motions, with these rms sizes (6,)."""
     period = rng.uniform(0.6, 3.0, (3, 6)) * range_m / 2
     phase, high = rng.uniform(0, 2 * np.pi, (2, 3, 6))
     high = np.sin(high) + 1.2

@@ -1,4 +1,4 @@
-"""Cases that do not end, for the limits of the fuzzer; importing nothing, they begin at once."""
+"""Cases that do not end, for the limits of the fuzzer; without imports they start at once."""
 
 import os
 import signal
@@ -6,7 +6,7 @@ import time
 
 
 def row(number, to):
-    """Cases that do not end: 0 is well, 1 sleeps, 2 dies, 3 is deaf, 4 eats memory."""
+    """Cases that do not end: 0 is normal, 1 sleeps, 2 dies, 3 ignores signals, 4 uses up memory."""
     if number == 1:
         time.sleep(60)
     if number == 2:

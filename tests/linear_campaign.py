@@ -1,4 +1,4 @@
-"""Campaigns that are linear from the start, for tests of the search: columns drawn, truth known."""
+"""Linear campaigns for tests of the search, with drawn columns and known truth."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from pipeline.system.whitened import Whitened
 
 POSES, EACH, SPRINGS = 8, 9, 3
 STD_M = 2e-5
-"""Of a row before whitening; those of one pose are correlated."""
+"""Standard deviation of a row before whitening [m]; rows of one pose are correlated."""
 
 
 class View(Whitened):
-    """A whitened campaign of whose scatter the effector tells nothing."""
+    """A whitened campaign in which the effector gives no estimate of the scatter."""
 
     tells_scatter = False
 
@@ -67,7 +67,7 @@ class Made:
     shared: np.ndarray
 
     def view(self, accepted: tuple[int, ...] = ()) -> View:
-        """The campaign whitened, with some causes accepted."""
+        """The campaign whitened, with some accepted causes."""
         M, k = self.B.shape
         x = np.array([3e-8] * k)
         z = np.array([p.typical for s in self.suspects for p in s.parameters])
@@ -151,34 +151,34 @@ def made(
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """A linear campaign seen from a model."""
+    """A linear campaign linearised at a model."""
 
     model: Any
     more: tuple[Any, ...] = ()
 
     def beside(self, more: tuple[Any, ...]) -> Seen:
-        """The same with what has no name."""
+        """The same with unnamed causes."""
         return replace(self, more=more)
 
 
 @dataclass(frozen=True, eq=False)
 class LinearCase(SearchCase):
-    """A case whose model is linear: nothing depends on where it is linearised."""
+    """A case with a linear model: the point of linearisation does not matter."""
 
     truth: Any = None
     wide: Any = None
 
     def fitted(self, accepted, start, near=None):
-        """Seen from some causes."""
+        """Linearised with some causes."""
         return Seen(SimpleNamespace(accepted=tuple(accepted)))
 
     def whitened(self, seen, doubt=()):
-        """Whitened, with what has no name where it was asked for."""
+        """Whitened, with unnamed causes if requested."""
         return (self.wide if seen.more else self.truth).view(seen.model.accepted)
 
 
 def case_of(truth: Made, nameless: int = 0, **more: Any) -> LinearCase:
-    """The case of a linear campaign, whose last causes have no name."""
+    """The case of a linear campaign, whose last causes are unnamed."""
     known = len(truth.suspects) - nameless
     named = replace(truth, suspects=truth.suspects[:known], Z=truth.Z[:known])
     return LinearCase(
@@ -188,5 +188,5 @@ def case_of(truth: Made, nameless: int = 0, **more: Any) -> LinearCase:
 
 
 def left(X: np.ndarray, y: np.ndarray) -> float:
-    """Sum of squares that numpy's least squares leaves."""
+    """Residual sum of squares of numpy's least squares."""
     return float(np.sum((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2))

@@ -1,4 +1,4 @@
-"""An S3 server whose objects may have any name and any lie about themselves."""
+"""An S3 server whose objects may have any name and any false metadata."""
 
 import http.server
 from datetime import UTC, datetime
@@ -8,7 +8,7 @@ from urllib.parse import parse_qs, quote, unquote, urlsplit
 from xml.sax.saxutils import escape
 
 LONG_AGO = 1_700_000_000
-"""When every object was put there [s since 1970], where nothing else is said."""
+"""Default time at which objects were stored [s since 1970]."""
 
 
 def handler(objects, listed=None, refused=(), times=None, changed=None, broken=None, more=False):

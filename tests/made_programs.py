@@ -1,7 +1,7 @@
-"""Robot programs that nobody taught: thirty for each maker, with all that programs have in them.
+"""Invented robot programs: thirty for each maker, with everything that programs contain.
 
-A program is made of words that nothing may change and of coordinates, so that a test knows every
-byte of it without reading the language.
+A program consists of words that must not change and of coordinates, so that a test knows every byte
+of it without parsing the language.
 """
 
 import re
@@ -18,7 +18,7 @@ NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 
 @dataclass
 class Point:
-    """A taught point: joint values about it, what its numbers are, and where they stand."""
+    """A taught point: joint values near it, meaning of its numbers, and their places."""
 
     kind: str
     q: np.ndarray
@@ -39,7 +39,7 @@ class Coordinate:
 
 @dataclass
 class Made:
-    """A program with the truth about it."""
+    """A program with its truth."""
 
     files: dict
     encoding: str
@@ -91,7 +91,7 @@ def on_a_rail(name, external="E1"):
 
 
 def turned(letters, values):
-    """The rotation that numbers mean."""
+    """Rotation represented by the numbers."""
     if letters == "quaternion":
         return pin.Quaternion(*(np.array(values) / np.linalg.norm(values))).matrix()
     if letters == "vector":
@@ -101,7 +101,7 @@ def turned(letters, values):
 
 
 def letters_of(rotation, letters):
-    """Numbers that mean a rotation."""
+    """Numbers that represent a rotation."""
     if letters == "quaternion":
         x, y, z, w = pin.Quaternion(rotation).coeffs()
         return [w, x, y, z]
@@ -112,13 +112,13 @@ def letters_of(rotation, letters):
 
 
 def frame(letters, values):
-    """The frame that the numbers of a pose mean [m]."""
+    """Frame represented by the numbers of a pose [m]."""
     scale = 1.0 if letters == "vector" else 1e-3
     return pin.SE3(turned(letters, values[3:]), scale * np.array(values[:3], float))
 
 
 class Maker:
-    """What the programs of all makers have in common."""
+    """Common parts of the programs of all makers."""
 
     letters, joints, axes, suffix = "abc", "deg", (), ""
 
@@ -141,7 +141,7 @@ class Maker:
         return [round(float(v), digits) for v in (*place, *letters_of(rotation, self.letters))]
 
     def chance(self, part):
-        """Whether something happens."""
+        """Whether a random event occurs."""
         return bool(self.rng.random() < part)
 
     def word(self, *words):
@@ -149,7 +149,7 @@ class Maker:
         return str(self.rng.choice(words))
 
     def case(self, word):
-        """The word as somebody types it."""
+        """The word in upper or lower case, as typed."""
         return self.word(word, word.lower(), word.capitalize()) if self.chance(0.4) else word
 
     def gap(self, least=0):
@@ -157,11 +157,11 @@ class Maker:
         return " " * int(self.rng.integers(least, least + 3))
 
     def umlauts(self):
-        """Words of a remark, with everything that looks like code."""
+        """Words of a comment, with everything that resembles code."""
         return self.word("Fräsen über Öl", "Hülse größer 5°", "LIN {X 1,Y 2} (Prüfung)", "p[0,0,0]")
 
     def next(self, kind, tool="", base=""):
-        """The next point, near the last one."""
+        """The next point, near the previous one."""
         step = self.rng.uniform(-0.12, 0.12, 6)
         self.last = np.clip(self.last + step, self.centre - 0.3, self.centre + 0.3)
         external = float(np.round(self.rng.uniform(500, 4000), 1)) if self.rail else 0.0
@@ -183,7 +183,7 @@ class Maker:
         return len(self.points) - 1, [float(v) for v in values]
 
     def digits(self, k, kind):
-        """How many decimals a number has."""
+        """Number of decimals of a number."""
         fine = kind == "joint" or k >= 3
         return int(self.rng.integers(4 if fine else 2, 7))
 
@@ -205,7 +205,7 @@ class Maker:
     tool_names, base_names = ("1", "2"), ("0", "3")
 
     def made(self, files, **options):
-        """The program with the truth about it."""
+        """The program with its truth."""
         for name, words in files.items():
             for word in words:
                 if isinstance(word, Coordinate):
@@ -281,7 +281,7 @@ class Kuka(Maker):
         return self.made({"probe.src": src, "probe.dat": dat}, tool=tool, base=base)
 
     def motions(self, name, tool, base, dat):
-        """Motions to a declared point and to one between braces, some of them in a loop."""
+        """Motions to a declared point and to one in braces, some of them in a loop."""
         end, out = self.end, []
         word = self.word("DECL E6POS", "E6POS", "DECL GLOBAL POS", "DECL E6POS", "decl e6pos")
         dat += [f"{word} {name}{self.gap()}={self.gap()}", *self.aggregate("pose", tool, base), end]
@@ -303,7 +303,7 @@ class Kuka(Maker):
 
 
 class Abb(Maker):
-    """RAPID: declared points, arrays, and points written into the motions."""
+    """RAPID: declared points, arrays, and points inside the motions."""
 
     letters, suffix = "quaternion", ".mod"
     axes = np.deg2rad([10, 20, 10, 30, 40, -20])
@@ -314,7 +314,7 @@ class Abb(Maker):
         self.tools["tool0"] = self.bases["wobj0"] = [0.0, 0, 0, 1, 0, 0, 0]
 
     def list_(self, point, values, first=0):
-        """Coordinates between brackets."""
+        """Coordinates in brackets."""
         out = ["[" + self.gap()]
         for k, value in enumerate(values):
             out += ["," + self.gap() if k else "", self.coordinate(point, first + k, value)]
@@ -326,7 +326,7 @@ class Abb(Maker):
         return f"{self.word('', ' ')}[{first},9E9,9E+09,9E9,9E9,9E9]"
 
     def robtarget(self, tool, base):
-        """A robtarget, over several lines now and then."""
+        """A robtarget, sometimes over several lines."""
         point, values = self.next("pose", tool, base)
         quarters = np.floor(self.last / (np.pi / 2)).astype(int)
         cfx = 2 * int(self.rng.integers(0, 3)) + int(self.last[4] < 0)
@@ -402,7 +402,7 @@ class Fanuc(Maker):
         self.bases["0"] = [0.0, 0.0, 670.0, 0.0, 0.0, 0.0]
 
     def digits(self, k, kind):
-        """Always three, as the controller writes them, or four."""
+        """Three, as the controller writes them, or four."""
         return self.word_digits
 
     @property

@@ -1,4 +1,4 @@
-"""A system made up with all kinds of errors, and the textbook's answers on its whole matrices."""
+"""An invented system with all kinds of errors, and textbook results on its whole matrices."""
 
 import numpy as np
 import scipy.sparse
@@ -7,13 +7,13 @@ from pipeline.base.arrays import Parameter
 from pipeline.system.system import Errors, Rows, System
 
 TYPICAL = np.array([1.3e-8, 3.0e-7, 2.0e-6])
-"""Typical sizes of three parameters, far from each other."""
+"""Typical sizes of three parameters of different order of magnitude."""
 
 X = np.array([1.25e-8, 2.6e-7, 2.1e-6])
 """Their true values."""
 
 SHARED = ("force_gain", "registration")
-"""Sources of error that move all poses."""
+"""Sources of error common to all poses."""
 
 
 def made(rng, pulls=(3, 2, 4, 3), force_m=4e-5, scales=(1.0, 1.0), common=True):
@@ -58,7 +58,7 @@ def made(rng, pulls=(3, 2, 4, 3), force_m=4e-5, scales=(1.0, 1.0), common=True):
 
 
 def dense(system, scale=None, common=True):
-    """V as one matrix; sources of error multiplied as told, with the common ones or without."""
+    """V as one matrix; sources of error scaled as given, with or without the common ones."""
     G, errors = system.errors.G.toarray(), system.errors
     factor = np.array([(scale or {}).get(name, 1.0) for name in errors.source])
     G = G * factor * (~errors.common | common)
@@ -66,7 +66,7 @@ def dense(system, scale=None, common=True):
 
 
 def generalised(X, y, V):
-    """b, its covariance and chi2 of generalised least squares, V inverted as it stands."""
+    """b, its covariance and chi2 of generalised least squares, with V inverted directly."""
     W = np.linalg.inv(V)
     cov = np.linalg.inv(X.T @ W @ X)
     b = cov @ (X.T @ (W @ y))

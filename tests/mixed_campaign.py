@@ -1,4 +1,4 @@
-"""Campaigns of positions and pulls of one arm whose truth is known, by Pinocchio alone."""
+"""Campaigns of positions and pulls of one arm with known truth, by Pinocchio alone."""
 
 from dataclasses import dataclass
 
@@ -33,7 +33,7 @@ class Mixed:
     tool: np.ndarray
 
     def without(self, table):
-        """The files of one kind of readings alone: `positions` or `tracker` is left out."""
+        """The files of one kind of readings: `positions` or `tracker` is left out."""
         blocks = self.files["campaign.toml"].split("\n\n")
         gone = {"positions": ("[positions]",), "tracker": ("[tracker]", "[scale]")}[table]
         kept = [one for one in blocks if not one.startswith(gone)]
@@ -97,7 +97,7 @@ class _Reader:
         return points @ R.T + t + self.rng.normal(0, self.noise, np.shape(points))
 
     def _stands(self, q, pull=None):
-        """Flange under a pull; the joints repeat to 5 microradians."""
+        """Flange under a pull; joints repeat to 5 microradians."""
         T = self.machine.flange(q, pull)
         return T[:3, :3], T[:3, 3]
 
@@ -105,7 +105,7 @@ class _Reader:
         return q + self.rng.normal(0, 5e-6, q.shape)
 
     def positions(self, q):
-        """poses.csv, by a tracker that stands where it likes."""
+        """poses.csv, by a tracker at an arbitrary position."""
         names = [joint.name for joint in self.machine.robot.joints]
         rows = ["pose,target,x_mm,y_mm,z_mm," + ",".join(f"{name}_deg" for name in names)]
         for k, one in enumerate(q, 1):

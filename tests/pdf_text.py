@@ -1,4 +1,4 @@
-"""The words of a PDF and how full its pages are, as PDFium reads them.
+"""The text of a PDF and how full its pages are, by PDFium.
 
 It takes a twentieth of pypdf's time.
 """
@@ -7,18 +7,18 @@ import numpy as np
 import pypdfium2
 
 _BLANK_MM = 12.0
-"""A band higher than this without ink is empty; the space above a heading is 7 mm."""
+"""Height above which a band without ink counts as empty [mm]; the space above a heading is 7 mm."""
 
 
 def pages_of(content: bytes) -> list[str]:
-    """Text of each page; a hyphen that only ends a line is left out."""
+    """Text of each page; hyphens that only end a line are removed."""
     with pypdfium2.PdfDocument(content) as document:
         texts = [page.get_textpage().get_text_bounded() for page in document]
     return [text.replace("\r\n", "\n").replace("\x02", "") for text in texts]
 
 
 def filled(content: bytes) -> list[float]:
-    """Share of each page between its margins [1] that is no empty band, A4 as page.typ has it."""
+    """Fraction of each page between its margins without empty bands [1], A4 as in page.typ."""
     with pypdfium2.PdfDocument(content) as document:
         return [_filled(page.render(scale=1.0, grayscale=True).to_numpy()) for page in document]
 

@@ -1,4 +1,4 @@
-"""The chain of the KR500 on its rail, multiplied up by hand, with some entries off."""
+"""The chain of the KR500 on its rail, multiplied by hand, with some DH errors."""
 
 import numpy as np
 
@@ -26,7 +26,7 @@ def step(kind, axis, size):
 
 
 def stands(q, wrong=None, points=POINTS):
-    """Where a robot with some entries off puts three reflectors, shape (p, 3, 3)."""
+    """Positions of three reflectors for a robot with some DH errors, shape (p, 3, 3)."""
     out = []
     entries = np.zeros((7, 5))
     for label, size in (wrong or {}).items():

@@ -1,4 +1,4 @@
-"""Tables of points as any program might write them, with their meaning; knows no reader of ours."""
+"""Tables of points as any program might write them, with their meaning; independent of readers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ POLAR = [
 ]
 TRADES = {"Hz [{w}]": "clockwise", "Horizontal Angle [{w}]": "clockwise",
           "Theta [{w}]": "counter-clockwise"}  # fmt: skip
-"""Which way angles under a title grow by the habit of those who write it."""
+"""Conventional sense of angles by title."""
 PREAMBLE = [
     "Export of a measurement", "Job: hall 3", "Instrument: AT960 750123", "Operator;Jane;Doe",
     ";;;;;;", "Reflector radius 19.05 mm", "Date 2026-11-03", "Temperature 20.5 deg C, 1013 hPa",
@@ -58,7 +58,7 @@ class Written:
 
 
 def written(rng) -> Written:
-    """One table; everything about it is drawn."""
+    """One table with everything drawn at random."""
 
     def one(options):
         return options[int(rng.integers(len(options)))]
@@ -162,7 +162,7 @@ def written(rng) -> Written:
 
 
 def _spelt(cell, spelling, mark, separator):
-    """A number as people write it: thousands apart, or a typographer's minus."""
+    """A number as people write it: with thousands separators, or a typographic minus."""
     whole, _, rest = cell.partition(".")
     if spelling == "minus":
         whole = whole.replace("-", "\N{MINUS SIGN}")
@@ -175,7 +175,7 @@ def _spelt(cell, spelling, mark, separator):
 
 
 def _scene(rng, what, names):
-    """Group, target and place [m] of each reading, in the frame of a tracker."""
+    """Group, target and position [m] of each reading, in the frame of a tracker."""
     targets = [f"P{k}" for k in range(1, 1 + int(rng.integers(3, 6)))]
     if names == "numbers":
         targets = [str(k + 1) for k in range(len(targets))]
@@ -203,7 +203,7 @@ def _turn(rng):
 
 
 def _polar(place, unit, angle, vertical, sense):
-    """Azimuth, vertical angle and distance as an instrument shows them."""
+    """Azimuth, vertical angle and distance as shown by an instrument."""
     x, y, z = place
     distance = math.sqrt(x * x + y * y + z * z)
     up = math.asin(z / distance)
@@ -213,7 +213,7 @@ def _polar(place, unit, angle, vertical, sense):
 
 
 def _place(row, kind, unit, angle, vertical, sense):
-    """Where the numbers that were written put a point [m]."""
+    """Position of a point according to the written numbers [m]."""
     if kind == "cartesian":
         return tuple(value / PER_METRE[unit] for value in row)
     azimuth, second, distance = row
@@ -239,7 +239,7 @@ def _names(one, names, scene):
 
 
 def _others(rng, one, chance, titled, blank, mark, n, style, kind):
-    """Columns that are no coordinates: only titles can say what they are."""
+    """Columns other than coordinates: only titles can tell them apart."""
     out: list[tuple[str, list[str]]] = []
     if not titled:
         if chance(0.05):

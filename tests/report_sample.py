@@ -22,18 +22,18 @@ NOMINAL = (8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5)
 
 
 def answer() -> Answer:
-    """That to a campaign whose carriage rolls, with joint 7 left undetermined."""
+    """Answer to a campaign with a rolling carriage, with joint 7 undetermined."""
     return Answer.model_validate(_content(), strict=False)
 
 
 @cache
 def rendered() -> dict[str, bytes]:
-    """All files of its report, drawn once for whoever only reads them."""
+    """All files of its report, rendered once for tests that only read them."""
     return render(answer(), tables(), run_time_s=1.234)
 
 
 def revised(old: Answer, change: Callable[[dict[str, Any]], object]) -> Answer:
-    """The answer with something else in its result.json."""
+    """The answer with a change in its result.json."""
     content = old.as_json()
     change(content)
     return Answer.model_validate(content, strict=False)
@@ -368,7 +368,7 @@ _XYZ = ("x", "y", "z")
 
 
 def _models(rows: pd.DataFrame) -> pd.DataFrame:
-    """The robot file is a tenth too stiff."""
+    """The robot file is too stiff by a tenth."""
     moved = rows[["dx_m", "dy_m", "dz_m"]].to_numpy()[
         np.arange(len(rows)), np.arange(len(rows)) % 3
     ]
@@ -392,7 +392,7 @@ def _enough() -> pd.DataFrame:
 
 
 def _covariance() -> pd.DataFrame:
-    """Joints 3 and 4 go together; joint 7 is not determined."""
+    """Joints 3 and 4 are correlated; joint 7 is undetermined."""
     names = ["c_r1", *(f"c_theta{j}" for j in range(2, 8)), "c_roll"]
     cov = 1e-16 * np.eye(8)
     cov[2, 3] = cov[3, 2] = -0.8e-16
@@ -416,7 +416,7 @@ def _arm() -> pd.DataFrame:
 
 
 def _posture() -> pd.DataFrame:
-    """A KR500 whose load point goes down by half a millimetre, a tenth of it by the carriage."""
+    """A KR500 whose load point sags by half a millimetre, a tenth of it by the carriage."""
     robot = load("kr500_rail")
     points = {name: np.array([0.1 * k, 0.05, 0.1]) for k, name in enumerate(TARGETS)}
     tool = Tool.of({"load_point": np.array([0.15, 0.0, 0.25]), **points})
@@ -429,7 +429,7 @@ def _posture() -> pd.DataFrame:
 
 
 def _cell(points: pd.DataFrame, rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """A rail, a tracker beside it, and an arm of two links that ends at its reflectors."""
+    """A rail, a tracker beside it, and an arm of two links ending at its reflectors."""
     left = rows.pivot_table(index=["pose", "repeat", "target"], columns="axis", values="residual_m")
     kept = points[points["repeat"] == REPEATS].reset_index(drop=True)
     last = left.xs(REPEATS, level="repeat").reset_index()
@@ -439,7 +439,7 @@ def _cell(points: pd.DataFrame, rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
         vectors[f"left_{a}_m"] = last[a].to_numpy()
     for pair in ("xx", "xy", "xz", "yy", "yz", "zz"):
         vectors[f"c{pair}_m2"] = 1e-9 if pair[0] == pair[1] else 0.0
-    every = vectors["pose"].unique()  # of many poses the stage draws some
+    every = vectors["pose"].unique()  # with many poses the stage draws some
     drawn = every[np.unique(np.linspace(0, len(every) - 1, MOST).astype(int))]
     vectors = vectors[vectors["pose"].isin(drawn)].reset_index(drop=True)
     bodies = [_body(0, "base", "base", (0, -0.5, -0.4), (0, 18.5, -0.4), 0.4)]
@@ -483,7 +483,7 @@ def _suspects() -> pd.DataFrame:
 
 
 def _examined(rows: pd.DataFrame) -> pd.DataFrame:
-    """The carriage rolls where it stands far out: the identified cause takes a slope away."""
+    """The carriage rolls at long reach: the identified cause removes a trend."""
     rail = rows["zero_y_m"].to_numpy(float)
     return rows.assign(
         r1_m=rail,
@@ -497,7 +497,7 @@ def _examined(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _separability() -> pd.DataFrame:
-    """Three causes that show, of which two are alike, and one that does not."""
+    """Three visible causes, two of them alike, and an invisible one."""
     labels = ["rail_roll", "joint_tilt:2", "scale_zero", "joint_offset:3"]
     sigmas = [[30.0, 0.8, 12.0, 9.0], [1.5, 40.0, 25.0, 9.0], [14.0, 3.1, 16.0, 9.0], [0.2] * 4]
     return pd.DataFrame(

@@ -1,4 +1,4 @@
-"""Small campaigns for tests of a single layer: a case, its screening, readings shifted in it."""
+"""Small campaigns for tests of a single layer: a case, its screening, shifted readings."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def small(seed: int = 3, **changes: Any) -> Case:
 
 
 def uneven(case: Case) -> Case:
-    """A third zero in pose 2, later than all else in it, and one zero only in pose 3."""
+    """A third zero in pose 2, later than all else in it, and only one zero in pose 3."""
     rows = case.readings
     zeros = rows[(rows["state"] == "unloaded") & (rows["pose"] == 2)].drop_duplicates("target")
     late = pd.Timedelta(seconds=1) + rows["time"][rows["pose"] == 2].max() - zeros["time"].min()
@@ -47,11 +47,11 @@ def moved(case: Case, rows: np.ndarray, off: np.ndarray) -> Case:
 
 
 def where(case: Case, group: str, target: str) -> np.ndarray:
-    """The rows of a reading, as they are marked in `moved`."""
+    """The rows of a reading, as a mask for `moved`."""
     rows = case.readings
     return ((rows["group"] == group) & (rows["target"] == target)).to_numpy()
 
 
 def asked(case: Case) -> Screening:
-    """The case under test beside the paper's model."""
+    """The case under test with the paper's model."""
     return Screening(case, case.cell, case.robot.nominal_compliance)

@@ -1,4 +1,4 @@
-"""The walls of the house, read from the code's own imports."""
+"""The architecture, checked by the imports of the code."""
 
 import ast
 import functools
@@ -46,14 +46,14 @@ SPEAKING = (
     "asking.py",
     "blank.py",
 )
-"""Files of these that parse, draw, or take paths: what is offered of an outbuilding."""
+"""Files of these that parse, draw, or take paths: they offer the parts of outbuildings."""
 OUTSIDE = {"prefect", "typer", "matplotlib", "filelock", "jinja2", "typst"}
 LATE = ("pinocchio", "prefect", "matplotlib", "scipy", "pandas", "pyarrow", "numpy")
 
 
 @functools.cache
 def nodes(path):
-    """Everything that is written in a file."""
+    """All syntax nodes of a file."""
     return tuple(ast.walk(ast.parse(path.read_text("utf-8"))))
 
 
@@ -71,13 +71,13 @@ FILES = sorted(p for part in PURE for p in (PACKAGE / part).rglob("*.py") if p.n
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.relative_to(PACKAGE).as_posix())
 def test_the_core_knows_no_shell(path):
-    """Physics, statistics and their like import nothing that runs, draws or prints."""
+    """Physics, statistics and the like import nothing that runs, draws or prints."""
     assert OUTSIDE.isdisjoint(name.split(".")[0] for name in imports(path))
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.relative_to(PACKAGE).as_posix())
 def test_the_core_does_not_open_files(path):
-    """Bytes come in and go out as values; only robot and model files are found by path."""
+    """Bytes are passed as values; only robot and model files are found by path."""
     names = {
         node.func.id
         for node in nodes(path)
@@ -99,7 +99,7 @@ def test_the_core_does_not_open_files(path):
     ids=["help", "completion"],
 )
 def test_commands_are_listed_without_slow_imports(words, around):
-    """`pipeline --help`, and a shell that completes, have the names before numpy would be there."""
+    """`pipeline --help`, and shell completion, list the names before numpy could be imported."""
     code = (
         "import sys, pipeline.app.cli\n"
         f"try: pipeline.app.cli.main({words!r})\n"
@@ -121,7 +121,7 @@ def test_commands_are_listed_without_slow_imports(words, around):
 
 
 def test_prefect_is_imported_by_flow_and_server_only():
-    """The flow and the server: everything else is as true without it."""
+    """By the flow and the server; everything else works without it."""
     knowing = {
         path.relative_to(PACKAGE).as_posix()
         for path in PACKAGE.rglob("*.py")
@@ -132,7 +132,7 @@ def test_prefect_is_imported_by_flow_and_server_only():
 
 
 def test_matplotlib_is_imported_behind_one_door():
-    """Which keeps it from the settings of the current folder: svg.py, before any figure."""
+    """It keeps Matplotlib from the settings of the current folder: svg.py, before any figure."""
     knowing = {
         path.relative_to(PACKAGE).as_posix()
         for path in PACKAGE.rglob("*.py")
@@ -155,7 +155,7 @@ def test_matplotlib_is_imported_behind_one_door():
 
 
 def test_no_two_files_import_each_other():
-    """Whatever a file uses stands below it, also what is imported late."""
+    """A file uses only what is below it, also in late imports."""
     known = {
         ".".join(("pipeline", *path.relative_to(PACKAGE).with_suffix("").parts)): path
         for path in PACKAGE.rglob("*.py")
@@ -183,10 +183,10 @@ ORDER = (
     "run",
     "app",
 )
-"""Packages and files of the core, each importing only what stands before it."""
+"""Packages and files of the core, each importing only preceding ones."""
 
 DOORS = ("base", "machine", "tables", "answer.contract", "library")
-"""What an outbuilding may import; the library is one itself, in which the others meet."""
+"""What an outbuilding may import; the library is itself one, common to the others."""
 
 _COMMAND = "how options are written and answers are shown, the same for every command"
 _PLACES = "where a campaign lies, what may be written there, and how"
@@ -308,7 +308,7 @@ OUTBUILDINGS = {
         "reduction.settings": "a plan becomes a campaign.toml, and is written in its words",
     },
 }
-"""Folders that the core can do without: what each imports beside the doors, and why."""
+"""Folders without which the core works: what each imports in addition to the doors, and why."""
 
 
 KNOWN = {
@@ -318,7 +318,7 @@ KNOWN = {
 
 
 def modules(path):
-    """Modules of the package that a file imports, without the package's name in front."""
+    """Modules of the package that a file imports, without the name of the package."""
     for node in nodes(path):
         if isinstance(node, ast.Import):
             whole = [name.name for name in node.names]
@@ -333,12 +333,12 @@ def modules(path):
 
 
 def leads_into(module, doors):
-    """Whether a module is one of these, or in one."""
+    """Whether a module is one of these, or inside one."""
     return any(module == door or module.startswith(f"{door}.") for door in doors)
 
 
 def test_every_folder_is_core_or_outbuilding():
-    """None is in neither, and so in no test of this file."""
+    """Each is in one of them, and thus in a test of this file."""
     there = {path.relative_to(PACKAGE).parts[0] for path in PACKAGE.rglob("*.py")}
 
     assert {one.removesuffix(".py") for one in there} - {"__init__", "__main__"} == {
@@ -348,7 +348,7 @@ def test_every_folder_is_core_or_outbuilding():
 
 
 def test_every_package_imports_only_those_below_it():
-    """The order of docs/code.md, also of what is imported late; so no outbuilding, either."""
+    """The order of docs/code.md, also for late imports; and thus no outbuilding."""
     for path in PACKAGE.rglob("*.py"):
         mine = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
         if mine.startswith("__") or mine in OUTBUILDINGS:
@@ -360,7 +360,7 @@ def test_every_package_imports_only_those_below_it():
 
 @pytest.mark.parametrize("name", OUTBUILDINGS)
 def test_an_outbuilding_is_entered_and_left_by_doors(name):
-    """It imports itself, the doors, and what is listed for it; nothing is listed in vain."""
+    """It imports itself, the doors, and what is listed for it; every listed item is used."""
     doors = (name, *DOORS, *OUTBUILDINGS[name])
     found = {one for path in (PACKAGE / name).rglob("*.py") for one in modules(path)}
 
@@ -370,7 +370,7 @@ def test_an_outbuilding_is_entered_and_left_by_doors(name):
 
 @pytest.mark.parametrize("name", OUTBUILDINGS)
 def test_an_outbuilding_has_a_first_page(name):
-    """What it is, the door, and how it is tested."""
+    """What it is, its door, and how it is tested."""
     page = ast.get_docstring(ast.parse((PACKAGE / name / "__init__.py").read_text("utf-8")))
 
     assert re.search(r"(?m)^Door: ", page)
@@ -378,7 +378,7 @@ def test_an_outbuilding_has_a_first_page(name):
 
 
 def without(folder, names):
-    """A copy of the package that has no such outbuildings, and a project with the demo in it."""
+    """A copy of the package without these outbuildings, and a project with the demo."""
     kept = shutil.ignore_patterns("__pycache__", *names)
     shutil.copytree(PACKAGE, folder / "pipeline", ignore=lambda at, found: kept(at, found) if
                     Path(at) == PACKAGE else {"__pycache__"} & {*found})  # fmt: skip
@@ -392,7 +392,7 @@ sys.path[0] = {folder!r}
 from pipeline.app.cli import main
 main({words!r})
 """
-"""The command line of a copy, and no way to what it lacks in the package that is installed."""
+"""The command line of a copy, without access to the installed package."""
 
 
 def command(folder, *words):
@@ -411,7 +411,7 @@ SETS = [[*OUTBUILDINGS], *([name] for name in OUTBUILDINGS)]
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("names", SETS, ids=["all", *OUTBUILDINGS])
 def test_the_core_runs_without(tmp_path, names):
-    """The demo comes to its report, and a command that is not there says so."""
+    """The demo gives its report, and a missing command is reported as such."""
     without(tmp_path, names)
     engine = [] if "service" in names else ["--engine", "local"]
     done = command(tmp_path, "run", "kr500_demo", *engine)
@@ -428,7 +428,7 @@ def test_the_core_runs_without(tmp_path, names):
 
 
 def used(path):
-    """Modules, and what may be one: `from pipeline import files` uses pipeline.files."""
+    """Modules, and names that may be modules: `from pipeline import files` uses pipeline.files."""
     froms = [node for node in nodes(path) if isinstance(node, ast.ImportFrom) and not node.level]
     return {f"{node.module}.{name.name}" for node in froms for name in node.names} | set(
         imports(path)
@@ -436,7 +436,7 @@ def used(path):
 
 
 def test_a_class_of_the_core_has_its_name_alone():
-    """One noun for one thing: a reader who meets it knows which."""
+    """One noun for one thing."""
     seen = {}
     for path in PACKAGE.rglob("*.py"):
         if path.relative_to(PACKAGE).parts[0] in OUTBUILDINGS:
@@ -449,7 +449,7 @@ def test_a_class_of_the_core_has_its_name_alone():
 
 
 def test_a_file_of_tests_has_its_name_alone():
-    """Pytest imports each by its name, and takes two of one name for one."""
+    """Pytest imports each by its name, and confuses two with the same name."""
     names = [path.name for path in Path(__file__).parent.rglob("*.py")]
 
     assert not {name for name in names if names.count(name) > 1}

@@ -1,4 +1,7 @@
-"""The real pulls on the FANUC R-2000iC: something is missing, and one physical cause says what."""
+"""The real pulls on the FANUC R-2000iC.
+
+The model is incomplete, and one physical cause explains it.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -43,7 +46,10 @@ def found(fanuc):
 
 @pytest.mark.whole
 def test_a_physical_cause_predicts_left_out_poses_better(found):
-    """Left out, 0.2339 mm fall by far more than a fifth, for certain by some; no spring pushes."""
+    """The left-out error, 0.2339 mm, falls by far more than a fifth, certainly by some.
+
+    No spring has a negative compliance.
+    """
     worth = found.causes[0].gain
 
     assert worth.rms_before_m == pytest.approx(0.2339e-3, abs=0.05e-6)
@@ -53,7 +59,7 @@ def test_a_physical_cause_predicts_left_out_poses_better(found):
 
 
 def test_what_else_could_stand_there_is_said(found):
-    """The tilting bearing has the bending forearm as a rival; the tool's points are suspected."""
+    """The tilting bearing has the bending forearm as a rival; the tool points are suspected."""
     first = found.causes[0]
     said = {c.effect.name for c in found.causes} | {r.effect.name for r in first.rivals}
 
@@ -64,14 +70,14 @@ def test_what_else_could_stand_there_is_said(found):
 
 
 def test_a_turned_effector_does_as_well_as_an_offset_of_the_load_point(found):
-    """It has no name, and stands beside the cause that has one."""
+    """It is unnamed, and competes with the named cause."""
     offset = next(c for c in found.causes if c.effect.name == "load_point_offset")
 
     assert "effector_turned" in [one.effect.name for one in offset.as_good]
 
 
 def test_noise_that_nobody_stated_is_what_the_causes_leave(found):
-    """Without causes 0.22 mm remain, with them 0.12 mm: the intervals rest on the latter."""
+    """Residuals of 0.22 mm without causes, 0.12 mm with them: intervals are based on the latter."""
     left = found.estimate.residual
     whitened = np.sqrt(found.estimate.chi2 / found.estimate.dof)
 
@@ -80,7 +86,7 @@ def test_noise_that_nobody_stated_is_what_the_causes_leave(found):
 
 
 def by_hand(fanuc, effect):
-    """Part of the cross-validation rms that one elastic cause takes, by plain least squares."""
+    """Fraction of the cross-validation rms removed by one elastic cause, by plain least squares."""
     cell, data, system, estimate = fanuc
     Z = sensitivity(cell, data.pulls, estimate.value, [effect])[data.pull, data.target]
     wide = np.column_stack([system.B, Z.reshape(len(system.B), -1)])
@@ -95,7 +101,7 @@ def by_hand(fanuc, effect):
 
 
 def test_one_cause_alone_does_it_and_the_others_are_told_beside_it(fanuc, found):
-    """The tilting bearing alone takes a fifth; forearm and a wrong point follow, less likely."""
+    """The tilting bearing alone removes a fifth; forearm and a wrong point follow, less likely."""
     first, *others = found.alone
 
     assert first.effect.label == "joint_tilt:3"
@@ -109,7 +115,7 @@ def test_one_cause_alone_does_it_and_the_others_are_told_beside_it(fanuc, found)
 
 @pytest.mark.whole
 def test_joint_only_pulls_raise_no_alarm(fanuc):
-    """Pulls of a robot with nothing but joint springs, with this scatter: 1 % alarms at most."""
+    """Pulls of a robot with joint springs only, with this scatter: at most 1 % alarms."""
     cell, data, system, estimate = fanuc
     rng = np.random.default_rng(99)
     case, _ = case_of(cell, data, estimate)
@@ -127,7 +133,7 @@ def test_joint_only_pulls_raise_no_alarm(fanuc):
 
 
 def named(fanuc, draws, rng):
-    """How often a cause is named in the joint springs' pulls with their own residuals turned."""
+    """How often a cause is named in pulls of joint springs with rotated residuals."""
     cell, data, system, estimate = fanuc
     left = estimate.residual.reshape(-1, 3)
     where, count = place_of_interest(None, cell.robot, data.pulls), 0
@@ -144,11 +150,11 @@ def named(fanuc, draws, rng):
 
 @pytest.mark.whole
 def test_turned_residuals_name_no_cause(fanuc):
-    """In the third a tilt has p = 4e-8, and predicts left-out poses no better for certain."""
+    """In the third a tilt has p = 4e-8, without a significant gain at left-out poses."""
     assert named(fanuc, 3, np.random.default_rng(7)) == 0
 
 
 @pytest.mark.slow
 def test_turned_and_permuted_residuals_hardly_ever_name_a_cause(fanuc):
-    """Of 200 no more than two: one in a hundred."""
+    """At most two of 200: one in a hundred."""
     assert named(fanuc, 200, np.random.default_rng(7)) <= 2

@@ -1,4 +1,4 @@
-"""What the guides show works, letter for letter: their examples run against the package."""
+"""The examples in the guides work, letter for letter, with the package."""
 
 import re
 import subprocess
@@ -35,7 +35,7 @@ PLAN = revised(
 
 
 def block(guide, start):
-    """The one example of a guide that starts so."""
+    """The example of a guide that starts with this text."""
     text = (ROOT / guide).read_text("utf-8")
     shown = re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
     (found,) = [code for code in shown if code.startswith(start)]
@@ -43,7 +43,7 @@ def block(guide, start):
 
 
 def module(code, **known):
-    """The module that this code makes, beside names that are known there."""
+    """The module made by this code, in addition to names known there."""
     made = ModuleType("shown")
     vars(made).update(known)
     exec(compile(code, "guide", "exec"), vars(made))
@@ -52,7 +52,7 @@ def module(code, **known):
 
 @pytest.fixture
 def late_files(monkeypatch):
-    """A campaign with the blunder of the guide, written down where the guide says."""
+    """A campaign with the blunder of the guide, recorded where the guide says."""
     head = "from datetime import timedelta\n\n"
     made = module(head + block("CONTRIBUTING.md", "def _late_pull"), **vars(blunders))
     one = eval(block("CONTRIBUTING.md", "Blunder("), vars(made))
@@ -61,7 +61,7 @@ def late_files(monkeypatch):
 
 
 def verdict_of(files):
-    """Verdict of a campaign, and what was found where."""
+    """Verdict of a campaign, and findings with their places."""
     said = answered("late", in_memory(files)).answer.diagnosis
     return said.verdict, [(cause.name, cause.where) for cause in said.causes]
 
@@ -79,7 +79,7 @@ def test_the_mistake_of_the_guide_is_found_by_its_fault_alone(late_files, monkey
 
 
 def test_the_figure_of_the_guide_is_drawn(monkeypatch):
-    """Caption, alternative text and drawing of the example come from a campaign's tables."""
+    """Caption, alternative text and drawing of the example from a campaign's tables."""
     loads = module(block("CONTRIBUTING.md", '"""The forces of a campaign'))
     monkeypatch.setitem(catalogue._PLOTS, "loads", loads.LOADS)
     answer, tables = report_sample.answer(), report_sample.tables()
@@ -98,7 +98,7 @@ SCAN = "! station scan\npose01_rep0_unloaded;P1;4685.06;5282.14;-550.22\n"
 
 
 def test_the_reader_of_the_guide_reads(monkeypatch):
-    """Once in the catalogue it recognises its own file, and no other does."""
+    """In the catalogue it recognises its own file, and no other reader does."""
     scan = module(block("docs/add-a-reader.md", '"""Station scan'))
     monkeypatch.setitem(READERS, "station_scan", scan.READER)
 
@@ -110,7 +110,7 @@ def test_the_reader_of_the_guide_reads(monkeypatch):
 
 
 def test_the_reader_of_the_guide_reads_times(monkeypatch):
-    """With a column of times and the layout that the guide shows for them."""
+    """With a column of times and the layout shown in the guide."""
     scan = module(block("docs/add-a-reader.md", '"""Station scan'))
     fields = (*scan._FIELDS, Field("time", "time", needed=False))
     monkeypatch.setattr(scan, "_FIELDS", fields)
@@ -123,7 +123,7 @@ def test_the_reader_of_the_guide_reads_times(monkeypatch):
 
 
 def test_the_twins_of_the_guide_are_those_of_the_robot(capsys):
-    """What the guide of effects says to ask is answered."""
+    """The question in the guide of effects is answered."""
     asked = module(block("docs/add-an-effect.md", "from pipeline.diagnosis.isolability"))
 
     assert capsys.readouterr().out == f"{asked.twins(load('kr500_rail'))}\n"
@@ -138,7 +138,7 @@ def test_the_twins_of_the_guide_are_those_of_the_robot(capsys):
     ],
 )
 def test_a_file_of_the_guides_is_as_tidy_as_those_of_the_package(guide, start, file):
-    """Whoever copies it has nothing to correct before the check is green."""
+    """A copied file passes all checks unchanged."""
     for asked in (("check", "--quiet"), ("format", "--check", "--quiet")):
         command = [sys.executable, "-m", "ruff", *asked, "--no-cache", "--stdin-filename", file]
         said = subprocess.run(
@@ -149,7 +149,7 @@ def test_a_file_of_the_guides_is_as_tidy_as_those_of_the_package(guide, start, f
 
 @pytest.mark.parametrize("guide", GUIDES)
 def test_every_file_that_a_guide_names_is_there(guide):
-    """A file that moved is not looked for where it was."""
+    """A guide does not name a file that was moved."""
     text = (ROOT / guide).read_text("utf-8")
     named = set(re.findall(r"`([a-z_/]+\.(?:py|toml|md))`", text))
     folders = ("bench", "data", "docs", "pipeline", "tests")

@@ -1,4 +1,4 @@
-"""Killed, no space left, two at once, read-only, still being written: nothing is lost."""
+"""Killed, disk full, two at once, read-only, still being written: nothing is lost."""
 
 import os
 import subprocess
@@ -47,7 +47,7 @@ def test_a_killed_run_leaves_nothing_behind(victim):
 @pytest.mark.whole
 @pytest.mark.usefixtures("folder", "unseen")
 def test_what_a_killed_run_left_goes_though_nothing_is_computed(tmp_path):
-    """The answer stands, half-written files beside it go; while another run works they stay."""
+    """The answer is kept, half-written files are removed, but not while another run works."""
     one = find(tmp_path, "killed")
     run(one)
     begun = [one.reports / ".index.html.abcd1234", one.processed / ".40_estimate.parquet.x_y_z_12"]
@@ -66,7 +66,7 @@ def test_what_a_killed_run_left_goes_though_nothing_is_computed(tmp_path):
 @pytest.mark.whole
 @pytest.mark.usefixtures("folder", "unseen")
 def test_a_full_disk_leaves_the_old_answer(tmp_path):
-    """No file may grow beyond 20 kB: one sentence, exit code 3, the answer as it was."""
+    """No file may grow beyond 20 kB: one sentence, exit code 3, the answer unchanged."""
     one = find(tmp_path, "killed")
     before = run(one)
     limited = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)); "
@@ -86,7 +86,7 @@ def test_a_full_disk_leaves_the_old_answer(tmp_path):
 @pytest.mark.usefixtures("folder")
 @pytest.mark.slow  # test_shell has one that waits
 def test_two_runs_at_once_agree(tmp_path):
-    """The second waits for the first and finds its work done."""
+    """The second waits for the first and uses its result."""
     command = [*COMMAND, "run", "killed", "--engine", "local", "--json", "--root", str(tmp_path)]
     both = [
         subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -115,7 +115,7 @@ def test_raw_files_stay_as_they_are(folder, tmp_path):
 
 
 def test_a_file_that_grows_while_it_is_read_is_refused(folder, tmp_path, monkeypatch):
-    """The exporter still writes: come back when it is finished."""
+    """The exporter is still writing: the message says to come back later."""
     path = folder / "tracker.csv"
     whole = os.path.getsize(path)
     look = os.fstat

@@ -40,7 +40,7 @@ def pipeline(root, *arguments):
 
 
 def write(root, files, name="campaign"):
-    """A raw folder of these files, and its campaign."""
+    """A raw folder with these files, and its campaign."""
     folder = root / "data" / "raw" / name
     folder.mkdir(parents=True)
     for file, content in files.items():
@@ -49,12 +49,12 @@ def write(root, files, name="campaign"):
 
 
 def told(files):
-    """What these files say, without tables and report on disk."""
+    """Answer for these files, without tables and report on disk."""
     return answered("told", in_memory(files)).answer
 
 
 def exact(changes=None):
-    """A KR500 campaign without any noise, coordinates written in full."""
+    """A KR500 campaign without noise, coordinates written with all digits."""
     plan = Plan(name="exact", poses={"count": 7})
     silent = {
         "tracker": {"noise_scale": 0.0, "digits": "full"},
@@ -69,7 +69,7 @@ TABLE_III = [8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5]
 
 
 def test_exact_data_give_back_the_stiffnesses():
-    """Through the raw files, all seven come back to 1e-9 of Table III."""
+    """Through the raw files, all seven are recovered to 1e-9 of Table III."""
     answer = told(simulate(exact()).files)
     found = [entry.value for entry in answer.stiffness]
 
@@ -133,7 +133,7 @@ def fanuc():
 
 
 def test_real_fanuc_pulls_agree_with_an_independent_least_squares():
-    """Equal weights, joints only: k_1..k_6, 0.220 mm left, 0.2339 mm on left-out poses."""
+    """Equal weights, joints only: k_1..k_6, residual 0.220 mm, 0.2339 mm at left-out poses."""
     B, c = fanuc_by_hand()
     scale = np.linalg.norm(B, axis=0)
     x = np.linalg.lstsq(B / scale, c, rcond=None)[0] / scale
@@ -186,7 +186,7 @@ def test_a_pull_through_the_axis_of_joint_7_is_told_by_name():
 
 @pytest.mark.slow
 def test_a_negative_compliance_is_a_finding_and_no_stiffness():
-    """Rail displacements of the wrong sign: k_r1 has no value, the sentence says why."""
+    """Rail displacements of the wrong sign: k_r1 has no value, and the sentence says why."""
     files = dict(simulate(exact()).files)
     right = answered("right", in_memory(files))
     answer, moved, forces = right.answer, right.shown["displacements"].copy(), right.shown["forces"]
@@ -218,13 +218,16 @@ def test_a_negative_compliance_is_a_finding_and_no_stiffness():
 
 
 def csv_of(table, columns):
-    """Columns of a table as CSV bytes, digits in full."""
+    """Columns of a table as CSV bytes, with all digits."""
     return table[columns].to_csv(index=False).encode()
 
 
 @pytest.mark.slow
 def test_json_on_stdout_is_the_result_file(tmp_path):
-    """One line per campaign; a bad one has an error, stops nothing, and gives the exit code."""
+    """One line per campaign.
+
+    A bad one has an error, does not stop others, and sets the exit code.
+    """
     write(tmp_path, simulate(FEW).files, "good")
     write(tmp_path, {"campaign.toml": b"format = 1\n"}, "broken")
 
@@ -241,7 +244,7 @@ def test_json_on_stdout_is_the_result_file(tmp_path):
 @pytest.mark.usefixtures("unseen")
 @pytest.mark.usefixtures("unseen")
 def test_a_second_run_computes_nothing_and_a_changed_input_does(tmp_path):
-    """No file is touched when nothing changed; one changed byte of input makes a new result."""
+    """No file is written if nothing changed; one changed input byte gives a new result."""
     campaign = write(tmp_path, simulate(FEW).files)
     first = run(campaign)
     stamps = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*") if p.is_file()}
@@ -260,7 +263,7 @@ def test_a_second_run_computes_nothing_and_a_changed_input_does(tmp_path):
 @pytest.mark.slow
 @pytest.mark.usefixtures("unseen")
 def test_a_damaged_answer_is_made_again(tmp_path):
-    """The manifest knows what the outputs were."""
+    """The manifest records what the outputs were."""
     campaign = write(tmp_path, simulate(FEW).files)
     first = run(campaign)
     result = campaign.reports / "result.json"
@@ -271,7 +274,7 @@ def test_a_damaged_answer_is_made_again(tmp_path):
 
 
 def test_a_point_that_no_effector_reaches_is_refused():
-    """Millimetres in [tool] stop whoever would compute with them."""
+    """Millimetres in [tool] are refused by everything that would compute with them."""
     files = dict(simulate(Plan(name="mm")).files)
     toml = re.sub(rb"(?m)^P1 = .*$", b"P1 = [200.0, 50.0, 120.0]", files["campaign.toml"])
 
@@ -280,14 +283,14 @@ def test_a_point_that_no_effector_reaches_is_refused():
 
 
 def few(poses, steps, targets):
-    """A campaign with so many poses, load steps and targets."""
+    """A campaign with these numbers of poses, load steps and targets."""
     plan = Plan(name="few", poses={"count": poses}, pulls={"steps_n": [3000.0] * steps})
     return plan.model_copy(update={"tool": dict(list(plan.tool.items())[: 1 + targets])})
 
 
 @pytest.mark.parametrize("size", [(2, 1, 1), (1, 1, 3)])
 def test_too_few_pulls_are_answered_by_what_they_determine(size):
-    """Fewer rows than unknowns, or none determined by itself: combinations, and no stiffness."""
+    """Fewer rows than unknowns, or none determined alone: combinations, and no stiffness."""
     answer = told(simulate(few(*size)).files)
 
     assert not any(entry.identifiable for entry in answer.stiffness)
@@ -296,7 +299,7 @@ def test_too_few_pulls_are_answered_by_what_they_determine(size):
 
 
 def test_two_poses_cannot_predict_each_other():
-    """Then there is no cross-validation error, and no number is given for it."""
+    """There is then no cross-validation error, and no number for it."""
     answer = told(simulate(few(2, 1, 3)).files)
 
     assert answer.validation.held_out_rms_mm is None
@@ -321,7 +324,7 @@ def test_a_base_reflector_off_by_centimetres_is_told():
 
 @pytest.mark.slow
 def test_exchanged_names_are_told_and_the_corrected_result_stands_beside():
-    """P2 and P3 of one pull exchanged hide every stiffness: name, place and right values come."""
+    """P2 and P3 of one pull exchanged hide every stiffness: name, place and corrected values."""
     plan = revised(Plan(name="swapped", seed=5), {"hidden": {"effects": [SWAPPED]}})
 
     answer = told(simulate(plan).files)
@@ -334,7 +337,7 @@ def test_exchanged_names_are_told_and_the_corrected_result_stands_beside():
 
 
 def test_what_the_undeformed_robot_leaves_out_biases_no_stiffness():
-    """A machine in real equilibrium, read without scatter: c = B x alone is off by a sigma."""
+    """A machine in true equilibrium, without scatter: c = B x alone is off by a sigma."""
     rules = Rules(scale_n=0.0, tool_m=0.0)
     robot = load("kr500_rail")
     plan = replace(drawn(robot, np.random.default_rng(2), rules), scatter=0.0)

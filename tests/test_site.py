@@ -1,4 +1,4 @@
-"""The documentation site: built without network, without a warning, without a broken link."""
+"""The documentation site: built without network, warnings or broken links."""
 
 import re
 import subprocess
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.timeout(2400)  # the tutorials take a minute of process
 
 
 class Page(HTMLParser):
-    """What a page has that can be pointed at, and where it points or loads from."""
+    """Anchors of a page, and targets of its links and resources."""
 
     def __init__(self, path):
         super().__init__()
@@ -25,7 +25,7 @@ class Page(HTMLParser):
         self.feed(path.read_text("utf-8"))
 
     def handle_starttag(self, tag, attrs):
-        """Keep what this tag tells."""
+        """Record anchors, links and resources of a tag."""
         told = dict(attrs)
         self.ids |= {told[key] for key in ("id", "name") if told.get(key)}
         if tag == "a" and told.get("href"):
@@ -36,7 +36,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """Every page, built as `make docs` does; the tutorials are executed."""
+    """Every page, built as by `make docs`; the tutorials are executed."""
     pytest.importorskip("myst_nb", reason="make docs installs what builds the site")
     out = tmp_path_factory.mktemp("site")
     words = ["-q", "-W", "--keep-going", "-b", "html", "-d", str(out / "doctrees")]
@@ -53,7 +53,7 @@ def site(tmp_path_factory):
 
 @pytest.mark.slow
 def test_every_page_is_on_the_site_and_loads_nothing_from_elsewhere(site):
-    """Each Markdown file of docs/ is a page; scripts, styles and pictures lie beside it."""
+    """Each Markdown file of docs/ is a page; scripts, styles and figures are on the site."""
     pages, _ = site
     sources = {path.relative_to(DOCS).with_suffix(".html").as_posix()
                for path in DOCS.rglob("*.md")}  # fmt: skip
@@ -65,7 +65,7 @@ def test_every_page_is_on_the_site_and_loads_nothing_from_elsewhere(site):
 
 @pytest.mark.slow
 def test_every_link_within_the_site_leads_somewhere(site):
-    """The file is there, and in it the place."""
+    """The file exists, and the anchor in it."""
     pages, folder = site
     for name, page in pages.items():
         for link in page.links:
@@ -81,14 +81,14 @@ def test_every_link_within_the_site_leads_somewhere(site):
 
 @pytest.mark.slow
 def test_every_public_name_is_on_the_page_of_the_library(site):
-    """Whatever `import pipeline` offers is described there, and on no other page."""
+    """Everything that `import pipeline` offers is described there, and on no other page."""
     pages, _ = site
 
     assert {f"pipeline.{name}" for name in pipeline.__all__} <= pages["library.html"].ids
 
 
 def test_the_site_is_built_beside_the_locked_libraries():
-    """What both locks pin is the same version: installing the second changes none of the first."""
+    """Both locks pin the same versions: installing the second changes nothing of the first."""
     locks = [(ROOT / name).read_text("utf-8") for name in ("requirements.lock",
                                                            "docs/requirements.lock")]  # fmt: skip
     ours, site = (dict(re.findall(r"(?m)^([a-z0-9._-]+)==([^ ;\\]+)", lock)) for lock in locks)

@@ -1,4 +1,4 @@
-"""The wheel by itself: in an empty environment and an empty folder, without the clone."""
+"""The wheel alone: in an empty environment and an empty folder, without the clone."""
 
 import json
 import os
@@ -16,7 +16,7 @@ ALONE = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
 
 
 def run(*words, cwd, **more):
-    """A command that has to succeed; what it says on stdout."""
+    """Run a command that must succeed; return its stdout."""
     clean = {name: value for name, value in os.environ.items() if name not in ALONE}
     done = subprocess.run(
         [*map(str, words)], cwd=cwd, env=clean | more, capture_output=True, text=True
@@ -27,7 +27,7 @@ def run(*words, cwd, **more):
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
-    """Built from a copy of the sources by setuptools."""
+    """The wheel, built by setuptools from a copy of the sources."""
     copy = tmp_path_factory.mktemp("sources")
     shutil.copytree(ROOT / "pipeline", copy / "pipeline",
                     ignore=shutil.ignore_patterns("__pycache__"))  # fmt: skip
@@ -53,9 +53,9 @@ def test_every_file_of_the_package_is_in_the_wheel(wheel):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(2400)  # two minutes of processor time, most of it pip's
+@pytest.mark.timeout(2400)  # two minutes of processor time, mostly pip's
 def test_the_wheel_runs_a_campaign_by_itself(wheel, tmp_path):
-    """Installed beside the locked libraries only, it simulates, runs and is imported."""
+    """Installed with the locked libraries only, it simulates, runs and is imported."""
     run(sys.executable, "-m", "venv", "venv", cwd=tmp_path)
     python = tmp_path / "venv" / "bin" / "python"
     pip = (python, "-m", "pip", "install", "-q", "--no-deps", "--no-compile")

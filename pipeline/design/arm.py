@@ -1,4 +1,4 @@
-"""Bodies of an arm, made up where its file has none, and the free space it needs by itself."""
+"""Bodies of an arm, approximate if its file has none, and the free space it always needs."""
 
 from __future__ import annotations
 

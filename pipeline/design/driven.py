@@ -1,4 +1,4 @@
-"""Can a plan be driven? Motions between poses, checked against arm, floor, chain and beams.
+"""Check whether a plan can be driven: motions between poses against arm, floor, chain and beams.
 
 Joints move together in a straight line, as in joint motions of controllers. Arm and floor are
 checked along the whole way: an interval is halved until the gaps at its ends exceed the motion of
@@ -6,7 +6,7 @@ any point of the arm in it,
 
     g_a + g_b >= sum_j |dq_j| L_j,
 
-L_j the length of the arm for a joint that turns, 1 for one that slides. The chain is slack
+with L_j the length of the arm for a revolute joint, 1 for a prismatic one. The chain is slack
 meanwhile and the tracker follows: a way on which both lines stay free is preferred to a shorter one
 that crosses them.
 """
@@ -27,11 +27,11 @@ from pipeline.machine.robot import Robot, configure
 from pipeline.machine.room import Room
 
 _STEP_RAD, _STEP_M = np.deg2rad(1.0), 0.02
-"""Steps in which lines are checked, and with which the halving begins."""
+"""Step at which lines are checked, and initial step of the halving [rad], [m]."""
 _FINEST_M = 1e-3
 """Motion within an interval below which it is not halved again [m]: hulls are good to 50 mm."""
 _MOST = 20_000
-"""Maximum number of points of one way: more of them creep along an obstacle."""
+"""Maximum number of points of one way [1]: a way with more creeps along an obstacle."""
 _DRAWN, _NODES, _ROOM_M = 2000, 250, 0.01
 """Number of random points, maximum number of these that are kept as nodes of ways round, and the
 clearance required of them [m]."""
@@ -40,8 +40,8 @@ _NEAREST, _LOOKS = 25, 150
 _ORDERS = 4
 """Maximum number of times that the order is changed to avoid blocked ways."""
 _RAIL_M_S, _JOINT_RAD_S = 1.0, np.deg2rad(90.0)
-"""Speeds for ordering the poses: only their ratio matters, and carriages of 18 m and arms of 200 kg
-have about these."""
+"""Speeds of rail [m/s] and joints [rad/s] for ordering the poses: only their ratio matters, and
+carriages of 18 m and arms of 200 kg have about these."""
 
 
 @dataclass(frozen=True, eq=False)

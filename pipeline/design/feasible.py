@@ -16,7 +16,7 @@ from pipeline.design.spec import Limits
 from pipeline.machine.room import Room
 
 _TRIED, _FOLLOWED = 2000, 64
-"""Number of random poses, and of those nearest to the limits that are led inside."""
+"""Number of random poses, and of those nearest to the limits that are moved inside [1]."""
 
 _ANY_M = (0.0, 1e5)
 """Shortest and longest chain [m] where its length does not matter."""

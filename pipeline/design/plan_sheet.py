@@ -171,7 +171,7 @@ _ONCE = (
     "Serial numbers of robot, tracker and scale",
     "Standard uncertainty of the scale, by its certificate [N]",
 )
-"""Data that campaign.toml asks for and that nobody remembers afterwards."""
+"""Data that campaign.toml asks for and that cannot be recovered afterwards."""
 
 
 def _point(at: tuple[float, float, float]) -> str:

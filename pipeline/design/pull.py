@@ -1,4 +1,4 @@
-"""How hard to pull a robot: by what it carries, and by how far it would bend."""
+"""Choose the pull of a robot from its payload and its compliance."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ reading of a tracker, 0.03 mm."""
 def share(robot: Robot, load_point: Array) -> float:
     """Appropriate pull of a robot relative to the reference set-up [1].
 
-    In proportion to its payload, and limited to what moves the load point by `_MOST_M`; 1 if its
-    file states neither payload nor stiffness.
+    In proportion to its payload, and limited to the pull that moves the load point by `_MOST_M`; 1
+    if its file states neither payload nor stiffness.
 
     Args:
         robot: The robot.

@@ -1,10 +1,11 @@
-"""Outbuilding: files that are none of our own CSV.
+"""Outbuilding: files other than our own CSV.
 
-Exports of trackers told by their marks, each a `Reader` in a file of its own
-(docs/add-a-reader.md), which `readers` tries beside its own plain CSV; any other table, as
-[tracker.mapping] or the intake says; workbooks; readings without names, by the order they were
-taken in; and what the controller of a robot keeps, points and recordings, as a table of joint
-values. Without this folder a file is read whose columns are ours, all rows of it readings.
+Exports of trackers, recognised by distinctive marks, each with a `Reader` in a file of its own
+(docs/add-a-reader.md), which `readers` tries in addition to its own plain CSV; any other table, as
+described by [tracker.mapping] or the intake; workbooks; readings without names, identified by the
+order in which they were taken; and point lists and recordings of the robot's controller, as a table
+of joint values. Without this folder a file can be read only if its columns are ours and all of its
+rows are readings.
 
 Door: `DIALECTS`; `mapped.read`, `workbook.opened`, `assignment.assigned`; for logs `of_controller`.
 Tests: `tests/readers/`, `tests/dialects/`.
@@ -34,9 +35,9 @@ DIALECTS: dict[str, Reader] = {
     "xyz": xyz.READER,
     TABLE: table.READER,
 }
-"""In the order in which they are tried; any other table is the last."""
+"""Readers in the order in which they are tried; any other table comes last."""
 
 
 def of_controller(data: bytes) -> bytes | None:
-    """A controller's points or recording as a table of joint values; None where it is neither."""
+    """Joint values of a controller's points or recording as a table; None if it is neither."""
     return taught.table(data) or recorded.table(data)

@@ -1,4 +1,4 @@
-"""Angles in full circles, and rows of which one is beyond the circle of its unit."""
+"""Angles as fractions of a circle, and rows in which one exceeds the full circle of its unit."""
 
 from __future__ import annotations
 
@@ -13,37 +13,40 @@ from pipeline.readers._cells import shown
 from pipeline.readers._reader import Meaning
 
 FULL = {"gon": 400.0, "deg": 360.0, "rad": 2.0 * np.pi, PACKED: 360.0}
-"""A full circle in each unit of angles."""
+"""Full circle in each unit of angle."""
 FACE = 1e-3
-"""How well the faces of an instrument agree, in full circles and of a distance: far worse than any
-instrument out of adjustment (a degree would be 3e-3), far better than chance."""
+"""Largest disagreement of the two faces of an instrument, as a fraction of a circle and of a
+distance [1]: far worse than any instrument out of adjustment (a degree would be 3e-3), far better
+than chance."""
 _MINORITY = 0.5
-"""Part of the rows: where as many hold no angle at all, the columns are no angles."""
+"""Fraction of the rows [1]: if at least as many hold no possible angle, the columns are not
+angles."""
 
 
 def circles(values: Array, angle: str) -> Array:
-    """Angles in full circles."""
+    """Angles as fractions of a full circle."""
     return plain_angles(values, angle) / FULL[angle]
 
 
 def within_a_circle(
     titles: Sequence[str], numbers: Sequence[Array], line: Ints, meaning: Meaning
 ) -> dict[int, str]:
-    """Rows with an angle that is none in any unit, and why; the others are of the stated unit.
+    """Find rows with an angle that is impossible in any unit.
 
-    No instrument counts beyond a full circle; FACE is left for what rounding adds.
+    No instrument counts beyond a full circle; FACE is a margin for rounding.
 
     Args:
-        titles: Of the three columns.
-        numbers: What they hold in its unit, each shape (n,).
-        line: Line of each row, shape (n,).
+        titles: Titles of the three columns.
+        numbers: Their values in the unit of the file, each shape (n,).
+        line: Line number of each row, shape (n,).
         meaning: Which of them are angles, and their unit.
 
     Returns:
-        Reasons by row from 0, of a minority of the rows.
+        Reasons by row index from 0, for a minority of the rows.
 
     Raises:
-        InputError: An angle is beyond the circle of its unit, and within that of another one.
+        InputError: An angle exceeds the full circle of its unit but is possible in another one, or
+            half of a column or more is impossible in any.
     """
     angle, out = str(meaning.angle), {}
     for k in angular(meaning):

@@ -1,4 +1,4 @@
-"""What the angles of a reading mean, in Cartesian coordinates, and back."""
+"""Convert readings with angles to Cartesian coordinates, and back."""
 
 from __future__ import annotations
 
@@ -15,35 +15,36 @@ from pipeline.readers._units import UNIT_WORDS, in_unit, metres
 from pipeline.readers.said import Hints
 
 PACKED = "dms"
-"""Degrees with minutes and seconds behind the point: 123.4512 is 123 degrees, 45 minutes, 12
-seconds, as total stations and surveyors' calculators write."""
+"""Name of the unit of degrees with minutes and seconds after the point: 123.4512 is 123 degrees, 45
+minutes, 12 seconds, as total stations and surveyors' calculators write."""
 _ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "gon": np.pi / 200.0, PACKED: np.pi / 180.0}
 """Units of angles [rad]."""
 _TICKS, _SIXTY = 1e6, 60.0
-"""Parts of a second that are kept, 5e-12 rad; minutes and seconds."""
+"""Resolution to which seconds are rounded, 1e-6 of a second of arc or 5e-12 rad; and the number of
+minutes in a degree and of seconds in a minute [1]."""
 AXES = {
     "cartesian": ("x", "y", "z"),
     "spherical": ("range", "azimuth", "vertical"),
     "cylindrical": ("range", "azimuth", "z"),
 }
-"""What the three numbers are, by kind of coordinates."""
+"""Roles of the three numbers by kind of coordinates."""
 KIND_WORDS = {kind: kind for kind in AXES} | {"polar": "spherical", "kartesisch": "cartesian"}
 
 ZEROS = ("zenith", "elevation")
-"""Where vertical angles may be zero: straight up, or level."""
+"""Directions in which vertical angles may be zero: straight up, or horizontal."""
 VERTICALS = ("vertical", *ZEROS)
-"""What titles call a vertical angle; the first leaves open where it is zero."""
+"""Roles of a vertical angle; the first leaves open in which direction it is zero."""
 ANGULAR = {"cartesian": [], "spherical": [1, 2], "cylindrical": [1]}
-"""Which of the three numbers are angles, by kind of coordinates."""
+"""Indices of the numbers that are angles, by kind of coordinates."""
 
 
 SENSES = {"counter-clockwise": 1.0, "clockwise": -1.0}
-"""Ways in which azimuths grow, seen from above, and the sign of a turn from x towards y."""
+"""Sense of positive azimuths, seen from above, and the sign of a rotation from x towards y."""
 
 
 @dataclass(frozen=True)
 class Angles:
-    """What is said of angles, each None where nothing is.
+    """Stated properties of angles, each None if not stated.
 
     Attributes:
         unit: As `Meaning.angle`.
@@ -57,12 +58,12 @@ class Angles:
 
 
 def angular(meaning: Meaning) -> list[int]:
-    """Which of the three numbers are angles."""
+    """Indices of the numbers that are angles."""
     return ANGULAR[meaning.kind]
 
 
 def angles(meaning: Meaning) -> Angles:
-    """Unit, zero and sense of its angles, each None where coordinates of its kind have none."""
+    """Unit, zero and sense of the angles, each None if the kind of coordinates has none."""
     if not angular(meaning):
         return Angles()
     zero = meaning.vertical if meaning.kind == "spherical" else None
@@ -70,7 +71,7 @@ def angles(meaning: Meaning) -> Angles:
 
 
 def uncertainties(values: Array, stated: str | None, unit: str) -> Array:
-    """Uncertainties of a column that may state another unit, in the unit of the coordinates."""
+    """Convert uncertainties to the unit of the coordinates if their column states another one."""
     same = stated == unit or stated not in UNIT_WORDS.values()
     return values if same else in_unit(metres(values, str(stated)), unit)
 
@@ -78,7 +79,7 @@ def uncertainties(values: Array, stated: str | None, unit: str) -> Array:
 def cartesian(numbers: Sequence[Array], meaning: Meaning) -> Array:
     """Cartesian coordinates [m] of three columns of numbers in a file, shape (n, 3).
 
-    In Fortran order: whole columns are what is wanted later.
+    In Fortran order, because they are later used column by column.
     """
     out = np.empty((len(numbers[0]), 3), order="F")
     if meaning.kind == "cartesian":
@@ -96,7 +97,7 @@ def cartesian(numbers: Sequence[Array], meaning: Meaning) -> Array:
 
 
 def raw(position: Array, meaning: Meaning) -> Array:
-    """The numbers that a file would have for Cartesian coordinates [m], both shape (n, 3)."""
+    """Convert Cartesian coordinates [m] to the numbers of a file, both shape (n, 3)."""
     if meaning.kind == "cartesian":
         return in_unit(position, meaning.unit)
     x, y, z = position.T
@@ -110,14 +111,15 @@ def raw(position: Array, meaning: Meaning) -> Array:
 def covariance(six: Array, values: Array, meaning: Meaning) -> Array:
     """Covariance of Cartesian coordinates [m^2] from that of the numbers in a file.
 
-    C = J S C_file S J', with S to SI and J the derivative of `cartesian`.
+    C = J S C_file S J', where S converts to SI and J is the Jacobian of `cartesian`.
 
     Args:
         six: xx, xy, xz, yy, yz, zz in the units of the file, shape (n, 6).
         values: The numbers themselves, shape (n, 3).
+        meaning: Their units and kind of coordinates.
 
     Returns:
-        Shape (n, 6).
+        xx, xy, xz, yy, yz, zz [m^2], shape (n, 6).
     """
     if meaning.kind == "cartesian":
         return metres(metres(six, meaning.unit), meaning.unit)
@@ -142,10 +144,10 @@ def _from_si(values: Array, meaning: Meaning) -> Array:
 
 
 def plain_angles(values: Array, angle: str | None) -> Array:
-    """Angles in their unit, those with minutes and seconds behind the point in degrees.
+    """Convert packed degrees, minutes and seconds to decimal degrees; keep other angles.
 
     Raises:
-        InputError: One has more minutes or seconds than there are.
+        InputError: One has 60 or more minutes or seconds.
     """
     if angle != PACKED:
         return values
@@ -161,23 +163,23 @@ def plain_angles(values: Array, angle: str | None) -> Array:
 
 
 def _parts(values: Array) -> tuple[Array, Array, Array]:
-    """Degrees, minutes and seconds of D.MMSS without their signs."""
+    """Degrees, minutes and seconds of D.MMSS, without sign."""
     whole, rest = np.divmod(np.rint(np.abs(values) * _TICKS * 1e4), _TICKS * 1e4)
     minutes, seconds = np.divmod(rest, _TICKS * 1e2)
     return whole, minutes, seconds / _TICKS
 
 
 def may_be_packed(values: Array) -> bool:
-    """Whether no angle has more minutes or seconds behind the point than there are."""
+    """Whether all angles can be packed: none has 60 or more minutes or seconds after the point."""
     _, minutes, seconds = _parts(values)
     return bool(np.all((minutes < _SIXTY) & (seconds < _SIXTY)))
 
 
 def seem_packed(values: Array) -> bool:
-    """Whether so many angles have minutes and seconds behind the point as no chance leaves.
+    """Whether angles are very probably packed degrees, minutes and seconds.
 
-    Of any two decimals six in ten may be minutes, of the next two six in ten seconds. Angles with
-    nothing behind the point, or with the same as another, say nothing.
+    By chance, any two decimals are valid minutes with probability 0.6, and the next two valid
+    seconds with 0.6. Angles without decimals, and repeated decimals, carry no information.
     """
     fractions = np.unique(np.round(np.abs(values) % 1.0, 10))
     told = np.count_nonzero(fractions)
@@ -188,19 +190,19 @@ _MAY_BE_BOTH, _BY_CHANCE = 0.6 * 0.6, 1e-3
 
 
 def _radians(meaning: Meaning) -> Array:
-    """Of one unit of each angle [rad], azimuths that grow clockwise with a minus."""
+    """Factor from the unit of each angle to rad, negative for azimuths that increase clockwise."""
     signs = [SENSES[meaning.horizontal], 1.0][: len(angular(meaning))]
     return _ANGLES[meaning.angle or "rad"] * np.array(signs)
 
 
 def _flat_and_up(vertical: Array, meaning: Meaning) -> tuple[Array, Array]:
-    """Horizontal and vertical share of the range."""
+    """Horizontal and vertical component of a unit range."""
     sine, cosine = np.sin(vertical), np.cos(vertical)
     return (sine, cosine) if meaning.vertical == "zenith" else (cosine, sine)
 
 
 def _jacobian(si: Array, meaning: Meaning) -> Array:
-    """Derivative of x, y, z by the three numbers in SI, shape (n, 3, 3)."""
+    """Jacobian of x, y, z with respect to the three numbers in SI, shape (n, 3, 3)."""
     radius, azimuth, third = si.T
     c, s, none = np.cos(azimuth), np.sin(azimuth), np.zeros(len(si))
     if meaning.kind == "cylindrical":
@@ -217,16 +219,16 @@ def _jacobian(si: Array, meaning: Meaning) -> Array:
 
 
 def settled(stated: str | None, said: str | None, what: str, example: str) -> str:
-    """What an export states itself, else what campaign.toml says in [tracker].
+    """Reconcile what an export states with what campaign.toml says in [tracker].
 
     Args:
-        stated: By the export, None where it does not.
-        said: By campaign.toml, None where it does not.
-        what: What it is, for messages.
+        stated: Value stated by the export, None if it does not.
+        said: Value in campaign.toml, None if absent.
+        what: Name of the quantity, for messages.
         example: The line to write into [tracker].
 
     Raises:
-        InputError: Nobody says, or the two contradict each other.
+        InputError: Neither states it, or the two contradict each other.
     """
     if stated is None and said is None:
         raise InputError(
@@ -242,10 +244,10 @@ def settled(stated: str | None, said: str | None, what: str, example: str) -> st
 
 
 def settled_unit(stated: str | None, hints: Hints) -> str:
-    """The unit of length of an export: what it says itself, else what campaign.toml says.
+    """The unit of length stated by an export, otherwise by campaign.toml.
 
     Raises:
-        InputError: Nobody says, or the two contradict each other.
+        InputError: Neither states it, or the two contradict each other.
     """
     return settled(stated, hints.unit, "unit of length", 'unit = "mm" (or "m", "in")')
 
@@ -256,16 +258,16 @@ def settled_angles(
     third: Array,
     hints: Hints,
 ) -> Meaning:
-    """The same with unit, zero and sense of angles, where coordinates of its kind have some.
+    """Complete the meaning with unit, zero and sense of the angles, if there are any.
 
     Args:
         meaning: Unit and kind of coordinates.
-        stated: What the export says of its angles.
-        third: The third column of numbers, which may say where vertical angles begin.
+        stated: What the export states about its angles.
+        third: The third column of numbers, which may show where vertical angles are zero.
         hints: What campaign.toml says.
 
     Raises:
-        InputError: Nobody says, or the two contradict each other.
+        InputError: Neither states it, or the two contradict each other.
     """
     if meaning.kind == "cartesian":
         return meaning
@@ -278,10 +280,10 @@ def settled_angles(
 
 
 def settled_angle(stated: str | None, said: str | None) -> str:
-    """The unit of angles; one that is called degrees may have minutes behind the point.
+    """The unit of angles; if called degrees, it may have minutes and seconds after the point.
 
     Raises:
-        InputError: Nobody says, or the two contradict each other.
+        InputError: Neither the export nor campaign.toml states it, or they contradict each other.
     """
     own = None if {stated, said} == {"deg", PACKED} else stated
     example = f'angle = "deg" (or "rad", "gon", "{PACKED}")'
@@ -289,14 +291,14 @@ def settled_angle(stated: str | None, said: str | None) -> str:
 
 
 def settled_vertical(stated: str | None, said: str | None, values: Array, angle: str) -> str:
-    """Whether vertical angles count from the zenith or from the horizon.
+    """Whether vertical angles are measured from the zenith or from the horizon.
 
-    Where nobody says it, the angles may: below 0 there is no zenith angle, above 90 degrees no
-    elevation. Programs call zenith angles elevations; what is called one and would look steeply
-    upwards is believed only where somebody confirms it.
+    If neither the export nor campaign.toml states it, the values may: zenith angles are never
+    negative, elevations never above 90 degrees. Some programs call zenith angles elevations; if
+    angles called elevations would point steeply upwards, campaign.toml must confirm it.
 
     Raises:
-        InputError: Nobody says and the angles leave it open.
+        InputError: It is not stated and the angles leave it open.
     """
     if stated == "elevation" and steeper_than_not(values, angle):
         stated = None
@@ -311,12 +313,12 @@ def settled_vertical(stated: str | None, said: str | None, values: Array, angle:
 
 
 def settled_horizontal(stated: str | None, said: str | None) -> str:
-    """Whether horizontal angles grow clockwise, as a total station's, or counter-clockwise.
+    """Whether horizontal angles increase clockwise, as on a total station, or counter-clockwise.
 
-    Titles follow a habit of the trade that a program may break: campaign.toml goes before it.
+    Titles follow conventions that a program may violate: campaign.toml takes precedence.
 
     Raises:
-        InputError: Nobody says.
+        InputError: Neither states it.
     """
     example = 'horizontal = "clockwise" (or "counter-clockwise")'
     return settled(None if said else stated, said, "sense of horizontal angles", example)
@@ -327,7 +329,7 @@ def _degrees(values: Array, angle: str) -> Array:
 
 
 def second_face(vertical: Array, meaning: Meaning) -> Bools:
-    """Which vertical angles only a plunged telescope has, shape (n,)."""
+    """Which vertical angles occur only in the second face (telescope plunged), shape (n,)."""
     circle = 2 * np.pi
     zenith = np.deg2rad(_degrees(vertical, meaning.angle or "rad"))
     if meaning.vertical == "elevation":
@@ -336,7 +338,7 @@ def second_face(vertical: Array, meaning: Meaning) -> Bools:
 
 
 def steeper_than_not(values: Array, angle: str) -> bool:
-    """Whether angles, read as elevations, lie farther from the horizon than as zenith angles."""
+    """Whether angles read as elevations would mostly be steeper than read as zenith angles."""
     degrees = _degrees(values, angle)
     if not len(degrees) or degrees.min() < 0:
         return False

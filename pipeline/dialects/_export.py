@@ -1,4 +1,7 @@
-"""What a dialect found in a file as readings in SI: covariances, two faces, what is no reading."""
+"""Convert the findings of a dialect to readings in SI.
+
+Covariances are converted, readings in two faces averaged, and rows that are not readings rejected.
+"""
 
 from __future__ import annotations
 
@@ -19,20 +22,22 @@ from pipeline.readers.said import Hints
 
 EXPANDED, STANDARD, A_PRIORI, RMS = "expanded", "standard", "a-priori", "rms"
 _PREFERRED = (A_PRIORI, STANDARD, EXPANDED)
-"""Which covariance is used where a file has several. A-priori comes first: the scatter within one
-reading (standard) leaves out what does not change during it, calibration and slow air, and rms
-is a scatter too, of one number for three axes: it is used only when campaign.toml asks for it."""
+"""Order of preference if a file has several covariances. A-priori comes first: the scatter within
+one reading (standard) misses errors that are constant during it, such as calibration and slow
+changes of the air. rms is also a scatter, one number for three axes: it is used only if
+campaign.toml asks for it."""
 _VAGUEST_M2 = 1e6
-"""Nor is one so uncertain in an axis [m^2]: a metre, mistaken for a thousand."""
+"""Largest variance accepted in an axis [m^2]: a standard uncertainty of 1 km."""
 _ROUNDED = 1.05
-"""Square of a correlation that rounding in a file may leave."""
+"""Largest squared correlation accepted [1]; rounding in a file may bring it above 1."""
 _NO_UNCERTAINTY = (
     "its uncertainty is none (a variance below zero or a correlation above one); export it again, "
     'or set covariance = "none" in [tracker]'
 )
 _TOO_VAGUE = "its uncertainty is larger than 1 km; measure it again or remove the row"
 USUAL_FACTORS = {STANDARD: 1.0, EXPANDED: 2.0}
-"""k of uncertainties where campaign.toml does not say; 2 is 95 % (GUM 6.3.3, Leica's U(95))."""
+"""Coverage factor k of uncertainties unless campaign.toml states it; 2 is 95 % (GUM 6.3.3, Leica's
+U(95))."""
 
 
 def export(
@@ -50,13 +55,13 @@ def export(
     Args:
         text: The file.
         hints: What campaign.toml adds.
-        dialect: Its name.
-        rows: The typed rows; of the columns `group`, `target` (or `reflector`) and `time` those
-            that the file has.
-        meaning: Of the three numbers.
+        dialect: Name of the dialect.
+        rows: The typed rows, with those of the columns `group`, `target` (or `reflector`) and
+            `time` that the file has.
+        meaning: Interpretation of the three numbers.
         axes: Names of the columns with the three numbers.
         covariances: Six numbers in the units of the file by kind, each shape (n, 6).
-        unused: Columns that were not looked at.
+        unused: Columns that were not read.
     """
     numbers = [np.asarray(rows.columns[axis]) for axis in axes]
     kind = _chosen(covariances or {}, hints)
@@ -72,7 +77,7 @@ def export(
 
 
 def _one_face(readings: Export, second: Bools) -> Export:
-    """Targets read in both faces as one reading each, their mean in the place of the first."""
+    """Average the two readings of each target in two faces, in the place of the first."""
     if not second.any() or readings.target is None:
         return readings
     columns = [c.to_pylist() for c in (readings.group, readings.target) if c is not None]
@@ -87,7 +92,7 @@ def _one_face(readings: Export, second: Bools) -> Export:
 
 
 def _certain(readings: Export) -> Export:
-    """The readings that are no vaguer than anything in a hall, and whose covariance is one."""
+    """Reject readings with a variance above `_VAGUEST_M2` or with an invalid covariance."""
     if readings.covariance is None:
         return readings
     vague = ~(np.nanmax(np.abs(readings.covariance), axis=1, initial=0) <= _VAGUEST_M2)
@@ -97,10 +102,10 @@ def _certain(readings: Export) -> Export:
 
 
 def _is_none(C: Array | None) -> Bools:
-    """Where six numbers are no covariance: a variance below zero, a correlation above one."""
+    """Whether six numbers are not a covariance: a negative variance, or a correlation above one."""
     assert C is not None
     xx, xy, xz, yy, yz, zz = C.T
-    with np.errstate(invalid="ignore"):  # NaN where the file has none
+    with np.errstate(invalid="ignore"):  # NaN if the file has none
         negative = np.minimum(np.minimum(xx, yy), zz) < 0
         pairs = ((xy, xx, yy), (xz, xx, zz), (yz, yy, zz))
         tied = [c**2 > _ROUNDED * a * b for c, a, b in pairs]
@@ -126,7 +131,7 @@ def _chosen(kinds: Collection[str], hints: Hints) -> str | None:
 
 
 def diagonal(std: Sequence[Array], factor: float = 1.0) -> Array:
-    """Six numbers of uncorrelated standard uncertainties, each shape (n,), divided by a factor."""
-    x, y, z = (s / factor * np.abs(s / factor) for s in std)  # one below zero stays one
+    """Covariances (n, 6) of uncorrelated uncertainties (n,), divided by a coverage factor."""
+    x, y, z = (s / factor * np.abs(s / factor) for s in std)  # a negative one stays negative
     none = np.zeros_like(x)
     return np.column_stack([x, none, none, y, none, z])

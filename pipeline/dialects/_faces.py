@@ -1,6 +1,7 @@
-"""Two faces: a target read with the instrument turned and plunged is one reading, without its tilt.
+"""Average readings in two faces: a target read in both is one reading, free of axis errors.
 
-Collimation and the tilt of its axes move the two readings apart and their mean not at all.
+Collimation error and tilt of the axes displace the two readings in opposite directions and leave
+their mean unchanged.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from pipeline.readers.known import GROSS_M
 
 
 def pairs(names: Sequence[Any], second: Bools, position: Array) -> Ints:
-    """Readings of one target in both faces, each with the nearest one before, shape (pairs, 2).
+    """Pair each reading of a target with its previous one in the other face, shape (pairs, 2).
 
-    What lies farther apart than any adjustment leaves is not the same place in two faces.
+    Pairs farther apart than any maladjustment explains are not of the same place and are dropped.
 
     Args:
         names: Group and target of each reading.
@@ -39,13 +40,13 @@ def pairs(names: Sequence[Any], second: Bools, position: Array) -> Ints:
 
 
 def summary(position: Array, found: Ints, second: Bools) -> Faces:
-    """What pairs of readings say [m]; position has shape (n, 3)."""
+    """Summary of the pairs `found`; position [m] has shape (n, 3)."""
     apart = np.linalg.norm(position[found[:, 0]] - position[found[:, 1]], axis=1)
     return Faces(len(found), float(apart.max(initial=0.0)), int(second.sum()) - len(found))
 
 
 def mean(position: Array, covariance: Array | None, found: Ints) -> tuple[Array, Array | None]:
-    """Positions and covariances with the mean of each pair in the place of its first reading."""
+    """Positions and covariances, with the first reading of each pair replaced by their mean."""
     one, other = found.T
     position = position.copy(order="F")
     position[one] = (position[one] + position[other]) / 2

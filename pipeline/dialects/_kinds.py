@@ -1,6 +1,6 @@
-"""Rows of several kinds in one table: nominal beside measured ones, and those of another frame.
+"""Tables with several kinds of rows: nominal and measured points, or points of two frames.
 
-A column of few words, or a line between the rows, tells them apart.
+They are told apart by a column of few words, or by a line between the rows.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from pipeline.base.errors import InputError, listed
 from pipeline.readers._cells import shown
 
 NEAR = 0.01
-"""Movement over distance up to which a place is the same: what a load or a repetition moves."""
+"""Displacement relative to distance up to which two positions count as the same place [1]; loads
+and repeats move a target less."""
 _NOMINAL = {
     "nominal", "nominals", "nom", "soll", "sollwert", "sollwerte", "sollpunkte", "goal", "cad",
     "design", "theoretical", "theoretisch", "nominell", "théorique", "commanded", "planned",
 }  # fmt: skip
-"""Words of rows that nobody has measured."""
+"""Words that mark rows as nominal, not measured."""
 _MEASURED = {
     "measured", "measurement", "meas", "actual", "actuals", "act", "ist", "istwert", "istwerte",
     "istpunkte", "gemessen", "messwert", "messwerte", "observed", "mesuré", "uppmätt",
@@ -30,24 +31,25 @@ _OF_POINTS = {
     "point", "points", "punkt", "punkte", "value", "values", "werte", "coordinates", "koordinaten",
     "position", "positions", "data", "daten", "section",
 }  # fmt: skip
-"""Words that leave a line between rows that of a section."""
+"""Words that a section title may contain in addition."""
 _MOST_WORDS = 4
-"""Words of a column at most that tell kinds of rows apart; more are names."""
+"""Maximum number of distinct words in a column that distinguishes kinds of rows [1]; more are
+names."""
 _FEWEST = 3
-"""Names at least that come again for every word: fewer may be chance."""
+"""Minimum number of names that occur with every word [1]: fewer may be chance."""
 _MOST = 0.8
-"""Share of the names that come as often for one word as for the other."""
+"""Minimum fraction of the names that occur equally often with each word [1]."""
 
 
 def few(cells: Iterable[str]) -> set[str]:
-    """The words of a column that may tell kinds of rows apart; none where it holds more."""
+    """The words of a column that may distinguish kinds of rows; none if it holds more."""
     words = {cell for cell in cells if cell}
     wordy = any(any(map(str.isalpha, word)) for word in words)
     return words if wordy and len(words) <= _MOST_WORDS else set()
 
 
 def nominal(words: Iterable[str]) -> set[str]:
-    """The words of rows that nobody has measured, where others are there beside them."""
+    """The words that mark rows as nominal, provided that other rows exist."""
     all_of_them = {word for word in words if word}
     found = {word for word in all_of_them if _says(word) & _NOMINAL}
     found -= {word for word in found if _says(word) & _MEASURED}
@@ -55,7 +57,7 @@ def nominal(words: Iterable[str]) -> set[str]:
 
 
 def section(line: str) -> str:
-    """What a line says of the rows below it: `nominal`, `measured` or nothing."""
+    """The kind of rows below a section title: `nominal`, `measured` or empty."""
     words = _says(line)
     if len(words & (_NOMINAL | _MEASURED)) != 1 or words - _NOMINAL - _MEASURED - _OF_POINTS:
         return ""
@@ -67,11 +69,11 @@ def _says(words: str) -> set[str]:
 
 
 def apart(names: Sequence[object], words: Sequence[str], position: Array) -> bool:
-    """Whether the same names are elsewhere for each word: in another frame, or not measured.
+    """Whether the same names have other positions for each word: in another frame, or nominal.
 
     Args:
         names: Group and target of each reading.
-        words: What a column says of each.
+        words: Word in the column for each reading.
         position: Cartesian coordinates [any unit], shape (n, 3).
     """
     found: dict[object, dict[str, list[Array]]] = defaultdict(lambda: defaultdict(list))
@@ -92,7 +94,7 @@ def apart(names: Sequence[object], words: Sequence[str], position: Array) -> boo
 
 
 def several(title: str, words: Iterable[str], line: int | None) -> InputError:
-    """What is asked where a column tells rows apart in which the same targets are elsewhere."""
+    """Error that asks which rows are meant if the same targets have several positions."""
     found = sorted({*words})
     return InputError(
         f'column "{shown(title)}" holds {listed(found)}, and the same targets are elsewhere for '
@@ -108,9 +110,9 @@ def _alike(counts: dict[str, int]) -> bool:
 
 
 _AVERAGES = {"average", "averaged", "avg", "mean", "mittelwert", "mittel", "gemittelt", "moyenne"}
-"""What programs call the row that they compute from several shots."""
+"""Names that programs give to a row averaged from several shots."""
 
 
 def is_average(word: str) -> bool:
-    """Whether a word of a column says that a row was computed from others."""
+    """Whether a word marks a row as computed from others."""
     return bool({*re.findall(r"[^\W\d_]+", word.lower())} & _AVERAGES)

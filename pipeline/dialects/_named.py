@@ -1,4 +1,4 @@
-"""Columns by what their header calls them: role, axis and unit."""
+"""Interpret column titles: role, axis and unit."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _STANDARD_WORDS = {
     "std", "stddev", "sigma", "uncertainty", "sd", "unc", "u", "1", "dev", "standard", "deviation",
 }  # fmt: skip
 DEVIATION = {"dev", "deviation"}
-"""Of an axis alone it is that from a nominal place, which is no uncertainty."""
+"""With an axis alone this means the deviation from a nominal place, not an uncertainty."""
 _TIMES = ({"time"}, {"timestamp"}, {"date", "time"}, {"datetime"}, {"date"}, {"time", "stamp"})
 _NAMES = {
     "collection": "collection", "group": "group", "group name": "group", "groupname": "group",
@@ -44,7 +44,7 @@ _NAMES = {
 }  # fmt: skip
 _OTHER_UNITS = {"km", "dm", "nm", "mil", "mils", "thou", "yd", "yard", "yards"}
 _SHORT_WORD = 3
-"""Letters of an abbreviation of a unit at most: mm, in, deg."""
+"""Maximum length of an abbreviated unit [1]: mm, in, deg."""
 _SHORT_UNITS = {word for word in _UNIT_WORDS if len(word) <= _SHORT_WORD}
 _EXPANDED_WORDS = {"u", "95", "expanded", "k", "2", "uncertainty"}
 UNIT_LINE = re.compile(
@@ -56,14 +56,14 @@ _OF_COORDINATES = {
     "x", "y", "z", "xyz", "angle", "angles", "angular", "winkel", "cartesian", "spherical",
     "cylindrical", "polar", "kartesisch",
 }  # fmt: skip
-"""Words before a unit that leave it that of the coordinates."""
+"""Words before a unit that are compatible with its being that of the coordinates."""
 _BETWEEN = {"in", "is", "are", "of", "the", "all", "and", "as", "m", "und", "sind", "alle"}
 _OF_THE_FILE = {
     "job", "file", "export", "exported", "report", "measurement", "measurements", "measured",
     "format", "datei", "messung", "messungen", "gemessen", "gemessene", "bericht", "projekt",
     "project", "system", "display", "default", "lineare", "der", "die",
 }  # fmt: skip
-"""Words before a unit that say whose it is, and not of what else."""
+"""Words before a unit that say whose unit it is, but not of which other quantity."""
 _OPEN = _OF_COORDINATES | _BETWEEN | _OF_THE_FILE
 _UNITS = re.compile(r"\b(units?|einheit(en)?)\b", re.IGNORECASE)
 _APART = re.compile(r"[;,|\t]|  ")
@@ -71,7 +71,7 @@ WORD = re.compile(r"[^\W\d_]+|°")
 _SHORT = re.compile(
     r"(?:[:=(\[,/]|\bin)\s*(m|in)(?=\s*(?:$|[)\],;/|]|gon\b|deg|rad|mm\b))", re.IGNORECASE
 )
-"""Units that are words of other meaning, where nothing but a unit stands."""
+"""Units that are also ordinary words, at places where only a unit can be."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,11 @@ class Named:
     """One column of a header.
 
     Attributes:
-        title: As written.
-        role: `x`, `y`, `z`, `range`, `azimuth`, `vertical`, `zenith`, `elevation`; the same
-            after `std ` or `u95 `; `time`, `group`, `target`, `collection`, `delete`, `rms`; or
-            empty when we do not know.
-        unit: `mm`, `m`, `in`, `um`, `ft`, `cm`, `deg`, `rad`, `gon`, or None where it says none.
+        title: Title as written.
+        role: `x`, `y`, `z`, `range`, `azimuth`, `vertical`, `zenith`, `elevation`; the same after
+            `std ` or `u95 `; `time`, `group`, `target`, `collection`, `delete`, `rms`; or empty if
+            unknown.
+        unit: `mm`, `m`, `in`, `um`, `ft`, `ftUS`, `cm`, `deg`, `rad`, `gon`, or None if not stated.
     """
 
     title: str
@@ -96,10 +96,11 @@ class Header:
     """A header line.
 
     Attributes:
-        line: Its number, counted from 1.
-        delimiter: What separates the columns.
-        columns: Left to right; a last empty one stands for the delimiter at the end of rows.
-        first: Line of the first row, 0 for the one behind the header.
+        line: Line number, counted from 1.
+        delimiter: Separator of the columns.
+        columns: Columns from left to right; an empty last one stands for a delimiter at the end of
+            rows.
+        first: Line number of the first row, 0 for the line after the header.
     """
 
     line: int
@@ -109,20 +110,20 @@ class Header:
 
     @property
     def begins(self) -> int:
-        """Line of the first row."""
+        """Line number of the first row."""
         return self.first or self.line + 1
 
     def where(self, role: str) -> int | None:
-        """Place of the column with a role."""
+        """Index of the column with a role; None if there is none."""
         return next((k for k, column in enumerate(self.columns) if column.role == role), None)
 
     def has(self, *roles: str) -> bool:
-        """Whether there is a column for each of some roles."""
+        """Whether there is a column for each of the roles."""
         return all(self.where(role) is not None for role in roles)
 
 
 def named(title: str) -> Named:
-    """What a column is, judged by its title."""
+    """Role and unit of a column, derived from its title."""
     rest = bare(title).lower()
     units = [one for one in IN_BRACKETS.findall(rest) if one in _UNIT_WORDS]
     unit = _UNIT_WORDS[units[-1]] if units else None
@@ -144,7 +145,7 @@ def _role(words: Sequence[str]) -> str:
 
 
 def _of_axis(words: Sequence[str]) -> str:
-    """The role of a column that has to do with one axis: its coordinate or its uncertainty."""
+    """Role of a column that refers to one axis: its coordinate or its uncertainty."""
     axes = [word for word in words if word in _AXES]
     if len(axes) != 1:
         return ""
@@ -157,13 +158,13 @@ def _of_axis(words: Sequence[str]) -> str:
 
 
 def header(line: str, number: int, delimiter: str | None = None) -> Header:
-    """A line as a header."""
+    """Interpret a line as a header."""
     delimiter = delimiter or delimiter_of(line)
     return Header(number, delimiter, in_context([named(cell) for cell in line.split(delimiter)]))
 
 
 def in_context(columns: Sequence[Named]) -> tuple[Named, ...]:
-    """Roles that a title has beside others: U(95) behind its axis, a date beside a time of day."""
+    """Adjust roles that depend on other titles: U(95) after its axis, a date with a time of day."""
     out: list[Named] = []
     titles = [_words(column.title) for column in columns]
     alternate = titles.count({"u", "95"}) == len(_SPACE)
@@ -193,13 +194,16 @@ def find(lines: Sequence[str]) -> Header | None:
 
 
 def is_unit_title(title: str) -> bool:
-    """Whether a column says the unit of each row."""
+    """Whether a column states the unit of each row."""
     return bare(title).lower() in ("unit", "units", "einheit", "length unit")
 
 
 def remark(text: Text, header: Header) -> str | None:
-    """How remarks between rows begin: no such line has as many cells as a row; None without."""
-    if not any(mark in text.data for mark in (b"#", b"//", b"%", b"!")):  # as most
+    """Comment mark of lines between rows; None if there is none or it is ambiguous.
+
+    It is ambiguous if there are several, or if such a line has as many cells as a row.
+    """
+    if not any(mark in text.data for mark in (b"#", b"//", b"%", b"!")):  # as in most files
         return None
     begins = re.compile(rb"^[ \t]*(#|//|%|!).*$", re.MULTILINE)
     found = [(m[1].decode(), m[0].decode()) for m in begins.finditer(text.data)]
@@ -209,12 +213,12 @@ def remark(text: Text, header: Header) -> str | None:
 
 
 def said_units(line: str, of_coordinates: bool = False) -> set[str]:
-    """Units of lengths and angles that a line names; others may mean something else.
+    """Units of length and angle named in a line; words with other meanings are ignored.
 
     Args:
-        line: One that speaks of units.
-        of_coordinates: Only those behind a word that means coordinates or units as such: a
-            radius, a temperature and what nobody knows have units of their own.
+        line: A line about units.
+        of_coordinates: Count only units after a word that means coordinates or units as such: a
+            radius, a temperature or an unknown quantity has a unit of its own.
     """
     found, counts = set(), True
     short = {one.start(1) for one in _SHORT.finditer(line)}
@@ -228,21 +232,23 @@ def said_units(line: str, of_coordinates: bool = False) -> set[str]:
 
 
 def _of_other(before: str) -> bool:
-    """Whether words before `units` or `coordinates` make them those of another quantity."""
+    """Whether the words before `units` or `coordinates` refer them to another quantity."""
     words = WORD.findall(_APART.split(before)[-1].lower())
     return not {*words} <= _OPEN | {*_UNIT_WORDS}
 
 
 def of_other_quantity(line: str) -> bool:
-    """Whether a line speaks of the unit of something else than the coordinates: a tolerance."""
+    """Whether a line states the unit of another quantity, such as a tolerance."""
     return any(_of_other(line[: one.start()]) for one in _UNITS.finditer(line))
 
 
 def known_units(columns: Sequence[Named]) -> None:
-    """No column of lengths may be in a unit that we do not read, as if it said none.
+    """Check that no column of lengths has an unsupported unit.
+
+    It would otherwise count as a column without a stated unit.
 
     Raises:
-        InputError: One is.
+        InputError: One has.
     """
     for column in columns:
         words = re.findall(r"[^\W\d_]+", column.title.lower())
@@ -254,7 +260,7 @@ def known_units(columns: Sequence[Named]) -> None:
 
 
 def one_unit(found: Header, roles: Sequence[str]) -> str | None:
-    """The unit that some columns state, None where none does.
+    """The common unit of some columns, None if none states one.
 
     Raises:
         InputError: They state different ones.

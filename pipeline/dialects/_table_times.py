@@ -1,4 +1,4 @@
-"""The times of a table with a header: which column has them, in which form, and what is none."""
+"""Times of a table with a header: their column and format, and columns that are not times."""
 
 from __future__ import annotations
 
@@ -17,13 +17,15 @@ from pipeline.readers._layout import TypedRows
 from pipeline.readers._text import Text
 
 SEARCHED = 1000
-"""How many rows are searched for the first one with a time; without any it is ISO 8601."""
+"""Number of rows searched for the first one with a time [1]; if there is none, ISO 8601 is
+assumed."""
 _SEVERAL = 2
-"""Cells that are no times from which on it is the column that is none, and not a damaged cell."""
+"""Number of cells that are not times from which the column, rather than a damaged cell, is blamed
+[1]."""
 
 
 def form_of_times(text: Text, header: Header, comment: str | None) -> str:
-    """How the times are written, told from the first row that has one."""
+    """Format of the times, taken from the first row that has one."""
     rows = sample(text, header, comment)
     if not header.has("time"):
         _no_times_elsewhere(next(rows, []), header)
@@ -33,7 +35,7 @@ def form_of_times(text: Text, header: Header, comment: str | None) -> str:
 
 
 def trusted_times(text: Text, header: Header, comment: str | None) -> tuple[Header, str | None]:
-    """The header without a column of times of which none is one, and its title with an example."""
+    """Drop a time column that contains no time; return header, and its title with an example."""
     place = header.where("time")
     if place is None or header.has("date"):
         return header, None
@@ -48,21 +50,21 @@ def trusted_times(text: Text, header: Header, comment: str | None) -> tuple[Head
 
 
 def sample(text: Text, header: Header, comment: str | None) -> Iterator[list[str]]:
-    """Cells of the rows below the header, as many as it may take to find one with a time."""
+    """Cells of the first `SEARCHED` rows below the header."""
     for _, line in text.lines(header.begins, most=SEARCHED):
         if is_plain(line, comment) and (cells := cells_or_none(line, header.delimiter)):
             yield cells
 
 
 def _moment(cells: Sequence[str], header: Header) -> str:
-    """Date and time of a row as it has them, or nothing where the time is not filled in."""
+    """Date and time of a row as written; empty if the time is not filled in."""
     places = (header.where(role) for role in ("date", "time"))
     day, clock = ("" if k is None else "".join(cells[k : k + 1]) for k in places)
     return f"{day} {clock.lstrip(_time.APOSTROPHE)}".strip() if clock else ""
 
 
 def _no_times_elsewhere(cells: Sequence[str], header: Header) -> None:
-    """Without a time column, no other column may hold times: they would be lost unnoticed."""
+    """Check that no column holds times if none is called time: they would be lost unnoticed."""
     for column, cell in zip(header.columns, cells, strict=False):
         if not column.role and _time.form_of(cell):
             raise InputError(
@@ -72,7 +74,7 @@ def _no_times_elsewhere(cells: Sequence[str], header: Header) -> None:
 
 
 def dated(table: TypedRows, form: str) -> TypedRows:
-    """Times of the day put together with their dates; rows without a time that can be read go."""
+    """Combine times of day with dates; reject rows whose time cannot be read."""
     days, clocks = (table.columns[role].cast(pa.string()) for role in ("date", "time"))
     clocks = pc.utf8_ltrim(clocks, characters=_time.APOSTROPHE)
     cells = pc.utf8_trim_whitespace(pc.binary_join_element_wise(days, clocks, " "))

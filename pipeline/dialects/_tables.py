@@ -1,4 +1,4 @@
-"""Tables whose columns are named by a header or by campaign.toml: columns to readings."""
+"""Read tables whose columns are named by a header or by campaign.toml."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _UNCERTAINTIES = {
     STANDARD: ("std x", "std y", "std z"),
 }
 _FLAGS = ("delete", "active", "instrument")
-"""Columns that say whether a row counts."""
+"""Columns that decide whether a row counts."""
 _NO = ("0", "no", "false", "n", "nein")
 _BLANK = ("", "-")
 _LOST_IF_MISSPELT = {
@@ -57,15 +57,15 @@ _LOST_IF_MISSPELT = {
     "group": "group", "point group": "group",
 }  # fmt: skip
 _ALIKE = 0.75
-"""Share of letters alike (difflib's ratio) from which a title is a slip of the pen."""
+"""Similarity (difflib's ratio) from which a title counts as a misspelling [1]."""
 _NAMES = ("group", "target", "reflector")
 _PARTS = ("pose", "state", "repeat")
-"""Columns that make up the group where none is its name."""
+"""Columns that form the group if no column is called group."""
 _KINDS: dict[str, Kind] = {
     **dict.fromkeys((*_NAMES, *_PARTS, *_FLAGS, "date"), "name"), "time": "time",
     **dict.fromkeys(("std", "u95", *COVARIANCE), "number"),
 }  # fmt: skip
-"""What the cells of a column hold, by the first word of its role."""
+"""Kind of cells of a column, by the first word of its role."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ class _ThreeColumns:
     """The three columns of coordinates.
 
     Attributes:
-        kind: Of the coordinates.
-        columns: In the order of `AXES`.
-        places: Of the columns, counted from 0.
+        kind: Kind of coordinates.
+        columns: The columns, in the order of `AXES`.
+        places: Their indices, counted from 0.
     """
 
     kind: str
@@ -89,17 +89,17 @@ class _ThreeColumns:
 
     @property
     def titles(self) -> list[str]:
-        """Their titles as written."""
+        """Titles of all three as written."""
         return [column.title for column in self.columns]
 
     @property
     def angular(self) -> list[str]:
-        """Roles of those that are angles."""
+        """Roles of the columns that are angles."""
         return [self.roles[k] for k in ANGULAR[self.kind]]
 
 
 def below_header(text: Text, hints: Hints, dialect: str) -> Export:
-    """Readings of a table whose header was found when its dialect was recognised."""
+    """Read a table whose header was found when its dialect was recognised."""
     header = find(text.sample())
     assert header is not None
     return read(text, hints, header, dialect)
@@ -113,18 +113,18 @@ def read(
     comment: str | None = None,
     form: str | None = None,
 ) -> Export:
-    """Readings of a table with a header.
+    """Read a table with a header.
 
     Args:
         text: The file; rows start below the header.
         hints: What campaign.toml adds.
         header: Its columns.
         dialect: Name of the reader.
-        comment: Start of lines that are no rows.
-        form: How times are written, None to find out.
+        comment: Start of comment lines.
+        form: Format of times, None to determine it.
 
     Raises:
-        InputError: Unit, angles or kind of coordinates are not stated.
+        InputError: Unit, angles or kind of coordinates are not stated, or the table is ambiguous.
     """
     line = header.line or None
     with at(line=line):
@@ -167,7 +167,7 @@ def read(
 
 
 def _sorting(text: Text, header: Header, comment: str | None) -> dict[int, Field]:
-    """The columns of few words that are nothing else, by their place: they may sort the rows."""
+    """Columns with few distinct words and no role, by index: they may distinguish kinds of rows."""
     places = [k for k, c in enumerate(header.columns) if c.title and not c.role]
     cells: list[list[str]] = list(sample(text, header, comment)) if places else []
     found = {k: _kinds.few(row[k] for row in cells if len(row) > k) for k in places}
@@ -179,7 +179,7 @@ def _sorting(text: Text, header: Header, comment: str | None) -> dict[int, Field
 
 
 def _below_nominal(table: TypedRows, text: Text, header: Header) -> TypedRows:
-    """The rows without those below a line that calls them nominal, where others are measured."""
+    """Reject rows below a section title that calls them nominal, if others are measured."""
     numbers = [*range(1, header.line), *(number for number, _ in table.rejected)]
     marks = {n: kind for n in numbers if (kind := _kinds.section(text.line(n)))}
     if {*marks.values()} != {"nominal", "measured"}:
@@ -193,7 +193,7 @@ def _below_nominal(table: TypedRows, text: Text, header: Header) -> TypedRows:
 
 
 def _not_nominal(table: TypedRows, sorting: Iterable[Field]) -> tuple[TypedRows, set[str]]:
-    """The rows that no column calls nominal beside others, and the titles of such columns."""
+    """Reject rows that a column marks as nominal beside others; return titles of such columns."""
     titles = set()
     for field in sorting:
         marks = table.columns[field.name].dictionary.to_pylist()
@@ -207,7 +207,7 @@ def _not_nominal(table: TypedRows, sorting: Iterable[Field]) -> tuple[TypedRows,
 
 
 def _not_twice(table: TypedRows, sorting: Iterable[Field]) -> TypedRows:
-    """The rows without averages of shots that are there themselves: they would count twice."""
+    """Reject averages of shots that are themselves in the table: they would count twice."""
     called = [name for name in _NAMES if name in table.columns]
     for field in sorting if called else ():
         mean = _cells_that(table, field.name, _kinds.is_average)
@@ -224,10 +224,10 @@ def _not_twice(table: TypedRows, sorting: Iterable[Field]) -> TypedRows:
 def _one_frame(
     table: TypedRows, line: int | None, sorting: Iterable[Field], axes: _ThreeColumns
 ) -> None:
-    """No column of words may tell apart rows in which the same targets are elsewhere.
+    """Check that no column of words separates rows in which the same targets lie elsewhere.
 
     Raises:
-        InputError: One does, and nobody has said which word is meant.
+        InputError: One does, and it is not stated which word is meant.
     """
     position = np.column_stack([table.floats(axis)[:SEARCHED] for axis in axes.roles])
     called = [name for name in _NAMES if name in table.columns]
@@ -241,10 +241,10 @@ def _one_frame(
 def _again(
     text: Text, header: Header, rejected: Sequence[tuple[int, str]]
 ) -> list[tuple[int, str]]:
-    """What was rejected, a header that comes again named as such.
+    """Rejections, in which a repeated header is called one.
 
     Raises:
-        InputError: One comes that has other columns or units, so that other rows follow.
+        InputError: A header with other columns or units is found, so that other rows follow.
     """
     out = []
     first = text.line(header.line).strip() if header.line else None
@@ -263,7 +263,7 @@ def _again(
 
 
 def _same_unit(text: Text, header: Header, unit: str) -> None:
-    """No line between the rows may name another unit for those below it.
+    """Check that no line between the rows changes the unit for those below it.
 
     Raises:
         InputError: One does.
@@ -283,10 +283,10 @@ def _same_unit(text: Text, header: Header, unit: str) -> None:
 
 
 def _unit_of_rows(text: Text, header: Header, unit: str, comment: str | None) -> None:
-    """A column of units may say no other one than that of the table.
+    """Check that a column of units contains only the unit of the table.
 
     Raises:
-        InputError: It does.
+        InputError: It does not.
     """
     place = next((k for k, c in enumerate(header.columns) if is_unit_title(c.title)), None)
     if place is None:
@@ -324,7 +324,7 @@ def _once(header: Header) -> None:
 
 
 def _nearly(header: Header) -> None:
-    """No column may almost have the name of one that is missing: it would be lost unnoticed."""
+    """Check that no title resembles that of a missing column, which would be lost unnoticed."""
     for column in header.columns:
         if column.role or not column.title:
             continue
@@ -337,13 +337,13 @@ def _nearly(header: Header) -> None:
 
 
 def _axes(header: Header, hints: Hints) -> _ThreeColumns:
-    """The columns of coordinates of a sound header.
+    """The columns of coordinates, after checks of the header.
 
     Raises:
-        InputError: The columns are not those of any kind, or one of them is in doubt.
+        InputError: The columns do not form any kind of coordinates, or one of them is ambiguous.
     """
     _once(header)
-    if hints.mapping is None:  # whoever wrote one has said which column is what
+    if hints.mapping is None:  # a mapping states the role of each column
         _nearly(header)
     _group_needs_target(header)
     axes = _kind(header, hints)
@@ -356,7 +356,7 @@ def _kind(header: Header, hints: Hints) -> _ThreeColumns:
     """The columns of coordinates.
 
     Raises:
-        InputError: The columns are not those of any kind.
+        InputError: The columns do not form any kind of coordinates.
     """
     for kind, wanted in AXES.items():
         places = tuple(place for role in wanted if (place := _present(header, role)) is not None)
@@ -376,18 +376,20 @@ def _present(header: Header, role: str) -> int | None:
 
 
 def _field(column: Named, place: int, axes: _ThreeColumns, apart: bool) -> Field:
-    """How the cells of a column are read, with their date apart from the time of day or not."""
+    """How the cells of a column are read; `apart` if dates have a column separate from times."""
     kinds = _KINDS | dict.fromkeys(axes.roles, "number") | ({"time": "name"} if apart else {})
     kind = kinds.get(column.role.partition(" ")[0])
     if kind is not None:
         return Field(column.role, kind, column.role in (*axes.roles, *_NAMES), column.title)
-    unused: Kind = "any" if column.title or not place else "blank"  # pandas' index has no title
+    unused: Kind = (
+        "any" if column.title or not place else "blank"
+    )  # the index column of pandas has no title
     name = column.role or f"column {place + 1}"
     return Field(f"{name} ({place + 1})", unused, needed=False, title=column.title)
 
 
 def _counting(table: TypedRows, hints: Hints) -> TypedRows:
-    """Rows that the operator did not mark as deleted or inactive, of the instrument asked for."""
+    """Keep rows not marked as deleted or inactive, and of the requested instrument."""
     counting: dict[str, Callable[[str], bool]] = {
         "delete": lambda mark: mark.lower() in (*_BLANK, *_NO),
         "active": lambda mark: mark.lower() not in _NO,
@@ -404,7 +406,7 @@ def _counting(table: TypedRows, hints: Hints) -> TypedRows:
 
 
 def _grouped(table: TypedRows) -> TypedRows:
-    """With the group that the pose, the state and the number of the pull make up."""
+    """Add the group formed by pose, state and number of the pull."""
     parts = [table.columns[one].to_pylist() for one in _PARTS if one in table.columns]
     if not parts or "group" in table.columns:
         return table
@@ -414,7 +416,7 @@ def _grouped(table: TypedRows) -> TypedRows:
 
 
 def _cells_that(table: TypedRows, name: str, fits: Callable[[str], bool]) -> Bools:
-    """Rows whose cell of a column of words fits, shape (n,)."""
+    """Rows whose cell in a text column fulfils a condition, shape (n,)."""
     marks = table.columns[name]
     fitting = [fits(str(mark)) for mark in marks.dictionary.to_pylist()]
     return np.array(fitting, dtype=bool)[np.asarray(marks.indices)]
@@ -436,10 +438,10 @@ def _meaning(header: Header, hints: Hints, table: TypedRows, axes: _ThreeColumns
 
 
 def _all_or_none(header: Header) -> None:
-    """Uncertainties of each kind are there for all axes or for none.
+    """Check that uncertainties of each kind exist for all axes or for none.
 
     Raises:
-        InputError: They are not.
+        InputError: They do not.
     """
     for roles in (*_UNCERTAINTIES.values(), COVARIANCE):
         lacking = [role for role in roles if not header.has(role)]
@@ -451,7 +453,7 @@ def _all_or_none(header: Header) -> None:
 
 
 def covariances(table: TypedRows, header: Header, hints: Hints, unit: str) -> dict[str, Array]:
-    """Covariances by kind, in the units of the coordinates; NaN where a cell is empty."""
+    """Covariances by kind in the units of the coordinates, (n, 6); NaN where a cell is empty."""
 
     def said(*roles: str) -> list[Array]:
         own = one_unit(header, roles)

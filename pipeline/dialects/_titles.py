@@ -1,4 +1,4 @@
-"""What the titles of a table say together: names, times, and sets of three coordinates."""
+"""Interpret the titles of a table together: names, times, and triples of coordinates."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _ROLES = {
 _ROLE_OF = {title: role for role, titles in _ROLES.items() for title in titles}
 _LETTERS = ("x", "y", "z")
 _SHORT_OF_A_DISTANCE = {"hd", "horizontaldistanz", "horizontalstrecke", "horizontalentfernung"}
-"""Distances that are no ranges: reduced to the horizon."""
+"""Names of horizontal distances, which are not slope ranges."""
 _LEVEL = {"horizontal", "horizontale", "horiz", "hor", "h", "level", "reduced", "reduziert"}
 _DISTANCE = {"distance", "dist", "distanz", "strecke", "entfernung", "abstand"}
 _PLAIN = {
@@ -56,32 +56,32 @@ _PLAIN = {
     "measurement", "meas", "ist", "gemessen", "messwert", "point", "punkt", "cartesian", "xyz",
     "global", "observed",
 }  # fmt: skip
-"""Words beside x, y, z that leave them what they are: the coordinates that were measured."""
+"""Words that may accompany x, y, z of measured coordinates."""
 _OTHERS = {
     "d", "delta", "dev", "deviation", "diff", "difference", "error", "err", "residual", "res", "v",
     "abweichung", "offset", "correction", "n", "normal", "r", "rot", "rotation", "q", "quat", "f",
     "force", "a", "u", "std", "stddev", "sigma", "uncertainty", "sd", "unc", "standard", "s", "i",
     "c", "cov", "vel", "velocity", "speed", "w", "omega", "m", "moment", "torque", "t",
 }  # fmt: skip
-"""Words that make something else of x, y, z than a place."""
+"""Words that make x, y, z something other than coordinates."""
 _NOMINAL = {
     "nominal", "nom", "goal", "soll", "cmd", "command", "commanded", "setpoint", "ref", "reference",
     "desired", "expected", "cad", "design", "theoretical", "planned", "target",
 }  # fmt: skip
-"""Words of places that nobody has measured."""
+"""Words for coordinates that are nominal, not measured."""
 _STD = {"std", "stddev", "sigma", "uncertainty", "unc", "standard", "deviation", "sd", "dev"}
 
 
 @dataclass(frozen=True)
 class Triple:
-    """Three columns that may be the place of a point.
+    """Three columns that may be the coordinates of a point.
 
     Attributes:
         kind: As in `AXES`.
-        columns: Their numbers, counted from 0, in the order of `AXES`.
+        columns: Column indices, counted from 0, in the order of `AXES`.
         roles: Role of each; of a vertical angle `vertical`, `zenith` or `elevation`.
-        plain: Whether nothing in their titles says that they are anything else.
-        nominal: Whether their titles say that nobody has measured them.
+        plain: Whether nothing in their titles suggests that they are anything else.
+        nominal: Whether their titles mark them as nominal.
     """
 
     kind: str
@@ -92,7 +92,7 @@ class Triple:
 
 
 def titled(titles: Sequence[str]) -> tuple[Named, ...]:
-    """Every column as its title calls it, the more common words of other programs included."""
+    """Interpret every column by its title, including the common words of other programs."""
     found = _turned([_known(named(title)) for title in titles])
     return _heights(in_context(found))
 
@@ -106,10 +106,10 @@ def _known(one: Named) -> Named:
 
 
 def _turned(columns: Sequence[Named]) -> list[Named]:
-    """With x of a system whose x points north as the y that it is in a right-handed one.
+    """Rename the axes of a surveying system whose x points north to right-handed ones.
 
-    A letter beside `north`, as in `X (North)`, says how the file counts, not how we do; only where
-    one column is the northing and one the easting, as `X (N)` by itself is a force.
+    A letter beside `north`, as in `X (North)`, is the convention of the file, not ours; this
+    applies only if one column is the northing and one the easting, since `X (N)` alone is a force.
     """
     said = [_direction(column.title) for column in columns]
     if sorted(one for one in said if one in ("x", "y")) != ["x", "y"]:
@@ -119,7 +119,7 @@ def _turned(columns: Sequence[Named]) -> list[Named]:
 
 
 def _direction(title: str) -> str:
-    """Axis that a title names by its direction, a letter beside it or none; empty without."""
+    """Axis that a title names by direction, with or without a letter; empty if there is none."""
     words = [one for one in _WORDS.findall(_CAMEL.sub(" ", title).lower()) if one not in _LETTERS]
     while len(words) > 1 and words[-1] in UNIT_WORDS:
         words.pop()
@@ -128,17 +128,17 @@ def _direction(title: str) -> str:
 
 
 def _is_level_distance(title: str) -> bool:
-    """Whether a title says that a distance is reduced to the horizon, and so no range."""
+    """Whether a title is that of a horizontal distance, which is not a slope range."""
     words = _words(title)
     flat = {*words} & _LEVEL or {"2", "d"} <= {*words}
     return bool(flat and {*words} & _DISTANCE) or " ".join(words) in _SHORT_OF_A_DISTANCE
 
 
 def no_level_range(titles: Iterable[str]) -> None:
-    """No distance that is reduced to the horizon may stand for the range of two angles.
+    """Check that no horizontal distance is used as the range of spherical coordinates.
 
     Raises:
-        InputError: One does.
+        InputError: One is.
     """
     level = next(filter(_is_level_distance, titles), None)
     if level is not None:
@@ -149,7 +149,7 @@ def no_level_range(titles: Iterable[str]) -> None:
 
 
 def _heights(columns: Sequence[Named]) -> tuple[Named, ...]:
-    """A height is z beside x and y, and so is an elevation there."""
+    """Treat a height or an elevation as z if there are x and y."""
     roles = [column.role for column in columns]
     level = {"x", "y"} <= {*roles} and "z" not in roles and "azimuth" not in roles
     as_z = ("height", "elevation") if level else ()
@@ -160,7 +160,7 @@ def _heights(columns: Sequence[Named]) -> tuple[Named, ...]:
 
 
 def _words(title: str) -> list[str]:
-    """The words of a title in lower case, units left out."""
+    """Words of a title in lower case, without units."""
     words = _WORDS.findall(IN_BRACKETS.sub(" ", _CAMEL.sub(" ", title)).lower())
     while len(words) > 1 and words[-1] in {*UNIT_WORDS, *ANGLE_WORDS, "dms"}:
         words.pop()
@@ -168,21 +168,21 @@ def _words(title: str) -> list[str]:
 
 
 _RIGHT = {"hz", "horizontal", "horizontalwinkel", "richtung", "hr", "ha"}
-"""Words of a surveyor's horizontal angle, which grows clockwise as the circle of a total station;
-right (HR) is said of it, left (HL) where it is set the other way."""
+"""Words for a surveyor's horizontal angle, which increases clockwise like the circle of a total
+station: HR means clockwise (right), HL counter-clockwise (left)."""
 _LEFT = {"theta", "phi", "left", "links", "hl"}
-"""Words of an angle from x towards y; ISO 80000-2 counts its spherical coordinates so."""
+"""Words for an angle from x towards y, as in spherical coordinates according to ISO 80000-2."""
 
 
 def horizontal(columns: Sequence[Named], place: int | None = None) -> str | None:
-    """Which way azimuths grow by the titles of a table, None where they leave it open.
+    """Sense of azimuths according to the titles of a table, None if they leave it open.
 
-    An azimuth alone may be a tracker's or a compass'; that of SpatialAnalyzer, which alone writes
-    collections, is a tracker's.
+    An azimuth alone may be that of a tracker or of a compass; in files of SpatialAnalyzer, the only
+    program that writes collections, it is that of a tracker.
 
     Args:
-        columns: All of the table.
-        place: The column of the azimuth, None for the one that is called so.
+        columns: All columns of the table.
+        place: Index of the azimuth column, None for the column with that role.
     """
     roles = [column.role for column in columns]
     if place is None:
@@ -197,7 +197,7 @@ def horizontal(columns: Sequence[Named], place: int | None = None) -> str | None
 
 
 def triples(columns: Sequence[Named]) -> list[Triple]:
-    """The sets of three columns that may be a place, those called so plainly first."""
+    """Triples of columns that may be coordinates of a point, those plainly called so first."""
     found = [*_polar(columns), *_cartesian(columns)]
     called = [one for one in found if one.plain]
     rest = [one for one in found if not one.plain and not (called and one.nominal)]
@@ -205,17 +205,17 @@ def triples(columns: Sequence[Named]) -> list[Triple]:
 
 
 def name_a_place(cells: Sequence[str] | None) -> bool:
-    """Whether the cells of a line are titles of three coordinates."""
+    """Whether the cells of a line are titles that include three coordinates."""
     return cells is not None and sum(map(bool, cells)) > 2 and _place(tuple(cells))
 
 
-@lru_cache(maxsize=1024)  # a junk file repeats a few lines a million times
+@lru_cache(maxsize=1024)  # a corrupt file may repeat a few lines a million times
 def _place(titles: tuple[str, ...]) -> bool:
     return bool(triples(titled(titles)))
 
 
 def _cartesian(columns: Sequence[Named]) -> Iterator[Triple]:
-    """Columns of x, y and z whose other words are the same, left to right."""
+    """Columns of x, y and z whose titles otherwise agree, from left to right."""
     sets: dict[tuple[str, ...], dict[str, list[int]]] = {}
     surveyed = _surveyed(columns)
     for place, column in enumerate(columns):
@@ -231,9 +231,9 @@ def _cartesian(columns: Sequence[Named]) -> Iterator[Triple]:
 
 
 def _surveyed(columns: Sequence[Named]) -> list[int]:
-    """The columns of an easting, a northing and a height, where the first two alone are x and y.
+    """Columns of easting, northing and height, if the first two are the only x and y.
 
-    N alone may be a normal, and beside x and y it is none of them.
+    N alone may mean a normal, and beside other x and y it is not a northing.
     """
     level = [place for place, column in enumerate(columns) if column.role in ("x", "y")]
     if sorted(_direction(columns[place].title) for place in level) != ["x", "y"]:
@@ -243,9 +243,9 @@ def _surveyed(columns: Sequence[Named]) -> list[int]:
 
 
 def _polar(columns: Sequence[Named]) -> list[Triple]:
-    """Range and angles, and cylinder coordinates.
+    """Triples of spherical and of cylindrical coordinates.
 
-    Theta and phi are azimuth and zenith angle to some, zenith angle and azimuth to others.
+    Theta and phi mean azimuth and zenith angle in some conventions, the reverse in others.
     """
     roles = [column.role for column in columns]
     at = {role: place for place, role in reversed([*enumerate(roles)])}
@@ -269,7 +269,7 @@ def _three(at: dict[str, int], roles: tuple[str, str, str]) -> tuple[int, int, i
 
 
 def _axis(column: Named) -> tuple[str, tuple[str, ...]]:
-    """The axis in a title, and its other words; nothing where it has none or is known as other."""
+    """Axis in a title and its other words; empty if absent or if the column has another role."""
     if column.role and column.role not in "xyz":
         return "", ()
     words = _words(column.title)
@@ -282,7 +282,7 @@ def _axis(column: Named) -> tuple[str, tuple[str, ...]]:
 
 
 def numbered(columns: Sequence[Named]) -> list[str]:
-    """The words beside the axis in titles that differ in a number only; empty for others."""
+    """Words that distinguish the titles of triples if these differ only in a number; else empty."""
     stems = [_axis(column)[1] for column in columns]
     same = {tuple(word for word in stem if not word.isdecimal()) for stem in stems}
     alike = len(same) == 1 and () not in same
@@ -290,14 +290,14 @@ def numbered(columns: Sequence[Named]) -> list[str]:
 
 
 def is_quantity(title: str) -> bool:
-    """Whether a title above x, y, z says what they are, and not whose."""
+    """Whether a title above x, y, z names a quantity rather than a point."""
     return {*_words(title)} <= _PLAIN | _NOMINAL | _OTHERS | {"orientation", "translation"}
 
 
 def uncertainties(columns: Sequence[Named], triple: Triple) -> dict[int, str]:
-    """Roles of the columns with uncertainties of a Cartesian triple, by their place.
+    """Roles of the columns with uncertainties of a Cartesian triple, by column index.
 
-    Of several sets that of the same words as the coordinates counts: `measurement_std_x` beside
+    Of several sets, the one with the same words as the coordinates is used: `measurement_std_x` for
     `measurement_x`.
     """
     stem = {*_axis(columns[triple.columns[0]])[1]}
@@ -318,5 +318,5 @@ def _of_space(found: dict[int, str]) -> dict[int, str]:
 
 
 def _all(found: dict[int, str], kind: str) -> bool:
-    """Whether each axis has one uncertainty of a kind."""
+    """Whether each axis has exactly one uncertainty of a kind."""
     return sorted(r for r in found.values() if r.startswith(kind)) == [f"{kind} {a}" for a in "xyz"]

@@ -1,8 +1,8 @@
-"""Files without names: a table that says which reading is which, by the order they were taken in.
+"""Assign names to readings without names, by a table that lists them in the order they were taken.
 
-`order,group,target`, or `order,pose,repeat,state,target` with pose, repeat and state empty for
-base reflectors. Orders count the rows of an export from 1, bad ones included; with several exports
-without names a column `file` says which one is meant.
+Its columns are `order,group,target`, or `order,pose,repeat,state,target` with pose, repeat and
+state empty for base reflectors. Orders count the rows of an export from 1, including bad ones; if
+several exports have no names, a column `file` says which one is meant.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def assigned(exports: Mapping[str, Export], name: str, data: bytes) -> dict[str,
     """The exports with groups and targets for every reading.
 
     Args:
-        exports: By file name; those with names of their own stay as they are.
-        name: The assignment's file name.
+        exports: Exports by file name; those that contain names are unchanged.
+        name: File name of the assignment.
         data: Its content.
 
     Raises:
@@ -65,7 +65,7 @@ def _names(name: str, data: bytes, files: list[str]) -> dict[str, _Names]:
 
 
 def _groups(log: Log) -> list[str]:
-    """Group of each row, its own or made of pose, repeat and state."""
+    """Group of each row, as stated or formed from pose, repeat and state."""
     if "group" in log.word:
         return [str(group) for group in log.word["group"]]
     if not {"pose", "repeat"} <= set(log.number) or "state" not in log.word:
@@ -86,7 +86,7 @@ def _groups(log: Log) -> list[str]:
 
 
 def _group(pose: float, repeat: float, state: str) -> str | None:
-    """The group of a state, or of base reflectors; None where something is missing."""
+    """Group name of a state, or of base reflectors; None if a part is missing."""
     given = np.isfinite([pose, repeat])
     if state in ("loaded", "unloaded") and given.all():
         return f"pose{int(pose):02d}_rep{int(repeat)}_{state}"

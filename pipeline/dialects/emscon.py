@@ -1,7 +1,7 @@
-"""A dump of Leica emScon's results (SingleMeasResultT and 2T): numbers only, in the order taken.
+"""Dump of Leica emScon's results (SingleMeasResultT and 2T): numbers only, in the order taken.
 
-Columns are the members of the structure, every row ends in a comma. There are no names and no
-times; unit and coordinate system are what the tracker was set to, and not in the file.
+Columns are the members of the structure; every row ends in a comma. There are no names and no
+times; unit and coordinate system depend on the settings of the tracker and are not in the file.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from pipeline.readers.said import Hints
 
 _VALUES = ("dVal1", "dVal2", "dVal3")
 _KINDS = {STANDARD: "d", A_PRIORI: "dApriori"}
-"""The scatter within the reading, and what the tracker's own error model expects."""
+"""Prefix of the columns of each covariance: scatter within the reading, and the tracker's own error
+model."""
 
 _POINTING = (
     *("dPointingErrorH", "dPointingErrorV", "dPointingErrorD"),
@@ -41,13 +42,14 @@ def _names(start: str) -> list[str]:
 
 _STATISTICS = {name for start in _KINDS.values() for name in _names(start)}
 _RELATIVE, _ABSOLUTE = 1e-3, 1e-7
-"""How well a total agrees with its parts [1] and [unit of the file]: six digits are printed."""
+"""Relative and absolute tolerance for the agreement of a total with its parts [1] and [unit of the
+file]: six digits are printed."""
 _COMPLETE = (0, 8, 14)
-"""How many of them there are: none, those without covariances, all."""
+"""Possible numbers of these columns [1]: none, those without covariances, all."""
 
 
 def _recognise(lines: Sequence[str]) -> bool:
-    """The first line names dVal1, dVal2 and dVal3."""
+    """Whether the first line names dVal1, dVal2 and dVal3."""
     return set(_VALUES) <= set(_titles(next((line for line in lines if line.strip()), "")))
 
 
@@ -56,10 +58,10 @@ def _titles(line: str) -> list[str]:
 
 
 def read(text: Text, hints: Hints) -> Export:
-    """Readings of an emScon dump; they have no names.
+    """Read an emScon dump; its readings have no names.
 
     Raises:
-        InputError: The unit is not stated in campaign.toml, or the coordinates are not clear.
+        InputError: The unit is not stated in campaign.toml, or the coordinate system is ambiguous.
     """
     first, header = text.first()
     titles = _titles(header)
@@ -78,7 +80,7 @@ def read(text: Text, hints: Hints) -> Export:
 
 
 def _check(titles: Sequence[str]) -> None:
-    """The columns are those of the structure, whole and each once."""
+    """Check that the columns are those of the structure, complete and without duplicates."""
     known = {*_VALUES, *_STATISTICS, *_POINTING, *_WEATHER, ""}
     strange = [title for title in titles if title not in known]
     if strange or len({*titles} & _STATISTICS) not in _COMPLETE:
@@ -101,7 +103,7 @@ def _fields(titles: Sequence[str]) -> tuple[Field, ...]:
 
 
 def _six(table: TypedRows, titles: Sequence[str], start: str) -> Array:
-    """xx, xy, xz, yy, yz, zz of one kind; the older structure has no covariances."""
+    """xx, xy, xz, yy, yz, zz of one kind, (n, 6); covariances are zero for the older structure."""
     n = len(table.line)
 
     def column(name: str) -> Array:
@@ -122,7 +124,7 @@ def _meaning(table: TypedRows, titles: Sequence[str], hints: Hints) -> Meaning:
 
 
 def _lengths_only(table: TypedRows, titles: Sequence[str]) -> bool:
-    """Whether dStdTotal is the root of the summed squares, as it is when all three are lengths."""
+    """Whether dStdTotal is the root sum of squares, as it is if all three values are lengths."""
     if not {"dStd1", "dStd2", "dStd3", "dStdTotal"} <= set(titles) or not len(table.line):
         return False
     s1, s2, s3, total = (np.asarray(table.columns[f"dStd{k}"]) for k in ("1", "2", "3", "Total"))
@@ -130,7 +132,10 @@ def _lengths_only(table: TypedRows, titles: Sequence[str]) -> bool:
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:
-    """A dump in Cartesian coordinates; names and times are lost, an assignment makes up for it."""
+    """Write a dump in Cartesian coordinates; names and times are lost.
+
+    An assignment restores the names.
+    """
     meaning = Meaning(unit)
     numbers = text_of(raw(readings.position, meaning), digits)
     scale = raw(np.ones((1, 3)), meaning)[0, 0]

@@ -1,7 +1,7 @@
 """Leica 6-DoF (T-Mac) CSV: position, orientation and U(95) per axis of each reading.
 
-Written in cp1252, times with an apostrophe in front, an empty last column and one that marks
-readings as deleted. U(95) is an expanded uncertainty, k = 2. Orientations are not used.
+The encoding is cp1252; times begin with an apostrophe, the last column is empty, and one column
+marks readings as deleted. U(95) is an expanded uncertainty, k = 2. Orientations are not used.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from pipeline.readers.said import Hints
 
 
 def _recognise(lines: Sequence[str]) -> bool:
-    """A header names X, Y, Z and U(95)."""
+    """Whether a header names X, Y, Z and U(95)."""
     header = _named.find(lines)
     return header is not None and expanded(header) and not titled.recognise(lines)
 
 
 def read(text: Text, hints: Hints) -> Export:
-    """Readings of a T-Mac export; those marked as deleted are left out."""
+    """Read a T-Mac export; readings marked as deleted are rejected."""
     return _tables.below_header(text, hints, READER.name)
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:
-    """A T-Mac export; orientations are zero, U(95) is twice the root of the diagonal."""
+    """Write a T-Mac export; orientations are zero, U(95) is twice the standard uncertainty."""
     six = np.zeros((len(readings.group), 6)) if readings.covariance is None else readings.covariance
     U95 = text_of(raw(USUAL_FACTORS[EXPANDED] * np.sqrt(six[:, [0, 3, 5]]), Meaning(unit)), None)
     axes = [f"{axis} [{unit}]" for axis in "XYZ"]

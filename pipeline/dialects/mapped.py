@@ -1,4 +1,4 @@
-"""Any other delimited table: [tracker.mapping] of campaign.toml says which column is what."""
+"""Read any other delimited table, whose columns [tracker.mapping] of campaign.toml describes."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _ROLES = {
     **{f"s{axis}": f"std {axis}" for axis in "xyz"},
     **{f"u95_{axis}": f"u95 {axis}" for axis in "xyz"},
 }
-"""Words of [tracker.mapping.columns] that are not those of a header."""
+"""Role of a column by its name in [tracker.mapping.columns], if different."""
 
 
 def read(text: Text, hints: Hints, dialect: str = _NAME) -> Export:
-    """Readings of a table whose columns campaign.toml describes.
+    """Read a table whose columns campaign.toml describes.
 
     Raises:
-        InputError: A column is not there.
+        InputError: A column does not exist.
     """
     assert hints.mapping is not None
     mapping = hints.mapping
@@ -52,7 +52,7 @@ def _header(text: Text, mapping: Columns) -> Header:
 
 
 def _words(titles: list[str], mapping: Columns, line: int) -> dict[int, str]:
-    """What the mapping calls each column, by its place."""
+    """Name that the mapping gives to each column, by index."""
     words: dict[int, str] = {}
     for said, column in mapping.columns.items():
         with at(line=line or None):
@@ -68,14 +68,14 @@ def _words(titles: list[str], mapping: Columns, line: int) -> dict[int, str]:
 
 
 def _first(text: Text, mapping: Columns) -> int:
-    """The first line that is neither blank nor a comment, or the one that is said to be it."""
+    """Line number of the first row, as stated or the first that is no blank or comment."""
     if mapping.first is not None:
         return _there(mapping.first, text, "first row")
     return next((n for n, line in text.lines() if is_plain(line, mapping.comment)), 1)
 
 
 def _header_line(text: Text, mapping: Columns) -> int:
-    """Line of the header, 0 for none: as stated, else the first row if columns are named."""
+    """Line number of the header, 0 for none: as stated, else the first row if columns are named."""
     if mapping.header is not None:
         return _there(mapping.header, text, "header")
     by_name = any(isinstance(column, str) for column in mapping.columns.values())
@@ -83,7 +83,7 @@ def _header_line(text: Text, mapping: Columns) -> int:
 
 
 def _there(line: int, text: Text, what: str) -> int:
-    """A line of the file by its number.
+    """Check that a line number exists in the file.
 
     Raises:
         InputError: The file is shorter.
@@ -115,6 +115,6 @@ def _place(word: str, column: str | int, titles: list[str]) -> int:
 
 
 def until(text: Text, last: int) -> Text:
-    """The text up to a line, that one included."""
+    """The text up to and including a line."""
     starts = text.starts[: last + 1]
     return Text(text.name, text.data[: starts[-1]], text.encoding, starts)

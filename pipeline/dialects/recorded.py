@@ -1,8 +1,8 @@
-"""Axes recorded while the robot drove, a row every few milliseconds: a joint log of where it stood.
+"""Joint log from a recording of the axes, with a row every few milliseconds.
 
 A KUKA trace saved as text, RTDE's csv of a UR (`actual_q_0` in radians), or any table with a time
-and a column for each axis. Poses are the places at which it stood, in their order; a place to which
-it came back is the home position and none of them. Axes and torques are medians.
+and a column for each axis. Poses are the standstills in their order; a place that is visited again
+is the home position and not a pose. Axis values and torques are medians.
 """
 
 from __future__ import annotations
@@ -17,17 +17,18 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools
 
 _STOOD_S = 5.0
-"""A stop that is no pose is shorter [s]; one at which reflectors are read lasts longer."""
+"""Minimum duration of a standstill that counts as a pose [s]; reading reflectors takes longer."""
 _AWAY = np.deg2rad(0.02)
-"""What a standing axis moves at most [rad]; encoders show less, the smallest motion more."""
+"""Maximum motion of an axis at standstill [rad]; encoder noise is smaller, the smallest motion
+larger."""
 _AWAY_MM = 0.2
-"""The same of a rail [mm]."""
+"""Maximum motion of a rail at standstill [mm]."""
 _FEWEST = 50
-"""Rows of a recording; a log has one for each pose or pull."""
+"""Minimum number of rows of a recording [1]; a log has only one for each pose or pull."""
 _LARGEST = 2_000_000
-"""Cells that are looked at."""
+"""Maximum number of cells that are read [1]."""
 _BEGIN, _FIRST_LINES = 20_000, 60
-"""Bytes and lines in which titles are looked for."""
+"""Number of bytes and lines that are searched for titles [1]."""
 _TITLE = re.compile(r"(?P<stem>.*?)[ _.\[(]*(?P<number>[0-9])[\])]?(?P<rest>[^0-9]*)")
 _TIME = re.compile(r"(?:time|timestamp|zeit|t)(?:[ _]*[\[(]?(?P<unit>ms|s|sec)[\])]?)?")
 _TORQUE = re.compile(r"torque|moment")
@@ -37,20 +38,20 @@ _NOT_WHERE = re.compile(
 )
 _E1 = re.compile(r".*\be1\b[^0-9]*")
 _NUMBERED = {"pose", "stellung", "messpose"}
-"""Titles of a log with a row for each pose, which is no recording."""
+"""Titles that occur in logs with a row for each pose, but not in recordings."""
 _ARM = 5
-"""Axes of the smallest arm."""
+"""Minimum number of axes of an arm [1]."""
 _WHERE = re.compile(r"(?:^|[^a-z])(?:q|a|j|axis|axes|joint)|achs|gelenk|axispos|jpos")
 
 
 @dataclass(frozen=True)
 class _Columns:
-    """Which columns are what, by their places.
+    """Roles of columns, by index.
 
     Attributes:
-        time: The time, and what makes seconds of it.
-        axes: Place and title of each axis.
-        torques: Place of each joint's torque; empty where there are none.
+        time: Time column, and its factor to seconds.
+        axes: Index and title of each axis.
+        torques: Index of each joint's torque; empty if there are none.
     """
 
     time: tuple[int, float]
@@ -58,9 +59,9 @@ class _Columns:
     torques: tuple[int, ...]
 
 
-@functools.lru_cache(maxsize=2)  # each robot that may have made it asks once more
+@functools.lru_cache(maxsize=2)  # it is asked once for each candidate robot
 def table(data: bytes) -> bytes | None:
-    """The places at which a recorded robot stood as a table; None where it is no recording."""
+    """Table of the poses at which a recorded robot stood; None if the file is not a recording."""
     begin = data[:_BEGIN].decode("utf-8-sig", "replace").splitlines()
     for number, line in enumerate(begin[:_FIRST_LINES]):
         for delimiter in (";", "\t", ",", " "):
@@ -74,7 +75,7 @@ def table(data: bytes) -> bytes | None:
 
 
 def _columns(titles: Sequence[str]) -> _Columns | None:
-    """The columns of a recording; None where a time or the axes are missing, or poses numbered."""
+    """The columns of a recording; None if time or axes are missing, or if poses are numbered."""
     low = [title.lower() for title in titles]
     families = [*_families(low)]
     time, axes = _time(low), _axes(families)
@@ -87,12 +88,12 @@ def _columns(titles: Sequence[str]) -> _Columns | None:
 
 @dataclass(frozen=True)
 class _Family:
-    """Columns whose titles differ by a number alone, counted from 0 or 1.
+    """Columns whose titles differ only in a number, counted from 0 or 1.
 
     Attributes:
-        stem: What stands before the number, in small letters.
-        rest: What stands behind it.
-        places: Of the columns.
+        stem: Text before the number, in lower case.
+        rest: Text after it.
+        places: Column indices.
     """
 
     stem: str
@@ -101,19 +102,19 @@ class _Family:
 
     @property
     def of_torques(self) -> bool:
-        """Torques that were measured."""
+        """Whether they are measured torques."""
         name = self.stem + self.rest
         return bool(_TORQUE.search(name)) and "target" not in name
 
     @property
     def of_axes(self) -> bool:
-        """Where the axes are."""
+        """Whether they are measured axis positions."""
         name = self.stem + self.rest
         return bool(_WHERE.search(name)) and not (_TORQUE.search(name) or _NOT_WHERE.search(name))
 
 
 def _families(low: Sequence[str]) -> Iterator[_Family]:
-    """The families of titles that are as many as an arm has axes, in their turn."""
+    """Families with at least as many columns as an arm has axes, in order."""
     found: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for k, title in enumerate(low):
         if one := _TITLE.fullmatch(title):
@@ -126,13 +127,13 @@ def _families(low: Sequence[str]) -> Iterator[_Family]:
 
 
 def _time(low: Sequence[str]) -> tuple[int, float] | None:
-    """Place of the time, and what makes seconds of it."""
+    """Index of the time column and its factor to seconds; None if there is none."""
     found = ((k, _TIME.fullmatch(title)) for k, title in enumerate(low))
     return next(((k, 1e-3 if one["unit"] == "ms" else 1.0) for k, one in found if one), None)
 
 
 def _axes(families: Sequence[_Family]) -> list[tuple[int, str]]:
-    """Place and title of each axis of the arm."""
+    """Index and title of each axis of the arm."""
     for one in families:
         if one.of_axes:
             unit = _unit(one.stem, one.rest)
@@ -141,7 +142,7 @@ def _axes(families: Sequence[_Family]) -> list[tuple[int, str]]:
 
 
 def _rail(low: Sequence[str]) -> list[tuple[int, str]]:
-    """Place and title of the rail, where there is one."""
+    """Index and title of the rail, if there is one."""
     k = next((k for k, one in enumerate(low) if _E1.fullmatch(one)), None)
     if k is None or _NOT_WHERE.search(low[k]):
         return []
@@ -149,14 +150,14 @@ def _rail(low: Sequence[str]) -> list[tuple[int, str]]:
 
 
 def _unit(stem: str, rest: str) -> str:
-    """Unit of angles with its brackets, empty where nobody says it; RTDE has radians."""
+    """Unit of angles in brackets, empty if not stated; RTDE has radians."""
     if "rad" in rest or stem == "actual_q":
         return " [rad]"
     return " [deg]" if re.search(r"deg|°|grad", rest) else ""
 
 
 def _numbers(lines: Sequence[str], delimiter: str, width: int) -> Array:
-    """Rows of numbers, shape (n, width); a line that is none is skipped, an empty cell is NaN."""
+    """Rows of numbers, shape (n, width); other lines are skipped, an empty cell is NaN."""
     out = []
     for line in lines[: _LARGEST // width]:
         cells = line.split(delimiter) if delimiter != " " else line.split()
@@ -187,13 +188,13 @@ def _standing(columns: _Columns, rows: Array) -> bytes | None:
 
 
 def _medians(values: Array, stops: Sequence[slice]) -> Array:
-    """Of each column at each stop, shape (m, k)."""
+    """Median of each column at each stop, shape (m, k)."""
     found = [np.median(values[one], axis=0) for one in stops]
     return np.array(found).reshape(len(stops), values.shape[1])
 
 
 def _tolerance(title: str, values: Array) -> float:
-    """What an axis moves at most while it stands, in its unit."""
+    """Maximum motion of an axis at standstill, in its unit."""
     if title.startswith("E"):
         return _AWAY_MM * (1e-3 if "[m]" in title else 1.0)
     in_rad = "[rad]" in title or ("[deg]" not in title and np.nanmax(np.abs(values)) < 2 * np.pi)
@@ -201,7 +202,7 @@ def _tolerance(title: str, values: Array) -> float:
 
 
 def _stands(at: Array, away: Array) -> list[slice]:
-    """Runs of rows in which no axis moves farther than `away` (k,) from the first of them."""
+    """Runs of rows in which no axis moves by more than `away` (k,) from their first row."""
     out, first = [], 0
     for k in range(1, len(at) + 1):
         if k == len(at) or not (np.abs(at[k] - at[first]) <= away).all():
@@ -211,7 +212,7 @@ def _stands(at: Array, away: Array) -> list[slice]:
 
 
 def _came_back(means: Array, away: Array) -> Bools:
-    """Places that are one, with another place between, shape (m,)."""
+    """Places that were visited again after another one, shape (m,)."""
     near = (np.abs(means[:, None] - means[None]) <= 2 * away).all(axis=2)
     apart = np.abs(np.arange(len(means))[:, None] - np.arange(len(means))[None]) > 1
     return np.asarray((near & apart).any(axis=1))

@@ -1,9 +1,9 @@
 """SpatialAnalyzer's ASCII point export, with or without its `//` header.
 
-A row is a name, three coordinates (Cartesian, spherical, cylindrical) and what the exporter was
-asked to append: timestamp, uncertainties, weather, RMS. The name comes in four modes:
-`Collection::Group::Target`, `Group::Target`, the same parts in columns of their own, or the
-target alone. What is appended has a meaning only where the header names it.
+A row is a name, three coordinates (Cartesian, spherical, cylindrical) and optional columns:
+timestamp, uncertainties, weather, RMS. The name comes in four modes: `Collection::Group::Target`,
+`Group::Target`, the same parts in columns of their own, or the target alone. Optional columns are
+used only if the header names them.
 """
 
 from __future__ import annotations
@@ -50,14 +50,15 @@ _SHORT_UNIT = re.compile(
 
 @dataclass(frozen=True)
 class _RowShape:
-    """How rows are made up.
+    """Structure of the rows.
 
     Attributes:
-        delimiter: What separates cells.
-        compound: Parts that `::` joins in the first cell, 0 where names have own columns.
+        delimiter: Separator of cells.
+        compound: Number of names joined by `::` in the first cell, 0 if names have their own
+            columns.
         names: Names of the leading columns, `target` last.
-        rest: What stands behind the three coordinates.
-        form: How times are written.
+        rest: Columns after the three coordinates.
+        form: Format of times.
     """
 
     delimiter: str
@@ -68,17 +69,17 @@ class _RowShape:
 
 
 def _recognise(lines: Sequence[str]) -> bool:
-    """Rows that are no comments have a name of one to three parts, then three numbers."""
+    """Whether rows other than comments have a name of one to three parts, then three numbers."""
     comments = [line for line in lines if is_remark(line, _COMMENT)]
     sample = [line for line in lines if is_plain(line, _COMMENT)]
     shape = _shape(sample, comments)
-    if shape is None or _named.find(sample) or titled.recognise(sample):  # rows under a header
+    if shape is None or _named.find(sample) or titled.recognise(sample):  # rows below a header
         return False
     return bool(comments) or shape.compound > 0
 
 
 def read(text: Text, hints: Hints) -> Export:
-    """Readings of a SpatialAnalyzer export.
+    """Read a SpatialAnalyzer export.
 
     Raises:
         InputError: Its unit or its angles are not stated.
@@ -105,16 +106,16 @@ def read(text: Text, hints: Hints) -> Export:
 
 
 def _says_kind(text: Text) -> bool:
-    """Whether comments say what the coordinates are; without them any three numbers may stand."""
+    """Whether comments state the kind of coordinates; otherwise any three numbers are possible."""
     head = [line for line in text.sample() if is_remark(line, _COMMENT)]
     words = set(re.findall(r"[a-z]+", " ".join(head).lower()))
     return bool(words & KIND_WORDS.keys() or _kinds_by_titles(head))
 
 
 def _shape(sample: Sequence[str], comments: Sequence[str]) -> _RowShape | None:
-    """How rows are made up, told from the first sound ones and the header; None when they are not.
+    """Structure of the rows, from the first sound ones and the header; None if they have none.
 
-    A damaged row says nothing about the others, but at least half of them must be alike.
+    A damaged row is ignored, but at least half of the rows must be alike.
     """
     whole = "".join(sample)
     delimiters = sorted(DELIMITERS, key=whole.count, reverse=True)
@@ -136,14 +137,14 @@ def _shape_by(delimiter: str, sample: Sequence[str], comments: Sequence[str]) ->
 
 
 def _fits(cells: Sequence[str], compound: int, count: int) -> bool:
-    """Whether one to three names stand before three numbers."""
+    """Whether one to three names precede three numbers."""
     numbers = cells[count : count + 3]
     named = 1 <= (compound or count) <= len(_PARTS)
     return named and len(numbers) == 3 and all(map(is_number, numbers))
 
 
 def _rest(cells: Sequence[Sequence[str]], titles: Sequence[Named]) -> tuple[tuple[Named, ...], str]:
-    """What stands behind the coordinates, and how times are written; a time is told by its form."""
+    """Columns after the coordinates, and the format of times, which are recognised by it."""
     out, form = [], _time.ISO
     for place, column in enumerate(zip(*cells, strict=True)):
         named = titles[place] if titles else Named(f"field {place + 1} behind Z", "", None)
@@ -157,14 +158,14 @@ def _rest(cells: Sequence[Sequence[str]], titles: Sequence[Named]) -> tuple[tupl
 
 
 def _names(cells: Sequence[str], titles: Sequence[Named]) -> int:
-    """How many leading columns are names."""
+    """Number of leading columns that are names."""
     if titles:
         return next((k for k, n in enumerate(titles) if n.role in ("x", "range")), 0)
     return next((k for k, cell in enumerate(cells) if is_number(cell)), 0)
 
 
 def _titles(comments: Sequence[str], count: int, delimiter: str) -> list[Named]:
-    """The column titles of the header, if it has as many as the rows have cells."""
+    """Column titles of the header, if there are as many as cells in a row."""
     for line in reversed(comments):
         found = _named.header(line.strip().removeprefix(_COMMENT), 0, delimiter)
         roles = [column.role for column in found.columns]
@@ -174,7 +175,7 @@ def _titles(comments: Sequence[str], count: int, delimiter: str) -> list[Named]:
 
 
 def _fields(shape: _RowShape) -> tuple[Field, ...]:
-    """Names, coordinates and what stands behind them; what has no role there is not looked at."""
+    """Fields of names, coordinates and further columns; those without a role are not read."""
     out = [Field(n, "any" if n == "collection" else "name", n != "collection") for n in shape.names]
     out += [Field(axis, "number") for axis in _AXES]
     for place, column in enumerate(shape.rest):
@@ -192,7 +193,10 @@ def _fields(shape: _RowShape) -> tuple[Field, ...]:
 
 
 def _meaning(comments: Sequence[str], hints: Hints, table: TypedRows, line: int) -> Meaning:
-    """What the header says of the numbers; short units count behind `units` or in brackets."""
+    """Meaning of the numbers according to the header.
+
+    Short units count only after `units` or in brackets.
+    """
     head = [comment for comment in comments if is_remark(comment, _COMMENT)]
     text = "\n".join(line for line in head if not _named.of_other_quantity(line))
     words = set(re.findall(r"[a-z°]+", text.lower()))
@@ -219,7 +223,7 @@ def _meaning(comments: Sequence[str], hints: Hints, table: TypedRows, line: int)
 
 
 def _said(words: set[str], known: Mapping[str, _T]) -> set[_T]:
-    """What those words mean that are known."""
+    """Meanings of the known ones among some words."""
     return {known[word] for word in words & known.keys()}
 
 
@@ -233,7 +237,7 @@ def _only(found: set[str], what: str) -> str | None:
 
 
 def _kinds_by_titles(comments: Sequence[str]) -> set[str]:
-    """Kinds of coordinates that the header names by its column titles."""
+    """Kinds of coordinates that match the column titles in the header."""
     found = set()
     for comment in comments:
         for delimiter in DELIMITERS:
@@ -246,7 +250,7 @@ def _kinds_by_titles(comments: Sequence[str]) -> set[str]:
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:
-    """A Cartesian export with its header and timestamps."""
+    """Write a Cartesian export with header and timestamps."""
     words = {"mm": "Millimeters", "m": "Meters", "in": "Inches"}
     head = [
         "// SpatialAnalyzer ASCII point export",

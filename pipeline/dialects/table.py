@@ -1,4 +1,4 @@
-"""Any table of points: read where exactly one reading makes sense, else asked."""
+"""Read any table of points if exactly one interpretation makes sense; otherwise ask."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from pipeline.readers._text import Text
 from pipeline.readers.said import Hints
 
 _DESCRIBED = "pipeline.intake.table:described"
-"""What a table of no dialect is, is for the intake to say."""
+"""Reference to the intake, which interprets tables in no known dialect."""
 
 
 def _recognise(lines: Sequence[str]) -> bool:
-    """Any file may hold one; what it holds is found when it is read."""
+    """Whether there is any line; whether it holds a table is found when it is read."""
     return bool(lines)
 
 
 def read(text: Text, hints: Hints, dialect: str = TABLE) -> Export:
-    """Readings of a table by what its columns seem to be.
+    """Read a table by the apparent meaning of its columns.
 
     Raises:
-        InputError: There is no table, or something has to be answered first.
+        InputError: There is no table, or a question must be answered first.
     """
     mapped_by, untimed = opened(_DESCRIBED)(text, hints)
     return replace(mapped.read(text, mapped_by, dialect), untimed=untimed)

@@ -1,8 +1,8 @@
-"""Points in axes, as controllers keep them: a joint log that is no table.
+"""Points in joint coordinates from controller programs, as a joint log.
 
-KUKA (.dat, .src: `E6AXIS`, `AXIS`), ABB (.mod: `jointtarget`), FANUC (.ls: `/POS` in joints).
-A file becomes a table with the columns `pose` and one for each axis, each row in the line in which
-its point stands, so that a message still names the line of the file.
+KUKA (.dat, .src: `E6AXIS`, `AXIS`), ABB (.mod: `jointtarget`), FANUC (.ls: `/POS` in joints). A
+file is converted to a table with the columns `pose` and one for each axis, each row in the line of
+its point, so that messages name the line of the file.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ _TP = re.compile(
 )
 _TP_AXIS = re.compile(rf"\b([JE])([1-9])[ \t]*=[ \t]*({_NUMBER})[ \t]*(deg|mm)")
 _NONE = 1e9
-"""What RAPID writes for an axis that there is not: 9E9."""
+"""Limit from which a RAPID value means an axis that does not exist: 9E9."""
 _NAMED = re.compile(r"(?P<stem>[A-Za-z_]*?)_*(?P<number>\d+)")
 _POSES = ("pose", "p", "pos", "point", "pt", "jpos", "j")
-"""How points are called that are poses, where others are numbered, too."""
+"""Name stems of points that are poses, if there are numbered points with other stems."""
 _ARM = 6
-"""Axes of the arm in a `jointtarget`; the further six are external."""
+"""Number of arm axes in a `jointtarget` [1]; the six others are external."""
 
 
 class _Point(NamedTuple):
-    """A point in axes.
+    """A point in joint coordinates.
 
     Attributes:
-        line: Where it stands.
-        name: What it is called.
+        line: Its line number.
+        name: Its name.
         axes: Values by title, [deg] or [mm].
     """
 
@@ -53,11 +53,12 @@ class _Point(NamedTuple):
 
 
 def table(data: bytes) -> bytes | None:
-    """The points of a file as a table between tabs; None where it holds none.
+    """Convert the points of a file to a tab-separated table; None if it has none.
 
-    A point is a pose by the number in its name where all poses have one (XP1, pose_02, P[3]), else
-    by its place in the file. Points without a number beside such (XHOME), and numbered ones of
-    another name where some are called p, pose or the like, are no poses.
+    The number in its name is the pose of a point if all points to be used have a unique one (XP1,
+    pose_02, P[3]); otherwise all points are numbered by their order in the file. Points without a
+    number (XHOME), and numbered points of another name if some are called p, pose or the like, are
+    then not poses.
     """
     if len(data) > _LARGEST or not any(word in data.upper() for word in _MARKS):
         return None
@@ -67,7 +68,7 @@ def table(data: bytes) -> bytes | None:
 
 
 def _written(found: Sequence[_Point], count: int) -> bytes:
-    """Points as a table, each in its own of so many lines, and a header above."""
+    """Write points as a table, each in its own of `count` lines, and a header in the first."""
     used = {title for one in found for title, value in one.axes.items() if title[0] != "E" or value}
     titles = sorted(used, key=lambda title: (title[0] == "E", title))
     lines = [""] * max(count, 2)
@@ -80,9 +81,9 @@ def _written(found: Sequence[_Point], count: int) -> bytes:
 
 
 _MARKS = (b"AXIS", b"JOINTTARGET", b"/POS")
-"""One of them is in every such file."""
+"""Keywords, one of which is in every such file."""
 _LARGEST = 4_000_000
-"""Bytes; programs are smaller."""
+"""Maximum size of a file [byte]; programs are smaller."""
 
 
 def _krl(text: str) -> Iterator[_Point]:
@@ -114,7 +115,7 @@ def _line(text: str, found: re.Match[str]) -> int:
 
 
 def _numbered(points: Sequence[_Point]) -> list[tuple[int, _Point]]:
-    """The poses with their numbers."""
+    """Points that are poses, with their numbers."""
     by_stem = _by_stem(points)
     known = [stem for stem in _POSES if stem in by_stem]
     chosen = known[:1] or ([*by_stem] if len(by_stem) == 1 else [])
@@ -125,7 +126,7 @@ def _numbered(points: Sequence[_Point]) -> list[tuple[int, _Point]]:
 
 
 def _by_stem(points: Sequence[_Point]) -> dict[str, list[tuple[int, _Point]]]:
-    """Points with the numbers in their names, by what the names begin with."""
+    """Numbered points by name stem, with their numbers."""
     found: dict[str, list[tuple[int, _Point]]] = {}
     for one in points:
         if match := _NAMED.fullmatch(one.name):

@@ -1,4 +1,4 @@
-"""A table with titles much like those of our own CSV, or of which a row is no reading."""
+"""Read a table with titles similar to those of our own CSV, or with rows that are not readings."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from pipeline.readers.said import Hints
 
 _NEEDED = ("group", "target", "x", "y", "z")
 _ENOUGH = 3
-"""Of these columns tell the dialect; what is missing is asked for then."""
+"""Number of these columns that identify the dialect [1]; missing ones are then asked for."""
 
 
 def recognise(lines: Sequence[str]) -> bool:
-    """The first line that is not blank has three of the five columns, `group` among them."""
+    """Whether the first line that is not blank has three of the five columns, with `group`."""
     header = _named.header(next((line for line in lines if line.strip()), ""), 1)
     exact = {column.title.lower() for column in header.columns}
     there = sum(header.has(role) for role in _NEEDED)
@@ -28,7 +28,7 @@ def recognise(lines: Sequence[str]) -> bool:
 
 
 def read(text: Text, hints: Hints) -> Export:
-    """Readings of such a table.
+    """Read such a table.
 
     Raises:
         InputError: A column or the unit is missing.
@@ -48,4 +48,4 @@ def read(text: Text, hints: Hints) -> Export:
 
 
 READER = replace(plain.READER, recognise=recognise)
-"""Our own CSV, whoever has written it."""
+"""Our own CSV, also if written by other programs."""

@@ -1,6 +1,6 @@
 """Leica Tracker Pilot CSV: a header with units in brackets, one reading per row.
 
-Columns are found by their titles, wherever they stand; lines above the header are skipped.
+Columns are found by their titles, in any order; lines above the header are skipped.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ _TURNED = {"rx", "ry", "rz", "q0", "q1", "q2", "q3", "qw", "qx", "qy", "qz", "ro
 
 
 def expanded(header: Header) -> bool:
-    """Whether there are expanded uncertainties, U(95), as Leica gives them for a T-Mac."""
+    """Whether there are expanded uncertainties, U(95), as Leica states them for a T-Mac."""
     return any(re.search(r"\bu[xyz]?\s*\(?95", c.title.lower()) for c in header.columns)
 
 
 def _turned(header: Header) -> bool:
-    """Whether there are orientations, so that a row is a pose and no point."""
+    """Whether there are orientations, so that a row is a 6D pose rather than a point."""
     return bool({c.title.lower().split(" ")[0].split("[")[0] for c in header.columns} & _TURNED)
 
 
 def _recognise(lines: Sequence[str]) -> bool:
-    """A header names a point and X, Y, Z, and nothing of a six-degrees-of-freedom target."""
+    """Whether a header names a point and X, Y, Z, but no columns of a 6D target."""
     header = _named.find(lines)
     if header is None or titled.recognise(lines):
         return False
@@ -36,12 +36,12 @@ def _recognise(lines: Sequence[str]) -> bool:
 
 
 def read(text: Text, hints: Hints) -> Export:
-    """Readings of a Tracker Pilot export."""
+    """Read a Tracker Pilot export."""
     return table.read(text, hints, READER.name)
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:
-    """A Tracker Pilot export with group and point names, times to the second."""
+    """Write a Tracker Pilot export with group and point names, times to the second."""
     lines = [f"Point Group;Point Name;X [{unit}];Y [{unit}];Z [{unit}];Timestamp"]
     lines += [
         f"{group};{target};{';'.join(xyz)};{time:%d.%m.%Y %H:%M:%S}"

@@ -1,6 +1,6 @@
-"""Workbooks (.xlsx): the sheet that is meant becomes the text that a delimited file is.
+"""Read workbooks (.xlsx) by converting the relevant sheet to delimited text.
 
-One line for each row, cells between tabs, so that line numbers are those that Excel shows.
+Each row becomes one line with cells separated by tabs, so that line numbers are those of Excel.
 """
 
 from __future__ import annotations
@@ -22,18 +22,20 @@ from pipeline.base.shown import too_large
 from pipeline.readers._text import LARGEST_WORKBOOK, Text, text
 
 _UNPACKED = 1_000_000_000
-"""Bytes of all that is packed in a workbook; sheets are XML that shrinks to a tenth."""
+"""Maximum unpacked size of a workbook [byte]; the XML of sheets is compressed to a tenth."""
 _PIECE = 1 << 20
-"""Bytes that are unpacked in one go."""
+"""Size of the pieces that are unpacked at a time [byte]."""
 _MOST_CELLS = 10_000_000
-"""Of a sheet: ten columns of as many rows as Excel has; each takes a microsecond and more."""
+"""Maximum number of cells of a sheet [1]: ten columns of Excel's million rows; each takes a
+microsecond or more."""
 _CELLS = (b"<c ", b"<c>", b"<c/>")
 _FAR = re.compile(rb'\sr="(?:[A-Z]{4}|[A-Z]{0,3}\d{8})')
-"""Beyond XFD1048576, the last cell that Excel has."""
+"""References beyond XFD1048576, the last cell of Excel."""
 _REFERENCE = 16
-"""Letters of a reference."""
+"""Overlap of pieces so that no reference is cut [byte]."""
 _MILLISECOND = 1000
-"""[us]; Excel shows no finer times, and keeps days as numbers that are good for 1 us."""
+"""Resolution of times [us]; Excel displays no finer times, and stores days as numbers that are
+accurate to 1 us."""
 _BREAKS = re.compile(r"[\t\r\n]+")
 
 
@@ -45,10 +47,10 @@ def opened(
     table: str | None,
     fits: Callable[[Text], int],
 ) -> Text:
-    """A workbook as text, as `readers` asks for it.
+    """Open a workbook as text, on behalf of `readers`.
 
     Raises:
-        InputError: Too large, or not one sheet fits.
+        InputError: It is too large, or not exactly one sheet fits.
     """
     _bounded(data)
     try:
@@ -71,10 +73,10 @@ def opened(
 
 
 def _chosen(sheets: Mapping[str, Text], fits: Callable[[Text], int], table: str | None) -> Text:
-    """The one sheet that is meant.
+    """Select the sheet.
 
     Raises:
-        InputError: Of several none fits, or more than one.
+        InputError: Of several sheets none fits, or more than one.
     """
     if len(sheets) == 1:
         return next(iter(sheets.values()))
@@ -95,7 +97,7 @@ def _text(name: str, sheet: str, data: bytes) -> Text:
 
 
 def _lines(rows: Sequence[list[Any]], mark: str | None) -> bytes:
-    """Rows as lines; one without a filled cell is blank."""
+    """Write rows as lines; a row without a filled cell becomes a blank line."""
     mark = mark or _mark_of_texts(cell for row in rows for cell in row)
     lines = ("\t".join(_cell(value, mark) for value in row) for row in rows)
     return "".join(f"{line}\n" if line.strip("\t") else "\n" for line in lines).encode()
@@ -106,9 +108,9 @@ _THOUSANDS = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 
 def _mark_of_texts(cells: Iterable[Any]) -> str:
-    """The decimal mark of numbers that were typed as text; cells of numbers have none.
+    """Decimal mark of numbers that were entered as text; numeric cells have none.
 
-    Excel keeps 765,3 as text where its own mark is the point.
+    Excel stores 765,3 as text if its own decimal mark is the point.
     """
     texts = [one for one in cells if isinstance(one, str)]
     commas = any(_COMMA.fullmatch(one) and not _THOUSANDS.fullmatch(one) for one in texts)
@@ -116,7 +118,7 @@ def _mark_of_texts(cells: Iterable[Any]) -> str:
 
 
 def _cell(value: Any, mark: str) -> str:
-    """What a cell says, as a delimited file would."""
+    """Text of a cell, as in a delimited file."""
     if isinstance(value, float):
         plain = str(int(value)) if value.is_integer() and abs(value) < 2**53 else repr(value)
         return plain.replace(".", mark)
@@ -129,16 +131,16 @@ def _cell(value: Any, mark: str) -> str:
 
 
 def _time(value: datetime.datetime) -> datetime.datetime:
-    """To the millisecond."""
+    """Round a time to the millisecond."""
     whole = round(value.microsecond / _MILLISECOND) * _MILLISECOND
     return value.replace(microsecond=0) + datetime.timedelta(microseconds=whole)
 
 
 def _bounded(data: bytes) -> None:
-    """Nothing in a workbook is larger than may be, whatever it says of itself.
+    """Check the size of a workbook and of its parts, without trusting their stated sizes.
 
     Raises:
-        InputError: It is larger, or no workbook.
+        InputError: It is too large, or not a workbook.
     """
     if len(data) > LARGEST_WORKBOOK:
         raise InputError(f"the workbook {too_large(len(data), LARGEST_WORKBOOK)}", _SMALLER)
@@ -160,10 +162,10 @@ _SMALLER = "save the sheet as CSV, which may be larger"
 
 
 def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> None:
-    """A part is as long as it says: zipfile stops there, but what reads it next does not."""
+    """Check that a part is no longer than stated; zipfile stops there, but later readers do not."""
     longer = copy.copy(one)
     longer.file_size += 1
-    del longer.CRC  # which is that of the length it says
+    del longer.CRC  # which belongs to the stated length
     found = cells = 0
     before = b""
     with packed.open(longer) as part:

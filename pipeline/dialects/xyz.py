@@ -1,4 +1,4 @@
-"""Semicolon .xyz: rows without a header, up to two names and three numbers."""
+"""Semicolon-separated .xyz: rows without a header, with up to two names and three numbers."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pipeline.readers._text import Text
 from pipeline.readers.said import Hints
 
 _WIDTHS = (3, 4, 5)
-"""Cells of a row: three numbers behind up to two names."""
+"""Possible numbers of cells in a row [1]: three numbers after up to two names."""
 
 
 def _recognise(lines: Sequence[str]) -> bool:
-    """Every row has up to two names and three numbers between semicolons."""
+    """Whether most rows have up to two names and three numbers, separated by semicolons."""
     rows = [_cells(line) for line in lines if line.strip()]
     fitting = [len(row) in _WIDTHS and all(map(is_number, row[-3:])) for row in rows]
     most = 2 * sum(fitting) > len(rows) and len(rows[0]) in _WIDTHS
@@ -24,7 +24,7 @@ def _recognise(lines: Sequence[str]) -> bool:
 
 
 def _elsewhere(line: str) -> bool:
-    """Whether only SpatialAnalyzer writes such a line."""
+    """Whether a line can only come from SpatialAnalyzer."""
     return JOINT in line or line.lstrip().startswith("//")
 
 
@@ -34,7 +34,7 @@ def _cells(line: str) -> list[str]:
 
 
 def read(text: Text, hints: Hints) -> Export:
-    """Readings of an .xyz file.
+    """Read an .xyz file.
 
     Raises:
         InputError: The unit is not stated in campaign.toml, or the numbers may be angles.
@@ -43,7 +43,7 @@ def read(text: Text, hints: Hints) -> Export:
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:
-    """Rows of group, target and coordinates; times are lost."""
+    """Write rows of group, target and coordinates; times are lost."""
     rows = written(readings, unit, digits)
     lines = [";".join([group, target, *xyz]) for group, target, xyz, _ in rows]
     return "\r\n".join([*lines, ""]).encode()

@@ -1,4 +1,4 @@
-"""What the files for other programs share: springs, inertia, frames, and what they leave out."""
+"""Common parts of the files for simulators: springs, inertia, frames, and what they omit."""
 
 from __future__ import annotations
 
@@ -16,23 +16,24 @@ from pipeline.machine.robot import Joint
 from pipeline.prediction.model import IdentifiedModel
 
 BASE, FLANGE = "F_b", "F_flange"
-"""What base and flange frame are called in every file."""
+"""Names of the base and flange frames in every file."""
 
 _SWING_HZ = 30.0
-"""How fast each spring swings alone by the inertia put in place of the unknown one [Hz]: as an arm
-does in its first modes, and slowly enough for steps of 1 ms, 33 to a period."""
+"""Natural frequency that each spring has by itself with the inertia substituted for the unknown one
+[Hz]: typical of the first modes of an arm, and low enough for steps of 1 ms, 33 to a period."""
 _STAND_IN = 1.0
-"""In place of a mass [kg] or rotational inertia [kg m^2] that nobody knows and nothing rests on."""
+"""Substitute for an unknown mass [kg] or rotational inertia [kg m^2] on which no result depends."""
 
 
 @dataclass(frozen=True)
 class Spring:
-    """The spring of one joint, as a simulator needs it: there has to be one.
+    """Spring of one joint for a simulator, which requires a value for every joint.
 
     Attributes:
-        joint: Its joint.
-        stiffness: [N/m] or [N m/rad]; nominal or typical where the campaign does not state it.
-        std: Its standard uncertainty, same unit; None where the campaign does not state it.
+        joint: The joint.
+        stiffness: Stiffness [N/m] or [N m/rad]; nominal or typical if the campaign does not state
+            it.
+        std: Its standard uncertainty, same unit; None if the campaign does not state it.
     """
 
     joint: Joint
@@ -49,23 +50,23 @@ class Spring:
 
     @property
     def damping(self) -> float:
-        """Critical, of the spring alone with its inertia [N s/m] or [N m s/rad]."""
+        """Critical damping of the spring with its own inertia [N s/m] or [N m s/rad]."""
         return self.stiffness / (math.pi * _SWING_HZ)
 
     @property
     def inertia(self) -> float:
-        """With which it swings at `_SWING_HZ`, k = (2 pi f)^2 I [kg] or [kg m^2]."""
+        """Inertia that gives the frequency f = `_SWING_HZ`, k = (2 pi f)^2 I [kg] or [kg m^2]."""
         return self.stiffness / (2 * math.pi * _SWING_HZ) ** 2
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Mass of the link behind a joint; rotational inertia is nowhere known.
+    """Mass of the link after a joint, with a substitute for its unknown rotational inertia.
 
     Attributes:
-        mass: [kg].
+        mass: Mass [kg].
         centre: Centre of mass in the frame of the joint [m], shape (3,).
-        inertia: About any axis through it [kg m^2].
+        inertia: Moment of inertia about any axis through it [kg m^2].
     """
 
     mass: float
@@ -74,7 +75,7 @@ class Body:
 
 
 def springs(handed: IdentifiedModel) -> list[Spring]:
-    """One for each joint, from base to flange."""
+    """Springs of all joints, from base to flange."""
     found = []
     for j, joint in enumerate(handed.robot.joints):
         stiffness, std, _ = handed.stiffness(j) or (joint.typical_stiffness, None, "")
@@ -83,7 +84,7 @@ def springs(handed: IdentifiedModel) -> list[Spring]:
 
 
 def body(spring: Spring) -> Body:
-    """The link behind a joint, with what makes its spring swing slowly enough to be computed."""
+    """The link after a joint, with an inertia that makes its spring slow enough to simulate."""
     joint, own = spring.joint, spring.inertia
     if joint.mass_kg:
         return Body(joint.mass_kg, np.array(joint.centre_of_mass_m or (0.0, 0.0, 0.0)), own)
@@ -93,12 +94,12 @@ def body(spring: Spring) -> Body:
 
 
 def causes(handed: IdentifiedModel) -> list[str]:
-    """Labels of everything that was identified beside the springs, each once."""
+    """Labels of all causes identified in addition to the springs, each once."""
     return list(dict.fromkeys(e.label for h in handed.hypotheses for e in h.beside_springs))
 
 
 def left_out(handed: IdentifiedModel) -> Iterator[str]:
-    """What of the identified model a spring at each joint cannot carry, in words."""
+    """Parts of the identified model that springs at the joints cannot represent, in words."""
     yield "covariance of the stiffnesses"
     yield from causes(handed)
     if len(handed.hypotheses) > 1:
@@ -107,7 +108,7 @@ def left_out(handed: IdentifiedModel) -> Iterator[str]:
 
 
 def comment(handed: IdentifiedModel, lines: Sequence[str]) -> str:
-    """The comment at the top: where it comes from, how it is used, and what it does not hold."""
+    """Comment at the top of a file: origin, use, and what is omitted."""
     told = [
         f"Robot {handed.robot.name} of campaign {handed.campaign} ({handed.verdict}); m, rad, N.",
         *lines,
@@ -130,19 +131,19 @@ def _inertia_told(found: Sequence[Spring]) -> Iterator[str]:
 
 
 def document(root: ET.Element) -> bytes:
-    """An XML file."""
+    """Serialise an XML document."""
     ET.indent(root)
     text = ET.tostring(root, "unicode")
     return f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n'.encode()
 
 
 def row(values: Any) -> str:
-    """Numbers as XML has them, to the last digit."""
+    """Numbers for an XML attribute, with all digits."""
     return " ".join(repr(float(value)) for value in values)
 
 
 def shift(at: Array) -> Array:
-    """A frame moved to a point [m], shape (4, 4)."""
+    """Transform (4, 4) of a translation [m]."""
     step = np.eye(4)
     step[:3, 3] = at
     return step
@@ -151,7 +152,7 @@ def shift(at: Array) -> Array:
 def rpy(R: Array) -> Array:
     """Roll, pitch and yaw [rad] of R = Rz(yaw) Ry(pitch) Rx(roll).
 
-    Where the pitch is 90 degrees, only the sum of roll and yaw has a meaning: the roll is what the
+    At a pitch of 90 degrees only a combination of roll and yaw is determined: the roll is what the
     yaw leaves of R.
     """
     yaw = np.arctan2(R[1, 0], R[0, 0])

@@ -1,4 +1,4 @@
-"""How far a robot file is from the URDF it was made of, as Pinocchio reads that."""
+"""Difference between a robot file and the URDF it was made from, as read by Pinocchio."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ if TYPE_CHECKING:
     import pinocchio as pin
 
 _CONFIGURATIONS = 1000
-"""Drawn within the limits; a joint without limits turns once, or slides a metre."""
+"""Number of random configurations within the limits [1]; without limits a revolute joint is drawn
+over one turn, a prismatic one over +/-1 m."""
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """The largest differences between the flange of a table and that of a URDF.
+    """Largest differences between the flange poses of a robot file and of a URDF.
 
     Attributes:
-        configurations: How many were compared.
-        position_m: Between the origins [m].
-        angle_rad: Between the axes [rad].
+        configurations: Number of configurations compared.
+        position_m: Largest distance between the origins [m].
+        angle_rad: Largest angle between the orientations [rad].
     """
 
     configurations: int
@@ -37,7 +38,7 @@ class Agreement:
 def agreement(
     robot: Robot, text: str, base: str, flange: str, file: str, rng: np.random.Generator
 ) -> Agreement:
-    """Compare a robot with the URDF text it was made of, at random joint values.
+    """Compare a robot with the URDF it was made from, at random joint values.
 
     Args:
         robot: The robot; its controller's axes are the joints of the URDF.
@@ -45,10 +46,10 @@ def agreement(
         base: Link that is F_b.
         flange: Link that is the flange.
         file: Name of the URDF, for messages.
-        rng: Draws the joint values.
+        rng: Generator of the joint values.
 
     Raises:
-        InputError: Pinocchio does not read the URDF.
+        InputError: Pinocchio cannot read the URDF.
     """
     import pinocchio as pin
 
@@ -75,13 +76,13 @@ def agreement(
 
 
 def _flange(model: pin.Model, robot: Robot, q: Array, base: str, flange: str) -> pin.SE3:
-    """The flange of the URDF in its base; all joints beside the chain stay where they are."""
+    """Flange pose of the URDF relative to its base; joints outside the chain are at neutral."""
     import pinocchio as pin
 
     data, values = model.createData(), pin.neutral(model)
     for name, value in zip(robot.controller, q, strict=True):
         joint = model.joints[model.getJointId(name)]
-        turns = joint.nq == 2  # a joint without limits: cosine and sine
+        turns = joint.nq == 2  # a continuous joint: cosine and sine
         values[joint.idx_q : joint.idx_q + joint.nq] = (
             [np.cos(value), np.sin(value)] if turns else value
         )
@@ -91,5 +92,5 @@ def _flange(model: pin.Model, robot: Robot, q: Array, base: str, flange: str) ->
 
 
 def _angles(one: Array, other: Array) -> Array:
-    """Angles between rotations (m, 3, 3) [rad], exact for small ones too, shape (m,)."""
+    """Angles between rotations (m, 3, 3) [rad], accurate also for small ones, shape (m,)."""
     return 2 * np.arcsin(np.linalg.norm(one - other, axis=(1, 2)) / np.sqrt(8.0))

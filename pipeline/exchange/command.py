@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from pipeline.exchange.agreement import Agreement
 
 _LARGEST = 2**24
-"""Bytes of a URDF; that of a humanoid has a hundredth of it."""
+"""Maximum size of a URDF [byte]; that of a humanoid has a hundredth of it."""
 
 _FAR_M = 1e-6
-"""A table that is farther from its URDF [m] was made wrongly: ten digits of a URDF are a nanometre
-on every robot."""
+"""Largest difference between a robot file and its URDF [m]; beyond it the conversion is wrong, as
+the ten digits of a URDF are a nanometre on any robot."""
 
 
 def robot(
@@ -68,7 +68,7 @@ def robot(
 
 
 def _of_ours(name: str, every: bool, draw: Path | None) -> None:
-    """The robots whose name has this part, or the one of this name: listed, shown or drawn."""
+    """List, show or draw the robots whose name contains a part, or the one with this name."""
     if draw is not None:
         typer.echo(_drawn(draw, name, every))
     else:
@@ -76,7 +76,7 @@ def _of_ours(name: str, every: bool, draw: Path | None) -> None:
 
 
 def _given(text: str, output: Path | None) -> None:
-    """The text on stdout, or in a file whose name is."""
+    """Print the text, or write it to a file and print the file's name."""
     if output is None:
         typer.echo(text, nl=False)
     else:
@@ -85,7 +85,11 @@ def _given(text: str, output: Path | None) -> None:
 
 
 def _refuse(output: Path | None, suffix: str, kind: str) -> None:
-    """Only a new file whose name ends as others of its kind do is written."""
+    """Refuse an output file that exists or has another extension than its kind.
+
+    Raises:
+        UsageError: It does.
+    """
     if output is None:
         return
     if output.suffix != suffix:
@@ -95,7 +99,7 @@ def _refuse(output: Path | None, suffix: str, kind: str) -> None:
 
 
 def _drawn(path: Path, part: str, every: bool) -> Path:
-    """Draw the robots whose name has this part, or the one of this name, into a new file."""
+    """Draw the robots whose name contains a part, or the one with this name, into a new file."""
     from pipeline.exchange.drawn import drawing
     from pipeline.machine.robot import load
 
@@ -108,10 +112,10 @@ def _drawn(path: Path, part: str, every: bool) -> Path:
 
 
 def _like(part: str) -> list[str]:
-    """Names of the robots that ship and have this part of a name.
+    """Names of the robots that ship and contain this part.
 
     Raises:
-        UsageError: None has.
+        UsageError: None does.
     """
     from pipeline.machine.robot.mdh import meant
 
@@ -122,10 +126,10 @@ def _like(part: str) -> list[str]:
 
 
 def _listing(part: str = "") -> list[str]:
-    """The robots that ship: name, maker and variant, axes of the controller, rated payload.
+    """Table of the robots that ship: name, maker and variant, controller axes, rated payload.
 
     Raises:
-        UsageError: None has this part of a name.
+        UsageError: No name contains this part.
     """
     from pipeline.machine.robot import axes, load
 
@@ -142,7 +146,7 @@ def _shipped(name: str) -> str:
     """The robot file of a robot that ships.
 
     Raises:
-        UsageError: None of this name does.
+        UsageError: There is none with this name.
     """
     from pipeline.machine.robot import SHIPPED, load
     from pipeline.machine.robot.mdh import no_robot
@@ -156,10 +160,10 @@ def _shipped(name: str) -> str:
 def made(
     path: Path, base: str, flange: str, payload_kg: float | None = None
 ) -> tuple[str, Agreement]:
-    """The text of a robot file made from a URDF, and how far it is from that.
+    """Make the text of a robot file from a URDF, and determine its difference from the URDF.
 
     Raises:
-        InputError: It is no URDF, has no such chain, or a robot file cannot have it.
+        InputError: The file is not a URDF, has no such chain, or a robot file cannot represent it.
     """
     import numpy as np
 

@@ -1,4 +1,4 @@
-"""Robots from the side to one scale, every axis at the controller's zero, as makers draw them."""
+"""Draw robots from the side to one scale, at the zero of the controller, as makers do."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pipeline.base.arrays import Array
 from pipeline.machine.robot import Robot, axes, configure
 
 _CELL_PX, _TEXT_PX, _BESIDE = 250.0, 64.0, 4
-"""Width and height of a drawing, room for words below it, drawings in a row."""
+"""Width and height of a drawing, height of the text below it [px], and drawings in a row [1]."""
 _INK, _MUTED = "#1b1b1f", "#5f6368"
 
 
 def drawing(robots: Sequence[Robot]) -> str:
-    """These robots as SVG, with name, description, payload and how far the arm reaches at zero."""
+    """Draw robots as SVG, with name, description, payload and reach of the arm at zero."""
     arms = [_arm(robot) for robot in robots]
     widest = max(float(np.ptp(np.vstack([arm, [0.0, 0.0]]), axis=0).max()) for arm in arms)
     scale = 0.84 * _CELL_PX / widest
@@ -35,7 +35,7 @@ def drawing(robots: Sequence[Robot]) -> str:
 
 
 def _arm(robot: Robot) -> Array:
-    """Joints and flange in the vertical plane in which the arm lies [m], shape (k, 2)."""
+    """Joints and flange in the vertical plane of the arm [m], shape (k, 2)."""
     zero = robot.from_controller(np.zeros(len(axes.of(robot).names)))
     at = configure(robot, zero[None])
     turning = int(np.argmin(robot.prismatic))

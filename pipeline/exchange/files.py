@@ -1,4 +1,4 @@
-"""The files of a finished campaign for other programs, by name."""
+"""Files of a finished campaign for other programs, by name."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from pipeline.prediction.model import IdentifiedModel
 def files(
     answer: Answer, shown: Mapping[str, pd.DataFrame], handed: IdentifiedModel
 ) -> dict[str, bytes]:
-    """The springs for simulators, and the answer for a spreadsheet."""
+    """Files of the springs for simulators, and of the answer for spreadsheets."""
     return {**simulators(handed), **workbook.files(answer, shown)}
 
 
 def simulators(handed: IdentifiedModel) -> dict[str, bytes]:
-    """The springs of a model as simulators have them."""
+    """Files of the springs of a model for simulators."""
     return {"model.urdf": urdf(handed), "model.xml": mjcf(handed), "model.sdf": sdf(handed)}

@@ -1,7 +1,7 @@
-"""A robot file from a URDF: the chain between two links as a modified DH table.
+"""Make a robot file from a URDF: the chain between two links as modified DH parameters.
 
-Joints keep their sense and their zero: where the URDF has 0 the robot file has 0. Nothing is left
-out that a serial chain has.
+Joints keep their sense and zero: joint values are the same in both files. Everything that belongs
+to a serial chain is converted.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from pipeline.exchange.rows import DEGREES, METRES, fixed, frames, row, shown
 from pipeline.exchange.urdf import TYPES, Body, Chain, Limit, Tree, UrdfJoint, chain, moving
 
 _TWIST_RAD = (1e-3, 1e-2)
-"""[rad]: what the largest torque of a drive twists its gear by. Catalogues have about 1 mrad for
-RV reducers at their rated torque and several for strain wave gears at their peak."""
+"""Range of the twist of a gear under the largest torque of its drive [rad]. Catalogues give about 1
+mrad for RV reducers at rated torque and several for strain wave gears at peak torque."""
 
 
 def robot_file(
     tree: Tree, base: str, flange: str, file: str, payload_kg: float | None = None
 ) -> dict[str, Any]:
-    """The content of a robot file with the chain between two links, F_b being the first.
+    """Content of a robot file for the chain between two links, the first being F_b.
 
     Args:
         tree: The URDF.
         base: Link that is F_b.
         flange: Link that is the flange.
         file: Name of the URDF, for `source` and messages.
-        payload_kg: What the robot carries, which no URDF says.
+        payload_kg: Rated payload [kg], which a URDF does not state.
 
     Raises:
-        InputError: There is no such chain, or a robot file cannot have it.
+        InputError: There is no such chain, or a robot file cannot represent it.
     """
     whole = chain(tree, base, flange, file)
     axes = moving(whole.joints)
@@ -67,7 +67,7 @@ def robot_file(
 
 
 def _places(whole: Chain) -> dict[str, Array]:
-    """Frames of the links of a chain in that of its base, all joints at zero, each (4, 4)."""
+    """Frames of the links of a chain relative to its base, all joints at zero, each (4, 4)."""
     at = {whole.joints[0].parent: whole.start}
     for joint in whole.joints:
         at[joint.child] = at[joint.parent] @ joint.origin
@@ -75,13 +75,13 @@ def _places(whole: Chain) -> dict[str, Array]:
 
 
 def _line(at: Mapping[str, Array], joint: UrdfJoint) -> tuple[Array, Array]:
-    """A point of a joint's axis [m] and its direction, both (3,)."""
+    """Point on a joint's axis [m] and direction of the axis, both (3,)."""
     frame = at[joint.child]
     return frame[:3, 3], frame[:3, :3] @ joint.axis
 
 
 def _limited(number: int, joint: UrdfJoint) -> dict[str, Any]:
-    """Name, type, limits and effort of a joint, and what its stiffness may be."""
+    """Name, type, limits and effort of a joint, and the plausible range of its stiffness."""
     slides, effort = joint.type == "prismatic", joint.limit.effort
     name = f"{'r' if slides else 'theta'}{number}"
     found = {"name": name, "type": TYPES[joint.type], **_range(joint.limit, slides)}
@@ -95,7 +95,7 @@ def _limited(number: int, joint: UrdfJoint) -> dict[str, Any]:
 
 
 def _range(limit: Limit, slides: bool) -> dict[str, float]:
-    """The limits that a joint has."""
+    """The limits of a joint that are stated."""
     found = {}
     for end, value in (("lower", limit.lower), ("upper", limit.upper)):
         if value is not None and slides:
@@ -108,7 +108,7 @@ def _range(limit: Limit, slides: bool) -> dict[str, float]:
 def _weighing(
     tree: Tree, joint: UrdfJoint, at: Mapping[str, Array], frame: Array
 ) -> dict[str, Any]:
-    """Mass and centre of what a joint carries up to the next ones, in its frame of the table."""
+    """Mass and centre of mass of the links between a joint and the next, in its DH frame."""
     bodies = [
         Body(tree.bodies[name].mass, (T @ np.append(tree.bodies[name].centre, 1.0))[:3])
         for name, T in _rigid(tree, joint.child, at[joint.child])
@@ -123,7 +123,7 @@ def _weighing(
 
 
 def _rigid(tree: Tree, link: str, at: Array) -> Iterator[tuple[str, Array]]:
-    """A link and all that is fixed to it, with their frames (4, 4)."""
+    """A link and all links fixed to it, with their frames (4, 4)."""
     left = [(link, at)]
     while left:
         here, frame = left.pop()
@@ -133,7 +133,7 @@ def _rigid(tree: Tree, link: str, at: Array) -> Iterator[tuple[str, Array]]:
 
 
 def _assumed(tree: Tree, whole: Chain, rows: list[dict[str, Any]]) -> Iterator[str]:
-    """What the file does not know, or leaves out."""
+    """Assumptions: what is unknown or omitted."""
     yield "the stiffnesses of the joints are not known: a URDF has none"
     if any("stiffness_range_nm_per_rad" in one for one in rows):
         stiff, soft = (f"{1e3 * twist:g}" for twist in _TWIST_RAD)
@@ -149,7 +149,7 @@ def _assumed(tree: Tree, whole: Chain, rows: list[dict[str, Any]]) -> Iterator[s
 
 
 def _beside(tree: Tree, whole: Chain) -> list[str]:
-    """Joints that branch off what a chain moves."""
+    """Joints that branch off the moved links of a chain."""
     chained = {joint.name for joint in whole.joints}
     moved = {joint.child for joint in whole.joints}
     return [

@@ -1,6 +1,7 @@
-"""Axes in space as rows of a modified DH table: Tx(a) Rx(alpha) Ry(beta) Rz(theta) Tz(d).
+"""Rows of modified DH parameters for given axes: Tx(a) Rx(alpha) Ry(beta) Rz(theta) Tz(d).
 
-z_j lies along axis j as it points. The rest of a frame is free, and stands on the common normals.
+z_j is the direction of axis j, including its sense. The remaining freedom is used to place the
+frames on the common normals.
 """
 
 from __future__ import annotations
@@ -15,21 +16,22 @@ from pipeline.base.arrays import Array
 from pipeline.machine.robot.steps import Fixed
 
 _ROUNDING = 1e-9
-"""[m], [rad]: what a distance or an angle below this is in numbers of about ten digits."""
+"""Distance [m] or angle [rad] treated as zero: the resolution of numbers of about ten digits."""
 
 _NEARLY_PARALLEL = 0.01
-"""[rad]: common normals of axes that are nearer to parallel lie a hundred times as far off as the
-axes are apart; from here on a row has beta in their place."""
+"""Angle between axes below which they count as nearly parallel [rad]: their common normal would be
+a hundred times as far away as the axes are apart, so the row has beta instead."""
 
 METRES, DEGREES = 12, 10
-"""Decimals of a row: a picometre and 2e-12 rad, which are nanometres on no robot."""
+"""Decimals of lengths in m and of angles in degrees [1]: a picometre and 2e-12 rad, which are
+nanometres on no robot."""
 
 
 def frames(lines: list[tuple[Array, Array]], flange: Array) -> list[Array]:
-    """The frame before the first row and one on each axis, n + 1 of them, each (4, 4).
+    """The frame before the first row and one on each axis, n + 1 in total, each (4, 4).
 
-    x of a frame leads along the common normal to the next axis. What this leaves open, x keeps
-    from the frame before, so that arms whose axes are parallel have the table that people write.
+    x of a frame points along the common normal to the next axis. If that is not unique, x is kept
+    from the previous frame, so that arms with parallel axes have the usual parameters.
     """
     point, z = lines[0]
     here, x = point - z * (z @ point), _across(z, np.eye(3)[0], np.eye(3)[1])
@@ -46,14 +48,14 @@ def frames(lines: list[tuple[Array, Array]], flange: Array) -> list[Array]:
 def _normal(
     here: Array, z: Array, point: Array, next_z: Array, x_before: Array
 ) -> tuple[Array, Array, Array]:
-    """Where the common normal leaves one axis and meets the next [m], and its direction, (3,).
+    """Feet of the common normal on one axis and on the next [m], and its direction, each (3,).
 
     Args:
-        here: A point of the axis [m].
+        here: A point on the axis [m].
         z: Its direction.
-        point: A point of the next axis [m].
+        point: A point on the next axis [m].
         next_z: Its direction.
-        x_before: Direction to keep where there is a choice.
+        x_before: Direction to keep if the normal is not unique.
     """
     across, apart = np.cross(z, next_z), point - here
     if np.linalg.norm(across) < _NEARLY_PARALLEL:
@@ -69,7 +71,7 @@ def _normal(
 
 
 def _across(z: Array, *wished: Array) -> Array:
-    """The first wish that z leaves room for, made square to it, of unit length, shape (3,)."""
+    """The first of the vectors not parallel to z, made orthogonal to z, unit length, shape (3,)."""
     units = [wish / np.linalg.norm(wish) for wish in wished]
     squares = [unit - z * (z @ unit) for unit in units]
     found = next(one for one in squares if np.linalg.norm(one) > 0.1)
@@ -83,14 +85,14 @@ def _frame(origin: Array, x: Array, z: Array) -> Array:
 
 
 def _plain(first: Array) -> bool:
-    """Whether a row leads from F_b to the first frame: an axis square to x, met along x."""
+    """Whether a row can lead from F_b to the first frame: an axis orthogonal to x that meets x."""
     z, at = first[:3, 2], first[:3, 3]
     off = at[1:] - z[1:] * (z[1:] @ at[1:])
     return bool(abs(z[0]) < _ROUNDING and np.linalg.norm(off) < 10**-METRES)
 
 
 def row(before: Array, after: Array) -> dict[str, float]:
-    """The letters between two frames: Tx(a) Rx(alpha) Ry(beta) Rz(theta) Tz(d)."""
+    """The DH parameters between two frames: Tx(a) Rx(alpha) Ry(beta) Rz(theta) Tz(d)."""
     T = linear.solve(before, after)
     z, at = T[:3, 2], T[:3, 3]
     alpha, beta = np.arctan2(-z[1], z[2]), np.arcsin(np.clip(z[0], -1.0, 1.0))
@@ -105,12 +107,12 @@ def row(before: Array, after: Array) -> dict[str, float]:
 
 
 def fixed(name: str, step: Array) -> dict[str, Any]:
-    """A constant step as a table of a robot file; nothing where it is none."""
+    """A constant transform as a table of a robot file; empty if it is the identity."""
     if np.abs(step - np.eye(4)).max() < 10**-DEGREES:
         return {}
     R, at = step[:3, :3], step[:3, 3]
     pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
-    if np.hypot(R[0, 0], R[1, 0]) < _ROUNDING:  # roll and yaw turn about one axis
+    if np.hypot(R[0, 0], R[1, 0]) < _ROUNDING:  # roll and yaw have the same axis
         turns = np.arctan2(-R[1, 2], R[1, 1]), pitch, 0.0
     else:
         turns = np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])
@@ -123,5 +125,5 @@ def fixed(name: str, step: Array) -> dict[str, Any]:
 
 
 def shown(value: float, decimals: int) -> float:
-    """A number in so many decimals, zero without a sign."""
+    """Round a number to some decimals, zero without a sign."""
     return round(float(value), decimals) + 0.0

@@ -31,10 +31,10 @@ _USE = (
 
 
 def mjcf(handed: IdentifiedModel) -> bytes:
-    """The robot as MJCF: bodies, one joint each with its stiffness, a site for each point.
+    """The robot as MJCF: bodies, one joint each with its stiffness, and a site for each point.
 
-    With the joint values q_0 as reference, MuJoCo's springs pull by k (q_0 - q): in equilibrium
-    under a force f at the load point K (q - q_0) = J(q)' f, on the deflected robot.
+    With the joint values q_0 as reference, MuJoCo's spring torques are k (q_0 - q): in equilibrium
+    under a force f at the load point, K (q - q_0) = J(q)' f, evaluated on the deflected robot.
     """
     robot, found = handed.robot, springs(handed)
     root = ET.Element("mujoco", model=robot.name)
@@ -53,7 +53,7 @@ def mjcf(handed: IdentifiedModel) -> bytes:
 
 
 def _custom(handed: IdentifiedModel, found: list[Spring]) -> ET.Element:
-    """What MuJoCo passes on to who asks: uncertainties, and what a spring cannot carry."""
+    """User data that MuJoCo preserves: uncertainties, and what springs cannot represent."""
     custom = ET.Element("custom")
     said = {"campaign": handed.campaign, "verdict": handed.verdict}
     said |= {f"stiffness_{one.joint.name}": one.said for one in found}
@@ -64,7 +64,7 @@ def _custom(handed: IdentifiedModel, found: list[Spring]) -> ET.Element:
 
 
 def _link(parent: ET.Element, spring: Spring, placement: Array) -> ET.Element:
-    """The body behind a joint, in the body before it."""
+    """Add the body after a joint to the previous body."""
     joint, mass = spring.joint, body(spring)
     link = ET.SubElement(parent, "body", {"name": f"link_{joint.name}", **_at(placement)})
     about = row([mass.inertia] * 3)
@@ -85,9 +85,10 @@ def _link(parent: ET.Element, spring: Spring, placement: Array) -> ET.Element:
 
 
 def _at(frame: Array) -> dict[str, str]:
-    """Place and orientation of a frame (4, 4) in the one before it.
+    """Position and orientation of a frame (4, 4) relative to the previous one.
 
-    The quaternion [w, x, y, z] is that of Rz(yaw) Ry(pitch) Rx(roll), half angles multiplied.
+    The quaternion [w, x, y, z] is that of Rz(yaw) Ry(pitch) Rx(roll), from products of half-angle
+    functions.
     """
     (sr, sp, sy), (cr, cp, cy) = (f(rpy(frame[:3, :3]) / 2) for f in (np.sin, np.cos))
     quat = [

@@ -41,12 +41,12 @@ def sdf(handed: IdentifiedModel) -> bytes:
         parent = _link(model, parent, spring, robot.placement[j])
     _frame(model, FLANGE, parent, robot.flange)
     for name, at in handed.tool.named.items():
-        _frame(model, in_xml(name).replace("::", ":"), FLANGE, shift(at))  # :: parts scopes
+        _frame(model, in_xml(name).replace("::", ":"), FLANGE, shift(at))  # :: separates scopes
     return document(root)
 
 
 def _link(model: ET.Element, parent: str, spring: Spring, placement: Array) -> str:
-    """A joint with the link behind it, whose name is given."""
+    """Add a joint and the link after it; return the name of the link."""
     joint, mass = spring.joint, body(spring)
     name = f"link_{joint.name}"
     link = ET.SubElement(model, "link", name=name)

@@ -1,4 +1,4 @@
-"""model.urdf: the robot for programs that read URDF, which has no word for a stiffness."""
+"""model.urdf: the robot for programs that read URDF, which cannot express a stiffness."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pipeline.exchange._xml import BASE, FLANGE, causes, document, row, rpy, shi
 from pipeline.prediction.model import IdentifiedModel
 
 _FAR = 1e6
-"""Stands for infinity in a URDF [m], [rad], [N], [N m], [m/s] or [rad/s]."""
+"""Substitute for infinity in a URDF [m], [rad], [N], [N m], [m/s] or [rad/s]."""
 
 
 def urdf(handed: IdentifiedModel) -> bytes:
-    """The robot as URDF; every joint carries its stiffness in an <elasticity> of its own.
+    """The robot as URDF, with the stiffness of each joint in an additional <elasticity> element.
 
-    URDF has no word for the stiffness of a joint and its readers pass over words they do not know.
+    URDF has no element for the stiffness of a joint, and its parsers ignore unknown elements.
     """
     robot = handed.robot
     root = ET.Element("robot", name=robot.name)
@@ -30,7 +30,7 @@ def urdf(handed: IdentifiedModel) -> bytes:
         element = _joint(root, joint.name, parent, f"link_{joint.name}", robot.placement[j])
         element.set("type", "prismatic" if joint.prismatic else "revolute")
         ET.SubElement(element, "axis", xyz="0 0 1")
-        # URDF wants finite limits, of velocity too, which a robot file does not have
+        # URDF requires finite limits, also of velocity, which a robot file does not state
         ends = {"lower": max(joint.lower, -_FAR), "upper": min(joint.upper, _FAR)}
         ends |= {"effort": joint.effort or _FAR, "velocity": _FAR}
         ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})

@@ -1,7 +1,6 @@
-"""A URDF as it is written, and the chain of joints between two of its links.
+"""Parse a URDF, and find the chain of joints between two of its links.
 
-What no robot file can say is refused by name: joints that float, slide in a plane or follow
-another joint.
+What a robot file cannot represent is refused by name: floating, planar and mimic joints.
 """
 
 from __future__ import annotations
@@ -21,24 +20,24 @@ from pipeline.base.errors import InputError, listed
 from pipeline.machine.robot.steps import Fixed
 
 TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
-"""Joints of a URDF that a robot file has."""
+"""Joint types of a robot file by those of a URDF."""
 
 _SHORTEST = 1e-9
-"""Length of an axis below which it points nowhere."""
+"""Length of an axis vector below which it has no direction [1]."""
 
 _ENDLESS = 1e30
-"""[any]: no number of a robot is as large; it is no number, or stands for infinity."""
+"""Limit of the numbers of a URDF [any]; larger ones are invalid or stand for infinity."""
 
 _FAR = 1e3
-"""Limits beyond it [m] or [rad] stand for none: 160 turns."""
+"""Joint limit from which a joint counts as unlimited [m] or [rad]: 160 turns."""
 
 _WEAKEST, _STRONGEST = 1e-3, 1e7
-"""Efforts beyond them [N] or [N m] stand for none: the weights of 0.1 g and 1000 t."""
+"""Efforts outside this range count as unstated [N] or [N m]: the weights of 0.1 g and 1000 t."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """What `<limit>` says of a joint, SI; None where it says nothing."""
+    """Contents of the `<limit>` of a joint, SI; None if not stated."""
 
     lower: float | None
     upper: float | None
@@ -47,17 +46,17 @@ class Limit:
 
 @dataclass(frozen=True, eq=False)
 class UrdfJoint(Locked):
-    """A joint of a URDF with what hangs behind it.
+    """A joint of a URDF and the link it moves.
 
     Attributes:
-        name: Of the joint.
-        type: As the URDF has it.
+        name: Its name.
+        type: Joint type as in the URDF.
         parent: Link that carries it.
         child: Link that it moves.
-        origin: Its frame in that of the parent, shape (4, 4).
-        axis: Direction in which it moves, in its own frame, shape (3,); unit length.
+        origin: Its frame relative to the parent, shape (4, 4).
+        axis: Unit vector of its motion, in its own frame, shape (3,).
         limit: Its limits.
-        mimic: Joint that it follows, None for one that moves by itself.
+        mimic: Joint that it follows, None for an independent joint.
     """
 
     name: str
@@ -72,7 +71,7 @@ class UrdfJoint(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Body(Locked):
-    """Mass [kg] of a link and its centre in the link's frame [m], shape (3,)."""
+    """Mass [kg] of a link, and its centre of mass in the link's frame [m], shape (3,)."""
 
     mass: float
     centre: Array
@@ -80,12 +79,12 @@ class Body(Locked):
 
 @dataclass(frozen=True)
 class Tree:
-    """A URDF as it is written.
+    """The contents of a URDF.
 
     Attributes:
-        name: Of the robot.
-        joints: By the link that they move.
-        bodies: By the link; links without mass have none.
+        name: Name of the robot.
+        joints: Joints by the link that they move.
+        bodies: Masses by link; links without mass are absent.
         links: Names of all links.
     """
 
@@ -96,10 +95,10 @@ class Tree:
 
 
 def read(text: str, file: str) -> Tree:
-    """The links and joints of a URDF.
+    """Read the links and joints of a URDF.
 
     Raises:
-        InputError: It is no URDF, or a number of it cannot be read; names the place.
+        InputError: It is not a URDF, or a number cannot be read; names the place.
     """
     root = _root(text, file)
     joints = [_joint(element, file) for element in root.findall("joint")]
@@ -141,7 +140,7 @@ def _word(element: ET.Element, key: str, whose: str, file: str) -> str:
 
 
 def _numbers(element: ET.Element | None, key: str, none: str, whose: str, file: str) -> Array:
-    """As many numbers as `none` has; these where nothing is said."""
+    """As many numbers as `none` has, which is the default."""
     said = none if element is None else element.get(key, none)
     try:
         values = np.array([float(word) for word in said.split()])
@@ -155,7 +154,7 @@ def _numbers(element: ET.Element | None, key: str, none: str, whose: str, file: 
 
 
 def _pose(element: ET.Element | None, whose: str, file: str) -> Array:
-    """The frame that an `<origin>` says, shape (4, 4)."""
+    """The frame of an `<origin>`, shape (4, 4)."""
     x, y, z = _numbers(element, "xyz", "0 0 0", whose, file).tolist()
     turns = np.remainder(_numbers(element, "rpy", "0 0 0", whose, file), 2 * np.pi)
     roll, pitch, yaw = np.rad2deg(turns).tolist()
@@ -191,7 +190,7 @@ def _joint(element: ET.Element, file: str) -> UrdfJoint:
 
 
 def _limit(element: ET.Element | None, type_: str, whose: str, file: str) -> Limit:
-    """Limits of a joint; a URDF says nothing by 0 to 0, an effort of 0 and by enormous ones."""
+    """Limits of a joint; a range of 0 to 0, zero effort and enormous values count as unstated."""
     lower, upper, effort = (
         float(_numbers(element, key, "0", whose, file)[0]) for key in ("lower", "upper", "effort")
     )
@@ -214,11 +213,11 @@ def _body(element: ET.Element, file: str) -> Body | None:
 
 @dataclass(frozen=True, eq=False)
 class Chain(Locked):
-    """What lies between two links.
+    """Chain of joints between two links.
 
     Attributes:
-        start: Frame of the link from which the joints lead, in that of the base, shape (4, 4).
-        joints: From there to the flange, fixed ones among them.
+        start: Frame of the link at which the joints start, relative to the base, shape (4, 4).
+        joints: Joints from there to the flange, including fixed ones.
     """
 
     start: Array
@@ -226,10 +225,11 @@ class Chain(Locked):
 
 
 def chain(tree: Tree, base: str, flange: str, file: str) -> Chain:
-    """The joints from one link, or from what it is fixed to, to another.
+    """The joints from one link, or from the link it is fixed to, to another.
 
     Raises:
-        InputError: There is no such link, no such chain, or it has a joint that no row can be.
+        InputError: There is no such link or chain, or a joint cannot be represented in a robot
+            file.
     """
     _known(tree, base, file)
     _known(tree, flange, file)
@@ -249,7 +249,7 @@ def chain(tree: Tree, base: str, flange: str, file: str) -> Chain:
 
 
 def moving(joints: Iterable[UrdfJoint]) -> list[UrdfJoint]:
-    """Joints that are no fixed ones, which are the rows of a robot file."""
+    """Joints that are not fixed; these become the rows of a robot file."""
     return [joint for joint in joints if joint.type != "fixed"]
 
 
@@ -260,7 +260,7 @@ def _known(tree: Tree, link: str, file: str) -> None:
 
 
 def _parted(tree: Tree, base: str, flange: str) -> tuple[list[UrdfJoint], list[UrdfJoint]]:
-    """The joints to one link and to another from where the ways to them part."""
+    """The joints to each of two links from where their branches separate."""
     down, up = _from_root(tree, base), _from_root(tree, flange)
     while down and up and down[0] is up[0]:
         del down[0], up[0]
@@ -268,7 +268,7 @@ def _parted(tree: Tree, base: str, flange: str) -> tuple[list[UrdfJoint], list[U
 
 
 def _from_root(tree: Tree, link: str) -> list[UrdfJoint]:
-    """The joints that lead to a link, the first one first."""
+    """The joints from the root to a link, in this order."""
     joints: list[UrdfJoint] = []
     while link in tree.joints and len(joints) < len(tree.joints):
         joints.append(tree.joints[link])

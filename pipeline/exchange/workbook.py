@@ -1,7 +1,7 @@
-"""results.xlsx and csv/: the answer as tables for a spreadsheet, made once from the records.
+"""results.xlsx and csv/: the answer as tables for a spreadsheet, derived once from the records.
 
-Units stand in the headings, or in a column of their own where they differ by row. Nothing is
-rounded but to the sixteen digits of a workbook; an empty cell is what nobody knows.
+Units are stated in the headings, or in a column of their own if they differ by row. Numbers are not
+rounded except to the sixteen digits of a workbook; unknown values are empty cells.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from pipeline.tables import F64, STR, as_csv
 
 @dataclass(frozen=True)
 class _SheetColumn:
-    """What stands below a heading.
+    """One column of a sheet.
 
     Attributes:
         title: The heading, with its unit.
-        of: The cell of one thing; None where it is empty.
-        kind: Words, unless a number.
+        of: Function from the object of a row to its cell; None for an empty cell.
+        kind: Text or number.
     """
 
     title: str
@@ -48,8 +48,7 @@ def files(answer: Answer, tables: Mapping[str, pd.DataFrame]) -> dict[str, bytes
 
     Args:
         answer: The answer to the campaign.
-        tables: RESIDUALS and RELIABILITY by the lower-case names of their promises, SI; a table
-            that is missing gives an empty sheet.
+        tables: The tables `residuals` and `reliability`, in SI; a missing one gives an empty sheet.
     """
     found = _sheets(answer, tables)
     each = {f"csv/{name}.csv": as_csv(table) for name, table in found.items()}
@@ -84,7 +83,7 @@ def _cell(column: _SheetColumn, one: object) -> object:
 
 @dataclass(frozen=True)
 class _SummaryLine:
-    """A line of the summary: words, or a number with its unit."""
+    """A line of the summary: text, or a number with its unit."""
 
     what: str
     said: object = None
@@ -101,7 +100,7 @@ _SUMMARY = (
 
 
 def _summary(answer: Answer) -> Iterator[_SummaryLine]:
-    """What a reader wants to know first."""
+    """The most important results."""
     fit, verdict = answer.fit, answer.diagnosis.verdict
     yield _SummaryLine("campaign", answer.campaign)
     yield _SummaryLine("robot", answer.machine)
@@ -126,7 +125,7 @@ def _summary(answer: Answer) -> Iterator[_SummaryLine]:
 
 
 def _asked(answer: Answer) -> Iterator[_SummaryLine]:
-    """Deflection of the load point at the test pose, and what a tolerance decides of it."""
+    """Deflection of the load point at the test pose, and the decision on a tolerance."""
     pose, asked = answer.test_pose, answer.tolerance
     if pose is not None:
         yield _SummaryLine("deflection at the test pose", None, pose.deflection_mm, "mm")
@@ -140,7 +139,7 @@ def _asked(answer: Answer) -> Iterator[_SummaryLine]:
 
 @dataclass(frozen=True)
 class _Joined:
-    """Something beside what belongs to it."""
+    """An object and another that belongs to it."""
 
     of: Any
     beside: Any
@@ -209,7 +208,7 @@ _CAUSES = (
 
 
 def _parameters(causes: Iterable[Cause]) -> Iterator[_Joined]:
-    """Each cause as often as it has parameters, and once where it has none."""
+    """Each cause once per parameter, or once if it has none."""
     for cause in causes:
         yield from (_Joined(cause, one) for one in cause.parameters or (None,))
 
@@ -235,7 +234,7 @@ _PREDICTIONS = (
 
 
 def _mean(of: str, draw: str) -> Callable[[Any], float | None]:
-    """Mean of Eq. (22) for the target of a row, if it is there."""
+    """Mean of Eq. (22) for the target of a row, if available."""
     return lambda row: getattr(getattr(row.beside, draw, row.beside), of).get(row.of)
 
 
@@ -286,13 +285,13 @@ _RELIABILITY = {
     "moves_sigmas": ("moves [standard uncertainties]", 1.0),
     "moves_most": ("of", None),
 }
-"""The same of RELIABILITY."""
+"""Columns of RELIABILITY: heading, and the factor of a number."""
 
 
 def _of_table(
     columns: Mapping[str, tuple[str, float | None]], table: pd.DataFrame | None
 ) -> pa.Table:
-    """Every row of a table under headings for people; what is no finite number is an empty cell."""
+    """All rows of a table with readable headings; numbers that are not finite give empty cells."""
     found = pd.DataFrame(columns=list(columns)) if table is None else table
     return pa.table(
         {
@@ -316,15 +315,15 @@ def _numbers_of(column: pd.Series, factor: float) -> pa.Array:
 # --- the workbook --------------------------------------------------------------------------
 
 _ALWAYS = datetime(1980, 1, 1)
-"""When every workbook was made, so that the same answer gives the same bytes."""
+"""Creation time stated in every workbook, so that the same answer gives the same bytes."""
 _MOST_ROWS = 2**20 - 1
-"""Below the heading of a sheet of Excel; the CSV has them all."""
+"""Maximum number of rows below the heading of an Excel sheet [1]; the CSV contains all."""
 _WIDEST = 60
-"""Of a column, in characters."""
+"""Maximum width of a column [characters]."""
 
 
 def _workbook(found: Mapping[str, pa.Table]) -> bytes:
-    """Sheets as one .xlsx: headings bold and always in sight, no cell is a formula or a link."""
+    """Write sheets to one .xlsx with bold, frozen headings; no cell is a formula or a link."""
     import xlsxwriter
 
     sink = io.BytesIO()
@@ -347,6 +346,6 @@ def _workbook(found: Mapping[str, pa.Table]) -> bytes:
 
 
 def _width(title: str, cells: Iterable[object]) -> float:
-    """Of a column, so that its words can be read; a number needs twelve places."""
+    """Width of a column at which its words can be read; a number takes twelve characters."""
     longest = max((len(cell) for cell in cells if isinstance(cell, str)), default=12)
     return float(np.clip(max(longest, *map(len, title.split())), 8, _WIDEST) + 1)

@@ -59,7 +59,7 @@ def nominal(model: Standing) -> Standing:
 
 
 def springs(model: Standing) -> Standing:
-    """The table as delivered with the estimated springs, without letters and laws."""
+    """The table as delivered with the estimated springs, without DH corrections and laws."""
     bare = nominal(model)
     return replace(
         bare,

@@ -1,4 +1,4 @@
-"""Tracker exports: every dialect that can be read, chosen by what a file contains."""
+"""Read tracker exports in any known dialect, recognised by the content of the file."""
 
 from __future__ import annotations
 
@@ -40,22 +40,22 @@ __all__ = [
 _DIALECTS, _MAPPED = "pipeline.dialects:DIALECTS", "pipeline.dialects.mapped:read"
 _HOLDS = "pipeline.intake.table:holds_one"
 _NAMED = "pipeline.dialects._named:find"
-"""What files of others are, where those that say it are there."""
+"""References to the code for files of other programs, which may not be installed."""
 
 
 @functools.cache
 def catalogue() -> dict[str, Reader]:
-    """Every reader by its key: of our own CSV, of other programs' dialects, of any other table."""
+    """All readers by key: our own CSV, the dialects of other programs, and any other table."""
     return {"plain": plain.READER} | (doors.found(_DIALECTS) or {})
 
 
 def writers() -> dict[str, Reader]:
-    """Those in whose dialect `simulate` writes, too."""
+    """The readers in whose dialect `simulate` can also write."""
     return {key: reader for key, reader in catalogue().items() if reader.write}
 
 
 def recognise(file: Text) -> Reader:
-    """The reader whose dialect a file is written in; a table of no dialect is one of its own.
+    """Recognise the dialect of a file; a table in no known dialect counts as one of its own.
 
     Raises:
         InputError: More than one dialect fits, or there is no table of points.
@@ -77,7 +77,7 @@ def recognise(file: Text) -> Reader:
 
 
 def _fitting(dialects: Iterable[Reader], sample: Sequence[str]) -> list[Reader]:
-    """The readers that claim a file; one with a mark of its own before those of any table."""
+    """The readers that recognise a file; those of a distinctive dialect before general ones."""
     fitting = [reader for reader in dialects if reader.recognise(sample)]
     return [reader for reader in fitting if not reader.general] or fitting
 
@@ -99,7 +99,7 @@ def read(name: str, data: bytes, hints: Hints | None = None) -> Export:
 
 
 def opened_as_text(name: str, data: bytes, hints: Hints) -> Text:
-    """An export as text, of a workbook the sheet that is meant."""
+    """Open an export as text; of a workbook, the sheet that holds the readings."""
     refuse_other_programs(name, data)
     return opened(name, data, hints.sheet, hints.decimal, "tracker", lambda one: _fits(one, hints))
 
@@ -111,9 +111,11 @@ def _read(file: Text, hints: Hints) -> Export:
 
 
 def _fits(sheet: Text, hints: Hints) -> int:
-    """How well a sheet of a workbook fits.
+    """Rate how well a sheet of a workbook fits.
 
-    3 where it can be read, 2 where titles name coordinates, 1 where points may be in it.
+    Returns:
+        3 if readings can be read from it, 2 if titles name coordinates, 1 if it may contain points,
+        0 otherwise.
     """
     try:
         return 3 if len(_read(sheet, hints).line) else 0
@@ -122,6 +124,6 @@ def _fits(sheet: Text, hints: Hints) -> int:
 
 
 def _holds_one(file: Text) -> bool:
-    """Whether there are rows with three numbers in a file, as far as anybody can say."""
+    """Whether a file has rows with three numbers; False if the intake is not installed."""
     holds = doors.found(_HOLDS)
     return holds is not None and bool(holds(file))

@@ -1,4 +1,4 @@
-"""Lines and their cells."""
+"""Split lines into cells, and normalise numbers as people and programs write them."""
 
 from __future__ import annotations
 
@@ -16,39 +16,40 @@ _GROUPS = tuple(
     re.compile(rf"{_SIGN}(?P<whole>[0-9]{{1,3}}(?:{between}[0-9]{{3}})+)(?P<rest>[{mark}][0-9]+)")
     for between, mark in ((",", "."), (r"\.", ","), ("[ '\u2019\u00a0\u202f\u2009]", ".,"))
 )
-"""Thousands with a sign between them, told by a decimal mark of another kind behind."""
+"""Numbers with thousands separators, recognised by a decimal mark of another kind after them."""
 _TURNS = re.compile(
     rf"{_SIGN}(?P<d>[0-9]{{1,3}})"
     r"(?:[°d] ?(?P<m>[0-9]{1,2})['′m] ?|-(?P<mm>[0-9]{2})-(?=.*[.,]))"
     r"(?P<s>[0-9]{1,2}(?:[.,][0-9]+)?)(?:\"|″|''|s)?"
 )
-"""Degrees, minutes and seconds; with hyphens only where a fraction says that it is no date."""
+"""Degrees, minutes and seconds; separated by hyphens only if decimals show that it is not a
+date."""
 _FORTRAN = re.compile(r"(?<=[0-9.])[dD](?=[+-][0-9])")
 ODD = "[ '’\u00a0\u202f\u2009−°dD]|,.*\\.|\\..*,|[0-9]-[0-9]"
-"""What no number has that is written as programs read them."""
+"""Characters and combinations that do not occur in numbers as programs parse them."""
 _IS_ODD = re.compile(ODD)
 _MINUTES = 60
-"""In a degree, as seconds in a minute."""
+"""Minutes in a degree, and seconds in a minute [1]."""
 IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]")
-"""What stands in brackets in a title, mostly its unit, with the blanks before."""
+"""Text in brackets in a title, usually the unit, with the blanks before it."""
 MARKS = ("//", "#", "%", "!")
-"""How remarks begin."""
+"""Characters that introduce a comment line."""
 
 
 _GLANCE = 40
-"""Letters of a cell in a message."""
+"""Maximum number of characters of a cell quoted in a message."""
 _FEW_ROWS = 5
-"""Rows that are too few to say that all are written alike."""
+"""Number of rows up to which a common format of all rows is not assumed [1]."""
 _LOOKED_AT = 50
-"""Rows before the last that say how long its last cell should be."""
+"""Number of rows before the last that determine the expected length of its last cell [1]."""
 
 
 class Bad(Exception):
-    """Why a row is left out."""
+    """A row is rejected; the message says why."""
 
 
 def cells(line: str, delimiter: str) -> list[str]:
-    """The cells of a line, quotes resolved, without blanks around them."""
+    """The cells of a line, unquoted and stripped of surrounding blanks."""
     if '"' not in line:
         return [cell.strip() for cell in line.split(delimiter)]
     try:
@@ -67,7 +68,7 @@ def cells_or_none(line: str, delimiter: str) -> list[str] | None:
 
 
 def is_remark(line: str, mark: str | tuple[str, ...] | None) -> bool:
-    """Whether a line begins with a mark of remarks; none does where a file has no mark."""
+    """Whether a line is a comment; never if the file has no comment mark."""
     return mark is not None and line.lstrip().startswith(mark)
 
 
@@ -77,13 +78,13 @@ def is_plain(line: str, mark: str | tuple[str, ...] | None) -> bool:
 
 
 def above(text: Text, header: int, delimiter: str, numbers: Sequence[int]) -> list[tuple[int, str]]:
-    """Line and reason of rows above a header, which only a damaged file has.
+    """Line and reason for rows of data above a header, which only a damaged file has.
 
     Args:
         text: The file.
-        header: Line of its header.
-        delimiter: What separates cells.
-        numbers: Places of cells that hold a number in every row; remarks have none there.
+        header: Line number of its header.
+        delimiter: Separator of cells.
+        numbers: Column indices that hold a number in every row of data, but not in comments.
     """
     reason = "the row is above the header; move it below"
     rows = ((n, cells_or_none(line, delimiter) or []) for n, line in text.lines(1, header - 1))
@@ -100,15 +101,15 @@ def bare(title: str) -> str:
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell holds a number, with whatever decimal mark."""
+    """Whether a cell holds a number, with either decimal mark."""
     return NUMBER.fullmatch(bare_number(cell).replace(",", ".", 1)) is not None
 
 
 def bare_number(cell: str) -> str:
-    """A number without what people and other languages write in it; other cells as they are.
+    """Normalise a number as people and other languages write it; other cells are unchanged.
 
-    Thousands kept apart, a typographer's minus, Fortran's exponent, and degrees, minutes and
-    seconds, which become degrees.
+    Thousands separators are removed, a typographic minus and Fortran's exponent are replaced, and
+    degrees, minutes and seconds are converted to decimal degrees.
     """
     if not _IS_ODD.search(cell):
         return cell
@@ -132,29 +133,29 @@ def _in_degrees(turn: re.Match[str]) -> str:
 
 
 def shown(cell: str, most: int = _GLANCE) -> str:
-    """A cell for a message: control characters out, not longer than a glance."""
+    """Shorten a cell for a message, with control characters replaced."""
     plain = "".join(c if c.isprintable() else "?" for c in cell)
     return plain if len(plain) <= most else plain[: most - 1] + "…"
 
 
 def text_of(values: Array, digits: int | None) -> list[list[str]]:
-    """Numbers as text, row by row: with so many decimals, or (None) with all that matter."""
+    """Format numbers row by row, with `digits` decimals, or (None) with all significant digits."""
     if digits is None:
         return [[repr(value) for value in row] for row in values.tolist()]
     return [[f"{value:.{digits}f}" for value in row] for row in values.tolist()]
 
 
 def is_special(line: str, layout: Layout) -> bool:
-    """Whether a line is blank or a comment, and so no row."""
+    """Whether a line is blank or a comment, and therefore not a row of data."""
     bare = line.strip() if layout.delimiter != "\t" else line.strip(" \r\n")
     return not bare or bool(layout.comment and bare.startswith(layout.comment))
 
 
 def cut_off(text: Text, layout: Layout, line: Ints) -> bool:
-    """Whether the file ends inside its last row.
+    """Whether the file is truncated within its last row.
 
-    Told where the last line lacks its end and its last cell, a number or a time, is shorter than
-    every one before, all of which are written alike.
+    This is assumed if the last line has no line end, and its last cell, a number or a time, has
+    fewer digits or characters than all previous ones, which have equally many.
     """
     if text.ended() or line[-1] != len(text) or len(line) <= _FEW_ROWS:
         return False

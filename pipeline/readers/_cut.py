@@ -1,7 +1,7 @@
-"""Lines into cells: every row at once by Arrow, or each by itself where one is damaged or quoted.
+"""Split lines into cells: all rows at once with Arrow, or one by one if any is damaged or quoted.
 
-Both cut at the delimiters and nowhere else; the second way knows quotation marks and says which
-row has too few cells or too many.
+Both split at the delimiters only; the second way also handles quotation marks and says which row
+has too few or too many cells.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from pipeline.readers._layout import JOINT, Layout
 from pipeline.readers._text import Text
 
 _BLOCK = 1 << 22
-"""Bytes that Arrow cuts in one go; many times the longest line."""
+"""Block size for Arrow [byte], many times the longest line."""
 _BLANK = bytes({c.encode()[0] for c in map(chr, range(0x3001)) if c.isspace()})
-"""How the blanks of all scripts begin."""
+"""First bytes of the UTF-8 encodings of all white space."""
 _TYPES = {
     "name": pa.dictionary(pa.int32(), pa.string()),  # the same ones come often
     **dict.fromkeys(("number", "time", "blank"), pa.string()),
 }
-"""What cells become, by their kind; of others nothing."""
+"""Arrow type of cells by kind; cells of other kinds are skipped."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Cut(Locked):
-    """Rows with as many cells as they should have.
+    """Rows with the expected number of cells.
 
     Attributes:
-        columns: Cells of each field that is looked at, names as dictionaries, others as text;
-            blanks around them are still there.
-        line: Line of each row, shape (n,).
+        columns: Cells of each field that is read, names as dictionaries, others as text; not yet
+            stripped of surrounding blanks.
+        line: Line number of each row, shape (n,).
         rejected: Line and reason of the other rows.
     """
 
@@ -48,7 +48,7 @@ class _Cut(Locked):
 
 
 def cut(text: Text, layout: Layout) -> _Cut:
-    """All rows from line `layout.first` on; blank lines and comments are none."""
+    """Split all rows from line `layout.first` on; blank lines and comments are skipped."""
     special = _special(text, layout)
     line = np.arange(layout.first, len(text) + 1)[~special]
     columns = None if b'"' in text.data or not len(line) else _at_once(text, layout, special)
@@ -56,7 +56,7 @@ def cut(text: Text, layout: Layout) -> _Cut:
 
 
 def _special(text: Text, layout: Layout) -> Bools:
-    """Lines from the first row on that are blank or a comment, shape (lines,)."""
+    """Whether lines from the first row on are blank or comments, shape (lines,)."""
     first = np.frombuffer(text.data, dtype=np.uint8)[text.starts[layout.first - 1 : -1]]
     may_be = np.zeros(256, dtype=bool)
     may_be[[*_BLANK, *(layout.comment or "").encode()[:1]]] = True
@@ -67,7 +67,7 @@ def _special(text: Text, layout: Layout) -> Bools:
 
 
 def _at_once(text: Text, layout: Layout, special: Bools) -> list[pa.Array] | None:
-    """The columns, or None where a row has more or less cells than it should."""
+    """The columns, or None if a row has more or fewer cells than expected."""
     try:
         table = _read(_body(text, layout.first, special), layout)
     except pa.ArrowInvalid:
@@ -83,10 +83,10 @@ def _at_once(text: Text, layout: Layout, special: Bools) -> list[pa.Array] | Non
 
 
 def _read(body: pa.Buffer, layout: Layout) -> pa.Table:
-    """Cells in columns; joined names are one cell.
+    """Read cells as columns; joined names are one cell.
 
     Raises:
-        pa.ArrowInvalid: A row has more or less cells than it should.
+        pa.ArrowInvalid: A row has more or fewer cells than expected.
     """
     types = [_TYPES.get(field.kind) for field in layout.fields[layout.joined :]]
     types = [*([pa.string()] if layout.joined else []), *types]
@@ -112,10 +112,10 @@ def _read(body: pa.Buffer, layout: Layout) -> pa.Table:
 
 
 def _body(text: Text, first: int, special: Bools) -> pa.Buffer:
-    """The lines from `first` on that are not special, in one piece.
+    """Concatenate the lines from `first` on that are not special.
 
-    Copied into memory of Arrow's: a thread of its that lets go of Python's while the interpreter
-    ends aborts the process (apache/arrow issue 34314).
+    They are copied into memory owned by Arrow: one of its threads that releases a Python object
+    during interpreter shutdown aborts the process (apache/arrow issue 34314).
     """
     starts = text.starts[first - 1 :]
     edge = np.flatnonzero(np.diff(np.concatenate([[True], special, [True]]))).reshape(-1, 2)
@@ -127,7 +127,7 @@ def _body(text: Text, first: int, special: Bools) -> pa.Buffer:
 
 
 def _each(text: Text, layout: Layout, line: Ints) -> _Cut:
-    """The columns, row by row, and why rows have not as many cells as they should."""
+    """The columns, split row by row, and why rows have the wrong number of cells."""
     kept, found, rejected = [], [], []
     for number in line.tolist():
         try:
@@ -162,7 +162,7 @@ def _row(line: str, layout: Layout) -> list[str]:
     """The cells of a row, one for each field.
 
     Raises:
-        Bad: There are more or less of them.
+        Bad: There are more or fewer of them.
     """
     found = cells(line, layout.delimiter)
     if layout.joined:
@@ -180,7 +180,7 @@ def _row(line: str, layout: Layout) -> list[str]:
 
 
 def _to_width(found: list[str], layout: Layout) -> list[str]:
-    """The cells without empty ones behind the last column, or with those that nobody needs."""
+    """Drop empty cells after the last column, or append missing ones that are not required."""
     width = len(layout.fields)
     if len(found) > width and not any(found[width:]):
         return found[:width]

@@ -1,7 +1,7 @@
-"""Delimited rows into typed columns: each column as a whole, and why a cell is none of its kind.
+"""Convert delimited rows to typed columns, and say why a cell is not of the type of its column.
 
-Why a row is left out is asked of the same columns that the others are taken from: none is lost
-without a reason, and none has a reason that does not hold.
+The reasons for rejection are derived from the same columns as the values: no row is lost without a
+reason, and none gets a reason that does not apply.
 """
 
 from __future__ import annotations
@@ -25,11 +25,12 @@ from pipeline.readers._text import Text
 from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _GROUPED = r"^[+-]?[1-9][0-9]{0,2}(,[0-9]{3})+$"
-"""Commas that may stand between thousands, or one for a decimal point; none begins with 0."""
+"""Numbers whose commas may be thousands separators or, if there is one comma, a decimal mark; none
+begins with 0."""
 _LAST = ord("~")
-"""The last letter of ASCII; blanks of other scripts come behind it."""
+"""Code of the last printable ASCII character; white space of other scripts comes after it."""
 _NO_NUMBERS = ("nan", "inf", "infinity", "na", "n/a", "null", "none", "1.#qnan")
-"""What programs write where they have no number."""
+"""Texts that programs write for a missing number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +38,11 @@ class _RawColumn(Locked):
     """One column of all rows.
 
     Attributes:
-        field: Which.
-        cells: What is written, without blanks around it: text, or a dictionary of names.
-        values: What that says, null where it says nothing.
-        good: Rows that may stay, shape (n,).
-        zoned: Times with a zone, shape (n,); None where there is none.
+        field: Description of the column.
+        cells: Texts as written, stripped of surrounding blanks: strings, or a dictionary of names.
+        values: Parsed values, null if a cell has none.
+        good: Rows that are not rejected, shape (n,).
+        zoned: Times with a time zone, shape (n,); None if there are none.
     """
 
     field: Field
@@ -55,7 +56,7 @@ def rows(text: Text, layout: Layout) -> TypedRows:
     """Read all rows from line `layout.first` on.
 
     Raises:
-        InputError: The decimal mark cannot be told, or only some times have a zone.
+        InputError: The decimal mark is ambiguous, or only some times have a zone.
     """
     found = cut(text, layout)
     fields = [field for field in layout.fields if field.kind != "any"]
@@ -86,7 +87,7 @@ def rows(text: Text, layout: Layout) -> TypedRows:
 def _kept(
     columns: list[_RawColumn], line: Ints, good: Bools, rejected: list[tuple[int, str]]
 ) -> TypedRows:
-    """The good rows, numbered among all."""
+    """The good rows, with their numbers among all rows."""
     values = {c.field.name: c.values for c in columns if c.field.kind != "blank"}
     if not good.all():
         values = sifted(values, good)
@@ -96,7 +97,7 @@ def _kept(
 
 
 def _trimmed(cells: pa.Array) -> pa.Array:
-    """The cells without blanks around them."""
+    """Strip surrounding blanks from cells."""
     if pa.types.is_dictionary(cells.type):
         trimmed = _trimmed(cells.dictionary)
         same = trimmed.equals(cells.dictionary)
@@ -107,13 +108,13 @@ def _trimmed(cells: pa.Array) -> pa.Array:
 
 
 def _without(cells: pa.StringArray, unit: str) -> pa.StringArray:
-    """Numbers without the unit behind them."""
+    """Remove the unit after numbers."""
     end = rf"(?i)\s*{re.escape(unit)}$"
     return pc.replace_substring_regex(cells, end, "") if unit else cells
 
 
 def _bare_numbers(cells: pa.StringArray) -> pa.StringArray:
-    """Numbers without what people write in them, where there is any."""
+    """Normalise numbers as people write them, if there are any."""
     letters = _letters(cells)
     plain = letters.min(initial=_LAST) > ord("'") and letters.max(initial=0) <= ord("9")
     turns = any(map(is_turn, cells[:_GLIMPSE].to_pylist()))
@@ -125,11 +126,12 @@ def _bare_numbers(cells: pa.StringArray) -> pa.StringArray:
 
 
 _GLIMPSE = 50
-"""Rows that tell whether a column holds degrees, minutes and seconds, as all of it does then."""
+"""Number of leading rows that decide whether a column holds degrees, minutes and seconds [1]; if
+so, all of its rows do."""
 
 
 def _letters(cells: pa.StringArray) -> npt.NDArray[np.uint8]:
-    """All letters of a column as they stand in memory, shape (letters,)."""
+    """All bytes of the text of a column, as stored in memory, shape (bytes,)."""
     return np.frombuffer(cells.buffers()[2] or b"", dtype=np.uint8)
 
 
@@ -148,12 +150,12 @@ def decimal_mark(numeric: list[pa.Array], line: Ints, table: str | None) -> str:
     """The decimal mark of a file: the one that most of its numbers have.
 
     Args:
-        numeric: Its columns of numbers as text, without blanks around them.
-        line: Line of each row, shape (n,).
-        table: Of campaign.toml, where it can be stated; None where it cannot.
+        numeric: Its numeric columns as text, stripped of surrounding blanks.
+        line: Line number of each row, shape (n,).
+        table: Table of campaign.toml that may state the decimal mark; None if none may.
 
     Raises:
-        InputError: Every comma could as well stand between thousands.
+        InputError: Every comma could also be a thousands separator.
     """
     if not any((_letters(column) == ord(",")).any() for column in numeric):
         return "."
@@ -175,11 +177,11 @@ def decimal_mark(numeric: list[pa.Array], line: Ints, table: str | None) -> str:
     return "," if commas > points else "."
 
 
-# --- what cells say -------------------------------------------------------------------------------
+# --- values of cells ------------------------------------------------------------------------------
 
 
 def _parsed(field: Field, cells: pa.Array, layout: Layout) -> _RawColumn:
-    """What the cells of a column say, and which of them may stay."""
+    """Parse the cells of a column, and decide which rows are accepted."""
     values, zoned = cells, None
     if field.kind == "number":
         values = _numbers(cells, layout.decimal or ".")
@@ -200,18 +202,19 @@ def _filled(cells: pa.Array) -> Bools:
 
 
 _LARGEST = 1e30
-"""Of any number in a file: no unit makes one of a hall so large, and its square is still one."""
+"""Largest magnitude accepted for a number in a file [1]: no unit makes a coordinate in a factory
+hall this large, and its square is still finite."""
 
 
 def _numbers(cells: pa.Array, mark: str) -> pa.DoubleArray:
-    """Numbers with one decimal mark, null where there is none."""
+    """Parse numbers with one decimal mark, null if a cell is not a number."""
     values = _cast(cells, mark)
     finite = np.abs(values.to_numpy(zero_copy_only=False)) <= _LARGEST
     return values if finite.all() else pc.if_else(pa.array(finite), values, None)
 
 
 def _cast(cells: pa.Array, mark: str) -> pa.DoubleArray:
-    """The same, but infinite where too large and NaN or infinite where none."""
+    """Parse numbers as in `_numbers`; infinite if too large, NaN or infinite if not a number."""
     if mark == ".":
         try:
             return cells.cast(pa.float64())
@@ -231,7 +234,7 @@ def _number(mark: str) -> str:
 def _why_not(
     columns: list[_RawColumn], line: Ints, good: Bools, layout: Layout
 ) -> list[tuple[int, str]]:
-    """Line and reason of the rows that may not stay, each for its first cell that is to blame."""
+    """Line and reason of the rejected rows, each for its first faulty cell."""
     out = []
     for row in np.flatnonzero(~good).tolist():
         column = next(column for column in columns if not column.good[row])

@@ -1,4 +1,4 @@
-"""How delimited rows are written, and the typed columns that come of them."""
+"""Layout of delimited rows, and the typed columns read from them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from pipeline.readers import _time
 
 DELIMITERS = (",", ";", "\t", "|")
 JOINT = "::"
-"""Between collection, group and target in SpatialAnalyzer's names."""
+"""Separator of collection, group and target in SpatialAnalyzer's names."""
 
 
 def delimiter_of(line: str, otherwise: str = DELIMITERS[0]) -> str:
-    """What separates the cells of a line of titles: the sign that it has most of."""
+    """The delimiter of a header line: the most frequent of the known ones."""
     found = max(DELIMITERS, key=line.count)
     return found if found in line else otherwise
 
@@ -31,11 +31,11 @@ class Field:
     """One column of a row.
 
     Attributes:
-        name: What it is called in the result.
-        kind: `name`, `number`, `time`, `blank` (must be empty) or `any` (not looked at).
-        needed: Whether the cell may not be empty.
-        title: What the file calls it, where that is something else.
-        unit: What stands behind the number in its cells, too: `702.3 N`.
+        name: Name in the result.
+        kind: `name`, `number`, `time`, `blank` (must be empty) or `any` (not read).
+        needed: Whether the cell must not be empty.
+        title: Title in the file, if different.
+        unit: Unit that follows the number in its cells: `702.3 N`.
     """
 
     name: str
@@ -46,23 +46,23 @@ class Field:
 
     @property
     def said(self) -> str:
-        """What it is called in messages."""
+        """Name used in messages."""
         return self.title or self.name
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How rows are written.
+    """Layout of delimited rows.
 
     Attributes:
         fields: The columns, left to right.
-        delimiter: What separates them.
-        first: Line of the first row, counted from 1.
-        decimal: `.` or `,`, or None to find out.
-        comment: Start of a line that is no row.
-        moment: How times are written, `_time.ISO` or a `strptime` form.
-        joined: How many of the first fields stand in one cell, with `::` between them; 0 for none.
-        table: Table of campaign.toml that may say the decimal mark; None where none may.
+        delimiter: Separator of the columns.
+        first: Line number of the first row, counted from 1.
+        decimal: `.` or `,`, or None to determine it from the file.
+        comment: Start of comment lines.
+        moment: Format of times, `_time.ISO` or a `strptime` format.
+        joined: How many of the first fields share one cell, separated by `::`; 0 for none.
+        table: Table of campaign.toml that may state the decimal mark; None if none may.
     """
 
     fields: tuple[Field, ...]
@@ -80,9 +80,9 @@ class TypedRows(Locked):
     """Typed columns of the rows that could be read.
 
     Attributes:
-        columns: By name; dictionaries of strings, float64 and timestamps.
-        line: Line of each row, shape (n,).
-        order: Number of each row among all rows, those left out included, from 1, shape (n,).
+        columns: Columns by name; dictionaries of strings, float64 or timestamps.
+        line: Line number of each row, shape (n,).
+        order: Number of each row among all rows, including rejected ones, from 1, shape (n,).
         rejected: Line and reason of the rows that could not be read.
     """
 
@@ -92,7 +92,7 @@ class TypedRows(Locked):
     rejected: tuple[tuple[int, str], ...]
 
     def only(self, good: Bools, why_not: str) -> TypedRows:
-        """The rows that are good; the others are rejected for one reason."""
+        """Keep the good rows; reject the others, all for the same reason."""
         if good.all():
             return self
         lost = tuple((int(line), why_not) for line in self.line[~good])
@@ -100,7 +100,7 @@ class TypedRows(Locked):
         return TypedRows(columns, self.line[good], self.order[good], rejected)
 
     def without(self, bad: Mapping[int, str]) -> TypedRows:
-        """The rows but some, each rejected for its own reason, by row from 0."""
+        """Reject some rows, each for its own reason, by row index from 0."""
         good = np.ones(len(self.line), dtype=bool)
         good[list(bad)] = False
         lost = tuple((int(self.line[row]), why) for row, why in sorted(bad.items()))
@@ -108,5 +108,5 @@ class TypedRows(Locked):
         return self if not bad else replace(kept, rejected=(*self.rejected, *lost))
 
     def floats(self, name: str) -> Array:
-        """A column of numbers, NaN where a cell is empty, shape (n,)."""
+        """A numeric column, NaN where a cell is empty, shape (n,)."""
         return np.array(self.columns[name].fill_null(np.nan), dtype=float)

@@ -1,4 +1,4 @@
-"""The header of a log: which line it is, and our names for what others call its columns."""
+"""Find the header of a log, and map the column names of other programs to ours."""
 
 from __future__ import annotations
 
@@ -22,34 +22,34 @@ from pipeline.readers._text import (
 from pipeline.readers.said import LogForm
 
 _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
-"""Units that are others: a scale in kilograms shows kilogram-force."""
+"""Synonyms of units: a scale in kilograms shows kilogram-force."""
 _UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "in", "deg", "rad", "nm", "knm"}
-"""What may stand in brackets and contradict the name that a column is given."""
+"""Units that, in the brackets of a title, can contradict the name assigned to the column."""
 _BELOW = {*_UNITS, *_ALIKE, "degrees", "grad", "kp", ""}
-"""What may stand below titles in a line of units."""
+"""Words that may appear in a line of units below the titles."""
 
 
 _WITH_UNIT = re.compile(r"(.*[0-9.,])\s*([^\W\d_]+|°)")
 _NO_UNIT = re.compile(
     r"(nr|no|num|number|nummer|#|1|text|[hmsdty: .]+|[a-z]{2,4}[-./][a-z]{2,4}[-./][a-z]{2,4})[.]?"
 )
-"""What people write there of columns that have none: a number, a text, how a time is written."""
+"""Entries of such a line for columns without a unit: a number, a text, or a time format."""
 
 
 @dataclass(frozen=True)
 class Titled:
-    """A log whose header was found.
+    """A log with its header.
 
     Attributes:
-        text: The file, with single blanks where blanks separate its cells.
-        line: Line of the header.
-        first: Line of the first row.
-        delimiter: What separates the cells.
-        titles: Our names of its columns in small letters; of those we do not know their titles.
-        written: Its titles as they stand in the file, with the unit that stands below them or in
-            the first row.
-        behind: The unit behind the numbers of each column; empty where there is none.
-        above: Line and reason of rows that stand above the header.
+        text: The file, with runs of blanks squeezed to one if blanks separate its cells.
+        line: Line number of the header.
+        first: Line number of the first row.
+        delimiter: Separator of the cells.
+        titles: Our names of its columns in lower case; for unknown columns their titles.
+        written: Its titles as written in the file, with the unit given below them or in the first
+            row.
+        behind: Unit after the numbers of each column; empty if there is none.
+        above: Line and reason of rows above the header.
     """
 
     text: Text
@@ -72,19 +72,20 @@ def opened(
 ) -> Titled:
     """Find the header of a log.
 
-    It is the first line that names the column `key`, and without one the first that is neither
-    blank nor a remark.
+    It is the first line that names the column `key`; if there is none, the first line that is
+    neither blank nor a comment.
 
     Args:
         name: Name of the file, for messages.
         data: Its content.
-        said: What campaign.toml says of its columns.
-        table: Where it says so; None where it cannot.
+        said: Description of its columns in campaign.toml.
+        table: Table of campaign.toml that holds it; None if there is none.
         key: A column that every log of this kind has.
-        holds: Whether our names of all columns are those of this kind, to tell sheets apart.
+        holds: Whether our names of all columns are those of this kind, to select a sheet.
 
     Raises:
-        InputError: Empty or no text; a title of campaign.toml is not there, or a column twice.
+        InputError: The file is empty or not text; a title in campaign.toml is not in the file, or a
+            column occurs twice.
     """
     with at(name):
         refuse_other_programs(name, data)
@@ -123,7 +124,7 @@ def as_text(
     table: str | None,
     fits: Callable[[Text], int],
 ) -> Text:
-    """A log as a table: points of a controller and recordings are made one."""
+    """Open a log as a table; point lists and recordings of a controller are converted to one."""
     of_controller = None if is_workbook(data) else found("pipeline.dialects:of_controller")
     made = of_controller(data) if of_controller else None
     return text(name, made) if made else opened_text(name, data, sheet, mark, table, fits)
@@ -131,13 +132,14 @@ def as_text(
 
 @dataclass(frozen=True)
 class LogHeader:
-    """A line as a header.
+    """A line interpreted as a header.
 
     Attributes:
-        line: Its number.
-        first: Line of the first row: behind that of the units, where there is one.
-        delimiter: What separates its cells.
-        written: Its titles as written, each with the unit that stands below it.
+        line: Line number.
+        first: Line number of the first row, after the line of units if there is one.
+        delimiter: Separator of its cells.
+        written: Its titles as written, each with the unit given below it.
+        behind: Unit after the numbers of each column; empty if there is none.
     """
 
     line: int
@@ -148,17 +150,17 @@ class LogHeader:
 
     @property
     def titles(self) -> list[str]:
-        """The titles in small letters."""
+        """The titles in lower case."""
         return [title.lower() for title in self.written]
 
 
 def _found(file: Text, own: Mapping[str, str], key: str) -> LogHeader | None:
-    """The first line that names a column, as a header; None where none does."""
+    """The first line that names the column `key`, as a header; None if there is none."""
     return next((one for one in headers(file) if key in _ours(one.titles, own)), None)
 
 
 def _no_remark(file: Text) -> int:
-    """The first line that is neither blank nor a remark; the first that is not blank without."""
+    """The first line that is neither blank nor a comment; if there is none, the first not blank."""
     plain = (n for n, line in file.lines(1, SAMPLE_LINES) if is_plain(line, MARKS))
     return next(plain, file.first()[0])
 
@@ -184,40 +186,40 @@ def _header(file: Text, line: int) -> LogHeader:
 
 
 def _with_unit(title: str, unit: str) -> str:
-    """A title with the unit of its column, where it has none itself."""
+    """A title with the unit of its column appended, if it has none itself."""
     return f"{title} [{unit}]" if unit and not _parted(title)[1] else title
 
 
 def _unit_behind(cell: str) -> str:
-    """The unit behind the number in a cell; empty where there is none."""
+    """The unit after the number in a cell; empty if there is none."""
     found = _WITH_UNIT.fullmatch(cell.strip())
     known = found and is_number(found[1]) and found[2].lower() in _BELOW
     return found[2] if found and known else ""
 
 
 def _unit_below(cell: str) -> str:
-    """The unit that a cell of a line of units states; nothing where it says what numbers count."""
+    """The unit stated by a cell of a line of units; empty if it says what the numbers count."""
     unit = cell.strip("[](){}<>-–—/ ")
     return "" if _NO_UNIT.fullmatch(unit.lower()) else unit
 
 
 def _cut(line: str, delimiter: str) -> list[str]:
-    """The cells of a line above the rows, as written."""
+    """The cells of a line above the data rows, as written."""
     cells = line.split() if delimiter == " " else line.split(delimiter)
     return [bare(cell) for cell in cells]
 
 
 def _ours(titles: Sequence[str], said: Mapping[str, str]) -> list[str]:
-    """What we call the columns; `Force [N]` is `force_n` where nothing else is said of it.
+    """Our names of the columns; `Force [N]` is `force_n` unless campaign.toml says otherwise.
 
-    What is said of `Force` is said of `Force [N]`, too.
+    What it says of `Force` also applies to `Force [N]`.
     """
     small = [title.lower() for title in titles]
     return [said.get(title) or said.get(_parted(title)[0]) or _suffixed(title) for title in small]
 
 
 def _parted(title: str) -> tuple[str, str]:
-    """A title without the unit in brackets at its end, and that unit."""
+    """Split a title into its text and the unit in brackets at its end."""
     unit = next((one for one in IN_BRACKETS.finditer(title) if one.end() == len(title)), None)
     return (title[: unit.start()], unit[1]) if unit else (title, "")
 
@@ -229,10 +231,10 @@ def _suffixed(title: str) -> str:
 
 
 def _agree(titles: Sequence[str], said: Mapping[str, str], table: str | None) -> None:
-    """Every title of campaign.toml is there, and its unit is the one in its brackets.
+    """Check that every title in campaign.toml exists and agrees with the unit in its brackets.
 
     Raises:
-        InputError: It is not; a title that is written out with its unit is believed.
+        InputError: It does not; a title written out with its unit is trusted.
     """
     parted = {stem: (title, unit) for title in titles for stem, unit in [_parted(title)]}
     for title, ours in said.items():
@@ -253,7 +255,7 @@ def _agree(titles: Sequence[str], said: Mapping[str, str], table: str | None) ->
 
 
 def _unique(titles: Sequence[str]) -> None:
-    """No two columns may have the same name.
+    """Check that no two columns have the same name.
 
     Raises:
         InputError: Two have.

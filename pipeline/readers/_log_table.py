@@ -1,4 +1,4 @@
-"""A log as columns in SI: found by their titles and units, with what could not be read."""
+"""Read a log as columns in SI, found by title and unit, with the rows that were rejected."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from pipeline.readers._log_form import Titled, opened
 from pipeline.readers.said import OURS, LogForm
 
 _Rejection = tuple[str, int | None, str]
-"""File, line and reason of what was left out."""
+"""File, line and reason of a rejection."""
 
 BEYOND = 2**31
-"""Poses and pulls are numbered below it: tables hold them in 32 bits."""
+"""Upper limit of pose and pull numbers [1]: tables hold them in 32 bits."""
 _LARGEST = 1e7
-"""Of lengths, angles and forces [SI], whatever unit was mistaken for whatever other."""
+"""Largest magnitude accepted for lengths, angles and forces [SI], however units were confused."""
 
 
 class State(NamedTuple):
-    """What was read in a group: a state of a pose, and the line of the log that says so."""
+    """State of a pose in which a group was read, and the line of the log that says so."""
 
     pose: int
     repeat: int
@@ -41,12 +41,12 @@ class Log(Locked):
     """Rows of a log.
 
     Attributes:
-        file: Its name.
+        file: File name.
         number: Numeric columns in SI by name, each shape (n,); NaN where a cell is empty.
-        word: Columns of words by name, each shape (n,).
-        line: Line of each row, shape (n,).
-        rejected: What could not be read.
-        states: What groups of readings are, by the names that the log has for them.
+        word: Text columns by name, each shape (n,).
+        line: Line number of each row, shape (n,).
+        rejected: Rows that could not be read.
+        states: State of each group of readings, by the group name used in the log.
     """
 
     file: str
@@ -57,16 +57,16 @@ class Log(Locked):
     states: dict[str, State] = field(default_factory=dict)
 
     def only(self, good: Bools, reason: str) -> Log:
-        """The rows that are good; the others are rejected, all for one reason."""
+        """Keep the good rows; reject the others, all for the same reason."""
         return self.without(dict.fromkeys(np.flatnonzero(~good).tolist(), reason))
 
     def where(self, name: str, good: Callable[[Any], Bools], reason: str) -> Log:
-        """The rows whose cell of a column, where there is such a column, is good."""
+        """Keep the rows whose cell in a column is good; all rows if there is no such column."""
         column = (self.number | self.word).get(name)
         return self if column is None else self.only(good(column), reason)
 
     def without(self, why: Mapping[int, str]) -> Log:
-        """All rows but some, which are rejected, each for its reason."""
+        """Reject some rows, each for its own reason."""
         if not why:
             return self
         good = np.ones(len(self.line), dtype=bool)
@@ -75,7 +75,7 @@ class Log(Locked):
         return replace(self.kept(good), rejected=self.rejected + left_out)
 
     def kept(self, good: Bools) -> Log:
-        """Some of the rows; nothing is said of the others."""
+        """Keep some of the rows; the others are dropped without being reported."""
         number, word = sifted(self.number, good), sifted(self.word, good)
         return replace(self, number=number, word=word, line=self.line[good])
 
@@ -86,10 +86,10 @@ class Quantity:
 
     Attributes:
         stem: Its name without unit.
-        units: Factor to SI by unit suffix; empty for a number without unit.
+        units: Factor to SI by unit suffix; empty for a dimensionless number.
         kind: `number` or `name`.
         needed: Whether the table must have it.
-        filled: Whether every row of a table that must have it has to.
+        filled: Whether, in a table that must have it, every row must have a value.
     """
 
     stem: str
@@ -100,16 +100,25 @@ class Quantity:
 
 
 def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
-    """The wanted columns of a delimited table with a header, in SI; the first names its rows.
+    """Read the wanted columns of a delimited table with a header, in SI.
+
+    The header is found by the first wanted column.
 
     Raises:
-        InputError: Empty, a needed column is missing, or it has no unit.
+        InputError: The table is empty, or a needed column or its unit is missing.
     """
     return typed(opened(name, data, OURS, None, wanted[0].stem), wanted, OURS, None)
 
 
 def typed(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str | None) -> Log:
-    """The same of a log whose header was found, and that a table of campaign.toml may describe."""
+    """Read the wanted columns as in `table`, from a log whose header was found.
+
+    Args:
+        file: The log.
+        wanted: Columns to look for.
+        said: Description of the log in campaign.toml.
+        where: Table of campaign.toml that may hold it; None if there is none.
+    """
     name, titles = file.text.name, file.titles
     with at(name):
         with at(line=file.line):
@@ -129,7 +138,7 @@ def typed(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str | 
 
 
 def known_columns(said: LogForm, where: str, quantities: Sequence[Quantity]) -> None:
-    """Every name that campaign.toml gives a column is one of ours.
+    """Check that every column name assigned in campaign.toml is one of ours.
 
     Raises:
         InputError: One is not.
@@ -148,7 +157,13 @@ def known_columns(said: LogForm, where: str, quantities: Sequence[Quantity]) -> 
 
 
 def _log(file: str, read: TypedRows, columns: Sequence[tuple[Quantity, str, float]]) -> Log:
-    """A table in SI; of each quantity the title of its column, and the factor."""
+    """Convert a table to SI.
+
+    Args:
+        file: File name.
+        read: Typed rows of the table.
+        columns: Each quantity with the title of its column and the factor to SI.
+    """
     number = {q.stem: read.floats(title) * si for q, title, si in columns if q.kind == "number"}
     words = {q.stem: read.columns[title] for q, title, _ in columns if q.kind == "name"}
     word = {k: w.cast(pa.string()).to_numpy(zero_copy_only=False) for k, w in words.items()}
@@ -157,7 +172,7 @@ def _log(file: str, read: TypedRows, columns: Sequence[tuple[Quantity, str, floa
 
 
 def _possible(log: Log, names: Sequence[str]) -> Log:
-    """Only rows with values that an instrument may show."""
+    """Keep only rows with values that an instrument can show."""
     for name in names:
         reason = f"{name} is larger than any instrument shows; correct or remove the row"
         log = log.where(name, lambda values: ~(np.abs(values) > _LARGEST), reason)
@@ -165,18 +180,18 @@ def _possible(log: Log, names: Sequence[str]) -> Log:
 
 
 def names_of(q: Quantity) -> list[str]:
-    """What the column of a quantity may be called."""
+    """Accepted column names of a quantity."""
     return [f"{q.stem}_{unit}" for unit in q.units] or [q.stem]
 
 
 def suffixed(titles: Sequence[str], q: Quantity) -> tuple[str, str | None] | None:
-    """The column of a quantity and the unit in its name: `x_mm`, `mm`; None where it has none."""
+    """Column of a quantity and the unit in its name, such as `x_mm` and `mm`; None if absent."""
     of_unit = {f"{q.stem}_{unit}".lower(): unit for unit in q.units} | {q.stem.lower(): None}
     return next(((name, of_unit[name]) for name in titles if name in of_unit), None)
 
 
 def _column(titles: Sequence[str], q: Quantity, where: str | None) -> tuple[str, float] | None:
-    """The column of a quantity and its factor to SI, or None where it has none and needs none."""
+    """The column of a quantity and its factor to SI, or None if it is absent and not needed."""
     found = suffixed(titles, q)
     mapped = (
         f", or say what it is in [{where}.columns] of campaign.toml, as `pipeline inspect` proposes"
@@ -197,7 +212,7 @@ def _column(titles: Sequence[str], q: Quantity, where: str | None) -> tuple[str,
 
 
 def whole_numbers(log: Log) -> Log:
-    """Only rows whose pose and repeat are whole numbers, not negative."""
+    """Keep only rows whose pose and repeat are non-negative integers."""
 
     def whole(values: Array) -> Bools:
         return (values >= 0) & (values == np.round(values)) & (values < BEYOND)
@@ -208,7 +223,7 @@ def whole_numbers(log: Log) -> Log:
 
 
 def once(log: Log, key: Sequence[str]) -> Log:
-    """Rows whose key comes once: equal ones are kept once, contradicting ones not at all."""
+    """Remove duplicate keys: of equal rows one is kept, of contradicting ones none."""
     rows = pd.DataFrame({**log.number, **log.word})
     twice = rows[rows.duplicated(list(key), keep=False)]
     why: dict[int, str] = {}

@@ -1,4 +1,4 @@
-"""Names that hold group and target in one: `Group::Target`, or as [tracker] names says."""
+"""Split names that hold group and target: `Group::Target`, or as [tracker] names says."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from pipeline.base import patterns
 from pipeline.readers._reader import Export, kept
 
 _JOINED = r"(?:.+?::)?(?P<group>[^:]+(?::[^:]+)*)::(?P<target>[^:]+(?::[^:]+)*)"
-"""SpatialAnalyzer's way; a collection in front is not used."""
+"""Names as SpatialAnalyzer writes them; a collection in front is ignored."""
 
 
 def split(export: Export, pattern: str | None) -> Export:
-    """The export with the group taken out of its target names, where it has no other groups.
+    """Split the group off the target names of an export that has no other groups.
 
     Args:
-        export: Readings with targets but without groups; others stay as they are.
-        pattern: Expression with the parts group and target, None for `Group::Target`.
+        export: Readings with targets but without groups; others are returned unchanged.
+        pattern: Regular expression with the parts group and target, None for `Group::Target`.
     """
     if export.group is not None or export.target is None:
         return export
@@ -40,5 +40,5 @@ def split(export: Export, pattern: str | None) -> Export:
 
 
 def part(found: pa.StructArray, name: str) -> pa.StringArray:
-    """One part of names as an expression has found it, empty where it has not."""
+    """One part of the names matched by an expression, empty where it does not match."""
     return pc.fill_null(pc.struct_field(found, name), "")

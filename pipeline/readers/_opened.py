@@ -1,4 +1,4 @@
-"""A file as text, whether it is text or a workbook."""
+"""Open a file as text, whether it is text or a workbook."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ def opened(
     table: str | None,
     fits: Callable[[Text], int],
 ) -> Text:
-    """A file as text; a workbook is for the dialects to open.
+    """Open a file as text; workbooks are opened by the dialects.
 
     Args:
-        name: Its name, for messages.
+        name: File name, for messages.
         data: Its content.
-        sheet: Which sheet is meant, None where nobody says.
-        mark: The decimal mark that is expected, None for any.
-        table: Table of campaign.toml that may say both; None where none may.
-        fits: How well a sheet fits, 0 for not at all, where there are several and none is named.
+        sheet: Name of the sheet to read, None if not stated.
+        mark: Expected decimal mark, None for any.
+        table: Table of campaign.toml that may state both; None if none may.
+        fits: How well a sheet fits, 0 for not at all; used if there are several and none is named.
 
     Raises:
-        InputError: No text and no workbook, too large, or not one sheet fits.
+        InputError: The file is neither text nor a workbook, is too large, or not exactly one sheet
+            fits.
     """
     if not is_workbook(data):
         return text(name, data)

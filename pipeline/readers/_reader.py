@@ -1,4 +1,4 @@
-"""The shape of a reader: pure functions from the text of an export to readings in SI, and back."""
+"""Interface of a reader: pure functions from the text of an export to readings in SI, and back."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from pipeline.readers._units import in_unit
 from pipeline.readers.said import Hints
 
 TABLE = "table"
-"""What `inspect` calls a file of no dialect."""
+"""Name that `inspect` gives to a file of no known dialect."""
 _FARTHEST_M = 1e6
-"""No tracker reads so far [m], whatever unit was mistaken for whatever other."""
+"""Largest coordinate accepted [m]: no tracker reaches this far, however units were confused."""
 _STATISTICS = {
     "mean", "mean value", "average", "avg", "median", "min", "max", "minimum", "maximum", "range",
     "count", "rms", "centroid", "std", "std dev", "stddev", "std deviation", "standard deviation",
     "st dev", "stdev", "sigma", "sum", "mittelwert", "mittel", "standardabweichung", "stabw",
     "spannweite", "anzahl", "schwerpunkt", "summe", "moyenne", "écart type", "media",
 }  # fmt: skip
-"""Names of what programs write below or above the points of a table."""
+"""Names that programs give to statistics written below or above the points of a table."""
 _STATISTIC = "its name is that of a statistic, and no target; rename it if it is one"
 _NINES = re.compile(r"999+(\.9+)?")
-"""What programs write for no number."""
+"""Numbers that programs write for a missing value."""
 _NOTHING = (
     "its three numbers are those that stand for no reading; measure it again or remove the row"
 )
@@ -42,15 +42,16 @@ _TOO_FAR = (
 
 @dataclass(frozen=True)
 class Meaning:
-    """How the three numbers of a reading are to be read.
+    """How the three numbers of a reading are to be interpreted.
 
     Attributes:
         unit: Unit of length, `mm`, `m`, `in`, `um`, `cm`, `ft` or `ftUS`.
-        kind: `cartesian` x, y, z; `spherical` range, azimuth, vertical angle; `cylindrical`
-            radius, azimuth, z.
+        kind: `cartesian` x, y, z; `spherical` range, azimuth, vertical angle; `cylindrical` radius,
+            azimuth, z.
         angle: Unit of angles, `deg`, `rad`, `gon` or `dms`; None for Cartesian coordinates.
         vertical: Vertical angle from `zenith` (z up is 0) or as `elevation` (horizontal is 0).
-        horizontal: Azimuths grow `counter-clockwise`, from x towards y, or `clockwise`.
+        horizontal: Sense of positive azimuths, `counter-clockwise`, from x towards y, or
+            `clockwise`.
     """
 
     unit: str
@@ -62,12 +63,12 @@ class Meaning:
 
 @dataclass(frozen=True)
 class Faces:
-    """What two faces said of an instrument.
+    """Summary of readings in two faces of an instrument.
 
     Attributes:
-        pairs: Targets read in both, each now one reading.
-        largest_m: Largest distance between the two [m].
-        single: Readings in the second face that have none in the first.
+        pairs: Number of targets read in both faces, each now averaged to one reading.
+        largest_m: Largest distance between the two readings of a pair [m].
+        single: Number of readings in the second face without one in the first.
     """
 
     pairs: int
@@ -80,24 +81,25 @@ class Export(Locked):
     """Readings of one file, in the frame of the export.
 
     Attributes:
-        file: Name of the file.
+        file: File name.
         dialect: Name of the reader.
-        encoding: What the file is written in.
+        encoding: Character encoding of the file.
         meaning: Unit and kind of coordinates in the file.
-        group: Group of each reading, dictionary of strings, or None where the file has none.
-        target: Target of each reading, dictionary of strings, or None where the file has none.
+        group: Group of each reading, dictionary of strings, or None if the file has none.
+        target: Target of each reading, dictionary of strings, or None if the file has none.
         position: Cartesian coordinates [m], shape (n, 3).
-        covariance: xx, xy, xz, yy, yz, zz [m^2], shape (n, 6), or None where none is used.
+        covariance: xx, xy, xz, yy, yz, zz [m^2], shape (n, 6), or None if none is used.
         covariance_kind: `a-priori`, `standard`, `expanded` or `rms`; None without covariance.
-        time: Time of each reading, timestamps without zone, null where unknown, length n.
-        line: Line of each reading, counted from 1, shape (n,).
+        time: Time of each reading, timestamps without time zone, null if unknown, length n.
+        line: Line number of each reading, counted from 1, shape (n,).
         order: Number of each reading among all rows of the file, from 1, shape (n,).
-        rows: How many rows the file has, those left out included.
-        unused: Columns that were not looked at.
-        rejected: Line and reason of what was left out.
-        faces: Of polar readings in two faces, which are averaged; None where there is one face.
-        untimed: A column that should hold times and does not, None where there is none.
-        settled: What campaign.toml settled that the file leaves open, in sentences.
+        rows: Number of rows in the file, including rejected ones.
+        unused: Columns that were not read.
+        rejected: Line and reason of rejected rows.
+        faces: Summary of polar readings in two faces, which are averaged; None if there is one
+            face.
+        untimed: A column that should hold times but does not, None if there is none.
+        settled: Sentences on what the file leaves open and campaign.toml settles.
     """
 
     file: str
@@ -121,7 +123,7 @@ class Export(Locked):
 
 
 OF_EACH = ("group", "target", "position", "covariance", "time", "line", "order")
-"""What of an `Export` has one row for each reading."""
+"""Attributes of an `Export` with one row for each reading."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,11 +131,11 @@ class Readings(Locked):
     """Readings to be written.
 
     Attributes:
-        group: Group of each, n of them.
-        target: Target of each, n of them.
-        position: In the tracker's frame [m], shape (n, 3).
-        time: Time of each, n of them.
-        covariance: Six numbers [m^2] for dialects that carry one, shape (n, 6), or None.
+        group: Group of each reading, length n.
+        target: Target of each reading, length n.
+        position: Coordinates in the tracker's frame [m], shape (n, 3).
+        time: Time of each reading, length n.
+        covariance: Six numbers [m^2] for dialects that carry them, shape (n, 6), or None.
     """
 
     group: Sequence[str]
@@ -144,7 +146,8 @@ class Readings(Locked):
 
 
 _Write = Callable[[Readings, str, int | None], bytes]
-"""Readings, unit of length, decimals (None: all that matter) -> content of a file."""
+"""Function of readings, unit of length and number of decimals (None: all significant digits) that
+returns the content of a file."""
 
 
 @dataclass(frozen=True)
@@ -152,15 +155,15 @@ class Reader:
     """One dialect.
 
     Attributes:
-        name: What `inspect` calls it.
+        name: Name shown by `inspect`.
         recognise: Whether the first lines of a file are of this dialect.
-        read: The readings of a file of this dialect.
-        write: A file of this dialect.
-        suffix: Usual ending of its files.
-        says_unit: Whether its files state their unit; else campaign.toml must.
-        says_names: Whether its files have groups and targets; else an assignment must.
-        general: Whether any table with the usual titles fits, so that a dialect with a mark of
-            its own comes first.
+        read: Reads a file of this dialect.
+        write: Writes a file of this dialect, or None.
+        suffix: Usual extension of its files.
+        says_unit: Whether its files state their unit; otherwise campaign.toml must.
+        says_names: Whether its files have groups and targets; otherwise an assignment must.
+        general: Whether it accepts any table with the usual titles, so that a dialect with a
+            distinctive mark takes precedence.
     """
 
     name: str
@@ -185,12 +188,12 @@ def export(
 
     Args:
         text: The file.
-        dialect: Its name.
-        rows: The typed rows; of the columns `group`, `target` (or `reflector`) and `time` those
-            that the file has.
-        meaning: Of the three numbers.
+        dialect: Name of the dialect.
+        rows: The typed rows, with those of the columns `group`, `target` (or `reflector`) and
+            `time` that the file has.
+        meaning: Interpretation of the three numbers.
         position: Cartesian coordinates [m], shape (n, 3).
-        unused: Columns that were not looked at.
+        unused: Columns that were not read.
     """
     columns, n = rows.columns, len(rows.line)
     return Export(
@@ -213,11 +216,11 @@ def export(
 
 
 def of_targets(readings: Export, numbers: Sequence[Array]) -> Export:
-    """The readings that are some: no statistics, and no numbers that stand for nothing.
+    """Reject statistics and placeholders for missing readings.
 
     Args:
-        readings: All of a file.
-        numbers: What it holds of each, in its units, three of shape (n,).
+        readings: All readings of a file.
+        numbers: Their three numbers in the units of the file, three arrays of shape (n,).
     """
     statistic = _statistics(readings.target)
     if statistic.any():
@@ -228,7 +231,7 @@ def of_targets(readings: Export, numbers: Sequence[Array]) -> Export:
 
 
 def _statistics(target: pa.DictionaryArray | None) -> Bools:
-    """Rows whose target is a mean, a deviation or the like of the others, shape (n,)."""
+    """Rows whose target is named after a statistic such as a mean or a deviation, shape (n,)."""
     if target is None:
         return np.zeros(1, dtype=bool)
     words = (re.findall(r"[^\W_]+", str(name).lower()) for name in target.dictionary.to_pylist())
@@ -237,9 +240,9 @@ def _statistics(target: pa.DictionaryArray | None) -> Bools:
 
 
 def _nothing(numbers: Sequence[Array]) -> Bools:
-    """Rows of which three times -9999 or so says that there is no reading, shape (n,).
+    """Rows with one number such as -9999 three times, which means no reading, shape (n,).
 
-    0, 0, 0 may be a place; where it is none, the campaign's other readings show it.
+    0, 0, 0 may be a valid place; if not, the other readings of the campaign reveal it.
     """
     x, y, z = numbers
     alike = (x == y) & (y == z)
@@ -248,7 +251,7 @@ def _nothing(numbers: Sequence[Array]) -> Bools:
 
 
 def in_a_hall(readings: Export) -> Export:
-    """The readings that are no farther off than anything in a hall."""
+    """Reject readings farther away than anything in a factory hall."""
     xyz = readings.position.T
     if all(x.min(initial=0) >= -_FARTHEST_M and x.max(initial=0) <= _FARTHEST_M for x in xyz):
         return readings
@@ -257,7 +260,7 @@ def in_a_hall(readings: Export) -> Export:
 
 
 def kept(readings: Export, keep: Bools, why_not: str) -> Export:
-    """The readings to keep; the others are rejected for one reason."""
+    """Keep some readings; reject the others, all for the same reason."""
     of_each = sifted({name: getattr(readings, name) for name in OF_EACH}, keep)
     left_out = tuple((int(line), why_not) for line in readings.line[~keep])
     return replace(readings, **of_each, rejected=(*readings.rejected, *left_out))
@@ -266,6 +269,6 @@ def kept(readings: Export, keep: Bools, why_not: str) -> Export:
 def written(
     readings: Readings, unit: str, digits: int | None
 ) -> Iterator[tuple[str, str, list[str], datetime]]:
-    """Group, target, Cartesian coordinates as text and time of each reading, for the writers."""
+    """Iterate over group, target, Cartesian coordinates as text, and time, for the writers."""
     numbers = text_of(in_unit(readings.position, unit), digits)
     return zip(readings.group, readings.target, numbers, readings.time, strict=True)

@@ -1,4 +1,4 @@
-"""Bytes of a file as text whose lines can be counted: encoding, line ends and limits, once."""
+"""Decode a file to text with countable lines: encoding, line ends and limits are settled once."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from pipeline.base.shown import too_large
 from pipeline.base.threads import spread
 
 _LARGEST_FILE = 2_000_000_000
-"""Bytes of a file at most: 25 million readings, and Arrow's offsets fit into 32 bits."""
+"""Maximum size of a file [byte]: 25 million readings, and Arrow's offsets fit into 32 bits."""
 _MAX_LINE_BYTES = 10_000
-"""Bytes of a line at most; fifty columns of twenty digits are a tenth of it."""
+"""Maximum length of a line [byte]; fifty columns of twenty digits take a tenth of it."""
 _MANY_PIECES = 8
-"""Pieces from which on a second thread costs less than it saves."""
+"""Number of pieces from which a second thread saves more time than it costs [1]."""
 SAMPLE_LINES = 60
-"""How many lines tell what a file is; headers are shorter."""
+"""Number of leading lines from which a dialect is recognised [1]; headers are shorter."""
 _CHUNK = 1 << 20
-"""Bytes looked at in one go: temporary arrays of this size stay in the cache."""
+"""Size of the pieces scanned at a time [byte]: temporary arrays of this size stay in the cache."""
 
 LARGEST_WORKBOOK = 100 * 2**20
-"""Bytes of a workbook at most: Excel's million rows of six columns have a third of it."""
+"""Maximum size of a workbook [byte]: Excel's million rows of six columns take a third of it."""
 _ZIP = b"PK\x03\x04"
 _WORKBOOKS = (".xlsx", ".xlsm")
 _OTHER_PROGRAMS = {
@@ -35,10 +35,10 @@ _OTHER_PROGRAMS = {
     b"\x1f\x8b": "compressed",
     b"%PDF": "a PDF",
 }
-"""How files begin that are no text, and what they are."""
+"""Leading bytes of files that are not text, and what they are."""
 
 _NEARLY = 0.9
-"""Share of letters of ASCII in a text of any language with numbers in it."""
+"""Minimum fraction of ASCII characters in a text of any language with numbers in it [1]."""
 _MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 
 
@@ -49,7 +49,7 @@ class Text(Locked):
     Attributes:
         name: File name relative to the campaign folder.
         data: Its content as UTF-8, without byte order mark; lines end in \n or \r\n.
-        encoding: What the file was written in.
+        encoding: Original encoding of the file.
         starts: Byte offset of each line in `data`, then the end of `data`, shape (lines + 1,).
     """
 
@@ -63,7 +63,7 @@ class Text(Locked):
         return len(self.starts) - 1
 
     def line(self, number: int) -> str:
-        """Line `number`, counted from 1, without its end."""
+        """Line `number`, counted from 1, without its line end."""
         raw = self.data[self.starts[number - 1] : self.starts[number]]
         return raw.decode("utf-8").rstrip("\r\n")
 
@@ -78,7 +78,7 @@ class Text(Locked):
         return next((number, line) for number, line in self.lines() if line.strip())
 
     def sample(self) -> list[str]:
-        """The lines by which its dialect and header are known."""
+        """The leading lines from which its dialect and header are recognised."""
         return [line for _, line in self.lines(1, SAMPLE_LINES)]
 
     def ended(self) -> bool:
@@ -87,10 +87,10 @@ class Text(Locked):
 
 
 def text(name: str, data: bytes) -> Text:
-    """Settle encoding, line ends and limits of a file.
+    """Decode a file and check its limits.
 
     Raises:
-        InputError: Empty, too large, a line too long, or no text.
+        InputError: The file is empty, too large or not text, or a line is too long.
     """
     if len(data) > _LARGEST_FILE:
         raise InputError(
@@ -104,7 +104,7 @@ def text(name: str, data: bytes) -> Text:
     if not data or data.isspace():
         raise InputError("the file is empty", "export it again")
     starts = _starts(data)
-    if _lone_return(data, starts):  # Arrow takes it for a line end, so do we
+    if _lone_return(data, starts):  # Arrow treats it as a line end, and so do we
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
         starts = _starts(data)
     _short_lines(starts)
@@ -112,20 +112,20 @@ def text(name: str, data: bytes) -> Text:
 
 
 def is_workbook(begin: bytes) -> bool:
-    """Whether a file begins as workbooks do, which are packed XML."""
+    """Whether a file begins as a workbook does, which is zipped XML."""
     return begin.startswith(_ZIP)
 
 
 def largest(name: str) -> int:
-    """Bytes that are read of a file, told before it is opened."""
+    """Maximum size of a file by its name, known before it is opened [byte]."""
     return LARGEST_WORKBOOK if name.lower().endswith(_WORKBOOKS) else _LARGEST_FILE
 
 
 def refuse_other_programs(name: str, begin: bytes) -> None:
-    """Tell a file that is no text by how it begins, however long it is.
+    """Refuse a file that is not text by its leading bytes, whatever its length.
 
     Raises:
-        InputError: Another program wrote it for itself.
+        InputError: The file is in another program's own format.
     """
     if is_workbook(begin) and name.lower().endswith(_WORKBOOKS):
         return
@@ -156,7 +156,7 @@ def _as_utf8(data: bytes) -> tuple[bytes, str]:
 
 
 def _unmarked(data: bytes) -> str | None:
-    """UTF-16 without a byte order mark: nearly every second byte at its begin is zero."""
+    """Detect UTF-16 without a byte order mark: nearly every second leading byte is zero."""
     begin = data[: min(BEGIN, len(data) // 2 * 2)]
     zeros = {"utf-16-le": begin[1::2].count(0), "utf-16-be": begin[::2].count(0)}
     encoding, most = max(zeros.items(), key=lambda one: one[1])
@@ -168,7 +168,7 @@ def _recoded(data: bytes, encoding: str) -> tuple[bytes, str]:
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError as problem:
-        if encoding == "cp1252":  # five bytes have no meaning there, in latin-1 all have
+        if encoding == "cp1252":  # five bytes are undefined there, none in latin-1
             return _recoded(data, "latin-1")
         raise InputError(
             f"not valid {encoding} at byte {problem.start}", "export it again as UTF-8"
@@ -177,7 +177,7 @@ def _recoded(data: bytes, encoding: str) -> tuple[bytes, str]:
 
 
 def _starts(data: bytes) -> Ints:
-    """Where lines start, and the end; in pieces, which is faster and needs no memory."""
+    """Offsets at which lines start, and the end; in pieces, which is faster and saves memory."""
     whole = np.frombuffer(data, dtype=np.uint8)
 
     def look(begin: int) -> Ints:
@@ -190,7 +190,7 @@ def _starts(data: bytes) -> Ints:
 
 
 def _lone_return(data: bytes, starts: Ints) -> bool:
-    r"""Whether a \r has no \n behind it."""
+    r"""Whether a \r is not followed by \n."""
     if b"\r" not in data:
         return False
     ends = starts[1:] if data.endswith(b"\n") else starts[1:-1]
@@ -210,7 +210,7 @@ def _short_lines(starts: Ints) -> None:
 
 
 def squeezed(text: Text) -> Text:
-    """The text with single blanks for runs of blanks and tabs, none at the ends of lines."""
+    """The text with runs of blanks and tabs squeezed to one blank, none at the ends of lines."""
     data = re.sub(rb"[ \t]+", b" ", text.data)
     data = re.sub(rb"^ | (?=\r?$)", b"", data, flags=re.MULTILINE)
     return Text(text.name, data, text.encoding, _starts(data))

@@ -1,4 +1,4 @@
-"""Times as instruments write them: which form a cell has, and cells to timestamps."""
+"""Parse times as instruments write them: recognise the format, convert cells to timestamps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.base.arrays import Bools
 _MOMENT = pa.timestamp("us")
 ISO = "ISO 8601"
 APOSTROPHE = "'"
-"""Leica's programs put one before a time, so that Excel leaves it alone."""
+"""Leica's programs write one before a time so that Excel leaves it alone."""
 
 _MINUTE = r"[0-9]{1,2}:[0-9]{2}"
 _CLOCK = rf"{_MINUTE}:[0-9]{{2}}"
@@ -32,20 +32,22 @@ _FORMS = {
     "%d.%m.%Y %H:%M": rf"[0-9]{{1,2}}\.[0-9]{{1,2}}\.[0-9]{{4}} {_MINUTE}",
     "%Y/%m/%d %H:%M:%S": rf"[0-9]{{4}}/[0-9]{{1,2}}/[0-9]{{1,2}} {_CLOCK}",
 }
-"""SpatialAnalyzer writes month/day/year, Leica's programs day.month.year; slashes are American."""
+"""Known formats; SpatialAnalyzer writes month/day/year, Leica's programs day.month.year; slashes
+are taken as American."""
 _OTHER_DAY = {"%m/%d": "%d/%m"}
-"""What slashes mean where no month has the number that stands first."""
+"""Alternative meaning of dates with slashes if the first number is too large for a month."""
 
 _PLACES = {
     "%Y": slice(4), "%y": slice(2, 4), "%m": slice(5, 7), "%d": slice(8, 10),
     "%H": slice(11, 13), "%M": slice(14, 16), "%S": slice(17, 19),
 }  # fmt: skip
 _EARLIEST = b"1900-01-01T00:00:00"
-"""What `strptime` takes for parts that a form does not have; the others have their places in it."""
+"""Defaults of `strptime` for parts missing from a format; the template also fixes the place of each
+part."""
 _SIXTY_NINE = b"69"
-"""The first year of two digits that `strptime` takes for one of the last century."""
+"""First two-digit year that `strptime` assigns to the last century."""
 _FIRST, _LAST = (pa.scalar(datetime(year, 1, 1), _MOMENT) for year in (1900, 2200))
-"""Between which a reading was taken; a clock that nobody has set begins in 1970 or 1980."""
+"""Limits of plausible times of a reading; a clock that was never set begins in 1970 or 1980."""
 _HOUR = 3_600_000_000
 """An hour [us]."""
 
@@ -53,7 +55,7 @@ _FRACTION = re.compile(r"(?<=:[0-9]{2})[.,]([0-9]{1,6})(?= |$)")
 
 
 def form_of(cell: str) -> str | None:
-    """The form in which a time is written, or None when it is none that we know."""
+    """The format of a time, or None if it is not a known one."""
     bare = _FRACTION.sub("", cell.strip().lstrip(APOSTROPHE))
     for form, pattern in _FORMS.items():
         if re.fullmatch(pattern, bare):
@@ -62,9 +64,9 @@ def form_of(cell: str) -> str | None:
 
 
 def form_of_all(cells: Sequence[str], most: float) -> str | None:
-    """The form in which so large a share of some cells are written as times, None for none.
+    """The format in which at least a fraction `most` of the cells are times, None if there is none.
 
-    Slashes are American unless the numbers between them say otherwise.
+    Dates with slashes are American unless their numbers contradict this.
     """
     form = next(filter(None, map(form_of, cells)), None)
     if form is None:
@@ -76,9 +78,9 @@ def form_of_all(cells: Sequence[str], most: float) -> str | None:
 
 
 def _moment(cell: str, form: str) -> datetime | None:
-    """The time in a cell, with its zone if it has one, or None when the cell is of another form."""
+    """The time in a cell, with its time zone if it has one; None if the format differs."""
     bare = cell.strip().lstrip(APOSTROPHE)
-    if form in _FORMS and form_of(bare) != form:  # strptime takes 16:38:2 for a time
+    if form in _FORMS and form_of(bare) != form:  # strptime accepts 16:38:2 as a time
         return None
     try:
         if form == ISO:
@@ -92,12 +94,17 @@ def _moment(cell: str, form: str) -> datetime | None:
 
 
 def _without_zone(found: datetime) -> datetime:
-    """UTC where the zone is known, else as written."""
+    """Convert to UTC if the time zone is known, otherwise leave as written."""
     return found if found.tzinfo is None else found.astimezone(UTC).replace(tzinfo=None)
 
 
 def moments(cells: pa.StringArray, form: str) -> tuple[pa.TimestampArray, Bools | None]:
-    """All cells as times without zone, null for none; and which had a zone, where some may."""
+    """Convert all cells to times without time zone.
+
+    Returns:
+        The times, null where a cell has none, and which of them had a time zone; None instead of
+        the latter if they were converted at once.
+    """
     try:
         bare = _bare(cells)
         return _possible(_at_once(bare if form == ISO else _as_iso(bare, form))), None
@@ -110,7 +117,7 @@ def moments(cells: pa.StringArray, form: str) -> tuple[pa.TimestampArray, Bools 
 
 
 def _possible(found: pa.TimestampArray) -> pa.TimestampArray:
-    """Null for a time at which nobody has measured anything, such as the year 0."""
+    """Replace implausible times, such as those of the year 0, by null."""
     between = pc.and_(pc.greater_equal(found, _FIRST), pc.less(found, _LAST))
     return pc.if_else(between, found, pa.scalar(None, _MOMENT))
 
@@ -122,10 +129,10 @@ def _bare(cells: pa.StringArray) -> pa.StringArray:
 
 
 def _at_once(cells: pa.StringArray) -> pa.TimestampArray:
-    """Cells in ISO 8601, all with a zone or all without, or empty.
+    """Convert cells in ISO 8601, all with a time zone or all without, or empty.
 
     Raises:
-        pa.ArrowInvalid: One is of another form, or no time.
+        pa.ArrowInvalid: One is in another format, or not a time.
     """
     if pc.min(pc.binary_length(cells)).as_py() == 0:
         cells = pc.if_else(pc.equal(cells, ""), None, cells)
@@ -135,17 +142,17 @@ def _at_once(cells: pa.StringArray) -> pa.TimestampArray:
         cells = cells.filter(pa.array(ticks % _HOUR == 0))
     except pa.ArrowInvalid:
         found = cells.cast(pa.timestamp("us", "UTC")).cast(_MOMENT)
-    # Arrow takes 2026-11-03 and 2026-11-03T08 for times, too
+    # Arrow also accepts 2026-11-03 and 2026-11-03T08 as times
     if not np.asarray(pc.match_substring_regex(cells.drop_null(), f"^(?:{_FORMS[ISO]})$")).all():
         raise pa.ArrowInvalid("a date without a time")
     return found
 
 
 def _as_iso(cells: pa.StringArray, form: str) -> pa.StringArray:
-    """Cells whose parts stand in the same places, as in 11/03/26 08:00:00, as ISO 8601.
+    """Convert cells whose parts are at fixed places, such as 11/03/26 08:00:00, to ISO 8601.
 
     Raises:
-        pa.ArrowInvalid: One has other places or marks, or the form leaves them open.
+        pa.ArrowInvalid: One has other places or separators, or the places of the format vary.
     """
     parts = re.findall("%.|.", form)
     ends = np.cumsum([len(_EARLIEST[_PLACES.get(part, slice(1))]) for part in parts])

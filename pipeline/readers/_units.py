@@ -1,4 +1,4 @@
-"""Units of lengths and angles: their words, and lengths in metres."""
+"""Names of units of length and angle, and conversion of lengths to metres."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pipeline.base.arrays import Array
 
 Usual = Literal["mm", "m", "in"]
 USUAL_UNITS: tuple[str, ...] = get_args(Usual)
-"""Units of length that are asked for, and tried where nobody says one."""
+"""Units of length offered in questions, and tried if none is stated."""
 UNIT_WORDS = {
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
     "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
@@ -25,17 +25,17 @@ ANGLE_WORDS = {
     "rad": "rad", "radian": "rad", "radians": "rad", "gon": "gon", "gons": "gon",
 }  # fmt: skip
 _LONG = {"in": 0.0254, "ft": 0.3048, "ftUS": 1200 / 3937}
-"""An inch, a foot and a foot of the US survey [m], by definition (1959; Mendenhall Order 1893): the
-latter makes 18 m of rail 36 um longer."""
+"""Inch, foot and US survey foot [m], by definition (1959; Mendenhall Order 1893); the latter makes
+18 m of rail 36 um longer."""
 _IN_A_METRE = {"mm": 1e3, "cm": 1e2, "m": 1.0, "um": 1e6}
-"""How many of the other units of length there are in a metre."""
+"""Number of each other unit of length in a metre [1]."""
 
 
 def metres(values: Array, unit: str) -> Array:
-    """Lengths in metres; mm are divided by 1000, which rounds once, 0.001 would round twice."""
+    """Convert lengths to metres; mm are divided by 1000, which rounds once, times 0.001 twice."""
     return values * _LONG[unit] if unit in _LONG else values / _IN_A_METRE[unit]
 
 
 def in_unit(values: Array, unit: str) -> Array:
-    """Lengths in metres in another unit."""
+    """Convert lengths in metres to another unit."""
     return values / _LONG[unit] if unit in _LONG else values * _IN_A_METRE[unit]

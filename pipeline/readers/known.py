@@ -1,4 +1,4 @@
-"""Reflectors whose places campaign.toml has, by which readings are judged."""
+"""Reflectors with nominal coordinates in campaign.toml, against which readings are judged."""
 
 from __future__ import annotations
 
@@ -6,19 +6,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 GROSS_M = 0.03
-"""So far [m] from where its reflector should be nothing is a reading of that reflector; taste: no
-robot in use is this far off its own table, and no reflector off its place."""
+"""Distance from the nominal place of a reflector beyond which a reading is not of that reflector
+[m]; a choice: no robot in use deviates this much from its DH parameters, and no reflector from its
+nominal place."""
 BETTER = 3.0
-"""How many times nearer an answer, or a correction, must bring the reflectors than any other."""
+"""Factor by which an answer, or a correction, must bring the reflectors nearer than any other
+[1]."""
 
 
 @dataclass(frozen=True)
 class ReflectorSet:
-    """Reflectors that keep their places to each other.
+    """Reflectors that form a rigid set.
 
     Attributes:
-        table: Where campaign.toml has them: `[tool]` or `[base_frame]`.
-        places: Their places [m].
+        table: Table of campaign.toml that holds them: `[tool]` or `[base_frame]`.
+        places: Nominal coordinates by name [m].
     """
 
     table: str

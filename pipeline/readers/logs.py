@@ -1,7 +1,7 @@
-"""The logs beside the tracker exports: scale, joints, and tables of already reduced campaigns.
+"""Read the logs of a campaign: scale, joints, and tables of already reduced campaigns.
 
-All are delimited tables with a header whose column names carry the units; campaign.toml may say
-what others call them.
+All are delimited tables with a header whose column names state the units; campaign.toml may map the
+names used by other programs.
 """
 
 from __future__ import annotations
@@ -58,16 +58,16 @@ __all__ = [
 ]
 
 FORCE = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": 0.45359237 * STANDARD_GRAVITY}
-"""Units of force [N]; those of weight with standard gravity."""
+"""Units of force [N]; those of weight are converted with standard gravity."""
 SCALE = FORCE | {"dan": 10.0} | dict.fromkeys(("kg", "kp"), FORCE["kgf"])
-"""What a scale may show: one in kilograms shows kilogram-force, the old kilopond. Decanewtons are
-so near to it that no data tell the two apart."""
+"""Units that a scale may show [N]: one in kilograms shows kilogram-force, formerly kilopond. A
+decanewton differs so little from it that no data can tell the two apart."""
 MASS = {"kg": 1.0, "g": 1e-3, "lb": 0.45359237}
 """Units of mass [kg]."""
 LENGTH = {"m": 1.0, "mm": 1e-3, "in": 0.0254}
 """Units of length [m]."""
 _FORCE_OF = {True: FORCE, False: {"nm": 1.0, "knm": 1e3}}
-"""Units of what drives a sliding joint [N], and of what turns another [N m]."""
+"""Units of the force on a prismatic joint [N], and of the torque on a revolute joint [N m]."""
 ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
 """Units of angles [rad]."""
 _BRANCH = {
@@ -81,26 +81,26 @@ _BRANCH = {
         "descente",
     },
 }  # fmt: skip
-"""Which way the turnbuckle was last turned."""
+"""Words for the direction in which the turnbuckle was last turned."""
 _BRANCH_OF = {word: ours for ours, words in _BRANCH.items() for word in words}
 
 
 POSE = Quantity("pose", {})
 REPEAT = Quantity("repeat", {})
 _TIME = Quantity("time", {}, "name", needed=False)
-"""When a row was taken: `check` holds it against the readings."""
+"""Time at which a row was recorded; `check` compares it with the readings."""
 REMARK = Quantity("remark", {}, "name", needed=False)
-"""What somebody has to say of a row; `check` says it again."""
+"""Remark of the operator on a row; `check` repeats it."""
 
 
 def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
-    """What loads the robot: pose, repeat, branch where known, and in each row one of three.
+    """Read the log of loads: pose, repeat, branch if known, and one kind of load in each row.
 
-    `force` [N] of a scale in a chain, `mass` [kg] of a weight at the load point with `mass_sigma`
-    where it is known, or the name of a `payload`; a column may be missing where no row has it.
-    Without a column `repeat` the pulls of each pose are counted from 1. A column `group` says in
-    which group of the tracker's readings a row was read. A row without a load, then, or of force 0
-    in every pose, is its unloaded state.
+    The load is `force` [N], read on a scale in a chain, `mass` [kg] of a weight at the load point
+    with `mass_sigma` if known, or the name of a `payload`; a column may be missing if no row uses
+    it. Without a column `repeat` the pulls of each pose are numbered from 1. A column `group` names
+    the group of tracker readings that belongs to a row. With it, a row without a load is the
+    unloaded state of a pose; so is a row of force 0, also without it if every pose has one.
 
     Args:
         name: Name of the file.
@@ -131,24 +131,27 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
 
 
 def group_name(name: str) -> str:
-    """A group as a log and an export have it in common: 7 in a spreadsheet is 007 in the other."""
+    """Normalise the name of a group: 7 in a spreadsheet is 007 in an export."""
     return name.lstrip("0") or "0" if name.isdigit() else name
 
 
 def has_load(titles: Sequence[str]) -> bool:
-    """Whether columns are those of a log of loads."""
+    """Whether the columns are those of a log of loads."""
     return any(suffixed(titles, q) for q in of_loads()[2:6])
 
 
 def of_loads() -> list[Quantity]:
-    """Pose, repeat, force; mass, its uncertainty, payload; branch and group."""
+    """Columns of a log of loads.
+
+    In this order: pose, repeat, force; mass, its uncertainty, payload; branch and group.
+    """
     mass = [Quantity(name, MASS, needed=False) for name in ("mass", "mass_sigma")]
     words = [Quantity(name, {}, "name", needed=False) for name in ("payload", "branch", "group")]
     return [POSE, replace(REPEAT, needed=False), Quantity("force", SCALE), *mass, *words]
 
 
 def _pulls(log: Log) -> Log:
-    """The rows that are pulls, each with its number; what the groups are that all rows name."""
+    """Keep the rows that are pulls, numbered; if there are groups, record the state of each."""
     if "group" in log.word:  # one without a pose is of base reflectors
         log = log.kept(~np.isnan(log.number["pose"]))
     resting = _resting(log)
@@ -174,7 +177,8 @@ def _resting(log: Log) -> Bools:
     """The rows of an unloaded state, shape (n,).
 
     Raises:
-        InputError: A force is 0, and nobody knows whether it is the unloaded state or a pull.
+        InputError: A force is 0, and it is ambiguous whether the row is an unloaded state or a
+            pull.
     """
     none = np.full(len(log.line), np.nan)
     given = np.stack([log.number.get(name, none) for name in ("force", "mass")])
@@ -201,10 +205,10 @@ def _resting(log: Log) -> Bools:
 
 
 def _counted(log: Log, resting: Bools) -> Log:
-    """A log with a number for each row, where it has none: of a pose's pulls from 1.
+    """Number the rows of a log that has no column repeat: the pulls of each pose from 1.
 
     Raises:
-        InputError: A row cannot be read, and others of its pose may stand behind it.
+        InputError: A row cannot be read, and later rows of its pose would be misnumbered.
     """
     if "repeat" in log.number:
         return log
@@ -223,7 +227,10 @@ def _counted(log: Log, resting: Bools) -> Log:
 
 
 def _one_load(log: Log) -> Log:
-    """Only rows with one load, above zero; every kind is a column then, NaN or empty where not."""
+    """Keep only rows with exactly one load, above zero.
+
+    Afterwards every kind of load has a column, NaN or empty in rows without it.
+    """
     none = np.full(len(log.line), np.nan)
     number = dict.fromkeys(("force", "mass", "mass_sigma"), none) | log.number
     word = {"payload": np.full(len(none), "", dtype=object)} | log.word
@@ -241,18 +248,19 @@ def _one_load(log: Log) -> Log:
 def joints(
     name: str, data: bytes, robot: Robot, said: LogForm = OURS, section: str | None = "joints"
 ) -> Log:
-    """The controller's joint log, by the names of the robot's joints or of its controller's axes.
+    """Read the controller's joint log, by the robot's joint names or the controller's axis names.
 
     Args:
         name: Name of the file.
         data: Its content.
-        robot: Whose joints they are.
+        robot: The robot whose joints they are.
         said: [joints] of campaign.toml.
-        section: Where campaign.toml may rename its columns; None for a file of no campaign.
+        section: Table of campaign.toml that may rename its columns; None for a file outside a
+            campaign.
 
     Returns:
-        The log with its poses and a number for each joint of the robot [m] or [rad]; where it has
-        them the torques `tau1` ... of the joints [N m] or [N], and the `repeat` of each row.
+        The log with its poses and a number for each joint of the robot [m] or [rad]; if present
+        also the torques `tau1` ... of the joints [N m] or [N], and the `repeat` of each row.
 
     Raises:
         InputError: A joint is missing; the file cannot be read.
@@ -275,11 +283,12 @@ def joints(
 
 
 def _of_joints(log: Log, robot: Robot, torques: Sequence[str]) -> Log:
-    """A log of the controller's axes with the joints beside them, and all torques those of joints.
+    """Add joint values to a log of controller axes, and convert all torques to those of the joints.
 
-    q = C a + q_0,    tau_a = C' tau,
+        q = C a + q_0,    tau_a = C' tau,
 
-    C `controller_matrix` and q_0 `controller_offset` of the robot: both do the same work.
+    with C the `controller_matrix` and q_0 the `controller_offset` of the robot: both do the same
+    work.
     """
     axes = np.column_stack([log.number[axis] for axis in robot.controller])
     q = axes @ robot.controller_matrix.T + robot.controller_offset
@@ -292,7 +301,7 @@ def _of_joints(log: Log, robot: Robot, torques: Sequence[str]) -> Log:
 
 
 def of_poses(log: Log) -> Log:
-    """The first row of each pose of a joint log; further ones are there for their torques."""
+    """The first row of each pose of a joint log; further rows are there only for their torques."""
     first = np.unique(log.number["pose"], return_index=True)[1]
     if len(first) == len(log.line):
         return log
@@ -307,19 +316,19 @@ def joint_values(log: Log, robot: Robot) -> Array:
 
 
 def own_joints(robot: Robot) -> list[Quantity]:
-    """The robot's joints."""
+    """Columns of the robot's joints."""
     return [Quantity(j.name, LENGTH if j.prismatic else ANGLE) for j in robot.joints]
 
 
 def controller_axes(robot: Robot) -> list[Quantity]:
-    """The controller's axes; those that move a sliding joint are lengths."""
+    """Columns of the controller's axes; those that move a prismatic joint are lengths."""
     slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
     axes = zip(robot.controller, slides, strict=True)
     return [Quantity(axis, LENGTH if slide else ANGLE) for axis, slide in axes]
 
 
 def has_joints(robot: Robot, titles: Sequence[str]) -> bool:
-    """Whether columns are all joints of a robot, or all axes of its controller."""
+    """Whether the columns include all joints of a robot, or all axes of its controller."""
     return any(_has(titles, one) for one in (own_joints(robot), controller_axes(robot)) if one)
 
 
@@ -328,7 +337,7 @@ def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:
 
 
 def displacements(name: str, data: bytes) -> Log:
-    """Displacements of an already reduced campaign: pose, repeat, target, dx, dy, dz [m]."""
+    """Read displacements of an already reduced campaign: pose, repeat, target, dx, dy, dz [m]."""
     target = Quantity("target", {}, "name")
     axes = [Quantity(axis, LENGTH) for axis in ("dx", "dy", "dz")]
     log = whole_numbers(table(name, data, [POSE, REPEAT, target, *axes]))
@@ -336,7 +345,7 @@ def displacements(name: str, data: bytes) -> Log:
 
 
 def forces(name: str, data: bytes) -> Log:
-    """Forces of an already reduced campaign: pose, repeat, fx, fy, fz [N] in the base frame."""
+    """Read base-frame forces of an already reduced campaign: pose, repeat, fx, fy, fz [N]."""
     axes = [Quantity(axis, FORCE) for axis in ("fx", "fy", "fz")]
     log = whole_numbers(table(name, data, [POSE, REPEAT, *axes]))
     size = np.linalg.norm([log.number[axis.stem] for axis in axes], axis=0)

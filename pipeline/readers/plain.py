@@ -1,7 +1,7 @@
-"""Our own CSV: `group,target,x_mm,y_mm,z_mm`, and `time` where it is known; m or inches, too.
+"""Our own CSV: `group,target,x_mm,y_mm,z_mm`, optionally `time`; also in m or inches.
 
-Every row is a reading and every time is ISO 8601. A file of other titles, or with a row that is no
-reading, is for the dialects to read, which say what is wrong with it.
+Every row is a reading and every time is ISO 8601. A file with other titles, or with a row that is
+not a reading, is passed to the dialects, which say what is wrong with it.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from pipeline.readers.said import Hints
 
 _TITLES = re.compile(r"group,target,x_(mm|m|in),y_\1,z_\1(,time)?\s*")
 _OF_OURS = {"names", "sheet"}
-"""What campaign.toml may say of our own CSV that changes nothing in it."""
+"""Keys of campaign.toml that have no effect on our own CSV."""
 _TITLED = "pipeline.dialects.titled:read"
-"""Any table whose titles are much like ours."""
+"""Reference to the reader of tables whose titles are similar to ours."""
 
 
 def recognise(lines: Sequence[str]) -> bool:
-    """The first line has our titles and no others."""
+    """Whether the first line has our titles and no others."""
     return bool(lines and _TITLES.fullmatch(lines[0]))
 
 
@@ -44,7 +44,8 @@ def read(text: Text, hints: Hints) -> Export:
     """Readings of a plain CSV.
 
     Raises:
-        UsageError: It has other titles, or campaign.toml describes them, without the dialects.
+        UsageError: It has other titles, or campaign.toml describes them, and the dialects are not
+            installed.
         InputError: It cannot be trusted as a whole.
     """
     said = [key for key in Hints.model_fields if getattr(hints, key) is not None]
@@ -63,14 +64,14 @@ def _own(text: Text, unit: str, timed: str | None) -> Export:
     time = [Field("time", "time", needed=False)] if timed else []
     found = rows(text, Layout((*fields, *time), ",", 2))
     numbers = [np.asarray(found.columns[axis]) for axis in axes]
-    position = np.empty((len(found.line), 3), order="F")  # whole columns are what is wanted later
+    position = np.empty((len(found.line), 3), order="F")  # later used column by column
     for k, column in enumerate(numbers):
         position[:, k] = metres(column, unit)
     return in_a_hall(of_targets(export(text, READER.name, found, Meaning(unit), position), numbers))
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:
-    """A plain CSV with times to the second."""
+    """Write a plain CSV with times to the second."""
     rows = [
         f"{group},{target},{','.join(xyz)},{time:%Y-%m-%dT%H:%M:%S}\n"
         for group, target, xyz, time in written(readings, unit, digits)

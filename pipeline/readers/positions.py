@@ -1,4 +1,4 @@
-"""Absolute positions beside the joint values at which they were read."""
+"""Read absolute positions with the joint values at which they were measured."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from pipeline.readers.said import OURS, LogForm
 AXES, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 
 TARGET = "T"
-"""Name of the only target of a table that names none."""
+"""Target name used if a table names none."""
 
 TEMPERATURE = {"c": 1.0}
 """Units of temperature [degC]."""
 
 
 def positions(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
-    """A table of positions: joint values, x, y, z and, of 6D targets, rx, ry, rz.
+    """Read a table of positions: joint values, x, y, z and, for 6D targets, rx, ry, rz.
 
     Args:
         name: Name of the file.
         data: Its content.
-        robot: Whose joints they are.
+        robot: The robot whose joints they are.
         said: [positions] of campaign.toml.
 
     Returns:
-        Numbers by joint [m] or [rad], x, y, z [m]; where it has them rx, ry, rz [rad], pose and
-        temperature [degC]; words series, target and payload, empty where it has no such column.
+        Numbers by joint [m] or [rad], x, y, z [m]; if present rx, ry, rz [rad], pose and
+        temperature [degC]; words series, target and payload, empty if there is no such column.
 
     Raises:
         InputError: A joint is missing; the file cannot be read.
@@ -47,7 +47,7 @@ _WORDS = ("series", "target", "payload")
 
 
 def with_joints(name: str, data: bytes, robot: Robot, said: LogForm, others: list[Quantity]) -> Log:
-    """Joint values, by the robot's names or its controller's, and further columns.
+    """Read joint values, under the robot's or its controller's names, and further columns.
 
     Raises:
         InputError: A joint is missing; the file cannot be read.

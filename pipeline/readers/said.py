@@ -1,4 +1,4 @@
-"""What campaign.toml says of files that do not say it themselves: of exports, and of logs."""
+"""Settings of campaign.toml for exports and logs that do not describe themselves."""
 
 from __future__ import annotations
 
@@ -23,15 +23,16 @@ class Columns(Strict):
     """[tracker.mapping]: columns of any delimited table, by header name or by number from 1.
 
     Attributes:
-        columns: Name or number of the column by role; sx, sy, sz and cxx ... czz are uncertainties;
-            pose, state and repeat in columns of their own make the group, in this order.
-        delimiter: One character, or None to find it.
-        header: Line of the header, 0 for none, or None to find it.
-        first: Line of the first row, where it is not the one behind the header.
+        columns: Name or number of the column by role; sx, sy, sz are uncertainties, cxx ... czz
+            covariances; pose, state and repeat in columns of their own form the group, in this
+            order.
+        delimiter: One character, or None to determine it.
+        header: Line of the header, 0 for none, or None to determine it.
+        first: Line of the first row, if not the one after the header.
         last: Line of the last row, None for the last one of the file.
-        comment: Start of lines that are no rows.
-        time_format: A `strptime` form, or None for the forms we know.
-        instrument: Which of the instruments in the column of that name to read, None for all.
+        comment: Start of comment lines.
+        time_format: A `strptime` format, or None for the known formats.
+        instrument: Which instrument in the column of that name to read, None for all.
     """
 
     columns: dict[_Role, _Column] = Field(min_length=3)
@@ -45,20 +46,20 @@ class Columns(Strict):
 
 
 class Hints(Strict):
-    """What campaign.toml says in [tracker] about exports that do not say it themselves.
+    """Settings in [tracker] of campaign.toml for exports that do not describe themselves.
 
     Attributes:
-        unit: Of length.
+        unit: Unit of length.
         decimal: The decimal mark.
-        coordinates: Their kind.
+        coordinates: Kind of coordinates.
         angle: Unit of angles.
-        vertical: Where vertical angles are zero.
-        horizontal: Which way horizontal angles grow, seen from above.
+        vertical: Direction in which vertical angles are zero.
+        horizontal: Sense in which horizontal angles increase, seen from above.
         covariance: Which of several covariances to use, or `none`.
         coverage_factor: k of stated uncertainties.
-        names: Expression with the parts group and target, for names that hold both.
-        mapping: Columns of a table in no dialect of its own.
-        sheet: Of workbooks, where several of theirs fit.
+        names: Regular expression with the parts group and target, for names that hold both.
+        mapping: Columns of a table in no known dialect.
+        sheet: Sheet of a workbook, if several fit.
     """
 
     unit: _Unit | None = None
@@ -75,12 +76,12 @@ class Hints(Strict):
 
 
 class LogForm(Strict):
-    """How a log is written where others wrote it.
+    """Format of a log written by other programs.
 
     Attributes:
         columns: Our name of a column, with its unit, by its title in the file.
-        decimal: The decimal mark, where the numbers leave it open.
-        sheet: Of a workbook, where several of its sheets fit.
+        decimal: The decimal mark, if the numbers leave it ambiguous.
+        sheet: Sheet of a workbook, if several fit.
     """
 
     columns: dict[Name, Name] = Field(default_factory=dict)
@@ -89,4 +90,4 @@ class LogForm(Strict):
 
 
 OURS = LogForm()
-"""A log as we write it."""
+"""Format of our own logs."""

@@ -104,12 +104,13 @@ def _gain(data: Measured, one: int, other: int) -> tuple[float, float] | None:
     for i, j in _alike(data, one, other):
         ratio = float(np.linalg.norm(data.pulls.force[i]) / np.linalg.norm(data.pulls.force[j]))
         mine, theirs = (_by_target(data, pull) for pull in (i, j))
+        scale = 0.0
         for target in mine.keys() & theirs.keys():
             (a, cov_a), (b, cov_b) = mine[target], theirs[target]
             above += float(a @ (ratio * b - a))
-            below += float(a @ a)
+            scale += float(a @ a)
             variance += float(a @ (cov_a + ratio**2 * cov_b) @ a)
-        scale = float(np.sum([a @ a for a, _ in mine.values()]))
+        below += scale
         read = sum((data.reading_std[k] / np.linalg.norm(data.pulls.force[k])) ** 2 for k in (i, j))
         variance += scale**2 * float(read)
     return None if below <= 0 or variance <= 0 else (above / below, variance / below**2)

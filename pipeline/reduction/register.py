@@ -177,8 +177,19 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
     if agree.all() or not apart(nominal[agree]):
         return registration, np.ones_like(agree)  # too few agree to identify the others
     C = covariance.weighing(table)
-    R, t, cov, _, centre = _fit(points[agree], grown * nominal[agree], C[agree])
-    found = replace(registration, R=R, t=t, cov=cov, centre=centre / grown)
+    R, t, cov, chi2, centre = _fit(points[agree], grown * nominal[agree], C[agree])
+    stated, dof = registration.chi2 is not None, registration.dof - 3 * int((~agree).sum())
+    from_scatter = not stated or _contradicted(chi2, dof)
+    found = replace(
+        registration,
+        R=R,
+        t=t,
+        cov=cov * (chi2 / dof) if from_scatter and dof else cov,
+        centre=centre / grown,
+        chi2=chi2 if stated else None,
+        dof=dof,
+        from_scatter=from_scatter,
+    )
     return replace(found, table=_with_residuals(table, found.placed(points), nominal)), agree
 
 

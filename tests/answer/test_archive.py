@@ -1,4 +1,4 @@
-"""Several campaigns of one robot in a project folder, as a user has them after a year."""
+"""Several campaigns of one robot in a project folder, as after a year of use."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def raw(root, name, day, campaign):
 
 
 def contents(root):
-    """Bytes of everything under reports, but for the stated run time."""
+    """Bytes of everything under reports, except for the stated run time."""
     found = {}
     for path in sorted((root / "reports").rglob("*")):
         if path.is_file() and path.suffix != ".pdf":
@@ -57,7 +57,7 @@ def contents(root):
 
 @pytest.fixture(scope="module", autouse=True)
 def undrawn():
-    """No test here looks at a picture."""
+    """No test here needs figures."""
     with without_drawings():
         yield
 
@@ -75,7 +75,7 @@ def project(tmp_path_factory, small_plan):
 
 @pytest.mark.xdist_group("archive")
 def test_every_run_brings_the_page_over_all_campaigns_up_to_date(project):
-    """After a run there is a page that leads to each campaign's own."""
+    """After a run there is a page with links to the page of each campaign."""
     page = (project / "reports" / "index.html").read_text("utf-8")
 
     for name, day in DAYS.items():
@@ -88,7 +88,7 @@ def test_every_run_brings_the_page_over_all_campaigns_up_to_date(project):
 
 @pytest.mark.xdist_group("archive")
 def test_the_later_report_says_what_changed_since_the_earlier_one(project):
-    """The later campaign has the column, the earlier one has none to compare with."""
+    """The later campaign has the column; the earlier one has no predecessor to compare with."""
     pages = {name: (project / "reports" / name / "index.html").read_text("utf-8") for name in DAYS}
 
     assert "Change since spring [%]" in pages["autumn"]
@@ -97,7 +97,7 @@ def test_the_later_report_says_what_changed_since_the_earlier_one(project):
 
 @pytest.mark.xdist_group("archive")
 def test_the_campaign_before_is_found_without_reading_all(project, tmp_path, monkeypatch):
-    """Of a machine with ten earlier days, and another machine of that type, one answer is read."""
+    """Of one machine with ten earlier days, and another of its type, only one answer is read."""
     root = shutil.copytree(project, tmp_path / "year")
     spring, autumn = (find(root, name) for name in ("spring", "autumn"))
     noted = json.loads((spring.processed / "manifest.json").read_text())
@@ -123,14 +123,14 @@ def test_the_campaign_before_is_found_without_reading_all(project, tmp_path, mon
 
 
 def leads(page):
-    """Where the links of a page lead, itself left out."""
+    """Targets of the links of a page, except the page itself."""
     found = re.findall(r'href="([^"#][^"]*)"', page.read_text("utf-8"))
     return {unquote(link) for link in found if not link.startswith("data:")}
 
 
 @pytest.mark.xdist_group("archive")
 def test_every_link_leads_to_a_file(project):
-    """To PDF, tables and models beside a page, to all campaigns and to the one before."""
+    """To PDF, tables and models of a page, to all campaigns and to the previous one."""
     own = {"report.pdf", "result.json", "results.xlsx", "../index.html"}
     own |= {f"model.{ending}" for ending in ("toml", "urdf", "xml", "sdf")}
     reports = project / "reports"
@@ -145,7 +145,7 @@ def test_every_link_leads_to_a_file(project):
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_no_link_leads_to_what_is_gone_or_was_never_written(project, tmp_path):
-    """The campaign before is deleted, and this one's run was by a version without a workbook."""
+    """The previous campaign is deleted, and this one was run by a version without a workbook."""
     shutil.copytree(project, tmp_path / "copy")
     found = find(tmp_path / "copy", "autumn")
     manifest = found.manifest()
@@ -165,7 +165,7 @@ def test_no_link_leads_to_what_is_gone_or_was_never_written(project, tmp_path):
 
 @pytest.mark.xdist_group("archive")
 def test_nothing_is_written_a_second_time(project):
-    """A second run finds everything true and touches no file; all campaigns count as done."""
+    """A second run finds everything up to date and touches no file; all campaigns count as done."""
     before = {p: p.stat().st_mtime_ns for p in (project / "reports").rglob("*") if p.is_file()}
 
     list(run_all(project, [], "local", force=False))
@@ -177,7 +177,7 @@ def test_nothing_is_written_a_second_time(project):
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_a_report_is_drawn_once(project, tmp_path):
-    """The run itself knows the campaign before it, so that nothing is drawn again for it."""
+    """The run itself knows the previous campaign, so that nothing is drawn again."""
     shutil.copytree(project, tmp_path / "copy")
 
     run(find(tmp_path / "copy", "autumn"), force=True)
@@ -189,7 +189,7 @@ def test_a_report_is_drawn_once(project, tmp_path):
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_the_order_of_the_runs_does_not_matter(project, tmp_path):
-    """A campaign that arrives late is still the previous one of those measured after it."""
+    """A late campaign is still the predecessor of those measured after it."""
     shutil.copytree(project / "data" / "raw" / "autumn", tmp_path / "data" / "raw" / "autumn")
     list(run_all(tmp_path, [], "local", force=False))
     alone = (tmp_path / "reports" / "autumn" / "index.html").read_text("utf-8")
@@ -204,7 +204,7 @@ def test_the_order_of_the_runs_does_not_matter(project, tmp_path):
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_a_campaign_run_by_path_is_told_too(project, tmp_path, small_plan):
-    """A folder outside data/raw has its place in the archive, and learns of the one before it."""
+    """A folder outside data/raw is in the archive, with its predecessor."""
     shutil.copytree(project, tmp_path / "copy")
     elsewhere = tmp_path / "stick"
     raw(elsewhere, "winter", "2026-12-01", simulate(small_plan))
@@ -221,7 +221,7 @@ def test_a_campaign_run_by_path_is_told_too(project, tmp_path, small_plan):
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_a_campaign_that_arrives_by_itself_joins_the_page(project, tmp_path, small_plan):
-    """What `watch` and `serve` run stands on the page over all campaigns as well."""
+    """Campaigns run by `watch` and `serve` are on the page over all campaigns, too."""
     shutil.copytree(project, tmp_path / "copy")
     raw(tmp_path / "copy", "winter", "2026-12-01", simulate(small_plan))
 
@@ -237,7 +237,7 @@ def test_a_campaign_that_arrives_by_itself_joins_the_page(project, tmp_path, sma
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_a_run_that_is_going_on_is_left_out(project, tmp_path):
-    """Without its manifest a result does not count: the page over all leaves it out."""
+    """Without its manifest a result does not count: the page over all omits it."""
     shutil.copytree(project, tmp_path / "copy")
     (tmp_path / "copy" / "data" / "processed" / "spring" / "manifest.json").unlink()
 
@@ -248,7 +248,7 @@ def test_a_run_that_is_going_on_is_left_out(project, tmp_path):
 
 
 def first_version(verdict):
-    """result.json as the first version wrote it: the values of the joint springs, nothing else."""
+    """result.json of the first version: the values of the joint springs only."""
     content = report_sample.answer().as_json()
     for name in ("recommended", "joint_springs", "extended"):
         del content[name]
@@ -271,7 +271,7 @@ def kept(root, name, text):
     [("adequate", "adequate"), ("explained", "unexplained"), ("bad_data", "unexplained")],
 )
 def test_an_answer_of_the_first_version_stands_for_joint_springs(tmp_path, verdict, reason):
-    """Its values are those of the joint springs, and count where these explain the readings."""
+    """Its values are those of the joint springs, and count if these explain the readings."""
     old = first_version(verdict)
 
     answer = read(kept(tmp_path, "old", json.dumps(old)))
@@ -297,7 +297,7 @@ def test_an_answer_of_the_first_version_stands_for_joint_springs(tmp_path, verdi
     ],
 )
 def test_a_result_that_lacks_what_is_needed_is_refused_in_a_sentence(tmp_path, spoil):
-    """Cut off, with a key missing, with a null where there is none, or no result at all."""
+    """Truncated, with a missing key, with an invalid null, or no result at all."""
     campaign = kept(tmp_path, "odd", spoil(json.dumps(report_sample.answer().as_json())))
 
     with pytest.raises(UsageError, match="odd has a result of an earlier version: run `pipeline"):
@@ -307,7 +307,7 @@ def test_a_result_that_lacks_what_is_needed_is_refused_in_a_sentence(tmp_path, s
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_a_result_that_cannot_be_read_is_left_out_and_said(project, tmp_path, capsys):
-    """The others are told as if it were not there."""
+    """The others are used as if it did not exist."""
     shutil.copytree(project, tmp_path / "copy")
     result = tmp_path / "copy" / "reports" / "spring" / "result.json"
     result.write_text(result.read_text().replace('"equilibrium"', '"equilibria"'))
@@ -325,7 +325,7 @@ def test_a_result_that_cannot_be_read_is_left_out_and_said(project, tmp_path, ca
 
 @pytest.mark.xdist_group("archive")
 def test_report_gives_every_form(project, capsys):
-    """`pipeline report` prints the path of page, PDF or numbers, or the report itself as text."""
+    """`pipeline report` prints the path of page, PDF or data, or the report itself as text."""
     for form, file in (("html", "index.html"), ("pdf", "report.pdf"), ("json", "result.json")):
         assert _exit_code(["report", "spring", "--format", form, "--root", str(project)]) == 0
         assert capsys.readouterr().out.strip() == str(project / "reports" / "spring" / file)
@@ -341,7 +341,7 @@ def test_report_gives_every_form(project, capsys):
 @pytest.mark.xdist_group("archive")
 @pytest.mark.parametrize(("form", "file"), [("html", "index.html"), ("pdf", "report.pdf")])
 def test_a_further_certificate_lies_beside_the_report(project, form, file, capsys):
-    """In German, in a folder of its own; the report in English stays as it is."""
+    """In German, in its own folder; the report in English is unchanged."""
     before = (project / "reports" / "spring" / file).read_bytes()
     words = ["report", "spring", "--language", "de", "--format", form, "--root", str(project)]
 
@@ -358,7 +358,7 @@ def test_a_further_certificate_lies_beside_the_report(project, form, file, capsy
 
 @pytest.mark.xdist_group("archive")
 def test_compare_says_how_two_campaigns_differ(project, capsys):
-    """As text, as data, and as a page; the data are those of the two results."""
+    """As text, data and page; the data are those of the two results."""
     assert _exit_code(["compare", "spring", "autumn", "--json", "--root", str(project)]) == 0
     told = json.loads(capsys.readouterr().out)
     results = {n: json.loads((project / "reports" / n / "result.json").read_bytes()) for n in DAYS}
@@ -402,7 +402,7 @@ def test_what_cannot_be_done_is_said(project, capsys, words, said):
 
 
 def test_a_project_without_results_has_no_page(tmp_path, capsys):
-    """Before the first run there is nothing to show, and it is said."""
+    """Before the first run there is nothing to show, which is reported."""
     assert pages.refresh(tmp_path) is None
     assert _exit_code(["report", "--root", str(tmp_path)]) == 2
     assert "no campaign is finished" in capsys.readouterr().err
@@ -410,7 +410,7 @@ def test_a_project_without_results_has_no_page(tmp_path, capsys):
 
 @pytest.mark.parametrize("lost", ["data/processed/c/manifest.json", "reports/c/index.html"])
 def test_a_pipe_in_place_of_a_result_is_no_result(tmp_path, lost):
-    """Nobody writes to it: `status` does not wait, and the campaign counts as new."""
+    """A pipe without a writer: `status` does not wait, and the campaign counts as new."""
     campaign = CampaignFolder(tmp_path, tmp_path / "data" / "raw" / "c")
     campaign.folder.mkdir(parents=True)
     campaign.finish("key", {"result.json": b"{}", "index.html": b"page"}, {})
@@ -422,7 +422,7 @@ def test_a_pipe_in_place_of_a_result_is_no_result(tmp_path, lost):
 
 
 def test_a_day_that_no_calendar_has_leaves_one_campaign_out(tmp_path):
-    """A result of an earlier version may say the year 0: the others are told, and it is named."""
+    """A result of an earlier version may have the year 0: it is named, and the others are used."""
     for name, day in (("a", "2026-03-01"), ("b", "0000-11-03T08:00:08")):
         campaign = CampaignFolder(tmp_path, tmp_path / "data" / "raw" / name)
         content = report_sample.answer().as_json() | {"campaign": name, "measured": day}
@@ -465,5 +465,5 @@ def test_wear_is_said_by_the_newest_report_and_on_the_terminal(project, tmp_path
 
 
 def test_every_table_that_a_figure_needs_is_read_back():
-    """A report made again from disk has the figures of the first one."""
+    """A report rebuilt from disk has the figures of the first one."""
     assert {name for plot in _PLOTS.values() for name in plot.needs} <= set(_SHOWN)

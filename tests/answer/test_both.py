@@ -12,7 +12,7 @@ from pipeline.reduction.settings import parse
 
 @pytest.fixture(scope="module")
 def made():
-    """An arm of which nobody states the masses: weight alone cannot tell its springs."""
+    """An arm without stated masses: from its weight alone, springs are undetermined."""
     return mixed(5, poses=50, masses=False)
 
 
@@ -23,7 +23,7 @@ def found(made):
 
 
 def test_one_answer_has_springs_table_and_positions(found):
-    """Nothing is wrong with it, and it says which springs come from what."""
+    """Nothing is wrong, and it says which springs come from what."""
     answer = found.answer
 
     assert answer.diagnosis.verdict in ("adequate", "explained")
@@ -48,7 +48,7 @@ def test_springs_hold_and_are_known_no_worse_than_by_either_kind(made, found):
 
 
 def test_weight_alone_knows_no_spring_of_an_arm_of_unknown_mass(found):
-    """What the pulls tell of the mass the weight then tells of springs."""
+    """The pulls determine the mass, and with it the weight determines springs."""
     both = [one for one in found.answer.springs_by.each if one.by_weight is not None]
 
     assert both
@@ -111,14 +111,14 @@ def test_positions_are_predicted_with_the_springs_of_both(made, found):
     rng = np.random.default_rng(9)
     low, high = np.array(found.model.robot.lower), np.array(found.model.robot.upper)
     q = np.clip(rng.uniform(-0.8, 0.8, (12, 6)) + np.array([0, -1.2, 0.5, 0, 0, 0]), low, high)
-    anchor = np.array([0.0, 0.0, -500.0])  # so far that its direction does not change
+    anchor = np.array([0.0, 0.0, -500.0])  # so far away that its direction does not change
     R, t = np.eye(3), np.zeros(3)
     for size in (0.0, 2000.0):
         force = np.tile([0.0, 0.0, -size], (len(q), 1))
         told = found.positions.predict(q, force)
         flange = [made.machine.flange(one, (size, LOAD_POINT, anchor)) for one in q]
         at = np.array([made.tool @ T[:3, :3].T + T[:3, 3] for T in flange])
-        if not size:  # where F_b lies only the instrument's place tells
+        if not size:  # the position of F_b depends on the instrument only
             R, t = rigid(told.position_m.reshape(-1, 3), at.reshape(-1, 3))
         off = told.position_m @ R.T + t - at
         assert np.sqrt(np.mean((off / told.std_m) ** 2)) < 1.3
@@ -127,7 +127,7 @@ def test_positions_are_predicted_with_the_springs_of_both(made, found):
 
 @pytest.mark.whole
 def test_masses_of_the_file_that_are_off_do_not_spoil_predictions_under_load():
-    """An arm 6 % heavier than its file says: the pulls tell, and springs and sag go apart."""
+    """An arm 6 % heavier than in its file: the pulls show it, and springs and sag are separated."""
     made = mixed(6, poses=40, weight=1.06)
     found = pipeline.identify(pipeline.load_campaign(made.encoded()))
     assert found.answer.diagnosis.verdict == "adequate"
@@ -146,14 +146,14 @@ def test_masses_of_the_file_that_are_off_do_not_spoil_predictions_under_load():
 
 
 def on_flange(made, q, pull=None):
-    """The targets of a made machine [m], (t, 3)."""
+    """Targets of a simulated machine [m], (t, 3)."""
     T = made.machine.flange(q, pull)
     return made.tool @ T[:3, :3].T + T[:3, 3]
 
 
 @pytest.mark.whole
 def test_a_joint_mastered_anew_between_positions_and_pulls_is_found():
-    """The pulls' log of joint 5 says a tenth of a degree more than that of the positions."""
+    """The pulls' log of joint 5 reads 0.1 degrees more than that of the positions."""
     made = mixed(8, poses=40).files
     head, *rows = made["joints.csv"].splitlines()
     moved = [row.split(",") for row in rows]
@@ -169,7 +169,7 @@ def test_a_joint_mastered_anew_between_positions_and_pulls_is_found():
 
 
 def test_both_blocks_are_read_and_each_needs_its_own():
-    """Keys of both stand side by side; a scale without a tracker pulls nothing."""
+    """Keys of both may be combined; a scale without a tracker makes no pulls."""
     text = mixed(1, poses=2, pulled=1).files["campaign.toml"]
     said = parse(text)
 

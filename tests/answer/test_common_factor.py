@@ -1,4 +1,4 @@
-"""One factor on all stiffnesses, which no residual shows: what the robot file says does."""
+"""A factor common to all stiffnesses, invisible in residuals, is compared with the robot file."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ SEED = 20261123
 
 
 def said_of(factors, robot=KR500, of=lambda joint: joint.typical_stiffness, std=0.01):
-    """What is told of joints that are so many times as stiff as the file has them."""
+    """Message for joints that are these multiples of the stiffness in the file."""
     one = report_sample.answer().stiffness[0]
     joints = []
     for k, joint in enumerate(robot.joints):
@@ -31,7 +31,7 @@ def said_of(factors, robot=KR500, of=lambda joint: joint.typical_stiffness, std=
     [(100.0, "100"), (9.81, "9.8"), (4.448, "4.4"), (2.0, "2.0"), (0.5, "0.50"), (0.102, "0.10")],
 )
 def test_a_factor_of_two_and_more_is_told_whatever_the_specimen(factor, said):
-    """Springs are off by up to 25 % besides, and the factor lies in its interval."""
+    """With individual deviations of up to 25 %, the factor is within its interval."""
     rng = np.random.default_rng(SEED)
     own = rng.uniform(0.75, 1.25, (200, 7))
     found = [said_of(factor * each) for each in own]
@@ -43,7 +43,7 @@ def test_a_factor_of_two_and_more_is_told_whatever_the_specimen(factor, said):
 
 
 def test_another_specimen_is_no_other_unit():
-    """Robots of a type differ by tens of per cent, and one joint may be another one."""
+    """Robots of a type differ by tens of per cent, and one joint may be unlike the others."""
     rng = np.random.default_rng(SEED)
     own = rng.uniform(0.75, 1.25, (300, 7))
 
@@ -60,7 +60,7 @@ def test_one_joint_and_what_the_file_does_not_state_tell_nothing():
 
 
 def test_a_joint_that_is_hardly_known_counts_little():
-    """The rail at ten times its stiffness, known to its own size, leaves the others' word."""
+    """The rail at ten times its stiffness, uncertain by its own size, changes nothing."""
     one = report_sample.answer().stiffness[0]
     values = np.array([30.0, *[3.0] * 6]) * [joint.stiffness for joint in KR500.joints]
     wide = [1.5, *[0.01] * 6]
@@ -73,7 +73,7 @@ def test_a_joint_that_is_hardly_known_counts_little():
 
 
 def test_a_range_counts_from_its_nearer_end():
-    """Within it nothing is told, beyond it by as much as the end is passed."""
+    """Within it nothing is reported, beyond it the ratio to its end."""
     lower, upper = (lambda joint, end=end: joint.stiffness_range[end] for end in (0, 1))
 
     for factors in ([1.0] * 6, [0.3] * 6):
@@ -86,7 +86,7 @@ def test_a_range_counts_from_its_nearer_end():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("factor", "told"), [(2.5, True), (1.0, False), (30.0, True)])
 def test_forces_written_too_large_are_told_on_the_first_screen(factor, told):
-    """Where no unit explains the factor, the answer has it as a fact and as a sentence."""
+    """If no unit explains the factor, the answer reports it as a fact and as a sentence."""
     files = dict(simulate(Plan(name="many", seed=SEED, poses={"count": 8})).files)
     head, *rows = files["loads.csv"].decode().splitlines()
     at = head.split(",").index("force_n")

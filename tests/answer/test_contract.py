@@ -1,4 +1,4 @@
-"""result.json keeps what docs/ promise of it."""
+"""result.json conforms to its description in docs/."""
 
 import json
 from pathlib import Path
@@ -30,7 +30,7 @@ def answer():
 
 
 def test_the_schema_and_the_table_of_keys_are_those_of_the_types():
-    """docs/result.schema.json and docs/answer.md say what the code holds answers to."""
+    """docs/result.schema.json and docs/answer.md agree with the types of the code."""
     page = (DOCS / "answer.md").read_text("utf-8")
 
     assert (DOCS / "result.schema.json").read_text("utf-8") == schema.schema()
@@ -48,7 +48,7 @@ def test_an_answer_is_its_own_dump(answer):
 
 
 def test_what_is_no_number_leaves_as_null(answer):
-    """Infinite, undefined, in a list or by name: null in the answer, and in nothing else."""
+    """Infinite or undefined, in a list or by name: null in the answer, and nowhere else."""
     given = dict(answer.fit) | {"chi2": float("nan"), "residual_std_mm": np.float64(np.inf)}
     fit = Fit(**given)
     drawn = Drawn(test_pose={"P1": np.nan, "P2": 1.0}, global_={})
@@ -74,7 +74,7 @@ def test_what_is_no_number_leaves_as_null(answer):
     ],
 )
 def test_what_breaks_the_promise_is_found(answer, spoil):
-    """A key that lacks, a number that is none, a word that nobody knows."""
+    """A missing key, an invalid number, an unknown word."""
     broken = answer.as_json()
     spoil(broken)
 

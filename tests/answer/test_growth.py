@@ -1,4 +1,4 @@
-"""An 18 m rail grows 0.2 mm per kelvin, and the base frame with it."""
+"""An 18 m rail expands by 0.2 mm per kelvin, and the base frame with it."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from pipeline.reduction.register import XYZ, place, register
 from pipeline.reduction.settings import parse
 
 WARM_C, PER_KELVIN = 26.0, 11.5e-6
-"""A hall in summer; steel per kelvin, in any table of materials."""
+"""Temperature of a hall in summer [degC], and expansion of steel per kelvin from tables."""
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def case():
 
 
 def warm(case, by_k=WARM_C - 20):
-    """What is read when everything is longer."""
+    """Readings of the campaign with everything longer."""
     rows = case.readings
     grown = {axis: rows[axis] * (1 + PER_KELVIN * by_k) for axis in XYZ}
     return replace(case, readings=rows.assign(**grown))
@@ -36,13 +36,13 @@ def stated(case, temperature_c):
 
 
 def placed(case):
-    """Where the readings of the poses are in F_b [m]."""
+    """Readings of the poses in F_b [m]."""
     found = register(case.settings, case.readings)
     return found, place(found, case.readings)[XYZ].to_numpy()
 
 
 def test_a_warm_campaign_is_that_of_20_degrees(case):
-    """With its temperature: the same places in F_b to some micrometres, where 0.6 mm were."""
+    """With its temperature: the same positions in F_b to micrometres, instead of 0.6 mm."""
     cold, at = placed(case)
     found, now = placed(stated(warm(case), WARM_C))
     _, without = placed(replace(warm(case), settings=case.settings))
@@ -54,11 +54,11 @@ def test_a_warm_campaign_is_that_of_20_degrees(case):
     assert not found.from_scatter
     assert found.dof == cold.dof - 1
     assert growth_findings(registration_entry(found)) == []
-    assert np.abs(without - at).max() < 2e-5  # the reflectors tell it, too
+    assert np.abs(without - at).max() < 2e-5  # the reflectors show it, too
 
 
 def test_reflectors_that_grew_say_so_without_a_thermometer(case):
-    """From half a kelvin on, and what it was is told."""
+    """From half a kelvin on, with a message."""
     for by_k in (-8, 0.7, 6):
         found, _ = placed(warm(case, by_k))
         assert found.growth.value == pytest.approx(PER_KELVIN * by_k, abs=4e-6)
@@ -70,7 +70,7 @@ def test_reflectors_that_grew_say_so_without_a_thermometer(case):
 
 
 def test_no_growth_is_seen_where_there_is_none(case):
-    """Nothing changes, to the last digit: neither in good data nor with a reflector knocked."""
+    """Nothing changes, to the last digit: neither in good data nor with a displaced reflector."""
     good = register(case.settings, case.readings)
     rows = case.readings
     knocked = (rows["target"] == "B2") & rows["pose"].isna()
@@ -85,7 +85,7 @@ def test_no_growth_is_seen_where_there_is_none(case):
 
 
 def test_the_reflectors_are_believed_against_the_thermometer(case):
-    """An export that was compensated already: its scale, and a sentence."""
+    """An export that was already compensated: its scale, and a sentence."""
     found, now = placed(stated(case, WARM_C))
     _, at = placed(case)
 
@@ -95,7 +95,7 @@ def test_the_reflectors_are_believed_against_the_thermometer(case):
 
 
 def test_the_thermometer_is_believed_where_reflectors_disagree(case):
-    """One that is 50 mm off says nothing of a length; what is expected stays."""
+    """A reflector off by 50 mm says nothing about a length; the expected value is kept."""
     hot = stated(warm(case), WARM_C)
     rows = hot.readings
     knocked = (rows["target"] == "B2") & rows["pose"].isna()
@@ -107,7 +107,7 @@ def test_the_thermometer_is_believed_where_reflectors_disagree(case):
 
 
 def test_noise_that_nobody_states_does_not_matter(case):
-    """The reflectors' own scatter weighs them against the thermometer."""
+    """The scatter of the reflectors determines their weight against the thermometer."""
     none = {name: np.nan for name in case.readings if name.startswith("c") and name.endswith("m2")}
     hot = stated(warm(case), WARM_C)
     found = register(hot.settings, pd.DataFrame(hot.readings.assign(**none)))
@@ -117,7 +117,7 @@ def test_noise_that_nobody_states_does_not_matter(case):
 
 @pytest.mark.parametrize("temperature", ["295", '"warm"', "nan"])
 def test_a_temperature_that_no_hall_has_is_refused(temperature):
-    """Kelvins, words: with the line."""
+    """Kelvins or words: with the line."""
     text = f'format = 1\nname = "a"\nrobot = "kr500_rail"\ntemperature_c = {temperature}\n'
 
     with pytest.raises(InputError, match=r"campaign\.toml:4: temperature_c"):

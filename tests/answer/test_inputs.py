@@ -1,10 +1,10 @@
-"""What the answer says of readings that are far off and stay in use."""
+"""Report of readings that are far off and stay in use."""
 
 from pipeline.answer.inputs import doubt_findings
 
 
 def test_readings_that_are_far_off_and_used_are_counted_with_their_lines():
-    """How many, and where they stand; a campaign without says nothing."""
+    """Their number and places; a campaign without any reports nothing."""
     (one,) = doubt_findings(("tracker.csv:63",))
     (many,) = doubt_findings(tuple(f"tracker.csv:{k}" for k in range(2, 22)))
 

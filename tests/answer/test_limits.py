@@ -1,4 +1,4 @@
-"""Joints beyond the limits of the robot file: told, or the pose is left out."""
+"""Joints beyond the limits of the robot file: reported, or the pose is left out."""
 
 import re
 
@@ -18,7 +18,7 @@ FILES = simulate(PLAN, np.random.default_rng(3)).files
 
 
 def narrow(theta3_upper=130.0, rail_upper=18.0):
-    """The campaign with a robot whose limits are others."""
+    """The campaign with a robot of other limits."""
     text = load("kr500_rail").text
     for old, new in (
         ("upper_deg = 130.0", f"upper_deg = {theta3_upper!r}"),
@@ -50,7 +50,7 @@ def read(files, plausible):
 def test_a_joint_a_little_beyond_is_told_and_one_far_beyond_costs_its_pose(
     plausible, limit, column, leeway
 ):
-    """Up to 1 deg, or what that moves at a metre, the pose is used, and the answer says so."""
+    """Up to 1 deg, or its displacement at a metre, the pose is used and reported."""
     values = logged(column)
     top, line = max(values), 2 + int(np.argmax(values))
     near = read(narrow(**{limit: top - 0.9 * leeway}), plausible)
@@ -69,13 +69,13 @@ def test_a_joint_a_little_beyond_is_told_and_one_far_beyond_costs_its_pose(
 
 
 def test_a_robot_that_can_take_no_pose_stops_the_campaign():
-    """Nothing is left, and the reason is the limit with its line."""
+    """No pose is left, and the reason is the limit with its line."""
     with pytest.raises(InputError, match=r"joints\.csv:2: pose 1: joint theta3 .*outside its"):
         read(narrow(theta3_upper=-19.0), plausible=True)
 
 
 def flipped(pose, joint):
-    """The campaign whose log has one joint of one pose with the other sign."""
+    """The campaign with the sign of one joint of one pose reversed in the log."""
     head, *rows = FILES["joints.csv"].decode().splitlines()
     k = head.split(",").index(joint)
     cells = rows[pose - 1].split(",")
@@ -86,7 +86,7 @@ def flipped(pose, joint):
 
 @pytest.mark.whole
 def test_a_row_that_no_robot_can_take_and_its_readings_contradict_is_a_mistake():
-    """A sign that was left out is bad data with its line, not a pose that is quietly missing."""
+    """A missing sign is a mistake with its line, not a pose that is quietly missing."""
     values = logged("theta3_deg")
     pose = 1 + int(np.argmax(values))
     text = load("kr500_rail").text

@@ -1,4 +1,4 @@
-"""No number leaves as NaN: blunders by factors, too few poses, rows that say nothing.
+"""NaN never appears: typing errors by factors, too few poses, rows without information.
 
 Each ends in an answer that JSON can hold and a report, or in one sentence.
 """
@@ -26,7 +26,7 @@ def files():
 
 
 def scaled(content, factor, column, row=None):
-    """Numbers of a column, or of one row of it, by a factor."""
+    """Numbers of a column, or of one row, multiplied by a factor."""
     lines = content.decode().splitlines()
     at = lines[0].split(",").index(column)
     for k in range(1, len(lines)) if row is None else [row]:
@@ -56,7 +56,7 @@ def answer(raw):
     ids=["reading", "force", "forces", "force beside stated noise"],
 )
 def test_a_number_by_a_thousand_is_found(files, plan, file, column, row, cause):
-    """One reading, one force or all of them: named, and the values are the robot's again."""
+    """One reading, one force or all of them: named, and the values are right again."""
     raw = files[id(plan)]
     found = answer({**raw, file: scaled(raw[file], 1e3, column, row)}).answer
 
@@ -68,7 +68,7 @@ def test_a_number_by_a_thousand_is_found(files, plan, file, column, row, cause):
 
 @pytest.mark.slow
 def test_millimetres_read_as_metres_end_in_a_report(files):
-    """The commonest blunder of all: a finding, a verdict, page and PDF."""
+    """The most frequent blunder: a finding, a verdict, page and PDF."""
     raw = files[id(UNSTATED)]
     metres = raw["tracker.csv"].replace(b"_mm", b"_m")
     found = answer({**raw, "tracker.csv": metres})
@@ -84,7 +84,7 @@ TABLES = ("displacements.csv", "forces.csv", "joints.csv")
 
 
 def reduced(poses, sigma=False):
-    """The measured FANUC with its first poses only; its noise is stated or has to be found."""
+    """The FANUC campaign with its first poses only; its noise is stated or must be found."""
     raw = {name: (REDUCED / name).read_bytes() for name in ("campaign.toml", *TABLES)}
     for name in TABLES:
         head, *rows = raw[name].decode().splitlines()
@@ -99,7 +99,7 @@ def reduced(poses, sigma=False):
 
 @pytest.mark.parametrize(("poses", "sigma"), [(4, False), (3, False), (2, True)])
 def test_few_poses_get_an_honest_answer(poses, sigma):
-    """Nothing is left to test with two poses of one reflector, and no cause is named."""
+    """With two poses of one reflector nothing can be tested, and no cause is named."""
     found = answer(reduced(poses, sigma)).answer
 
     assert found.fit.dof == 3 * poses - 6

@@ -1,4 +1,4 @@
-"""Whoever asks, terminal, page, PDF or a program, gets the values of one and the same model."""
+"""Terminal, page, PDF and programs all get the values of one and the same model."""
 
 import contextlib
 import html
@@ -37,7 +37,7 @@ PLAN = (2026, 9, 1)
 
 
 def files_of(label, size, seed):
-    """The raw files of a machine of the league that hides a cause, or none."""
+    """Raw files of a machine of the league with a hidden cause, or none."""
     plan = drawn(ROBOT, np.random.default_rng(PLAN), Rules())
     hidden = [(SECRETS[label], size)] if label else []
     return play(ROBOT, plan, hidden, np.random.default_rng(seed), Rules()).files
@@ -92,7 +92,7 @@ def campaign(request, told):
 
 
 def same_text(text):
-    """A text without the spaces that only set it."""
+    """A text without the spaces that are only typography."""
     return re.sub(r"\s+", " ", html.unescape(text).replace("\N{NBSP}", " "))
 
 
@@ -102,7 +102,7 @@ def stated(answer):
 
 
 def test_each_campaign_stands_for_the_model_that_holds(told):
-    """Model and data are those of the decision, and the paper's model is given as well."""
+    """Model and data are those of the decision; the paper's model is given in addition."""
     answers = {name: find(told[0], name).result() for name in CAMPAIGNS}
     said = {
         name: (a["recommended"]["model"], a["recommended"]["data"]) for name, a in answers.items()
@@ -121,14 +121,14 @@ def test_each_campaign_stands_for_the_model_that_holds(told):
     assert answers["explained"]["extended"]["stiffness"] == answers["explained"]["stiffness"]
     assert answers["adequate"]["extended"] is None
     (cause,) = (c for c in answers["explained"]["diagnosis"]["causes"] if c["gain"])
-    assert cause["name"] == "rail_roll"  # and no law that nobody listed
+    assert cause["name"] == "rail_roll"  # and no unlisted law
     truth = answers["explained"]["stiffness"]
     for mine, right in zip(answers["bad_data"]["stiffness"], truth, strict=True):
         assert mine["value"] == pytest.approx(right["value"], rel=0.03)
 
 
 def test_a_p_value_is_that_of_the_chi_square_beside_it(campaign):
-    """In every fit of an answer: the one that holds, that of the springs, the extended one."""
+    """In every fit of an answer: the recommended one, the springs, the extended one."""
     assert told_by_chi_square(campaign[1]) >= 1
 
 
@@ -149,7 +149,7 @@ def test_the_terminal_says_it(campaign, told):
 
 
 def test_page_and_pdf_say_it(campaign):
-    """The first value of every row of the stiffness table is the answer's, on paper as well."""
+    """The first value of every row of the stiffness table is the answer's, also on paper."""
     found, answer, _ = campaign
     page = (found.reports / "index.html").read_text("utf-8")
     table = page.split("Stiffness of each joint", 1)[1].split("</table>", 1)[0]
@@ -168,7 +168,7 @@ def test_page_and_pdf_say_it(campaign):
 
 
 def test_trend_and_comparison_take_it(campaign):
-    """The change against another campaign is the answer's; who explains nothing raises no alarm."""
+    """The change against another campaign is the answer's; an unexplained one raises no alarm."""
     found, answer, root = campaign
     other = find(root, OTHER).result()
     _, content = compared(root, found.name, OTHER)
@@ -188,7 +188,7 @@ def test_trend_and_comparison_take_it(campaign):
 
 
 def test_only_what_the_answer_stands_for_is_tested(campaign):
-    """Joint springs beside an identified cause, or of data with a mistake, may look worn."""
+    """Joint springs in place of an identified cause, or of bad data, may look worn."""
     found, answer, root = campaign
     said = answer["recommended"]
     plain = said["model"] == "joint_springs" and said["data"] == "as_given"
@@ -204,7 +204,7 @@ def test_only_what_the_answer_stands_for_is_tested(campaign):
 
 
 def test_what_to_type_is_shown_without_marks_of_ours(campaign, told):
-    """On the terminal, the page and the PDF; result.json keeps them for programs."""
+    """On the terminal, the page and the PDF; result.json keeps the marks for programs."""
     found, answer, _ = campaign
     page = (found.reports / "index.html").read_text("utf-8").partition("<script>")[0]
     spoken = "".join(pages_of((found.reports / "report.pdf").read_bytes()))
@@ -218,7 +218,7 @@ def test_what_to_type_is_shown_without_marks_of_ours(campaign, told):
 
 
 def test_what_explains_nothing_is_no_earlier_campaign_to_compare_with(told):
-    """The previous campaign is the last one whose values hold."""
+    """The previous campaign is the last one with valid values."""
     root, _ = told
     answers = [
         read(find(root, name)).model_copy(update={"measured": f"2026-0{k}-01"})
@@ -229,7 +229,7 @@ def test_what_explains_nothing_is_no_earlier_campaign_to_compare_with(told):
 
 
 def test_model_file_and_urdf_hold_it(campaign):
-    """Stiffness and standard uncertainty stand in model.toml and model.urdf as in result.json."""
+    """model.toml and model.urdf have stiffness and standard uncertainty as in result.json."""
     found, answer, _ = campaign
     model = IdentifiedModel.load(found.reports / "model.toml")
     urdf = ElementTree.parse(found.reports / "model.urdf")
@@ -247,8 +247,9 @@ def test_model_file_and_urdf_hold_it(campaign):
 def test_predict_and_compensate_use_it(campaign):
     """Predicted deflection and offsets are those of the answer's compliances and causes.
 
-    By hand, the geometry of the unloaded robot: each joint turns by compliance times torque about
-    its axis, from differences of Pinocchio's, and a carriage that rolls turns all about the rail.
+    By hand, with the geometry of the unloaded robot: each joint rotates by compliance times torque
+    about its axis, from differences of Pinocchio's, and a rolling carriage rotates everything about
+    the rail.
     """
     found, answer, _ = campaign
     model = IdentifiedModel.load(found.reports / "model.toml")
@@ -273,7 +274,7 @@ def test_predict_and_compensate_use_it(campaign):
 
 
 def at(q, point):
-    """Where a point of the flange frame is, from Pinocchio [m]."""
+    """Position of a point of the flange frame, from Pinocchio [m]."""
     model = pin_model(ROBOT, {"tip": point})
     data, frame = model.createData(), model.getFrameId("tip")
     pin.framesForwardKinematics(model, data, q)
@@ -288,14 +289,14 @@ def rolled(q, force, point):
 
 
 def turned(q, force, point):
-    """How the point moves per unit of each joint's compliance, by differences, (3, n)."""
+    """Motion of the point per unit of each joint's compliance, by differences, (3, n)."""
     step = 1e-6 * np.eye(len(q))
     J = np.array([(at(q + s, point) - at(q - s, point)) / 2e-6 for s in step]).T
     return J * (J.T @ force)
 
 
 def test_the_first_screen_says_which_model_and_what_it_changes(told):
-    """Model and reason, the stiffnesses that joint springs alone put elsewhere, the test pose."""
+    """Model and reason, the stiffnesses that joint springs alone would misstate, the test pose."""
     answer = find(told[0], "explained").result()
     first = {line["about"]: line["text"] for line in answer["first_screen"]}
     springs = {e["name"]: e for e in answer["joint_springs"]["stiffness"]}
@@ -332,13 +333,13 @@ def test_the_first_screen_says_what_to_do(campaign):
         assert numbers == {}
         assert "none of these stiffnesses" in said["to_do"]
     else:
-        # a controller knows no cause: its numbers are those that make up for one
+        # a controller knows no cause: its numbers are those that compensate for one
         alone = found.name in ("explained", "ambiguous")
         mine = (answer["joint_springs"] if alone else answer)["stiffness"]
         known = {e["axis"]: e["value"] for e in mine if e["value"] and e["ci95"][1]}
         assert numbers.keys() == known.keys()
         assert ("Effective values" in said["numbers"]) == alone
-        assert ("±" in said["numbers"]) != alone  # of a refuted model no uncertainty holds
+        assert ("±" in said["numbers"]) != alone  # for a refuted model no uncertainty holds
         assert float(numbers["A1"]) * 1e6 == pytest.approx(known["A1"], rel=0.01)
     assert ("compensate" in said["to_do"]) == (found.name in ("explained", "ambiguous", "bad_data"))
     assert ("Correct" in said["to_do"] or "correct the file" in said["to_do"]) == (
@@ -348,7 +349,7 @@ def test_the_first_screen_says_what_to_do(campaign):
 
 
 def test_json_on_the_terminal_is_result_json(told):
-    """`--json` prints the very objects of result.json, one a line."""
+    """`--json` prints the objects of result.json unchanged, one per line."""
     root, _ = told
     said = printed(root, *CAMPAIGNS, "--json").splitlines()
 

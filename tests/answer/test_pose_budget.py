@@ -1,4 +1,4 @@
-"""The budget of the deflection at the test pose adds up to what the model states there."""
+"""The budget of the deflection at the test pose sums to what the model states."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def springs():
 
 
 def handed(values):
-    """What is handed over of values."""
+    """The model delivered for some values."""
     parts = [
         handover.part(one.weight, one.cell, one.estimate, one.system, one.ratio)
         for one in values.hypotheses
@@ -43,7 +43,7 @@ def handed(values):
 
 
 def mixed(springs):
-    """Two hypotheses of unlike weight whose springs differ by a tenth."""
+    """Two hypotheses of unequal weight whose springs differ by a tenth."""
     (one,) = springs.hypotheses
     softer = replace(one.estimate, value=1.1 * one.estimate.value)
     pair = (replace(one, weight=0.7), replace(one, weight=0.3, estimate=softer))
@@ -52,7 +52,7 @@ def mixed(springs):
 
 @pytest.mark.parametrize("make", [lambda one: one, mixed], ids=["one", "two"])
 def test_the_lines_add_up_to_what_the_model_states(springs, make):
-    """In quadrature, sources and what the hypotheses differ by; the model's covariance is whole."""
+    """In quadrature, sources and difference of hypotheses; the covariance is complete."""
     values = make(springs)
     model, q = handed(values), springs.fitted.data.pulls.q[0]
     at = tip(model, q[None], FORCE[None], NOTHING)
@@ -78,7 +78,7 @@ def test_the_difference_between_hypotheses_is_a_line(springs):
 
 
 def test_what_left_out_poses_show_beyond_the_model_is_a_line(springs):
-    """Where they were missed by more than the model states, and the squares add up to it."""
+    """If left-out poses were missed by more than the model states; the squares add up to it."""
     model, q = handed(springs), springs.fitted.data.pulls.q[0]
     stated = 1e3 * tip(model, q[None], FORCE[None], NOTHING).std[0]
     at = tip(model, q[None], FORCE[None], Shown(2e-3 * stated, 3000.0))

@@ -1,4 +1,4 @@
-"""Catalogues of gettext: complete, compiled, and nothing of a text that is said stays English."""
+"""Gettext catalogues: complete, compiled, and no translated text stays English."""
 
 import re
 import struct
@@ -16,7 +16,7 @@ OTHERS = [Language.DE, Language.FR]
 
 
 def written(path):
-    """Texts of a .po file and how they are said, by nothing but the form of such files."""
+    """Texts of a .po file and their translations, from the file format only."""
     found, now = {}, None
     for line in path.read_text("utf-8").splitlines():
         kind, _, rest = line.partition(" ")
@@ -32,7 +32,7 @@ def written(path):
 
 
 def compiled(path):
-    """The same of a .mo file, by the manual of gettext."""
+    """The same from a .mo file, according to the manual of gettext."""
     data = path.read_bytes()
     magic, _, count, ids, strings = struct.unpack_from("<5I", data)
     assert magic == 0x950412DE
@@ -46,7 +46,7 @@ def compiled(path):
 
 @pytest.mark.parametrize("language", OTHERS)
 def test_every_text_of_the_source_is_said(language):
-    """None lacks a translation, and none is said that the source no longer has: `make words`."""
+    """No text lacks a translation, and no translation lacks its text: `make words`."""
     said = written(FOLDER / f"{language}.po")
     header = said.pop("")
 
@@ -57,7 +57,7 @@ def test_every_text_of_the_source_is_said(language):
 
 @pytest.mark.parametrize("language", OTHERS)
 def test_what_is_shipped_is_compiled_from_what_is_written(language):
-    """The .mo files hold what the .po files say: `make words`."""
+    """The .mo files agree with the .po files: `make words`."""
     binary, text = (compiled(FOLDER / f"{language}.mo"), written(FOLDER / f"{language}.po"))
     binary.pop(""), text.pop("")
 
@@ -66,7 +66,7 @@ def test_what_is_shipped_is_compiled_from_what_is_written(language):
 
 @pytest.mark.parametrize("language", OTHERS)
 def test_a_translation_has_what_varies_in_its_text(language):
-    """Each `{}` once at least, by its place, and no other; glue on the same side."""
+    """Each `{}` at least once, by its place, and no other; joining marks on the same side."""
     for english, there in written(FOLDER / f"{language}.po").items():
         places = {int(k) for k in re.findall(r"\{(\d)(?:!r|:small)?\}", there)}
         assert places == set(range(english.count("{}"))), english
@@ -75,7 +75,7 @@ def test_a_translation_has_what_varies_in_its_text(language):
 
 
 def test_every_place_that_speaks_is_there():
-    """A file or a function that was moved or renamed would lose its texts without a word."""
+    """If a file or function is moved or renamed, its texts would silently be lost."""
     root = Path(pipeline.base.__file__).parents[1]
     lost = [
         (pattern, name)
@@ -126,14 +126,14 @@ def test_every_place_that_speaks_is_there():
     ],
 )  # fmt: skip
 def test_what_varies_is_said_in_turn(english, german, french):
-    """Causes within sentences, numbers with a comma, names as they are."""
+    """Causes within sentences, numbers with a comma, names unchanged."""
     assert spoken(Language.DE)(english) == german
     assert spoken(Language.FR)(english) == french
     assert spoken(Language.EN)(english) is english
 
 
 def test_english_reads_no_catalogue(monkeypatch):
-    """It weighs nothing: not even the file is opened."""
+    """It costs nothing: not even the file is opened."""
 
     def never(*_):
         raise AssertionError
@@ -144,7 +144,7 @@ def test_english_reads_no_catalogue(monkeypatch):
 
 @pytest.mark.parametrize("language", OTHERS)
 def test_every_text_is_found_in_a_sentence(language):
-    """With a number where it varies, whatever else it could be taken for."""
+    """With a number in the variable place, whatever else would match."""
     say = spoken(language)
     told = {one.replace("{}", "7"): "" for one in texts()}
     left = {one: say(one) for one in told if ENGLISH.search(re.sub(r"\[.*?\]", "", say(one)))}

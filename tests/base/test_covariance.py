@@ -1,4 +1,4 @@
-"""Covariances in six columns: their places, turns and factors against plain 3x3 matrices."""
+"""Covariances in six columns: order, rotations and factors against plain 3x3 matrices."""
 
 import numpy as np
 import pandas as pd
@@ -13,7 +13,7 @@ TURN = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 
 @pytest.fixture
 def matrices():
-    """Nine covariances of any shape."""
+    """Nine arbitrary covariances."""
     half = np.random.default_rng(4).standard_normal((9, 3, 3))
     return half @ half.swapaxes(1, 2)
 
@@ -25,7 +25,7 @@ def six(matrices):
 
 
 def test_every_number_has_its_place(matrices):
-    """From columns to matrices and back, by whatever way, nothing is exchanged."""
+    """From columns to matrices and back, by every way, nothing is exchanged."""
     columns = six(matrices)
     table = pd.DataFrame(dict(zip(covariance.columns(), columns, strict=True)))
     named = table.set_axis([f"u{pair}" for pair in covariance.PAIRS], axis=1)[::1]
@@ -42,20 +42,23 @@ def test_every_number_has_its_place(matrices):
 
 
 def test_a_turned_covariance_is_that_of_turned_draws(matrices):
-    """R C R', of covariances that differ and of one that all readings share."""
+    """R C R', for different covariances and for one common to all readings."""
     alike = np.repeat(matrices[:1], 5, axis=0)
     half = matrices.copy()
-    half[:, 0, 0] = half[:, 0, 0].max()  # one of six columns is alike
+    half[:, 0, 0] = half[:, 0, 0].max()  # one of six columns is constant
 
     for given in (matrices, alike, half):
         found = covariance.full(covariance.turned(six(given), TURN))
         for C, turned in zip(given, found, strict=True):
-            draws = TURN @ np.linalg.cholesky(C)  # columns that span it, each of them turned
+            draws = TURN @ np.linalg.cholesky(C)  # columns that span it, each rotated
             assert turned == pytest.approx(draws @ draws.T, rel=1e-12)
 
 
 def test_a_turn_leaves_what_has_no_direction_and_only_that():
-    """A ball stays the ball it was, to the last bit; of equal variances with a slant none does."""
+    """An isotropic one is unchanged to the last bit.
+
+    One of equal variances with correlation is not.
+    """
     ball = [np.full(4, value) for value in (2.0, 0.0, 0.0, 2.0, 0.0, 2.0)]
     np.testing.assert_array_equal(covariance.turned(ball, TURN), ball)
 
@@ -71,7 +74,7 @@ AXES = [*np.eye(3), [1, 2, -2], [0, 3, 4], *np.random.default_rng(1).standard_no
 
 @pytest.mark.parametrize("axis", AXES, ids=range(len(AXES)))
 def test_what_has_no_scatter_along_any_one_axis_is_singular(matrices, axis):
-    """The rest of the readings is not, though its scatter be 100 000 times less one way."""
+    """Other readings are not, even if their scatter is 100 000 times smaller in one direction."""
     axis = np.array(axis) / np.linalg.norm(axis)
     away = np.eye(3) - np.outer(axis, axis)
     flat = matrices.copy() * 1e-10
@@ -94,7 +97,7 @@ def test_a_factor_gives_the_covariance_back(matrices):
 
 
 def test_a_factor_has_as_many_columns_as_the_scatter_has_directions():
-    """Across a chain nothing but two angles, all alike: whatever rounding does, the same two."""
+    """Transverse to a chain only two angles, all alike: the same two columns despite rounding."""
     rng = np.random.default_rng(6)
     along = rng.standard_normal((50, 3))
     along[0] = [1.0, 0.0, 0.0]
@@ -107,11 +110,11 @@ def test_a_factor_has_as_many_columns_as_the_scatter_has_directions():
     assert ((np.linalg.norm(one, axis=1) > 1e-5).sum(axis=1) == 2).all()
     there = np.linalg.norm(one, axis=1)[:, None, :] > 1e-5
     assert (np.abs(one - other) * there).max() < 1e-9
-    assert np.abs(other * ~there).max() < 1e-4  # what noise adds to a variance of none has a root
+    assert np.abs(other * ~there).max() < 1e-4  # rounding of a zero variance has a square root
 
 
 def test_columns_that_are_one_array_are_worked_on_once():
-    """Two arrays in six columns: two calls, and each column gets the answer of its own array."""
+    """Two arrays in six columns: two calls, and each column gets the result of its own array."""
     two, asked = [np.arange(4.0), np.arange(4.0) + 1], []
 
     def total(column):
@@ -125,7 +128,7 @@ def test_columns_that_are_one_array_are_worked_on_once():
 
 
 def test_all_readings_have_an_uncertainty_or_none(matrices):
-    """One number missing makes the whole covariance of a reading unknown, and that is refused."""
+    """One missing number makes the whole covariance of a reading unknown, which is refused."""
     columns = six(matrices)
     assert covariance.stated(covariance.known(columns))
     columns[4][[2, 7]] = np.nan

@@ -1,4 +1,4 @@
-"""Letters of a table: what each moves, against a table that is written anew."""
+"""DH parameters: the effect of each, against a modified table."""
 
 import numpy as np
 import pytest

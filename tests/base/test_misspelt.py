@@ -1,4 +1,4 @@
-"""A misspelt key of a file that people write: named with its line, and what was meant."""
+"""A misspelt key in a user's file: named with its line, and the intended key."""
 
 import re
 from importlib import resources
@@ -106,11 +106,11 @@ odds = 2.0
 """
 
 OWN_NAMES = {"leer", "B1", "P1", "P2", "P3"}
-"""Whoever writes the file calls them so."""
+"""Names chosen by the user."""
 
 
 def _keys(text):
-    """Every key with its line, as one sees it on the page."""
+    """Every key with its line number."""
     for number, line in enumerate(text.split("\n"), 1):
         if (found := re.match(r"([A-Za-z][\w.]+) = ", line)) and found[1] not in OWN_NAMES:
             yield pytest.param(number, found[1], id=f"{number}-{found[1]}")
@@ -124,13 +124,13 @@ def _misspelt(text, number, key):
 
 
 def test_the_campaign_is_good_as_it_stands():
-    """So that only what is misspelt is refused."""
+    """So that only the misspelt key is refused."""
     assert settings_of(CAMPAIGN).tolerance.deflection_mm == 0.25
 
 
 @pytest.mark.parametrize(("number", "key"), [*_keys(CAMPAIGN)])
 def test_every_misspelt_key_of_a_campaign_is_named_with_its_line(number, key):
-    """In each table, nested ones and lists of tables too, needed or not."""
+    """In each table, including nested ones and lists of tables, required or not."""
     with pytest.raises(InputError) as refused:
         settings_of(_misspelt(CAMPAIGN, number, key))
 
@@ -141,9 +141,9 @@ def test_every_misspelt_key_of_a_campaign_is_named_with_its_line(number, key):
 
 
 def test_every_misspelt_key_of_a_robot_is_named_with_its_line():
-    """Of a robot file, whose joints are a list of tables."""
+    """Also in a robot file, whose joints are a list of tables."""
     text = (resources.files("pipeline.machine.robot") / "kr500_rail.toml").read_text("utf-8")
-    free = {"name", "axes"}  # a description in several lines may have such words in it
+    free = {"name", "axes"}  # a multi-line description may contain such words
     for one in _keys(text):
         number, key = one.values
         if key in free:
@@ -172,7 +172,7 @@ def test_every_misspelt_key_of_a_robot_is_named_with_its_line():
     ],
 )
 def test_what_was_meant_is_said(was, instead, said):
-    """A table, a table within [tool], a key inline, one that belongs elsewhere, one like none."""
+    """A table, a table within [tool], an inline key, a misplaced one, one unlike any."""
     with pytest.raises(InputError) as refused:
         settings_of(CAMPAIGN.replace(was, instead, 1))
 
@@ -191,5 +191,5 @@ def test_what_was_meant_is_said(was, instead, said):
     ],
 )
 def test_the_line_of_an_entry_is_where_it_stands(path, line):
-    """Counted by hand; of an entry that is not there, the table around it."""
+    """Counted by hand; for a missing entry, the table around it."""
     assert line_of(CAMPAIGN, path) == line

@@ -1,4 +1,4 @@
-"""Parquet on the calling thread alone."""
+"""Parquet on the calling thread only."""
 
 import subprocess
 import sys
@@ -27,7 +27,7 @@ print(len(os.listdir("/proc/self/task")) - before)
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted by Linux")
 def test_a_table_is_written_and_read_without_a_thread_left_at_exit(tmp_path):
-    """Nothing of Arrow's is at work when the interpreter ends, so that it cannot abort it."""
+    """No Arrow thread is active when the interpreter ends, so that none can abort it."""
     asked = [sys.executable, "-c", ONE_THREAD, str(tmp_path / "table.parquet")]
     done = subprocess.run(asked, capture_output=True, text=True, check=True)
 
@@ -35,7 +35,7 @@ def test_a_table_is_written_and_read_without_a_thread_left_at_exit(tmp_path):
 
 
 def test_a_table_is_read_as_it_was_written(tmp_path):
-    """Words, numbers, empty cells and metadata all come back."""
+    """Texts, numbers, empty cells and metadata are restored."""
     schema = pa.schema(
         [pa.field("name", pa.string(), metadata={"unit": "1"}), pa.field("x_m", pa.float64())]
     )
@@ -50,13 +50,13 @@ def test_a_table_is_read_as_it_was_written(tmp_path):
 
 @pytest.mark.parametrize("special", [(), (1,), (0, 1, 3)], ids=["none", "one", "several"])
 def test_arrow_cuts_lines_in_memory_of_its_own(special):
-    """No thread of Arrow's holds the bytes of a file, which are Python's."""
+    """No Arrow thread refers to the bytes of a file, which belong to Python."""
     lines = ["a,1\n", "# two\n", "b,2\n", "\n", "c,3"]
     text = _text.text("some.csv", "".join(["title\n", *lines]).encode())
     held = sys.getrefcount(text.data)
     left_out = np.isin(np.arange(len(lines)), special)
     body = _cut._body(text, 2, left_out)
-    now = sys.getrefcount(text.data)  # an assert would hold it, too
+    now = sys.getrefcount(text.data)  # an assert would refer to it, too
 
     assert bytes(body).decode() == "".join(np.array(lines)[~left_out])
     assert now == held

@@ -1,4 +1,4 @@
-"""A proxy of the environment stands between us and the web, never between us and this machine."""
+"""A proxy from the environment is used for the web, but never for this machine."""
 
 import http.server
 import os
@@ -22,20 +22,20 @@ print(*sorted(__import__("urllib.request").request.getproxies()["no"].split(",")
 
 
 class Well(http.server.BaseHTTPRequestHandler):
-    """Answers that all is well."""
+    """Responds that all is well."""
 
     def do_GET(self):
-        """Nothing but that."""
+        """Respond only that."""
         self.send_response(200)
         self.end_headers()
 
     def log_message(self, *_):
-        """Nowhere."""
+        """Log nothing."""
 
 
 @pytest.mark.parametrize("name", ["no_proxy", "NO_PROXY"])
 def test_pages_of_this_machine_are_asked_directly(name):
-    """By urllib and by Prefect's httpx, whatever the proxies; what the user excludes stays so."""
+    """By urllib and by Prefect's httpx, whatever the proxies; the user's exclusions are kept."""
     proxies = dict.fromkeys(("http_proxy", "HTTP_PROXY", "all_proxy", "ALL_PROXY"), NOWHERE)
     clean = {k: v for k, v in os.environ.items() if not k.lower().endswith("_proxy")}
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Well) as server:

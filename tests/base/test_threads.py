@@ -1,4 +1,4 @@
-"""Work on two threads gives what it gives on one."""
+"""Two threads give the same results as one."""
 
 import os
 import subprocess
@@ -17,7 +17,7 @@ from pipeline.store.campaign import dump, find
 
 @pytest.mark.parametrize("much", [True, False])
 def test_results_come_in_the_order_of_the_items(much):
-    """Whichever thread is done first, the first item's result stands first."""
+    """Whichever thread is done first, the results are in the order of the items."""
     second_done = threading.Event()
 
     def work(item):
@@ -32,7 +32,7 @@ def test_results_come_in_the_order_of_the_items(much):
 
 @pytest.mark.parametrize("much", [True, False])
 def test_where_both_fail_the_first_is_heard(much):
-    """What the user is told does not depend on which file was read faster."""
+    """The message does not depend on which file was read faster."""
 
     def failing(word):
         def work():
@@ -49,7 +49,7 @@ def test_where_both_fail_the_first_is_heard(much):
 
 @pytest.mark.parametrize("said", ["4", "no number"])
 def test_linear_algebra_has_one_thread_whatever_the_user_has_set(said):
-    """Else the last digits of result.json would depend on a variable of somebody's shell."""
+    """Otherwise the last digits of result.json would depend on an environment variable."""
     code = (
         "import pipeline.app.cli, numpy, scipy.linalg, threadpoolctl\n"
         "print({one['num_threads'] for one in threadpoolctl.threadpool_info()})"
@@ -70,7 +70,7 @@ def test_linear_algebra_has_one_thread_whatever_the_user_has_set(said):
 
 
 def test_linear_algebra_has_one_thread_where_another_has_begun_more():
-    """Blocks within blocks and beside them; what there was before comes back with the last."""
+    """In nested and in concurrent blocks; the previous setting is restored after the last."""
 
     def threads():
         known = threadpoolctl.threadpool_info()
@@ -98,7 +98,7 @@ def test_linear_algebra_has_one_thread_where_another_has_begun_more():
 
 @pytest.mark.whole
 def test_an_answer_does_not_hang_on_threads_of_somebody_else():
-    """Byte by byte, where numpy was imported with two threads, as in a worker of Dask's."""
+    """Byte by byte, with numpy imported with two threads, as in a Dask worker."""
     raw = find(Path(__file__).parents[2], "fanuc_r2000ic").read()
     made = []
     for number in (1, 2):

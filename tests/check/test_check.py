@@ -1,4 +1,4 @@
-"""`check`: the line of campaign.toml that the readings contradict, what is there, what is next."""
+"""`check`: lines of campaign.toml that the readings contradict, a summary, and the next step."""
 
 import contextlib
 import functools
@@ -24,7 +24,7 @@ TOML = FILES["campaign.toml"].decode()
 
 
 def changed(old, new, files=FILES):
-    """The campaign with campaign.toml otherwise, and the line that changed."""
+    """The campaign with a changed campaign.toml, and the number of the changed line."""
     text = files["campaign.toml"].decode()
     assert text.count(old) == 1
     line = text[: text.index(old)].count("\n") + 1
@@ -32,7 +32,7 @@ def changed(old, new, files=FILES):
 
 
 def lines(files):
-    """Lines of campaign.toml that are said to be wrong."""
+    """Lines of campaign.toml reported as wrong."""
     return [one.line for one in wrong_lines(in_memory(files))]
 
 
@@ -48,7 +48,7 @@ POINTS = {
 
 @pytest.mark.parametrize("name", POINTS)
 def test_a_wrong_point_is_named_in_its_line(name):
-    """From 5 mm at the tool and 20 mm at the base, however far."""
+    """From 5 mm for the tool and 20 mm for the base, up to any distance."""
     files, line = changed(*POINTS[name])
 
     assert lines(files) == [line]
@@ -69,7 +69,7 @@ def test_two_points_exchanged_are_named_together():
 
 
 def test_a_decimal_comma_is_named_in_its_line(said):
-    """Whether it makes the file no TOML or three numbers six."""
+    """Whether it makes the file invalid TOML or three numbers six."""
     for comma in ("[0,2, 0,05, 0,12]", "[0,2, 0,5, 0,12]"):
         files, line = changed("P1 = [0.2, 0.05, 0.12]", f"P1 = {comma}")
         code, _, err = said(files)
@@ -80,7 +80,7 @@ def test_a_decimal_comma_is_named_in_its_line(said):
 
 
 def test_a_whole_table_in_millimetres_is_named_in_its_head():
-    """Not as one of its points."""
+    """And not as one of its points."""
     text = TOML
     for name, at in {"P1": "200, 50, 120", "P2": "-120, 190, 100", "P3": "-100, -180, 220"}.items():
         start = text.index(f"\n{name} = ") + 1
@@ -95,12 +95,12 @@ def test_a_whole_table_in_millimetres_is_named_in_its_head():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", ["unit", "decimal", "angle", "horizontal"])
 def test_a_wrong_word_is_named_in_its_line(kind):
-    """Unit, decimal mark, unit and sense of angles of an export that states none of them."""
+    """Unit, decimal mark, unit and sense of angles, for an export that states none of them."""
     assert named(0, kind) == "right"
 
 
 def test_a_word_that_contradicts_the_export_is_named_in_its_line():
-    """Also where the export says it itself, and cannot be read against it."""
+    """Also if the export states it itself, and cannot be read with the contradiction."""
     files, line = changed("sigma_m = 3e-05", 'sigma_m = 3e-05\nunit = "m"')
     (found,) = wrong_lines(in_memory(files))
 
@@ -109,7 +109,7 @@ def test_a_word_that_contradicts_the_export_is_named_in_its_line():
 
 
 def test_a_good_campaign_is_not_accused():
-    """Nor one with a reading far off, a joint row mistyped, or a robot that is off its table."""
+    """Nor one with a gross error, a mistyped joint row, or a robot with DH errors."""
     rows = FILES["tracker.csv"].decode().splitlines()
     k = next(k for k, row in enumerate(rows) if row.startswith("pose03_rep0_unloaded,P2"))
     cells = rows[k].split(",")
@@ -145,12 +145,12 @@ def said(tmp_path):
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory):
-    """What is said of the campaign as it is."""
+    """Output for the unchanged campaign."""
     return checked(tmp_path_factory.mktemp("good"), FILES)
 
 
 def test_what_is_there_is_listed_and_what_comes_next(good):
-    """Poses, forces, distances with their lines, times, and the command to type."""
+    """Poses, forces, distances with their lines, times, and the next command."""
     code, out, err = good
     line = 1 + TOML[: TOML.index("\nP1 = ") + 1].count("\n")
 
@@ -159,7 +159,7 @@ def test_what_is_there_is_listed_and_what_comes_next(good):
     assert f"349.86 mm nominal (lines {line} and {line + 1})" in out
     assert "2026-11-03 08:00 to" in out
     assert "not used" not in out
-    robot = load("kr500_rail")  # r1 is E1; the other joints are axes turned and shifted
+    robot = load("kr500_rail")  # r1 is E1; the other joints are axes with sign and offset
     for pose, row in enumerate(FILES["joints.csv"].decode().splitlines()[1:], 1):
         q = np.array([float(cell) for cell in row.split(",")[1:-1]])
         shown = np.linalg.solve(robot.controller_matrix, q - np.rad2deg(robot.controller_offset))
@@ -168,7 +168,7 @@ def test_what_is_there_is_listed_and_what_comes_next(good):
 
 
 def test_programs_get_the_same_as_json(said):
-    """Beside the counts: forces, distances, poses, times, groups that are not used."""
+    """In addition to the counts: forces, distances, poses, times, groups that are not used."""
     rows = FILES["tracker.csv"] + b"trial shot,P1,1.0,2.0,3.0,2026-11-03T12:00:00\n"
     code, out, _ = said(FILES | {"tracker.csv": rows}, "--json")
     content = json.loads(out)
@@ -182,7 +182,7 @@ def test_programs_get_the_same_as_json(said):
 
 
 def test_a_wrong_line_is_said_with_exit_5_and_comes_before_the_run(said):
-    """In a sentence with file, line, size and where the readings put the point."""
+    """In a sentence with file, line, size and the position of the point from the readings."""
     files, line = changed(*POINTS["across the triangle"])
     code, out, err = said(files)
 
@@ -193,7 +193,7 @@ def test_a_wrong_line_is_said_with_exit_5_and_comes_before_the_run(said):
 
 
 def test_a_line_that_stops_the_campaign_is_named_before_its_symptom(said):
-    """The export's own complaint stands below it."""
+    """The complaint about the export is below it."""
     files, line = changed("sigma_m = 3e-05", 'sigma_m = 3e-05\nunit = "m"')
     code, out, err = said(files, "--json")
 
@@ -203,7 +203,7 @@ def test_a_line_that_stops_the_campaign_is_named_before_its_symptom(said):
 
 
 def test_a_joint_log_in_another_unit_is_told(said):
-    """Whether its values leave the robot's range or not."""
+    """Whether or not its values exceed the robot's limits."""
     rows = FILES["joints.csv"].decode().splitlines()
     log = {"joints.csv": "\n".join([rows[0].replace("_deg", "_rad"), *rows[1:], ""]).encode()}
     code, _, err = said(FILES | log)
@@ -220,7 +220,7 @@ def test_a_joint_log_in_another_unit_is_told(said):
 
 @pytest.mark.whole
 def test_forces_in_another_unit_and_clocks_in_another_zone_are_doubted(said):
-    """Both may be right: said, no exit code."""
+    """Both may be right: reported, without an exit code."""
     loads = FILES["loads.csv"].decode().splitlines()
     titles = loads[0].replace("force_n", "force_kgf")
     code, _, err = said(FILES | {"loads.csv": "\n".join([titles, *loads[1:], ""]).encode()})
@@ -234,7 +234,7 @@ def test_forces_in_another_unit_and_clocks_in_another_zone_are_doubted(said):
 
 @pytest.mark.slow
 def test_of_200_wrong_entries_98_percent_are_named():
-    """Drawn at random, and as many good campaigns are left alone."""
+    """Drawn at random; as many good campaigns are not accused."""
     count = 200 // len(KINDS)
     said = Counter(named(seed, kind) for kind in KINDS for seed in range(count))
     clean = Counter(named(seed, None) for seed in range(count))
@@ -253,7 +253,7 @@ def test_a_name_with_blanks_is_found_in_its_line():
 
 
 def test_a_campaign_without_base_reflectors_is_said_to_be_in_the_frame_of_the_robot(said, good):
-    """Nothing else says where the base is."""
+    """The base position is not stated anywhere else."""
     points = TOML[TOML.index("[base_frame]") :].partition("\n\n")[0]
     kept = TOML.replace(points, "")
     assert "B1" not in kept
@@ -266,7 +266,7 @@ def test_a_campaign_without_base_reflectors_is_said_to_be_in_the_frame_of_the_ro
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("copied", "onto"), [("P2", "load_point"), ("load_point", "P2")])
 def test_a_load_at_the_place_of_a_reflector_is_doubted(said, good, copied, onto):
-    """A line that was copied in [tool]: one sentence with both names and both lines."""
+    """A copied line in [tool]: one sentence with both names and both lines."""
     rows = TOML.splitlines()
     at = {row.partition(" =")[0]: k for k, row in enumerate(rows)}
     rows[at[onto]] = f"{onto} = {rows[at[copied]].partition('= ')[2]}"
@@ -279,7 +279,7 @@ def test_a_load_at_the_place_of_a_reflector_is_doubted(said, good, copied, onto)
 
 @pytest.mark.slow
 def test_what_check_says_of_a_point_run_says_too():
-    """P3 of the demo 8 mm off: one sentence, with its line, in both; on the first screen, too."""
+    """P3 of the demo off by 8 mm: one sentence with its line in both, also on the first screen."""
     folder = Path(__file__).parents[2] / "data" / "raw" / "kr500_demo"
     files = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
     text = files["campaign.toml"].decode().replace("P3 = [-0.1, -0.18,", "P3 = [-0.1, -0.188,")
@@ -296,13 +296,13 @@ def test_what_check_says_of_a_point_run_says_too():
 
 
 def next_of(out):
-    """What is to be typed next."""
+    """The next command proposed."""
     return json.loads(out)["next"]
 
 
 @pytest.mark.whole
 def test_base_distances_that_no_motion_explains_are_told_before_a_run(said):
-    """Coordinates metres off; no turned frame is claimed, and no run is proposed."""
+    """Coordinates off by metres; no rotated frame is claimed, and no run is proposed."""
     text = TOML
     for name, at in (("B2", "[1.6, 12.5, -0.3]"), ("B3", "[-0.6, 16.5, -1.28]"),
                      ("B4", "[-2.6, -0.5, 0.28]")):  # fmt: skip
@@ -317,7 +317,7 @@ def test_base_distances_that_no_motion_explains_are_told_before_a_run(said):
 
 
 def test_a_reflector_in_millimetres_is_refused_with_its_line(said):
-    """As `run` refuses it: a coordinate of 210 m is on no effector."""
+    """As `run` does: a coordinate of 210 m is on no effector."""
     files, line = changed("P1 = [0.2, 0.05, 0.12]", "P1 = [210, 0.05, 0.12]")
     code, _, err = said(files)
 
@@ -326,7 +326,7 @@ def test_a_reflector_in_millimetres_is_refused_with_its_line(said):
 
 
 def wrong_link():
-    """The campaign with a robot file that is 34 mm off in one link."""
+    """The campaign with a robot file that is wrong by 34 mm in one link."""
     robot = load("kr500_rail").text.replace("d_m = 1.3", "d_m = 1.266")
     text = TOML.replace('robot = "kr500_rail"', 'robot = "robot.toml"')
     return FILES | {"campaign.toml": text.encode(), "robot.toml": robot.encode()}
@@ -334,7 +334,7 @@ def wrong_link():
 
 @pytest.mark.whole
 def test_a_wrong_link_of_the_robot_file_is_told_before_a_run(said):
-    """Named with its size, as `run` does, while the robot stands there."""
+    """Named with its size, as by `run`, while the robot is still available."""
     _, out, err = said(wrong_link(), "--json")
     value = err.partition("d_4 = ")[2].partition(" mm")[0].split(" ")
 

@@ -1,4 +1,4 @@
-"""What makes a plan good: figures against draws of estimates and numpy's own algebra."""
+"""Criteria of a plan: figures against draws of estimates and numpy's algebra."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_the_average_errs_as_draws_of_the_estimates_say(M):
 
 
 def test_the_ellipsoid_has_the_semi_axes_of_numpy(M):
-    """Their geometric mean for D, the longest for E."""
+    """Their geometric mean for D, the largest for E."""
     for k, plan in enumerate(M):
         axes = np.sqrt(np.linalg.eigvals(np.linalg.inv(plan)).real)
         assert criteria.CLASSIC["D"].figure(M)[k] == pytest.approx(stats.gmean(axes))
@@ -62,7 +62,7 @@ def test_twice_the_pulls_are_worth_a_root_of_two(M, criterion):
 
 
 def test_a_plan_that_leaves_a_mix_open_is_no_plan(M):
-    """No figure and no finite uncertainty, beside others that have both."""
+    """No figure and no finite uncertainty, together with others that have both."""
     flat = M.copy()
     flat[1] = np.diag([1.0, 1.0, 1.0, 0.0])
 
@@ -77,7 +77,7 @@ def test_a_plan_that_leaves_a_mix_open_is_no_plan(M):
 
 
 def test_the_smooth_stand_in_is_close_above_the_smallest_eigenvalue(M):
-    """Power mean of order 24 of four: at most 4^(1/24) too large, and equal where all are alike."""
+    """Power mean of order 24 of four: at most 4^(1/24) too large, and equal if all are equal."""
     smooth, S = criteria.CLASSIC["E"].smooth(M)
     least = np.linalg.eigvalsh(M)[:, 0]
 
@@ -93,7 +93,7 @@ def test_the_smooth_stand_in_is_close_above_the_smallest_eigenvalue(M):
 
 
 def test_a_support_touches_where_it_was_taken(M):
-    """Z of the smooth criteria meets g at M; that of E has trace one."""
+    """Z of the smooth criteria is tight at M; that of E has trace one."""
     for criterion in (criteria.CLASSIC["A"], criteria.CLASSIC["D"]):
         Z = criterion.support(M)
         np.testing.assert_allclose(np.sum(Z * M, axis=(1, 2)), np.exp(criterion.score(M)[0]))

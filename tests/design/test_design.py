@@ -136,7 +136,7 @@ def test_slopes_of_information_are_finite_differences(name, noise):
 
 @pytest.mark.parametrize("noise", SCATTERS)
 def test_information_of_a_pose_is_that_of_its_dense_covariance(noise):
-    """Shared zero, force error and beam give the same as inverting the whole matrix."""
+    """With shared zero, force error and beam the same as inverting the whole matrix."""
     robot, rng = load("kr500_rail"), np.random.default_rng(5)
     scatter = SCATTERS[noise]
     made = experiment(robot, scatter)
@@ -178,7 +178,7 @@ LIMITS = {
 @pytest.mark.parametrize("limits", LIMITS.values(), ids=LIMITS)
 @pytest.mark.parametrize("name", ["kr500_rail", "fanuc_r2000ic"])
 def test_slopes_of_limits_are_finite_differences(limits, name):
-    """Every limit's penalty falls the way its slope says."""
+    """The penalty of every limit has the stated slope."""
     robot, rng = load(name), np.random.default_rng(6)
     made = experiment(robot, SCATTERS["paper"])
     q, anchor = inside(robot, 40, rng), rng.normal([2.0, 6.0, -0.9], 0.3, (40, 3))
@@ -250,7 +250,7 @@ def test_slopes_of_criteria_are_finite_differences(which):
 
 @pytest.mark.parametrize("which", range(4))
 def test_a_support_is_never_below_the_information_function(which):
-    """G(N) <= trace(Z N) for the Z of any other design: what the bound rests on."""
+    """G(N) <= trace(Z N) for the Z of any other design: the basis of the bound."""
     rng = np.random.default_rng(9)
     criterion = made_criteria(rng, 4)[which]
     M, N = (random_informations(rng, 500, n=4, rows=5) for _ in range(2))
@@ -260,7 +260,7 @@ def test_a_support_is_never_below_the_information_function(which):
 
 
 def among(candidates):
-    """The worst direction of a finite list, by looking at all of it."""
+    """The worst direction among a finite list, by enumeration."""
 
     def oracle(Z, hard):
         return Worst(
@@ -360,7 +360,7 @@ def test_the_published_plan_by_hand(reference):
 
 
 def test_test_poses_count_by_their_weights(reference):
-    """Squares of the figures of single test poses, averaged with the weights, are the whole's."""
+    """Squared figures of single test poses, averaged with the weights, give that of all."""
     first = reference.spec.test_pose[0].model_dump()
     second = first | {"q": [2.0, 30, 10, 60, 40, -50, 80], "force_n": [200.0, 50.0, -100.0]}
 
@@ -392,7 +392,7 @@ def test_the_workspace_is_all_poses_under_forces_from_everywhere(reference):
 
 
 def test_slopes_of_a_whole_plan_are_finite_differences(reference):
-    """The search goes downhill: criterion, identifiability and limits together."""
+    """The search descends: criterion, identifiability and limits together."""
     function = objective(reference, 50.0)
     x = np.random.default_rng(12).uniform(size=(4, 22))
     _, slope = function(x)
@@ -410,7 +410,7 @@ def proposal(reference):
 @pytest.mark.whole
 @pytest.mark.xdist_group("design")
 def test_three_poses_beat_the_paper_threefold_and_certified(reference, proposal):
-    """Epsilon <= 0.305e-2 mm, 98 % efficient, every joint and every limit kept."""
+    """Epsilon <= 0.305e-2 mm, 98 % efficient, with every joint determined and every limit kept."""
     plan = proposal.plan
 
     assert plan.figure * 1e3 <= 0.305e-2
@@ -434,7 +434,7 @@ def test_three_poses_beat_the_paper_threefold_and_certified(reference, proposal)
 )
 @pytest.mark.xdist_group("design")
 def test_a_plan_that_breaks_a_limit_does_not_count(proposal, limits):
-    """Joint limits, identifiability, floor and chain each turn a good plan into none."""
+    """Violating joint limits, identifiability, floor or chain makes a good plan invalid."""
     plan = proposal.plan
     made = problem_of("paper_reference", {"limits": limits})
 
@@ -444,7 +444,7 @@ def test_a_plan_that_breaks_a_limit_does_not_count(proposal, limits):
 
 @pytest.mark.slow
 def test_a_plan_is_there_after_a_first_quick_round(reference):
-    """Twice a round the best so far, from the first look on, and it never gets worse."""
+    """The best so far is yielded twice a round from the start, and never gets worse."""
     effort = Effort(first=48, rounds=1, poses=96, settled=6, exchanged=2)
     found = list(search.search(reference, np.random.default_rng(5), effort))
     figures = [progress.best.figure for progress in found]
@@ -459,7 +459,7 @@ def test_a_plan_is_there_after_a_first_quick_round(reference):
 @pytest.mark.whole
 @pytest.mark.xdist_group("design")
 def test_no_random_plan_is_below_the_bound(reference, proposal):
-    """Plans that descend from elsewhere, without the limit on single compliances, stay above."""
+    """Plans that descend from elsewhere, without the limit on single compliances, stay above it."""
     free = problem_of("paper_reference", {"limits": {"max_relative_std": 100.0}})
     start = np.random.default_rng(99).uniform(size=(60, 22))
     found = descend(objective(free, 50.0), start, rounds=150)
@@ -470,7 +470,7 @@ def test_no_random_plan_is_below_the_bound(reference, proposal):
 
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_plan(reference):
-    """Nothing but the seed decides."""
+    """Only the seed matters."""
     (*_, one), (*_, same), (*_, other) = (
         propose(reference, seed=seed, effort=QUICK) for seed in (5, 5, 6)
     )
@@ -520,7 +520,7 @@ def test_other_criteria_are_certified_too(kind):
 
 @pytest.mark.slow
 def test_all_limits_together_are_kept():
-    """A plan with floor, chain, clearance and pull limits breaks none of them."""
+    """A plan with floor, chain, clearance and pull limits violates none of them."""
     limits = {
         "chain_m": [1.2, 4.5],
         "effector_above_m": -0.6,
@@ -554,7 +554,7 @@ def test_more_readings_and_a_freer_anchor_never_hurt(reference, proposal):
 
 @pytest.mark.slow
 def test_the_command_prints_the_promised_keys(capsys, monkeypatch):
-    """One JSON object with the keys that others read, consistent with itself."""
+    """One JSON object with the documented keys, consistent with itself."""
     monkeypatch.setattr("pipeline.design.search.Effort", lambda **said: replace(QUICK, **said))
     code = cli._exit_code(["design", "paper_reference", "--json", "--rounds", "1", "--seed", "7"])
     printed = json.loads(capsys.readouterr().out)
@@ -570,7 +570,7 @@ def test_the_command_prints_the_promised_keys(capsys, monkeypatch):
 
 
 def test_an_interrupted_search_gives_its_best():
-    """Ctrl-C after the first round: the plan is there, its certificate is not."""
+    """Ctrl-C after the first round: there is a plan, but no certificate."""
     said = []
 
     def stop(words):
@@ -605,7 +605,7 @@ def test_a_problem_file_and_its_mistakes(tmp_path):
 @pytest.mark.slow
 @pytest.mark.xdist_group("design")
 def test_the_certificate_gets_better_and_stays_below_the_continuous_design(reference, proposal):
-    """Bounds rise, continuous designs fall, and they meet within a thousandth or so."""
+    """Bounds rise, continuous designs fall, and they agree to about a thousandth."""
     pool = search.Box(reference, 1).closed(
         proposal.plan.q[:, None], np.tile(proposal.plan.anchor, (3, 1))
     )
@@ -618,7 +618,7 @@ def test_the_certificate_gets_better_and_stays_below_the_continuous_design(refer
 
 
 def timed(minutes, **plan):
-    """The problem for the diagnosis in so many minutes."""
+    """The problem for the diagnosis with this total time."""
     content = loads(spec.shipped("diagnosis_reference"), "x.toml") | {
         "design": {"minutes": minutes}
     }
@@ -628,7 +628,7 @@ def timed(minutes, **plan):
 
 @pytest.mark.parametrize("plan", [{}, {"poses": 6}, {"poses": 20}])
 def test_minutes_hold_as_many_readings_as_the_schedule_lets_in(plan):
-    """One more pull at every pose would not be over in time."""
+    """One more pull at every pose would exceed the time."""
     found = timed(480, **plan).plan
     pulls = found.readings // found.poses
 
@@ -640,7 +640,7 @@ def test_minutes_hold_as_many_readings_as_the_schedule_lets_in(plan):
 
 
 def test_minutes_are_spent_where_they_tell_most():
-    """No other share between poses and pulls gives as much per hour, zeros before and after."""
+    """No other division between poses and pulls gives as much per hour, with both zeros."""
 
     def told(poses):
         found = timed(480, poses=poses).plan
@@ -653,7 +653,7 @@ def test_minutes_are_spent_where_they_tell_most():
 
 
 def test_a_time_that_holds_no_pull_is_refused():
-    """With what it would take; and two words for one number."""
+    """With the time needed; and two statements of one number."""
     with pytest.raises(InputError, match="too short for 6 poses with 1 pulls each, which take 33"):
         timed(20, poses=6)
     both = spec.shipped("paper_reference") + "\n[design]\nminutes = 480\n"

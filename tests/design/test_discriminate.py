@@ -1,4 +1,4 @@
-"""What a plan shows of causes: differences of the forward model, fits by numpy, powers by scipy."""
+"""Causes visible with a plan: differences of the forward model, numpy's fits, scipy's powers."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -52,12 +52,12 @@ def made_lens():
 
 @pytest.fixture(scope="module")
 def columns():
-    """Whitened columns of seven springs and six causes; c hides behind the second form of b."""
+    """Whitened columns of seven springs and six causes; c resembles the second form of b."""
     rng = np.random.default_rng(1)
     X = rng.normal(size=(90, 14))
-    X[:, 11] = X[:, 10] + 0.3 * X[:, 11]  # c, beside the second form of b
+    X[:, 11] = X[:, 10] + 0.3 * X[:, 11]  # c, near the second form of b
     X[:, 12] = X[:, 11] + 0.05 * X[:, 12]  # its twin
-    # one that is square to all others
+    # orthogonal to all others
     others = np.delete(X, 13, axis=1)
     X[:, 13] -= others @ np.linalg.lstsq(others, X[:, 13], rcond=None)[0]
     return X
@@ -68,13 +68,13 @@ def of(view, X, i):
 
 
 def left(X, base, *more):
-    """What springs and more columns leave of the columns X."""
+    """Residuals of the columns X after springs and further columns."""
     B = np.hstack([base, *more])
     return X - B @ np.linalg.lstsq(B, X, rcond=None)[0]
 
 
 def least(k, p):
-    """Noncentrality that is found in four cases of five, by scipy's root finding."""
+    """Noncentrality detected in four cases of five, by scipy's root finding."""
     limit = stats.chi2.isf(p, k)
     return optimize.brentq(lambda x: stats.ncx2.sf(limit, k, x) - 0.8, 1e-3, 1e3)
 
@@ -98,7 +98,7 @@ def expected(view, X):
 
 
 def test_sizes_are_those_of_fits_one_by_one(columns):
-    """For one plan and for many: noticed, named, and by what each is hidden best."""
+    """For one plan and for several: detected, named, and what hides each best."""
     view, X = made_lens(), columns
     truth = expected(view, X)
 
@@ -110,12 +110,12 @@ def test_sizes_are_those_of_fits_one_by_one(columns):
         assert rival[first].tolist() == [one[2] for one in truth]
     assert detected[1] == pytest.approx(2 * detected[0], rel=1e-6)
     assert named[1] == pytest.approx(2 * named[0], rel=1e-6)
-    assert rival[0, 5] == 5  # nothing hides what is square to all
+    assert rival[0, 5] == 5  # nothing hides an orthogonal one
     assert rival[0, 3] == 2
 
 
 def test_a_cause_is_told_by_its_main_form_and_twins_as_one(columns):
-    """Of twins the one that is harder to name; what pulls never show stands at the end."""
+    """Of twins the one harder to name; what pulls never show is at the end."""
     view, X = made_lens(), columns
     truth = expected(view, X)
 
@@ -140,7 +140,7 @@ def test_a_cause_is_told_by_its_main_form_and_twins_as_one(columns):
 
 
 def test_what_needs_ten_thousand_typical_sizes_is_never_seen(columns):
-    """A size that no machine has is none."""
+    """A size that no machine has does not count."""
     view = made_lens()
     for factor, seen in ((1.1, False), (0.9, True)):
         X = columns.copy()
@@ -151,7 +151,7 @@ def test_what_needs_ten_thousand_typical_sizes_is_never_seen(columns):
 
 
 def test_twins_of_twins_are_one_class():
-    """Pairs that share a member join, in whatever order they come."""
+    """Pairs with a common member are joined, in any order."""
     labels = ["d", "a", "b", "c", "e", "a"]
 
     found = _classes(labels, [("a", "b"), ("c", "d"), ("b", "c")])
@@ -167,7 +167,7 @@ def real():
 
 
 def test_the_causes_of_a_plan_are_those_that_pulls_can_show(real):
-    """All of the catalogue but noise and what is never seen, columns in their order."""
+    """All of the catalogue except noise and what is never visible, columns in their order."""
     hidden = twins(real.problem.robot)
     labels = [one.label for one in real.suspects]
 
@@ -227,7 +227,7 @@ def test_columns_are_differences_of_the_forward_model(real):
         T = np.kron(np.eye(3), C)
         V = np.kron(np.eye(2) + 0.5, T)
         for s in range(2):
-            # all springs at their nominal, a newton of pull
+            # all springs nominal, one newton of pull
             d = of_pose[9 * s : 9 * s + 9, :7].sum(axis=1) / np.abs(steps[s])
             V[9 * s : 9 * s + 9, 9 * s : 9 * s + 9] += (900 + (0.02 * steps[s]) ** 2) * np.outer(
                 d, d

@@ -1,4 +1,4 @@
-"""Plans that a robot can drive: inside its limits, clear of itself, from pose to pose.
+"""Plans that a robot can drive: within its limits, free of self-collision, from pose to pose.
 
 Collisions are judged by Pinocchio and Coal on the capsules of the robot file, not by our gaps.
 """
@@ -63,7 +63,7 @@ def planned(name, seed):
 
 
 def driven(q, via):
-    """Points of a way at 2 degrees, all joints from start to end together."""
+    """Points of a way every 2 degrees, all joints moving from start to end together."""
     rows = []
     for a, b in pairwise([q[0], *via, q[1]]):
         count = int(np.ceil(np.abs(b - a).max() / np.deg2rad(2.0))) + 1
@@ -75,7 +75,7 @@ def driven(q, via):
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_no_pose_and_no_way_between_poses_meets_the_arm(name):
-    """Coal finds no touching pair along the ways that are called free."""
+    """Coal finds no collision along the ways that are called free."""
     problem, q = planned(name, 1)
     checked = Checked(problem.robot, {}, {})
     found = legs(problem, q, problem.anchor_lower)
@@ -92,7 +92,7 @@ def test_no_pose_and_no_way_between_poses_meets_the_arm(name):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_poses_keep_away_from_limits_and_windings(name):
-    """5 degrees, 20 mm, and half a turn of the wrist, by the numbers of the robot file."""
+    """5 degrees, 20 mm, and half a turn of the wrist, from the numbers of the robot file."""
     problem, q = planned(name, 1)
     robot = problem.robot
     margin = np.where(robot.prismatic, 0.02, np.deg2rad(5.0))
@@ -104,7 +104,7 @@ def test_poses_keep_away_from_limits_and_windings(name):
 
 
 def test_a_way_through_the_arm_is_refused_with_pose_and_reason():
-    """A pose in which Coal finds the arm in itself has no way to it, and does not stand."""
+    """There is no way to a pose with self-collision by Coal, and the pose itself is refused."""
     problem = asked("kr210_r2700_2")
     checked, rng = Checked(problem.robot, {}, {}), np.random.default_rng(5)
     pairs = checked.watched
@@ -119,7 +119,7 @@ def test_a_way_through_the_arm_is_refused_with_pose_and_reason():
 
 
 def test_joints_that_turn_twice_stand_in_one_turn():
-    """The same poses, and a shoulder that need not wind through the floor."""
+    """The same poses, without a turn of the shoulder that would pass through the floor."""
     problem = asked("ur10")
     q = np.deg2rad([[10, 337, -78, 20, 30, 40], [10, -119, -107, 20, 30, 40],
                     [-340, 247, 100, 20, 30, 40]])  # fmt: skip
@@ -131,7 +131,7 @@ def test_joints_that_turn_twice_stand_in_one_turn():
 
 
 def test_a_robot_without_hulls_gets_rough_ones_from_its_table():
-    """They follow the links: each begins and ends where its joints are, in any pose."""
+    """They follow the links: each begins and ends at its joints, in any pose."""
     robot = load("irb6640")
     assert not len(robot.capsules)
     made = hulls(robot)
@@ -150,7 +150,7 @@ def test_a_robot_without_hulls_gets_rough_ones_from_its_table():
 
 
 def test_another_robot_in_the_papers_problem_gets_the_margins():
-    """The paper goes to the limits of its own robot, which nobody drives."""
+    """The paper uses the full limits of its own robot, which nobody would drive."""
     paper = problem_of("paper_reference", {})
     other = problem_of("paper_reference", {"robot": "kr500_rail_kuka"})
 
@@ -162,7 +162,7 @@ def test_another_robot_in_the_papers_problem_gets_the_margins():
 
 
 def test_a_limit_of_the_problem_counts_inside_the_margins():
-    """What somebody states is kept beside them."""
+    """Stated limits are kept in addition."""
     text = PROBLEM.format(robot="kr210_r2700_2", steps="1000, 1500", y=1.0, z=0.0)
     tight = spec.parse(text + "[limits]\njoints = { theta2 = [-90, -80] }\n")
 

@@ -35,7 +35,7 @@ PLACES = {
 SEEDS = range(20261125, 20261150)
 SEARCHED = SEEDS[:2]
 PLANS = [(name, seed) for seed in SEEDS for name in PLACES]
-"""Two hundred. In every second one the tracker is said, and beams are promised."""
+"""Two hundred plans. In every second one the tracker is stated, and its beams must be free."""
 FEW = [("kr500_rail", SEEDS[2]), ("fanuc_r2000ic", SEEDS[3])]
 """In every run of the tests: one with promised beams, one with ways that are not straight. None is
 searched; `test_driven` has a searched one."""
@@ -89,7 +89,7 @@ def planned(name, seed):
 
 
 def path(q, via, robot):
-    """Joint values from pose to pose, half a degree or 20 mm apart in the slowest joint."""
+    """Joint values from pose to pose, half a degree or 20 mm apart for the slowest joint."""
     step = np.where(robot.prismatic, 0.02, np.deg2rad(0.5))
     rows = []
     for a, b in itertools.pairwise([q[0], *via, q[1]]):
@@ -99,12 +99,12 @@ def path(q, via, robot):
 
 
 def complaints(name, seed):
-    """What Pinocchio and Coal find along a plan: collisions, limits, lines; and what was told."""
+    """Collisions, violated limits and lines along a plan by Pinocchio and Coal; and our report."""
     problem, q, ways = planned(name, seed)
     robot, (_, anchor, tracker, floor) = problem.robot, PLACES[name]
     hulls = None if len(robot.capsules) else bodied(robot).capsules
     tool = {one: list(at) for one, at in problem.spec.tool.items()}
-    if not seed % 2:  # nobody promised a beam
+    if not seed % 2:  # free beams were not requested
         tool = {"load_point": tool["load_point"]}
     checked = Checked(robot, {"tracker_m": tracker, "floor_z_m": floor}, tool, hulls)
     lever = 1e-6
@@ -141,7 +141,7 @@ def low(checked, floor):
     [pytest.param(*one, marks=[pytest.mark.slow] * (one not in FEW)) for one in PLANS],
 )
 def test_a_plan_is_driven_without_touching_anything(name, seed):
-    """No collision, no limit, no line that was promised, on the whole way that is not refused."""
+    """No collision, no violated limit, no requested line blocked, on any accepted way."""
     found, told, _ = complaints(name, seed)
 
     assert found == []

@@ -1,4 +1,4 @@
-"""Sizes of causes: numpy's fit and Student for springs, the likelihood's profile for the rest."""
+"""Sizes of causes: springs by numpy's fit and Student, others by the profile likelihood."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -21,8 +21,8 @@ SUSPECTS = (suspect("a", FREE, typical=3e-7), suspect("b", FREE, FREE), suspect(
 
 @pytest.mark.parametrize("accepted", [(1,), (2, 1), (0, 1, 2)])
 def test_sizes_and_intervals_are_numpys_and_students(monkeypatch, accepted):
-    """Estimated together, scatter from what is left, each in the unit of its parameter."""
-    monkeypatch.setattr(amplitude, "Elastic", object)  # linear in their parameters, all of them
+    """Estimated together, scatter from the residuals, each in the unit of its parameter."""
+    monkeypatch.setattr(amplitude, "Elastic", object)  # all linear in their parameters
     truth = made(np.random.default_rng(2), SUSPECTS, {0: [2.0], 1: [1.0, -2.0], 2: [0.5]})
     view = truth.view(accepted)
 
@@ -47,7 +47,7 @@ def test_sizes_and_intervals_are_numpys_and_students(monkeypatch, accepted):
 
 
 def test_what_the_data_do_not_determine_has_no_finite_interval(monkeypatch):
-    """Two columns that are one."""
+    """Two identical columns."""
     monkeypatch.setattr(amplitude, "Elastic", object)
     truth = made(np.random.default_rng(2), SUSPECTS, {0: [2.0]}, alike={2: (0, 0.0)})
 
@@ -58,7 +58,7 @@ def test_what_the_data_do_not_determine_has_no_finite_interval(monkeypatch):
 
 
 def test_a_joint_that_no_pull_loads_takes_up_no_degree_of_freedom(monkeypatch):
-    """Its column is zero: the scatter is what numpy's rank leaves it."""
+    """Its column is zero: the scatter has the degrees of freedom of numpy's rank."""
     monkeypatch.setattr(amplitude, "Elastic", object)
     truth = made(np.random.default_rng(2), SUSPECTS, {0: [2.0]})
     truth = replace(truth, B=truth.B * [1.0, 0.0, 1.0])
@@ -76,7 +76,7 @@ def test_a_joint_that_no_pull_loads_takes_up_no_degree_of_freedom(monkeypatch):
 
 
 def test_residuals_that_are_none_give_a_number_and_none_left_give_no_limit(monkeypatch):
-    """Met to the last digit: known to a hundredth of the noise. Without a row to spare: unknown."""
+    """Exact data: known to a hundredth of the noise. Without a redundant row: unknown."""
     monkeypatch.setattr(amplitude, "Elastic", object)
     truth = made(np.random.default_rng(2), SUSPECTS, {0: [2.0]})
     exact = truth.B @ np.full(3, 3e-8) + truth.Z[0][:, 0] * 2 * SUSPECTS[0].parameters[0].typical
@@ -95,7 +95,7 @@ def test_residuals_that_are_none_give_a_number_and_none_left_give_no_limit(monke
 
 @pytest.fixture(scope="module")
 def bent():
-    """A load point that is off by centimetres: what it moves is not linear in that."""
+    """A load point off by centimetres, whose effect is nonlinear."""
     case = small(3, hidden={"effects": ["load_point_offset=6x"]})
     at = asked(case)
     real, _ = real_case(at.cell, at.reduced.data, at.estimate)
@@ -106,7 +106,7 @@ def bent():
 
 
 def test_an_interval_ends_where_chi_square_has_risen_by_384(bent):
-    """Everything else fitted again by scipy, with the whole model and the whole covariance."""
+    """All else refitted by scipy, with the whole model and the whole covariance."""
     real, view, which = bent
     ((first, *_),) = amplitudes(real, view)
     model, data = view.model, real.data
@@ -143,7 +143,7 @@ def test_an_interval_ends_where_chi_square_has_risen_by_384(bent):
 
 
 def test_a_flat_likelihood_is_bounded(bent, monkeypatch):
-    """A rise of less than one counts as one: an end is no farther than 1.96 roots of 3.84."""
+    """A rise below one counts as one: an end is at most 1.96 roots of 3.84 away."""
     _, view, which = bent
     parameter = view.suspects[which].parameters[0]
     for rise, reach in ((0.1, np.sqrt(3.84)), (3.84, 1.0), (4 * 3.84, 0.5)):
@@ -153,7 +153,7 @@ def test_a_flat_likelihood_is_bounded(bent, monkeypatch):
 
 
 def test_the_laws_tolerance_reaches_the_interval(bent):
-    """By numpy: V has how far each pull may deviate from the law; the ends bend as before."""
+    """By numpy: V includes the tolerance of the law per pull; the ends curve as before."""
     real, view, which = bent
     found = SimpleNamespace(view=view, seen=view.seen)
     own = accepted(real, found)

@@ -1,4 +1,4 @@
-"""What is stated where it is uncertain which causes are true."""
+"""What is stated if it is uncertain which causes are true."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -35,7 +35,7 @@ CELL = SimpleNamespace(robot=KR500)
 
 
 def hypothesis(weight, factor=1.0, relative=0.01, lost=None, instead=None, cov=None):
-    """Joint springs `factor` times their nominal size, known to a fraction, beside one cause."""
+    """Joint springs of `factor` times nominal size with a relative uncertainty, and one cause."""
     effect = EFFECTS[instead or "joint_tilt:5"]
     parameters = (*BASELINE, *effect.parameters)
     value = np.append(factor * X, np.zeros(len(effect.parameters)))
@@ -65,7 +65,7 @@ def correlated(rng, relative):
 
 
 def test_one_hypothesis_is_its_own_estimate():
-    """With nothing in doubt, value, covariance and interval are those of the one model."""
+    """Without alternatives, value, covariance and interval are those of the one model."""
     one = hypothesis(1.0, cov=correlated(np.random.default_rng(1), 0.01))
 
     found = springs([one])
@@ -76,7 +76,7 @@ def test_one_hypothesis_is_its_own_estimate():
 
 
 def test_value_and_covariance_are_those_of_draws():
-    """Draw a hypothesis by its weight, then springs from it: mean and covariance are the stated."""
+    """Draw a hypothesis by its weight, then its springs: mean and covariance are as stated."""
     rng = np.random.default_rng(2)
     several = [
         hypothesis(w, f, cov=correlated(rng, 0.02), instead=name)
@@ -96,7 +96,7 @@ def test_value_and_covariance_are_those_of_draws():
 
 
 def test_an_unlikely_hypothesis_widens_the_interval_as_draws_do():
-    """Below 5 % each, the 95 % interval is that of the draws where it is wider than the first's."""
+    """Below 5 % each, the 95 % interval is that of the draws if wider than the first's."""
     rng = np.random.default_rng(3)
     several = [
         hypothesis(0.92, 1.0),
@@ -114,7 +114,7 @@ def test_an_unlikely_hypothesis_widens_the_interval_as_draws_do():
 
 
 def sized(weight, value, std, label):
-    """A hypothesis whose cause's first parameter has a value [rad/(N m)]."""
+    """A hypothesis whose cause has this value of its first parameter [rad/(N m)]."""
     one = hypothesis(weight, instead=label)
     cov, x = one.estimate.cov.copy(), one.estimate.value.copy()
     x[7], cov[7, 7] = value, std**2
@@ -122,7 +122,7 @@ def sized(weight, value, std, label):
 
 
 def test_the_size_of_a_cause_is_that_of_draws_from_the_hypotheses_that_hold_it():
-    """Weights given that the cause is there; one with another cause in its place has no say."""
+    """Weights conditional on the cause; a hypothesis with another cause does not contribute."""
     rng = np.random.default_rng(4)
     several = [
         sized(0.5, 3.0e-7, 2e-8, "joint_tilt:5"),
@@ -142,7 +142,7 @@ def test_the_size_of_a_cause_is_that_of_draws_from_the_hypotheses_that_hold_it()
 
 
 def test_every_interval_holds_whichever_likely_hypothesis_is_true():
-    """Two rivals: the interval reaches from the lower end of one to the upper end of the other."""
+    """Two rivals: the interval extends from the lower end of one to the upper end of the other."""
     rivals = [hypothesis(0.9, 1.0), hypothesis(0.1, 1.3, instead="joint_tilt:6")]
 
     found = springs(rivals)
@@ -154,7 +154,7 @@ def test_every_interval_holds_whichever_likely_hypothesis_is_true():
 
 
 def test_what_a_likely_hypothesis_leaves_undetermined_is_undetermined():
-    """Joint 6 is lost beside a rival of 30 %: it has no value; the others keep theirs."""
+    """Joint 6 is undetermined with a rival of 30 %: it has no value; the others keep theirs."""
     several = weighed([hypothesis(0.7), hypothesis(0.3, lost=5, instead="joint_tilt:6")])
 
     found = springs(several)
@@ -168,7 +168,7 @@ def test_what_a_likely_hypothesis_leaves_undetermined_is_undetermined():
 
 
 def test_an_unlikely_hypothesis_takes_no_stiffness_away():
-    """Below 5 % one that leaves a joint undetermined is left out, and below 1 % every one."""
+    """Below 5 % a hypothesis that loses a joint is left out, and below 1 % any is."""
     first, loses = hypothesis(0.9), hypothesis(0.9 * LIKELY, lost=5, instead="joint_tilt:6")
     moves = hypothesis(2 * LEAST, 1.1, instead="tool_flex")
     rare = hypothesis(0.5 * LEAST, 1.1, instead="joint_tilt:7")
@@ -181,7 +181,7 @@ def test_an_unlikely_hypothesis_takes_no_stiffness_away():
 
 
 def test_many_unlikely_hypotheses_together_take_a_stiffness_away():
-    """Five of 4 % each that leave a joint undetermined: one may be passed over, a fifth may not."""
+    """Five of 4 % each that leave a joint undetermined: one may be ignored, 20 % may not."""
     others = [hypothesis(0.04, lost=5, instead=f"joint_tilt:{j}") for j in (2, 3, 4, 6, 7)]
 
     kept = weighed([hypothesis(0.8), *others])
@@ -192,7 +192,7 @@ def test_many_unlikely_hypotheses_together_take_a_stiffness_away():
 
 
 def test_a_hypothesis_that_hardly_determines_a_stiffness_loses_it():
-    """A finite uncertainty of several times the value is no value."""
+    """A finite uncertainty of several times the value does not determine it."""
     vague = hypothesis(0.03, relative=5.0, instead="joint_tilt:6")
 
     assert weighed([hypothesis(0.97), vague])[0].weight == 1.0
@@ -202,7 +202,7 @@ def test_a_hypothesis_that_hardly_determines_a_stiffness_loses_it():
 
 
 def test_a_stiffness_that_the_identified_cause_loses_is_told_the_other_way_round():
-    """Joint 6 is lost beside the identified cause and not beside its rival: the cause is blamed."""
+    """Joint 6 is undetermined with the identified cause, but not with its rival."""
     kept = weighed([hypothesis(0.5, lost=5), hypothesis(0.5, instead="joint_tilt:6")])
 
     (told,) = [d for d in dependences(kept) if d.spring == 5]
@@ -210,7 +210,7 @@ def test_a_stiffness_that_the_identified_cause_loses_is_told_the_other_way_round
 
 
 def measured(weight, factor, instead=None, ratio=1.0):
-    """Springs `factor` times nominal and one cause, estimated from readings of two sources."""
+    """Springs of `factor` times nominal and one cause, estimated from readings of two sources."""
     effect = EFFECTS[instead or "joint_tilt:5"]
     parameters = (*BASELINE, *effect.parameters)
     typical = np.array([p.typical for p in parameters])
@@ -228,7 +228,7 @@ def measured(weight, factor, instead=None, ratio=1.0):
 
 
 def test_the_budget_of_an_average_adds_up_and_says_what_the_decision_costs():
-    """The sources' shares and that of not knowing which cause is true sum to the variance."""
+    """The shares of the sources and that of the undecided cause sum to the variance."""
     apart = [measured(0.5, 1.0), measured(0.5, 1.1, "joint_tilt:6")]
 
     entries = stiffness_entries(CELL, apart)
@@ -243,7 +243,7 @@ def test_the_budget_of_an_average_adds_up_and_says_what_the_decision_costs():
 
 
 def test_what_is_left_over_the_scatter_widens_every_source():
-    """A model that leaves 1.5 times the scatter: each part of the budget is 1.5 times as large."""
+    """Residuals of 1.5 times the scatter: each part of the budget is 1.5 times as large."""
     plain, rough = (measured(1.0, 1.0, ratio=r) for r in (1.0, 1.5))
     wider = replace(rough.estimate, cov=rough.estimate.cov * 1.5**2)
 
@@ -258,7 +258,7 @@ def test_what_is_left_over_the_scatter_widens_every_source():
 
 
 def test_one_stranger_for_two_causes_is_one_hypothesis():
-    """What may stand for both causes at once counts once; no cause stands in two places."""
+    """An unnamed cause in place of both counts once; no cause is in two places."""
     label = {0: "A", 1: "B", 2: "C"}
     case = SimpleNamespace(suspects=[SimpleNamespace(label=label[i], law=None) for i in range(3)])
 
@@ -278,7 +278,7 @@ def test_one_stranger_for_two_causes_is_one_hypothesis():
 
 
 def test_the_laws_of_a_cause_share_its_probability():
-    """A cause of two laws: the accepted one and the other, each with its share."""
+    """A cause with two laws: the accepted one and the other, each with its share."""
     case = SimpleNamespace(suspects=[SimpleNamespace(label="A", law=None)] * 2)
     found = SimpleNamespace(
         accepted=(0,), rivals=((Replacement("A", 0, 1.0, ((0, 0.8), (1, 0.2))),),), strange=()
@@ -303,7 +303,7 @@ def moments(weights, values, covs):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_average_is_the_mixture_of_its_moments(seed):
-    """E[x] and E[x x'] - E[x] E[x]' of two to six components, correlations included."""
+    """E[x x'] - E[x] E[x]' and E[x] of two to six components, with correlations."""
     rng = np.random.default_rng(seed)
     h = 2 + seed
     weights, values = rng.dirichlet(np.ones(h)), rng.standard_normal((h, 3))
@@ -322,7 +322,7 @@ def test_the_average_is_the_mixture_of_its_moments(seed):
 
 
 def test_a_component_that_leaves_an_entry_undetermined_has_no_say_in_it():
-    """Its value there is no value: the mean is that of the others by their weights; 1 is lost."""
+    """Its value is ignored: the mean is that of the others by weight, with infinite variance."""
     rng = np.random.default_rng(1)
     weights, values = np.array([0.5, 0.2, 0.3]), rng.standard_normal((3, 3))
     covs = np.stack([0.1 * np.eye(3)] * 3)
@@ -342,7 +342,7 @@ def test_a_component_that_leaves_an_entry_undetermined_has_no_say_in_it():
 
 
 def test_what_only_an_impossible_one_determines_is_its_value_and_unknown():
-    """A weight of zero divides nothing: the value is that of who has one, its variance infinite."""
+    """A weight of zero divides nothing: the only value is used, with infinite variance."""
     covs = np.array([np.eye(2), np.diag([1.0, np.inf])])
 
     mean, cov = average([0.0, 1.0], np.array([[1.0, 2.0], [3.0, 9.0]]), covs)
@@ -352,13 +352,13 @@ def test_what_only_an_impossible_one_determines_is_its_value_and_unknown():
 
 
 def low_and_high(several):
-    """Ends of the interval of joint 1 over its nominal compliance."""
+    """Ends of the interval of joint 1 relative to its nominal compliance."""
     found = springs(several)
     return found.low[0] / X[0], found.high[0] / X[0]
 
 
 def test_both_ends_of_the_interval_are_quantiles_of_the_mixture():
-    """Softer on one side and stiffer on the other, 4 % each: each end cuts off 2.5 %."""
+    """More compliant on one side and stiffer on the other, 4 % each: each end cuts off 2.5 %."""
     parts = [(0.92, 1.0), (0.04, 0.7), (0.04, 1.3)]
     several = [
         hypothesis(w, f, instead=name)
@@ -366,7 +366,7 @@ def test_both_ends_of_the_interval_are_quantiles_of_the_mixture():
     ]
 
     def share(x):
-        """Of the mixture below x; each part is known to 1 % of nominal."""
+        """Fraction of the mixture below x; each part is known to 1 % of nominal."""
         return sum(w * stats.norm.cdf(x, f, 0.01) for w, f in parts)
 
     ends = [optimize.brentq(lambda x, p=p: share(x) - p, 0.5, 1.5) for p in (0.025, 0.975)]
@@ -377,7 +377,7 @@ def test_both_ends_of_the_interval_are_quantiles_of_the_mixture():
 
 
 def test_few_degrees_of_freedom_widen_their_own_hypothesis():
-    """Student's quantile of 3 degrees of freedom makes the part as wide as its own interval."""
+    """Student's quantile for 3 degrees of freedom widens that part to its own interval."""
     first, other = hypothesis(0.97, 1.0), hypothesis(0.03, 1.3, instead="tool_flex")
     t = float(stats.t.ppf(0.975, 3))
     other = replace(other, estimate=replace(other.estimate, quantile=t))
@@ -397,14 +397,14 @@ def test_few_degrees_of_freedom_widen_their_own_hypothesis():
 
 
 def test_an_interval_holds_what_is_just_likely_and_not_what_is_not():
-    """Five per cent is the line: above it, the whole interval of the hypothesis is held."""
+    """Above a limit of 5 %, the whole interval of the hypothesis is included."""
     for weight, held in ((1.2 * LIKELY, True), (0.4 * LIKELY, False)):
         pair = [hypothesis(1 - weight, 1.0), hypothesis(weight, 1.3, instead="tool_flex")]
         assert bool(low_and_high(pair)[1] >= 1.3 + 0.0195) is held
 
 
 def test_what_is_lost_has_no_interval():
-    """Beside a likely rival that leaves joint 6 open, joint 6 has none; the others have one."""
+    """With a likely rival that loses joint 6, joint 6 has no interval; the others have one."""
     pair = [hypothesis(0.6), hypothesis(0.4, 1.1, lost=5, instead="tool_flex")]
     found = springs(pair)
 
@@ -419,7 +419,7 @@ def test_what_is_lost_has_no_interval():
 
 
 def test_a_stiffness_that_no_single_hypothesis_doubts_may_be_doubtful_together():
-    """Each of two knows it to 1 %, at values three times apart: the mixture does not."""
+    """Each of two knows it to 1 %, at values in a ratio of three: the mixture does not."""
     pair = [hypothesis(0.5, 0.2), hypothesis(0.5, 3.4, instead="tool_flex")]
 
     assert all(one.estimate.identifiable[:7].all() for one in pair)
@@ -442,7 +442,7 @@ def test_a_stiffness_that_no_single_hypothesis_doubts_may_be_doubtful_together()
     ids=["softer", "the same", "stiffer", "less sure", "as sure", "unlikely"],
 )
 def test_half_a_standard_uncertainty_is_a_dependence(factor, relative, weight, told):
-    """Moved by more, or known half as well again: a spring depends on which cause is true."""
+    """If shifted by more, or half again as uncertain, a spring depends on the cause."""
     pair = [
         hypothesis(1 - weight),
         hypothesis(weight, factor, relative=relative, instead="joint_tilt:6"),
@@ -455,7 +455,7 @@ def test_half_a_standard_uncertainty_is_a_dependence(factor, relative, weight, t
 
 
 def test_weights_that_are_kept_stay_in_proportion():
-    """What is left out gives its weight to the others; the first stays though it is nothing."""
+    """Weights of omitted ones go to the others; the first stays even with weight zero."""
     rare = hypothesis(0.5 * LEAST, instead="joint_tilt:7")
     kept = weighed([hypothesis(0.2), hypothesis(0.6, instead="tool_flex"), rare])
 

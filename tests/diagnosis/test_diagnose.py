@@ -1,4 +1,4 @@
-"""Stage diagnose on simulated campaigns through the raw files; the truth never enters it."""
+"""Stage diagnose on simulated campaigns through the raw files, without access to the truth."""
 
 import json
 
@@ -60,7 +60,7 @@ def reduced(files):
 
 
 def examined(seed, *effects, noise_scale=1.0, poses=16, stiffness=None):
-    """A campaign with hidden effects, diagnosed."""
+    """Diagnosis of a campaign with hidden effects."""
     plan = Plan(
         poses={"count": poses},
         pulls={"steps_n": [1000, 2000, 3000, 1500]},
@@ -83,7 +83,7 @@ def examined(seed, *effects, noise_scale=1.0, poses=16, stiffness=None):
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("noise_scale", [1.3, 1.0, 0.8])
 def test_an_innocent_robot_is_let_go(noise_scale):
-    """Without a hidden effect the model is adequate, whatever the readings really scatter."""
+    """Without a hidden effect the model is adequate, whatever the true scatter of the readings."""
     found, *_ = examined(21, noise_scale=noise_scale)
 
     assert verdict(found.facts) == "adequate"
@@ -104,7 +104,7 @@ def test_an_innocent_robot_is_let_go(noise_scale):
     ],
 )
 def test_a_hidden_effect_is_named(planted, label):
-    """One effect that the model lacks is named, with its place, and is worth its name."""
+    """The hidden effect is named with its place, and reduces the cross-validation error."""
     found, *_ = examined(22, planted)
 
     assert verdict(found.facts) == "explained"
@@ -123,7 +123,7 @@ def test_a_hidden_effect_is_named(planted, label):
     ],
 )
 def test_twins_are_never_named_singly(planted, pair):
-    """What no pose can tell apart is ambiguous, and both are named."""
+    """Effects that no pose separates are ambiguous, and both are named."""
     found, *_ = examined(23, planted)
 
     assert verdict(found.facts) == "ambiguous"
@@ -134,7 +134,7 @@ def test_twins_are_never_named_singly(planted, pair):
 
 @pytest.mark.whole
 def test_what_is_stated_of_a_stiffness_holds_with_the_twin_too():
-    """Joint 6 tilts, its twin may be named: every interval holds the true spring, all say so."""
+    """Joint 6 tilts, its twin may be named: every interval holds the true spring, with a note."""
     true = [7e7, 4.2e6, 6e6, 3.5e6, 6.5e5, 6e5, 4.2e5]
     found, cell, *_ = examined(23, "joint_tilt:6=2x", stiffness=true)
 
@@ -153,7 +153,7 @@ def test_what_is_stated_of_a_stiffness_holds_with_the_twin_too():
 
 @pytest.mark.slow
 def test_what_comes_nearest_predicts_better_and_is_not_believed():
-    """The carriage walks off for good, which no law does: whatever is listed is improbable.
+    """The carriage is displaced for good, as in no law: any listed cause is improbable.
 
     A cause that predicts worse is none: tests/diagnosis/test_verdict.py has the facts.
     """
@@ -174,7 +174,10 @@ def test_what_comes_nearest_predicts_better_and_is_not_believed():
 
 @pytest.mark.whole
 def test_two_laws_of_a_gear_that_a_plan_hardly_tells_ask_for_a_pull():
-    """Where no torque falls below a gear's knee, lost motion and a knee are one: both are given."""
+    """If no torque is below the knee of a gear, lost motion and a knee are equal.
+
+    Both are given.
+    """
     found, *_ = examined(22, "joint_lost_motion:4=2x")
 
     assert verdict(found.facts) == "ambiguous"
@@ -190,7 +193,7 @@ def test_two_laws_of_a_gear_that_a_plan_hardly_tells_ask_for_a_pull():
 
 
 def test_hidden_twins_of_the_stiffnesses_are_blind_spots():
-    """A wrong gain and a yawing carriage go unnoticed, and the diagnosis says so."""
+    """A wrong gain and a yawing carriage are unnoticed, and the diagnosis says so."""
     found, *_ = examined(24, "scale_gain", "rail_yaw")
 
     assert verdict(found.facts) == "adequate"
@@ -209,7 +212,7 @@ def test_scatter_beyond_the_certificate_is_named():
 
 
 def test_a_scale_that_scatters_weighs_less_in_the_extended_stiffnesses():
-    """Named with its factor; the springs beside it hold the truth, and are stated less surely."""
+    """Named with its factor; the springs hold the truth, with larger uncertainty."""
     stiffness = (1.2 / KR500.nominal_compliance).tolist()
     plan = Plan(
         poses={"count": 16},
@@ -225,11 +228,11 @@ def test_a_scale_that_scatters_weighs_less_in_the_extended_stiffnesses():
     assert [cause.effect.name for cause in found.causes] == ["force_noise"]
     off = found.estimate.value - 1 / np.array(stiffness)
     assert np.all(np.abs(off) < 3.5 * found.estimate.std)
-    assert np.all((found.estimate.std > 1.085 * before.std)[1:6])  # joint 7 hangs on no force
+    assert np.all((found.estimate.std > 1.085 * before.std)[1:6])  # no force loads joint 7
 
 
 def test_the_extended_model_gives_back_the_planted_size_and_the_springs():
-    """Springs and cause estimated together lie within their uncertainty."""
+    """Springs and cause, estimated together, are within their uncertainty."""
     found, _, _, _, before = examined(26, "rail_roll=2x")
     size = found.causes[0].amplitudes[0]
 
@@ -240,7 +243,7 @@ def test_the_extended_model_gives_back_the_planted_size_and_the_springs():
 
 @pytest.mark.whole
 def test_what_the_diagnosis_says_fits_into_result_json_and_the_tables():
-    """The answer is JSON without NaN, and the tables keep their promises."""
+    """The answer is JSON without NaN, and the tables conform to their schemas."""
     found, cell, data, system, estimate = examined(27, "rail_roll")
 
     said = entry(found, KR500)
@@ -256,7 +259,7 @@ def test_what_the_diagnosis_says_fits_into_result_json_and_the_tables():
 
 @pytest.mark.slow
 def test_the_same_campaign_gets_the_same_diagnosis():
-    """Nothing depends on anything but the campaign and the generator."""
+    """The result depends only on the campaign and the generator."""
     first, *_ = examined(28, "compensator=2x")
     second, *_ = examined(28, "compensator=2x")
 

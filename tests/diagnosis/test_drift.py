@@ -1,4 +1,4 @@
-"""Base reflectors that share one rigid motion in time: the tracker drifts."""
+"""Base reflectors with a common rigid motion in time: the tracker drifts."""
 
 from dataclasses import replace
 from functools import cache
@@ -27,7 +27,7 @@ TURN = np.array([1.0, 2.0, -2.0]) / 3 * 2e-5
 
 @cache
 def files():
-    """The raw files of a campaign in which nothing drifts, reflectors read first and last."""
+    """Raw files of a campaign without drift, with base reflectors read first and last."""
     plan = Plan(poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
     return simulate(plan, np.random.default_rng(4)).files
 
@@ -39,19 +39,19 @@ def case():
 
 
 def asked(readings, unloaded=None):
-    """What the base reflectors of some readings say."""
+    """Drift according to the base reflectors of some readings."""
     nowhere = np.full((1, 3), np.nan)
     placed = register(case().settings, readings)
     return drift(placed, 1.0, nowhere if unloaded is None else unloaded, catalogue(case().robot))
 
 
 def moved(points, part):
-    """Where a tracker that turned and shifted by a part of TURN and SHIFT_M reads some points."""
+    """Readings of points by a tracker rotated and shifted by a fraction of TURN and SHIFT_M."""
     return Rotation.from_rotvec(part * TURN).apply(np.array(points)) + part * SHIFT_M
 
 
 def drifted(parts):
-    """The readings with each group of base reflectors moved by its part."""
+    """The readings with each group of base reflectors moved by its fraction."""
     readings = case().readings.copy()
     for group, part in parts.items():
         rows = readings["group"] == group
@@ -69,7 +69,7 @@ def again(readings, group, hours, rng):
 
 
 def test_a_drift_is_named_with_its_size():
-    """What the tracker reads of the effector moves by what a rigid motion says there."""
+    """Readings of the effector move as that rigid motion predicts at its place."""
     readings = drifted({"base_end": 1.0})
     reduced = bring(replace(case(), readings=readings))
     found = asked(readings, reduced.data.unloaded)
@@ -89,7 +89,7 @@ def test_a_drift_is_named_with_its_size():
 
 
 def test_the_answer_names_it_and_blames_no_reflector():
-    """In result.json it stands as a cause in the metrology, with its size."""
+    """In result.json it is a cause in the metrology, with its size."""
     lines = files()["tracker.csv"].decode().splitlines()
     for k, line in enumerate(lines):
         group, target, *xyz = line.split(",")
@@ -109,7 +109,7 @@ def test_the_answer_names_it_and_blames_no_reflector():
 
 
 def test_chance_is_no_drift():
-    """Forty campaigns whose base readings only scatter, as stated."""
+    """Forty campaigns whose base readings only scatter as stated."""
     readings, rng = case().readings, np.random.default_rng(8)
     readings = readings[readings["pose"].isna()]
     first = readings[readings["group"] == "base_start"].set_index("target")[XYZ]
@@ -125,7 +125,7 @@ def test_chance_is_no_drift():
 
 
 def test_one_reading_off_is_no_drift():
-    """A reflector of the last round is 0.5 mm off: the drift beside it is not accepted."""
+    """A reflector of the last round is 0.5 mm off: a drift in addition is not accepted."""
     readings = drifted({"base_end": 6.0})
     row = readings.index[readings["group"] == "base_end"][0]
     assert asked(readings).named
@@ -137,7 +137,7 @@ def test_one_reading_off_is_no_drift():
 
 
 def test_a_third_round_tells_a_drift_from_a_knock():
-    """Half way at half time is a drift; nothing until then and all of it afterwards is none."""
+    """Half of it at half time is a drift; none until then and all afterwards is not."""
     hours = asked(case().readings).hours
     rounds = again(case().readings, "base_mid", hours / 2, np.random.default_rng(3))
     base = {"base_mid": 3.0, "base_end": 6.0}
@@ -161,7 +161,7 @@ def test_a_third_round_tells_a_drift_from_a_knock():
 
 
 def test_rounds_in_each_others_place_are_no_drift():
-    """Away in the middle round only: as if two rounds had each other's readings; and it is said."""
+    """Displaced in the middle round only: as if two rounds were exchanged; this is reported."""
     hours = asked(case().readings).hours
     rounds = again(case().readings, "base_mid", hours / 2, np.random.default_rng(3))
     rows = rounds["group"] == "base_mid"
@@ -172,7 +172,7 @@ def test_rounds_in_each_others_place_are_no_drift():
     assert not found.named
     assert found.knocked in {("base_start", "base_mid"), ("base_mid", "base_end")}
     rounds.loc[rows.idxmax(), "x_m"] += 5e-3
-    assert asked(rounds).knocked is None  # one reading off is no motion of all
+    assert asked(rounds).knocked is None  # one bad reading is no motion of all
 
 
 def test_without_times_nobody_can_tell():
@@ -181,7 +181,7 @@ def test_without_times_nobody_can_tell():
 
 
 def test_without_times_the_order_of_rows_is_the_clock():
-    """The same motion per group; nobody knows an hour, so that nothing settles within one."""
+    """The same motion per group; hours are unknown, so that nothing settles within one."""
     readings = drifted({"base_end": 3.0})
     nowhere, effects = np.full((1, 3), np.nan), by_order(catalogue(case().robot))
     untimed = register(case().settings, readings.assign(time=pd.NaT))
@@ -201,7 +201,7 @@ def test_without_times_the_order_of_rows_is_the_clock():
 
 
 def test_the_order_of_rows_counts_the_groups():
-    """A zero and its pull are as many groups apart as are read between them."""
+    """Zero and pull are as many groups apart as are read between them."""
     untimed = replace(case(), readings=case().readings.assign(time=pd.NaT))
     placed = bring(untimed).placed
     groups = list(dict.fromkeys(case().readings["group"]))
@@ -216,7 +216,7 @@ def test_the_order_of_rows_counts_the_groups():
 
 
 def test_a_drift_per_group_moves_readings_by_its_number():
-    """And is as large as usual at the usual pace."""
+    """And its typical size is that at the usual pace."""
     (steady,) = (e for e in by_order(catalogue(case().robot)) if e.name == "tracker_drift")
     by_time = next(e for e in catalogue(case().robot) if e.name == "tracker_drift")
     time, v = np.array([0.0, GROUP_S, 100 * GROUP_S, np.nan]), np.array([1e-6, 0.0, -2e-6])
@@ -232,11 +232,11 @@ def test_a_drift_per_group_moves_readings_by_its_number():
 EFFECTS = catalogue(load("kr500_rail"))
 PLACED = np.array([[1.0, -0.5, -0.3], [1.0, 15.0, -0.3], [-1.0, 15.0, 0.2], [-1.0, -0.5, 0.0]])
 HOURS = np.array([0.0, 0.7, 1.5, 4.0])
-"""Four rounds of readings of four reflectors, five seconds to a reading."""
+"""Hours of four rounds of four reflectors, five seconds per reading."""
 VIEW = Rotation.from_rotvec([0.2, -0.1, 1.3]).as_matrix()
-"""From the tracker's frame into F_b."""
+"""Rotation from the tracker's frame to F_b."""
 CENTRE = np.array([0.3, 6.0, 0.4])
-"""Where the velocity is asked."""
+"""Point at which the velocity is evaluated."""
 OFF = np.array([3.0, -2.0, 1.0])
 
 
@@ -246,13 +246,13 @@ def since():
 
 
 def tilted(rng):
-    """Covariances of the readings in the tracker's frame, unequal and of any direction."""
+    """Covariances in the tracker's frame, with unequal and arbitrary axes."""
     half = 2e-5 * (rng.standard_normal((16, 3, 3)) + np.eye(3))
     return half @ half.swapaxes(1, 2)
 
 
 def readings(off, C):
-    """The base readings in F_b, each off its nominal place by so much [m]."""
+    """The base readings in F_b, each displaced from its nominal place [m]."""
     points = np.tile(PLACED, (4, 1))
     table = {
         "target": np.tile(["B1", "B2", "B3", "B4"], 4),
@@ -267,7 +267,7 @@ def readings(off, C):
 
 
 def motion(amount, velocity, turn, off=0.0):
-    """What a rigid motion about CENTRE adds to each reading [m]."""
+    """Displacement of each reading by a rigid motion about CENTRE [m]."""
     lever = np.tile(PLACED, (4, 1)) + off - CENTRE
     return amount[:, None] * (np.array(velocity) + np.cross(turn, lever))
 
@@ -277,7 +277,7 @@ def told(off, C, scale=1.0, at=CENTRE):
 
 
 def by_hand(off, C, amount):
-    """Velocity and turn, their covariance and what is left, by dense normal equations in F_b."""
+    """Velocity, rotation, their covariance and residuals, by dense normal equations in F_b."""
     W = np.zeros((48, 48))
     for i, one in enumerate(C):
         at = slice(3 * i, 3 * i + 3)
@@ -298,7 +298,7 @@ def by_hand(off, C, amount):
 
 
 def scatter(rng, C, scale=1.0):
-    """One draw of what all readings are off [m], F_b."""
+    """One draw of the errors of all readings [m], F_b."""
     e = rng.standard_normal((16, 3, 1))
     return scale * (VIEW @ np.linalg.cholesky(C) @ e)[..., 0]
 
@@ -308,7 +308,7 @@ STEADY = motion(since(), np.array([3e-8, -2e-8, 1e-8]), np.array([0, 2e-9, -1e-9
 
 @pytest.mark.parametrize("scale", [1.0, 2.5])
 def test_motion_and_uncertainty_are_those_of_dense_least_squares(scale):
-    """Reflectors free, readings of unequal covariance: velocity, turn, their errors and p."""
+    """Free reflectors, unequal covariances: velocity, rotation, their uncertainties and p."""
     rng = np.random.default_rng(5)
     C = tilted(rng)
     off = 0.2 * STEADY + scatter(rng, C, scale)
@@ -333,7 +333,7 @@ def test_motion_and_uncertainty_are_those_of_dense_least_squares(scale):
 
 
 def test_readings_worse_than_stated_make_the_motion_less_certain():
-    """Three times the stated scatter and no motion: uncertainties follow it, and so does p."""
+    """Three times the stated scatter and no motion: uncertainties and p account for it."""
     rng = np.random.default_rng(6)
     C = tilted(rng)
     off = scatter(rng, C, 3.0)
@@ -348,7 +348,7 @@ def test_readings_worse_than_stated_make_the_motion_less_certain():
 
 
 def test_the_velocity_is_that_of_the_place_where_it_is_asked():
-    """A turning tracker reads each place at another velocity, v + w x (p - p0)."""
+    """A rotating tracker reads each point with another velocity, v + w x (p - p0)."""
     C = np.stack([9e-10 * np.eye(3)] * 16)
     here, there = (told(STEADY, C, at=at) for at in (CENTRE, CENTRE + OFF))
     nowhere = told(STEADY, C, at=np.full(3, np.nan))
@@ -361,7 +361,7 @@ def test_the_velocity_is_that_of_the_place_where_it_is_asked():
 
 
 def test_a_tracker_that_warms_up_is_told_from_one_that_drifts():
-    """A motion that settles within the hour, and one that goes on, each by its own law."""
+    """A motion that settles within the hour, and a continuing one, each by its own law."""
     rng = np.random.default_rng(2)
     C, steps = tilted(rng), np.array([4e-4, -3e-4, 2e-4])
     settles = motion(1 - np.exp(-since() / 3600), steps, np.zeros(3))
@@ -381,7 +381,7 @@ def test_a_tracker_that_warms_up_is_told_from_one_that_drifts():
 
 
 def test_readings_that_only_scatter_accuse_as_rarely_as_promised():
-    """Of 80 clean campaigns 17 % have p < 1/2, as 1.3 times the stated scatter is tolerated."""
+    """Of 80 clean campaigns 17 % have p < 1/2, since 1.3 times the stated scatter is tolerated."""
     rng = np.random.default_rng(7)
     C = tilted(rng)
     found = [told(scatter(rng, C), C) for _ in range(80)]
@@ -396,7 +396,7 @@ def test_readings_that_only_scatter_accuse_as_rarely_as_promised():
 
 
 def test_a_drift_of_the_visible_size_is_found_in_four_of_five_cases():
-    """Readings that scatter as much as is tolerated, and the drift that is said to be visible."""
+    """Readings with the largest tolerated scatter, and a drift of the size stated as visible."""
     rng = np.random.default_rng(9)
     C = tilted(rng)
     off = scatter(rng, C, 1.3)
@@ -413,7 +413,7 @@ def test_a_drift_of_the_visible_size_is_found_in_four_of_five_cases():
 
 
 def test_nothing_is_said_of_readings_that_cannot_tell():
-    """Two reflectors, one round, or a third reflector that was read but once."""
+    """Two reflectors, one round, or a third reflector that was read only once."""
     C = tilted(np.random.default_rng(1))
     whole = readings(STEADY, C)
 

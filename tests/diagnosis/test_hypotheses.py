@@ -1,4 +1,4 @@
-"""What may be true, each with its own springs: dense fits, weights and stated causes."""
+"""Hypotheses, each with its own springs: dense fits, weights and stated causes."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -16,7 +16,7 @@ from pipeline.machine.cell import predict
 
 @pytest.fixture(scope="module")
 def tilted():
-    """A campaign whose third joint tilts, searched among five causes."""
+    """A campaign with a tilting third joint, searched among five causes."""
     at = asked(small(3, poses={"count": 7}, hidden={"effects": ["joint_tilt:3=2x"]}))
     case, _ = case_of(at.cell, at.reduced.data, at.estimate)
     wanted = ("joint_tilt:3", "joint_tilt:4", "joint_tilt:6", "rail_roll")
@@ -40,14 +40,14 @@ def other(case, label):
 
 
 def test_the_campaign_calls_for_the_tilt(tilted):
-    """What the other tests rest on."""
+    """Precondition of the other tests."""
     case, found, _ = tilted
 
     assert [case.suspects[i].label for i in found.accepted] == ["joint_tilt:3"]
 
 
 def test_without_causes_or_worth_there_is_nothing_to_choose_from(tilted):
-    """Unless the robot was moved or the scale scatters: then the springs are estimated anew."""
+    """Unless the robot was moved or the scale scatters: then the springs are re-estimated."""
     case, found, _ = tilted
 
     assert hypotheses(case, found, moved=False, helps=False) == ()
@@ -61,7 +61,7 @@ def test_without_causes_or_worth_there_is_nothing_to_choose_from(tilted):
 
 
 def test_each_set_has_its_own_fit_and_says_what_it_has_instead(tilted):
-    """The accepted cause first, a rival of a quarter after it, and what has no name."""
+    """The accepted cause first, then a rival of a quarter, and an unnamed one."""
     case, found, _ = tilted
     mine, rival = found.accepted[0], other(case, "joint_tilt:4")
     odds = placed(case, found, {mine: 0.7, rival: 0.3}, (Stranger(0.2, len(case.suspects), (0,)),))
@@ -92,7 +92,7 @@ def unnoticed():
 
 
 def test_a_cause_too_small_to_name_is_averaged_over(unnoticed):
-    """As likely as its evidence makes it; value and covariance by rows of its usual size."""
+    """With the probability of its evidence; value and covariance from rows of typical size."""
     case, found, _ = unnoticed
     assert not found.detected
     odds = np.exp(found.scores.log_evidence) / len(case.suspects)
@@ -117,7 +117,7 @@ def test_a_cause_too_small_to_name_is_averaged_over(unnoticed):
 
 
 def test_where_a_cause_is_detected_none_is_too_small(tilted):
-    """It is named or left unexplained; nothing is averaged over unseen."""
+    """It is named or left unexplained; undetected causes are not averaged over."""
     case, found, _ = tilted
 
     assert found.detected
@@ -135,7 +135,7 @@ def dense(system):
 
 
 def test_the_system_of_a_model_leaves_what_the_model_leaves(tilted):
-    """C - B x at its own values is what is read less what is predicted, bent robot included."""
+    """C - B x at its own values is measured minus predicted, with the deflected robot."""
     case, found, _ = tilted
     for equilibrium in ("undeformed", "deformed"):
         cell = replace(found.view.model.cell, equilibrium=equilibrium)
@@ -151,7 +151,7 @@ def test_the_system_of_a_model_leaves_what_the_model_leaves(tilted):
 
 
 def test_what_a_model_leaves_over_the_scatter_widens_its_uncertainties(tilted, monkeypatch):
-    """One and a half times the scatter left: so are all standard uncertainties, never narrower."""
+    """Residuals of 1.5 times the scatter scale all uncertainties; they are never reduced."""
     case, found, _ = tilted
     odds = placed(case, found, {found.accepted[0]: 1.0})
     _, plain = _solved(case, found.view.model, found.seen)
@@ -170,7 +170,7 @@ def test_what_a_model_leaves_over_the_scatter_widens_its_uncertainties(tilted, m
 
 
 def test_what_is_left_is_counted_by_degrees_of_freedom(tilted):
-    """Root mean squares: of the model's residuals by numpy, over those that no motion makes."""
+    """Root mean squares: the model's residuals by numpy, over those of no rigid motion."""
     _, found, _ = tilted
     view = found.plain
     X, y = view.A[:, view.base], view.A[:, -1]
@@ -184,7 +184,7 @@ def test_what_is_left_is_counted_by_degrees_of_freedom(tilted):
 
 
 def test_each_source_is_scaled_by_what_was_found_of_it(tilted):
-    """The tracker's own by what is certain, the scale's by both, all else as stated."""
+    """The tracker's own by its found factor, the scale's by both factors, all else as stated."""
     case, _, at = tilted
     wide = replace(case, noise=1.3, certain_noise=1.7, force_noise=2.0)
     plain = replace(case, noise=1.3, certain_noise=1.7, force_noise=1.0)

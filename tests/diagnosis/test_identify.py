@@ -1,4 +1,4 @@
-"""The search on linear campaigns: who joins, is exchanged, is dropped; odds by quadrature."""
+"""The search on linear campaigns: causes join, are exchanged, dropped; odds by quadrature."""
 
 from dataclasses import replace
 
@@ -28,9 +28,9 @@ def found(truth, nameless=0, **more):
 
 
 def evidence(truth, base, i):
-    """Of a cause of one parameter over the base alone: the integrals themselves, numerically.
+    """Evidence of a cause of one parameter over the base alone, by numerical integration.
 
-    p(z) normal of width w s about zero, p(s) ~ 1/s, all else flat; a mean over four widths.
+    p(z) normal with width w s about zero, p(s) ~ 1/s, all else flat; the mean over four widths.
     """
     X, y = truth.columns(*base), truth.y
     z = truth.columns(i)[:, 4]
@@ -46,7 +46,7 @@ def evidence(truth, base, i):
     spread = 1 / np.sqrt(z @ z)
     s = np.sqrt(rest / n)
     grid = s * np.exp(np.linspace(-1.2, 0.9, 121))
-    weight = np.exp(-n * np.log(grid / s) - 0.5 * rest / grid**2 + 0.5 * n)  # ds/s: even in log
+    weight = np.exp(-n * np.log(grid / s) - 0.5 * rest / grid**2 + 0.5 * n)  # ds/s: uniform in log
     out = []
     for w in (0.4, 1.0, 2.5, 6.0):
         each = []
@@ -66,7 +66,7 @@ def evidence(truth, base, i):
 
 
 def test_the_evidence_is_the_integral_over_sizes_and_scatter():
-    """Of two causes beside the springs, and beside a third."""
+    """For two causes in addition to the springs, and to a third cause."""
     truth = made(np.random.default_rng(1), SUSPECTS, {0: [0.5]}, alike={4: (0, 0.5)})
     now = truth.view().beside(truth.view().base)
 
@@ -92,7 +92,7 @@ def test_nothing_is_accepted_where_nothing_acts():
 
 
 def test_causes_that_act_join_one_by_one():
-    """Two of six: each with its p beside the other, from two fits by numpy."""
+    """Two of six: each with its p in addition to the other, from two fits by numpy."""
     truth = made(np.random.default_rng(3), SUSPECTS, {1: [1.0, -0.7], 2: [0.8]})
     got = found(truth)
 
@@ -112,7 +112,7 @@ def test_causes_that_act_join_one_by_one():
 
 
 def test_a_mixture_that_joins_first_is_exchanged_for_what_it_is_made_of():
-    """A column that is the sum of two planted ones explains most alone, and nothing in the end."""
+    """A column that is the sum of two planted ones explains most alone, but nothing finally."""
     suspects = (*SUSPECTS[:3], suspect("mix", FREE))
     truth = made(np.random.default_rng(4), suspects, {0: [2.5], 2: [2.5]}, mixed={3: (0, 2)})
     alone = truth.view().beside(truth.view().base).log_evidence
@@ -124,7 +124,7 @@ def test_a_mixture_that_joins_first_is_exchanged_for_what_it_is_made_of():
 
 
 def test_one_that_is_no_longer_needed_is_dropped():
-    """Beside what it is made of, a mixture has no evidence; of two a worse one is exchanged."""
+    """With its components present, a mixture has no evidence; the worse of two is exchanged."""
     suspects = (*SUSPECTS[:3], suspect("mix", FREE))
     truth = made(np.random.default_rng(4), suspects, {0: [2.5], 2: [2.5]}, mixed={3: (0, 2)})
     case = case_of(truth)
@@ -148,7 +148,7 @@ PAIRS = {3: (0, 1), 4: (1, 2), 5: (0, 2)}
 
 @pytest.mark.parametrize("seed", [100, 101, 103, 104, 116, 118])
 def test_three_at_once_are_found_though_mixtures_of_them_come_first(seed):
-    """Two causes, one of them a mixture of two that act, are no place to end."""
+    """Two causes, one of them a mixture of two true ones, are not the final result."""
     truth = made(np.random.default_rng(seed), MIXED, {k: [2.5] for k in range(3)}, mixed=PAIRS)
     alone = truth.view().beside(truth.view().base).log_evidence
     assert int(np.argmax(alone)) in PAIRS
@@ -157,7 +157,7 @@ def test_three_at_once_are_found_though_mixtures_of_them_come_first(seed):
 
 
 def test_two_take_the_places_of_two_in_one_move():
-    """Neither may come alone: each is worse in the place of either mixture."""
+    """Neither may join alone: each is worse in the place of either mixture."""
     truth = made(np.random.default_rng(12), MIXED, {0: [3.0], 1: [3.0], 2: [3.0]}, mixed=PAIRS)
     case = case_of(truth)
 
@@ -173,7 +173,7 @@ def test_two_take_the_places_of_two_in_one_move():
 
 
 def test_where_three_leave_something_a_fourth_shows_which_was_a_mixture():
-    """Four join, and the one that the others dispense with goes."""
+    """Four join, and the one made redundant by the others is dropped."""
     truth = made(np.random.default_rng(13), MIXED, {0: [3.0], 1: [3.0], 6: [2.0]}, mixed=PAIRS)
     case = case_of(truth)
 
@@ -183,7 +183,7 @@ def test_where_three_leave_something_a_fourth_shows_which_was_a_mixture():
 
 
 def test_three_that_leave_something_make_room_for_the_parts_of_a_mixture():
-    """A mixture, one that acts and one that does not: as many as can be named, and wrong ones."""
+    """A mixture, a true one and a false one: the maximum number, but wrong ones."""
     truth = made(np.random.default_rng(13), MIXED, {0: [3.0], 1: [3.0], 6: [2.0]}, mixed=PAIRS)
     case, accepted = case_of(truth), (3, 6, 7)
     first = case.whitened(case.fitted((), np.zeros(0)))
@@ -198,7 +198,7 @@ def test_three_that_leave_something_make_room_for_the_parts_of_a_mixture():
 
 
 def test_the_same_is_found_in_whatever_order_poses_and_causes_stand():
-    """Rows of other poses first, and the catalogue backwards."""
+    """With the rows of other poses first, and the catalogue reversed."""
     truth = made(np.random.default_rng(116), MIXED, {k: [2.5] for k in range(3)}, mixed=PAIRS)
     rows = np.arange(len(truth.c)).reshape(8, -1)[::-1].ravel()
     turned = replace(
@@ -222,7 +222,7 @@ def test_the_same_is_found_in_whatever_order_poses_and_causes_stand():
 
 
 def test_of_two_alike_causes_the_likelier_leads_and_twins_stay():
-    """A tenth of log evidence is needed to take a place."""
+    """Log evidence must be larger by a tenth to take a place."""
     twins = made(np.random.default_rng(5), SUSPECTS, {0: [2.0]}, alike={4: (0, 1e-9)})
     view = twins.view((4,))
 
@@ -232,7 +232,7 @@ def test_of_two_alike_causes_the_likelier_leads_and_twins_stay():
 
 
 def test_the_odds_of_rivals_are_those_of_bayes():
-    """All causes alike likely beforehand, the two forms of one sharing its part."""
+    """All causes have equal prior probability, shared by the two forms of one."""
     suspects = tuple(SUSPECTS[i] for i in (0, 2, 3, 4))
     truth = made(np.random.default_rng(6), suspects, {0: [0.7]}, alike={3: (0, 0.6), 1: (0, 1.0)})
     now = truth.view().beside(truth.view().base)
@@ -258,7 +258,7 @@ def test_the_odds_of_rivals_are_those_of_bayes():
 
 
 def test_a_size_that_physics_forbids_is_no_evidence():
-    """A compliance below zero is none of it, however well it fits."""
+    """A negative compliance has no evidence, however well it fits."""
     truth = made(np.random.default_rng(7), SUSPECTS, {5: [-3.0]})
     got = found(truth)
 
@@ -272,7 +272,7 @@ def test_a_size_that_physics_forbids_is_no_evidence():
 
 @pytest.mark.parametrize(("most", "taken"), [(2.0, False), (2.9, True), (np.inf, True)])
 def test_a_size_that_the_unloaded_reflectors_refute_is_refused(most, taken):
-    """Three typical sizes where they would have shown two; within two sigma it is let pass."""
+    """Three typical sizes where two would have been visible; within two sigma it is accepted."""
     truth = made(np.random.default_rng(8), SUSPECTS, {0: [3.0]})
 
     got = found(truth, refuted={"a": most})
@@ -284,7 +284,7 @@ def test_a_size_that_the_unloaded_reflectors_refute_is_refused(most, taken):
 
 
 def test_bounds_have_two_sigma_and_a_third_of_slack():
-    """An estimate beyond its bound by less is chance."""
+    """An estimate beyond its bound by less is attributed to chance."""
     truth = made(np.random.default_rng(9), SUSPECTS, {0: [1.0]})
     view = truth.view()
     now = view.beside(view.base)
@@ -313,7 +313,7 @@ def test_no_more_than_three_join_and_one_cause_joins_in_one_form():
 
 
 def test_what_has_no_name_competes_with_the_causes():
-    """Its odds against the accepted one, or the two that it imitates together, by Bayes."""
+    """Its odds against the accepted one, or the two that it imitates, by Bayes."""
     suspects = (*SUSPECTS[:1], SUSPECTS[2], suspect("d", FREE), suspect("nameless", FREE))
     truth = made(np.random.default_rng(11), suspects, {0: [1.0], 2: [1.0]}, mixed={3: (0, 2)})
     case = case_of(truth, nameless=1)

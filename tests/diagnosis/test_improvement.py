@@ -1,4 +1,4 @@
-"""Cross-validation: every pose really left out and fitted again by numpy."""
+"""Cross-validation: every pose left out and refitted by numpy."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def truth():
 
 
 def left_out(truth, *causes):
-    """Residuals c - B x [m] of each pose, estimated without it; the shared error is not B's."""
+    """Residuals c - B x [m] of each pose, estimated without it; B excludes the shared error."""
     X, y = truth.columns(*causes), truth.y
     top = np.column_stack([truth.B * 3e-8, *(
         truth.Z[i] * [p.typical for p in truth.suspects[i].parameters] for i in causes
@@ -35,7 +35,7 @@ def left_out(truth, *causes):
 
 
 def by_loops(before, after, draws, rng):
-    """Reduction of the rms, and its interval from poses drawn one by one."""
+    """Reduction of the rms, and its interval from poses resampled one by one."""
     out = []
     for _ in range(draws):
         drawn = [np.flatnonzero(p == POSE) for p in rng.choice(POSES, POSES)]
@@ -45,7 +45,7 @@ def by_loops(before, after, draws, rng):
 
 
 def test_one_cause_alone_is_worth_what_refits_say(truth):
-    """With each by itself beside the springs, in the order that is asked for."""
+    """Each alone in addition to the springs, in the requested order."""
     view, rng = truth.view(), np.random.default_rng(3)
     before = left_out(truth)
 
@@ -76,7 +76,7 @@ def test_the_gain_is_that_of_causes_chosen_without_each_pose(truth):
 
 
 def test_a_cause_that_one_pose_alone_called_for_is_not_chosen_without_it(truth):
-    """What acts in pose 2 only is worth nothing to the others, and predicts it no better."""
+    """An effect in pose 2 only is useless for the others, and does not improve its prediction."""
     rng = np.random.default_rng(7)
     Z = truth.Z[3].copy()
     Z[POSE != 2] *= 1e-3
@@ -93,7 +93,7 @@ def test_a_cause_that_one_pose_alone_called_for_is_not_chosen_without_it(truth):
 
 
 def test_a_choice_stops_at_the_limit_at_its_number_and_in_one_form(truth):
-    """A p above the limit does not join, nor a third of two, nor a second form of one."""
+    """A p above the limit does not join, nor a third of at most two, nor a second form."""
     case, view = case_of(truth), truth.view()
 
     assert _choose(case, view, view.M, 2, 1e-3, 0) in ((1, 3), (3, 1))
@@ -106,7 +106,7 @@ def test_a_choice_stops_at_the_limit_at_its_number_and_in_one_form(truth):
 
 
 def test_the_interval_of_equal_poses_is_a_point():
-    """Where each pose loses the same part, nothing depends on which are drawn."""
+    """If each pose improves by the same factor, resampling makes no difference."""
     r = np.tile(np.array([1.0, -2.0, 3.0]), 4)
 
     reduction, (low, high) = interval(r, 0.25 * r, np.repeat(np.arange(4), 3), RNG())
@@ -121,7 +121,7 @@ def RNG():
 
 
 def test_the_interval_of_unequal_poses_is_that_of_loops():
-    """2.5 and 97.5 percent, poses as wholes."""
+    """2.5 and 97.5 percentiles, resampling whole poses."""
     rng = np.random.default_rng(2)
     before = rng.standard_normal(POSES * EACH) * np.repeat(rng.uniform(0.5, 3, POSES), EACH)
     after = before * np.repeat(rng.uniform(0.3, 1.2, POSES), EACH)
@@ -132,7 +132,7 @@ def test_the_interval_of_unequal_poses_is_that_of_loops():
 
 
 def test_a_cause_is_chosen_by_its_chance_in_the_poses_that_stay():
-    """The p of its F test without the pose, from two fits to the other rows."""
+    """The p-value of its F test without the pose, from two fits to the other rows."""
     truth = made(np.random.default_rng(9), SUSPECTS, {3: [0.45]})
     kept = np.append(POSE != 0, True)
     squares = []
@@ -151,7 +151,7 @@ def test_a_cause_is_chosen_by_its_chance_in_the_poses_that_stay():
 
 
 def test_what_has_no_name_and_predicts_as_well_is_told():
-    """A cause at three typical sizes, its likeness without a name, and one like nothing there."""
+    """A cause at three typical sizes, an unnamed similar one, and an unrelated one."""
     several = tuple(suspect(name, FREE) for name in "abxyz")
     alike = made(
         np.random.default_rng(5), several, {0: [3.0], 1: [1.0]}, alike={2: (0, 0.02), 4: (1, 0.02)}

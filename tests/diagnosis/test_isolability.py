@@ -1,4 +1,4 @@
-"""Twins: what no campaign can tell apart, by ranks of matrices that are counted here."""
+"""Twins: effects that no campaign separates, by ranks of matrices computed here."""
 
 from itertools import combinations
 from types import SimpleNamespace
@@ -18,18 +18,18 @@ Z = RNG.standard_normal((60, 6))
 
 
 def in_base(size=1.0):
-    """A column that the springs make, too."""
+    """A column in the span of the springs."""
     return size * (B / np.linalg.norm(B, axis=0)) @ RNG.standard_normal((4, 1))
 
 
 def compared(**columns):
-    """What is said of effects with these columns; a label may end in a form, `roll_2`."""
+    """Comparison of effects with these columns; a label may end in a form, `roll_2`."""
     effects = [SimpleNamespace(label=name.partition("_")[0]) for name in columns]
     return _compare(effects, B, dict(enumerate(columns.values())))
 
 
 def test_what_the_springs_make_too_is_a_stiffness():
-    """Any mix of the base, however small or large; one that differs by a millionth is none."""
+    """Any combination of the base, of any size; one that differs by 1e-6 is not."""
     found = compared(
         small=in_base(1e-7), large=in_base(1e3), pair=np.hstack([in_base(), in_base()]),
         near=in_base() + 1e-6 * Z[:, :1],
@@ -41,14 +41,14 @@ def test_what_the_springs_make_too_is_a_stiffness():
 
 
 def test_what_moves_less_than_a_picometre_moves_nothing():
-    """At its typical size; ten of them are something."""
+    """At its typical size; ten of them are visible."""
     unit = Z[:, :1] / np.abs(Z[:, 0]).max()
 
     assert compared(nothing=0.9e-12 * unit, some=1e-11 * unit).unmoved == ("nothing",)
 
 
 def test_twins_span_the_same_beside_the_springs():
-    """In any units and mixes, with any part of the springs; a part of a span is no twin of it."""
+    """In any units and combinations, with any part of the springs; a subspace is no twin."""
     turn = RNG.standard_normal((2, 2))
     found = compared(
         one=1e-5 * Z[:, :1], other=-300.0 * (Z[:, :1] + in_base(5.0)), alone=Z[:, 1:2],
@@ -63,7 +63,7 @@ def test_twins_span_the_same_beside_the_springs():
 
 
 def test_forms_of_one_cause_are_no_twins_of_each_other_and_one_name():
-    """Of two laws that look alike nothing is said; with another cause the pair is said once."""
+    """Two similar laws of one cause are not reported; with another cause the pair is, once."""
     same = Z[:, :1]
     found = compared(roll_1=same, roll_2=2 * same, yaw_1=3 * same, yaw_2=same + in_base())
 
@@ -73,7 +73,7 @@ def test_forms_of_one_cause_are_no_twins_of_each_other_and_one_name():
 
 
 def test_what_differs_by_a_thousandth_can_be_told_apart():
-    """Twins are so to rounding: a small angle is a matter of the campaign."""
+    """Twins are equal to rounding: a small angle depends on the campaign."""
     near = compared(one=Z[:, :1], other=Z[:, :1] + 1e-3 * Z[:, 1:2])
 
     assert near.pairs == ()
@@ -115,7 +115,7 @@ def counted(robot):
 
 @pytest.mark.parametrize("name", ["kr500_rail", "fanuc_r2000ic"])
 def test_the_twins_of_a_robot_are_those_of_another_design(name):
-    """None is missing and none is too many: other poses, stiffnesses and tool, other algebra."""
+    """Exactly the same ones with other poses, stiffnesses, tool and algebra."""
     robot = load(name)
     unmoved, stiff, pairs = counted(robot)
     found = twins(robot)
@@ -127,7 +127,7 @@ def test_the_twins_of_a_robot_are_those_of_another_design(name):
 
 
 def test_rich_pulls_are_as_varied_as_they_can_be():
-    """Four to a pose, inside the limits and up to them, all directions, branches and approaches."""
+    """Four per pose, within the limits and up to them; all directions, branches, approaches."""
     robot = load("kr500_rail")
     pulls = rich_pulls(robot, np.random.default_rng(1), 400)
     q, size = pulls.q[::4], np.linalg.norm(pulls.force, axis=1)

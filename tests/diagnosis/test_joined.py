@@ -1,4 +1,4 @@
-"""Pulls beside positions against one least squares of all readings, made by Pinocchio and numpy."""
+"""Pulls and positions together, against one least squares of all readings, with Pinocchio."""
 
 from dataclasses import dataclass, replace
 
@@ -31,9 +31,9 @@ NOISE, POSES, EACH = 2e-5, 5, 2
 
 @dataclass
 class World:
-    """An arm, what its positions say of springs, zeros and tool, and what its pulls moved.
+    """An arm, its springs, zeros and tool as estimated from positions, and its displacements.
 
-    Unknowns are in the order springs (6), zeros of joints 2 to 6, points of the tool (9).
+    Unknowns in the order springs (6), zeros of joints 2 to 6, points of the tool (9).
     """
 
     robot: object
@@ -45,7 +45,7 @@ class World:
     delta: np.ndarray
 
     def moved(self, u):
-        """Displacements (m, t, 3) by Pinocchio: sum of each joint's own spring, undeformed."""
+        """Displacements (m, t, 3) by Pinocchio: sum over the springs of all joints, undeformed."""
         model = pin_model(self.robot)
         data, out = model.createData(), []
         frame = model.getFrameId("flange")
@@ -75,17 +75,17 @@ class World:
 
     @property
     def covariance(self):
-        """Of what the positions say of all unknowns."""
+        """Covariance of all unknowns from the positions."""
         return np.linalg.inv(self.X.T @ self.X)
 
     @property
     def estimate(self):
-        """What the positions say of all unknowns."""
+        """Estimate of all unknowns from the positions."""
         return self.covariance @ self.X.T @ self.y
 
 
 def world(seed, off=1.0, stated=True):
-    """A world whose scale reads `off` times the force."""
+    """A world whose scale shows `off` times the force."""
     rng = np.random.default_rng(seed)
     robot = load("kr210_r2700_2")
     c = robot.nominal_compliance * rng.uniform(0.6, 1.6, 6)
@@ -103,7 +103,7 @@ def world(seed, off=1.0, stated=True):
 
 
 def stance_of(one):
-    """What the positions say to the pipeline."""
+    """Results of the positions in the form the pipeline uses."""
     u = one.estimate
     names = [f"P{k}" for k in (1, 2, 3)]
     return Stance(
@@ -120,7 +120,7 @@ def stance_of(one):
 
 
 def hypothesis(one):
-    """Joint springs of the pulls alone, about the table and tool of the positions."""
+    """Joint springs from the pulls alone, about DH parameters and tool of the positions."""
     stance, m = stance_of(one), len(one.q)
     q = one.q + np.append(0.0, one.estimate[6:11])
     pose = np.repeat(np.arange(1, POSES + 1), EACH)
@@ -157,7 +157,7 @@ def hypothesis(one):
 
 
 def with_tilt(one):
-    """The same hypothesis with a bearing that tilts, and positions that hold another one."""
+    """The same hypothesis with a tilting bearing, and positions with another one."""
     springs, data = hypothesis(one)
     tilts = {e.where: e for e in catalogue(one.robot) if e.name == "joint_tilt"}
     held = tilts[3], data.stance
@@ -174,12 +174,12 @@ def with_tilt(one):
 
 
 def kept(k):
-    """Places of springs, letters and points beside k parameters of elements."""
+    """Indices of springs, DH parameters and points before k parameters of elements."""
     return np.r_[np.arange(6), np.arange(6 + k, 20 + k)]
 
 
 def stacked(one, springs):
-    """One least squares of both, about the springs by the pulls: all unknowns, their covariance."""
+    """One least squares of both, about the springs of the pulls: all unknowns, covariance."""
     m = len(one.q)
     zero = np.repeat(np.arange(POSES), EACH)[:, None] * 9 + np.arange(9)
     Z = np.eye(9 * POSES)[zero.ravel()] * NOISE / np.sqrt(2)  # a zero has half of the variance
@@ -199,7 +199,7 @@ def stacked(one, springs):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_both_together_are_one_least_squares_of_all_readings(seed):
-    """Springs, table and tool with their whole covariance, to what differences can tell."""
+    """Springs, DH parameters and tool with full covariance, to the accuracy of differences."""
     one = world(seed)
     springs, data = hypothesis(one)
     found = joined(springs, data)
@@ -214,7 +214,7 @@ def test_both_together_are_one_least_squares_of_all_readings(seed):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_neither_kind_of_readings_alone_knows_a_spring_better(seed):
-    """Information adds up: no variance of any mix grows."""
+    """Information adds up: no variance of any combination increases."""
     one = world(seed)
     springs, data = hypothesis(one)
     both = joined(springs, data).hypothesis.estimate.cov
@@ -226,7 +226,7 @@ def test_neither_kind_of_readings_alone_knows_a_spring_better(seed):
 
 @pytest.fixture(scope="module")
 def many():
-    """Forty worlds: hypothesis of the pulls, the same beside the positions, truth, chi-square."""
+    """Forty worlds: hypothesis of the pulls, the same with the positions, truth, chi-square."""
     out = []
     for seed in range(40):
         one = world(seed)
@@ -239,7 +239,7 @@ def many():
 
 @pytest.mark.whole
 def test_springs_that_agree_have_the_chi_square_of_chance(many):
-    """Over many worlds its mean is its degrees of freedom."""
+    """Over many worlds its mean equals its degrees of freedom."""
     found = [held for *_, held in many]
 
     assert {one.dof for one in found} == {6}
@@ -248,7 +248,7 @@ def test_springs_that_agree_have_the_chi_square_of_chance(many):
 
 @pytest.mark.whole
 def test_intervals_of_both_together_hold_and_are_the_nearest(many):
-    """95 % of the springs lie in them; the pulls alone err by more, in the same measure."""
+    """They hold 95 % of the springs; the errors of the pulls alone are larger."""
     off = np.array([(both.value - truth) / both.std for _, both, truth, _ in many])
     alone = np.array([(pulls.value - truth) / both.std for pulls, both, truth, _ in many])
 
@@ -257,7 +257,7 @@ def test_intervals_of_both_together_hold_and_are_the_nearest(many):
 
 
 def test_a_scale_that_reads_too_much_contradicts_the_weight():
-    """A quarter more force makes springs stiffer than the arm's weight says."""
+    """A quarter more force makes springs stiffer than the weight of the arm implies."""
     one = world(1, off=1.25)
     springs, data = hypothesis(one)
     held = agreement(springs, joined(springs, data), 1.0)
@@ -282,7 +282,7 @@ def test_springs_up_to_a_factor_add_to_those_of_the_pulls():
 
 
 def test_causes_of_the_pulls_keep_their_place_beside_elements_of_the_positions():
-    """Springs, then causes, then elements; the pulls' partial residuals are those of the cause."""
+    """Springs, then causes, then elements; the partial residuals are those of the cause."""
     one = world(4)
     alone, data = with_tilt(one)
     both = joined(alone, data).hypothesis
@@ -303,7 +303,7 @@ def test_causes_of_the_pulls_keep_their_place_beside_elements_of_the_positions()
 
 
 def with_causes(one, *effects):
-    """Springs and causes of the pulls; the positions hold how the bearing of joint 3 tilts."""
+    """Springs and causes of the pulls; the positions include the tilt of joint 3's bearing."""
     springs, data = with_tilt(one)
     cell = replace(springs.cell, effects=springs.cell.effects[:1]).with_effects(*effects)
     start = np.append(one.estimate[:6], np.zeros(len(cell.parameters) - 6))
@@ -312,7 +312,7 @@ def with_causes(one, *effects):
 
 
 def test_a_cause_that_positions_hold_is_one_parameter():
-    """What pulls find beside what is held is added to it, and weight and pulls say one number."""
+    """The estimate of the pulls is added to the held value, and both give one number."""
     one = world(4)
     tilt = {e.where: e for e in catalogue(one.robot) if e.name == "joint_tilt"}[3]
     alone, data = with_causes(one, tilt)
@@ -322,12 +322,12 @@ def test_a_cause_that_positions_hold_is_one_parameter():
     assert len(set(names)) == len(names) == 6 + len(tilt.parameters)
     assert found.hypothesis.estimate.value[6:] == pytest.approx(2e-8, abs=4e-8)
     assert found.elements.dof == len(tilt.parameters)
-    more = alone.estimate.value[6:] / alone.estimate.std[6:]  # beyond what is held
+    more = alone.estimate.value[6:] / alone.estimate.std[6:]  # in addition to what is held
     assert found.elements.chi2 == pytest.approx(float(more @ more), rel=0.6, abs=2.0)
 
 
 def test_springs_are_averaged_where_each_hypothesis_lacks_another_element():
-    """The first six, whatever stands behind them."""
+    """The first six parameters, whatever follows them."""
     one = world(4)
     tilts = {e.where: e for e in catalogue(one.robot) if e.name == "joint_tilt"}
     several = [
@@ -341,7 +341,7 @@ def test_springs_are_averaged_where_each_hypothesis_lacks_another_element():
 
 
 def test_the_spring_of_a_gear_with_a_second_law_is_not_joined():
-    """Under the weight it is another number; the others are known as well as with it."""
+    """Under the weight it is another number; the others are as certain as with it."""
     one = world(4)
     effect = next(
         e for e in catalogue(one.robot) if (e.label, e.form) == ("joint_asymmetry:2", "pull")
@@ -356,7 +356,7 @@ def test_the_spring_of_a_gear_with_a_second_law_is_not_joined():
     assert here.springs.dof == 5
     assert moved.hypothesis.estimate.value == pytest.approx(here.hypothesis.estimate.value)
     assert np.isinf(agreement(alone, here, 1.0).weight[1, 1])
-    # what goes back to the positions has their own number of it, beside what the others are now
+    # positions keep their own value of it, with the joint values of the others
     back = moved.value[:6] - here.value[:6]
     assert back[[0, 2, 3, 4, 5]] == pytest.approx(0.0, abs=1e-12)
     assert back[1] == pytest.approx(50 * off[1], rel=1e-6)
@@ -364,7 +364,7 @@ def test_the_spring_of_a_gear_with_a_second_law_is_not_joined():
 
 
 def test_what_positions_say_anew_of_an_element_is_what_is_joined():
-    """Errors of table and tool are those of the new estimate, whatever basis the old one had."""
+    """DH and tool errors are those of the new estimate, whatever basis the old one had."""
     one = world(4)
     springs, data = hypothesis(one)
     tilts = {e.where: e for e in catalogue(one.robot) if e.name == "joint_tilt"}
@@ -373,7 +373,7 @@ def test_what_positions_say_anew_of_an_element_is_what_is_joined():
     mix = 0.3 * rng.normal(size=(20 + k, 20 + k)) + np.eye(20 + k)
     size = np.r_[np.sqrt(np.diag(old.cov)[:6]), np.full(k, 1e-8), np.sqrt(np.diag(old.cov)[6:])]
     cov = mix @ mix.T * size * size[:, None]
-    cov[-1, :], cov[:, -1] = 0.0, 0.0  # a coordinate of the tool that is known exactly
+    cov[-1, :], cov[:, -1] = 0.0, 0.0  # an exactly known coordinate of the tool
     cov[-1, -1] = 1e-30
     new = replace(old, held=(tilts[3], tilts[4]), yields=np.zeros(2 * k), cov=wider(cov, k))
     before = replace(old, elements=(tilts[3], tilts[4]), reopened=lambda free: new)
@@ -390,7 +390,7 @@ def test_what_positions_say_anew_of_an_element_is_what_is_joined():
 
 
 def wider(cov, k):
-    """A covariance with a further element behind the first one, known by itself."""
+    """A covariance with one more element after the first, independent of it."""
     at = np.r_[np.arange(6 + k), np.arange(6 + 2 * k, len(cov) + k)]
     out = np.zeros((len(cov) + k, len(cov) + k))
     out[np.ix_(at, at)] = cov

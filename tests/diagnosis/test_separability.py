@@ -1,4 +1,4 @@
-"""What a campaign sees of each cause and tells apart: projections by numpy, powers by draws."""
+"""Detectability and separability of causes: projections by numpy, powers by draws."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -38,16 +38,16 @@ def own(truth, i):
 
 
 def beyond(truth, y, *causes):
-    """What springs, the shared error and some causes leave of columns."""
+    """Residuals of columns after springs, the shared error and some causes."""
     X = truth.columns(*causes)
     return y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
 
 
 def test_an_accepted_cause_is_compared_at_its_fitted_size(truth):
-    """What its fitted part of the readings leaves of itself when the other is fitted instead.
+    """Residual of its fitted contribution when the other is fitted instead.
 
-    Of one that may stand in its place the other way round as well, and the smaller counts. The
-    prior of the sizes moves that by less than a thousandth.
+    For a possible replacement also the reverse, and the smaller counts. The prior of the sizes
+    changes that by less than a thousandth.
     """
     y = truth.y
     found = separation_found(truth.view((1,)), (1,), range(5), [{"c": 2}])[0]
@@ -67,7 +67,7 @@ def test_an_accepted_cause_is_compared_at_its_fitted_size(truth):
 
 @pytest.mark.parametrize("accepted", [(), (2,)])
 def test_sigmas_between_causes_are_lengths_of_what_is_left(truth, accepted):
-    """Of each typical parameter of a, rms, when b is fitted too; a by itself on the diagonal."""
+    """For each typical parameter of a, rms, with b fitted too; a alone on the diagonal."""
     view = truth.view(accepted)
 
     found = separation(view.M, view.base, view.at)
@@ -107,7 +107,7 @@ def test_a_cause_is_identifiable_from_where_its_least_form_is_apart_from_all(tru
 
 
 def test_what_no_size_separates_is_never_identifiable():
-    """A column that is another's: nothing but rounding is left of it."""
+    """A column identical to another's: only rounding remains."""
     twins = made(np.random.default_rng(1), SUSPECTS, {}, alike={4: (0, 0.0)})
 
     found = identifiable(twins.view(), NONE)
@@ -140,7 +140,7 @@ def test_a_size_that_is_visible_is_found_in_four_of_five_draws(truth):
 
 
 def test_what_the_base_has_or_hides_is_not_visible(truth):
-    """An accepted one has no threshold; a mix of the base has none that is finite."""
+    """An accepted one has no threshold; a combination of the base has no finite one."""
     view = truth.view((2,))
     times = smallest_visible(view, view.base, 1e-3)
     assert np.isnan(times[2])
@@ -159,7 +159,7 @@ for one in catalogue(ROBOT):
 
 
 def spots(times, elsewhere=None, twins=NONE, forms=()):
-    """Blind spots of causes that are seen from so many typical sizes."""
+    """Blind spots of causes that are detected from these multiples of typical size."""
     labels = [*times]
     effects = tuple(CAUSES[label] for label in labels)
     alone = made(
@@ -183,7 +183,7 @@ def spots(times, elsewhere=None, twins=NONE, forms=()):
 
 
 def test_causes_that_a_typical_size_would_not_show_are_blind_spots():
-    """The best known first; sizes in the unit of the first parameter."""
+    """The best determined first; sizes in the unit of the first parameter."""
     found = spots({"rail_roll": 3.0, "joint_tilt:3": 0.9, "joint_tilt:4": np.inf, "compensator": 2})
 
     assert list(found) == ["joint_tilt:4", "rail_roll", "compensator"]
@@ -196,7 +196,7 @@ def test_causes_that_a_typical_size_would_not_show_are_blind_spots():
 
 
 def test_what_shows_elsewhere_is_blind_only_where_it_shows_in_neither():
-    """The smaller of both counts, and of several forms the smallest."""
+    """The smaller of both counts, and the smallest of several forms."""
     times = {"rail_roll": 3.0, "joint_tilt:3": 4.0, "compensator": 2.0}
 
     found = spots(times, {"rail_roll": 0.5, "joint_tilt:3": 1.5, "tool_flex": 7.0})
@@ -208,7 +208,7 @@ def test_what_shows_elsewhere_is_blind_only_where_it_shows_in_neither():
 
 
 def test_twins_of_the_springs_are_blind_whatever_is_measured():
-    """With what hides them: all springs alike, or one joint's."""
+    """With what hides them: a common factor of all springs, or one joint's."""
     found = spots(
         {"scale_gain": 0.1, "rail_yaw": 0.1}, twins=Twins(("scale_gain", "rail_yaw"), (), ())
     )
@@ -220,7 +220,7 @@ def test_twins_of_the_springs_are_blind_whatever_is_measured():
 
 
 def test_a_clue_is_the_likeliest_form_of_a_cause(truth):
-    """Its p from two fits, its evidence, what the springs absorb of it, and its visible size."""
+    """Its p from two fits, its evidence, the part absorbed by springs, and its visible size."""
     view = truth.view()
     scores = view.beside(view.base)
     found = SimpleNamespace(first=view, scores=scores, threshold=SimpleNamespace(p=1e-3))
@@ -247,7 +247,7 @@ def test_a_clue_is_the_likeliest_form_of_a_cause(truth):
 
 
 def test_places_are_ordered_by_what_all_their_causes_together_explain(truth):
-    """The F test of all of a place's causes at once."""
+    """The F test of all causes of a place together."""
     got = misfits(truth.view())
 
     places = {"arm": (0, 2, 3), "rail": (1,), "wrist": (4,)}

@@ -1,4 +1,4 @@
-"""Mistakes, noise and causes beside each other: where it ends, and that it is an end."""
+"""Mistakes, noise and causes together: where the iteration ends, and that it is a fixed point."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,13 +21,13 @@ KEPT = Path(__file__).parents[2] / "data" / "raw"
 
 
 def settled(case):
-    """Where a campaign ends."""
+    """Final state of a campaign."""
     reduced = bring(case)
     return settle(case, reduced, fit(case, reduced), plain)
 
 
 def spoilt(case, count, size_m, seed):
-    """A campaign with some loaded readings off, and where they are."""
+    """A campaign with some bad loaded readings, and where they are."""
     rows, rng = case.readings, np.random.default_rng(seed)
     own = (rows["state"] == "loaded") & rows["target"].isin(case.settings.measured)
     chosen = rng.choice(rows.index[own], count, replace=False)
@@ -39,13 +39,13 @@ def spoilt(case, count, size_m, seed):
 
 @pytest.fixture(scope="module")
 def mistaken():
-    """Nine poses with a bad reading in most, and what was found."""
+    """Nine poses with a bad reading in most, and the findings."""
     case, true = spoilt(small(4, poses={"count": 9}), 6, 2e-3, 1)
     return case, true, settled(case)
 
 
 def test_what_is_wrong_is_found_beside_all_that_is_held(mistaken):
-    """Six of 54 loaded readings off by 2 mm: these, and nothing is left to say of the model."""
+    """Six of 54 loaded readings off by 2 mm: exactly these, and the model is adequate."""
     _, true, end = mistaken
 
     assert {one.where for one in end.screened.findings} == true
@@ -54,7 +54,7 @@ def test_what_is_wrong_is_found_beside_all_that_is_held(mistaken):
 
 
 def test_an_end_settles_where_it_is(mistaken):
-    """What was accused, deleted by hand, gives no new accusation and the same springs."""
+    """With the accused readings deleted, there is no new accusation, and the same springs."""
     case, _, end = mistaken
 
     again = settled(end.screened.case)
@@ -66,7 +66,7 @@ def test_an_end_settles_where_it_is(mistaken):
 
 
 def test_the_order_of_rows_is_no_information(mistaken):
-    """Where pose, repeat and time are stated, rows may come as they like."""
+    """If pose, repeat and time are stated, rows may come in any order."""
     case, true, end = mistaken
     rng = np.random.default_rng(5)
     mixed = replace(
@@ -83,7 +83,7 @@ def test_the_order_of_rows_is_no_information(mistaken):
 
 
 def test_readings_that_tails_explain_are_told_where_they_are_far_off(mistaken):
-    """Of two that stay in use the one beyond ten standard uncertainties, with its line."""
+    """Of two that stay in use, the one beyond ten standard uncertainties, with its line."""
     end = mistaken[2]
     far, near = (
         replace(one, before=off)
@@ -102,7 +102,7 @@ def test_readings_that_tails_explain_are_told_where_they_are_far_off(mistaken):
     ("count", "size_m"), [(4, 2e-2), (1, 1e-3), (10, 1e-3), (10, 2e-2), (14, 4e-3)]
 )
 def test_contamination_is_a_slope_and_no_cliff(count, size_m):
-    """One of 54 loaded readings to a quarter of them: named, and never green."""
+    """From one of 54 loaded readings to a quarter of them: named, and never green."""
     case, true = spoilt(small(6, poses={"count": 9}), count, size_m, count)
 
     end = settled(case)
@@ -116,7 +116,7 @@ def test_contamination_is_a_slope_and_no_cliff(count, size_m):
 
 @pytest.mark.whole
 def test_a_bad_reading_beside_a_cause_is_neither_of_both():
-    """A carriage that rolls, and one reading of 1 mm: the cause, and the reading."""
+    """A rolling carriage, and one reading off by 1 mm: the cause, and the reading."""
     case = small(8, poses={"count": 9}, hidden={"effects": ["rail_roll=3x"]})
     case = moved(case, where(case, "pose04_rep1_loaded", "P2"), [1e-3, 0, 0])
 
@@ -128,7 +128,7 @@ def test_a_bad_reading_beside_a_cause_is_neither_of_both():
 
 @pytest.mark.whole
 def test_where_nobody_states_a_noise_the_others_say_which_readings_are_off():
-    """Two of 54 loaded readings off by 2 mm, the scatter found in the rest: these, and no other."""
+    """Two of 54 loaded readings off by 2 mm, with scatter from the rest: exactly these."""
     case = small(7, poses={"count": 9}, tracker={"sigma_m": 3e-5, "stated": False})
     case, true = spoilt(case, 2, 2e-3, 3)
 
@@ -143,7 +143,7 @@ def test_where_nobody_states_a_noise_the_others_say_which_readings_are_off():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("spoilt_pull", [True, False])
 def test_a_pose_that_is_read_as_one_settles(spoilt_pull):
-    """Nine 6D poses, one turned by 10 mrad under load: that one is named, with all its lines."""
+    """Nine 6D poses, one rotated by 10 mrad under load: it is named, with all its lines."""
     six = {"kind": "camera", "measures": "poses", "sigma_m": 5e-5, "sigma_rad": 2e-4}
     case = small(9, poses={"count": 9}, tracker=six)
     rows = case.readings
@@ -165,7 +165,7 @@ def test_a_pose_that_is_read_as_one_settles(spoilt_pull):
 
 @pytest.mark.whole
 def test_a_campaign_that_arrives_reduced_settles():
-    """Displacements of the kept campaign, forces tripled in one pull: not green, nor an error."""
+    """Displacements of the campaign that ships, one force tripled: neither green nor an error."""
     raw = {path.name: path.read_bytes() for path in (KEPT / "fanuc_r2000ic").iterdir()}
     given = ingested(in_memory(raw), conformed, plain, plausible=False)
     clean = settled(given)
@@ -185,7 +185,7 @@ def test_a_campaign_that_arrives_reduced_settles():
 
 @pytest.mark.whole
 def test_noise_of_twenty_times_the_stated_is_no_noise():
-    """No reading is accused for it, no cause found, and yet it is not adequate."""
+    """No reading is accused and no cause found, and yet it is not adequate."""
     end = settled(small(5, poses={"count": 9}, tracker={"sigma_m": 3e-5, "noise_scale": 20.0}))
 
     assert end.screened.findings == ()
@@ -194,7 +194,7 @@ def test_noise_of_twenty_times_the_stated_is_no_noise():
 
 
 def test_ends_that_follow_each_other_for_ever_are_as_good(monkeypatch):
-    """Of a circle the end with the fewest mistakes stands, and none from before it."""
+    """Of a cycle the state with the fewest mistakes is used, and none from before it."""
     follows = {0: 5, 5: 6, 6: 5}
     made = [SimpleNamespace(key=n, findings=range(n)) for n in range(7)]
     monkeypatch.setattr(module, "files_of", lambda *_: made[0])

@@ -1,4 +1,4 @@
-"""Laws that nobody listed: made from place, variable and shape, found or not in what was pulled."""
+"""Unlisted laws: built from place, variable and shape; found only if present in the data."""
 
 import json
 from dataclasses import replace
@@ -45,7 +45,7 @@ ENDS = (-10.0, 10.0)
 
 
 def law(where, part, kind, variable, source=0, order=1.0, ends=ENDS, at=0.0):
-    """A law that was taught between some ends."""
+    """A law valid between some limits."""
     return Law(where, part, kind, variable, source, order, *ends, at)
 
 
@@ -152,7 +152,7 @@ CASES = {
 
 
 def with_and_without(springs, eps):
-    """A machine with springs that give way so much per unit, and the same, all stiff."""
+    """A machine with compliant springs, and the same with rigid ones."""
 
     def yielding(one, much):
         return replace(one, law=lambda own, every: much * one.law(own, every))
@@ -162,7 +162,7 @@ def with_and_without(springs, eps):
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_law_moves_the_reflectors_as_a_machine_that_has_it(name):
-    """Columns are what springs of another machine, of 4 x 4 matrices, do per unit of amplitude."""
+    """Columns equal the effect of springs of another machine (4 x 4 matrices) per amplitude."""
     one, column, springs = CASES[name]
     eps = 1e-9
     machine, bare = with_and_without(springs, eps)
@@ -180,7 +180,7 @@ def test_a_law_moves_the_reflectors_as_a_machine_that_has_it(name):
 
 
 def test_the_scale_reads_another_force_by_the_law():
-    """A factor of the force moves what the springs move, times what the law says of that pull."""
+    """The relative force error scales the displacements, according to the law for that pull."""
     x = KR500.nominal_compliance
     one = unlisted.effect(KR500, law("scale", "reading", "smooth", "time", 0, 1.0, (0.0, 2e4)))
     moved = sensitivity(CELL, PULLS, x, CELL.effects) @ x
@@ -191,7 +191,7 @@ def test_the_scale_reads_another_force_by_the_law():
 
 
 def test_a_zero_of_the_scale_that_jumps_adds_the_same_force_to_every_later_pull():
-    """One newton along the chain is what the springs move over the force, however hard the pull."""
+    """One newton along the chain adds displacement over force, whatever the pull."""
     x, at = KR500.nominal_compliance, float(np.median(PULLS.time))
     where = law("scale", "zero", "step", "time", 0, 0.0, (0.0, 2e4), at)
     one = unlisted.effect(KR500, where)
@@ -210,7 +210,7 @@ def test_a_zero_of_the_scale_that_jumps_adds_the_same_force_to_every_later_pull(
 
 
 def test_a_dead_band_adds_the_same_force_to_every_small_pull():
-    """A spring whose first newtons are lost up to some force, which all larger pulls have back."""
+    """Pulls up to a limit lose the same force; larger ones lose none."""
     sticks = unlisted.effect(KR500, law("scale", "zero", "step", "force", 0, 1.0, at=1500.0))
     loaded = load(CELL, PULLS, KR500.nominal_compliance)
     size = np.linalg.norm(PULLS.force, axis=1)
@@ -224,7 +224,7 @@ def test_a_dead_band_adds_the_same_force_to_every_small_pull():
 
 
 def test_a_jump_is_sought_between_all_pulls_and_not_the_first_of_each_pose():
-    """Of the force, steps lie between any two pulls that differ."""
+    """For laws of the force, steps are between any two different pulls."""
     laws = unlisted.effects(KR500, load(CELL, PULLS, KR500.nominal_compliance))
     at = [one.law.at for one in laws if one.law.of[:3] == ("scale", "zero", "force")]
     size = np.sort(np.linalg.norm(PULLS.force, axis=1))
@@ -236,7 +236,7 @@ def test_a_jump_is_sought_between_all_pulls_and_not_the_first_of_each_pose():
 @pytest.mark.whole
 @pytest.mark.parametrize("lost_n", [150.0])
 def test_a_scale_with_a_dead_band_is_named_and_leaves_the_springs_alone(lost_n):
-    """Written into the log by hand: pulls below 1800 N read 150 N too little."""
+    """Written into the log: pulls below 1800 N read 150 N too little."""
     plan = Plan(
         name="sticks",
         seed=8,
@@ -263,7 +263,7 @@ def test_a_scale_with_a_dead_band_is_named_and_leaves_the_springs_alone(lost_n):
 
 
 def test_every_law_has_a_share_of_the_odds_and_a_form_that_a_file_can_hold():
-    """Odds of all laws add up to one; label and form give each back."""
+    """Probabilities of all laws sum to one; label and form reproduce each law."""
     every = unlisted.effects(KR500, load(CELL, PULLS, np.zeros(7)))
     forms = {(one.label, one.form) for one in every}
 
@@ -275,7 +275,7 @@ def test_every_law_has_a_share_of_the_odds_and_a_form_that_a_file_can_hold():
 
 
 def test_a_law_calls_joints_as_the_controller_calls_its_axes():
-    """The place and the joint whose angle or torque it is of; the rail moves by itself."""
+    """The place, and the joint whose angle or torque it depends on; the rail moves alone."""
     every = [
         law(4, "spring", "coupling", "angle", 6, 2.0),
         law(3, "pair", "coupling", "torque", 5),
@@ -293,7 +293,7 @@ def test_a_law_calls_joints_as_the_controller_calls_its_axes():
 
 
 def test_what_a_law_lacks_is_tried_in_its_own_place_and_variable():
-    """Each further shape once, odds those of the law, half of them the harmonics'."""
+    """Each further shape once, with the probability of the law, half of it for harmonics."""
     loaded = load(CELL, PULLS, np.zeros(7))
     wave = replace(unlisted.effect(KR500, law(5, "spring", "periodic", "angle", 5, 3.0)), odds=0.2)
     other = unlisted.effect(KR500, law(2, "pair", "coupling", "torque", 5))
@@ -314,7 +314,7 @@ def test_what_a_law_lacks_is_tried_in_its_own_place_and_variable():
 
 
 def test_a_law_joins_in_the_place_of_the_one_that_it_extends():
-    """Other laws of a joint exclude each other, and what a law paid for it pays no more."""
+    """Other laws of a joint exclude each other, and a prior is not paid twice."""
     one = replace(unlisted.effect(KR500, law(5, "spring", "periodic", "angle", 5, 3.0)), odds=0.01)
     wider = next(iter(unlisted.extensions(KR500, load(CELL, PULLS, np.zeros(7)), one)))
     rival = unlisted.effect(KR500, law(5, "creep", "smooth", "time"))
@@ -334,7 +334,7 @@ ROWS, BASE, POSES = 48, 4, 12
 
 
 def many(seed, suspects=40):
-    """A base and suspects of two columns each, more than rows, and the tests of each for rows y."""
+    """A base and suspects of two columns, more than rows, and the tests of each for rows y."""
     rng = np.random.default_rng(seed)
     X = rng.standard_normal((ROWS, BASE + 2 * suspects))
 
@@ -352,7 +352,7 @@ def many(seed, suspects=40):
 
 
 def test_the_largest_of_more_columns_than_rows_is_drawn_as_rarely_as_stated():
-    """Of clean draws 2 % lie below what 1 - (1 - 0.02)^(1/m) allows each of m tests."""
+    """Of clean draws 2 % are below 1 - (1 - 0.02)^(1/m) for the m tests."""
     view = many(1)
     limit = threshold(view(np.zeros(ROWS))[0], np.arange(BASE), ROWS - BASE, RNG, 8000)
     each = -np.expm1(np.log1p(-0.02) / limit.independent)
@@ -363,7 +363,7 @@ def test_the_largest_of_more_columns_than_rows_is_drawn_as_rarely_as_stated():
 
 
 def test_structure_within_poses_is_no_law():
-    """What a pose has to itself, whatever it is, is called a law no more often than stated."""
+    """Effects specific to each pose are called a law no more often than stated."""
     view, rng, hits = many(3), np.random.default_rng(4), 0
     for _ in range(200):
         own = rng.standard_normal((POSES, ROWS // POSES)) * rng.lognormal(0, 1, (POSES, 1))
@@ -374,7 +374,7 @@ def test_structure_within_poses_is_no_law():
 
 
 def test_a_law_over_all_poses_is_one():
-    """A law that fills the residuals is reached by copies only whose signs are all alike."""
+    """Copies reach a law that fills the residuals only if all their signs are equal."""
     view = many(3)
     first = view(np.zeros(ROWS))[0].A[:, BASE]
     made, now = view(first + 0.05 * np.random.default_rng(5).standard_normal(ROWS))
@@ -387,25 +387,25 @@ def test_a_law_over_all_poses_is_one():
 
 
 def hiding(seed, **sizes):
-    """A campaign of the league's machine with secrets."""
+    """A campaign of the league's machine with hidden effects."""
     rng = np.random.default_rng(seed)
     plan = drawn(KR500, rng, Rules())
     return play(KR500, plan, [(SECRETS[name], size) for name, size in sizes.items()], rng, Rules())
 
 
 def measured(seed, **sizes):
-    """Such a campaign, and what the pipeline says of it."""
+    """Such a campaign, and the answer of the pipeline."""
     game = hiding(seed, **sizes)
     return game, answer_of(game.files)
 
 
 def named(answer):
-    """Names of the causes, without those of scatter."""
+    """Names of the causes, except those of scatter."""
     return [c["name"] for c in answer["diagnosis"]["causes"] if c["name"] not in SCATTER]
 
 
 def rippled(answer):
-    """Checks place, kind, order and amplitude of a stiffness that ripples six times a turn."""
+    """Check place, kind, order and amplitude of a stiffness that ripples six times per turn."""
     (cause,) = (c for c in answer["causes"] if c["name"] == "unlisted_law")
     size = cause["parameters"][0]
 
@@ -422,7 +422,7 @@ def rippled(answer):
 
 
 def test_a_law_that_nobody_listed_is_found():
-    """A machine whose second gear ripples with its teeth, diagnosed beside nothing else."""
+    """A machine whose second gear ripples with its teeth, diagnosed alone."""
     case = ingested(in_memory(hiding(36, tooth_stiffness=1.0).files), conformed, plain)
     data = bring(case).data
     _, estimate = identify(case.cell, data, KR500.nominal_compliance)
@@ -435,7 +435,7 @@ def test_a_law_that_nobody_listed_is_found():
 
 @pytest.mark.slow
 def test_a_law_that_nobody_listed_is_in_the_answer():
-    """Of the same machine, and its judge says so."""
+    """For the same machine, and the judge agrees."""
     game, answer = measured(36, tooth_stiffness=1.0)
     said = score(game.truth, answer, twins(KR500)).law
 
@@ -447,7 +447,7 @@ def test_a_law_that_nobody_listed_is_in_the_answer():
 
 @pytest.mark.slow
 def test_waves_that_the_poses_do_not_tell_apart_are_all_stated():
-    """On angles 45° apart waves of 2, 6, 10, 14 and 18 a turn are one; six a turn is the truth."""
+    """At angles 45° apart, 2, 6, 10, 14 and 18 waves per turn are equal; six is true."""
     rng = np.random.default_rng(36)
     plan = drawn(KR500, rng, Rules())
     q, step = plan.q.copy(), np.pi / 4
@@ -498,7 +498,7 @@ def test_laws_are_undecided_where_none_leads_by_twenty_to_one(shares, told):
 
 @pytest.mark.slow
 def test_what_a_law_lacks_is_no_listed_cause():
-    """A wheel off its centre, |sin| of the angle, is a law of its joint and nothing besides."""
+    """An eccentric wheel, |sin| of the angle, is a law of its joint, without other causes."""
     for seed in range(40, 44):
         _, answer = measured(seed, eccentric_wheel=2.4)
         diagnosis = answer["diagnosis"]
@@ -510,7 +510,7 @@ def test_what_a_law_lacks_is_no_listed_cause():
 
 @pytest.mark.slow
 def test_a_law_of_which_a_listed_cause_takes_a_part_is_found():
-    """A link that grows moves reflectors as a tracker would that drifts, the more part of it."""
+    """A growing link resembles a drifting tracker, which explains the larger part of it."""
     for seed in range(50, 54):
         _, answer = measured(seed, link_grows=2.0)
         causes = [c for c in answer["diagnosis"]["causes"] if c["name"] not in SCATTER]
@@ -521,7 +521,7 @@ def test_a_law_of_which_a_listed_cause_takes_a_part_is_found():
 
 @pytest.mark.slow
 def test_in_a_clean_campaign_no_law_is_found():
-    """Laws are sought where nothing was detected, too, and none is in the data."""
+    """Laws are also sought if nothing was detected, and none is found."""
     _, answer = measured(37)
 
     assert answer["diagnosis"]["verdict"] == "adequate"
@@ -530,14 +530,14 @@ def test_in_a_clean_campaign_no_law_is_found():
 
 @pytest.mark.slow
 def test_a_listed_cause_keeps_its_name():
-    """What the catalogue explains is no law that nobody listed; test_one_answer has another."""
+    """What the catalogue explains is no unlisted law; test_one_answer has another case."""
     _, answer = measured(38, rail_roll=3.0)
 
     assert named(answer) == ["rail_roll"]
 
 
 def test_outside_of_where_it_was_taught_a_law_is_as_uncertain_as_it_is_large():
-    """Inside, the uncertainty is that of its amplitudes; beyond, its height joins them."""
+    """Within the data the uncertainty is that of its amplitudes; beyond, its height is added."""
     one = unlisted.effect(KR500, law(2, "spring", "periodic", "angle", 2, 3.0, (-1.2, 1.2)))
     value = np.append(KR500.nominal_compliance, [3e-8, 4e-8])
     cov = np.diag(np.append(np.zeros(7), [1e-20, 1e-20]))
@@ -561,7 +561,7 @@ def test_outside_of_where_it_was_taught_a_law_is_as_uncertain_as_it_is_large():
 
 @pytest.mark.parametrize(("poses", "copies"), [(1, 0), (4, 7), (12, 2047), (13, 3000), (40, 3000)])
 def test_copies_of_few_poses_are_all_different_and_none_is_the_campaign(poses, copies):
-    """Up to a common sign, which changes no square: no draw alone refuses a law of twelve poses."""
+    """Up to a common sign, which changes no square: no draw alone rejects a law of 12 poses."""
     signs = search._signs(poses, np.random.default_rng(5))
     alike = {tuple(row) for row in (signs * signs[:, :1]).tolist()}
 

@@ -1,4 +1,4 @@
-"""Causes that the unloaded reflectors show, found in a small cell."""
+"""Causes visible in the unloaded reflectors, found in a small cell."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -28,7 +28,7 @@ ROUGH = [
     for joint, size in ((2, 0.6), (3, -0.8), (4, 0.5), (5, -0.4))
     for name in ("link_length", "joint_offset")
 ]
-"""A table off by half a millimetre and milliradian in many places."""
+"""DH errors of half a millimetre and milliradian in many parameters."""
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def by_label(causes, label):
 
 
 def test_a_wrong_zero_is_found_with_what_it_is_worth(causes, stood):
-    """Itself alone, in size, and poses that were left out are nearer by far."""
+    """It alone, with its size; left-out poses are predicted much better."""
     (one,) = stood.causes
 
     assert one.effect is by_label(causes, "joint_offset:3")
@@ -76,7 +76,7 @@ def test_what_the_instrument_wanders_by_is_no_cause(off, causes, stood):
 
 
 def test_a_gain_that_is_none_is_not_believed(stood):
-    """A cause that predicts left-out poses no better is not where the robot stands."""
+    """A cause that does not improve the prediction of left-out poses is not accepted."""
     gain = replace(stood.gain, reduction=-0.01)
 
     assert replace(stood, gain=gain).useless
@@ -85,7 +85,7 @@ def test_a_gain_that_is_none_is_not_believed(stood):
 
 
 def test_no_entry_is_believed_that_leaves_the_robot_centimetres_off(stood):
-    """What the table has wrong then is not that one entry: 420 mm before, 390 mm with it."""
+    """The robot file has more than one error then: 420 mm before, 390 mm with the cause."""
     far = replace(stood, miss_m=0.42, left_m=0.39, rough=True)
 
     assert far.refuted
@@ -99,7 +99,7 @@ def test_no_entry_is_believed_that_leaves_the_robot_centimetres_off(stood):
 
 
 def test_corrected_data_stand_where_the_causes_put_them(off, stood):
-    """The robot with its corrected table is where the reflectors are; the log stays as it is."""
+    """The robot with corrected DH parameters agrees with the reflectors; the log is unchanged."""
     data, wrong = off.reduced.data, off.case.robot
     cell, right = corrected(off.cell, data, stood)
 
@@ -117,7 +117,7 @@ def test_corrected_data_stand_where_the_causes_put_them(off, stood):
 
 
 def test_a_turned_base_turns_forces_and_displacements_back(off, causes, stood):
-    """What the tracker sees of both is in its own frame: corrected, it is in the robot's."""
+    """The tracker's readings are corrected from its frame to that of the robot."""
     turned = by_label(causes, "base_rotation")
     turn = np.array([1e-3, -2e-3, 3e-3])
     x = np.zeros_like(stood.cells.x)
@@ -137,7 +137,7 @@ def test_a_turned_base_turns_forces_and_displacements_back(off, causes, stood):
 
 @pytest.mark.whole
 def test_a_table_that_is_rough_everywhere_is_corrected_and_not_accused(causes):
-    """Every entry a little off: no cause, but left-out poses prove the estimated table better."""
+    """Small errors of every parameter: no cause, but left-out poses are predicted better."""
     rough = asked(small(3, poses={"count": 16}, hidden={"effects": ROUGH}))
 
     found = standing(rough.cell, rough.reduced.data, 1.0, causes)
@@ -152,9 +152,9 @@ def test_a_table_that_is_rough_everywhere_is_corrected_and_not_accused(causes):
 
 @pytest.mark.whole
 def test_stiffnesses_rest_on_the_table_that_is_proven():
-    """Off a little everywhere: the answer and the machine handed over have the estimated table.
+    """Small errors everywhere: answer and delivered model use the estimated parameters.
 
-    The joint springs beside them have the delivered one.
+    The joint springs alone use those delivered.
     """
     plan = revised(PLAN, {"poses": {"count": 16}, "hidden": {"effects": ROUGH}})
     raw = in_memory(simulate(plan, np.random.default_rng(5)).files)
@@ -180,7 +180,7 @@ def test_stiffnesses_rest_on_the_table_that_is_proven():
     [("link_length:4", 0.02), ("link_twist:3", 5e-3), ("link_offset:5", -5e-3)],
 )
 def test_without_noise_geometry_and_springs_come_back(causes, label, size):
-    """Both to 1e-9, though springs of the delivered table are off by up to a half."""
+    """Both to 1e-9, though springs with the delivered DH parameters are off by up to a half."""
     hidden = {"effects": [f"{label}={size}"], "equilibrium": "undeformed"}
     plan = revised(PLAN, {"poses": {"count": 12}, "hidden": hidden}).without_noise()
     raw = in_memory(simulate(plan, np.random.default_rng(3)).files)
@@ -195,7 +195,7 @@ def test_without_noise_geometry_and_springs_come_back(causes, label, size):
     (one,) = found.causes
     assert one.effect.label == label
     assert one.value[0] == pytest.approx(size, abs=1e-9)
-    for scale in (1e-2, 1e-6):  # less than any instrument scatters
+    for scale in (1e-2, 1e-6):  # less than the scatter of any instrument
         (again,) = standing(stiff, delivered.data, scale, causes).causes
         assert again.value[0] == pytest.approx(size, abs=1e-8)
     true = case.robot.nominal_compliance
@@ -208,7 +208,7 @@ def _off(effect, value):
 
 
 def test_the_weight_of_the_arm_stands_in_the_joints(off, causes, stood):
-    """Two masses hang where the log does not see them: joint values under them, nothing else."""
+    """Two masses beyond the encoders: joint values under their weight, and nothing else."""
     sag = by_label(causes, "gravity_sag")
     masses = np.array([400.0, 300.0])
     still = replace(stood.cells, x=np.zeros_like(stood.cells.x))
@@ -224,7 +224,7 @@ def test_the_weight_of_the_arm_stands_in_the_joints(off, causes, stood):
 
 
 def test_a_robot_on_its_table_is_let_be(causes):
-    """Nothing is named; what would be is told, from five times what a table usually is off by."""
+    """Nothing is named; visible sizes are reported, from five times the usual DH errors."""
     good = asked(small(3, poses={"count": 8}))
 
     found = standing(good.cell, good.reduced.data, 1.0, causes)
@@ -237,7 +237,7 @@ def test_a_robot_on_its_table_is_let_be(causes):
 
 
 def rough(case, size, seed, **wrong):
-    """The screening of a campaign whose robot was another: every entry off by `size`."""
+    """Screening of a campaign of a robot with errors of `size` in every DH parameter."""
     every = letters(case.robot)
     off = size * np.random.default_rng(seed).standard_normal(len(every))
     for label, value in wrong.items():
@@ -249,7 +249,7 @@ def rough(case, size, seed, **wrong):
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_table_rough_everywhere_is_carried_and_not_accused(seed, causes):
-    """Half a millimetre and milliradian, one sigma; one length of 20 mm in it is named."""
+    """One sigma of half a millimetre and milliradian; one length off by 20 mm is named."""
     good = small(seed, poses={"count": 14})
     calm, worse = (rough(good, 5e-4, seed, **one) for one in ({}, {"link_length__4": -0.02}))
 
@@ -263,7 +263,7 @@ def test_a_table_rough_everywhere_is_carried_and_not_accused(seed, causes):
 
 
 def test_gravity_bends_the_springs_that_were_identified(off):
-    """Stiffnesses from positive compliances that are known; the others stay nominal."""
+    """Stiffnesses from determined positive compliances; the others stay nominal."""
     value = np.array([1e-8, 2e-7, -1e-7, 4e-7, 5e-7, 6e-7, 7e-7])
     known = np.array([True, True, True, False, True, True, True])
 

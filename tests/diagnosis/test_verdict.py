@@ -1,4 +1,4 @@
-"""The verdict: a test for every row of its table, and what stands between subjects."""
+"""The verdict: a test for every row of its table, and for relations between subjects."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -36,7 +36,7 @@ def effect(label):
 
 
 def test_a_cause_has_what_neither_a_stranger_nor_a_misfit_takes():
-    """The larger of both is outside of the catalogue; cause, rivals and that add up to one."""
+    """The larger of both is outside the catalogue; cause, rivals and that sum to one."""
     roll, pitch = effect("rail_roll"), effect("rail_pitch")
     one = replace(cause("rail_roll", 0.7), rivals=(PossibleCause(pitch, 0.3),))
 
@@ -68,7 +68,7 @@ def test_a_cause_has_what_neither_a_stranger_nor_a_misfit_takes():
 def test_what_rejects_the_model_with_the_causes_gives_what_is_missing_a_share(
     chances, explains, misfit, expected
 ):
-    """The smallest chance of what is left, at odds of one in four; nothing where none rejects."""
+    """The smallest p of the residuals, at prior odds of one in four; none if no test rejects."""
     poses, pulls, further = chances
     found = SimpleNamespace(
         explains=explains,
@@ -81,20 +81,20 @@ def test_what_rejects_the_model_with_the_causes_gives_what_is_missing_a_share(
 
 
 def cause(label, probability=0.99, **more):
-    """A cause as the diagnosis leaves it."""
+    """A cause as the diagnosis returns it."""
     one = effect(label)
     size = tuple(EffectSize.symmetric(p, p.typical, p.typical / 9) for p in one.parameters)
     return FoundCause(one, probability, size, 1e-9, **more)
 
 
 def gain(reduction, low):
-    """What causes are worth at left-out poses: errors of 1 mm before."""
+    """Gain of causes at left-out poses: errors of 1 mm before."""
     before = np.full(6, 1e-3)
     return CrossValidation(before, before * (1 - reduction), reduction, (low, 0.9), ())
 
 
 def drift(undecided):
-    """What the base reflectors say of a tracker that turned."""
+    """Result of the base reflectors for a tracker that rotated."""
     return SimpleNamespace(
         effect=effect("tracker_drift"), undecided=undecided, turn=np.array([0, 0, 1e-8]),
         moved_m=4e-4, hours=2.0,
@@ -186,7 +186,7 @@ ROWS = {
 
 @pytest.mark.parametrize("finding", ROWS)
 def test_each_row_gives_its_verdict_and_a_sentence(finding):
-    """What is found decides, alone; it is said in a sentence that begins and ends as one does."""
+    """The finding alone decides, and its sentence begins and ends as expected."""
     facts, expected = ROWS[finding]
 
     assert finding in [row.finding for row in findings(facts)]
@@ -198,7 +198,7 @@ def test_each_row_gives_its_verdict_and_a_sentence(finding):
 
 
 def test_what_fits_only_at_an_impossible_size_is_said_to():
-    """It is no cause, and yet the place to look at: said once, after what was found."""
+    """It is no cause, but where to look: reported once, after the findings."""
     left = replace(FOUND, explains=False, remainder=2.0)
     tilt = effect("joint_tilt:5")
 
@@ -210,7 +210,7 @@ def test_what_fits_only_at_an_impossible_size_is_said_to():
 
 
 def test_only_what_is_likeliest_in_a_place_is_impossible_there():
-    """Refused labels that another cause beats are no place to look at."""
+    """Rejected labels that another cause beats are not reported."""
     likely, other = Replacement("a", 0, 0.9), Replacement("b", 1, 0.1)
     found = SimpleNamespace(rivals=((likely, other),), single=(), refused=("a", "b"))
     case = SimpleNamespace(suspects=("effect a", "effect b"))
@@ -220,7 +220,7 @@ def test_only_what_is_likeliest_in_a_place_is_impossible_there():
 
 
 def test_a_cause_needs_a_certain_gain_where_nobody_knows_the_scatter():
-    """With the interval above zero it is identified, else it is not even named."""
+    """With the interval above zero it is identified, otherwise it is not even named."""
     sure = replace(FOUND, gain=gain(0.1, 0.01), scatter_told=False)
 
     assert sure.helps
@@ -238,7 +238,7 @@ def test_every_finding_stands_in_one_row():
 
 
 def test_the_most_severe_finding_decides_and_all_are_told():
-    """A tracker that moved is told beside a cause with rivals, which keeps the campaign open."""
+    """A moved tracker is reported with a cause with rivals, which leaves the campaign open."""
     both = replace(ROWS[Finding.RIVALS][0], drift=drift(undecided=False))
 
     assert verdict(both) is Verdict.AMBIGUOUS
@@ -250,7 +250,7 @@ def test_the_most_severe_finding_decides_and_all_are_told():
 @pytest.mark.parametrize("kind", ["positions", "pulls"])
 @pytest.mark.parametrize("worse", [Finding.RIVALS, Finding.MISFIT, Finding.GEOMETRY_REFUTED])
 def test_the_worse_of_positions_and_pulls_decides(kind, worse):
-    """A campaign of both is as good as the worse of the two, and says why."""
+    """A campaign of both has the worse of the two verdicts, with its reason."""
     bad, said = ROWS[worse]
     one, other = (FOUND, bad) if kind == "positions" else (bad, FOUND)
     both = replace(one, positions=other)
@@ -261,7 +261,7 @@ def test_the_worse_of_positions_and_pulls_decides(kind, worse):
 
 
 def test_springs_that_disagree_take_green_away():
-    """Each kind of readings by itself is fine; the difference is told with its chi-square."""
+    """Each kind of readings alone is fine; the difference is reported with its chi-square."""
     apart = replace(FOUND, positions=FOUND, agreement=APART)
 
     assert verdict(replace(apart, agreement=replace(APART, chi2=4.0))) is Verdict.EXPLAINED
@@ -271,7 +271,7 @@ def test_springs_that_disagree_take_green_away():
 
 
 def test_nothing_is_told_of_displacements_that_hold_nothing():
-    """Beside a drift, displacements that springs explain are no news."""
+    """With a drift, displacements explained by springs are not mentioned."""
     assert "joint springs explain" not in why(Facts(drift=drift(undecided=False)))
     assert "joint springs explain" in why(Facts())
 
@@ -293,7 +293,7 @@ def test_nothing_is_told_of_displacements_that_hold_nothing():
     ],
 )
 def test_of_two_findings_on_the_displacements_the_first_is_told(facts, finding):
-    """The order of the rows is the order of what matters."""
+    """Rows are in the order of importance."""
     assert findings(facts)[-1].finding is finding
 
 
@@ -301,7 +301,7 @@ def test_of_two_findings_on_the_displacements_the_first_is_told(facts, finding):
     ("times", "std", "told"), [(26, 4, True), (26, 9, False), (-26, 4, True), (9, 0.1, False)]
 )
 def test_a_cause_certainly_many_times_its_usual_size_is_said_to_be(times, std, told):
-    """An offset of 26 times the usual 5 mm is told, one that may be less than ten times is not."""
+    """An offset of 26 times the usual 5 mm is reported; one possibly below ten times is not."""
     one = effect("load_point_offset")
     sizes = [EffectSize.symmetric(p, p.typical, p.typical) for p in one.parameters]
     sizes[1] = EffectSize.symmetric(one.parameters[1], times * 5e-3, std * 5e-3)
@@ -318,7 +318,7 @@ def test_a_cause_certainly_many_times_its_usual_size_is_said_to_be(times, std, t
 
 
 def test_what_makes_the_same_robot_is_named_as_the_controller_does():
-    """Offsets along parallel axes: each joint with its axis, where the robot file has one."""
+    """Offsets along parallel axes: each joint with its axis, if the robot file has one."""
     one, other = (replace(effect(f"joint_offset:{k}"), axis=f"A{k - 1}") for k in (3, 4))
     off = cause("joint_offset:3", twins=("joint_offset:4",), same_robot=(other,))
     facts = Facts(moved=(replace(off, effect=one),), unloaded=MISPLACED)
@@ -336,12 +336,12 @@ def test_what_makes_the_same_robot_is_named_as_the_controller_does():
     ids=["at the bound", "one reading", "as many as tails throw"],
 )
 def test_what_keeps_the_bounds_is_adequate(kept):
-    """Noise of ten times the stated one, a quarter left, one reading that nobody named."""
+    """Ten times the stated noise, a quarter unexplained, or one reading without a name."""
     assert verdict(Facts(bounds=kept)) is Verdict.ADEQUATE
 
 
 def test_a_cause_is_no_excuse_for_noise_that_cannot_be():
-    """What was identified is told, and that it is not all."""
+    """The identified cause is reported, and that it is not the whole explanation."""
     said = why(replace(FOUND, bounds=Bounds(tracker=17.0, worst_pose=11, worst_target="P1")))
 
     assert "Identified in addition to the joint springs" in said

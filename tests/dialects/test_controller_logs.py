@@ -1,4 +1,4 @@
-"""What a controller has of a campaign: points in axes, and recordings, read as joint logs."""
+"""Points and recordings of a controller, read as joint logs."""
 
 import itertools
 
@@ -18,7 +18,7 @@ SUFFIX = {"kuka": ".dat", "abb": ".mod", "fanuc": ".ls"}
 
 
 def poses(robot, count=7):
-    """Joint values at random, away from limits, and ways of approach."""
+    """Random joint values, away from limits, and approach motions."""
     rng = np.random.default_rng(SEED)
     inside = 0.05 * (robot.upper - robot.lower)
     q = rng.uniform(robot.lower + inside, robot.upper - inside, (count, robot.n))
@@ -26,7 +26,7 @@ def poses(robot, count=7):
 
 
 def read_as_init(name, data, whose):
-    """Joint values as `init` and then `run` have them, for a robot by its name."""
+    """Joint values as `init` and then `run` read them, for a robot by its name."""
     said = propose_logs({name: data})
     assert said.joints == name
     assert whose in said.robots
@@ -40,7 +40,7 @@ def read_as_init(name, data, whose):
 @pytest.mark.parametrize("brand", SUFFIX)
 @pytest.mark.parametrize("name", ["kr210_r2700_2", "irb6640", "kr500_rail"])
 def test_the_program_of_a_plan_is_the_joint_log_of_the_plan(name, brand):
-    """Touched up at the robot or not: its poses in their order, without ways and run-ups."""
+    """Touched up at the robot or not: its poses in order, without approach motions and run-ups."""
     robot = load(name)
     q, way = poses(robot)
     via = [
@@ -74,7 +74,7 @@ ENDDAT
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_taught_points_are_poses_by_their_numbers(end):
-    """XP1 is pose 1 wherever it stands; XHOME is none; the line is that of the file."""
+    """XP1 is pose 1 wherever it is; XHOME is not a pose; the line is that of the file."""
     data = KRL.replace("\n", end).encode("cp1252")
     log, found = read_as_init("messung.dat", data, "kr210_r2700_2")
     order = np.argsort(log.number["pose"])
@@ -88,7 +88,7 @@ def test_taught_points_are_poses_by_their_numbers(end):
 
 
 def test_names_without_numbers_count_in_their_order():
-    """Where no name has a number, the first point of the file is pose 1."""
+    """If no name has a number, the first point of the file is pose 1."""
     text = KRL.replace("XP2", "XOBEN").replace("XP1", "XUNTEN").encode()
     rows = [row.split("\t") for row in taught.table(text).decode().splitlines() if row]
 
@@ -135,7 +135,7 @@ def recording(q_deg, rng, form, home=None):
 @pytest.mark.parametrize(("form", "name"), [("rtde", "ur10e"), ("trace", "kr210_r2700_2")])
 @pytest.mark.parametrize("homed", [True, False])
 def test_a_recording_is_read_where_the_robot_stood(form, name, homed):
-    """As many poses as stops, to the noise of the encoders; the home position is none of them."""
+    """As many poses as stops, to encoder noise; the home position is not a pose."""
     robot, rng = load(name), np.random.default_rng(SEED)
     q = poses(robot, 5)[0]
     mid = axes.shown(robot, (robot.lower + robot.upper) / 2)
@@ -154,7 +154,7 @@ def test_a_recording_is_read_where_the_robot_stood(form, name, homed):
 
 
 def test_what_is_no_recording_is_none():
-    """A log with a row for each pose, or a table of points with times, stays what it is."""
+    """A log with a row for each pose, or a table of points with times, is not a recording."""
     head = "pose,time,A1,A2,A3,A4,A5,A6"
     rows = [f"{k},{k * 60},{k},0,0,0,0,0" for k in range(80)]
     points = ["time,name,x_mm,y_mm,z_mm", *(f"{k},P1,{k},0,0" for k in range(80))]

@@ -1,4 +1,4 @@
-"""Workbooks: which sheet is read, what its cells say, and what is refused before it is unpacked."""
+"""Workbooks: which sheet is read, values of its cells, and refusals before unpacking."""
 
 import io
 import zipfile
@@ -48,7 +48,7 @@ def test_lines_are_those_that_excel_shows():
 
 
 def test_a_decimal_comma_is_expected_of_text_only():
-    """What is a number in Excel has no mark of its own."""
+    """A numeric cell in Excel has no decimal mark."""
     rows = [["a", "P1", 1.5, 2, "3,25", NOON]]
 
     assert read(workbook(A=[TITLES, *rows]), decimal=",").position.tolist() == [
@@ -57,14 +57,14 @@ def test_a_decimal_comma_is_expected_of_text_only():
 
 
 def test_the_sheet_that_fits_is_read():
-    """Notes, charts and empty sheets are passed over."""
+    """Notes, charts and empty sheets are skipped."""
     got = read(workbook(Notizen=[["gut"]], Werte=[TITLES, *ROWS], Leer=[]))
 
     assert got.encoding == 'workbook, sheet "Werte"'
 
 
 def test_two_sheets_that_fit_are_asked():
-    """And one of them is read when it is named."""
+    """And one of them is read if it is named."""
     two = workbook(Heute=[TITLES, ROWS[0]], Gestern=[TITLES, *ROWS])
 
     with pytest.raises(InputError, match=r"t.xlsx: 2 of .* sheets fit, of Heute, Gestern; .*sheet"):
@@ -75,13 +75,13 @@ def test_two_sheets_that_fit_are_asked():
 
 
 def test_no_sheet_that_fits_is_asked_for():
-    """Whoever knows which is meant gets told what it lacks."""
+    """For a named sheet the message says what it lacks."""
     with pytest.raises(InputError, match="none of the workbook's 2 sheets fit, of A, B"):
         read(workbook(A=[["x"]], B=[["y"]]))
 
 
 def test_a_sheet_that_leaves_its_unit_open_is_asked_for_it_alone():
-    """The sheet that holds the points is taken, and its columns are proposed."""
+    """The sheet with the points is taken, and a mapping of its columns is proposed."""
     rows = [[*row[:2], 1000.5 * row[2], 2000.5, -3000.5] for row in ROWS]
     data = workbook(info=[["hall", 7]], points=rows)
     found = offer("t.xlsx", data, Hints())
@@ -114,7 +114,7 @@ def packed(*names):
 
 
 def lying(said):
-    """A workbook whose list has another size in place of the true one of its sheet."""
+    """A workbook whose directory states a wrong size of its sheet."""
     good = workbook(A=[TITLES, *ROWS])
     with zipfile.ZipFile(io.BytesIO(good)) as archive:
         size = archive.getinfo("xl/worksheets/sheet1.xml").file_size
@@ -133,13 +133,13 @@ def lying(said):
     ids=["bomb", "archive", "no sheets", "cut off", "empty"],
 )
 def test_what_is_no_workbook_is_refused(data, said):
-    """In one sentence, before anything of it is held."""
+    """In one sentence, before anything is kept in memory."""
     with pytest.raises(InputError, match=rf"t.xlsx: .*{said}"):
         read(data())
 
 
 def test_a_part_that_is_longer_than_it_says_is_refused():
-    """Its size in the archive's list is not believed."""
+    """The size in the directory of the archive is not trusted."""
     with pytest.raises(InputError, match=r"sheet1.xml is longer than it says"):
         read(lying(7))
 
@@ -176,7 +176,7 @@ def test_a_sheet_without_end_is_refused(cell, times, most, said, monkeypatch):
 
 
 def test_a_workbook_that_is_too_large_is_not_read(tmp_path):
-    """Its size is looked at before it is opened, and is another one than that of text."""
+    """Its size is checked before it is opened, with another limit than for text."""
     huge = tmp_path / "huge.xlsx"
     with huge.open("wb") as file:
         file.truncate(readers.largest("huge.xlsx") + 1)
@@ -186,6 +186,6 @@ def test_a_workbook_that_is_too_large_is_not_read(tmp_path):
 
 
 def test_a_workbook_under_another_name_is_asked_to_be_named():
-    """A file's size is judged by its name, so the name has to be right."""
+    """The size limit depends on the name, so that the name must be right."""
     with pytest.raises(InputError, match=r"tracker.csv: .*Excel workbook.*save it as .xlsx"):
         read(workbook(A=[TITLES, *ROWS]), "tracker.csv")

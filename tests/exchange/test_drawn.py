@@ -20,16 +20,16 @@ def typed(*words):
 
 
 def points(svg):
-    """Corners of each arm [px], foot first."""
+    """Vertices of each arm [px], foot first."""
     lines = ET.fromstring(svg).iter(f"{SVG}polyline")
     return [np.array(re.findall(r"[-.0-9]+", one.get("points")), float).reshape(-1, 2)
             for one in lines]  # fmt: skip
 
 
 def test_a_kr210_is_drawn_with_its_published_lengths():
-    """Stretched to the front at zero: 0.330 m to axis 2, arms of 1.150 and 1.220 m, 0.215 m more.
+    """Stretched forward at zero: 0.330 m to axis 2, arms of 1.150 and 1.220 m, 0.215 m more.
 
-    Axis 2 stands 0.645 m high, and the wrist 0.115 m above it.
+    Axis 2 is 0.645 m high, and the wrist 0.115 m above it.
     """
     (arm,) = points(drawing([load("kr210_r2700_2")]))
     reach, height = np.ptp(arm, axis=0)
@@ -40,7 +40,7 @@ def test_a_kr210_is_drawn_with_its_published_lengths():
 
 
 def test_all_are_drawn_to_one_scale():
-    """Every robot that ships once, by its name, as high and wide beside each other as they are."""
+    """Every robot that ships once, by name, with its true relative size."""
     svg = drawing([load(name) for name in SHIPPED])
     arms = dict(zip(SHIPPED, points(svg), strict=True))
     words = {one.text for one in ET.fromstring(svg).iter(f"{SVG}text")}
@@ -52,7 +52,10 @@ def test_all_are_drawn_to_one_scale():
 
 
 def test_a_drawing_is_a_new_file(tmp_path, capsys):
-    """Of a maker's robots or of one; no file is replaced, and none drawn without a robot."""
+    """Of a maker's robots or of one.
+
+    No file is overwritten, and nothing is drawn without a robot.
+    """
     path = tmp_path / "kuka.svg"
 
     assert typed("robot", "kuka", "--list", "--draw", str(path)) == 0

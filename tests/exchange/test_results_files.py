@@ -1,4 +1,4 @@
-"""The answer as a workbook and as CSV, opened by programs that had no part in writing them."""
+"""The answer as a workbook and as CSV, opened by independent programs."""
 
 import csv
 import io
@@ -30,7 +30,7 @@ EVIL = '=HYPERLINK("http://x","y")'
 
 @pytest.fixture(scope="module")
 def answer():
-    """An answer with something on every sheet, and names that a spreadsheet would carry out."""
+    """An answer with content on every sheet, and names that a spreadsheet would execute."""
     mixed = Combination(
         of=("k_theta2", "k_theta4"),
         weights=(1.0, 0.58),
@@ -58,7 +58,7 @@ def written(answer, tables):
 
 
 def rows(written, name):
-    """A sheet as Excel's numbers and words, by heading, from a reader in another language."""
+    """A sheet as numbers and texts, by heading, from an independent reader."""
     book = CalamineWorkbook.from_filelike(io.BytesIO(written["results.xlsx"]))
     titles, *cells = book.get_sheet_by_name(name).to_python(skip_empty_area=False)
     return [dict(zip(titles, line, strict=True)) for line in cells]
@@ -77,7 +77,7 @@ def test_the_workbook_has_its_sheets_with_bold_headings_that_stay(written):
 
 
 def test_every_stiffness_is_a_number_to_sixteen_digits(written, answer):
-    """Value, uncertainty and interval; empty where nobody knows, and never a zero."""
+    """Value, uncertainty and interval; empty if unknown, never zero."""
     for row, joint in zip(rows(written, "stiffness"), answer.stiffness, strict=True):
         said = [row["value"], row["standard uncertainty"], row["95 % from"], row["95 % to"]]
         known = [joint.value, joint.std, *joint.ci95]
@@ -91,7 +91,7 @@ def test_every_stiffness_is_a_number_to_sixteen_digits(written, answer):
 
 
 def test_every_reading_is_on_the_sheet_of_reliability(answer, tables):
-    """Not only the ten of result.json; what has no size is an empty cell, in Excel and in CSV."""
+    """Not only the ten of result.json; unknown sizes are empty cells, in Excel and in CSV."""
     one = {"source": "tracker_noise", "reading": "g/P1", "file": "tracker.csv", "line": 7}
     one |= {"axis": "x", "r": 0.5, "w": -1.5, "smallest_visible": 3e-4, "unit": "m"}
     one |= {"moves_sigmas": 0.25, "moves_most": "k_theta2"}
@@ -137,7 +137,7 @@ def test_every_residual_stands_there_in_millimetres(written, tables):
 
 
 def test_what_nobody_knows_is_an_empty_cell(answer, tables):
-    """NaN is no number of a spreadsheet, and no word either."""
+    """NaN is neither a number nor a text in a spreadsheet."""
     open_ = tables["residuals"].assign(left_out_m=float("nan"))
     made = workbook.files(answer, {"residuals": open_})
 
@@ -146,7 +146,7 @@ def test_what_nobody_knows_is_an_empty_cell(answer, tables):
 
 
 def test_without_tables_the_sheets_have_headings_only(answer):
-    """Whoever reads the tables by program finds the same sheets always."""
+    """Programs that read the tables always find the same sheets."""
     made = workbook.files(answer, {})
 
     assert rows(made, "residuals") == []
@@ -169,7 +169,7 @@ def test_the_csv_is_the_sheet(written):
 
 
 def test_no_cell_is_a_formula_or_a_link(written):
-    """Names come from files; a spreadsheet that carries one out would do what a stranger says."""
+    """Names come from files; a spreadsheet that executes one would obey a stranger."""
     book = openpyxl.load_workbook(io.BytesIO(written["results.xlsx"]))
     cells = [cell for sheet in book for line in sheet.iter_rows() for cell in line]
     said = {cell.value for cell in cells}
@@ -182,7 +182,7 @@ def test_no_cell_is_a_formula_or_a_link(written):
 
 
 def test_a_sheet_ends_where_excel_does(written, answer, tables, monkeypatch):
-    """Of more rows than Excel opens, the workbook has the first, the CSV all."""
+    """With more rows than Excel opens, the workbook has the first ones, the CSV all."""
     monkeypatch.setattr(workbook, "_MOST_ROWS", 5)
     made = workbook.files(answer, tables)
 
@@ -191,7 +191,7 @@ def test_a_sheet_ends_where_excel_does(written, answer, tables, monkeypatch):
 
 
 def test_the_same_answer_gives_the_same_bytes(written, answer, tables):
-    """No clock stands in the workbook."""
+    """The workbook contains no time of creation."""
     again = workbook.files(answer, tables)
     with zipfile.ZipFile(io.BytesIO(written["results.xlsx"])) as parts:
         times = {part.date_time[0] for part in parts.infolist()}

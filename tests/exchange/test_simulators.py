@@ -1,7 +1,7 @@
-"""The model in the words of simulators: the same robot, the same springs, the same deflection.
+"""The model in formats of simulators: the same robot, springs and deflection.
 
-Here frames are multiplied by SciPy's rotations, placements compared with Pinocchio's, and what a
-force does is what MuJoCo and Drake say of their own files.
+Here frames are multiplied with SciPy's rotations, placements compared with Pinocchio's, and
+deflections are those of MuJoCo and Drake with their own files.
 """
 
 import xml.etree.ElementTree as ET
@@ -23,11 +23,11 @@ from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 POINTS = {"load_point": (0.15, 0.0, 0.25), "P1": (0.2, 0.05, 0.12), "P 2/::ü": (-0.1, 0.2, 0.1)}
 UPRIGHT = Rotation.from_euler("xyz", [[0.3, 0.5 * np.pi, 0], [0.2, -0.5 * np.pi, 0.7]]).as_matrix()
 EXACT = [[[0, -1, 0], [0, 0, -1], [1, 0, 0]], [[0, -1, 0], [0, 0, 1], [-1, 0, 0]]]
-"""Frames whose pitch is 90 degrees, with rounding and without."""
+"""Frames with a pitch of 90 degrees, with rounding and without."""
 
 
 def model(robot, std=None):
-    """A robot that is known by its nominal stiffnesses, to `std` of each."""
+    """A robot with nominal stiffnesses, each with the standard uncertainty `std`."""
     cell = paper_cell(robot, Tool.of(POINTS))
     value = robot.nominal_compliance
     cov = np.diag((value * (np.full(robot.n, 0.01) if std is None else std)) ** 2)
@@ -57,14 +57,14 @@ def numbers(text):
 
 
 def move(kind, q):
-    """Of a joint along or about its z axis."""
+    """Motion of a joint along or about its z axis."""
     if kind in ("slide", "prismatic"):
         return step(shift=(0, 0, q))
     return step(Rotation.from_rotvec([0, 0, q]))
 
 
 def points_of_mjcf(text, q):
-    """Where each site is: bodies from outside to inside, each with its joint [m]."""
+    """Position of each site: bodies from outside to inside, each with its joint [m]."""
     here, body, left = np.eye(4), ET.fromstring(text).find("worldbody/body"), list(q)
     while body is not None:
         turned = numbers(body.get("quat", "1 0 0 0"))
@@ -81,7 +81,7 @@ def points_of_mjcf(text, q):
 
 
 def points_of_sdf(text, q):
-    """Where each frame is: links by their joints, frames on what they are attached to [m]."""
+    """Position of each frame: links by their joints, frames on what they are attached to [m]."""
     whole, at = ET.fromstring(text).find("model"), {"F_b": np.eye(4)}
     moved = {j.findtext("child"): j for j in whole.findall("joint") if j.get("type") != "fixed"}
     left = list(q)
@@ -101,7 +101,7 @@ def pose(of):
 
 
 def truth(robot, q):
-    """Where Pinocchio has the tool's points and the flange [m], in the order of the files."""
+    """Tool points and flange by Pinocchio [m], in the order of the files."""
     built = pin_model(robot, {name: np.array(at) for name, at in POINTS.items()})
     data = built.createData()
     pin.framesForwardKinematics(built, data, q)
@@ -110,7 +110,7 @@ def truth(robot, q):
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_files_have_the_robot_where_it_is(name):
-    """Every point of the tool at any joint values, in MJCF and SDF: Pinocchio's, to a nanometre."""
+    """Tool points at any joint values, in MJCF and SDF, agree with Pinocchio to a nanometre."""
     robot = load(name)
     made = model(robot)
     for q in poses(robot, np.random.default_rng(1), 5):
@@ -119,13 +119,13 @@ def test_the_files_have_the_robot_where_it_is(name):
         sdf = points_of_sdf(written(made, "model.sdf"), q)
 
         assert list(mjcf) == ["F_flange", *POINTS]
-        assert list(sdf) == ["F_flange", "load_point", "P1", "P 2/:ü"]  # :: parts scopes in SDF
+        assert list(sdf) == ["F_flange", "load_point", "P1", "P 2/:ü"]  # :: separates scopes in SDF
         assert np.array(list(mjcf.values())) == pytest.approx(expected, abs=1e-9)
         assert np.array(list(sdf.values())) == pytest.approx(expected, abs=1e-9)
 
 
 def test_frames_turned_by_a_right_angle_keep_their_orientation():
-    """Where roll and yaw are one angle, in URDF, MJCF and SDF."""
+    """If roll and yaw have the same axis, in URDF, MJCF and SDF."""
     robot = load("kr500_rail")
     placement, q = robot.placement.copy(), np.linspace(0.1, 0.7, 7)
     placement[1:5, :3, :3] = [*UPRIGHT, *EXACT]
@@ -145,7 +145,7 @@ def test_frames_turned_by_a_right_angle_keep_their_orientation():
 
 
 def test_every_joint_has_the_spring_that_was_found():
-    """Stiffness to the last digit, about zero until somebody says otherwise."""
+    """Stiffness to the last digit, about zero unless set otherwise."""
     robot = load("kr500_rail")
     made = model(robot)
     expected = [made.stiffness(j)[0] for j in range(robot.n)]
@@ -160,7 +160,7 @@ def test_every_joint_has_the_spring_that_was_found():
 
 
 def test_a_joint_without_a_value_gets_that_of_the_table_and_says_so():
-    """A simulator needs a spring at every joint; nobody takes a nominal one for a measured one."""
+    """A simulator needs a spring at every joint; a nominal one must not be taken for measured."""
     robot = load("kr500_rail")
     std = np.full(7, 0.01)
     std[5] = np.inf
@@ -193,7 +193,7 @@ def test_what_a_spring_cannot_carry_stands_in_the_file():
 
 
 def test_links_weigh_what_the_table_says():
-    """Masses and centres where the robot's table has them; what is a stand-in says so."""
+    """Masses and centres if the robot file has them; substitutes are labelled as such."""
     heavy, light = load("ur10"), load("kr500_rail")
     inertial = list(ET.fromstring(written(model(heavy), "model.xml")).iter("inertial"))
     masses = [
@@ -213,14 +213,14 @@ def test_links_weigh_what_the_table_says():
 
 
 def cases(robot, rng, count, largest):
-    """Poses, and forces of every direction up to `largest` [N]."""
+    """Poses, and forces in every direction up to `largest` [N]."""
     direction = rng.standard_normal((count, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     return poses(robot, rng, count), direction * rng.uniform(0, largest, (count, 1))
 
 
 def deformed(made, q, force):
-    """Deflection of the tool's points in our own equilibrium on the deflected robot, (t, 3) [m]."""
+    """Deflection of the tool points in our own equilibrium on the deflected robot, (t, 3) [m]."""
     (one,) = made.hypotheses
     bent = replace(one, cell=replace(one.cell, equilibrium="deformed"))
     points = np.array(list(POINTS.values()))
@@ -229,7 +229,7 @@ def deformed(made, q, force):
 
 
 class InMujoco:
-    """A robot at rest in MuJoCo, by its own springs and kinematics."""
+    """A robot at rest in MuJoCo, with MuJoCo's springs and kinematics."""
 
     def __init__(self, made):
         self.mujoco = pytest.importorskip("mujoco", reason="the package mujoco is not installed")
@@ -238,24 +238,24 @@ class InMujoco:
         self.body = self.model.site("load_point").bodyid[0]
 
     def pull(self, force):
-        """What a force at the load point does to the joints [N] or [N m]."""
+        """Joint forces and torques of a force at the load point [N] or [N m]."""
         tau = np.zeros(self.model.nv)
         at = self.data.site("load_point").xpos
         self.mujoco.mj_applyFT(self.model, self.data, force, np.zeros(3), at, self.body, tau)
         return tau
 
     def command(self, q):
-        """As docs/hand-over.md has it."""
+        """Set the commanded pose as docs/hand-over.md describes."""
         self.data.qvel[:] = 0.0
         self.data.qpos[:] = self.model.qpos_spring[:] = q
         self.mujoco.mj_forward(self.model, self.data)
 
     def points(self):
-        """Where the tool's points are [m], shape (t, 3)."""
+        """Positions of the tool points [m], shape (t, 3)."""
         return np.array([self.data.site(name).xpos for name in POINTS])
 
     def deflection(self, q, force):
-        """Of the tool's points at rest under a force [m], shape (t, 3)."""
+        """Deflection of the tool points at rest under a force [m], shape (t, 3)."""
         self.command(q)
         before = self.points()
         for _ in range(40):
@@ -267,14 +267,14 @@ class InMujoco:
 
 
 class InDrake:
-    """The same in Drake, whose springs are read from the file once it has the commanded pose."""
+    """The same in Drake, whose springs are read from a file with the commanded pose."""
 
     def __init__(self, made):
         pytest.importorskip("pydrake", reason="the package drake is not installed")
         self.text = written(made, "model.sdf")
 
     def deflection(self, q, force):
-        """Of the tool's points at rest under a force [m], shape (t, 3)."""
+        """Deflection of the tool points at rest under a force [m], shape (t, 3)."""
         from pydrake.multibody.parsing import Parser
         from pydrake.multibody.plant import MultibodyPlant
         from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces

@@ -1,4 +1,4 @@
-"""Robot files from URDFs: Pinocchio reads the URDF, we read the table, both stand alike."""
+"""Robot files from URDFs: the URDF read by Pinocchio and our robot file agree."""
 
 import tomllib
 from dataclasses import replace
@@ -77,7 +77,7 @@ def table_of(text, base="l0", flange="l7"):
 
 
 def difference(text, base="l0", flange="l7"):
-    """How far the table of a URDF is from the URDF."""
+    """Difference between the robot file made from a URDF and the URDF."""
     robot = parse(toml.dumps(table_of(text, base, flange)), "x.toml")
     return agreement(robot, text, base, flange, "x.urdf", np.random.default_rng(1))
 
@@ -93,7 +93,7 @@ def test_the_table_of_any_chain_is_the_chain(spread):
 
 
 def test_nearly_parallel_axes_have_short_rows():
-    """Common normals that lie kilometres off are no part of a table."""
+    """Common normals kilometres away do not enter the DH parameters."""
     rows = table_of(drawn(np.random.default_rng(2), 1e-5))["joint"]
 
     assert max(abs(row[key]) for row in rows for key in ("a_m", "d_m")) < 10
@@ -101,7 +101,7 @@ def test_nearly_parallel_axes_have_short_rows():
 
 
 def test_enormous_limits_are_none():
-    """Whoever writes 1e16 rad and 1e9 N m means that nobody knows; the others are carried."""
+    """1e16 rad and 1e9 N m mean unknown; other limits are kept."""
     text = robot_of(
         joint("a", "revolute", "l0", "l1", more=limit(-1e16, 1e16, 1e9)),
         joint("b", "revolute", "l1", "l2", "1 0 0", "9000 0 0", limit(-2, 1e16, 80)),
@@ -118,7 +118,7 @@ def test_enormous_limits_are_none():
 
 
 def test_axes_on_one_line_and_opposed_are_a_table():
-    """Two turns about the same axis, the second the other way round, with a flange beside it."""
+    """Two rotations about one axis in opposite senses, with the flange off the axis."""
     text = robot_of(
         joint("a", "revolute", "l0", "l1", "0 0 0.4", "0.4 0.7 -1.1", limit(-1, 1)),
         joint("b", "revolute", "l1", "l2", "0 0 0.3", "3.141592653589793 0 0", limit(-1, 1)),
@@ -144,7 +144,7 @@ def test_f_b_may_stand_beside_the_chain():
 
 @pytest.mark.parametrize("axis", ["1 0 0", "-1 0 0", "0 1 0", "0.6 0 0.8", "0 0 -1"])
 def test_the_first_axis_may_point_anywhere(axis):
-    """Through F_b or past it, also along its x, which no row reaches."""
+    """Through F_b or past it, also along its x, which no row can represent."""
     for xyz in ("0 0 0", "0.1 0.2 0.3"):
         text = robot_of(
             joint("a", "revolute", "l0", "l1", xyz, more=limit(-1, 1, axis=axis)),
@@ -156,7 +156,7 @@ def test_the_first_axis_may_point_anywhere(axis):
 
 
 def test_a_rail_as_people_write_it_is_plain_rows():
-    """Where rows reach from F_b to the flange there is neither [base] nor [flange] nor beta."""
+    """If rows can lead from F_b to the flange, there is neither [base] nor [flange] nor beta."""
     text = robot_of(
         joint("rail", "prismatic", "l0", "l1", more=limit(0, 18, 900.0, "0 1 0")),
         joint("a", "revolute", "l1", "l2", "0 0 1.045", more=limit(-3, 3, 50.0)),
@@ -174,7 +174,7 @@ def test_a_rail_as_people_write_it_is_plain_rows():
 
 
 def test_the_table_of_a_ur10e_is_the_one_that_its_maker_prints():
-    """X keeps its direction where axes are parallel, so lengths come out negative as printed."""
+    """X keeps its direction between parallel axes, so that lengths are negative as printed."""
     square = "1.5707963267948966 0 0"
     back = "1.5707963267948966 3.141592653589793 3.141592653589793"
     places = [
@@ -198,7 +198,7 @@ def test_the_table_of_a_ur10e_is_the_one_that_its_maker_prints():
 
 
 def test_what_the_links_weigh_is_carried():
-    """Gravity torques of the robot file are those of the URDF, fixed bodies included."""
+    """Gravity torques of the robot file are those of the URDF, including fixed bodies."""
     text = drawn(np.random.default_rng(5), None)
     ours = model(parse(toml.dumps(table_of(text)), "x.toml"))
     theirs = pin.buildModelFromXML(text)
@@ -214,7 +214,7 @@ def test_what_the_links_weigh_is_carried():
 
 @pytest.mark.parametrize("name", FROM_PACKAGES)
 def test_the_urdf_of_a_hand_over_is_the_robot_file(name):
-    """What leaves as model.urdf stands where the table stands, with its limits and efforts."""
+    """The delivered model.urdf agrees with the robot file, with its limits and efforts."""
     robot = load(name)
     robot = replace(robot, controller=tuple(joint.name for joint in robot.joints))
     cell = paper_cell(robot, Tool(np.zeros(3), np.array(["P1"], object), np.zeros((1, 3))))
@@ -274,7 +274,7 @@ def test_what_is_no_chain_of_joints_is_refused_by_name(tmp_path, text, says):
 
 
 def test_the_command_writes_a_robot_file_once(tmp_path, capsys):
-    """Its path on stdout, on stderr the largest difference; a second one is not overwritten."""
+    """Its path on stdout, on stderr the largest difference; a second one does not overwrite it."""
     (tmp_path / "arm.urdf").write_text(robot_of(*ARM, links=3))
     asked = [str(tmp_path / "arm.urdf"), "--base", "l0", "--flange", "l2", "--payload", "12.5"]
     out = tmp_path / "arm.toml"

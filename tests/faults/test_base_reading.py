@@ -1,4 +1,4 @@
-"""Base reflectors: one reading or one nominal place that is off, by fits with it left out."""
+"""Base reflectors: one wrong reading or nominal position, against fits without it."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ SIX = ["cxx_m2", "cxy_m2", "cxz_m2", "cyy_m2", "cyz_m2", "czz_m2"]
 
 @pytest.fixture(scope="module")
 def case():
-    """Four base reflectors read twice, each reading with a full covariance of its own."""
+    """Four base reflectors read twice, each reading with its own full covariance."""
     made = small(4, base_frame=CORNERS)
     rows = made.readings[made.readings["pose"].isna()].copy()
     rng = np.random.default_rng(1)
@@ -58,7 +58,7 @@ def covariances(case):
 
 
 def test_the_drop_is_that_of_the_tracker_placed_without_the_reading(case):
-    """And the shift is how far that tracker sees the reading from its nominal place."""
+    """And the shift is the distance of the reading from its nominal place, seen by that tracker."""
     whole = registered(case)
     found = shifts(whole, 1.0, np.arange(len(whole.table)))
     double = shifts(whole, 2.0, np.arange(len(whole.table)))
@@ -76,7 +76,7 @@ def test_the_drop_is_that_of_the_tracker_placed_without_the_reading(case):
 
 
 def freely(case, name):
-    """Sum of squares and shift of a nominal place, estimated with the tracker's by scipy."""
+    """Sum of squares and shift of a nominal place, estimated by scipy with the tracker's pose."""
     rows, C = covariances(case)
     W = np.linalg.inv(np.linalg.cholesky(C))
     p = rows[XYZ].to_numpy(float)
@@ -85,7 +85,7 @@ def freely(case, name):
     start = registered(case)
 
     def left(x):
-        # readings predicted in the tracker's own frame, where their covariances are given
+        # readings are predicted in the tracker's frame, in which their covariances are given
         R = Rotation.from_rotvec(x[:3]).as_matrix() @ start.R
         predicted = (nominal + mine * x[6:] - start.t - x[3:6]) @ R
         return np.einsum("mij,mj->mi", W, p - predicted).ravel()
@@ -96,7 +96,7 @@ def freely(case, name):
 
 @pytest.mark.parametrize("name", ["B2", "B4"])
 def test_a_free_nominal_place_is_what_scipy_makes_of_it(case, name):
-    """All readings of a reflector off together, the tracker's place estimated as well."""
+    """All readings of a reflector off by the same, with the tracker's pose estimated."""
     wrong = renamed(case, name, np.array([2e-3, -1e-3, 5e-4]))
     registration = registered(wrong)
 
@@ -111,7 +111,7 @@ def test_a_free_nominal_place_is_what_scipy_makes_of_it(case, name):
 
 
 def test_one_reading_that_is_off_is_named(case):
-    """0.4 mm of one of eight: place, size, p and the row that goes."""
+    """0.4 mm for one of eight: place, size, p and the row to be removed."""
     off = np.array([2e-4, -2e-4, 3e-4])
     wrong = spoiled(case, 5, off)
     row = wrong.readings[wrong.readings["pose"].isna()].iloc[5]
@@ -132,7 +132,7 @@ def test_one_reading_that_is_off_is_named(case):
 
 
 def test_the_chance_of_a_reading_is_counted_for_all_of_them(case):
-    """P of three coordinates, times the number of readings; larger scatter makes it likelier."""
+    """P for three coordinates, times the number of readings; larger scatter increases it."""
     wrong = spoiled(case, 2, np.array([0.0, 1.6e-4, 0.0]))
     whole = registered(wrong)
     index = whole.table.index[2]
@@ -144,7 +144,7 @@ def test_the_chance_of_a_reading_is_counted_for_all_of_them(case):
 
 
 def test_two_bad_readings_are_both_named(case):
-    """And neither by an innocent one between them; both go at once."""
+    """And no innocent one between them; both are removed at once."""
     one = spoiled(case, 1, np.array([0.0, 0.0, 6e-4]))
     two = spoiled(one, 6, np.array([0.0, 6e-4, 0.0]))
     rows = two.readings[two.readings["pose"].isna()].iloc[[1, 6]]
@@ -166,7 +166,7 @@ def test_two_bad_readings_are_both_named(case):
 
 
 def at_the_tracker(case, k):
-    """The reading is (0, 0, 0), as after a failed lock."""
+    """The reading is (0, 0, 0), as after a lost lock."""
     return -case.readings[case.readings["pose"].isna()].iloc[k][XYZ].to_numpy(float)
 
 
@@ -179,7 +179,7 @@ def before(case, k):
 @pytest.mark.parametrize("k", range(1, 8))
 @pytest.mark.parametrize("off", [at_the_tracker, before, lambda case, k: 2.0, lambda c, k: 2e-2])
 def test_a_reading_is_named_however_far_it_is_off(case, k, off):
-    """A failed lock, a stale reading, metres and centimetres; size as planted, nothing else."""
+    """A lost lock, a stale reading, metres and centimetres; size as planted, nothing else."""
     shift = off(case, k) * np.ones(3)
     wrong = spoiled(case, k, shift)
     row = wrong.readings[wrong.readings["pose"].isna()].iloc[k]
@@ -192,7 +192,7 @@ def test_a_reading_is_named_however_far_it_is_off(case, k, off):
 
 
 def drifted(case, shift):
-    """The second round read by a tracker that moved [m]."""
+    """The second round read by a tracker that was displaced [m]."""
     rows = case.readings.copy()
     late = rows["pose"].isna() & (rows["group"] == "base_end")
     rows.loc[late, XYZ] = rows.loc[late, XYZ].to_numpy(float) + shift
@@ -261,7 +261,7 @@ def test_of_three_reflectors_beside_a_drift_the_one_that_is_off_is_named(k, size
 
 @pytest.mark.parametrize("k", [1, 4, 8, 13])
 def test_a_stale_reading_is_named_though_the_tracker_was_knocked(k):
-    """Between any two rounds, of three reflectors: metres are no motion of a tracker."""
+    """Between any two rounds, of three reflectors: metres are not a motion of a tracker."""
     knocked = in_rounds(5, lambda hours: np.sin(4 * hours), np.random.default_rng(k))
     row = knocked.readings.iloc[k]
 
@@ -272,7 +272,7 @@ def test_a_stale_reading_is_named_though_the_tracker_was_knocked(k):
 
 
 def test_without_a_stated_noise_only_what_is_grossly_off_is_named(case):
-    """The scatter is then that of the readings that agree."""
+    """The scatter is then that of the consistent readings."""
     rows = case.readings.assign(**dict.fromkeys(SIX, np.nan))
     unknown = replace(case, readings=rows)
 
@@ -282,7 +282,7 @@ def test_without_a_stated_noise_only_what_is_grossly_off_is_named(case):
 
 @pytest.mark.parametrize("rounds", [1, 2, 12])
 def test_the_start_holds_with_fewer_than_half_of_the_readings_bad(rounds):
-    """Anywhere in the hall; the rest is placed as without them."""
+    """Errors anywhere in the hall; the pose is that without them."""
     rng = np.random.default_rng(rounds)
     corners = np.array([*CORNERS.values(), [0.2, 7.0, 1.1], [-0.7, 4.0, -0.2]], float)
     nominal = np.tile(corners, (rounds, 1))
@@ -297,7 +297,7 @@ def test_the_start_holds_with_fewer_than_half_of_the_readings_bad(rounds):
 
 
 def test_without_redundancy_or_stated_noise_nothing_is_said(case):
-    """Three reflectors read once determine the tracker and nothing else."""
+    """Three reflectors read once determine the tracker, without redundancy."""
     whole = registered(spoiled(case, 1, np.array([0.0, 0.0, 6e-4])))
 
     assert base_outlier(whole, 1.0)
@@ -306,7 +306,7 @@ def test_without_redundancy_or_stated_noise_nothing_is_said(case):
 
 
 def draws(case, count, rng, factor=1.0):
-    """The same readings again, each drawn from its own covariance."""
+    """The same readings drawn anew, each from its own covariance."""
     rows, C = covariances(case)
     start = registered(case)
     nominal = np.array([CORNERS[n] for n in rows["target"]])
@@ -319,7 +319,7 @@ def draws(case, count, rng, factor=1.0):
 
 
 def test_clean_draws_are_accused_no_more_often_than_the_rate(case, monkeypatch):
-    """40 draws at a rate of one in five: both tests together with their own scatter known."""
+    """40 draws at a rate of one in five: both tests, each knowing its own scatter."""
     monkeypatch.setattr(alarms, "READING", 0.2)
     monkeypatch.setattr(reading, "_SMALLEST_M", 0.0)
     accused, factor = np.zeros(2, int), 1.5
@@ -336,7 +336,7 @@ def test_clean_draws_are_accused_no_more_often_than_the_rate(case, monkeypatch):
 
 @pytest.mark.parametrize(("name", "axis"), [("B1", 0), ("B3", 1)])
 def test_a_wrong_nominal_place_is_named_with_its_size(case, name, axis):
-    """1 mm: the others agree, and what is left is what they leave."""
+    """1 mm: the others agree, and the residual sum of squares is theirs."""
     off = 1e-3 * np.eye(3)[axis]
     wrong = renamed(case, name, off)
     registration = registered(wrong)
@@ -367,7 +367,7 @@ def test_the_chance_of_a_nominal_place_is_counted_for_all_of_them(case):
 
 
 def test_two_places_alike_wrong_are_not_laid_on_one(case):
-    """Both off: whichever goes, the others do not agree."""
+    """Both are wrong: whichever is removed, the others do not agree."""
     base = {n: tuple(np.add(at, 1e-3 if n in ("B1", "B3") else 0)) for n, at in CORNERS.items()}
     wrong = replace(case, settings=case.settings.model_copy(update={"base_frame": base}))
 
@@ -375,7 +375,7 @@ def test_two_places_alike_wrong_are_not_laid_on_one(case):
 
 
 def test_a_weaker_rival_that_would_do_as_well_saves_both(case):
-    """A misfit just beyond the rate is explained by several removals."""
+    """A misfit just beyond the limit is explained by several removals."""
     flat = {n: (*at[:2], 0.0) for n, at in CORNERS.items()}
     wrong = renamed(case, "B2", np.array([0.0, 0.0, 0.0]))
     settings = case.settings.model_copy(update={"base_frame": flat})
@@ -395,7 +395,7 @@ def test_a_weaker_rival_that_would_do_as_well_saves_both(case):
 
 
 def test_base_reflectors_without_stated_noise_accuse_none(case):
-    """Without a scale there is no misfit."""
+    """Without a stated noise the misfit has no scale."""
     wrong = renamed(case, "B1", np.array([1e-3, 0.0, 0.0]))
     registration = registered(wrong)
 

@@ -1,4 +1,4 @@
-"""Two rounds of base reflectors, read from two stations, that have each other's readings."""
+"""Two rounds of base reflectors, read from two stations, with exchanged readings."""
 
 from dataclasses import replace
 
@@ -18,9 +18,9 @@ CARRIED = np.array([0.4, 1.1, 0.1])
 
 @pytest.fixture(scope="module")
 def shot():
-    """Read from two stations, the base before each of them and at the end; as the tracker has it.
+    """Read from two stations, the base before each and at the end; in the tracker's frame.
 
-    A point that the first station reads as p the second one reads as turn' (p - carried).
+    A point that the first station reads as p is read as turn' (p - carried) by the second.
     """
     case = small(3)
     rows = case.readings
@@ -35,7 +35,7 @@ def shot():
 
 
 def exchanged(case, one, other):
-    """With the coordinates of two groups typed into each other's rows, and brought to one place."""
+    """The same with the coordinates of two groups exchanged, brought to one station."""
     rows = case.readings.copy()
     here, there = (rows["group"] == group for group in (one, other))
     rows.loc[here, XYZ], rows.loc[there, XYZ] = (
@@ -46,14 +46,14 @@ def exchanged(case, one, other):
 
 
 def brought(case):
-    """As `run.as_read` has it."""
+    """The same brought to one station, as `run.as_read` does."""
     readings, stations = one_station(case.settings, case.readings)
     return replace(case, readings=readings, stations=stations)
 
 
 @pytest.mark.parametrize("pair", [("base_start", "base_again"), ("base_start", "base_end")])
 def test_the_exchange_is_found_and_undone(shot, pair):
-    """With its lines; what is left is the campaign in which nothing was exchanged."""
+    """With its lines; the result is the campaign without the exchange."""
     spoilt, right = exchanged(shot, *pair), brought(shot)
 
     (found,) = base_rounds(spoilt)
@@ -69,7 +69,7 @@ def test_the_exchange_is_found_and_undone(shot, pair):
 
 
 def test_rounds_of_one_station_may_be_exchanged(shot):
-    """Nobody sees it, and nothing depends on it; nor is anything wrong with what was not."""
+    """Such an exchange is invisible and has no effect; nor is anything wrong without one."""
     assert base_rounds(exchanged(shot, "base_again", "base_end")) == []
     assert base_rounds(brought(shot)) == []
     assert base_rounds(small(3)) == []

@@ -1,4 +1,4 @@
-"""What a campaign must keep: noise, misfit and far readings against what they can be."""
+"""Bounds that a campaign must keep: noise, misfit and far readings against plausible values."""
 
 from dataclasses import replace
 
@@ -26,20 +26,20 @@ def case():
 
 
 def seen(case):
-    """The campaign at its springs, all readings alike."""
+    """The campaign at its springs, all readings weighted alike."""
     got = asked(case)
     model = CurrentModel(case.cell, got.estimate.value, 7)
     return linearise(model, got.reduced.data, ())
 
 
 def kept(case, force=1.0, left=None):
-    """The bounds of a campaign whose springs stand."""
+    """Bounds of a campaign whose springs are used."""
     right = fit(case, bring(case))
     return bounds(right, right.system, right.estimate, left or Far.none(), force)
 
 
 def test_a_clean_campaign_keeps_them(case):
-    """Noise as stated, next to nothing left, and a stiffness is determined."""
+    """Noise as stated, residuals almost zero, and a stiffness is determined."""
     got = kept(case)
 
     assert 0.8 < got.tracker < 1.5
@@ -51,7 +51,7 @@ def test_a_clean_campaign_keeps_them(case):
 
 @pytest.mark.parametrize(("times", "faulty"), [(4.0, False), (30.0, True)])
 def test_noise_of_many_times_the_stated_is_faulty(times, faulty):
-    """Four times is a modest certificate, thirty none."""
+    """Four times the stated noise is a modest certificate, thirty times is not."""
     got = kept(small(5, tracker={"sigma_m": 3e-5, "noise_scale": times}))
 
     assert got.tracker == pytest.approx(times, rel=0.35)
@@ -60,7 +60,7 @@ def test_noise_of_many_times_the_stated_is_faulty(times, faulty):
 
 @pytest.mark.parametrize(("wide", "faulty"), [(9.0, False), (30.0, True)])
 def test_tails_are_a_part_of_the_noise(case, wide, faulty):
-    """All readings as wide by tails as by a wrong certificate, up to what counts as far off."""
+    """All readings wider by tails or by a wrong certificate, up to what counts as far off."""
     right = fit(case, bring(case))
     variance = np.full(len(right.shape.variance), wide)
     heavy = replace(right, shape=replace(right.shape, variance=variance))
@@ -73,7 +73,7 @@ def test_tails_are_a_part_of_the_noise(case, wide, faulty):
 
 
 def test_a_robot_that_does_not_move_at_all_is_predicted_by_nothing(case):
-    """Displacements of exactly zero: nothing is left, and of nothing."""
+    """Displacements of exactly zero: the unexplained fraction counts as one."""
     right = fit(case, bring(case))
     data = replace(right.reduced.data, delta=0 * right.reduced.data.delta)
     still = replace(right, reduced=replace(right.reduced, data=data))
@@ -85,13 +85,13 @@ def test_a_robot_that_does_not_move_at_all_is_predicted_by_nothing(case):
 
 
 def test_a_scale_has_a_bound_too(case):
-    """Whatever scatters more than an instrument in order can."""
+    """Scatter beyond that of any instrument in order."""
     assert not kept(case, force=FAULTY).faulty
     assert kept(case, force=1.01 * FAULTY).faulty
 
 
 def test_loaded_readings_that_are_the_unloaded_ones_determine_nothing(case):
-    """A sensor that is dead but for its noise: no robot is as stiff as that."""
+    """A sensor that is dead except for its noise: no robot is that stiff."""
     rows = case.readings.copy()
     rng = np.random.default_rng(2)
     xyz = ["x_m", "y_m", "z_m"]
@@ -109,7 +109,7 @@ def test_loaded_readings_that_are_the_unloaded_ones_determine_nothing(case):
 
 
 def test_a_model_that_leaves_most_of_the_displacements_predicts_nothing(case):
-    """Readings that have nothing to do with the loads, by 5 mm."""
+    """Readings unrelated to the loads, by 5 mm."""
     rows, rng = case.readings.copy(), np.random.default_rng(8)
     loaded = (rows["state"] == "loaded") & rows["target"].isin(case.settings.measured)
     rows.loc[loaded, ["x_m", "y_m", "z_m"]] += 5e-3 * rng.standard_normal((int(loaded.sum()), 3))
@@ -122,7 +122,10 @@ def test_a_model_that_leaves_most_of_the_displacements_predicts_nothing(case):
 
 
 def test_readings_far_off_are_counted_with_their_places(case):
-    """Two of some millimetres, and which; normal noise throws none, and one alone is let pass."""
+    """Two off by some millimetres, named.
+
+    Normal noise produces none, and a single one is tolerated.
+    """
     spoilt = moved(case, where(case, "pose04_rep1_loaded", "P2"), [3e-3, 0, 0])
     spoilt = moved(spoilt, where(case, "pose02_rep2_loaded", "P3"), [0, 0, 2e-3])
 
@@ -141,7 +144,7 @@ def test_readings_far_off_are_counted_with_their_places(case):
 
 
 def student(nu):
-    """The family of Student's distribution with nu degrees of freedom."""
+    """Student's family with nu degrees of freedom."""
     weight = np.zeros(len(Family.stated().weight))
     weight[1 + FREEDOM.index(nu)] = 1.0
     return replace(Family.stated(), weight=weight)
@@ -149,14 +152,14 @@ def student(nu):
 
 @pytest.mark.parametrize("nu", [3.0, 5.0])
 def test_the_chance_of_a_far_reading_is_that_of_the_family(nu):
-    """|t|^2 / 3 of a Student vector with nu degrees of freedom is F(3, nu), of another library."""
+    """|t|^2 / 3 of a Student vector with nu degrees of freedom is F(3, nu), by scipy."""
     (p,) = student(nu).away(AWAY, np.zeros((4, 3)))
 
     assert p == pytest.approx(stats.f.sf(AWAY**2 / 3, 3, nu), rel=0.03)
 
 
 def test_what_the_others_do_not_know_of_a_reading_has_a_part_in_its_chance():
-    """Student's errors and a normal one of the others, drawn: the mean over unequal readings."""
+    """Student's errors and a normal error of the others, drawn: mean over unequal readings."""
     rng, others = np.random.default_rng(4), np.array([0.0, 0.5, 1.0, 4.0])
     n = 200_000
     t = rng.standard_normal((n, 4, 3)) * np.sqrt(3 / rng.chisquare(3, (n, 4, 1)))
@@ -169,7 +172,7 @@ def test_what_the_others_do_not_know_of_a_reading_has_a_part_in_its_chance():
 
 
 def test_heavy_tails_explain_some_far_readings_and_not_a_dozen():
-    """Of 1000 readings Student's 3 degrees of freedom throw eight so far, never thirty."""
+    """Of 1000 readings, Student's with 3 degrees of freedom throws eight so far, never thirty."""
     p = student(3.0).away(AWAY, np.zeros((1, 3)))
 
     assert _chance(10, 1000, p) > 0.1
@@ -178,9 +181,9 @@ def test_heavy_tails_explain_some_far_readings_and_not_a_dozen():
 
 
 def test_a_reading_is_as_far_off_as_it_was_moved_whatever_the_others_know():
-    """24 moved by eleven standard uncertainties, each by itself: most are seen beyond ten.
+    """24 readings moved by eleven standard uncertainties each: most appear beyond ten.
 
-    What the others say of them adds half to the scatter of that; it makes none of them nearer.
+    The uncertainty of the others adds half to the scatter of that, and brings none nearer.
     """
     given = small(3, poses={"count": 12}, pulls={"steps_n": [1500.0, 3000.0, 4500.0]})
     rows, rng, names = given.readings, np.random.default_rng(3), given.settings.measured
@@ -197,7 +200,7 @@ def test_a_reading_is_as_far_off_as_it_was_moved_whatever_the_others_know():
 
 
 def test_what_is_left_of_a_rotation_is_an_angle():
-    """One pose of a camera turned by 20 mrad under load: mrad of the rotation, and not mm."""
+    """One pose of a camera rotated by 20 mrad under load: the residual is in mrad, not mm."""
     six = {"kind": "camera", "measures": "poses", "sigma_m": 5e-5, "sigma_rad": 2e-4}
     given = small(3, poses={"count": 8}, tracker=six)
     rows = given.readings
@@ -216,7 +219,10 @@ def test_what_is_left_of_a_rotation_is_an_angle():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_base_rounds_that_contradict_each_other_are_no_noise(seed):
-    """Three of four in one round and one in the other are 4 mm off: which ones nobody can say."""
+    """Three of four in one round and one in the other are off by 4 mm.
+
+    Which ones is undecidable.
+    """
     given = small(seed)
     rng, rounds = np.random.default_rng(seed), given.readings[given.readings["pose"].isna()]
     first, second = rounds.groupby("group").indices.values()
@@ -237,9 +243,10 @@ def test_base_rounds_that_contradict_each_other_are_no_noise(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_one_contradiction_of_the_base_is_not_let_pass(seed):
-    """Six of eight readings are half a millimetre off: one at least, whatever moved, and no noise.
+    """Six of eight readings are off by half a millimetre: one at least, however the tracker moved.
 
-    No reading can be named; but green it is not. Students' tails throw one as far now and then.
+    No single reading can be named, but the verdict must not be green. Student's tails throw one as
+    far now and then.
     """
     given = small(seed)
     rng, rounds = np.random.default_rng(seed), given.readings[given.readings["pose"].isna()]
@@ -255,7 +262,7 @@ def test_one_contradiction_of_the_base_is_not_let_pass(seed):
 
 
 def test_many_rounds_that_only_scatter_contradict_nothing():
-    """Sixty rounds leave hundreds of degrees of freedom, and chance its share of each."""
+    """Sixty rounds have hundreds of degrees of freedom, which the test takes into account."""
     given, rng = small(3), np.random.default_rng(5)
     base = given.readings[given.readings["pose"].isna()]
     first = base[base["group"] == base["group"].iloc[0]]

@@ -1,4 +1,4 @@
-"""The two reflectors on the chain: which reading is bad, and which chain is only a chain."""
+"""The two reflectors on the chain: bad readings, and the normal behaviour of a chain."""
 
 from dataclasses import replace
 from functools import cache
@@ -24,7 +24,7 @@ TOOL = np.array([[0.2, 0.0, 0.1], [-0.1, 0.2, 0.1], [-0.1, -0.2, 0.2]])
 
 @cache
 def case():
-    """A campaign, for all but what is read on the chain."""
+    """A campaign except for the readings of the chain."""
     plan = Plan(poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
     files = simulate(plan, np.random.default_rng(4)).files
     return ingested(in_memory(files), conformed, plain, plausible=False)
@@ -78,7 +78,7 @@ def _unit(v):
 
 
 def spoiled(given, group, target, off):
-    """The same with one reading off by a vector [m]."""
+    """The same with one reading shifted by a vector [m]."""
     readings = given.readings.copy()
     row = (readings["group"] == group) & (readings["target"] == target)
     readings.loc[row, XYZ] = readings.loc[row, XYZ].to_numpy(float) + off
@@ -100,7 +100,7 @@ CHAINS = [
 
 @pytest.mark.parametrize("chain", CHAINS)
 def test_a_good_chain_is_not_accused(chain):
-    """Chains sag, stretch, are hung otherwise in every pose, and load points come back late."""
+    """Chains sag and stretch, hang differently in every pose, and load points return late."""
     for seed in range(12):
         assert not chain_outlier(read(np.random.default_rng([seed, 9]), **chain))
 
@@ -109,7 +109,7 @@ def test_a_good_chain_is_not_accused(chain):
 @pytest.mark.parametrize("chain", [{}, {"hung_m": 5e-2, "stretch_m": 4e-4}])
 @pytest.mark.parametrize("along", [0.0, 1.0])
 def test_a_bad_reading_of_the_chain_is_named(end, chain, along):
-    """One end is 1 mm off, along the chain or across it."""
+    """One end is off by 1 mm, along the chain or across it."""
     given = read(np.random.default_rng(5), **chain)
     rows = given.readings.set_index(["group", "target"])[XYZ]
     at = [rows.loc[("pose04_rep2_loaded", name)].to_numpy(float) for name in ("Pl1", "Pl2")]
@@ -126,7 +126,7 @@ def test_a_bad_reading_of_the_chain_is_named(end, chain, along):
 
 
 def test_two_pulls_of_a_pose_tell_it_by_all_others():
-    """With two pulls in a pose the distance tells which pull it is, but not which end."""
+    """With two pulls in a pose the distance shows which pull is bad, but not which end."""
     given = read(np.random.default_rng(6), steps=(1500.0, 3000.0))
     rows = given.readings.set_index(["group", "target"])[XYZ]
     at = [rows.loc[("pose03_rep1_loaded", name)].to_numpy(float) for name in ("Pl1", "Pl2")]
@@ -137,7 +137,7 @@ def test_two_pulls_of_a_pose_tell_it_by_all_others():
 
 
 def ends(rng, poses=6, pulls=4, sigma=SIGMA_M, stated=True, hung_m=0.0):
-    """Both ends of a chain as arrays, straight in the force in each pose, with scatter."""
+    """Both ends of a chain as arrays, linear in the force in each pose, with scatter."""
     m = poses * pulls
     pose = np.repeat(np.arange(poses), pulls)
     force = np.tile(np.linspace(900.0, 3000.0, pulls), poses) + 20 * rng.standard_normal(m)
@@ -157,14 +157,17 @@ def ends(rng, poses=6, pulls=4, sigma=SIGMA_M, stated=True, hung_m=0.0):
 
 
 def longer(given, k, by):
-    """The far end of one pull further along the chain [m], or by a vector."""
+    """The far end of one pull shifted along the chain [m], or by a vector."""
     at = given.ends.copy()
     at[k, 1] += by * _unit(at[k, 1] - at[k, 0]) if np.isscalar(by) else by
     return replace(given, ends=at)
 
 
 def lengths_without(given, k, poses=False):
-    """Length of pull k less what the others foretell, and sums of squares with and without it."""
+    """Length of pull k minus the prediction from the others.
+
+    Sums of squares with and without it.
+    """
     length = np.linalg.norm(given.ends[:, 1] - given.ends[:, 0], axis=1)
     one = np.ones((len(length), 1))
     if poses:
@@ -182,7 +185,7 @@ def lengths_without(given, k, poses=False):
 @pytest.mark.parametrize("stated", [True, False])
 @pytest.mark.parametrize("hung_m", [0.0, 2e-2])
 def test_a_distance_is_held_against_a_fit_to_the_others(stated, hung_m):
-    """Deleted residual, its sigmas and its chance times the number of pulls."""
+    """Deleted residual, its value in sigmas, and its p-value times the number of pulls."""
     given = longer(ends(np.random.default_rng(3), stated=stated, hung_m=hung_m), 9, -5e-4)
 
     found = module._distance(given)
@@ -197,7 +200,7 @@ def test_a_distance_is_held_against_a_fit_to_the_others(stated, hung_m):
 
 
 def test_of_two_pulls_of_a_pose_the_one_unlike_all_is_told():
-    """Each is the other's only witness about how the chain was hung; all others decide."""
+    """How the chain was hung is known only from the other one; all other poses decide."""
     rng = np.random.default_rng(8)
     given = ends(rng, poses=12, pulls=2)
     assert module._distance(longer(given, 7, 6e-4)).pull == 7
@@ -205,7 +208,7 @@ def test_of_two_pulls_of_a_pose_the_one_unlike_all_is_told():
 
 
 def test_nothing_short_is_reported():
-    """A chain known to a micrometre: 0.14 mm are certain and too little, 0.17 are not."""
+    """For a chain known to a micrometre, 0.14 mm are significant but too small, 0.17 are not."""
     given = ends(np.random.default_rng(4), sigma=1e-6)
 
     assert module._distance(longer(given, 5, 1.4e-4)) is None
@@ -213,13 +216,13 @@ def test_nothing_short_is_reported():
 
 
 def across(given, k, by):
-    """The far end of one pull off across the chain [m]."""
+    """The far end of one pull shifted across the chain [m]."""
     u = _unit(given.ends[k, 1] - given.ends[k, 0])
     return longer(given, k, by * _unit(np.cross(u, [0.3, 0.5, 0.8])))
 
 
 def test_a_direction_is_held_against_a_fit_to_the_others():
-    """Two coordinates across, straight in the course of each pose; scatter shared by all."""
+    """Two transverse coordinates, linear within each pose; scatter common to all."""
     given = across(ends(np.random.default_rng(5)), 13, 3e-3)
     pulls = np.arange(24)
 
@@ -256,7 +259,7 @@ def test_a_direction_is_held_against_a_fit_to_the_others():
 
 
 def test_directions_of_poses_with_fewer_than_four_known_pulls_are_not_tested():
-    """Three pulls leave one too few; one without a force is none."""
+    """Three pulls are one too few; one of them without a force does not count."""
     good = ends(np.random.default_rng(5))
     bad = across(good, 13, 3e-3)
     force = bad.force.copy()
@@ -269,7 +272,7 @@ def test_directions_of_poses_with_fewer_than_four_known_pulls_are_not_tested():
 
 
 def test_clean_draws_of_a_chain_are_accused_no_more_often_than_the_rate(monkeypatch):
-    """200 chains, distances and directions at a rate of a fifth each, nothing else asked."""
+    """200 chains, distances and directions at a rate of a fifth each."""
     monkeypatch.setattr(alarms, "READING", 0.4)
     for name in ("_SHORT_M", "_MATTERS_RAD", "_APART"):
         monkeypatch.setattr(module, name, 0.0)
@@ -278,13 +281,13 @@ def test_clean_draws_of_a_chain_are_accused_no_more_often_than_the_rate(monkeypa
         given = ends(rng, stated=False)
         accused += [module._distance(given) is not None, module._direction(given) is not None]
 
-    # within four sigma of the rate above, and no test asleep
+    # within four sigma of the rate above, and no test inactive
     assert (accused <= 40 + 4 * np.sqrt(32)).all()
     assert accused[0] >= 20
 
 
 def test_the_end_that_moved_is_told_where_one_stands_out_three_times_as_much():
-    """By how far each is from the straight course of the others in its pose."""
+    """By the distance of each from the linear course of the others in its pose."""
     given = ends(np.random.default_rng(7))
     at = given.ends.copy()
     at[13, 0] += [1e-3, 0, 0]
@@ -307,7 +310,7 @@ def test_the_end_that_moved_is_told_where_one_stands_out_three_times_as_much():
 
 
 def test_two_alike_bad_pulls_are_not_told_apart_from_the_chain():
-    """Two of eight pulls longer by the same: neither contradicts all others enough."""
+    """Two of eight pulls longer by the same: neither contradicts the others sufficiently."""
     given = ends(np.random.default_rng(9), poses=2)
     assert module._distance(longer(given, 2, 1.5e-3)).pull == 2
     assert module._distance(longer(longer(given, 2, 1.5e-3), 5, 1.5e-3)) is None
@@ -317,7 +320,7 @@ def test_two_alike_bad_pulls_are_not_told_apart_from_the_chain():
 def test_a_pull_far_off_by_its_direction_is_told_before_one_hardly_off_by_its_distance(
     pull, monkeypatch
 ):
-    """One end 10 mm off across the chain; along it the same end, or another one, 0.6 mm."""
+    """One end 10 mm off across the chain; along it the same or another end by 0.6 mm."""
     given = longer(across(ends(np.random.default_rng(5)), 13, 1e-2), pull, 6e-4)
     monkeypatch.setattr(module, "_read", lambda case: given)
 
@@ -331,7 +334,7 @@ def test_a_pull_far_off_by_its_direction_is_told_before_one_hardly_off_by_its_di
 
 
 def test_what_a_direction_adds_to_a_distance_is_counted_with_its_axes():
-    """Root of the sum of squares: of neither alone would so much be said."""
+    """Root sum of squares: neither alone would give this size."""
     given = longer(across(ends(np.random.default_rng(5)), 13, 5e-4), 13, 4e-4)
     near = module._distance(given)
 
@@ -352,7 +355,7 @@ def _courses(given):
 
 
 def test_of_two_bad_pulls_the_worse_is_named_first():
-    """Distance before direction, the larger before the smaller, the other once it is gone."""
+    """Distance before direction, the larger before the smaller, the other after its removal."""
     given = read(np.random.default_rng(10))
     rows = given.readings.set_index(["group", "target"])[XYZ]
     for group, off in (("pose04_rep2_loaded", 2e-3), ("pose07_rep3_loaded", 1e-3)):
@@ -370,7 +373,7 @@ def test_of_two_bad_pulls_the_worse_is_named_first():
 
 
 def test_the_law_that_accuses_a_pull_less_is_believed(monkeypatch):
-    """One pull is unlikely by one law only, another by both: of the first nothing is said."""
+    """One pull is unlikely by one law only, another by both: the first is not reported."""
     given = ends(np.random.default_rng(5))
     by_force, by_sag = (np.full((4, 24), 0.5), np.full((4, 24), 0.5))
     by_force[:, 3], by_sag[:, 3] = (1e-12, 9, 2e-3, 12), (0.2, 9, 2e-3, 12)
@@ -382,14 +385,17 @@ def test_the_law_that_accuses_a_pull_less_is_believed(monkeypatch):
 
     assert (found.pull, found.sigmas, found.size) == (8, 8, 1e-3)
     assert found.p_value == pytest.approx(24e-7)
-    by_sag[1, 8] = 4.9  # among its own pose it hardly stands out by one of them
+    by_sag[1, 8] = 4.9  # within its own pose it hardly deviates by one of them
     assert module._direction(given) is None
 
 
 @pytest.mark.parametrize("off", [0.2, 2.0])
 @pytest.mark.parametrize("end", ["Pl1", "Pl2"])
 def test_an_end_that_no_chain_reaches_is_named_whatever_the_scale_says(end, off):
-    """Metres, or the tracker's own place; a chain hung 5 cm longer in each pose is none of it."""
+    """Metres, or the position of the tracker.
+
+    A chain hung 5 cm longer in each pose is not accused.
+    """
     rng = np.random.default_rng(8)
     good = read(rng, hung_m=0.05, stretch_m=2e-3)
     rows = good.readings.copy()
@@ -405,7 +411,7 @@ def test_an_end_that_no_chain_reaches_is_named_whatever_the_scale_says(end, off)
 
 
 def test_both_ends_of_a_pull_are_named_where_both_are_far_off():
-    """The pull goes once, the two readings have their names."""
+    """The pull is removed once, and both readings are named."""
     case = read(np.random.default_rng(10))
     rows = case.readings.copy()
     here = rows["group"] == "pose05_rep1_loaded"
@@ -420,7 +426,7 @@ def test_both_ends_of_a_pull_are_named_where_both_are_far_off():
 
 
 def test_two_ends_of_one_pose_are_named_and_the_other_pulls_stay():
-    """The tracker's own place is read twice; one after the other, nothing else."""
+    """The position of the tracker is read twice; one after the other, and nothing else."""
     case = read(np.random.default_rng(9))
     rows = case.readings.copy()
     groups = ["pose04_rep2_loaded", "pose04_rep3_loaded"]

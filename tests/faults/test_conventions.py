@@ -1,4 +1,4 @@
-"""Mistakes that hold for a whole campaign: planted by hand, found, and undone to the last digit."""
+"""Mistakes that affect a whole campaign: planted, found, and corrected to the last digit."""
 
 from dataclasses import replace
 from functools import cache
@@ -42,7 +42,7 @@ def with_readings(case, **columns):
 
 
 def in_unit(factor):
-    """Coordinates that come out as if their unit were `factor` times larger."""
+    """Coordinates that appear as if their unit were `factor` times larger."""
 
     def plant(case):
         return with_readings(case, **{axis: case.readings[axis] * factor for axis in XYZ})
@@ -51,7 +51,7 @@ def in_unit(factor):
 
 
 def with_joints(change, ending):
-    """The joint log changed in the columns of one kind."""
+    """The joint log with changed columns of one kind."""
 
     def plant(case):
         which = [name for name in case.joint_columns if name.endswith(ending)]
@@ -63,7 +63,7 @@ def with_joints(change, ending):
 
 
 def mirrored(case):
-    """The tracker's y turned round, in the readings and in their covariances."""
+    """The y axis of the tracker reversed, in the readings and in their covariances."""
     C = covariance.matrices(case.readings)
     C[:, 1, :] *= -1
     C[:, :, 1] *= -1
@@ -72,7 +72,7 @@ def mirrored(case):
 
 
 def as_controller(case):
-    """The controller's axes written down under the names of the joints."""
+    """Values of the controller's axes logged under the names of the joints."""
     q = case.joints[case.joint_columns].to_numpy(float)
     axes = np.linalg.solve(case.robot.controller_matrix, (q - case.robot.controller_offset).T)
     return replace(
@@ -86,7 +86,7 @@ def turned_round(joint):
 
 
 def written(names):
-    """P1 is written as the first of these names, P2 as the second, P3 as the third."""
+    """P1 logged under the first of these names, P2 under the second, P3 under the third."""
 
     def plant(case):
         as_said = dict(zip(["P1", "P2", "P3"], names, strict=True))
@@ -112,7 +112,7 @@ FOUND = {
     "left_handed": mirrored,
     "all groups": written(["P2", "P3", "P1"]),
 }
-"""Mistakes by the place that is named for each; those of test_screening.py are left out."""
+"""Mistakes by the place that is named for each; those of test_screening.py are not included."""
 
 UNDONE = [
     *[("m", in_unit(f)) for f in (1e-3, 25.4e-3)],
@@ -142,7 +142,7 @@ def same(case, other):
 
 @pytest.mark.parametrize("where", FOUND)
 def test_a_planted_mistake_is_named_and_undone(where):
-    """It alone is found, and put right the campaign is the good one to the last digit."""
+    """Nothing else is found, and the corrected campaign is the good one to the last digit."""
     (found,) = conventions(FOUND[where](good()))
 
     assert found.where == where
@@ -153,7 +153,7 @@ def test_a_planted_mistake_is_named_and_undone(where):
 
 @pytest.mark.parametrize("pair", [("B1", "B2"), ("B1", "B3"), ("B2", "B4"), ("B3", "B4")])
 def test_two_base_reflectors_with_each_other_s_names_are_told(pair):
-    """By their distances, or by the table where a rectangle has none that tell."""
+    """From their distances, or from the DH parameters if a rectangle leaves distances ambiguous."""
     bad = base_swapped(*pair)(good())
     assert miss(bad) > 0.03 or anchored_miss(bad) > 0.3
 
@@ -165,7 +165,7 @@ def test_two_base_reflectors_with_each_other_s_names_are_told(pair):
 
 @pytest.mark.parametrize(("where", "plant"), UNDONE, ids=[where for where, _ in UNDONE])
 def test_every_hypothesis_undoes_its_own_mistake(where, plant):
-    """Of all that are tested one of that name gives the good campaign back, no other does."""
+    """Of all hypotheses, those with its name restore the good campaign, and no other does."""
     bad = plant(good())
     assert miss(bad) > 0.03 or anchored_miss(bad) > 0.3
     exact = [
@@ -186,7 +186,7 @@ def test_every_hypothesis_undoes_its_own_mistake(where, plant):
 
 @pytest.mark.parametrize("names", list(permutations(["P1", "P2", "P3"]))[1:])
 def test_exchanged_names_are_put_back_whatever_they_were(names):
-    """Two exchanged or all three in a ring: one hypothesis, and one only, puts each back."""
+    """Two exchanged or all three cyclically: exactly one hypothesis corrects each."""
     bad = written(names)(good())
     right = [
         h
@@ -202,7 +202,7 @@ def test_exchanged_names_are_put_back_whatever_they_were(names):
 
 
 def test_a_good_campaign_is_left_alone():
-    """And so is one that is 20 mm off its table, or was measured in two poses only."""
+    """Also one with a robot 20 mm off its DH parameters, or measured in two poses only."""
     assert conventions(good()) == []
     assert miss(good()) < 1e-3
     rng = np.random.default_rng(4)
@@ -213,7 +213,10 @@ def test_a_good_campaign_is_left_alone():
 
 
 def test_what_no_mistake_explains_to_the_end_is_not_corrected():
-    """Readings in another unit, and strewn over 50 mm: put right they still miss by too much."""
+    """Readings in another unit and scattered over 50 mm.
+
+    The corrected ones still miss by too much.
+    """
     rng = np.random.default_rng(5)
     off = 0.05 * rng.standard_normal((len(good().readings), 3))
     strewn = {a: good().readings[a] + off[:, k] for k, a in enumerate(XYZ)}
@@ -224,7 +227,7 @@ def test_what_no_mistake_explains_to_the_end_is_not_corrected():
 
 
 def test_how_far_the_reflectors_miss_is_what_moves_within_a_pose():
-    """A rigid motion of all readings is no miss; the anchored one sees it, to its size."""
+    """A rigid motion of all readings is no miss; with the base fixed it is seen, with its size."""
     points = good().readings[XYZ].to_numpy(float)
     base = good().readings["pose"].isna().to_numpy()
     shift = np.where(base[:, None], 0.0, [0.3, -0.4, 1.2])
@@ -238,7 +241,7 @@ def test_how_far_the_reflectors_miss_is_what_moves_within_a_pose():
 
 
 def test_a_base_reading_metres_off_turns_no_base_frame():
-    """One of all rounds: the frame is that of the others, and no place is wrong."""
+    """One of all rounds: the frame is that of the others, and no nominal place is wrong."""
     case = good()
     rows = case.readings
     base = rows.index[rows["pose"].isna()]
@@ -268,7 +271,7 @@ def no_base(case):
 
 @pytest.mark.parametrize("plant", [turned_base, no_base])
 def test_readings_that_are_not_in_the_base_frame_are_brought_there(plant):
-    """Named as a whole, and the forces stand then where they stood: to a tenth of a degree."""
+    """Corrected as a whole, forces are then as before, to a tenth of a degree."""
     bad = plant(good())
 
     (found,) = conventions(bad) or placement(bad)
@@ -286,7 +289,7 @@ def test_readings_that_are_not_in_the_base_frame_are_brought_there(plant):
 
 
 def test_a_wrong_unit_takes_the_files_covariances_along_and_no_others():
-    """What the export states is in its unit; what campaign.toml states is in metres."""
+    """Covariances in the export are in its unit; those in campaign.toml are in metres."""
     rows = good().readings
     own = np.arange(len(rows)) % 3 == 0
     mixed = with_readings(good(), covariance_from=np.where(own, "file", "stated"))
@@ -300,7 +303,7 @@ def test_a_wrong_unit_takes_the_files_covariances_along_and_no_others():
 
 
 def test_a_mirrored_frame_mirrors_the_covariances():
-    """Readings that scatter along slanted axes come back with the axes they had."""
+    """Readings that scatter along oblique axes get back their original axes."""
     half = 1e-5 * np.random.default_rng(3).standard_normal((len(good().readings), 3, 3))
     six = covariance.flat(half @ half.swapaxes(1, 2))
     slanted = with_readings(good(), **dict(zip(covariance.columns(), six.T, strict=True)))
@@ -310,7 +313,7 @@ def test_a_mirrored_frame_mirrors_the_covariances():
 
 
 def test_a_beam_is_as_long_as_the_corrected_unit_says():
-    """Noise stated by range and angle is recomputed where the readings then are."""
+    """Noise stated by range and angle is recomputed for the corrected readings."""
     beam = InstrumentNoise(range_m=8e-6, transverse_m=1e-5, transverse_per_m=6e-6)
     tracker = good().settings.tracker.model_copy(update={"sigma_m": None, "noise": beam})
     case = replace(good(), settings=good().settings.model_copy(update={"tracker": tracker}))
@@ -322,7 +325,7 @@ def test_a_beam_is_as_long_as_the_corrected_unit_says():
 
 
 def test_only_unloaded_readings_of_known_poses_are_judged():
-    """Loaded ones, base and chain reflectors, and poses without joint values are none."""
+    """Loaded ones, base and chain reflectors, and poses without joint values are not."""
     rows = unloaded(good())
     assert set(rows["state"]) == {"unloaded"}
     assert set(rows["target"]) == {"P1", "P2", "P3"}
@@ -333,7 +336,7 @@ def test_only_unloaded_readings_of_known_poses_are_judged():
 
 
 def test_the_robot_of_another_table_is_called_by_its_name():
-    """Whoever names the wrong one of the robots that ship is told which one stood there."""
+    """If another robot that ships fits the readings, the message names it."""
     plan = PLAN.model_copy(update={"robot": "irb6640", "pulls": Plan().pulls})
     measured = ingested(in_memory(simulate(plan).files), conformed, plain, plausible=False)
     (found,) = conventions(replace(measured, robot=load("kr210_r2700_2")))

@@ -1,4 +1,4 @@
-"""Covariances stated in another frame or unit: planted by hand, named, and put right."""
+"""Covariances stated in another frame or unit: planted, named, and corrected."""
 
 from dataclasses import replace
 from functools import cache
@@ -20,7 +20,7 @@ ACROSS, ALONG = 1.5e-4, 1e-5
 
 @cache
 def good():
-    """A campaign whose readings scatter as an export with a covariance for each states it [m]."""
+    """A campaign whose readings scatter as the covariance of each in the export states [m]."""
     case = ingested(in_memory(simulate(PLAN).files), conformed, plain, plausible=False)
     rows, rng = case.readings, np.random.default_rng(7)
     points = rows[["x_m", "y_m", "z_m"]].to_numpy(float)
@@ -28,7 +28,7 @@ def good():
     C = ACROSS**2 * np.eye(3) + (ALONG**2 - ACROSS**2) * unit[:, :, None] * unit[:, None, :]
     added = np.linalg.cholesky(C) @ rng.standard_normal((len(C), 3, 1))
     rows = rows.assign(**dict(zip(["x_m", "y_m", "z_m"], (points + added[..., 0]).T, strict=True)))
-    noise = covariance.matrices(case.readings)  # which the campaign has already
+    noise = covariance.matrices(case.readings)  # as the campaign already has
     return stated(replace(case, readings=rows), C + noise)
 
 
@@ -42,19 +42,19 @@ def asked(case):
 
 
 def along_the_beam(case):
-    """The same numbers by an export that states them along the beam, across it, and across it."""
+    """The same numbers in an export that states them along the beam and in two axes across it."""
     own = np.linalg.eigvalsh(covariance.matrices(case.readings))
     return stated(case, own[:, :, None] * np.eye(3))
 
 
 def along_the_base(case):
-    """The same by one that turned them into the base frame."""
+    """The same in an export that rotated them into the base frame."""
     R = bring(case).registration.R
     return stated(case, R @ covariance.matrices(case.readings) @ R.T)
 
 
 def test_covariances_in_the_frame_of_the_tracker_are_left_alone():
-    """As read: nothing."""
+    """In the frame of the readings: nothing to report."""
     assert misstated(asked(good())) == []
 
 
@@ -62,7 +62,7 @@ def test_covariances_in_the_frame_of_the_tracker_are_left_alone():
     ("plant", "says"), [(along_the_beam, "the beam"), (along_the_base, "the base frame")]
 )
 def test_another_frame_is_named_and_turned_back(plant, says):
-    """To the covariances that the readings really have, whatever their sign of an axis."""
+    """The corrected covariances are the true ones, whatever the signs of the axes."""
     (found,) = misstated(asked(plant(good())))
 
     assert found.name == "sign_or_convention"
@@ -74,7 +74,7 @@ def test_another_frame_is_named_and_turned_back(plant, says):
 
 
 def test_one_figure_for_all_axes_has_no_frame():
-    """Nothing to turn."""
+    """Isotropic covariances need no rotation."""
     case = good()
     assert (
         misstated(asked(stated(case, np.tile(ACROSS**2 * np.eye(3), (len(case.readings), 1, 1)))))
@@ -83,7 +83,7 @@ def test_one_figure_for_all_axes_has_no_frame():
 
 
 def with_spread(case, change):
-    """Covariances whose standard uncertainties [mm] along their own axes are others."""
+    """Covariances with other standard uncertainties [mm] along their own axes."""
     size, axes = np.linalg.eigh(covariance.matrices(case.readings))
     new = 1e-3 * change(1e3 * np.sqrt(size))
     return stated(case, axes @ (new[:, :, None] ** 2 * np.eye(3)) @ np.linalg.inv(axes))
@@ -102,7 +102,7 @@ def with_spread(case, change):
     ],
 )
 def test_another_unit_is_named_and_put_right(change, said):
-    """To the covariances that the readings really have."""
+    """The corrected covariances are the true ones."""
     case = with_spread(good(), change)
 
     (found,) = misstated(asked(case))
@@ -117,7 +117,7 @@ def test_another_unit_is_named_and_put_right(change, said):
 
 @pytest.mark.parametrize("times", [0.2, 0.5, 2.0, 5.0, 12.0, 200.0])
 def test_a_certificate_that_is_merely_wrong_is_no_unit(times):
-    """By a factor that no unit and no square is: left to the noise."""
+    """A factor that is no ratio of units or of their squares is left to the noise."""
     assert misstated(asked(with_spread(good(), lambda mm: times * mm))) == []
 
 
@@ -125,7 +125,7 @@ def test_a_certificate_that_is_merely_wrong_is_no_unit(times):
 @pytest.mark.parametrize("far_mm", [1.0, 5.0, 20.0, 30.0])
 @pytest.mark.parametrize("part", [0.1, 0.3])
 def test_many_readings_that_are_off_are_no_unit(part, far_mm):
-    """A tenth or a third of all readings far off, by as much as a unit may be."""
+    """A tenth or a third of all readings far off, by as much as a unit could be."""
     case, rng = good(), np.random.default_rng(3)
     off = far_mm * 1e-3 * rng.standard_normal((len(case.readings), 3))
     off *= (rng.random(len(off)) < part)[:, None]

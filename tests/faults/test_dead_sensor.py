@@ -1,4 +1,4 @@
-"""Displacements that no robot makes and forces that no scale wrote; dead weights are neither."""
+"""Displacements that no robot makes and forces that no scale shows; dead weights are neither."""
 
 from pathlib import Path
 
@@ -21,14 +21,14 @@ def raw(name):
 
 
 def moved(factor):
-    """The campaign of the FANUC, which arrives reduced, with other displacements."""
+    """The FANUC campaign, which arrives reduced, with other displacements."""
     head, rows = table(raw("fanuc_r2000ic"), "displacements.csv")
     new = [row[:3] + [repr(factor * float(x)) for x in row[3:]] for row in rows]
     return written(raw("fanuc_r2000ic"), "displacements.csv", head, new)
 
 
 def still(made, noise_mm, rng):
-    """Loaded readings that are the unloaded ones once more, with noise."""
+    """Loaded readings that repeat the unloaded ones, with noise."""
     head, rows = table(made, "tracker.csv")
     zero, new = {}, []
     for row in rows:
@@ -50,7 +50,7 @@ def with_forces(made, force):
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("factor", [1e-9, 0.0, 1e-300])
 def test_displacements_of_a_dead_sensor(factor):
-    """Also in a campaign that arrives reduced: bad data, and no value to use."""
+    """Also in a campaign that arrives reduced: bad data, and no usable value."""
     said = answered("dead", in_memory(moved(factor))).answer
 
     assert str(said.diagnosis.verdict) == "bad_data"
@@ -62,7 +62,7 @@ def test_displacements_of_a_dead_sensor(factor):
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("noise_mm", [0.0, 0.03, 0.1])
 def test_readings_without_any_deflection(seed, noise_mm):
-    """The effector read unloaded in every state, with the noise of the instrument or more."""
+    """The effector is read unloaded in every state, with the noise of the instrument or more."""
     made = still(files(seed), noise_mm, np.random.default_rng(seed))
     assert [one.name for one in dead(asked(case(made)))] == ["dead_sensor"]
 
@@ -70,7 +70,7 @@ def test_readings_without_any_deflection(seed, noise_mm):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(10))
 def test_one_force_copied_down_the_column(seed):
-    """Pulls of 1200, 3000 and 2000 N all logged with 1000 N: every row is named."""
+    """Pulls of 1200, 3000 and 2000 N all logged as 1000 N: every row is named."""
     made = with_forces(files(seed), "1000.00")
 
     (found,) = dead(asked(case(made)))
@@ -85,7 +85,7 @@ def test_one_force_copied_down_the_column(seed):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("force", ["1200.00", "3000.00"])
 def test_no_interval_beside_a_copied_force_misses_what_the_true_forces_give(seed, force):
-    """Pulls of three sizes, logged as the least or the largest: no value, intervals hold."""
+    """Pulls of three sizes, logged as the smallest or the largest: no value, intervals hold."""
     _, rows = table(files(seed), "loads.csv")
     most = max(float(row[2]) for row in rows)
     made = with_forces(files(seed), force)
@@ -100,7 +100,7 @@ def test_no_interval_beside_a_copied_force_misses_what_the_true_forces_give(seed
 
 
 def test_a_force_copied_into_some_rows_leaves_the_others():
-    """From pose 4 on the scale hung: these pulls are left out."""
+    """From pose 4 on the display was stuck: these pulls are left out."""
     head, rows = table(files(1), "loads.csv")
     new = [[*row[:2], "1987.6" if int(row[0]) > 3 else row[2], *row[3:]] for row in rows]
     made = written(files(1), "loads.csv", head, new)
@@ -127,7 +127,7 @@ def test_the_same_load_in_every_pull_is_no_copy(seed, load):
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", range(30))
 def test_a_clean_campaign_has_no_dead_sensor(seed):
-    """Nor has one whose robot is three times as stiff as typical."""
+    """Nor one whose robot is three times as stiff as typical."""
     assert dead(asked(case(files(seed)))) == []
 
 
@@ -140,7 +140,7 @@ def test_campaigns_that_ship_have_no_dead_sensor():
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("rows", [4, 7])
 def test_one_row_of_the_joint_log_copied_down(seed, rows):
-    """Its lines, and no value to use where it is all; nor does any unit explain a point."""
+    """Its lines, and no usable value if it is copied to all; no unit explains a single point."""
     head, log = table(files(seed), "joints.csv")
     log[:rows] = [[row[0], *log[0][1:]] for row in log[:rows]]
     made = written(files(seed), "joints.csv", head, log)

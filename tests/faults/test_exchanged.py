@@ -1,4 +1,4 @@
-"""Groups and rows in each other's place: files are rewritten, the right order is found again."""
+"""Exchanged groups and rows: files are rewritten, and the right order is found again."""
 
 from dataclasses import replace
 from functools import cache
@@ -27,7 +27,7 @@ POSES = 7
 
 @cache
 def files(seed):
-    """A campaign of seven poses with three load steps, of a machine that is none of the paper's."""
+    """A campaign of seven poses with three load steps, of a machine other than the paper's."""
     odd = {"effects": ["joint_lost_motion:2"]} if seed % 2 else {}
     plan = Plan(
         name="right", seed=seed, poses={"count": POSES}, hidden={"stiffness_spread": 0.3, **odd}
@@ -59,7 +59,7 @@ def reordered(made, name, columns, order):
 
 
 def regrouped(made, names, effector_only=False):
-    """The export with the coordinates of some groups under each other's names."""
+    """The export with the coordinates of some groups exchanged."""
     head, rows = table(made, "tracker.csv")
     of = {(row[0], row[1]): row[2:5] for row in rows}
     names = names | {b: a for a, b in names.items()}
@@ -93,7 +93,7 @@ def put_right(found, given):
 
 
 def same(mine, right):
-    """Whether two campaigns say the same, their readings by what was read at the same place."""
+    """Whether two campaigns are equal, readings matched by what was read at the same place."""
     for name, key in (("joints", ["pose"]), ("loads", ["pose", "repeat"])):
         a, b = (getattr(one, name).drop(columns=["line", "file"]) for one in (mine, right))
         a, b = (one.sort_values(key).reset_index(drop=True) for one in (a, b))
@@ -106,7 +106,7 @@ def same(mine, right):
 
 
 def stands(one):
-    """What was read where, of which pose and state."""
+    """What was read where, with pose and state."""
     rows = one.readings
     at = rows[["x_m", "y_m", "z_m"]].round(9).itertuples(index=False, name=None)
     names = ["group", "target", "pose", "repeat", "state"]
@@ -115,7 +115,7 @@ def stands(one):
 
 
 def told(found, made):
-    """The lines that mistakes name, as they stand in the files."""
+    """The lines named by mistakes, with their text in the files."""
     for one in found:
         for place in one.at:
             file, line = place.rsplit(":", 1)
@@ -129,7 +129,7 @@ def told(found, made):
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("kind", ["two", "off by one", "back by one", "shuffled"])
 def test_rows_of_the_joint_log_are_put_back(seed, kind):
-    """Two of them, all by one, or all in any order: each pose has its own joint values again."""
+    """Two of them, all shifted by one, or shuffled: each pose has its own joint values again."""
     rng = np.random.default_rng(seed)
     one, other = rng.choice(POSES, 2, replace=False).tolist()
     order = {
@@ -153,7 +153,7 @@ def test_rows_of_the_joint_log_are_put_back(seed, kind):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_joint_log_without_its_first_row(seed):
-    """Every pose has the row of the next one; pose 1 has none, which leaves it out."""
+    """Every pose has the row of the next one; pose 1 has none, and is left out."""
     head, rows = table(files(seed), "joints.csv")
     made = written(
         files(seed), "joints.csv", head, [[str(k), *row[1:]] for k, row in enumerate(rows[1:], 1)]
@@ -172,7 +172,7 @@ def test_a_joint_log_without_its_first_row(seed):
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("kind", ["pulls", "effector", "one pull", "zero"])
 def test_groups_of_two_poses_are_put_back(seed, kind):
-    """All pulls with or without the chain, one pull, one zero: in the pose where it was read."""
+    """All pulls with or without the chain, one pull, or one zero: assigned to the right pose."""
     one, other = np.random.default_rng(seed).choice(POSES, 2, replace=False) + 1
     groups = {f"pose{one:02d}_rep{k}_loaded": f"pose{other:02d}_rep{k}_loaded" for k in (1, 2, 3)}
     if kind == "one pull":
@@ -199,7 +199,7 @@ PULLS = 3 * POSES
 @pytest.mark.parametrize("kind", ["two", "steps", "off by one", "back by one"])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_rows_of_the_loads_are_put_back(seed, kind):
-    """Two of different steps, in one pose or not, or all by one: each pull has its force again."""
+    """Two of different steps, in one pose or not, or all shifted: each pull has its force again."""
     rng = np.random.default_rng(seed)
     one, other = rng.choice(POSES, 2, replace=False).tolist()
     order = {
@@ -222,7 +222,7 @@ def test_rows_of_the_loads_are_put_back(seed, kind):
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("part", [0.9, 1.15, 3.0])
 def test_one_mistyped_force_is_no_exchange(seed, part):
-    """Another row may have nearly that number: it stands where it should."""
+    """Another row may have nearly the same number; the value stays in its row."""
     head, rows = table(files(seed), "loads.csv")
     k = 3 * (seed % POSES) + 1
     rows[k][2] = f"{part * float(rows[k][2]):.2f}"
@@ -233,7 +233,7 @@ def test_one_mistyped_force_is_no_exchange(seed, part):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_two_steps_name_the_groups_that_may_be_meant_instead(seed):
-    """Groups of two steps and their rows exchanged are the same numbers: all lines are named."""
+    """Exchanging the groups or the rows of two steps is equivalent: all lines are named."""
     pair = {"pose04_rep1_loaded": "pose04_rep2_loaded"}
     made = regrouped(files(seed), pair)
 
@@ -278,7 +278,7 @@ LAYOUTS = {
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("order", [(1, 0, 2, 3), (2, 1, 0, 3), (1, 2, 3, 0), (2, 3, 0, 1)])
 def test_places_of_base_reflectors_are_put_back(layout, order):
-    """Two exchanged, or all off by one or two, where distances tell and where they do not."""
+    """Two exchanged, or all shifted by one or two, whether or not distances determine it."""
     base = LAYOUTS[layout]
     names = list(base)
     order = [k % len(names) for k in order[: len(names)]]
@@ -306,14 +306,14 @@ def case_with(given, settings):
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", range(30))
 def test_a_clean_campaign_has_nothing_exchanged(seed):
-    """Also where repeats are equal, or the machine is none of the paper's."""
+    """Also with equal repeats, or a machine other than the paper's."""
     given = case(files(seed))
     assert exchanged(given) == exchanged_pulls(asked(given)) == base_names(given) == []
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_equal_cannot_be_exchanged(seed):
-    """Equal rows of the joint log, equal forces in other rows: nothing is said."""
+    """Equal rows of the joint log, or equal forces in other rows: nothing is reported."""
     made = reordered(files(seed), "joints.csv", range(1, 9), [0, 1, 2, 3, 4, 5, 5])
     assert exchanged(case(made)) == []
     _, rows = table(files(seed), "loads.csv")
@@ -326,7 +326,10 @@ def test_what_is_equal_cannot_be_exchanged(seed):
 
 
 def test_a_move_must_be_worth_it_and_end_well():
-    """A gain below the threshold moves nothing; a bad end refuses a ring but not the others."""
+    """A gain below the threshold moves nothing.
+
+    A bad result rejects one ring, but not the others.
+    """
     cost = np.array([[9.0, 0, 50, 50], [0, 9, 50, 50], [50, 50, 40, 3], [50, 50, 6, 40]])
     assert rings(cost, 10, 10) == [Ring((2, 3))]
     assert rings(cost, 5, 5) == [Ring((0, 1))]
@@ -335,7 +338,7 @@ def test_a_move_must_be_worth_it_and_end_well():
 
 
 def test_a_row_too_few_leaves_one_without_a_place():
-    """Each of four belongs one place later: the last nowhere, and nothing in the first place."""
+    """Each of four belongs one place later: the last has no place, and the first is empty."""
     cost = np.full((4, 4), 1e6)
     cost[[0, 1, 2], [1, 2, 3]] = 0.0
     (found,) = rings(cost, 10, 10)
@@ -349,7 +352,7 @@ def test_a_row_too_few_leaves_one_without_a_place():
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("step", [1, -1])
 def test_forces_that_are_off_by_one_from_some_row_on(seed, step):
-    """A line lost, or written twice, in mid-file: those that follow are put back as one."""
+    """A line lost or duplicated in mid-file: all following rows are shifted back together."""
     since = 9 + seed % 4
     order = [*range(since), *(min(k + step, PULLS - 1) for k in range(since, PULLS))]
     made = reordered(files(seed), "loads.csv", [2], order)
@@ -366,7 +369,7 @@ def test_forces_that_are_off_by_one_from_some_row_on(seed, step):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_forces_in_any_order_are_put_back(seed):
-    """Each pull has the force of its step again, and every row that had another one is named."""
+    """Each pull has the force of its step again, and every row that was wrong is named."""
     order = np.random.default_rng(seed).permutation(PULLS).tolist()
     made = reordered(files(seed), "loads.csv", [2], order)
 
@@ -385,7 +388,7 @@ def test_forces_in_any_order_are_put_back(seed):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_two_columns_of_the_joint_log_are_put_back(seed):
-    """Any two revolute joints have each other's values in all poses."""
+    """Any two revolute joints have exchanged values in all poses."""
     one, other = np.random.default_rng(seed).choice(range(2, 8), 2, replace=False).tolist()
     head, rows = table(files(seed), "joints.csv")
     for row in rows:
@@ -401,7 +404,7 @@ def test_two_columns_of_the_joint_log_are_put_back(seed):
 
 @pytest.mark.parametrize("targets", [1, 3])
 def test_pulls_of_two_poses_that_are_all_there_is(targets):
-    """The base reflectors lay them on the table, however few."""
+    """The base reflectors reveal them, however few poses there are."""
     tool = {"load_point": (0.15, 0.0, 0.25), "P1": (0.2, 0.05, 0.12)}
     more = {"P2": (-0.12, 0.19, 0.10), "P3": (-0.10, -0.18, 0.22)} if targets > 1 else {}
     plan = Plan(name="two", seed=4, tool=tool | more, poses={"count": 2})
@@ -416,7 +419,7 @@ def test_pulls_of_two_poses_that_are_all_there_is(targets):
 
 
 def test_a_bad_reading_tells_of_no_force():
-    """One target in two pulls is off as if the forces were exchanged: neither row of them is."""
+    """One target is off in two pulls as if forces were exchanged: neither row is accused."""
     given = case(files(0))
     rows, xyz = given.readings, ["x_m", "y_m", "z_m"]
     new = rows[xyz].to_numpy(float).copy()
@@ -448,7 +451,7 @@ def test_a_bad_reading_tells_of_no_force():
     ],
 )
 def test_a_ring_of_few_rows_of_many_poses_is_no_exchange(members, most, happens):
-    """A cause makes such rings of the poses that feel it; nobody writes a log so."""
+    """A cause produces such rings in the poses it affects; no error in a log does."""
     pose = np.repeat(np.arange(4), 4)
 
     assert _happens(Ring(members), pose, most) is happens

@@ -1,4 +1,4 @@
-"""All forces of one pose logged for another one's: no row stands out by itself, all together do."""
+"""All forces of one pose logged for another: single rows fit, all together do not."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ def made(seed):
 
 
 def logged(case, source):
-    """The forces of a pose in the rows of another one, by the numbers of both."""
+    """The forces of one pose logged in the rows of another, by pose numbers."""
     loads = case.loads.copy()
     for pose, other in source.items():
         theirs = case.loads.loc[case.loads["pose"] == other, "force_n"].to_numpy()
@@ -29,7 +29,7 @@ def logged(case, source):
 
 @pytest.mark.parametrize(("seed", "pair"), [(3, (3, 6)), (4, (3, 7)), (5, (2, 5))])
 def test_the_forces_of_two_poses_are_put_back(seed, pair):
-    """A tenth of each force, which springs of other poses tell to three parts in a hundred."""
+    """Forces wrong by a tenth, which springs from other poses predict to 0.3 %."""
     given = made(seed)
     spoilt = logged(given, {pair[0]: pair[1], pair[1]: pair[0]})
 
@@ -50,7 +50,7 @@ def test_the_forces_of_two_poses_are_put_back(seed, pair):
 
 @pytest.mark.parametrize("seed", range(3, 9))
 def test_forces_in_their_rows_are_left_there(seed):
-    """Also where readings scatter by a fifth more than stated."""
+    """Also if readings scatter by a fifth more than stated."""
     given = made(seed)
     assert ladders(asked(given)) == []
     rng = np.random.default_rng(seed)
@@ -62,7 +62,7 @@ def test_forces_in_their_rows_are_left_there(seed):
 
 
 def test_three_poses_in_a_ring_are_no_pair():
-    """No exchange of two of them makes all pulls agree, and nothing is said."""
+    """No exchange of two of them makes all pulls consistent, and nothing is reported."""
     spoilt = logged(made(3), {2: 4, 4: 8, 8: 2})
 
     assert ladders(asked(spoilt)) == []

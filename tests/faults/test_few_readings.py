@@ -1,4 +1,4 @@
-"""Small and spoilt campaigns that ended in an internal error once: each has an answer."""
+"""Small and corrupted campaigns that once ended in an internal error: each has an answer."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def verdict(made):
 
 
 def lost(made, pose):
-    """The unloaded readings of a pose at the origin: the lock was lost."""
+    """The unloaded readings of a pose at the origin, as after a lost lock."""
     head, rows = table(made, "tracker.csv")
     new = [
         row[:2] + ["0.0000"] * 3 + row[5:]
@@ -30,7 +30,7 @@ def lost(made, pose):
 
 @pytest.mark.whole
 def test_the_fullest_pose_has_no_displacement():
-    """Its forces are known, its zeros are not: the next pose is pulled as another one was."""
+    """Its forces are known, its zeros are not: the next pose uses the load steps of another one."""
     steps = [[1000.0, 2000.0, 3000.0, 1500.0], [1200.0, 3000.0], [1200.0, 3000.0]]
     plan = Plan(
         name="few", seed=2, tool=ONE_TARGET, poses={"count": 3}, pulls={"pose_steps_n": steps}
@@ -39,7 +39,7 @@ def test_the_fullest_pose_has_no_displacement():
 
 
 def test_base_reflectors_of_which_no_three_agree():
-    """Nobody can say which of them is wrong: none is singled out."""
+    """Which of them is wrong is undecidable: none is accused."""
     given = case(simulate(Plan(name="few", seed=3, poses={"count": 4})).files)
     rng = np.random.default_rng(1)
     base = {name: tuple(rng.uniform(-9, 9, 3).tolist()) for name in given.settings.base_frame}
@@ -54,7 +54,10 @@ def test_base_reflectors_of_which_no_three_agree():
 @pytest.mark.parametrize("layout", ["uneven", "three"])
 @pytest.mark.parametrize("step", [1, 2])
 def test_all_places_of_the_base_reflectors_are_off(layout, step):
-    """Shifted by a row or two, no three of them agree as stated: their names are put back."""
+    """Shifted by a row or two, no three of them agree with the nominal.
+
+    Their names are corrected.
+    """
     base = LAYOUTS[layout]
     plan = Plan(name="few", seed=3, base_frame=base, poses={"count": 4})
     made = dict(simulate(plan).files)

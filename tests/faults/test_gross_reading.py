@@ -1,4 +1,4 @@
-"""Readings of the effector centimetres and metres off: named beside the median, nothing else."""
+"""Readings of the effector off by centimetres or metres: named against the median, nothing else."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ def case():
 
 
 def put(case, places):
-    """Readings at other places, by group and target [m]."""
+    """Readings moved to other positions, by group and target [m]."""
     for (group, target), place in places.items():
         rows = case.readings.copy()
         rows.loc[where(case, group, target), XYZ] = place
@@ -37,7 +37,7 @@ def named(case):
 @pytest.mark.parametrize("group", ["pose04_rep1_loaded", "pose02_rep0_unloaded"])
 @pytest.mark.parametrize("target", ["P1", "P2", "P3"])
 def test_a_failed_lock_and_a_stale_reading_are_named(case, group, target):
-    """(0, 0, 0), and another target's place; the size is how far it is away."""
+    """(0, 0, 0), and the position of another target; the size is the distance."""
     true = place_of(case, group, target)
     other = place_of(case, group, {"P1": "P2"}.get(target, "P1"))
     for place in (np.zeros(3), other):
@@ -50,7 +50,7 @@ def test_a_failed_lock_and_a_stale_reading_are_named(case, group, target):
 
 
 def test_two_of_one_pose_are_both_named(case):
-    """In different states, and two of three targets of one state: no distance is right there."""
+    """In different states, or two of three targets of one state, where no distance is right."""
     one, other = ("pose03_rep1_loaded", "P1"), ("pose03_rep2_loaded", "P3")
     same = ("pose03_rep1_loaded", "P2")
 
@@ -62,7 +62,10 @@ def test_two_of_one_pose_are_both_named(case):
 
 
 def test_what_moves_as_a_whole_is_no_reading(case):
-    """A robot that stood elsewhere in one state keeps the distances; a clean campaign is clean."""
+    """A robot that was elsewhere in one state keeps the distances.
+
+    A clean campaign has no fault.
+    """
     rows = (case.readings["group"] == "pose03_rep1_loaded").to_numpy()
 
     assert gross(case) == []
@@ -70,7 +73,7 @@ def test_what_moves_as_a_whole_is_no_reading(case):
 
 
 def test_a_soft_robot_gives_way_by_centimetres(case):
-    """Ten times what is usual is asked for: 2 cm in every pull, 5 cm in one."""
+    """Ten times the usual is required: 2 cm in every pull and 5 cm in one are not enough."""
     rows = case.readings
     pulled = (rows["state"] == "loaded").to_numpy()
     soft = moved(case, pulled, np.array([0.0, 0.0, 0.02]))
@@ -80,7 +83,7 @@ def test_a_soft_robot_gives_way_by_centimetres(case):
 
 
 def test_with_one_pull_to_a_pose_the_distances_tell(case):
-    """One zero, one pull: no median in the pose, and two distances of three are wrong."""
+    """One zero, one pull: no median in the pose, and two of three distances are wrong."""
     rows = case.readings
     few = replace(case, readings=rows[rows["group"].str.contains("rep0|rep1|base")])
     spot = ("pose05_rep1_loaded", "P2")
@@ -91,7 +94,7 @@ def test_with_one_pull_to_a_pose_the_distances_tell(case):
 
 
 def test_without_stated_noise_a_gross_reading_is_named_all_the_same(case):
-    """No standard deviation is known, a metre is a metre."""
+    """No standard deviation is known, but a metre is clear without."""
     blank = case.readings.filter(regex="^c.._m2$").columns
     unknown = replace(case, readings=case.readings.assign(**dict.fromkeys(blank, np.nan)))
 

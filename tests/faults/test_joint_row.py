@@ -1,4 +1,4 @@
-"""A wrong row of the joint log: the table laid by scipy, with and without the pose."""
+"""A wrong row of the joint log: poses aligned by scipy, with and without the pose."""
 
 from dataclasses import replace
 
@@ -14,11 +14,11 @@ from pipeline.machine.robot import configure
 from pipeline.reduction.register import XYZ
 
 OFF = 4e-3
-"""How far the row of pose 4 puts its reflectors from where they are, about [m]."""
+"""Displacement of the reflectors by the wrong row of pose 4, approximately [m]."""
 
 
 def logged(case, pose, joint, amount):
-    """Another number for one joint of one pose."""
+    """Another value for one joint of one pose."""
     joints = case.joints.copy()
     joints.loc[joints["pose"] == pose, case.joint_columns[joint]] += amount
     return replace(case, joints=joints)
@@ -26,18 +26,18 @@ def logged(case, pose, joint, amount):
 
 @pytest.fixture(scope="module")
 def case():
-    """Seven poses of a robot whose tool is off by 0.2 mm."""
+    """Seven poses of a robot with a tool wrong by 0.2 mm."""
     return small(6, poses={"count": 7}, hidden={"tool_sd_m": 2e-4})
 
 
 @pytest.fixture(scope="module")
 def wrong(case):
-    """The rail of pose 4 logged 4 mm further."""
+    """The rail of pose 4 logged 4 mm too far."""
     return logged(case, 4, 0, OFF)
 
 
 def by_scipy(case, poses):
-    """Sum of squares [m^2], R, t and points of the effector, from unloaded readings of poses."""
+    """Sum of squares [m^2], R, t and effector points, from unloaded readings of some poses."""
     rows = case.readings
     rows = rows[(rows["state"] == "unloaded") & rows["target"].isin(case.settings.measured)]
     rows = rows[rows["pose"].isin(poses)]
@@ -47,7 +47,7 @@ def by_scipy(case, poses):
     seen, nominal = rows[XYZ].to_numpy(float), case.tool.points
     frames = configure(case.robot, case.q(every))
     whole = frames.points(nominal)[at, target]
-    # where the tracker stands to begin with: from six points far apart
+    # initial pose of the tracker: from six points far apart
     turn, _ = Rotation.align_vectors(seen - seen.mean(axis=0), whole - whole.mean(axis=0))
     start, centre = turn.as_matrix(), whole.mean(axis=0)
 
@@ -66,7 +66,7 @@ EVERY = [1, 2, 3, 4, 5, 6, 7]
 
 
 def test_the_table_is_laid_as_scipy_lays_it(wrong):
-    """Base and points of the effector from all poses, and from those that are left."""
+    """Base and effector points from all poses, and from those that remain."""
     read = _read(wrong)
     for out in ([], [3]):
         kept = [pose for k, pose in enumerate(EVERY) if k not in out]
@@ -74,7 +74,7 @@ def test_the_table_is_laid_as_scipy_lays_it(wrong):
         np.testing.assert_allclose(found.R, R, atol=1e-7)
         np.testing.assert_allclose(found.t, t, atol=2e-6)
         np.testing.assert_allclose(found.off, off, atol=1e-7)
-        far = read.seen - found.away  # where the table puts every reading
+        far = read.seen - found.away  # predicted position of every reading
         here = configure(wrong.robot, wrong.q(np.array(EVERY))).points(wrong.tool.points)
         where = here[read.pose, read.target] @ R.T + t
         assert np.abs(far - where).max() < 2e-3
@@ -82,7 +82,7 @@ def test_the_table_is_laid_as_scipy_lays_it(wrong):
 
 @pytest.mark.parametrize("out", [[], [3]])
 def test_a_pose_stands_as_far_off_as_fits_without_it_say(wrong, out):
-    """The drop of the sum of squares without it, and what the others leave, by coordinate."""
+    """Drop of the sum of squares without it, and residuals of the others, by coordinate."""
     found = _laid(_read(wrong), out)
     kept = [pose for k, pose in enumerate(EVERY) if k not in out]
     whole, *_, n = by_scipy(wrong, kept)
@@ -101,7 +101,7 @@ def test_a_pose_stands_as_far_off_as_fits_without_it_say(wrong, out):
 
 
 def test_only_the_wrong_row_stands_apart(wrong, case):
-    """Ten times what the others do, and no less than a millimetre."""
+    """Ten times the others, and at least a millimetre."""
     assert np.flatnonzero(_laid(_read(wrong), [3]).apart).tolist() == [3]
     assert not _laid(_read(case), []).apart.any()
     laid = _laid(_read(case), [])
@@ -131,7 +131,7 @@ def test_a_wrong_row_is_named_with_how_far_it_is_off(wrong):
 
 
 def test_a_weaker_wrong_row_beside_a_gross_one_is_named_when_few_are_wrong(case):
-    """One of four poses at most may be wrong: of seven one, of nine two."""
+    """At most one of four poses may be wrong: one of seven, two of nine."""
     two = logged(logged(case, 4, 0, OFF), 6, 1, np.deg2rad(1.0))
     assert wrong_rows(two) == []
 
@@ -142,7 +142,7 @@ def test_a_weaker_wrong_row_beside_a_gross_one_is_named_when_few_are_wrong(case)
 
 
 def test_with_five_poses_no_row_is_tested(case):
-    """Five must agree before a sixth is held against them; one reflector shows no pose."""
+    """Five must agree to test a sixth; one reflector does not determine a pose."""
     six = replace(case, readings=case.readings[case.readings["pose"].ne(7).fillna(True)])
     six = logged(six, 4, 0, 20e-3)
     five = replace(six, readings=six.readings[six.readings["pose"].ne(6).fillna(True)])
@@ -152,7 +152,7 @@ def test_with_five_poses_no_row_is_tested(case):
 
 
 def test_readings_that_moved_in_some_states_only_are_no_wrong_row(case):
-    """The zeros of a pose are elsewhere and its pulls are not: the log is right."""
+    """The zeros of a pose are elsewhere but its pulls are not: the log is right."""
     rows = case.readings
     here = (rows["pose"] == 4) & rows["target"].isin(case.settings.measured)
     here = here.fillna(False).to_numpy(bool)
@@ -196,7 +196,7 @@ def turned(angle, shift=(0.0, 0.0, 0.0)):
     ids=["shifted", "turned", "names exchanged", "one reading", "not rigid", "one reflector"],
 )
 def test_an_effector_moves_as_a_whole_or_not_at_all(seen, said):
-    """Under its own names, rigidly, and more than one reflector of it."""
+    """With its own names, rigidly, and more than one reflector."""
     far = np.linalg.norm(seen - DUE[: len(seen)], axis=1)
     size = float(np.sqrt(np.mean(far**2)))
 
@@ -204,16 +204,16 @@ def test_an_effector_moves_as_a_whole_or_not_at_all(seen, said):
 
 
 def test_a_rough_robot_is_not_held_to_rigidity():
-    """What is left may be ten times what the poses usually leave."""
+    """The residual may be ten times that of the other poses."""
     seen = turned(0.0, (1e-2, 0, 0)) + 4e-3 * np.array([[0, 0, 1], [0, 1, 0], [0, -1, 0]])
 
     assert not _moved(seen, DUE, 1e-2, 1e-5)
     assert _moved(seen, DUE, 1e-2, 1e-3)
-    assert not _moved(seen, DUE, 3e-2, 1e-3)  # these moved less than the pose is said to
+    assert not _moved(seen, DUE, 3e-2, 1e-3)  # these moved less than the stated size of the pose
 
 
 def test_poses_read_last_have_an_alibi_where_the_base_moved_too(wrong, monkeypatch):
-    """A tracker knocked before them; not where the base agrees, nor for a pose read earlier."""
+    """A tracker knocked before them; not if the base agrees, nor for a pose read earlier."""
     read, p = _read(wrong), [1.0]
     real = joint_row.register
     monkeypatch.setattr(

@@ -1,4 +1,4 @@
-"""Names that two reflectors of one state carry for each other: planted, found and put back."""
+"""Names exchanged between two reflectors of one state: planted, found and corrected."""
 
 import re
 from dataclasses import replace
@@ -31,7 +31,7 @@ def good():
 
 
 def written(group, names):
-    """The campaign with targets of some groups under other names."""
+    """The campaign with targets of some groups renamed."""
     rows = good().readings
     mine = rows["group"].isin([group] if isinstance(group, str) else group)
     said = [names.get(t, t) if m else t for t, m in zip(rows["target"], mine, strict=True)]
@@ -39,7 +39,7 @@ def written(group, names):
 
 
 def moved(group, target, by):
-    """The campaign with one reading elsewhere [m]."""
+    """The campaign with one reading displaced [m]."""
     rows = good().readings.copy()
     row = (rows["group"] == group) & (rows["target"] == target)
     assert row.sum() == 1
@@ -48,7 +48,7 @@ def moved(group, target, by):
 
 
 def test_where_the_joint_log_is_wrong_no_name_is_doubted():
-    """A column read with the wrong factor puts reflectors hundreds of millimetres elsewhere."""
+    """A column read with the wrong factor displaces reflectors by hundreds of millimetres."""
     for factor in (np.pi / 180, 0.5, 1.2):
         joints = good().joints.copy()
         joints["theta4_rad"] *= factor
@@ -71,7 +71,7 @@ RING, BACK = {"P1": "P2", "P2": "P3", "P3": "P1"}, {"P1": "P3", "P3": "P2", "P2"
     ids=["two", "ring", "ring back", "two loaded", "ring loaded", "chain"],
 )
 def test_names_exchanged_in_one_state_are_found_and_put_back(group, names):
-    """Unloaded or under load, two or three of them: each reading gets its own name again."""
+    """Unloaded or loaded, two or three of them: each reading gets its own name again."""
     bad = written(group, names)
 
     (found,) = labels(bad)
@@ -90,7 +90,7 @@ def test_names_exchanged_in_one_state_are_found_and_put_back(group, names):
 
 
 def test_good_names_are_left_alone():
-    """Nothing is found where nothing is wrong, nor with too few poses to tell."""
+    """Nothing is found if nothing is wrong, nor with too few poses."""
     assert labels(good()) == []
     few = good().joints["pose"] <= 2
     bad = written("pose02_rep0_unloaded", {"P1": "P2", "P2": "P1"})
@@ -98,7 +98,7 @@ def test_good_names_are_left_alone():
 
 
 def test_two_states_are_two_findings():
-    """Each with its own names, and each is put right by itself."""
+    """Each with its own names, and each is corrected separately."""
     bad = written(["pose01_rep1_loaded", "pose04_rep0_unloaded"], {"P2": "P3", "P3": "P2"})
 
     found = labels(bad)
@@ -110,13 +110,13 @@ def test_two_states_are_two_findings():
 
 
 def test_a_reading_that_is_only_off_is_no_exchange():
-    """Half a metre from everything, or twenty millimetres from its place: another test's."""
+    """Half a metre from everything, or twenty millimetres from its place: left to another test."""
     assert labels(moved("pose03_rep0_unloaded", "P1", [0.5, 0.5, 0.5])) == []
     assert labels(moved("pose03_rep0_unloaded", "P1", [0.01, -0.01, 0.014])) == []
 
 
 def test_a_chain_that_is_the_wrong_way_round_everywhere_is_no_exchange():
-    """That is how the ends were named; in most groups, likewise."""
+    """If the ends are named that way in most groups, that is the convention."""
     loaded = [g for g in good().readings["group"].unique() if g.endswith("_loaded")]
     swap = {"Pl1": "Pl2", "Pl2": "Pl1"}
 
@@ -126,7 +126,7 @@ def test_a_chain_that_is_the_wrong_way_round_everywhere_is_no_exchange():
 
 
 def test_an_exchange_leaves_the_ends_as_far_apart_as_they_are():
-    """And hung as in the other pulls: one end that is read elsewhere is no exchange."""
+    """And hung as in the other pulls: one displaced end is not an exchange."""
     table = chain_distances(good(), *aligned(good())).set_index("group")
     group = table.index[0]
     rows = good().readings.set_index(["group", "target"])
@@ -143,7 +143,7 @@ def test_an_exchange_leaves_the_ends_as_far_apart_as_they_are():
 
 
 def test_an_exchange_puts_every_reading_that_it_renames_in_its_place():
-    """Two readings that are off, one of which stands at the other's place by chance, are none."""
+    """Two wrong readings, one of which happens to be at the other's place, are not an exchange."""
     group, rows = "pose03_rep1_loaded", good().readings.set_index(["group", "target"])
     p1, p2 = (rows.loc[(group, end), XYZ].to_numpy(float) for end in ("P1", "P2"))
     both = good().readings.copy()
@@ -168,7 +168,7 @@ def test_a_target_and_an_end_of_the_chain_may_be_exchanged():
 
 
 def test_the_readings_are_aligned_though_some_are_misnamed():
-    """Or stand half a metre away: the rigid motion is that of the good readings."""
+    """Or displaced by half a metre: the rigid motion is that of the good readings."""
     R, t = aligned(good())
     swap = {"P1": "P2", "P2": "P1"}
     other = aligned(written(["pose02_rep0_unloaded", "pose04_rep0_unloaded"], swap))
@@ -182,7 +182,7 @@ def test_the_readings_are_aligned_though_some_are_misnamed():
 
 
 def test_distances_of_the_chain_are_from_the_load_point():
-    """Loaded groups only, in metres; without alignment nobody knows."""
+    """Loaded groups only, in metres; unknown without an alignment."""
     table = chain_distances(good(), *aligned(good()))
     rows = good().readings
     assert sorted(table["group"]) == sorted(g for g in rows["group"].unique() if "_loaded" in g)

@@ -1,4 +1,4 @@
-"""A tracker that reads its base reflectors all the while: as few rounds, and nothing is lost."""
+"""Continuous readings of base reflectors: combined into few rounds without loss."""
 
 import warnings
 
@@ -17,7 +17,7 @@ NUMBERS = [*XYZ, "dx_m", "dy_m", "dz_m"]
 
 
 def table(count):
-    """Readings of three reflectors in turn, each with a covariance of its own."""
+    """Readings of three reflectors in turn, each with its own covariance."""
     rng = np.random.default_rng(3)
     A = rng.normal(size=(count, 3, 3))
     C = A @ np.swapaxes(A, 1, 2) + np.eye(3)
@@ -29,14 +29,14 @@ def table(count):
 
 
 def test_a_thousand_readings_stay_as_they_are():
-    """Nobody is told of rounds that were not made."""
+    """No note about rounds that were not formed."""
     rows, _ = table(1000)
 
     assert in_rounds(rows) is rows
 
 
 def test_the_readings_of_a_round_are_their_weighted_mean():
-    """What hundreds of readings say of a reflector in a span of time, one says as certainly."""
+    """One mean per reflector and time span is as certain as its hundreds of readings."""
     rows, C = table(3000)
     means = in_rounds(rows)
 
@@ -54,7 +54,7 @@ def test_the_readings_of_a_round_are_their_weighted_mean():
 
 
 def test_readings_of_one_time_are_one_round():
-    """Of one group without times, say: one mean of each reflector, and no warning."""
+    """For example of one group without times: one mean of each reflector, and no warning."""
     rows, _ = table(3000)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -65,7 +65,7 @@ def test_readings_of_one_time_are_one_round():
 
 
 def watched(rounds, drift_m=0.0):
-    """The registration of a campaign with so many rounds, drifting in all by a shift."""
+    """Registration of a campaign with this number of rounds and this total drift."""
     made = small(4, base_frame=CORNERS)
     rows = made.readings[made.readings["pose"].isna()]
     first = rows.drop_duplicates("target")
@@ -79,17 +79,17 @@ def watched(rounds, drift_m=0.0):
 
 
 def test_many_rounds_are_looked_at_in_no_time():
-    """Not with a motion of the tracker before each of them, which would be its columns squared."""
+    """Without a motion of the tracker before each of them, a cost quadratic in their number."""
     assert base_outlier(watched(2000), 1.0) == []
 
 
 def test_a_drift_of_many_rounds_is_laid_on_no_reading():
-    """It has a test of its own."""
+    """Drift has a test of its own."""
     assert base_outlier(watched(150, drift_m=5e-4), 1.0) == []
 
 
 def test_what_stands_out_is_what_an_exact_look_finds():
-    """The quick look says no only where that does, whatever the limit."""
+    """The quick test says no only if the exact one does, whatever the limit."""
     one = next(_courses(watched(3), 1.0))
     most = one.each(np.ones(len(one.y), dtype=bool)).drop.max()
 

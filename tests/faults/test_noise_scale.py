@@ -1,4 +1,4 @@
-"""How much readings scatter: normal draws of a known size, with bad ones among them."""
+"""Scatter of readings: normal draws of known size, with bad ones among them."""
 
 from types import SimpleNamespace
 
@@ -28,7 +28,7 @@ def contrasts(draws, stated=1.0):
 
 @pytest.fixture
 def scale_of(monkeypatch):
-    """`noise_scale` of given contrasts."""
+    """`noise_scale` of the given contrasts."""
 
     def scale(draws, stated=1.0):
         made = contrasts(draws, stated)
@@ -39,14 +39,14 @@ def scale_of(monkeypatch):
 
 
 def test_readings_without_scatter_leave_the_stated_scale(scale_of):
-    """Half of the contrasts are exactly zero: 1, where a mean of none would be no number."""
+    """Half of the contrasts are exactly zero: 1, where a mean of none would be NaN."""
     assert scale_of(np.zeros(40))[0] == 1.0
     assert scale_of(np.r_[np.zeros(30), np.full(10, 1e-3)])[0] == 1.0
 
 
 @pytest.mark.parametrize("true", [1.3, 4.0])
 def test_the_scatter_is_found_over_the_stated_one(scale_of, true):
-    """4 000 draws, each with a standard uncertainty of its own: to 3 %, three sigma of the rest."""
+    """4 000 draws, each with its own standard uncertainty: to 3 %, three sigma of the result."""
     rng = np.random.default_rng(2)
     stated = rng.uniform(1e-6, 1e-4, 4000)
 
@@ -57,7 +57,7 @@ def test_the_scatter_is_found_over_the_stated_one(scale_of, true):
 
 
 def test_the_scatter_of_exact_quantiles_is_exact(scale_of):
-    """Of the quantiles of a normal the fixed point is the normal's own scatter, to a thousandth."""
+    """For quantiles of a normal the fixed point is its standard deviation, to a thousandth."""
     grid = stats.norm.ppf((np.arange(4001) + 0.5) / 4001)
 
     found, _ = scale_of(2.0 * grid)
@@ -68,7 +68,7 @@ def test_the_scatter_of_exact_quantiles_is_exact(scale_of):
 
 
 def test_a_few_bad_readings_do_not_count(scale_of):
-    """Twelve of 400 are off by a hundred sigma: the scatter stays within a twentieth."""
+    """Twelve of 400 are off by a hundred sigma: the scatter changes by less than a twentieth."""
     rng = np.random.default_rng(4)
     draws = 1.5 * rng.standard_normal(400)
     clean, _ = scale_of(draws)
@@ -86,7 +86,7 @@ def test_a_modest_certificate_makes_no_outliers(scale_of):
 
 
 def test_too_few_contrasts_say_nothing(scale_of):
-    """Of eleven none is asked, of twelve all are; then what is stated rests on the estimate."""
+    """Eleven contrasts are not used, twelve are; below that the stated noise holds."""
     draws = 3.0 * np.random.default_rng(6).standard_normal(12)
 
     assert scale_of(draws[:11]) == (1.0, 33)

@@ -21,7 +21,7 @@ PULLS = {"steps_n": [1000.0, 2000.0, 3000.0], "zero": "before"}
 
 
 def files(seed=5, **more):
-    """A campaign whose zeros are read once, before the pulls."""
+    """A campaign with one zero per pose, before the pulls."""
     plan = Plan(name="knocked", seed=seed, poses={"count": 8}, **{"pulls": PULLS} | more)
     return dict(simulate(plan).files)
 
@@ -37,7 +37,7 @@ def written(rows):
 
 
 def knocked(made, group, size_mm=0.6, until=None):
-    """Everything from a group on is read by a tracker that stands elsewhere."""
+    """All readings from a group on are by a displaced tracker."""
     rows = rows_of(made)
     begun = next(k for k, row in enumerate(rows) if row[0] == group)
     end = len(rows) if until is None else next(k for k, r in enumerate(rows) if r[0] == until)
@@ -59,7 +59,7 @@ def found(made):
 
 @pytest.fixture(scope="module")
 def said():
-    """The answer where the tracker is knocked between the zero and the pulls of pose 4."""
+    """Answer if the tracker is knocked between the zero and the pulls of pose 4."""
     return answered("knocked", in_memory(knocked(files(), "pose04_rep1_loaded"))).answer
 
 
@@ -80,7 +80,7 @@ def test_a_knock_between_zero_and_pulls_is_named_with_its_pose(said):
 
 
 def test_a_knock_between_two_pulls_leaves_the_later_ones_out():
-    """The pull before it has its zero, and stays."""
+    """The pull before it keeps its zero, and is used."""
     case = case_of(knocked(files(), "pose04_rep2_loaded"))
 
     (one,) = screen(case, bring(case)).findings
@@ -95,12 +95,12 @@ def test_a_knock_between_two_pulls_leaves_the_later_ones_out():
     "hidden", [[], ["joint_lost_motion:3=3x"], ["rail_roll=2x"], ["joint_hysteresis:2=3x"]]
 )
 def test_what_the_machine_does_in_every_pose_is_no_knock(hidden):
-    """Offsets that do not depend on the size of the load belong to the diagnosis."""
+    """Offsets that do not depend on the load are left to the diagnosis."""
     assert [one.where for one in found(files(hidden={"effects": hidden}))] == []
 
 
 def test_one_reading_that_is_off_moves_no_pose():
-    """The triangle of the effector tells a reading from a motion of the whole."""
+    """The triangle of the effector distinguishes one bad reading from a rigid motion."""
     made = files()
     rows = rows_of(made)
     (row,) = (row for row in rows if row[:2] == ["pose04_rep0_unloaded", "P2"])
@@ -112,7 +112,7 @@ def test_one_reading_that_is_off_moves_no_pose():
 
 
 def test_a_campaign_that_fits_is_not_asked(monkeypatch):
-    """Nothing is computed, and nothing said, where the joint springs explain the readings."""
+    """Nothing is computed or reported if the joint springs explain the readings."""
     case = case_of(files())
     asked = Screening(case, case.cell, case.robot.nominal_compliance)
     monkeypatch.setattr(pose_moved, "shifted_readings", None)
@@ -122,7 +122,7 @@ def test_a_campaign_that_fits_is_not_asked(monkeypatch):
 
 
 def test_the_engineer_is_told_to_measure_that_pose_again(said):
-    """No record corrects a tracker that was knocked."""
+    """No file can be corrected for a knocked tracker."""
     (to_do,) = [one.text for one in said.first_screen if one.about == "to_do"]
 
     assert to_do.startswith("Measure that pose again")
@@ -131,7 +131,7 @@ def test_the_engineer_is_told_to_measure_that_pose_again(said):
 
 @pytest.mark.whole
 def test_a_cause_that_displaces_some_poses_is_no_knock():
-    """Most of it in one pose; but then that pose is not alone."""
+    """Most of its effect may be in one pose, but other poses show it too."""
     made = files(1, hidden={"effects": ["link_bending:upper_arm=2x"]})
     said = answered("bent", in_memory(made)).answer
 

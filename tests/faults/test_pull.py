@@ -1,4 +1,4 @@
-"""Mistakes in all forces: the pull reversed and the scale's unit, planted, named and undone."""
+"""Mistakes in all forces: the pull reversed and the unit of the scale, planted and corrected."""
 
 from dataclasses import replace
 from functools import cache
@@ -26,20 +26,20 @@ def good():
 
 
 def estimate(factor, relative=0.01):
-    """Compliances at a factor on the nominal ones, each known to a fraction."""
+    """Compliances as a multiple of the nominal ones, each with a relative uncertainty."""
     value = np.broadcast_to(factor, 7) * good().robot.nominal_compliance
     return SimpleNamespace(value=value, std=np.abs(value) * relative)
 
 
 def end_for_end(case):
-    """The first reflector of the chain named as the second, in campaign.toml."""
+    """The first reflector of the chain named as the second in campaign.toml."""
     naming = case.settings.naming
     turned = naming.model_copy(update={"chain": list(naming.chain)[::-1]})
     return replace(case, settings=case.settings.model_copy(update={"naming": turned}))
 
 
 def reduced(case, rng):
-    """The campaign as it would have come reduced, with a column beside the forces."""
+    """The same campaign as if it had arrived reduced, with a column in addition to the forces."""
     fields = [pa.field(name, pa.float64(), metadata={"unit": "N"}) for name in FORCES]
     schema = pa.schema([pa.field("pose", pa.int32()), *fields], metadata={"table": "forces"})
     columns = [np.arange(5, dtype=np.int32), *rng.standard_normal((3, 5))]
@@ -47,7 +47,7 @@ def reduced(case, rng):
 
 
 def test_a_reversed_pull_is_named_and_turned_round():
-    """All clear compliances negative and the ends of the chain the wrong way round."""
+    """All clear compliances are negative and the ends of the chain are exchanged."""
     bad = end_for_end(good())
 
     (found,) = reversed_pull(bad, estimate(-1.0))
@@ -62,16 +62,16 @@ def test_a_reversed_pull_is_named_and_turned_round():
 
 
 def test_a_chain_that_hangs_as_it_is_named_was_not_reversed():
-    """Negative compliances from something else: the first end is the nearer one in every pull."""
+    """Negative compliances for another reason: the first end is the nearer one in every pull."""
     assert reversed_pull(good(), estimate(-1.0)) == []
 
 
 SIGNS = [
     ([-1, -1, -1, -1, -1, -1, -1], 0.01, True),
     ([1, 1, 1, 1, 1, 1, 1], 0.01, False),
-    ([-1, -1, -1, -1, -1, 1, 1], 0.01, False),  # 2 of 7 squares speak against it
+    ([-1, -1, -1, -1, -1, 1, 1], 0.01, False),  # 2 of 7 squares contradict it
     ([-1, -1, -1, -1, -1, -1, -1], 0.24, True),
-    ([-1, -1, -1, -1, -1, -1, -1], 0.26, False),  # none is clear of zero
+    ([-1, -1, -1, -1, -1, -1, -1], 0.26, False),  # none is clearly different from zero
 ]
 
 
@@ -84,7 +84,7 @@ def test_only_clear_signs_count(signs, relative, named):
 
 
 def test_one_sure_spring_does_not_speak_for_all():
-    """It holds nearly all the weight; but six in ten of the clear ones must be negative."""
+    """It has nearly all the weight, but six in ten of the clear ones must be negative."""
     value = good().robot.nominal_compliance * np.array([-1.0, 1, 1, 1, 1, 1, 1])
     sure = np.abs(value) * np.array([1e-4, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2])
     bad = end_for_end(good())
@@ -107,7 +107,7 @@ def test_an_undetermined_spring_has_no_sign():
 
 
 def test_forces_of_a_reduced_campaign_are_turned_round():
-    """All three components, and nothing beside them; twice is as it was."""
+    """All three components, and no other column; twice restores the original."""
     case = reduced(end_for_end(good()), np.random.default_rng(1))
     (found,) = reversed_pull(case, estimate(-1.0))
 
@@ -124,7 +124,7 @@ def test_forces_of_a_reduced_campaign_are_turned_round():
 @pytest.mark.parametrize("unit", NEWTON)
 @pytest.mark.parametrize("sense", [1, -1], ids=["read as newton", "was newton"])
 def test_a_wrong_unit_of_the_scale_is_named_and_undone(unit, sense):
-    """All stiffnesses off by the unit's factor, each by some tens of per cent more or less."""
+    """All stiffnesses are off by the factor of the unit, each by some 10 % more or less."""
     factor = NEWTON[unit] ** sense
     spread = np.exp(np.array([0.2, -0.2, 0.1, 0.0, -0.1, 0.15, -0.15]))
     bad = replace(good(), loads=good().loads.assign(force_n=good().loads["force_n"] / factor))
@@ -157,12 +157,12 @@ APART = np.array([-1.0, 1, -1, 1, 0, 1, -1])
     ],
 )
 def test_a_machine_may_be_softer_than_its_kind(factor, spread, named):
-    """All joints in common by less than 1.5 times, and less where joints disagree."""
+    """All joints by a common factor below 1.5, and less if joints disagree."""
     assert bool(force_unit(good(), estimate(factor * np.exp(spread * APART)))) is named
 
 
 def test_few_joints_are_less_sure_of_a_unit_than_many():
-    """A quarter softer than kilogram-force makes it: seven that agree say so, three do not."""
+    """A quarter softer than in kilogram-force: seven consistent joints decide, three do not."""
     seven = estimate(NEWTON["kgf"] * np.exp(0.25))
     three = estimate(NEWTON["kgf"] * np.exp(0.25))
     three.std[3:] = np.inf
@@ -172,7 +172,7 @@ def test_few_joints_are_less_sure_of_a_unit_than_many():
 
 
 def test_machines_as_delivered_tell_the_unit_and_no_other_factor():
-    """Joints off by 25 %, and specimens by 10 % in all of them: drawn, not computed."""
+    """Joints off by 25 %, specimens by 10 % in common: drawn, not computed."""
     rng = np.random.default_rng(7)
     joints = rng.uniform(0.75, 1.25, (200, 7))
     own = joints * np.exp(0.1 * rng.standard_normal((200, 1)))
@@ -189,7 +189,7 @@ def test_machines_as_delivered_tell_the_unit_and_no_other_factor():
 
 
 def test_a_range_that_holds_two_units_tells_neither():
-    """Published as anything from one to five times the least: lbf and kgf are both within."""
+    """Published as one to five times the lowest value: lbf and kgf are both possible."""
     nominal = [joint.typical_stiffness for joint in good().robot.joints]
     ranged = tuple(
         joint.model_copy(
@@ -212,7 +212,7 @@ NOTHING = {"stiffness_n_per_m": None, "stiffness_nm_per_rad": None}
 
 
 def test_two_sure_springs_are_too_few_for_a_unit():
-    """Three at least that are known to a third, on a robot whose stiffnesses are published."""
+    """At least three known to a third are needed, on a robot with published stiffnesses."""
     three = estimate(NEWTON["kgf"])
     three.std[3:] = np.abs(three.value[3:])
     assert len(force_unit(good(), three)) == 1
@@ -225,7 +225,7 @@ def test_two_sure_springs_are_too_few_for_a_unit():
 
 
 def test_a_factor_holds_for_scale_readings_and_reduced_forces_alike():
-    """And its inverse takes it back."""
+    """And its inverse restores the original."""
     case = reduced(good(), np.random.default_rng(2))
     more = times(9.80665)(case)
 
@@ -241,7 +241,7 @@ def test_a_factor_holds_for_scale_readings_and_reduced_forces_alike():
 
 @pytest.mark.parametrize("unclear", [0.5, np.inf])
 def test_springs_that_are_not_clear_have_no_vote(unclear):
-    """Three of seven are clear and negative: six in ten of three, not of seven, are called for."""
+    """Three of seven are clear and negative: six in ten of three, not of seven, are required."""
     some = estimate(np.array([-1.0, -1, -1, 1, 1, 1, 1]))
     some.std[3:] = unclear * np.abs(some.value[3:])
 

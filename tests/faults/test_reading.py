@@ -1,4 +1,4 @@
-"""Single readings: what a shift does by reducing again, what it costs by leaving it out."""
+"""Single readings: effect of a shift by repeated reduction, and its cost by leaving it out."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -36,7 +36,7 @@ def shifted(given):
 
 
 def rows_of(given, shifted, k):
-    """Where reading k stands in the table of readings, from the tables alone."""
+    """Row of reading k in the table of readings, from the tables alone."""
     one, case = shifted.readings, given.case
     rows = case.readings[case.readings["pose"] == one.pose[k]]
     rows = rows[rows["target"] == case.settings.measured[one.target[k]]]
@@ -47,7 +47,7 @@ def rows_of(given, shifted, k):
 
 
 def by_reducing_again(given, shifted, k):
-    """What a shift of one metre of a reading along each axis of F_b does to the rows, (rows, 3)."""
+    """Effect of a shift of one metre of a reading along each axis of F_b, (rows, 3)."""
     R = given.reduced.registration.R
     which = given.case.readings.index == rows_of(given, shifted, k)
     columns = []
@@ -70,13 +70,13 @@ def dense(shifted):
 
 
 def left(X, y):
-    """Sum of squares that numpy's least squares leaves."""
+    """Residual sum of squares of numpy's least squares."""
     X = X / np.where(np.abs(X).max(axis=0) > 0, np.abs(X).max(axis=0), 1.0)
     return float(np.sum((y - X @ np.linalg.lstsq(X, y, rcond=1e-12)[0]) ** 2))
 
 
 def test_every_reading_that_makes_a_row_is_a_suspect_once(given, shifted):
-    """Every unloaded and loaded reading of a measured target, and no other."""
+    """Every unloaded and loaded reading of a measured target that enters a row, and no other."""
     rows = given.case.readings
     rows = rows[rows["target"].isin(given.case.settings.measured) & rows["pose"].notna()]
 
@@ -144,7 +144,7 @@ def own(shifted):
 
 
 def test_a_free_stiffness_of_every_pose_is_what_dense_fits_make_of_it(given, shifted):
-    """Six motions of each pose in proportion to its force; zeros stand still."""
+    """Six motions of each pose proportional to its force; zeros do not move."""
     stack = shifted.stack
     force = np.linalg.norm(given.reduced.data.pulls.force, axis=1)
     share = np.where(stack.pull < 0, 0.0, force[stack.pull])
@@ -178,7 +178,7 @@ def test_free_pulls_are_what_dense_fits_make_of_them(given, shifted):
 
 
 def freer(normal, drop):
-    """A freer model that sees one shift along x so well and finds so much of it."""
+    """A freer model with this sensitivity to a shift along x, and this drop."""
     N = np.zeros((1, 3, 3))
     N[0, 0, 0] = normal
     g = np.array([[np.sqrt(drop * normal), 0.0, 0.0]])
@@ -197,7 +197,7 @@ def freer(normal, drop):
     ],
 )
 def test_a_freer_model_confirms_a_quarter_of_what_it_must_see(normal, drop, seen, said):
-    """A shift of one: what it would cost there, and what is found of that."""
+    """A shift of one: the expected drop there, and the fraction found."""
     unit = np.array([1.0, 0.0, 0.0])
     assert reading.confirmed(freer(normal, drop), 0, unit, 1.0, seen) is said
     assert reading.confirmed(freer(4 * normal, 4 * drop), 0, unit, 4.0, seen) is said
@@ -255,7 +255,7 @@ def test_all_that_are_off_are_named_at_once():
 
 
 def test_clean_draws_are_accused_no_more_often_than_the_rate(given, shifted, monkeypatch):
-    """600 draws from the stated covariance: Bonferroni holds, and wastes less than two thirds."""
+    """600 draws from the stated covariance: Bonferroni's bound holds, within a factor of three."""
     G = shifted.stack.errors.G
     rng, base = np.random.default_rng(8), shifted.springs(given.system)
     prior = shifted.white.with_priors
@@ -268,7 +268,7 @@ def test_clean_draws_are_accused_no_more_often_than_the_rate(given, shifted, mon
 
     assert 0.04 < share < 0.1 + 3 * np.sqrt(0.1 * 0.9 / 600)
 
-    # and the test itself, at a rate where a few campaigns tell
+    # and the test itself, at a rate that a few campaigns can check
     monkeypatch.setattr(alarms, "READING", 0.2)
     monkeypatch.setattr(reading, "_SMALLEST_M", 0.0)
     accused = 0
@@ -289,7 +289,7 @@ def test_clean_draws_are_accused_no_more_often_than_the_rate(given, shifted, mon
 
 
 def test_two_readings_alike_off_in_one_pull_are_no_single_one():
-    """All three reflectors of a pull move together: that is no reading."""
+    """All three reflectors of a pull move together: not a single reading."""
     case = small(9)
     for target in ("P1", "P2", "P3"):
         case = moved(case, where(case, "pose03_rep1_loaded", target), [4e-4, 3e-4, -2e-4])
@@ -298,7 +298,7 @@ def test_two_readings_alike_off_in_one_pull_are_no_single_one():
 
 
 def test_nothing_below_the_smallest_is_reported(monkeypatch):
-    """A certain shift of 0.07 mm in exact data is too small to be named, one of 0.09 mm is not."""
+    """A significant shift of 0.07 mm in exact data is too small to be named, 0.09 mm is not."""
     case = small(11, tracker={"sigma_m": 2e-6})
     for off, named in ((7e-5, False), (9e-5, True)):
         found = find(moved(case, where(case, "pose04_rep1_loaded", "P2"), [off, 0, 0]))
@@ -306,7 +306,7 @@ def test_nothing_below_the_smallest_is_reported(monkeypatch):
 
 
 def test_the_papers_tail_counts_where_any_covariance_is_the_papers(given):
-    """Eq. (18) scatters along one direction by 0.03 mm: 4.9 of them, times what was found."""
+    """Eq. (18) scatters along one direction by 0.03 mm: 4.9 times that, times the scale found."""
     placed = given.reduced.placed
     mixed = placed.assign(covariance_from=["paper"] + ["stated"] * (len(placed) - 1))
 
@@ -315,7 +315,7 @@ def test_the_papers_tail_counts_where_any_covariance_is_the_papers(given):
 
 
 def test_a_finding_says_group_file_line_and_size(given):
-    """What the engineer looks for in the export, and the one row that goes."""
+    """What is needed to find it in the export, and the one row to remove."""
     row = given.reduced.placed.iloc[20]
 
     found = bad_reading(row, "all other readings", 1.5e-3, 12.34, 3.0)
@@ -341,7 +341,7 @@ def test_metres_are_said_in_metres_and_thousands_of_sigmas_need_no_digits(given)
 
 @pytest.mark.parametrize("recorded", [0.0, 1e-3])
 def test_a_lost_lock_is_said_to_be_one(given, recorded):
-    """What was recorded is (0, 0, 0), and not just somewhere else."""
+    """The recorded value is (0, 0, 0), which is named as such."""
     row = given.reduced.placed.iloc[20]
     found = bad_reading(row, "all other readings", 5.0, 1e5)
     here = given.case.readings["line"] == row["line"]
@@ -356,7 +356,7 @@ def test_a_lost_lock_is_said_to_be_one(given, recorded):
 
 
 def test_only_the_line_of_its_own_file_goes(given):
-    """Two files count their lines alike."""
+    """Two files with the same line numbers."""
     rows = given.case.readings.assign(file=lambda t: t["file"].astype(str))
     rows.loc[rows.index[:50], "file"] = "other.csv"
     rows.loc[rows.index[60], "line"] = rows.loc[rows.index[5], "line"]
@@ -367,7 +367,7 @@ def test_only_the_line_of_its_own_file_goes(given):
 
 
 def test_a_reading_stands_out_of_a_model_that_does_not_fit():
-    """3 mm beside a backlash of four times the usual size, which alone accuses no reading."""
+    """3 mm beside a backlash of four times the typical size, which alone accuses no reading."""
     spread = asked(small(3, hidden={"effects": ["rail_backlash=4x"]}))
     case = moved(spread.case, where(spread.case, "pose04_rep1_loaded", "P2"), [0, 3e-3, 0])
 
@@ -381,9 +381,9 @@ def test_a_reading_stands_out_of_a_model_that_does_not_fit():
 @pytest.mark.parametrize("targets", [("P1", "P2"), ("P1", "P2", "P3")])
 @pytest.mark.parametrize("alone", [False, True])
 def test_several_of_one_pull_are_bad_unless_the_effector_moved(targets, alone):
-    """Shifts that no rigid motion makes are of readings; a whole motion is of the pull.
+    """Shifts that are not a rigid motion are of readings; a rigid motion is of the pull.
 
-    Where all three are off, one may be, and the pull have moved besides: that explains as much.
+    If all three are off, one may be, with a motion of the pull in addition: that explains as much.
     """
     case, rng = small(9), np.random.default_rng(5)
     for target in ("P1", "P2", "P3") if not alone else targets:
@@ -398,7 +398,7 @@ def test_several_of_one_pull_are_bad_unless_the_effector_moved(targets, alone):
 
 
 def test_a_force_that_is_wrong_is_no_bad_reading():
-    """All readings of its pull are right: the pull is, and two bad readings beside it."""
+    """All readings of its pull are right: the pull is named, and two bad readings with it."""
     case = small(13)
     loads = case.loads.copy()
     at = loads.index[(loads["pose"] == 2) & (loads["repeat"] == 1)]
@@ -413,7 +413,7 @@ def test_a_force_that_is_wrong_is_no_bad_reading():
 
 @pytest.mark.parametrize("group", ["rep0_unloaded", "rep1_loaded", "rep3_unloaded"])
 def test_an_effector_that_moved_as_one_is_no_bad_reading(group):
-    """All three targets of a pull, or of either zero, shifted alike."""
+    """All three targets of a pull, or of either zero, shifted by the same vector."""
     case = small(9)
     for target in ("P1", "P2", "P3"):
         case = moved(case, where(case, f"pose03_{group}", target), [6e-4, 3e-4, -5e-4])
@@ -423,7 +423,7 @@ def test_an_effector_that_moved_as_one_is_no_bad_reading(group):
 
 @pytest.mark.parametrize(("target", "state"), [("P2", "rep1_loaded"), ("P1", "rep0_unloaded")])
 def test_a_zero_and_the_one_pull_read_from_it_are_named_together(target, state):
-    """Their difference is all that anybody has of them: both lines, and neither is used."""
+    """Only their difference is known: both lines are named, and neither is used."""
     case = small(3, poses={"count": 9}, pulls={"steps_n": [3000.0], "zero": "before"})
     case = moved(case, where(case, f"pose04_{state}", target), [2e-3, -1e-3, 1e-3])
 
@@ -437,7 +437,7 @@ def test_a_zero_and_the_one_pull_read_from_it_are_named_together(target, state):
 
 
 def test_a_zero_that_several_pulls_are_read_from_is_named_alone():
-    """Three pulls tell it from each of them."""
+    """Three pulls distinguish it from each of them."""
     case = small(3, poses={"count": 9}, pulls={"steps_n": [1e3, 3e3, 2e3], "zero": "before"})
     case = moved(case, where(case, "pose04_rep0_unloaded", "P1"), [2e-3, -1e-3, 1e-3])
 

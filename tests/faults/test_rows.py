@@ -1,4 +1,4 @@
-"""A wrong row of the joint log and a wrong base reflector are named where they stand."""
+"""A wrong row of the joint log and a wrong base reflector are named with their place."""
 
 import io
 import re
@@ -18,7 +18,7 @@ CORNERS = {"B1": [1, -0.5, -0.3], "B2": [1, 15, -0.3], "B3": [-1, 15, 0.2], "B4"
 
 
 def files(*effects, **changes):
-    """The raw files of a campaign, with something planted in the cell."""
+    """Raw files of a campaign, with something planted in the cell."""
     return simulate(revised(PLAN, {"hidden": {"effects": list(effects)}, **changes})).files
 
 
@@ -32,7 +32,7 @@ def findings(campaign):
 
 
 def logged(campaign, change):
-    """The campaign with another joint log; `change` gets and alters its table."""
+    """The campaign with a changed joint log; `change` modifies its table."""
     table = pd.read_csv(io.BytesIO(campaign["joints.csv"]), dtype=str)
     change(table)
     return {**campaign, "joints.csv": table.to_csv(index=False).encode()}
@@ -47,12 +47,12 @@ def added(pose, column, amount):
 
 
 def repeated(table):
-    """Row 5 a copy of row 4."""
+    """Row 5 is a copy of row 4."""
     table.loc[4, table.columns[1:]] = table.loc[3, table.columns[1:]].to_numpy()
 
 
 def exchanged(table):
-    """Rows 2 and 7 in each other's place."""
+    """Rows 2 and 7 are exchanged."""
     values = table.loc[[6, 1], table.columns[1:]].to_numpy()
     table.loc[[1, 6], table.columns[1:]] = values
 
@@ -65,12 +65,12 @@ def clean():
 
 @pytest.fixture(scope="module")
 def off_table():
-    """One with a wrong zero of theta3 and a turned base frame."""
+    """A campaign with a wrong zero of theta3 and a rotated base frame."""
     return files("joint_offset:3", "base_rotation=2x")
 
 
 def test_a_robot_that_stands_off_its_table_has_no_wrong_row(off_table, clean):
-    """Nor has one that does not."""
+    """Nor has one that agrees with its DH parameters."""
     assert not findings(off_table)
     assert not wrong_rows(case_of(clean))
 
@@ -85,7 +85,7 @@ def test_a_robot_that_stands_off_its_table_has_no_wrong_row(off_table, clean):
     ids=["theta6", "r1", "repeated"],
 )
 def test_a_wrong_row_of_the_joint_log_is_named(off_table, change, pose):
-    """Nothing but the row is flagged, also in a robot that is off its table."""
+    """Only that row is flagged, also for a robot with DH errors."""
     found = findings(logged(off_table, change))
 
     assert [(f.name, f.where) for f in found] == [("outlier", f"joints.csv pose{pose:02d}")]
@@ -101,7 +101,7 @@ def test_two_rows_in_each_others_place_are_both_named():
 
 
 def test_without_the_pose_of_a_wrong_row_the_result_is_that_of_good_data(clean):
-    """Readings, forces and joints of the other poses, and nothing else, are left."""
+    """Exactly the readings, forces and joint values of the other poses remain."""
     good = case_of(clean)
     case = case_of(logged(clean, added(7, "theta6_deg", 2.0)))
 
@@ -116,7 +116,7 @@ def test_without_the_pose_of_a_wrong_row_the_result_is_that_of_good_data(clean):
 
 @pytest.mark.parametrize("column", ["theta3_deg", "r1_m"])
 def test_a_log_that_is_wrong_in_every_row_accuses_no_row(clean, column):
-    """A joint that counts the other way is for another test."""
+    """A joint of opposite sense is left to another test."""
 
     def reversed_joint(table):
         table[column] = [str(-float(value)) for value in table[column]]
@@ -129,12 +129,12 @@ def test_a_log_that_is_wrong_in_every_row_accuses_no_row(clean, column):
     ["label_swap:pose05_rep0_unloaded", "outlier:pose03_rep0_unloaded/P2=20e-3", "gravity_sag=3x"],
 )
 def test_what_is_no_wrong_row_is_not_called_one(effect):
-    """Exchanged names, a single reading and a robot that sags."""
+    """Exchanged names, a single bad reading and a robot that sags."""
     assert not wrong_rows(case_of(files(effect)))
 
 
 def test_a_tracker_knocked_before_the_last_pose_is_no_wrong_row(clean):
-    """All readings of the last pose and the last base round stand 8 mm off together."""
+    """All readings of the last pose and the last base round are off by 8 mm together."""
     rows = [line.split(",") for line in clean["tracker.csv"].decode().splitlines()]
     column = rows[0].index("z_mm")
     for row in rows:
@@ -146,7 +146,7 @@ def test_a_tracker_knocked_before_the_last_pose_is_no_wrong_row(clean):
 
 
 def moved_base(campaign, name, axis, off_m):
-    """The campaign with one number of [base_frame] written wrong."""
+    """The campaign with one wrong number in [base_frame]."""
     text = campaign["campaign.toml"].decode()
     line = next(line for line in text.splitlines() if re.match(rf"{name}\s*=", line))
     at = [float(v) for v in re.search(r"\[(.*)\]", line).group(1).split(",")]
@@ -170,12 +170,12 @@ def test_a_wrong_nominal_of_a_base_reflector_is_named(four, name, axis):
 
 
 def test_base_reflectors_that_agree_are_left_alone(four):
-    """Nothing is said of a clean campaign."""
+    """Nothing is reported for a clean campaign."""
     assert not findings(four)
 
 
 def test_where_the_loss_of_another_reflector_would_do_as_well_none_is_named(four):
-    """Of four reflectors in a plane each may be the one that is too high."""
+    """Of four coplanar reflectors any may be the one that is too high."""
     flat = {name: [*at[:2], 0.0] for name, at in CORNERS.items()}
 
     found = findings(moved_base(files(base_frame=flat), "B2", 2, 0.002))
@@ -184,7 +184,7 @@ def test_where_the_loss_of_another_reflector_would_do_as_well_none_is_named(four
 
 
 def test_three_reflectors_on_one_line_say_nothing_and_stop_nothing():
-    """Without the fourth nobody knows how the tracker stands about that line."""
+    """Without the fourth, the rotation of the tracker about that line is undetermined."""
     line = {"B1": [1, 0, -0.3], "B2": [1, 8, -0.3], "B3": [1, 16, -0.3], "B4": [-1, 8, 0]}
 
     found = findings(moved_base(files(base_frame=line), "B2", 1, 0.01))

@@ -1,4 +1,4 @@
-"""One mistyped reading of the scale is named with its place; what force or joints do is not."""
+"""One mistyped reading of the scale is named with its place; effects of force or joints are not."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from pipeline.system.fit import fit
 
 PLAN = Plan(name="typed", seed=12, poses={"count": 9}, pulls={"steps_n": [1500.0, 3000.0]})
 LINE = 8
-"""Of loads.csv: pose 4, first pull."""
+"""Line of loads.csv: pose 4, first pull."""
 
 
 def campaign(*effects, **changes):
@@ -21,7 +21,7 @@ def campaign(*effects, **changes):
 
 
 def mistyped(files, change, line=LINE):
-    """The same with another number for the force in a line of the scale's log."""
+    """The same with another force in a line of the scale's log."""
     rows = files["loads.csv"].decode().splitlines()
     column = rows[0].split(",").index("force_n")
     cells = rows[line - 1].split(",")
@@ -40,7 +40,7 @@ def times(factor):
 
 
 def exchanged(typed):
-    """The first two digits the other way round."""
+    """With the first two digits exchanged."""
     assert typed[0] != typed[1]
     return typed[1] + typed[0] + typed[2:]
 
@@ -57,7 +57,7 @@ def exchanged(typed):
     ids=["a tenth more", "twice, no noise stated", "ten times", "digits exchanged"],
 )
 def test_a_mistyped_reading_is_named_and_left_out(change, changes):
-    """With its group and line, and the stiffnesses without it are those of the machine."""
+    """With its group and line; the stiffnesses without it are those of the machine."""
     made = campaign(**changes)
 
     said = screened(mistyped(made.files, change))
@@ -74,7 +74,7 @@ def test_a_mistyped_reading_is_named_and_left_out(change, changes):
 
 
 def test_it_is_named_beside_a_fault_of_the_model():
-    """Twice the force in one line, while the rail has backlash that nobody reported."""
+    """Twice the force in one line, while the rail has an unreported backlash."""
     said = screened(mistyped(campaign("rail_backlash").files, times(2)))
 
     assert [f.where for f in said.findings] == ["loads.csv pose04 rep1"]
@@ -89,19 +89,19 @@ def test_it_is_named_beside_a_fault_of_the_model():
     ],
 )
 def test_what_is_wrong_in_many_pulls_is_no_mistyped_reading(effect):
-    """A scale that is bent, or a joint with play, spoils all pulls alike."""
+    """A bent scale or a joint with play affects all pulls alike."""
     assert not screened(campaign(effect).files).findings
 
 
 def test_a_bad_reading_of_the_tracker_is_not_laid_on_the_scale():
-    """One reflector 2 mm off contradicts its own pull more than any force could mend."""
+    """One reflector off by 2 mm contradicts its own pull more than any force could correct."""
     said = screened(campaign("outlier:pose04_rep1_loaded/P2=2e-3").files)
 
     assert [f.where for f in said.findings] == ["pose04_rep1_loaded/P2"]
 
 
 def test_a_tracker_knocked_during_a_pull_is_not_laid_on_the_scale():
-    """All reflectors of one pull are a millimetre further along, and a millimetre to the side."""
+    """All reflectors of one pull are displaced by a millimetre along and across."""
     files = campaign().files
     rows = [line.split(",") for line in files["tracker.csv"].decode().splitlines()]
     column = [rows[0].index(f"{axis}_mm") for axis in "xyz"]
@@ -124,7 +124,7 @@ def test_a_tracker_knocked_during_a_pull_is_not_laid_on_the_scale():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("factor", "named"), [(0.8, 0), (4.0, 3)])
 def test_a_pose_that_is_off_by_one_factor_has_no_mistyped_readings(factor, named):
-    """Nobody mistypes all its pulls alike, unless by more than any machine is soft."""
+    """Not all its pulls are mistyped alike, unless the factor exceeds any compliance."""
     pulls = {"steps_n": [1000.0, 2000.0, 3000.0]}
     files = simulate(revised(PLAN, {"poses": {"count": 16}, "pulls": pulls})).files
     for line in (5, 6, 7):

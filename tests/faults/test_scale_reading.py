@@ -1,4 +1,4 @@
-"""A mistyped reading of the scale: what fits, how surely, by dense fits of everything else."""
+"""A mistyped reading of the scale: corrected value and certainty, by dense fits of all else."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -48,7 +48,7 @@ def dense(asked):
 
 
 def by_newton(asked, pull, step=1.0):
-    """What a newton more in a pull moves, by the forward model itself, shape (rows,)."""
+    """Effect of one newton more in a pull, by the forward model itself, shape (rows,)."""
     data = asked.reduced.data
     force = data.pulls.force.copy()
     force[pull] *= 1 + step / np.linalg.norm(force[pull])
@@ -62,7 +62,7 @@ def by_newton(asked, pull, step=1.0):
 
 
 def test_every_pull_is_freed_as_a_dense_fit_frees_it(clean):
-    """Drop, size [N] and uncertainty of each, beside springs and all stated errors."""
+    """Drop, size [N] and uncertainty of each, with springs and all stated errors."""
     found = freed(clean)
     W, B = dense(clean)
     y = W @ clean.system.c
@@ -82,7 +82,7 @@ def test_every_pull_is_freed_as_a_dense_fit_frees_it(clean):
 
 
 def test_the_reading_that_fits_is_the_smallest_misfit(case):
-    """Ten times the force in one pull: the force at which all rows disagree least, by scipy."""
+    """Ten times the force in one pull: the force of least misfit of all rows, by scipy."""
     wrong = asked(typed(case, 3, 1, lambda f: 10 * f))
     data, pull = wrong.reduced.data, 4
     assert (data.pulls.pose[pull], data.pulls.repeat[pull]) == (3, 1)
@@ -106,7 +106,7 @@ def test_the_reading_that_fits_is_the_smallest_misfit(case):
 
 @pytest.mark.parametrize("factor", [10.0, 0.1, 1.3])
 def test_a_mistyped_reading_is_found_with_what_it_should_be(case, factor):
-    """Ten times, a tenth, and digits exchanged: place, size and what the others say."""
+    """Ten times, a tenth, and exchanged digits: place, size and the value from the others."""
     wrong = typed(case, 5, 2, lambda f: factor * f)
 
     (found,) = scale_reading.FAULT.find(asked(wrong))
@@ -128,7 +128,7 @@ def test_a_mistyped_reading_is_found_with_what_it_should_be(case, factor):
 
 
 def places(findings):
-    """Pose and repeat of each."""
+    """Pose and repeat of each finding."""
     words = [one.where.split() for one in findings]
     return sorted((int(pose[-2:]), int(repeat[-1:])) for _, pose, repeat in words)
 
@@ -143,7 +143,7 @@ def places(findings):
     ],
 )
 def test_mistyped_readings_that_hide_each_other_are_found_together(case, factors):
-    """Alike, opposed, three of twelve, both pulls of a pose: each in place and no other."""
+    """Alike, opposed, three of twelve, both pulls of a pose: each is named, and no other."""
     wrong = case
     for (pose, repeat), factor in factors.items():
         wrong = typed(wrong, pose, repeat, lambda f, factor=factor: factor * f)
@@ -160,7 +160,7 @@ def test_mistyped_readings_that_hide_each_other_are_found_together(case, factors
 
 
 def test_two_lines_of_the_log_exchanged_are_found(case):
-    """Each pull has the other's force, as where two rows of a list are swapped."""
+    """Each pull has the other's force, as if two rows of a list were exchanged."""
     force = case.loads.set_index(["pose", "repeat"])["force_n"]
     ends = [force.idxmax(), force.idxmin()]
     wrong = typed(case, *ends[0], lambda _: force.loc[ends[1]])
@@ -172,7 +172,7 @@ def test_two_lines_of_the_log_exchanged_are_found(case):
 
 
 def test_what_all_pulls_share_is_no_mistyped_reading(case):
-    """A scale whose reading grows by the power 1.3, and a zero that wanders: nobody typed that."""
+    """A reading that grows with the power 1.3, and a wandering zero: not typing errors."""
     loads = case.loads
     for change in (lambda f: f * (f / f.mean()) ** 0.3, lambda f: f + 300 * np.sin(np.arange(12))):
         other = replace(case, loads=loads.assign(force_n=change(loads["force_n"])))
@@ -180,7 +180,7 @@ def test_what_all_pulls_share_is_no_mistyped_reading(case):
 
 
 def test_a_reading_that_dominates_no_other_waits_for_the_causes():
-    """A few newtons beyond chance: no mistake before causes were sought, and one beside them."""
+    """A few newtons beyond chance: a mistake only after causes were sought."""
     exact = small(8, tracker={"sigma_m": 1e-4}, scale={"sigma_n": 3.0})
     force = exact.loads["force_n"].to_numpy()
     sizes = [asked(typed(exact, 5, 2, lambda f, k=k: f + k * force.max())) for k in (0.05, 0.5)]
@@ -207,7 +207,7 @@ def test_a_weaker_second_one_is_named_after_the_first(case):
 
 
 def test_what_was_not_mistyped_is_not_called_so():
-    """Two hundredths of the force are no digit, four are; nor six uncertainties of a poor scale."""
+    """0.02 of the force is no wrong digit, 0.04 is; nor are six uncertainties of a poor scale."""
     exact = small(8, tracker={"sigma_m": 2e-6}, scale={"sigma_n": 3.0})
 
     def find(factor, scale=None):
@@ -227,7 +227,7 @@ def test_what_was_not_mistyped_is_not_called_so():
 
 
 def test_few_pulls_single_none_out(case, monkeypatch):
-    """Seven are too few, and with more than a thousand nobody typed."""
+    """Seven are too few, and more than a thousand are not typed by hand."""
     wrong = asked(typed(case, 5, 2, lambda f: 10 * f))
     args = (wrong.case, wrong.cell, wrong.reduced.data, wrong.system, wrong.estimate)
     for fewest, most, said in ((12, 12, True), (13, 99, False), (8, 11, False)):
@@ -238,7 +238,7 @@ def test_few_pulls_single_none_out(case, monkeypatch):
 
 
 def test_clean_draws_are_accused_no_more_often_than_the_rate(clean):
-    """1000 draws from the stated errors: of twelve pulls the worst, counted for all of them."""
+    """1000 draws from the stated errors: the worst of twelve pulls, with p corrected for all."""
     white = whitener(clean.system.errors, clean.system.rows.pose)
     data = clean.reduced.data
     base, _ = _freed(clean.cell, data, clean.system, clean.estimate, white)
@@ -251,12 +251,12 @@ def test_clean_draws_are_accused_no_more_often_than_the_rate(clean):
         least.append(_chance(now, clean.system).min())
     share = np.mean(np.array(least) < 0.1)
 
-    # F with s of one at least: chance is overstated where the residuals are small
+    # F with s of one at least: p is overstated if the residuals are small
     assert 0.03 < share < stats.binom.ppf(0.999, 1000, 0.1) / 1000
 
 
 def test_a_modest_certificate_is_believed_and_none_is_not(clean):
-    """Residuals half as large as stated count as stated; where nothing is stated they count."""
+    """Residuals half as large as stated count as stated; without a statement they count."""
     found = freed(clean)
     small_rest = replace(found, rest=found.rest / 4, g=found.g / 2)
     stated, unstated = SimpleNamespace(noise_stated=True), SimpleNamespace(noise_stated=False)
@@ -271,7 +271,7 @@ def test_a_modest_certificate_is_believed_and_none_is_not(clean):
 
 
 def test_a_scale_is_as_sure_of_the_right_reading_as_it_states():
-    """One part in a hundred of the reading: of ten times the force ten times as much."""
+    """0.01 of the reading: at ten times the force ten times as much."""
     case = small(8, scale={"sigma_n": 1.0, "sigma_rel": 0.01})
     wrong = typed(case, 5, 2, lambda f: 10 * f)
 
@@ -284,7 +284,7 @@ def test_a_scale_is_as_sure_of_the_right_reading_as_it_states():
 
 
 def test_where_no_noise_is_stated_the_other_pulls_are_the_noise():
-    """The sum of squares that the reading as given would leave is that of the right one."""
+    """The residual sum of squares is that with the right reading."""
     case = small(8, tracker={"stated": False})
     (found,) = scale_reading.FAULT.find(asked(typed(case, 5, 2, lambda f: 1.3 * f)))
 

@@ -1,4 +1,4 @@
-"""The order of screening: whole files once, then the first finding of the first test, again."""
+"""The order of screening: whole files once, then the first finding of the first test, repeated."""
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
@@ -17,7 +17,7 @@ from pipeline.faults.screen import Screened, ScreeningBase, screen, singles_of
 
 @dataclass(frozen=True)
 class Bench:
-    """A campaign of which is only known which mistakes are still in it."""
+    """A campaign of which only the remaining mistakes are known."""
 
     wrong: tuple[str, ...]
     settings: object = field(default_factory=lambda: SimpleNamespace(displacements=None))
@@ -27,7 +27,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class Cell:
-    """A model that knows its causes only."""
+    """A model of which only the causes are known."""
 
     causes: tuple[str, ...] = ()
 
@@ -50,7 +50,7 @@ def mistake(name):
 
 @pytest.fixture
 def tests(monkeypatch):
-    """Puts tests in place of the real ones; each finds the mistakes of its letter."""
+    """Replace the real tests; each finds the mistakes of its letter."""
     calls = []
     monkeypatch.setattr(module, "lock_lost", lambda one, _: one)
     monkeypatch.setattr(module, "tells", lambda _: True)
@@ -80,7 +80,7 @@ def names(screened):
 
 
 def test_a_clean_campaign_is_given_back_itself(tests):
-    """Every test is asked once, with the measurements that are at hand."""
+    """Every test runs once, with the given measurements."""
     calls, case, reduced = tests("F", "a", "b"), Bench(()), object()
 
     got = screen(case, reduced)
@@ -92,7 +92,7 @@ def test_a_clean_campaign_is_given_back_itself(tests):
 
 
 def test_whole_files_come_first_and_once(tests):
-    """All findings of such a test are put right before the next, and it is not asked again."""
+    """All findings of such a test are corrected before the next, and it does not run again."""
     calls = tests("b", "F", "G", at_once=2)
 
     got = screen(Bench(("b1", "g1", "f1", "f2", "f3")), object())
@@ -105,7 +105,7 @@ def test_whole_files_come_first_and_once(tests):
 
 
 def test_after_each_finding_the_grossest_test_is_asked_first(tests):
-    """Of one test what it finds first; then all over again, on measurements made anew."""
+    """The first finding of one test; then all tests again, on new measurements."""
     calls, reduced = tests("a", "b"), object()
 
     got = screen(Bench(("b1", "a1", "b2", "a2")), reduced)
@@ -117,7 +117,7 @@ def test_after_each_finding_the_grossest_test_is_asked_first(tests):
 
 
 def test_a_mistake_that_would_leave_nothing_stays_and_is_said_to(tests, monkeypatch):
-    """The campaign as it is, with what nothing puts right; no test of it goes on for ever."""
+    """The campaign unchanged, with a finding that nothing corrects; no test repeats for ever."""
     calls = tests("F", "a")
     monkeypatch.setattr(module, "tells", lambda case: len(case.wrong) > 0)
 
@@ -130,7 +130,7 @@ def test_a_mistake_that_would_leave_nothing_stays_and_is_said_to(tests, monkeypa
 
 
 def test_it_stops_where_something_new_is_found_for_ever(tests):
-    """Forty rounds of mistakes are no campaign; what was found is told."""
+    """After forty rounds of mistakes it stops, with the findings so far."""
     tests("a")
 
     got = screen(Bench(tuple(f"a{k}" for k in range(60))), object())
@@ -139,7 +139,7 @@ def test_it_stops_where_something_new_is_found_for_ever(tests):
 
 
 def test_a_campaign_that_arrives_reduced_is_asked_about_forces_only(tests):
-    """Tests that read files or readings have nothing to read."""
+    """Tests that read files or readings have no input."""
     calls = tests("F", "a", "b", forces="b")
     case = replace(Bench(("a1", "b1", "f1")), settings=SimpleNamespace(displacements="table"))
 
@@ -150,7 +150,7 @@ def test_a_campaign_that_arrives_reduced_is_asked_about_forces_only(tests):
 
 
 def test_single_readings_are_tested_beside_what_is_held(tests):
-    """The causes, their estimate and the tails; what was put right in whole files stays so."""
+    """The causes, their estimate and the tails; corrections of whole files stay."""
     calls, family = tests("F", "a"), object()
     case = Bench(("a1", "a2"))
     beside = ScreeningBase(case.cell.with_effects("tilt"), np.arange(2.0), family)
@@ -168,7 +168,7 @@ def test_single_readings_are_tested_beside_what_is_held(tests):
 
 
 def test_what_was_found_has_a_key_whatever_the_order():
-    """Two ends are one where the same mistakes are held."""
+    """Two results are equal if the same mistakes are held."""
     one, other = mistake("a"), mistake("b")
 
     assert Screened((one, other), None).key == Screened((other, one), None).key
@@ -176,7 +176,7 @@ def test_what_was_found_has_a_key_whatever_the_order():
 
 
 def test_readings_that_noise_may_have_moved_are_given_back():
-    """Of a pull nobody doubts that it was wrong; of a reading the tails decide."""
+    """A pull stays rejected; for a reading the tails decide."""
     told = {"name": "outlier", "unit": "sigma", "size_unit": "m", "p_value": 1e-6}
     found = mistake("pull"), replace(mistake("reading"), **told)
     files = Screened((), Bench(("pull", "reading")))
@@ -185,7 +185,7 @@ def test_readings_that_noise_may_have_moved_are_given_back():
 
 
 def test_files_that_are_put_right_are_not_put_right_again():
-    """Rows that are exchanged twice are where they were."""
+    """Exchanged twice, rows would be where they were."""
     swap = replace(mistake("swap"), correct=lambda case: replace(case, wrong=case.wrong[::-1]))
     files = Screened((swap,), Bench(("a", "b")))
 
@@ -194,7 +194,7 @@ def test_files_that_are_put_right_are_not_put_right_again():
 
 
 class Tails:
-    """A family that is this sure of any blunder, and remembers what it was asked."""
+    """A family with this certainty for any blunder, that records its arguments."""
 
     def __init__(self, sure):
         self.sure, self.seen = sure, []
@@ -205,7 +205,7 @@ class Tails:
         return self
 
     def mistaken(self, square, axes):
-        """As told."""
+        """The given certainty; arguments are recorded."""
         self.seen.append((square, axes))
         return self.sure
 
@@ -222,7 +222,7 @@ def doubtful(monkeypatch, **known):
 
 
 def test_evidence_along_one_axis_is_weighed_along_one(tests, monkeypatch):
-    """Chance rarely has one coordinate off by as much as it often has three."""
+    """By chance three coordinates are often off by this much, one coordinate rarely."""
     tests("a")
     doubtful(monkeypatch, before=6.0, axes=1)
     tails, case = Tails(0.5), Bench(("a1",))
@@ -234,7 +234,7 @@ def test_evidence_along_one_axis_is_weighed_along_one(tests, monkeypatch):
 
 @pytest.mark.parametrize("sure", [0.95, 0.5])
 def test_a_reading_is_judged_by_the_tails_that_all_readings_show(tests, monkeypatch, sure):
-    """A doubtful one stays among the others, and is told apart from one that nobody asked for."""
+    """A doubtful one stays in use, and is listed apart from those that were not questioned."""
     tests("a")
     doubtful(monkeypatch)
     case = Bench(("a1",))
@@ -247,7 +247,7 @@ def test_a_reading_is_judged_by_the_tails_that_all_readings_show(tests, monkeypa
 
 
 def test_tails_are_those_before_anything_was_taken_out(tests, monkeypatch):
-    """A tail that was taken for blunders reading by reading would soon be none."""
+    """Tails reduced by each reading taken as a blunder would soon disappear."""
     calls = tests("a")
     doubtful(monkeypatch)
     monkeypatch.setattr(
@@ -261,7 +261,7 @@ def test_tails_are_those_before_anything_was_taken_out(tests, monkeypatch):
 
 
 def test_a_screening_computes_what_is_asked_once(monkeypatch):
-    """Measurements at hand are used; else the case is reduced, once for all that ask."""
+    """Given measurements are used; otherwise the case is reduced, once for all tests."""
     case, count = small(2), Counter()
     for name in ("bring", "identify", "repeated_zeros", "noise_scale"):
         plain = getattr(fault_module, name)

@@ -1,4 +1,4 @@
-"""Bad data are named with their place, put right on the side, and never silently."""
+"""Bad data are named with their place, corrected on the side, and never silently."""
 
 import io
 import json
@@ -64,7 +64,7 @@ BLUNDERS = [
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("blunder", BLUNDERS)
 def test_a_blunder_is_named_with_its_place(blunder):
-    """First of all findings stands what the operator did, and where."""
+    """The first finding states what is wrong, and where."""
     made = campaign(blunder)
     truth = made.truth["effects"][0]
 
@@ -75,10 +75,10 @@ def test_a_blunder_is_named_with_its_place(blunder):
 
 @pytest.mark.slow
 def test_a_shift_that_is_half_unseen_is_not_stated_larger_than_it_was():
-    """Two reflectors leave a turn of the effector about their line to the bad reading.
+    """Two reflectors leave a rotation of the effector about their line to the bad reading.
 
-    Of all shifts that fit the shortest is stated, and none is shorter than what the data see of
-    the true one: beyond its scatter no size exceeds the 3 mm that were planted.
+    Of all shifts that fit, the shortest is stated, and it is no shorter than the visible part of
+    the true one: apart from scatter, no size exceeds the planted 3 mm.
     """
     tool = {"load_point": TOOL["load_point"], "P1": (0.2, 0.05, 0.12), "P2": (-0.2, 0.05, 0.12)}
     sizes = []
@@ -110,12 +110,12 @@ def test_good_data_are_left_alone(noise):
     ],
 )
 def test_physics_is_no_bad_data(effect):
-    """What the model misses is for the diagnosis."""
+    """Misfit of the model is left to the diagnosis."""
     assert not findings(campaign(effect).files)
 
 
 def test_an_outlier_is_seen_beside_a_fault_of_the_model():
-    """A beam break of 1 mm while the rail has backlash that nobody reported."""
+    """A beam break of 1 mm while the rail has an unreported backlash."""
     made = campaign("outlier=1e-3", "rail_backlash")
 
     found = findings(made.files)
@@ -128,7 +128,7 @@ def test_an_outlier_is_seen_beside_a_fault_of_the_model():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("off_m", [0.0, 1e-3])
 def test_a_reading_that_a_cause_explains_comes_back(off_m):
-    """On a machine with a tilting joint a good reading looks bad beside springs, a bad one is."""
+    """With a tilting joint, a good reading appears bad beside springs alone; a bad one is bad."""
     robot, rng = load("kr500_rail"), np.random.default_rng([77, 5, 12])
     plan = drawn(robot, np.random.default_rng([78, 5]), Rules())
     game = play(robot, plan, [(SECRETS["joint_tilt:3"], rng.uniform(1, 2.5))], rng)
@@ -179,7 +179,7 @@ def test_an_outlier_of_the_chain_is_found():
 
 
 def test_names_exchanged_in_the_whole_campaign_are_one_finding():
-    """P1 and P3 have each other's names everywhere."""
+    """P1 and P3 are exchanged everywhere."""
     text = campaign().files["tracker.csv"].decode()
     text = text.replace(",P1,", ",P?,").replace(",P3,", ",P1,").replace(",P?,", ",P3,")
 
@@ -189,7 +189,7 @@ def test_names_exchanged_in_the_whole_campaign_are_one_finding():
 
 
 def test_exchanged_names_of_base_reflectors_are_found():
-    """B1 and B3 in campaign.toml stand for each other."""
+    """B1 and B3 are exchanged in campaign.toml."""
     made = campaign()
     text = made.files["campaign.toml"].decode()
     text = text.replace("B1 =", "B? =").replace("B3 =", "B1 =").replace("B? =", "B3 =")
@@ -215,7 +215,7 @@ def test_one_pull_with_the_chain_the_wrong_way_round():
 
 
 def test_a_wrong_sign_in_a_robot_file_is_named():
-    """The robot's own file has d_4 turned round; a table in the other convention likewise."""
+    """The user's robot file has the wrong sign of d_4; or DH parameters in the other convention."""
     made = campaign()
     wrong = load("kr500_rail").text.replace("d_m = 1.3", "d_m = -1.3")
     text = made.files["campaign.toml"].decode().replace('"kr500_rail"', '"robot.toml"')
@@ -230,7 +230,7 @@ def test_a_wrong_sign_in_a_robot_file_is_named():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("joint", ["theta3", "theta6", "theta7"])
 def test_a_joint_that_counts_the_other_way_is_one_mistake(joint):
-    """A wrong sign in the log moves most reflectors, and is no dozen of exchanged names."""
+    """A wrong sign in the log moves most reflectors, and is not a dozen of exchanged names."""
     made = campaign()
     log = pd.read_csv(io.BytesIO(made.files["joints.csv"]))
     log[f"{joint}_deg"] *= -1
@@ -241,7 +241,7 @@ def test_a_joint_that_counts_the_other_way_is_one_mistake(joint):
 
 
 def test_dh_for_modified_dh_is_named():
-    """Khalil's table entered as a classic one."""
+    """Modified (Khalil) DH parameters declared as classic."""
     made = campaign()
     text = load("kr500_rail").text.replace('"khalil"', '"standard"')
     text = re.sub("^r_m", "d_m", re.sub("^d_m", "a_m", text, flags=re.M), flags=re.M)
@@ -255,7 +255,7 @@ def test_dh_for_modified_dh_is_named():
 
 
 def test_every_variant_of_a_table_stands_elsewhere():
-    """No sign of the shipped table can be turned round without the reflectors showing it."""
+    """No sign of the shipped DH parameters can be reversed without moving the reflectors."""
     case = case_of(campaign().files)
 
     for name, other in variants(case.robot):
@@ -276,7 +276,7 @@ def test_two_mistakes_at_once_are_both_named():
 
 
 def test_the_corrected_result_is_that_of_good_data():
-    """With the unit put right the stiffnesses are those of the same campaign without mistake."""
+    """With the unit corrected, the stiffnesses are those of the campaign without the mistake."""
     clean = case_of(campaign().files)
     case = case_of(campaign("unit_mixup:kgf").files)
 
@@ -287,7 +287,7 @@ def test_the_corrected_result_is_that_of_good_data():
 
 
 def test_a_value_beyond_a_limit_that_readings_contradict_costs_its_pose():
-    """The row is named, the pose is left out for it, and the others go on."""
+    """The row is named and its pose left out; the others are used."""
     made = campaign()
     head, row, *rest = made.files["joints.csv"].decode().splitlines()
     cells = row.split(",")
@@ -309,7 +309,10 @@ def test_a_value_beyond_a_limit_that_readings_contradict_costs_its_pose():
 @pytest.mark.whole
 @pytest.mark.usefixtures("unseen")
 def test_the_answer_has_both_results(tmp_path):
-    """result.json: bad_data, the corrected values at the top, as given under joint_springs."""
+    """result.json.
+
+    Bad_data, the corrected values at the top, the given ones under joint_springs.
+    """
     made = campaign("sign_or_convention:pull_reversed")
     folder = tmp_path / "data" / "raw" / "bad"
     folder.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""A reading taken twice under two names, and a failed lock, from the file to its name."""
+"""A reading stored twice under two names, and a lost lock, from the file to the finding."""
 
 import csv
 import io
@@ -24,7 +24,7 @@ def files():
 
 
 def written(files, wrong):
-    """The campaign with some rows of the export changed: place of a row -> coordinates [mm]."""
+    """The campaign with changed rows of the export: index of a row -> coordinates [mm]."""
     rows = list(csv.reader(io.StringIO(files["tracker.csv"].decode())))
     for (group, target), of in wrong.items():
         (k,) = (k for k, row in enumerate(rows) if row[:2] == [group, target])
@@ -40,7 +40,7 @@ def named(case):
 
 
 def test_a_stale_end_of_a_chain_is_named_though_its_pull_is_left_out(files):
-    """Pl2 repeats Pl1: file and line, and the pull is not in the campaign."""
+    """Pl2 repeats Pl1: file and line; the pull is not used."""
     case = written(files, {("pose03_rep2_loaded", "Pl2"): -1})
 
     (found,) = stale(case)
@@ -55,7 +55,7 @@ def test_a_stale_end_of_a_chain_is_named_though_its_pull_is_left_out(files):
 
 
 def test_a_stale_target_is_named_once_by_where_it_stands(files):
-    """Its reading stays in the campaign until the tests of readings find it."""
+    """It stays in the campaign until the tests of readings find it."""
     case = written(files, {("pose03_rep2_loaded", "P2"): -1})
 
     assert len(case.stale) == 1
@@ -67,12 +67,12 @@ def test_a_stale_target_is_named_once_by_where_it_stands(files):
 @pytest.mark.parametrize("target", ["P1", "P2", "P3"])
 @pytest.mark.parametrize("group", ["pose01_rep0_unloaded", "pose05_rep1_loaded"])
 def test_a_failed_lock_is_no_wrong_unit(files, group, target):
-    """Metres from its triangle in one state of many: the file's unit is right."""
+    """Metres from its triangle in one state of many: the unit of the file is right."""
     assert named(written(files, {(group, target): None})) == {f"{group}/{target}"}
 
 
 def again(files, group, of, targets, digits=None):
-    """Targets of a group as read in an earlier one, the export with fewer digits."""
+    """Targets of a group repeat those of an earlier one, in an export with fewer digits."""
     rows = list(csv.reader(io.StringIO(files["tracker.csv"].decode())))
     before = {row[1]: row[2:5] for row in rows if row[0] == of}
     for row in rows:
@@ -115,14 +115,14 @@ def test_equal_digits_say_nothing_where_they_are_few(files):
 
 
 def test_base_reflectors_copied_from_the_first_round_are_named(files):
-    """Then nobody knows whether the tracker moved."""
+    """A motion of the tracker can then not be detected."""
     case = again(files, "base_end", "base_start", ("B1", "B2", "B3"))
 
     assert {found.where for found in repeated(asked(case))} == {f"base_end/B{k}" for k in (1, 2, 3)}
 
 
 def test_data_without_noise_repeat_themselves(files):
-    """As simulated ones may; and readings with noise do not."""
+    """For simulated data this is possible; readings with noise do not repeat themselves."""
     still = simulate(PLAN.without_noise(), np.random.default_rng(5)).files
     case = again(still, "pose03_rep2_loaded", "pose03_rep1_loaded", EVERY)
 
@@ -131,7 +131,7 @@ def test_data_without_noise_repeat_themselves(files):
 
 
 def copied(files, source, copy):
-    """The campaign with the readings of one group under the name of another one, too."""
+    """The campaign with the readings of one group repeated under another name."""
     rows = list(csv.reader(io.StringIO(files["tracker.csv"].decode())))
     at = {(row[0], row[1]): k for k, row in enumerate(rows)}
     names = [target for group, target in at if group == copy and (source, target) in at]
@@ -149,7 +149,7 @@ def copied(files, source, copy):
     ],
 )
 def test_a_state_stored_under_another_name_is_the_copy(files, source, copy):
-    """Its force, or the place of its pose, does not belong to it, whichever of both comes first."""
+    """Its force or pose does not belong to it, whichever of both comes first."""
     found = repeated(asked(copied(files, source, copy)))
 
     assert {one.where.partition("/")[0] for one in found} == {copy}
@@ -158,7 +158,7 @@ def test_a_state_stored_under_another_name_is_the_copy(files, source, copy):
 
 @pytest.mark.parametrize("digits", [1, 2])
 def test_an_anchor_that_stands_still_repeats_itself_by_chance(files, digits):
-    """The chain's far end is read in many poses at one place: equal digits are no copies there."""
+    """The far end of the chain is read at one place in many poses: equal digits are no copies."""
     rows = list(csv.reader(io.StringIO(files["tracker.csv"].decode())))
     rng, at = np.random.default_rng(8), {(row[0], row[1]): row for row in rows}
     ends = [key for key in at if key[1] == "Pl2"]

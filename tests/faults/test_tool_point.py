@@ -1,4 +1,4 @@
-"""A target that campaign.toml has in the wrong place: named, and put where it was read."""
+"""A target with a wrong position in campaign.toml: named, and corrected from the readings."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def case():
 
 
 def wrong(case, **off):
-    """[tool] with targets in other places [m]."""
+    """[tool] with targets at other positions [m]."""
     tool = {n: tuple(np.add(at, off.get(n, 0.0)).tolist()) for n, at in case.settings.tool.items()}
     return replace(case, settings=case.settings.model_copy(update={"tool": tool}))
 
@@ -29,7 +29,7 @@ def wrong(case, **off):
 @pytest.mark.parametrize("times", [0.02, 0.1, 1.0])
 @pytest.mark.parametrize("name", ["P1", "P2", "P3"])
 def test_the_target_that_the_readings_contradict_is_identified_and_put_right(case, name, times):
-    """From millimetres on, to the scatter of a table; no reading is accused then."""
+    """From millimetres on, to the scatter of the readings; no reading is then accused."""
     (found,) = tool_point(wrong(case, **{name: times * OFF}))
 
     right = found.correct(wrong(case, **{name: times * OFF}))
@@ -52,13 +52,13 @@ def test_a_good_tool_and_a_single_bad_reading_are_no_wrong_target(case):
 
 
 def test_two_wrong_targets_are_not_told_apart(case):
-    """All distances are wrong: nobody knows which, and nothing is put right."""
+    """All distances are wrong: which target is undecidable, and nothing is corrected."""
     assert tool_point(wrong(case, P1=OFF, P2=-OFF[::-1])) == []
     assert tool_point(wrong(case, P1=OFF, P2=OFF)) == []
 
 
 def test_what_the_uncertainty_of_a_point_allows_is_no_mistake(case):
-    """1 mm is left to the finding, and 10 mm where 5 mm are stated."""
+    """1 mm is left to the findings, and so are 10 mm if 5 mm are stated."""
     assert tool_point(wrong(case, P1=OFF / 200)) == []
     vague = wrong(case, P1=OFF / 20)
     known = case.settings.tool_uncertainty.model_copy(update={"sigma_m": 5e-3})

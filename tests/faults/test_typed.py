@@ -1,4 +1,4 @@
-"""Numbers as they are mistyped: the one that was meant is found, none where it is merely off."""
+"""Typing errors in numbers: the intended one is found, none if the value is merely inaccurate."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from pipeline.faults.typed import intended
     ],
 )
 def test_the_number_that_was_meant(given, meant, slip):
-    """The pulls say it within a few newtons; which slip it was follows."""
+    """The pulls determine it to a few newtons; the typing error follows from that."""
     found = intended(given, meant + 3.0, 4.0)
     assert found is not None
     assert found[0] == pytest.approx(meant)
@@ -27,7 +27,7 @@ def test_the_number_that_was_meant(given, meant, slip):
 
 
 def test_a_number_that_no_slip_explains_has_no_other_meaning():
-    """Between the numbers that one slip reaches nothing is proposed."""
+    """Between the numbers that one typing error can produce, nothing is proposed."""
     assert intended(2984.6, 2451.0, 2.0) is None
     rng = np.random.default_rng(1)
     hits = [intended(2984.6, fits, 0.05) for fits in rng.uniform(1000, 2900, 300)]

@@ -1,4 +1,4 @@
-"""A unit that changes in mid-file: the row from which on, and the numbers as they were meant."""
+"""A unit that changes in mid-file: the first such row, and the intended numbers."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ NEWTONS = {"kgf": 9.80665, "lbf": 4.4482216152605, "kn": 1000.0, "dan": 10.0}
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("unit", NEWTONS)
 def test_forces_in_another_unit_from_some_row_on(seed, unit):
-    """Anywhere but in the first and last rows: unit, line and forces."""
+    """Anywhere except in the first and last rows: unit, line and forces."""
     first = int(np.random.default_rng(seed).integers(3, PULLS - 3))
     head, rows = table(files(seed), "loads.csv")
     new = [
@@ -75,7 +75,7 @@ def test_joint_values_in_radians_from_some_row_on(seed):
 
 
 def test_where_nothing_tells_no_pose_is_in_its_place():
-    """A log in which the effector stands nowhere near its readings proves no unit."""
+    """If the effector is nowhere near its readings, the log proves no unit."""
     given = case(files(0))
     turned = {name: 57.3 * given.joints[name] for name in given.joint_columns[1:7]}
 
@@ -86,5 +86,5 @@ def test_where_nothing_tells_no_pose_is_in_its_place():
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", range(30))
 def test_a_clean_campaign_changes_no_unit(seed):
-    """Whatever its machine does."""
+    """Whatever the hidden effects of its machine."""
     assert unit_since(asked(case(files(seed)))) == []

@@ -1,4 +1,4 @@
-"""Copies of residuals without a law: as large as the noise that residuals are of."""
+"""Copies of residuals without a law must be as large as the noise from which residuals arise."""
 
 import numpy as np
 import pytest
@@ -9,9 +9,9 @@ POSES, ROWS, KNOWN, DRAWS = 30, 9, 60, 300
 
 
 def test_residuals_of_few_poses_are_made_as_large_as_noise():
-    """Of 270 readings an estimate of 60 takes a fifth of the noise; it is given back, pose by pose.
+    """With 270 readings, 60 parameters take a fifth of the noise, which is restored by pose.
 
-    Without that a law found in noise stands out of copies that are all a fifth smaller.
+    Otherwise a law found in noise exceeds copies that are all a fifth too small.
     """
     rng = np.random.default_rng(4)
     X = rng.normal(size=(POSES * ROWS, KNOWN)) * rng.uniform(0.2, 3.0, (POSES * ROWS, 1))

@@ -1,4 +1,4 @@
-"""Robots identified from absolute positions, against machines made by other formulas."""
+"""Robots identified from absolute positions, against machines computed by other formulas."""
 
 import json
 from dataclasses import replace
@@ -17,7 +17,7 @@ from pipeline.library.standing import loads, predict
 from pipeline.machine.robot import load
 from pipeline.prediction.standing import dumps, standing
 
-# a UR10 as its maker's table has it (distal DH), and what its links weigh
+# UR10 from its maker's table (distal DH), and the weights of its links
 D = [0.1273, 0.0, 0.0, 0.163941, 0.1157, 0.0922]
 A = [0.0, -0.612, -0.5723, 0.0, 0.0, 0.0]
 ALPHA = [np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0]
@@ -30,7 +30,7 @@ STATION = Rotation.from_euler("xyz", [0.1, 0.05, -2.0]).as_matrix(), np.array([2
 
 
 def stands(q, error):
-    """Place and orientation of the target in the frame of the instrument, by distal DH."""
+    """Position and orientation of the target in the frame of the instrument, by distal DH."""
     places, turns = [], []
     for row in q + error + np.array(ZEROS):
         T = np.eye(4)
@@ -45,7 +45,7 @@ def stands(q, error):
 
 
 def made(m, rng, law=lambda q: 0.0 * q, joint=1e-5, noise=1e-5):
-    """Readings of m poses of a machine whose table is off, under a law of its joints."""
+    """Readings of m poses of a machine with wrong DH parameters and a law of its joints."""
     q = rng.uniform([-3, -2.4, -2.2, -3, -2.5, -2.5], [3, 0.1, 2.2, 3, 2.5, 2.5], (m, 6))
     at, turn = stands(q, law(q) + joint * rng.standard_normal(q.shape))
     at = at + noise * rng.standard_normal(at.shape)
@@ -82,7 +82,7 @@ def studied(readings, seed=0):
 
 @pytest.fixture(scope="module")
 def rippled():
-    """A ripple of 0.3 mrad in joint 2, 18.2 to a turn, and nothing else."""
+    """Only a ripple of 0.3 mrad in joint 2, 18.2 periods per turn."""
 
     def ripple(q):
         out = np.zeros_like(q)
@@ -167,7 +167,7 @@ def test_a_model_comes_back_from_its_file(rippled):
 
 
 def test_derivatives_are_those_of_differences():
-    """What the estimate is linear in, against the nonlinear model moved by hand."""
+    """The linearised estimate, against finite differences of the nonlinear model."""
     readings = made(12, np.random.default_rng(3))
     found = studied(made(120, np.random.default_rng(8))).stages[1].found.mechanism
     law = JointLaw(3, "coupling", "angle", 5, 2.0)
@@ -204,7 +204,7 @@ def test_a_law_of_temperature_stays_where_it_was_taught():
 
 @pytest.fixture(scope="module")
 def slipped():
-    """Joint 3 slips by 0.4 mrad before pose 250 of 420, at a third of the second series."""
+    """Joint 3 slips by 0.4 mrad before pose 250 of 420, a third into the second series."""
 
     def slip(q):
         out = np.zeros_like(q)
@@ -222,7 +222,7 @@ def slipped():
 
 @pytest.mark.whole
 def test_a_joint_that_slipped_once_is_named_with_its_pose(slipped):
-    """Though no other series could tell it: parts of joint space do."""
+    """Found without another series: parts of the joint space show it."""
     _, found = slipped
 
     (law,) = found.laws
@@ -235,7 +235,7 @@ def test_a_joint_that_slipped_once_is_named_with_its_pose(slipped):
 
 @pytest.mark.whole
 def test_predictions_are_of_the_robot_after_it_slipped(slipped):
-    """Of no known time: whatever is predicted comes after what was read."""
+    """A prediction has no time: it is for the robot after all readings."""
     _, found = slipped
     model = loads(dumps(standing("made", found.final)), "positions.npz")
     rng = np.random.default_rng(9)
@@ -257,7 +257,7 @@ def test_predictions_are_of_the_robot_after_it_slipped(slipped):
 
 @pytest.mark.whole
 def test_a_step_of_torque_makes_no_prediction_uncertain_for_its_torque():
-    """It is as high at any torque: only its amplitude is uncertain, as it is of a joint at rest."""
+    """It is the same at any torque: only its amplitude is uncertain, as for a joint at rest."""
     found = studied(made(120, np.random.default_rng(8))).final
     step = JointLaw(2, "step", "torque", 2, 0.0)
     plain = replace(standing("made", found), gravity=np.array([0, 0, -9.80665]))
@@ -276,7 +276,7 @@ def test_a_step_of_torque_makes_no_prediction_uncertain_for_its_torque():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("size", [2e-4, 0.05])
 def test_an_instrument_that_was_knocked_begins_a_series(size):
-    """Between two poses; no joint is blamed, and a blunder beyond is listed where it was read."""
+    """Between two poses; no joint is accused, and a later blunder is listed where it was read."""
     readings = made(420, np.random.default_rng(4))
     at, turn = readings.at.copy(), readings.turn.copy()
     R = Rotation.from_rotvec([0, size / 10, size / 5]).as_matrix()
@@ -295,7 +295,7 @@ def test_an_instrument_that_was_knocked_begins_a_series(size):
 
 @pytest.mark.slow
 def test_instruments_and_joints_that_stay_are_not_said_to_move():
-    """Thirty robots; joints that err by a hundredth or by a tenth of a milliradian."""
+    """Thirty robots; joint errors of 0.01 or 0.1 mrad."""
     said = 0
     for seed in range(30):
         found = studied(made(200, np.random.default_rng(seed), joint=(1e-5, 1e-4)[seed % 2]))

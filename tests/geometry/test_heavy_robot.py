@@ -1,4 +1,4 @@
-"""Heavy arms of unknown mass on crooked rails, against machines made by Pinocchio alone."""
+"""Heavy arms of unknown mass on crooked rails, against machines computed with Pinocchio only."""
 
 from dataclasses import replace
 
@@ -38,12 +38,12 @@ def under_weight(m):
 
 
 def stated(rng):
-    """Tool points as a drawing has them."""
+    """Tool points according to a drawing."""
     return {f"P{k}": point + rng.normal(0, 1e-3, 3) for k, point in enumerate(TOOL, 1)}
 
 
 class Crooked:
-    """An arm with springs, a balancer, tilting bearings and ripples on a rail that is crooked."""
+    """An arm with springs, a balancer, tilting bearings and ripples on a crooked rail."""
 
     def __init__(self, seed, stations=12, each=20):
         rng = np.random.default_rng(seed)
@@ -78,7 +78,7 @@ def crooked():
 
 @pytest.mark.whole
 def test_poses_left_out_are_predicted_to_their_noise(crooked):
-    """0.01 mm of the tracker and 0.01 mrad of each joint are some 0.04 mm at the tool."""
+    """0.01 mm of the tracker and 0.01 mrad of each joint give about 0.04 mm at the tool."""
     model = loads(dumps(standing("made", crooked.found.final)), "positions.npz")
     there = crooked.readings.part(crooked.out)
     told = predict(model, there.q, np.zeros((len(there), 3)), there.payload, there.temperature)
@@ -117,7 +117,7 @@ def test_a_crooked_rail_is_no_instrument_that_moved(crooked):
 
 @pytest.mark.whole
 def test_a_moment_without_masses_is_a_product(crooked):
-    """Mass and stiffness are not told apart without a load that is known."""
+    """Mass and stiffness cannot be separated without a known load."""
     (sag,) = (cause for cause in crooked.found.causes if cause.name == "gravity_sag")
 
     assert sag.form == "moments"
@@ -209,7 +209,7 @@ def test_a_table_as_delivered_has_no_step():
 
 
 def weighing(robot, mass):
-    """The robot with masses in its file, their centres where they are."""
+    """The robot with masses in its file, and unchanged centres of mass."""
     joints = tuple(
         joint.model_copy(update={"mass_kg": one, "centre_of_mass_m": tuple(centre.tolist())})
         for joint, one, centre in zip(robot.joints, mass.tolist(), CENTRE, strict=True)
@@ -225,7 +225,7 @@ def test_masses_of_the_file_are_believed_only_if_the_readings_agree(wrong):
     truth = Truth(robot.nominal_compliance * [0, 1, 1.3, 0.8, 1.2, 0.9, 1.1])
     machine = HeavyRobot(robot, errors_of_table(8, rng), truth)
     readings = read(machine, poses(rng, 6, 20, robot), rng)
-    # wrong by a factor for each link: a common one alone would be the springs'
+    # wrong by a factor for each link: a common one would be equivalent to other springs
     file = weighing(robot, MASS * ([1, 1, 0.4, 1.9, 1.7, 0.5, 1.5] if wrong else np.ones(7)))
 
     found = study(

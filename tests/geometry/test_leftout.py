@@ -1,4 +1,4 @@
-"""Poses that took no part are predicted as by an estimate made anew from all others."""
+"""Left-out poses are predicted as by an estimate repeated from all others."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ WAVES = (JointLaw(2, "periodic", "angle", 2, 3.0), JointLaw(4, "periodic", "angl
 
 @pytest.fixture(scope="module")
 def found():
-    """Forty poses of an arm with two laws, its table and their amplitudes estimated."""
+    """Forty poses of an arm with two laws; DH parameters and amplitudes estimated."""
     robot = load("ur10")
     readings, weights = made(40, np.random.default_rng(3)), weightless(40)
     wanted = Wanted(springs=False, laws=WAVES, curves=((5, 0.7),))
@@ -27,7 +27,7 @@ def found():
 
 
 def anew(found, mine, held):
-    """Whitened errors of some poses by ordinary least squares of all others and the prior."""
+    """Whitened errors of some poses from ordinary least squares of all others and the prior."""
     rows, (P, _) = found.rows, precision(found.mechanism, found.known)
     size, dense = len(P), rows.D.shape[2]
     X = np.zeros((*rows.y.shape, size))
@@ -48,7 +48,7 @@ def anew(found, mine, held):
 
 @pytest.mark.parametrize("which", ["none", "law", "knots"])
 def test_left_out_errors_are_those_of_an_estimate_from_the_others(found, which):
-    """Also with a law or a curve held at nothing: parts are solved once, and conditioned."""
+    """Also with a law or a curve held at zero: parts are solved once, and conditioned."""
     where = layout(found.mechanism)
     held = {"none": slice(0, 0), "law": where.laws, "knots": where.knots}[which]
     part = by_turns(found.readings, 4)
@@ -65,7 +65,7 @@ def test_left_out_errors_are_those_of_an_estimate_from_the_others(found, which):
 
 
 def test_what_is_asked_once_is_asked_the_same(found):
-    """The estimate for several questions gives the errors of the one for one."""
+    """An estimate for several questions at once gives the same errors as one for each."""
     part = by_turns(found.readings)
 
     assert np.array_equal(errors(found, part), LeftOut(found, part).errors())

@@ -1,8 +1,7 @@
 """Payloads of uncertain mass and centre in campaigns of positions, against machines made here.
 
-The arm weighs nothing and its table is right, so that only springs, tool, frame and payload are
-unknown: what a dense nonlinear least squares by differences finds of them is what the pipeline has
-to find.
+The arm is weightless and its DH parameters are right, so that only springs, tool, frame and payload
+are unknown: the pipeline must find what a dense nonlinear least squares by differences finds.
 """
 
 import numpy as np
@@ -21,7 +20,7 @@ from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
 from pipeline.prediction.standing import dumps, standing
 
-# a UR10 as its maker's table has it (distal DH)
+# UR10 from its maker's table (distal DH)
 TABLE = list(
     zip(
         [0.1273, 0.0, 0.0, 0.163941, 0.1157, 0.0922],
@@ -55,17 +54,17 @@ def at_flange(q, point):
 
 
 def torque(q, mass, centre):
-    """How the work of the weight changes with each joint, by differences."""
+    """Derivative of the potential energy of the weight by each joint, by differences."""
     step = 1e-6 * np.eye(6)
     ahead, behind = (at_flange(q[..., None, :] + e, centre) for e in (step, -step))
     return mass * (ahead - behind) @ GRAVITY / 2e-6
 
 
 def target(q, carried, x):
-    """Places of the target in F_b: x has compliances, tool point, mass and centre's errors."""
+    """Positions of the target in F_b; x has compliances, tool point, errors of mass and centre."""
     c, tool, off = x[:6], x[6:9], x[9:13]
     turned = np.zeros_like(q)
-    for _ in range(3):  # the payload hangs where the arm has given way
+    for _ in range(3):  # the payload hangs on the deflected arm
         hangs = c * torque(q + turned, MASS + off[0], CENTRE + off[1:])
         turned = np.where(np.asarray(carried)[..., None] != 0, hangs, 0.0)
     return at_flange(q + turned, tool)
@@ -79,7 +78,7 @@ def weightless_arm():
 
 
 class Machine:
-    """What is true of one campaign, and what was read of it."""
+    """True parameters of one campaign, and its readings."""
 
     def __init__(self, seed, poses=80):
         rng = np.random.default_rng(seed)
@@ -99,17 +98,17 @@ class Machine:
         self.at = there @ R.T + PLACE + NOISE * rng.standard_normal((poses, 3))
 
     def poses(self, rng, count):
-        """Joint values, and what is carried: nothing and the tool by turns."""
+        """Joint values, and the load: none and the tool alternately."""
         q = rng.uniform([-3, -2.4, -2.2, -3, -2.5, -2.5], [3, 0.1, 2.2, 3, 2.5, 2.5], (count, 6))
         return q, (np.arange(count) % 2).astype(np.int64)
 
     def places(self, q, carried):
-        """Where the target is [m], F_b."""
+        """Position of the target [m], F_b."""
         return target(q, carried, self.x)
 
     @property
     def readings(self):
-        """What the instrument read."""
+        """Readings of the instrument."""
         m = len(self.q)
         return PositionReadings(
             series=np.zeros(m, dtype=np.int64),
@@ -128,7 +127,7 @@ class Machine:
         )
 
     def identified(self, stated=STATED):
-        """Springs beside a table that is right, in the noise that is true."""
+        """Estimate springs with right DH parameters and the true noise."""
         std = np.stack([stated, 2 * STATED])
         known = Payloads(("tool", "other"), np.array([MASS, 4.0]), np.stack([CENTRE] * 2), std)
         scatter = PoseScatter(np.full(6, JOINT), NOISE, 1e-5, True)
@@ -142,7 +141,7 @@ class Machine:
 
 
 def slopes(function, x, steps):
-    """Derivatives of a vector by central differences, one column for each step."""
+    """Derivatives of a vector by central differences, one column per step."""
     columns = [
         (function(x + h) - function(x - h)) / (2 * s)
         for h, s in zip(np.diag(steps), steps, strict=True)
@@ -192,14 +191,14 @@ def test_springs_and_payload_are_those_of_a_dense_least_squares(one):
     assert np.all(np.abs(x - y[mine]) < 0.01 * std[mine])
     assert u == pytest.approx(std[mine], rel=2e-3)
     assert np.all(np.abs(found.mechanism.payload[0] - y[9:13]) < 0.01 * std[9:13])
-    assert u[6] == pytest.approx(STATED[0], rel=0.05)  # mass and springs scale together
+    assert u[6] == pytest.approx(STATED[0], rel=0.05)  # mass and springs are scaled together
     assert np.all(u[7:] < 0.5 * STATED[1:])
 
 
 def test_a_prediction_knows_what_it_shares_with_the_springs(one):
-    """Its uncertainty is that of the dense estimate, springs, payload and frame together.
+    """Its uncertainty is that of the dense estimate of springs, payload and frame together.
 
-    F_b is where the instrument saw it: what is uncertain is where the target is read.
+    F_b is as realised by the instrument: uncertain is the position where the target is read.
     """
     machine, found = one
     y, cov = dense(machine, found)
@@ -225,7 +224,7 @@ def test_a_prediction_knows_what_it_shares_with_the_springs(one):
 
 
 def test_a_payload_that_was_never_carried_has_the_uncertainty_that_is_stated(one):
-    """Its mass and centre stay as stated, and what they do to a prediction is in it."""
+    """Its mass and centre stay as stated, and their uncertainty enters a prediction."""
     _, found = one
     where = layout(found.mechanism)
     other = slice(where.payload.start + 4, where.payload.stop)
@@ -241,7 +240,10 @@ def test_a_payload_that_was_never_carried_has_the_uncertainty_that_is_stated(one
 
 
 def test_a_payload_that_is_not_what_is_stated_is_said_to_be(one):
-    """By its centre, which the springs do not hide; within what is stated nothing is said."""
+    """By its centre, which springs do not absorb.
+
+    Within the stated uncertainty nothing is reported.
+    """
     right, never = payload_entries(one[1])
     machine = Machine(4)
     machine.x[9:13] = 5 * STATED * [0, 1, -1, 1]
@@ -258,7 +260,10 @@ def test_a_payload_that_is_not_what_is_stated_is_said_to_be(one):
 
 @pytest.mark.slow
 def test_intervals_hold_the_truth_over_30_campaigns():
-    """Springs and predictions, mass and centre drawn from what is stated; not without it."""
+    """Springs and predictions, with mass and centre drawn as stated.
+
+    Not without their uncertainty.
+    """
     springs, places, blind = [], [], []
     for seed in range(100, 130):
         machine = Machine(seed)

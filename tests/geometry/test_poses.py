@@ -1,4 +1,4 @@
-"""Instruments of other kinds: cameras and arms of unknown noise, 6D poses as one quantity."""
+"""Other instruments: cameras and arms of unknown noise, 6D poses as one quantity."""
 
 import re
 from dataclasses import replace
@@ -37,13 +37,13 @@ def case_of(files):
 
 
 def silent(files):
-    """The same with no word about its instrument."""
+    """The same without any statement about its instrument."""
     text = re.sub(r"\[instrument\]\n(?:\w+ = .*\n)+", "", files["campaign.toml"].decode())
     return dict(files, **{"campaign.toml": text.encode()})
 
 
 def test_the_six_coordinates_are_shift_and_turn_of_a_rigid_motion():
-    """Of targets anywhere, by several columns at once; what is no rigid motion is left out."""
+    """For any targets, several columns at once; what is not a rigid motion is removed."""
     rng = np.random.default_rng(1)
     levers = rng.standard_normal((5, 4, 3))
     levers -= levers.mean(axis=1, keepdims=True)
@@ -64,13 +64,13 @@ def test_the_six_coordinates_are_shift_and_turn_of_a_rigid_motion():
 
 @pytest.fixture(scope="module")
 def answer():
-    """What is said of sixteen poses read as such by a robot as delivered."""
+    """Answer for sixteen 6D poses of a robot as delivered."""
     return answered("six", in_memory(made(poses=16, tracker=SIX))).answer
 
 
 @pytest.mark.whole
 def test_a_6d_campaign_is_adequate_and_its_springs_are_right(answer):
-    """Six rows to a pull, noise from repeats and residuals, whatever is not said."""
+    """Six rows per pull, noise from repeats and residuals if not stated."""
     files = made(poses=16, tracker=SIX)
     quiet = answered("six", in_memory(silent(files))).answer
     case = case_of(files)
@@ -92,7 +92,10 @@ def test_a_6d_campaign_is_adequate_and_its_springs_are_right(answer):
 
 @pytest.mark.slow
 def test_intervals_of_6d_campaigns_cover():
-    """95 % of 95 % intervals hold the truth; three targets taken for three readings hold fewer."""
+    """95 % intervals hold the truth.
+
+    With three targets as three readings they hold it less often.
+    """
     inside = []
     for seed in range(24):
         case = case_of(made(seed, 8, tracker=SIX | {"sigma_rad": 3e-4}))
@@ -106,7 +109,7 @@ def test_intervals_of_6d_campaigns_cover():
 
 @pytest.mark.parametrize("turned", [0.4, 2.5])
 def test_rotations_of_unstated_noise_are_weighed_by_their_own(turned):
-    """Their noise over that of positions comes out, from zeros that were read again."""
+    """Their noise relative to that of positions is found, from repeated zeros."""
     point = case_of(silent(made(poses=2, tracker=SIX)))
     size = six.radius(point.tool.points)
     case = case_of(silent(made(poses=16, tracker=SIX | {"sigma_rad": turned * 5e-5 / size})))
@@ -123,7 +126,7 @@ def test_rotations_of_unstated_noise_are_weighed_by_their_own(turned):
 
 @pytest.mark.parametrize("stated", [True, False])
 def test_targets_that_are_read_one_by_one_are_not_taken_for_a_pose(stated):
-    """Nor is anything in data without scatter; a pose is found whatever else is stated."""
+    """Nor in data without scatter; a 6D pose is recognised whatever else is stated."""
     points = case_of(made(tracker={"sigma_m": 1e-5, "stated": stated}))
     still = {"noise_scale": 0.0, "digits": "full", "stated": stated}
     exact = case_of(made(tracker=still, scale={"noise_scale": 0.0, "gain_error": 0.0}))
@@ -140,7 +143,7 @@ def test_targets_that_are_read_one_by_one_are_not_taken_for_a_pose(stated):
 
 @pytest.mark.parametrize("turn_deg", [20, 90, 180])
 def test_one_reading_that_is_far_off_makes_no_pose_of_the_others(turn_deg):
-    """Swung about the line of the other two: it keeps its distances, and turns by much."""
+    """Rotated about the line of the other two, it keeps its distances but turns the pose far."""
     case = case_of(made(tracker={"sigma_m": 1e-5}))
     rows = case.readings.copy()
     group = rows.loc[rows["state"] == "loaded", "group"].iloc[20]
@@ -155,7 +158,7 @@ def test_one_reading_that_is_far_off_makes_no_pose_of_the_others(turn_deg):
 
 
 def test_the_rotation_of_a_pose_has_its_own_uncertainty():
-    """At the radius of the targets; that of the position is a reading's."""
+    """At the radius of the targets; that of the position is that of a reading."""
     files = made(tracker=SIX | {"stated": True})
     case = case_of(files)
     data = bring(case).data
@@ -179,7 +182,7 @@ def test_the_rotation_of_a_pose_has_its_own_uncertainty():
     ("unknown", "adequate"),
 ])  # fmt: skip
 def test_only_a_laser_tracker_is_held_to_what_trackers_can(kind, verdict):
-    """With one target and one zero nothing but residuals tells the noise, 0.25 mm here."""
+    """With one target and one zero, only residuals determine the noise, here 0.25 mm."""
     tool = {name: at for name, at in Plan(name="s").tool.items() if name in ("load_point", "P1")}
     files = made(tool=tool, pulls={"zero": "before"},
                  tracker={"kind": kind, "sigma_m": 2.5e-4, "stated": False})  # fmt: skip
@@ -191,7 +194,7 @@ def test_only_a_laser_tracker_is_held_to_what_trackers_can(kind, verdict):
 
 
 def test_a_rotation_without_a_position_is_asked_about():
-    """sigma_rad beside no sigma_m would change nothing without a word."""
+    """sigma_rad without sigma_m would silently have no effect."""
     files = made(tracker=SIX | {"stated": True})
     text = re.sub(rb"(?m)^sigma_m.*\n", b"", files["campaign.toml"])
 
@@ -208,7 +211,7 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_an_instrument_that_cannot_be_is_refused(name):
-    """With what it may be."""
+    """The message lists the possible ones."""
     said, told = BAD[name]
     text = 'format = 1\nname = "x"\nrobot = "kr500_rail"\n[tracker]\nfiles = ["t.csv"]\n'
     text += f"[instrument]\n{said}\n[naming]\nmeasured = ['P1', 'P2']\n"
@@ -224,7 +227,7 @@ def test_an_instrument_that_cannot_be_is_refused(name):
     "hidden", ["link_twist:5=5e-3", "link_length:4=0.02", "joint_offset:3=3e-3"]
 )
 def test_a_wrong_entry_of_the_table_is_identified_from_6d_poses(answer, hidden):
-    """In size too, and springs rest on the corrected table as they do on a right one."""
+    """Also its size, and springs rest on the corrected DH parameters as on right ones."""
     name, _, rest = hidden.partition(":")
     joint, _, size = rest.partition("=")
     files = made(poses=16, tracker=SIX, hidden={"effects": [hidden]})
@@ -244,7 +247,7 @@ def test_a_wrong_entry_of_the_table_is_identified_from_6d_poses(answer, hidden):
 
 
 def test_positions_and_rotations_of_6d_poses_are_weighed_by_what_is_stated_of_each():
-    """A rotation that is known badly says nothing of an entry that only turns the effector."""
+    """An inaccurate rotation says nothing about a parameter that only rotates the effector."""
     stds = []
     for rad in (1e-5, 1e-2):
         tracker = SIX | {"stated": True, "sigma_rad": rad}
@@ -263,7 +266,7 @@ def test_positions_and_rotations_of_6d_poses_are_weighed_by_what_is_stated_of_ea
 
 
 def test_without_noise_6d_poses_give_the_entry_back():
-    """To 1e-9: the rows hold a turn of whatever size once they are linearised where it is."""
+    """To 1e-9: the rows hold for a rotation of any size once linearised at the solution."""
     still = SIX | {"stated": True}
     plan = Plan(name="s", seed=3, poses={"count": 16}, tracker=still,
                 hidden={"effects": ["link_twist:5=0.02"]}).without_noise()  # fmt: skip

@@ -1,4 +1,7 @@
-"""Campaigns of positions in the one table of verdicts: what green means, and what is told of it."""
+"""Campaigns of positions in the common table of verdicts.
+
+Meaning of green, and what is reported.
+"""
 
 from dataclasses import replace
 
@@ -28,7 +31,7 @@ TURN = Rotation.from_euler("xyz", [0.3, -0.2, 1.0]).as_matrix()
 
 
 def read(m=60, seed=1, noise=2e-5, targets=1):
-    """Points on the effector of a machine by other formulas."""
+    """Points on the effector of a machine computed by other formulas."""
     rng = np.random.default_rng(seed)
     readings = made(m, rng, noise=0.0)
     at, turn = stands(readings.q, 1e-5 * rng.standard_normal(readings.q.shape))
@@ -52,7 +55,7 @@ def data(readings, sigma=None):
 
 
 def nothing(every):
-    """No reading is out."""
+    """No reading is rejected."""
     return np.zeros(every.readings.at.shape[:2], dtype=bool)
 
 
@@ -63,7 +66,7 @@ def estimated(every, robot=ROBOT):
 
 
 def studied(readings, sigma=None, robot=ROBOT):
-    """Nominal and identified table, without the search for laws."""
+    """Nominal and identified DH parameters, without a search for laws."""
     every = data(readings, sigma)
     nominal, table = estimated(every, robot)
     parts = partings(readings, np.random.default_rng(0), rail=False)
@@ -103,7 +106,7 @@ def test_an_entry_of_the_table_that_is_off_by_far_is_named_with_its_size():
 
 @pytest.mark.parametrize("targets", [1, 3])
 def test_20_mm_of_noise_where_a_fiftieth_is_stated_are_unexplained(targets):
-    """The joints may err by as much as they like: no machine does so."""
+    """Joint errors of any size are allowed, but no machine has errors of this size."""
     found = studied(read(noise=2e-2, targets=targets), 2e-5)
     facts = facts_of(found, ROBOT)
 
@@ -113,7 +116,7 @@ def test_20_mm_of_noise_where_a_fiftieth_is_stated_are_unexplained(targets):
 
 
 def test_targets_of_a_pose_show_their_own_noise():
-    """0.5 mm where 0.02 mm is stated: joints could err so, three points of one body could not."""
+    """0.5 mm instead of 0.02 mm: joints could err so, but not three points of one rigid body."""
     one, three = (bounds_of(studied(read(noise=5e-4, targets=t), 2e-5)) for t in (1, 3))
 
     assert not one.faulty
@@ -123,7 +126,7 @@ def test_targets_of_a_pose_show_their_own_noise():
 
 
 def test_positions_that_nothing_predicts_are_unexplained():
-    """Joint values of other poses, none in place: what is left is as large as the motion."""
+    """Joint values of other poses throughout: the residuals are as large as the motion."""
     readings = read()
     order = np.random.default_rng(2).permutation(60)
     facts = facts_of(studied(replace(readings, q=readings.q[order]), 2e-5), ROBOT)
@@ -144,7 +147,7 @@ def told(found, mistakes=()):
 
 
 def test_mistakes_and_what_is_refuted_give_the_controller_no_number(clean):
-    """In words that say so, and the verdict with its reason."""
+    """With sentences that say so, and the verdict with its reason."""
     wrong = outlying("pose03/A", "A of pose 3 is off", "recomputed without", before=9.0, unit="mm",
                      size=9e-3, at=("p.csv:4",), correct=lambda rows: rows)  # fmt: skip
     rough = studied(read(noise=2e-2), 2e-5)
@@ -166,7 +169,7 @@ def test_mistakes_and_what_is_refuted_give_the_controller_no_number(clean):
 
 
 def test_bad_readings_of_ten_times_the_noise_are_found_and_no_good_one():
-    """One in twenty, of a single target; the noise that is found is that without them."""
+    """One in twenty, of a single target; the noise found is that without them."""
     readings, rng = read(90, noise=1e-4), np.random.default_rng(5)
     bad = rng.choice(90, 5, replace=False)
     at, off = readings.at.copy(), rng.standard_normal((5, 3))

@@ -1,4 +1,4 @@
-"""Tables of positions with wrong rows, columns and names, of a machine by other formulas."""
+"""Tables of positions with wrong rows, columns and names, of a machine computed otherwise."""
 
 from dataclasses import replace
 from functools import partial
@@ -22,14 +22,14 @@ NAMED = TOML + "[tool]\n" + "".join(f"{k} = {list(map(float, v))}\n" for k, v in
 
 @pytest.fixture(scope="module")
 def right():
-    """Sixty poses of one target of a machine whose table is off by a millimetre."""
+    """Sixty poses of one target of a machine whose DH parameters are wrong by a millimetre."""
     readings = made(60, np.random.default_rng(3))
     rows = pd.DataFrame(np.rad2deg(readings.q), columns=JOINTS)
     return rows.assign(**{f"{a}_mm": 1e3 * readings.at[:, 0, k] for k, a in enumerate("xyz")})
 
 
 def three(right):
-    """The same poses with three targets on the effector, a row each."""
+    """The same poses with three targets on the effector, one row each."""
     at, turn = stands(np.deg2rad(right[JOINTS].to_numpy()), 0.0)
     axes = turn @ TURN.T
     parts = []
@@ -59,7 +59,7 @@ def with_joints(rows, values):
 
 
 def test_a_right_table_has_no_mistake(right):
-    """Nor do three targets of a pose, with and without their places on the tool."""
+    """Nor do three targets of a pose, whether or not their positions on the tool are known."""
     for rows, toml in ((right, TOML), (three(right), TOML), (three(right), NAMED)):
         found, left = screened(rows, toml)
 
@@ -82,7 +82,7 @@ def test_two_rows_that_stand_for_each_other_are_named_with_their_lines(right):
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("first", [20, 0, 45])
 def test_joint_rows_off_by_one_are_named_from_where_on_they_are(right, first):
-    """All of them, most, or the last ones: a row too few, or one written twice."""
+    """All of them, most, or the last ones: a missing row, or a duplicated one."""
     q = right[JOINTS].to_numpy(copy=True)
     q[first:] = np.roll(q[first:], 1, axis=0)
 
@@ -96,7 +96,7 @@ def test_joint_rows_off_by_one_are_named_from_where_on_they_are(right, first):
 
 
 def test_joint_rows_that_are_shuffled_find_their_positions(right):
-    """Neither tool nor frame is known: order and frame are found together."""
+    """Tool and frame are unknown: order and frame are found together."""
     order = np.random.default_rng(2).permutation(60)
     moved = np.flatnonzero(order != np.arange(60))
 
@@ -209,13 +209,13 @@ def test_columns_that_stand_for_each_other_are_named(right):
 @pytest.mark.parametrize("toml", [TOML, NAMED])
 @pytest.mark.parametrize("true", [{0: "B", 1: "A"}, {0: "B"}, {0: "Bee"}])
 def test_a_wrong_name_of_a_target_is_named_with_its_line(right, toml, true):
-    """Two that are exchanged, one written twice, and one that nobody knows."""
+    """Two exchanged, one duplicated, and an unknown one."""
     rows = three(right)
     names = rows["target"].to_numpy(object, copy=True)
     names[[30 + k for k in true]] = list(true.values())
 
     rows = rows.assign(was=rows["target"], target=names)
-    if true == {0: "B"}:  # the true one of that pose was not read
+    if true == {0: "B"}:  # the right target of that pose was not read
         rows = rows.drop(31)
     (one,), put_right = screened(rows.drop(columns="was"), toml)
 
@@ -225,7 +225,7 @@ def test_a_wrong_name_of_a_target_is_named_with_its_line(right, toml, true):
 
 
 def test_rows_off_by_one_beside_two_exchanged_ones_are_all_put_right(right):
-    """What is left out moves no other row of the same look."""
+    """Left-out rows shift no other row of similar appearance."""
     q = right[JOINTS].to_numpy(copy=True)
     q[5:13] = right[JOINTS].to_numpy()[4:12]
     q[[30, 31]] = q[[31, 30]]

@@ -58,7 +58,7 @@ def hall(tmp_path_factory):
         file.write("10;20;30;40;fifty;60;1;2;3;4;5;6\n")
     rows = (folder / "monday.csv").read_text().splitlines()
     cells = rows[8].split(";")
-    cells[7] = "9000,0"  # Y, metres off, in line 9 of monday; tuesday has a line 9, too
+    cells[7] = "9000,0"  # Y wrong by metres in line 9 of monday; tuesday has a line 9, too
     rows[8] = ";".join(cells)
     (folder / "monday.csv").write_text("\n".join(rows) + "\n")
     return root, run(find(root, "hall"))
@@ -87,7 +87,7 @@ def test_the_answer_has_table_steps_and_what_was_left_out(hall):
 
 
 def test_the_first_screen_has_the_lines_of_a_campaign_of_pulls(hall):
-    """What to do, which model, the stiffnesses, what is wrong and next; no tolerance, and why."""
+    """What to do, model, stiffnesses, what is wrong and next; no tolerance, and why."""
     _, answer = hall
     lines = {one.about.value: one.text for one in answer.first_screen}
     known = [one.axis or one.name for one in answer.stiffness if one.value is not None]
@@ -148,7 +148,7 @@ def test_only_a_finished_campaign_of_positions_predicts(hall, tmp_path):
 
 
 def test_a_campaign_of_pulls_predicts_where_its_targets_are_under_a_force(tmp_path):
-    """Unloaded by the table; moved as the joints turn by C J' f, the derivatives by differences."""
+    """Unloaded by the DH parameters; deflected by C J' f, with derivatives by differences."""
     folder = tmp_path / "data" / "raw" / "pulled"
     folder.mkdir(parents=True)
     (folder / "campaign.toml").write_text('format = 1\nrobot = "ur10"\n')
@@ -189,7 +189,7 @@ def test_a_campaign_of_pulls_predicts_where_its_targets_are_under_a_force(tmp_pa
     ],
 )
 def test_what_stands_beside_positions_has_to_belong_to_pulls(tmp_path, more, said):
-    """A tracker beside them is pulls of the same robot, and needs what pulls need."""
+    """A tracker file in addition means pulls of the same robot, and needs what pulls need."""
     folder = tmp_path / "data" / "raw" / "two"
     folder.mkdir(parents=True)
     (folder / "campaign.toml").write_text(TOML + more)
@@ -199,7 +199,10 @@ def test_what_stands_beside_positions_has_to_belong_to_pulls(tmp_path, more, sai
 
 
 def test_the_picture_shows_where_the_robot_stands(hall):
-    """Rods of the effector end at its target; the model takes off most of what is off nominal."""
+    """The drawn effector ends at its target.
+
+    The model removes most of the deviation from nominal.
+    """
     root, _ = hall
     read = {
         name: pd.read_parquet(root / "data" / "processed" / "hall" / f"{name}.parquet")
@@ -220,14 +223,14 @@ def test_the_picture_shows_where_the_robot_stands(hall):
             (root / "data/raw/hall" / row["file"]).read_text().splitlines()[row["first_line"] - 1]
         )
         assert len(line.split(";")) == 12
-        assert "9000,0" not in line  # the pose that was left out is not drawn
+        assert "9000,0" not in line  # the left-out pose is not drawn
     assert (read["51_curve_readings"]["poses"] > 0).all()
     assert set(read["51_curve_readings"]["joint"]) == set(read["50_curves"]["joint"])
 
 
 @pytest.mark.whole
 def test_a_joint_that_errs_from_pose_to_pose_is_said(tmp_path):
-    """Nothing explains it, and the readings are not called faultless."""
+    """Nothing explains it, and the readings are not called free of errors."""
     folder = tmp_path / "data" / "raw" / "hall"
     folder.mkdir(parents=True)
     text = TOML.replace(', tuesday = "tuesday.csv"', "")

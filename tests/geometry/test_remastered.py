@@ -1,4 +1,4 @@
-"""A zero that changed in mid-campaign: planted in the joint log, which is all that changes."""
+"""A zero that changed during a campaign: planted in the joint log only."""
 
 from dataclasses import replace
 from functools import cache
@@ -25,7 +25,7 @@ def clean(seed, count=12, hidden=()):
 
 
 def relogged(case, joint, pose, size):
-    """Before a pose the log says `size` more than the robot stands at; since then it is right."""
+    """Before a pose the log reads `size` too much; from then on it is right."""
     column = case.joint_columns[joint - 1]
     off = np.where(case.joints["pose"] < pose, size, 0.0)
     return replace(case, joints=case.joints.assign(**{column: case.joints[column] + off}))
@@ -43,7 +43,7 @@ def stood(case):
     [(3, 3, 7, 1.5e-3), (4, 4, 5, -1e-3), (5, 2, 9, 2e-3), (6, 6, 6, -3e-3), (3, 5, 4, 1e-3)],
 )
 def test_a_changed_zero_is_named_with_joint_pose_and_size(seed, joint, pose, size):
-    """Alone; left-out poses stand where it puts them, and the log of the poses before is moved."""
+    """Alone; left-out poses are predicted with it, and the log of earlier poses is corrected."""
     made, found = stood(relogged(clean(seed), joint, pose, size))
 
     (one,) = found.causes
@@ -62,7 +62,7 @@ def test_a_changed_zero_is_named_with_joint_pose_and_size(seed, joint, pose, siz
 
 
 def bumped(case, pose, shift_m, turn_rad):
-    """Since a pose all of the effector is read moved, as by a foot or a tripod that gave way."""
+    """From a pose on the effector is read displaced, as by a foot or tripod that gave way."""
     rows, axis = case.readings, np.array([2.0, -1.0, 2.0]) / 3
     later = (rows["pose"] >= pose).to_numpy()
     xyz = rows[["x_m", "y_m", "z_m"]].to_numpy(float)
@@ -79,7 +79,7 @@ def bumped(case, pose, shift_m, turn_rad):
     [(3, 7, 2e-3, 5e-4), (4, 5, 5e-4, -1e-3), (5, 9, 2e-2, 4e-3), (6, 6, 3e-3, 0.0)],
 )
 def test_a_robot_that_was_bumped_is_named_with_its_pose(seed, pose, shift_m, turn_rad):
-    """By its own name, neither as a zero of a joint nor as a turn of the base frame."""
+    """Under its own name, neither as a joint zero nor as a rotation of the base frame."""
     _, found = stood(bumped(clean(seed), pose, shift_m, turn_rad))
 
     (one,) = found.causes
@@ -90,7 +90,7 @@ def test_a_robot_that_was_bumped_is_named_with_its_pose(seed, pose, shift_m, tur
 
 
 def test_a_tracker_that_was_bumped_is_one_cause_and_a_drift_another():
-    """What base and effector both show is told once: by rounds that tell a drift from a knock."""
+    """A shift of both base and effector is reported once: rounds distinguish drift from knock."""
     case = bumped(clean(3), 7, 2e-3, 5e-4)
     found, law = stood(case)[1], tracker_drift.effects(case.robot)[0]
     size = np.zeros(3), np.ones(3), np.zeros(3), np.ones(3)
@@ -107,7 +107,7 @@ def test_a_tracker_that_was_bumped_is_one_cause_and_a_drift_another():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", range(12))
 def test_no_zero_changed_in_a_clean_campaign(seed):
-    """Nor in one whose table has a wrong zero from its beginning."""
+    """Nor in one with a wrong zero from the beginning."""
     hidden = () if seed % 2 else ("joint_offset:3=2x",)
     _, found = stood(clean(seed, hidden=hidden))
     assert [one.effect.label for one in found.causes] == [one.split("=")[0] for one in hidden]
@@ -116,7 +116,7 @@ def test_no_zero_changed_in_a_clean_campaign(seed):
 
 @pytest.mark.whole
 def test_a_changed_zero_is_found_beside_one_that_was_wrong_from_the_beginning():
-    """Both by name: the table's entry, and the change."""
+    """Both by name: the DH parameter, and the change."""
     case = relogged(clean(3, hidden=("joint_offset:3=4x",)), 5, 6, 2e-3)
     _, found = stood(case)
     said = {(one.effect.where, one.effect.form) for one in found.causes}
@@ -125,7 +125,7 @@ def test_a_changed_zero_is_found_beside_one_that_was_wrong_from_the_beginning():
 
 @pytest.mark.whole
 def test_what_is_visible_holds_for_a_cause_that_was_found_beside_a_change():
-    """An entry of the table is known as well beside it as its standard uncertainty says."""
+    """Beside a change, a DH parameter is determined as its standard uncertainty states."""
     case = bumped(clean(3), 6, 2e-3, 5e-4)
     entry = next(one for one in letters(case.robot) if one.label == "link_length:4")
     longer = changed(case.robot, (entry,), np.array([8e-3]))
@@ -140,7 +140,7 @@ def test_what_is_visible_holds_for_a_cause_that_was_found_beside_a_change():
 
 @pytest.mark.whole
 def test_a_zero_that_is_wrong_since_it_changed_is_both():
-    """The table's entry is wrong as the robot stands now, and was right before."""
+    """The zero in the table is wrong for the robot as it is now, and was right before."""
     before = relogged(clean(3), 3, 7, 2e-3)
     column = before.joint_columns[2]
     case = replace(before, joints=before.joints.assign(**{column: before.joints[column] - 2e-3}))
@@ -151,9 +151,9 @@ def test_a_zero_that_is_wrong_since_it_changed_is_both():
 
 @pytest.mark.whole
 def test_the_order_of_time_counts_and_not_that_of_numbers():
-    """Poses numbered the other way round: those that were read later are those after it."""
+    """Poses numbered in reverse: what counts is which were read later."""
     case = clean(4)
-    late = relogged(case, 3, 7, 2e-3)  # reads: from its seventh pose on the log is right
+    late = relogged(case, 3, 7, 2e-3)  # as read: the log is right from its seventh pose on
 
     def turned(table):
         return table.assign(pose=13 - table["pose"])
@@ -171,7 +171,7 @@ def test_the_order_of_time_counts_and_not_that_of_numbers():
 
 @pytest.mark.whole
 def test_a_campaign_in_which_a_joint_was_mastered_anew_is_explained():
-    """From its files: the joint log is written with another zero up to pose 7."""
+    """From its files: the joint log has another zero up to pose 7."""
     plan = Plan(name="anew", seed=11, poses={"count": 12}, pulls={"steps_n": [1500.0, 3000.0]})
     files = dict(simulate(plan).files)
     head, *rows = files["joints.csv"].decode().splitlines()

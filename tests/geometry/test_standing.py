@@ -1,4 +1,4 @@
-"""Where the unloaded reflectors stand: joint zeros and the base frame, off in the raw files."""
+"""Positions of the unloaded reflectors: errors of joint zeros and base frame in the raw files."""
 
 import io
 import tomllib
@@ -20,7 +20,7 @@ from pipeline.store import campaign
 
 @cache
 def clean():
-    """The raw files of a robot without hidden causes whose tool is off by 0.2 mm."""
+    """Raw files of a robot without hidden causes, with a tool wrong by 0.2 mm."""
     plan = Plan(poses={"count": 12}, pulls={"steps_n": [1500, 3000]}, hidden={"tool_sd_m": 2e-4})
     return simulate(plan, np.random.default_rng(31)).files
 
@@ -36,7 +36,7 @@ def said(files):
 
 
 def logged(**off_deg):
-    """The files with the joint log off by some degrees."""
+    """The files with the joint log wrong by some degrees."""
     joints = pd.read_csv(io.BytesIO(clean()["joints.csv"]))
     for name, degrees in off_deg.items():
         joints[name] += degrees
@@ -44,7 +44,7 @@ def logged(**off_deg):
 
 
 def test_a_wrong_joint_zero_is_named_with_its_size():
-    """The log of joint 3 says 0.1 degrees too much; the displacements would not show it."""
+    """The log of joint 3 is 0.1 degrees too large; the displacements would not show it."""
     found = said(logged(theta3_deg=0.1))
 
     assert found.verdict == "explained"
@@ -60,7 +60,7 @@ def test_a_wrong_joint_zero_is_named_with_its_size():
 
 @pytest.mark.slow
 def test_two_wrong_zeros_are_both_named():
-    """Joints 3 and 5 at once, nothing else; the springs fit better where it really stands."""
+    """Joints 3 and 5 at once; the springs fit better at the true joint values."""
     whole = answer(logged(theta3_deg=-0.2, theta5_deg=0.4))
     found = whole.diagnosis
 
@@ -74,7 +74,7 @@ def test_two_wrong_zeros_are_both_named():
 
 @pytest.mark.slow
 def test_a_base_frame_that_is_turned_is_named():
-    """The nominal base reflectors are turned by 1.5 mrad about a slanting axis."""
+    """The nominal base reflectors are rotated by 1.5 mrad about an oblique axis."""
     turn = 1.5e-3 * np.array([0.6, 0.0, 0.8])
     files = dict(clean())
     text = files["campaign.toml"].decode()
@@ -93,7 +93,7 @@ def test_a_base_frame_that_is_turned_is_named():
 
 @pytest.mark.slow
 def test_a_robot_off_its_table_everywhere_is_not_accused():
-    """Zeros of all joints off by half a milliradian: robots stand so, and no cause is at fault."""
+    """All joint zeros wrong by half a milliradian: usual for robots, and no cause is accused."""
     off = dict(
         zip(
             ["theta2", "theta3", "theta4", "theta5", "theta6"],
@@ -111,7 +111,7 @@ def test_a_robot_off_its_table_everywhere_is_not_accused():
 
 @pytest.mark.whole
 def test_an_innocent_robot_has_no_blind_spot_there():
-    """Where the reflectors stand as the table says, a wrong zero of joint 3 would have shown."""
+    """If the reflectors agree with the table, a wrong zero of joint 3 would have been visible."""
     found = said(clean())
 
     assert found.verdict == "adequate"
@@ -122,9 +122,9 @@ def test_an_innocent_robot_has_no_blind_spot_there():
 
 @pytest.mark.slow
 def test_what_the_unloaded_reflectors_refute_is_not_named():
-    """A strut whose law the catalogue only resembles leaves a rest that looks like tons of sag.
+    """A strut whose law the catalogue only approximates leaves residuals like a sag from tons.
 
-    The reflectors stand where the table puts them, so the arm does not hang by centimetres.
+    The reflectors are where the table puts them, so the arm does not sag by centimetres.
     """
     robot = load("kr500_rail")
     plan = drawn(robot, np.random.default_rng((2026, 9, 15)), Rules())
@@ -139,7 +139,7 @@ def test_what_the_unloaded_reflectors_refute_is_not_named():
 
 @pytest.mark.slow
 def test_a_wrong_zero_is_named_beside_a_stated_uncertainty():
-    """What the log is stated to be wrong by does not swallow what is 35 times as much."""
+    """The stated uncertainty of the log does not absorb an error 35 times as large."""
     files = logged(theta3_deg=0.1)
     toml = files["campaign.toml"].decode().replace("[joints]\n", "[joints]\nsigma_rad = 5e-5\n")
     assert toml != files["campaign.toml"].decode()

@@ -1,4 +1,4 @@
-"""What several entries of the robot's table are known by together; chain of test_unloaded."""
+"""Combinations of DH parameters that are determined; chain of test_unloaded."""
 
 from types import SimpleNamespace
 
@@ -14,7 +14,7 @@ ROUGH_M = 5e-4
 
 
 def told(seed):
-    """Entries and combinations of a robot with a rough table, and what its entries are off by."""
+    """Parameters and combinations of a robot with DH errors throughout, and the true errors."""
     rng = np.random.default_rng(seed)
     wrong = {letter.label: ROUGH_M * float(rng.standard_normal()) for letter in LETTERS}
     found, _ = estimated(of(read(seed, wrong, joints=1e-4)))
@@ -28,7 +28,7 @@ def label(entry):
 
 
 def test_offsets_along_parallel_axes_are_known_by_their_sum():
-    """The chain shows why: what one offset has more and the other less moves nothing."""
+    """The chain shows why: increasing one offset and decreasing the other has no effect."""
     there, back = (stands(poses(), {"link_offset:3": s, "link_offset:4": -s}) for s in (0, 1e-3))
     np.testing.assert_allclose(there, back, atol=1e-12)
 
@@ -47,7 +47,7 @@ def test_offsets_along_parallel_axes_are_known_by_their_sum():
 
 
 def test_what_places_the_robot_is_in_no_combination():
-    """The first axis' place is F_b's, the last one's the tool's: the readings tell neither."""
+    """The position of the first axis is F_b's, of the last one the tool's: not determined."""
     for seed in range(3):
         _, combinations, _ = told(seed)
         members = {label(entry) for one in combinations for entry in one.of}
@@ -56,7 +56,7 @@ def test_what_places_the_robot_is_in_no_combination():
 
 @pytest.mark.whole
 def test_combinations_are_off_by_what_is_stated():
-    """Twenty robots, every combination, against what their entries really are off by."""
+    """Twenty robots, every combination, against the true errors of its parameters."""
     pulls = []
     for seed in range(20):
         _, combinations, wrong = told(100 + seed)

@@ -1,6 +1,6 @@
-"""The table from unloaded reflectors: against dense conditioning of normal vectors, by own chains.
+"""DH parameters from unloaded reflectors: against dense conditioning of normal vectors.
 
-The chain of the KR500 is multiplied up here; covariances are those of the readings as a whole.
+The chain of the KR500 is multiplied here; covariances are those of all readings together.
 """
 
 from dataclasses import replace
@@ -43,7 +43,7 @@ def poses():
 
 @cache
 def noise():
-    """Covariances of the readings, of any direction, shape (3 p, 3, 3) [m^2]."""
+    """Covariances of the readings with arbitrary axes, shape (3 p, 3, 3) [m^2]."""
     half = np.random.default_rng(4).standard_normal((3 * POSES, 3, 3)) + 2 * np.eye(3)
     return 4e-10 * half @ half.swapaxes(1, 2)
 
@@ -79,7 +79,7 @@ def of(data, sag=None, scale=1.0):
 
 
 def estimated(zeros, free=()):
-    """About the table as it is."""
+    """Estimate about the nominal table."""
     rows = zeros.about(np.zeros(zeros.columns.count))
     return cells(zeros, products(rows), free), rows
 
@@ -157,7 +157,7 @@ ROUGH = {"link_length:4": 3e-4, "link_twist:5": -2e-4, "joint_offset:3": 4e-4}
 
 @pytest.mark.parametrize("scales", [(0.1, 0.1, 1.0), (1.0, 0.01, 0.1)])
 def test_estimates_and_likelihoods_are_those_of_one_long_normal_vector(scales):
-    """For some sizes of roughness and of the joints' errors."""
+    """For some sizes of roughness and of joint errors."""
     data = read(5, ROUGH, joints=1e-4)
     zeros = of(data)
     found = coarse(zeros)
@@ -167,7 +167,7 @@ def test_estimates_and_likelihoods_are_those_of_one_long_normal_vector(scales):
     _, _, other = by_hand(data, (1e-4, 1e-3), 0.1)
     where = zeros.columns.table
 
-    std = np.sqrt(np.diag(cov))  # the differences by hand are good to four digits
+    std = np.sqrt(np.diag(cov))  # the differences by hand are accurate to four digits
     assert (found.x[k, where] - x) / std == pytest.approx(np.zeros(len(x)), abs=1e-3)
     assert found.cov[k, where, where] / np.outer(std, std) == pytest.approx(
         cov / np.outer(std, std), abs=1e-3
@@ -177,7 +177,7 @@ def test_estimates_and_likelihoods_are_those_of_one_long_normal_vector(scales):
 
 
 def test_a_suspect_that_is_freed_is_one_of_a_wide_prior():
-    """The likelihood that follows from the covariance is that of a solution of its own."""
+    """The likelihood derived from the covariance is that of a separate solution."""
     zeros = of(read(6, {"link_length:4": 4e-3}, joints=1e-4), SAG)
     found = coarse(zeros)
     where = zeros.columns
@@ -193,7 +193,7 @@ def test_a_suspect_that_is_freed_is_one_of_a_wide_prior():
 
 
 def test_a_pose_that_is_left_out_is_predicted_by_the_others():
-    """All nine rows of it at once, its joints' own errors unknown."""
+    """All nine rows of it at once, with unknown errors of its joints."""
     data = read(7, ROUGH, joints=1e-4)
     found, rows = estimated(of(data))
     cell = found.best
@@ -205,7 +205,7 @@ def test_a_pose_that_is_left_out_is_predicted_by_the_others():
 
 @pytest.mark.parametrize(("label", "size"), [("link_length:4", 0.05), ("link_twist:3", 5e-3)])
 def test_without_noise_the_entry_comes_back(label, size):
-    """To 1e-9, linearised where the robot stands: second orders are no error."""
+    """To 1e-9, linearised at the robot's true geometry: no second-order error."""
     data = read(8)
     at = stands(poses(), {label: size}).reshape(-1, 3)
     zeros = of(replace(data, unloaded=at))
@@ -225,7 +225,7 @@ def test_without_noise_the_entry_comes_back(label, size):
 
 
 def test_offsets_along_parallel_axes_are_one():
-    """Axes 3 and 4 of the KR500 are parallel: whichever offset is wrong, the robot is the same."""
+    """Axes 3 and 4 of the KR500 are parallel: an error of either offset has the same effect."""
     zeros = of(read(9))
     _, rows = estimated(zeros)
     sums = products(rows)
@@ -235,14 +235,14 @@ def test_offsets_along_parallel_axes_are_one():
     assert same(zeros, sums, at["link_offset:3"], at["link_offset:4"])
     assert not same(zeros, sums, at["link_offset:3"], at["link_offset:5"])
     assert not same(zeros, sums, at["link_length:3"], at["link_length:4"])
-    # what only says where F_b or the tool is, is no twin of anything
+    # what only defines F_b or the tool is a twin of nothing
     assert not same(zeros, sums, at["link_length:4"], at["link_offset:2"])
     assert not same(zeros, sums, at["link_offset:2"], at["joint_offset:7"])
 
 
 @pytest.mark.slow
 def test_estimates_scatter_as_stated():
-    """A table rough by 0.3 mm and mrad, joints that err: thirty robots, every entry."""
+    """DH errors of 0.3 mm and mrad throughout, joint errors: thirty robots, every parameter."""
     rng, pulls = np.random.default_rng(10), []
     for seed in range(30):
         wrong = {letter.label: 3e-4 * float(rng.standard_normal()) for letter in LETTERS}
@@ -256,7 +256,7 @@ def test_estimates_scatter_as_stated():
 
 
 def test_the_table_as_it_is_has_its_own_estimate():
-    """Place, stated turn and tool only: what a wrong length leaves stays where it is."""
+    """Only position, stated rotation and tool: the effect of a wrong length remains."""
     zeros = of(read(11, {"link_length:4": 0.02}))
     rows = zeros.about(np.zeros(zeros.columns.count))
     plain = straight(zeros, products(rows))
@@ -269,7 +269,7 @@ def test_the_table_as_it_is_has_its_own_estimate():
 
 
 def test_positions_that_are_not_known_are_left_out():
-    """One zero unknown is one row less; with three poses nothing is said."""
+    """An unknown zero is one row less; with three poses there is no estimate."""
     data = read(2)
     lost = data.unloaded.copy()
     lost[4, 1] = np.nan
@@ -286,7 +286,7 @@ def test_positions_that_are_not_known_are_left_out():
 
 
 def test_a_stated_zero_is_rough_by_what_is_stated():
-    """Only zeros of joints, and only theirs."""
+    """Only joint zeros, and only those stated."""
     data = replace(read(2), joint_std=np.array([0, 2e-3, 0, 0, 0, 0, 0]))
     zeros = of(data)
     stated = {x.label: s for x, s in zip(zeros.letters, zeros.stated, strict=True) if s}
@@ -298,7 +298,7 @@ def test_a_stated_zero_is_rough_by_what_is_stated():
 
 
 def without_pulls(data, poses):
-    """The same measurements, nothing having been pulled in some poses."""
+    """The same measurements without the pulls of some poses."""
     gone = np.isin(data.pulls.pose[data.pull], poses)
     mine, kept = data.pull[gone], np.flatnonzero(~np.isin(data.pulls.pose, poses))
     idle = Idle(data.pulls.part(mine), data.target[gone], data.unloaded[gone], data.zero_cov[gone])
@@ -313,7 +313,7 @@ def without_pulls(data, poses):
 
 
 def test_a_pose_tells_the_table_whether_something_was_pulled_or_not():
-    """Estimates and their covariance are the same; without these poses they are not."""
+    """Estimates and covariance are equal; without these poses they are not."""
     data = read(12, {"link_length:4": 3e-3}, joints=1e-4)
     some = without_pulls(data, [5, 9, 14])
     all_of_them, same_ones, fewer = (
@@ -340,5 +340,5 @@ def test_a_pose_without_pull_whose_reflectors_kept_no_distance_is_left_out(off_m
 
 @pytest.mark.slow
 def test_sound_poses_without_pull_are_rarely_left_out():
-    """300 poses in 100 campaigns; one in a thousand campaigns loses a pose by chance."""
+    """300 poses in 100 campaigns; one campaign in a thousand loses a pose by chance."""
     assert sum(len(of(without_pulls(read(s), [5, 9, 14])).misshapen) for s in range(100)) <= 1

@@ -1,4 +1,4 @@
-"""The UR10 that comes with the project: real positions, predicted where they were left out."""
+"""The UR10 that ships with the project: real positions, predicted for left-out poses."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,7 +34,7 @@ def taught(campaign, which):
 
 
 def judged(model, readings):
-    """How far each target is off [m] once its series is laid on the prediction (Kabsch)."""
+    """Error of each target [m] after alignment of its series with the prediction (Kabsch)."""
     m = len(readings)
     told = predict(
         model, readings.q, np.zeros((m, 3)), np.zeros(m, dtype=np.int64), readings.temperature
@@ -51,7 +51,7 @@ def judged(model, readings):
 
 @pytest.mark.whole
 def test_every_twentieth_pose_tells_the_table(campaign):
-    """Too few for curves: table and springs, and poses between are nearer than by the table."""
+    """Too few for curves: with DH parameters and springs, other poses are nearer than nominal."""
     _, read = campaign
     few = np.arange(len(read.readings)) % 20 == 0
 
@@ -78,7 +78,7 @@ def test_poses_between_are_predicted_to_a_quarter_of_a_millimetre(campaign):
     between = every.series[~second]
     for series in np.unique(between):
         assert np.linalg.norm(off[between == series], axis=1).mean() < 0.25e-3
-    noise = 2.0e-5  # of a reading, by the standard deviations that the instrument gave
+    noise = 2.0e-5  # of a reading, from the standard deviations that the instrument gave
     inside = np.abs(off) < 1.96 * np.hypot(std, noise)
     assert 0.93 < inside.mean() < 0.97
 
@@ -97,7 +97,7 @@ def test_one_series_predicts_the_other(campaign):
 
 @pytest.mark.slow
 def test_residuals_with_flipped_signs_name_no_law(campaign):
-    """200 copies: the largest of all statistics is beyond chance in one or two at most."""
+    """200 copies: the largest of all statistics is significant in one or two at most."""
     _, read = campaign
     found, _ = taught(campaign, read.readings.series == 0)
     springs = found.stages[2].found

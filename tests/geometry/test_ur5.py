@@ -1,4 +1,4 @@
-"""The UR5 that comes with the project: real positions, predicted where they were left out."""
+"""The UR5 that ships with the project: real positions, predicted for left-out poses."""
 
 from pathlib import Path
 
@@ -29,7 +29,7 @@ def test_every_fifth_pose_of_the_grid_is_predicted_to_six_hundredths_of_a_millim
         standing("ur5", found.final), there.q, np.zeros((len(there), 3)), there.payload,
         there.temperature,
     )  # fmt: skip
-    final = found.final.readings  # series as they were split: that of the pose before
+    final = found.final.readings  # series as split: that of the previous pose
     before = np.clip(np.searchsorted(final.line, there.line) - 1, 0, None)
     frames = found.final.mechanism.frames[final.series[before]]
     seen = np.einsum("mji,mtj->mti", frames[:, :3, :3], there.at - frames[:, None, :3, 3])

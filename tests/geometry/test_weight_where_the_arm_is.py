@@ -1,4 +1,4 @@
-"""Weight acts on the arm that weight and pull have turned, against machines made by Pinocchio."""
+"""Weight acts on the arm deflected by weight and pull, against machines computed with Pinocchio."""
 
 from dataclasses import replace
 
@@ -23,12 +23,12 @@ from pipeline.machine.robot.weight import by_moments, carried, link_moments, sti
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 NOTHING = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
-FAR = np.array([2e3, -1e3, -3e3])  # an anchor so far that a pull keeps its direction
+FAR = np.array([2e3, -1e3, -3e3])  # an anchor so far away that a pull keeps its direction
 
 
 @pytest.fixture(scope="module")
 def arm():
-    """A KR 210 as its file has it but for soft joints, the same by Pinocchio, and poses."""
+    """A KR 210 as in its file but with soft joints, the same in Pinocchio, and poses."""
     robot = load("kr210_r2700_2")
     c = 2 * robot.nominal_compliance
     body = np.array([joint.mass_kg for joint in robot.joints])
@@ -45,7 +45,7 @@ def points(machine, q, pull=None):
 
 
 def mechanism(robot, c):
-    """The robot with its masses and springs, its tool, and nothing wrong."""
+    """The robot with its masses, springs and tool, and without errors."""
     tool = np.tile(np.eye(4), (len(TOOL), 1, 1))
     tool[:, :3, 3] = TOOL
     none = np.zeros(len(letters(robot)))
@@ -54,7 +54,7 @@ def mechanism(robot, c):
 
 @pytest.mark.parametrize("size", [0.0, 2000.0])
 def test_a_robot_stands_where_weight_and_pull_have_turned_it(arm, size):
-    """To a three-thousandth of how far they turn it; ten times that at the commanded joints."""
+    """To 1/3000 of the deflection; ten times that with the commanded joints."""
     robot, c, machine, q = arm
     m, never = len(q), np.full(len(q), np.nan)
     weights = ArmWeights(GRAVITY, NOTHING, np.zeros(m, dtype=np.int64))
@@ -70,7 +70,7 @@ def test_a_robot_stands_where_weight_and_pull_have_turned_it(arm, size):
 
 
 def test_torques_of_weight_change_with_the_joints_as_pinocchio_has_them(arm):
-    """The derivative of all torques by all joints, to rounding."""
+    """The derivatives of all torques by all joints, to rounding."""
     robot, _, machine, q = arm
     own, x = [k for k, _ in machine.own], np.zeros((len(q), machine.model.nv))
     x[:, own] = q
@@ -83,9 +83,9 @@ def test_torques_of_weight_change_with_the_joints_as_pinocchio_has_them(arm):
 
 
 def test_weight_turns_the_joints_further_under_a_pull(arm):
-    """Displacements of a heavy arm to a three-thousandth; without its weight seven times that."""
+    """Displacements of a heavy arm to 1/3000; without its weight seven times that."""
     robot, c, machine, q = arm
-    size = 150.0  # so little that the second order in the pull is below
+    size = 150.0  # so little that the second order in the pull is smaller
     force = np.tile(size * FAR / np.linalg.norm(FAR), (len(q), 1))
     truth = points(machine, q, (size, LOAD_POINT, FAR)) - points(machine, q)
     names = np.array([f"P{k}" for k in range(len(TOOL))], dtype=object)
@@ -102,7 +102,7 @@ def test_weight_turns_the_joints_further_under_a_pull(arm):
 
 
 def sagged(machine, q):
-    """Joints of the machine where it stands unloaded, shape (n,)."""
+    """Joint values of the machine unloaded, shape (n,)."""
     own, x = [k for k, _ in machine.own], np.zeros(machine.model.nv)
     for _ in range(20):
         weight = pin.computeGeneralizedGravity(machine.model, machine.data, x)
@@ -111,9 +111,9 @@ def sagged(machine, q):
 
 
 def test_masses_that_are_off_count_as_springs_that_are(arm):
-    """Links that are heavier in the file: springs move by what `by_masses` says of them together.
+    """Heavier links in the file: springs change as `by_masses` states for them together.
 
-    To a third, as the estimate also takes a table for rougher where masses do not fit it.
+    To a third, since the estimate also assumes larger DH errors if masses do not fit.
     """
     robot, _, machine, _ = arm
     rng = np.random.default_rng(5)
@@ -139,10 +139,10 @@ def test_masses_that_are_off_count_as_springs_that_are(arm):
 
 
 def bent(robot, machine, q, where, c):
-    """How far a link that bends lets the targets sag [m], (t, 3): curvature along it, summed up.
+    """Sag of the targets due to a link that bends [m], (t, 3): its curvature, integrated.
 
-    Every weight bends the link between its near end and where it hangs, by c / L times its moment
-    there; both ends and all weights are where Pinocchio has the straight arm.
+    Every weight bends the link between its proximal end and where it hangs, by c / L times its
+    moment there; both ends and all weights are those of the straight arm in Pinocchio.
     """
     near, far = {"upper_arm": (2, 3), "forearm": (3, 5)}[where]
     flange = machine.flange(q)
@@ -165,7 +165,7 @@ def bent(robot, machine, q, where, c):
 
 @pytest.mark.parametrize("where", ["upper_arm", "forearm"])
 def test_a_link_is_bent_by_the_weights_beyond(arm, where):
-    """To a tenth of the largest sag; a motor at its near end does not bend it."""
+    """To a tenth of the largest sag; a motor at its proximal end does not bend it."""
     robot, c, machine, q = arm
     stiff = HeavyRobot(
         robot,
@@ -192,7 +192,7 @@ def test_a_link_is_bent_by_the_weights_beyond(arm, where):
 
 
 def test_laws_of_gears_follow_another_weight_as_differences_do(arm):
-    """To a thousandth, wherever the torque stands on the law; each way of it."""
+    """To a thousandth, wherever the torque is on the law; for either sense."""
     robot, q = arm[0], arm[3]
     here, none = configure(robot, q), np.zeros(len(q))
     laws = [e for e in yielding(robot, np.array([[-1.0], [1.0]]) * np.ones(6)) if e.side is None]
@@ -212,7 +212,10 @@ def test_laws_of_gears_follow_another_weight_as_differences_do(arm):
 
 
 def test_lost_motion_that_the_weight_shows_is_handed_to_pulls(arm):
-    """Flanks of joint 3 part by Pinocchio's torque; half of it in place, of weight and pull."""
+    """The flanks of joint 3 separate by Pinocchio's torque.
+
+    Half of it in place, with weight and pull.
+    """
     robot, _, still, _ = arm
     b, full = 1.5e-4, 0.03 * 1e-3 / robot.nominal_compliance[2]
     rng, third = np.random.default_rng(8), np.eye(6)[2]

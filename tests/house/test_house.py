@@ -1,4 +1,4 @@
-"""The folder of a house: what it adds to a certificate, and what it may not."""
+"""House style: what its folder adds to a certificate, and what it must not."""
 
 import base64
 import re
@@ -43,7 +43,7 @@ def root(tmp_path):
 
 @pytest.mark.whole
 def test_a_certificate_has_what_the_house_adds(root):
-    """Logo, lines with what campaign.toml says, and annexes in its order, on page and paper."""
+    """Logo, lines with fields of campaign.toml, and annexes in its order, on page and PDF."""
     look = looks(root)({"fields": {"order": "4711"}}, FACTS)
     answer, tables = report_sample.answer(), report_sample.tables()
     keys = [one.key for one in compose(answer, tables, look=look).sections]
@@ -63,7 +63,7 @@ def test_a_certificate_has_what_the_house_adds(root):
 
 
 def test_a_line_without_its_field_is_left_out(root):
-    """As all that nobody stated; the language of campaign.toml comes first."""
+    """As everything not stated; the language of campaign.toml takes precedence."""
     look = looks(root)({"fields": {}, "language": "fr"}, FACTS)
 
     assert look.fields == (("Plan", "QS-kr500_rail, pass"),)
@@ -71,7 +71,7 @@ def test_a_line_without_its_field_is_left_out(root):
 
 
 def test_what_a_campaign_says_is_never_a_template(root):
-    """Braces and markup of campaign.toml are words, on the page too."""
+    """Braces and markup in campaign.toml are plain text, also on the page."""
     evil = "{{ 7 * 7 }}<script>alert(1)</script>"
     look = looks(root)({"fields": {"order": evil}}, FACTS)
     content = certificate(report_sample.answer(), {}, look=look)
@@ -103,10 +103,10 @@ HOSTILE = [
 
 @pytest.mark.parametrize("text", HOSTILE)
 def test_a_line_that_does_more_is_refused_in_a_sentence(root, text):
-    """It is named with its file, and nothing of it has run."""
+    """It is named with its file, and nothing of it is executed."""
     said = f"[fields]\n\"Line\" = '''{text}'''\n"
     (root / "house" / "house.toml").write_text(said)
-    if text == "{{ fields.__class__ }}":  # a name like any other, of which campaign.toml has none
+    if text == "{{ fields.__class__ }}":  # an ordinary name, which campaign.toml does not have
         assert looks(root)({"fields": {"order": "1"}}, FACTS).fields == ()
         return
     with pytest.raises(InputError) as refused:
@@ -130,7 +130,7 @@ def test_a_line_that_does_more_is_refused_in_a_sentence(root, text):
     ],
 )
 def test_a_logo_that_is_no_drawing_is_refused(root, inside, told):
-    """Nothing that runs, and nothing that leads elsewhere."""
+    """Nothing executable, and no external links."""
     logo = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9">{inside}</svg>'
     (root / "house" / "logo.svg").write_text(logo)
 
@@ -139,7 +139,7 @@ def test_a_logo_that_is_no_drawing_is_refused(root, inside, told):
 
 
 def test_nothing_outside_the_folder_is_read(root, tmp_path):
-    """Neither by a name, nor by a link, nor from where campaigns lie."""
+    """Neither by a name, nor by a link, nor from the folder of campaigns."""
     (tmp_path / "secret.svg").write_text(LOGO)
     (root / "house" / "house.toml").write_text('logo = "../secret.svg"\n')
     with pytest.raises(InputError, match="outside"):
@@ -159,7 +159,7 @@ def chunk(kind, data):
 
 
 def test_a_png_is_a_logo_too(root):
-    """Of any size in pixels; page and paper carry it."""
+    """With any number of pixels; page and PDF include it."""
     head = (3).to_bytes(4, "big") + (2).to_bytes(4, "big") + bytes([8, 2, 0, 0, 0])
     rows = zlib.compress(b"".join(b"\0" + b"\x10\x70\xb0" * 3 for _ in range(2)))
     image = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
@@ -172,7 +172,7 @@ def test_a_png_is_a_logo_too(root):
 
 
 def test_the_order_knows_every_annex_of_a_report(root):
-    """An annex that a report has is one that a house may name, and an unknown one is refused."""
+    """Every annex of a report can be named by a house, and an unknown one is refused."""
     from typing import get_args
 
     from pipeline.house.folder import Annex
@@ -185,7 +185,7 @@ def test_the_order_knows_every_annex_of_a_report(root):
 
 
 def test_without_a_house_nothing_changes(tmp_path):
-    """No pipeline.toml: English, and as it comes."""
+    """No pipeline.toml: English, and the default order."""
     assert looks(tmp_path)({}, FACTS) == Look()
     (tmp_path / "pipeline.toml").write_text('[report]\ntemplates = "lost"\n')
     with pytest.raises(InputError, match=r"lost/house\.toml"):

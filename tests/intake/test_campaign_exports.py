@@ -1,4 +1,4 @@
-"""One campaign in the forms of many programs: read to a micrometre, or asked, or refused."""
+"""One campaign in the formats of many programs: read to a micrometre, or asked, or refused."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def spaced(gap):
 
 
 def angled(form):
-    """Directions in degrees, minutes and seconds, distances in metres."""
+    """Angles in degrees, minutes and seconds, distances in metres."""
     return table(
         ";",
         POLAR,
@@ -104,7 +104,7 @@ READ = {
 
 @pytest.mark.parametrize("kind", READ)
 def test_what_a_program_writes_is_read(kind):
-    """Every name as it is, every place to a micrometre, nothing left out."""
+    """Every name unchanged, every position to a micrometre, nothing rejected."""
     data, said, places = (
         READ[kind] if isinstance(READ[kind], tuple) else (READ[kind], NAMES, PLACES)
     )
@@ -121,7 +121,7 @@ def test_what_a_program_writes_is_read(kind):
     "form", ["{}°{:02d}'{:07.4f}\"", "{}-{:02d}-{:07.4f}", "{}d{:02d}m{:07.4f}s"]
 )
 def test_degrees_minutes_and_seconds_are_degrees(form):
-    """They say their unit themselves; gon or radians are not asked."""
+    """They state their unit themselves; gon or radians are not asked for."""
     export = readers.read("t", angled(form).encode(), Hints(vertical="zenith"))
 
     assert names(export) == NAMES
@@ -129,11 +129,11 @@ def test_degrees_minutes_and_seconds_are_degrees(form):
 
 
 PACKED = "{}.{:02d}{:07.4f}"
-"""Minutes and seconds behind the point: 123.45067000 are 123 degrees, 45 minutes, 6.7 seconds."""
+"""Minutes and seconds after the point: 123.45067000 is 123 degrees, 45 minutes, 6.7 seconds."""
 
 
 def packed(titles):
-    """The campaign with angles D.MMSS under some titles, in metres."""
+    """The campaign with angles as D.MMSS under some titles, in metres."""
 
     def row(k, g, t, p):
         far, *angles = polar(p)
@@ -156,7 +156,7 @@ def packed(titles):
     ],
 )
 def test_minutes_behind_the_point_are_read_where_they_are_said(titles, said):
-    """By a title or by somebody, whatever else a title says of degrees."""
+    """By a title or by the user, whatever else a title says of degrees."""
     export = readers.read("t", packed(titles), Hints(vertical="zenith", **said))
 
     assert names(export) == NAMES
@@ -165,7 +165,7 @@ def test_minutes_behind_the_point_are_read_where_they_are_said(titles, said):
 
 @pytest.mark.parametrize("title", ["Hz;V", "Hz [deg];V [deg]"])
 def test_angles_that_may_have_minutes_behind_the_point_are_asked(title, tmp_path):
-    """That no decimals are minutes beyond 59 is a hint; degrees and decimals stay possible."""
+    """Decimals that are all possible minutes are only a hint; decimal degrees remain possible."""
     path = tmp_path / "t.txt"
     path.write_bytes(packed(f"Group;Point;{title};D [m]"))
     question = look.inspect(path, {}).content["question"]
@@ -178,7 +178,7 @@ def test_angles_that_may_have_minutes_behind_the_point_are_asked(title, tmp_path
 
 
 def test_degrees_with_decimals_are_not_asked_for_minutes():
-    """Decimals that are no minutes are enough; a few round angles say nothing."""
+    """Decimals that cannot be minutes suffice; a few round angles show nothing."""
     for cells in (["10.75", "100.7512"], ["10.5", "100.25"]):
         line = f"Point;Hz [deg];V [deg];D [m]\nP1;{cells[0]};{cells[1]};2.5\n"
         export = readers.read("t", line.encode(), Hints(vertical="zenith"))
@@ -250,7 +250,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("why", REFUSED)
 def test_what_would_be_misread_is_refused_with_its_reason(why):
-    """No reading comes of it."""
+    """No reading is accepted."""
     with pytest.raises(InputError) as refused:
         readers.read("t", REFUSED[why].encode())
 
@@ -258,7 +258,7 @@ def test_what_would_be_misread_is_refused_with_its_reason(why):
 
 
 def test_a_number_with_its_unit_says_so():
-    """The reason names what to write where."""
+    """The reason says what to write, and where."""
     data = table(",", CSV, lambda k, g, t, p: [g, t, *(f"{cell} mm" for cell in xyz(p))])
     export = readers.read("t", data.encode())
 
@@ -267,7 +267,7 @@ def test_a_number_with_its_unit_says_so():
 
 
 def answering(answers):
-    """Somebody who knows the file: picks the answer that holds a word."""
+    """A user who knows the file: chooses the answer that contains a word."""
 
     def ask(found):
         word = answers[found.question.about]
@@ -317,7 +317,7 @@ def test_the_right_answer_is_among_those_offered(kind, tmp_path):
 
 
 def test_a_question_is_the_one_that_the_error_names(tmp_path):
-    """Not that of the unit, where the coordinates are open."""
+    """Not that of the unit if the coordinates are ambiguous."""
     path = tmp_path / "t.txt"
     path.write_text("1;1,234;2,345;3,456\n2;1,2345;2;3\n3;100,5;3,2;1\n")
     answer = look.inspect(path, {}).content

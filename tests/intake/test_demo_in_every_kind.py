@@ -1,4 +1,4 @@
-"""The demo campaign in each kind of file on a tracker's PC that can carry one: read as it was."""
+"""The demo campaign in each kind of file that can carry it: read back unchanged."""
 
 import csv
 import itertools
@@ -26,7 +26,7 @@ DEMO = Path(__file__).parents[2] / "data/raw/kr500_demo"
 FILES = {path.name: path.read_bytes() for path in sorted(DEMO.iterdir())}
 ROWS = list(csv.DictReader(FILES["tracker.csv"].decode().splitlines()))
 HALF_A_DIGIT = 0.5e-7
-"""Of the four decimals of a millimetre that most kinds have [m]."""
+"""Half of the last of four decimals of a millimetre, as most kinds have [m]."""
 TURN_DIGIT = 0.5e-7 * math.pi / 200
 """Half of the last of seven decimals of a gon [rad]."""
 
@@ -37,7 +37,7 @@ def mm(row):
 
 
 def comma(cells):
-    """The same with a decimal comma."""
+    """The same with decimal commas."""
     return [cell.replace(".", ",") for cell in cells]
 
 
@@ -49,13 +49,13 @@ def angles(row, sense=1):
 
 
 def other_face(cells):
-    """The same reading with the instrument turned and plunged."""
+    """The same reading in the second face of the instrument."""
     turn, zenith, far = map(float, cells)
     return [f"{(turn + 200) % 400:.7f}", f"{400 - zenith:.7f}", f"{far:.4f}"]
 
 
 def when(row, form):
-    """Its time in another form."""
+    """Its time in another format."""
     return datetime.fromisoformat(row["time"]).strftime(form)
 
 
@@ -84,7 +84,7 @@ class Kind:
     written: object = None
 
     def data(self):
-        """The campaign's readings."""
+        """Readings of the campaign."""
         rows = [line for row in ROWS for line in self.lines(row)]
         if self.written:
             return self.written([*self.head, *rows])
@@ -190,7 +190,7 @@ for k, row in enumerate(ROWS):
 
 
 def files_of(kind):
-    """The demo campaign with its tracker's file in some kind."""
+    """The demo campaign with the tracker's file in some kind."""
     name = "tracker.xlsx" if kind.written else "tracker.txt"
     files = {name: kind.data()} | {k: v for k, v in FILES.items() if k != "tracker.csv"}
     said = toml.loads(FILES["campaign.toml"].decode(), "campaign.toml")
@@ -204,7 +204,7 @@ def files_of(kind):
 
 
 def read(kind, alone=True):
-    """Its readings, by what the file and [tracker] say alone, or with what reflectors settle."""
+    """Its readings, from the file and [tracker] alone, or with what known reflectors settle."""
     raw = in_memory(files_of(kind))
     found = ingest(raw.settings, raw.robot, raw.files)
     assert found.rejected.num_rows == 0
@@ -214,7 +214,7 @@ def read(kind, alone=True):
 
 @pytest.fixture(scope="module")
 def ours():
-    """The readings of the demo campaign as they came."""
+    """The readings of the original demo campaign."""
     raw = in_memory(FILES)
     return ingest(raw.settings, raw.robot, raw.files).readings
 
@@ -223,13 +223,13 @@ UNKNOWN = {
     name: KINDS[name]
     for name in ("blanks", "instrument report", "two faces", "name Hz V D", "total station")
 }
-"""Kinds that name their targets and leave something open."""
+"""Kinds that name their targets and leave something ambiguous."""
 
 
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", UNKNOWN)
 def test_known_reflectors_settle_what_the_file_leaves_open(name, ours):
-    """Unit, kind of coordinates and where angles are zero, by [tool] and [base_frame] alone."""
+    """Unit, kind of coordinates and zero of angles, from [tool] and [base_frame] alone."""
     kind = UNKNOWN[name]
     said = {word: kind.said[word] for word in kind.said.keys() & {"horizontal", "mapping"}}
     got = read(replace(kind, said=said), alone=False)
@@ -240,7 +240,7 @@ def test_known_reflectors_settle_what_the_file_leaves_open(name, ours):
 
 @pytest.mark.slow
 def test_whoever_inspects_or_checks_is_told_what_settled_it(tmp_path):
-    """In the folder of a campaign the file is read, and both say by what."""
+    """In the folder of a campaign the file is read, and both say what settled it."""
     kind = replace(KINDS["name Hz V D"], said={"horizontal": "clockwise"})
     folder = tmp_path / "data" / "raw" / "demo"
     folder.mkdir(parents=True)
@@ -258,7 +258,7 @@ def test_whoever_inspects_or_checks_is_told_what_settled_it(tmp_path):
 
 
 def test_which_way_azimuths_grow_only_points_off_a_plane_settle():
-    """Three points, or four on a floor, fit their mirror image; a tool's triangle does, too."""
+    """Three points, or four coplanar ones, fit their mirror image; a tool's triangle does, too."""
     data = KINDS["name Hz V D"].data()
     said = Hints(unit="mm", coordinates="spherical", angle="gon", vertical="zenith")
     settings = in_memory(FILES).settings
@@ -282,7 +282,7 @@ def test_which_way_azimuths_grow_only_points_off_a_plane_settle():
 @pytest.mark.sampled(11)
 @pytest.mark.parametrize("name", KINDS)
 def test_the_demo_is_read_from_every_kind(name, ours):
-    """Names and states as they were, places to the digits written, times where there are some."""
+    """Names and states unchanged, positions to the digits written, times if present."""
     kind = KINDS[name]
     got = read(kind)
     for word in ("group", "target", "pose", "repeat", "state"):

@@ -1,4 +1,4 @@
-"""What stopped a production engineer on a first day: each dead end, from its command to its end."""
+"""Obstacles for a production engineer on the first day, each from the command to its end."""
 
 import pypdfium2
 import pytest
@@ -46,7 +46,7 @@ def typed(capsys, *words):
 
 @pytest.fixture(scope="module")
 def designed(tmp_path_factory):
-    """A folder in which `pipeline design` was typed for an own robot, robot file beside problem."""
+    """A folder in which `pipeline design` was run for an own robot, robot file beside problem."""
     root = tmp_path_factory.mktemp("designed")
     (root / "hall").mkdir()
     (root / "hall" / "own.toml").write_text(OWN)
@@ -59,7 +59,7 @@ def designed(tmp_path_factory):
 
 @pytest.mark.whole
 def test_the_commands_that_a_design_prints_work_for_an_own_robot(designed, monkeypatch, capsys):
-    """Robot file beside the problem, plan in data/plans: rehearsed and prepared as it says."""
+    """Robot file beside the problem, plan in data/plans: simulated and initialised as printed."""
     monkeypatch.chdir(designed)
     plan = (designed / "data" / "plans" / "hall7.toml").read_text()
     commands = [
@@ -85,7 +85,7 @@ def test_the_commands_that_a_design_prints_work_for_an_own_robot(designed, monke
 
 
 def test_a_robot_file_is_found_where_it_was_typed(tmp_path, monkeypatch, capsys):
-    """A relative path is one from here, and the campaign gets a copy."""
+    """A relative path refers to the current folder, and the campaign gets a copy."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "hall").mkdir()
     (tmp_path / "hall" / "own.toml").write_text(OWN)
@@ -100,7 +100,7 @@ def test_a_robot_file_is_found_where_it_was_typed(tmp_path, monkeypatch, capsys)
 
 
 def test_a_removed_campaign_is_on_no_page_and_its_measurements_are_kept(tmp_path, capsys):
-    """Result and tables go, the raw folder is moved; twice the same name is kept twice."""
+    """Result and tables are deleted, the raw folder is moved; the same name twice is kept twice."""
     for again in range(2):
         typed(capsys, "simulate", "--name", "gone", "--root", tmp_path)
         typed(capsys, "simulate", "--name", "stays", "--root", tmp_path, "--force")
@@ -124,7 +124,7 @@ def test_a_removed_campaign_is_on_no_page_and_its_measurements_are_kept(tmp_path
 
 
 def test_the_robots_that_ship_are_listed_with_their_makers(capsys):
-    """Name, maker and axes; one of them is shown as a file to start from."""
+    """Name, maker and axes; one of them is printed as a file to start from."""
     _, out, _ = typed(capsys, "robot", "--list")
     _, shown, _ = typed(capsys, "robot", "--show", "irb6640")
     code, _, err = typed(capsys, "robot", "--show", "kr211")
@@ -137,7 +137,7 @@ def test_the_robots_that_ship_are_listed_with_their_makers(capsys):
 
 
 def test_the_only_correct_spelling_of_a_unit_is_taken(monkeypatch):
-    """KN is kn; what is no unit is asked again."""
+    """KN is kn; an invalid unit is asked for again."""
     answers = iter(["stone", "kN"])
     monkeypatch.setattr(asking, "_answer", lambda *_: next(answers))
 
@@ -145,7 +145,7 @@ def test_the_only_correct_spelling_of_a_unit_is_taken(monkeypatch):
 
 
 def test_a_reflector_out_of_reach_is_asked_again_and_said_again(monkeypatch, capsys):
-    """210 is no metre of an effector; what was understood stands there."""
+    """210 is not metres on an effector; the message shows what was understood."""
     answers = iter(["210 60 110", "210 60 110 mm"])
     monkeypatch.setattr(asking, "_answer", lambda *_: next(answers))
 
@@ -161,7 +161,7 @@ def test_a_reflector_out_of_reach_is_asked_again_and_said_again(monkeypatch, cap
     "units", [";;kN", "Nr.;Nr.;[kN]", "hh:mm;-;kN", "-;#;(kN)", "dd.mm.yyyy;Nr;kN"]
 )
 def test_a_row_of_units_is_understood_as_people_write_it(units):
-    """Beside the unit a column may say what its numbers are; the row is no rejected one."""
+    """A column may describe its numbers instead of a unit; that row is not rejected."""
     text = f"pose;repeat;force\n{units}\n1;1;1,25\n2;1;2,5\n"
 
     log = logs.loads("loads.csv", text.encode())
@@ -171,7 +171,7 @@ def test_a_row_of_units_is_understood_as_people_write_it(units):
 
 
 def test_a_row_of_numbers_is_no_row_of_units():
-    """What stands below titles with units of their own is the first row."""
+    """A line below titles that have units is the first row."""
     log = logs.loads("loads.csv", b"pose;repeat;force_kn\n1;1;1,25\n2;1;2,5\n")
 
     assert log.number["force"].tolist() == [1250.0, 2500.0]
@@ -201,7 +201,7 @@ def test_a_plan_on_top_of_a_campaign_has_the_name_that_is_typed(tmp_path, monkey
 
 @pytest.mark.whole
 def test_the_picture_of_a_pose_stands_on_its_page(designed):
-    """Heading, axes to drive to and picture of each pose are on one page of the sheet."""
+    """Heading, axis values and figure of each pose are on one page of the sheet."""
     pdf = pypdfium2.PdfDocument(designed / "reports" / "plans" / "hall7" / "sheet.pdf")
     pages = [page.get_textpage().get_text_range() for page in pdf]
     everything = "\n".join(pages)
@@ -215,7 +215,7 @@ def test_the_picture_of_a_pose_stands_on_its_page(designed):
 
 
 def test_a_german_remark_states_the_unit_of_an_export():
-    """`// Einheiten: mm` above the points of SpatialAnalyzer."""
+    """`// Einheiten: mm` above the points in a file of SpatialAnalyzer."""
     rows = "\n".join(f"A::g::P{k}, {100 * k}.0, 200.0, {300 - k}.0" for k in range(1, 5))
     text = f"// SpatialAnalyzer ASCII, kartesisch\n// Einheiten: mm\n{rows}\n"
 

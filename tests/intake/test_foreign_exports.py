@@ -1,4 +1,4 @@
-"""Every kind of file on a tracker's PC is read, or asked with an answer to paste."""
+"""Every kind of file on a tracker's PC is read, or asked about with an answer to paste."""
 
 import csv
 import json
@@ -28,7 +28,7 @@ def run(capsys, *arguments):
 
 
 def options(said):
-    """Words of [tracker] as options of the command."""
+    """[tracker] as options of the command."""
     return [word for k, v in said.items() for word in (f"--{k.replace('angle', 'angles')}", v)]
 
 
@@ -42,14 +42,14 @@ def names(export):
 
 
 def right(export, kind):
-    """Whether the readings are those of the file."""
+    """Whether the readings agree with the file."""
     assert names(export) == kind.names
     np.testing.assert_allclose(export.position, kind.places, atol=kind.tolerance, rtol=0)
 
 
 @pytest.mark.parametrize("name", KINDS)
 def test_every_kind_is_read_or_asked(name, tmp_path, capsys):
-    """Read where nothing but the unit is open; else the proposal, with the answers, reads it."""
+    """Read if only the unit is open; otherwise the proposal with the answers reads it."""
     kind, path = KINDS[name], tmp_path / "export.txt"
     path.write_bytes(kind.data)
     if kind.read:
@@ -77,7 +77,7 @@ def test_every_kind_is_read_or_asked(name, tmp_path, capsys):
 
 
 def hints_of(proposal, kind):
-    """What a proposal says, with the answers of somebody who knows."""
+    """A proposal with the answers of a user who knows."""
     import tomllib
 
     said = tomllib.loads(proposal)["tracker"]
@@ -113,7 +113,7 @@ SENSES = {
 
 @pytest.mark.parametrize("head", SENSES)
 def test_which_way_azimuths_grow_is_said_or_asked(head):
-    """By titles and lines above; where they say nothing, or one the other's contrary, asked."""
+    """From titles and lines above; if these are silent or contradictory, it is asked."""
     above, _, titles = head.rpartition("Point;") if "\n" in head else ("", "", head)
     data = rows(*above.splitlines(), f"Point;{titles}", f"P1;{'A;' * ('Coll' in head)}100;50;2000")
     x, y, z = polar(2.0, 100 * GON, 50 * GON)
@@ -146,7 +146,7 @@ def test_which_way_azimuths_grow_is_said_or_asked(head):
     ],
 )
 def test_a_unit_belongs_to_what_it_is_said_of(line, unit):
-    """That of a radius or of a temperature says nothing of the coordinates."""
+    """The unit of a radius or of a temperature says nothing about the coordinates."""
     data = rows(*line.splitlines(), "Point;X;Y;Z", "P1;1500;2500;3500").encode()
     if unit is None:
         with pytest.raises(InputError, match="does not say its unit of length"):
@@ -156,7 +156,7 @@ def test_a_unit_belongs_to_what_it_is_said_of(line, unit):
 
 
 def test_the_unit_of_an_offset_is_none_of_spatialanalyzers_header():
-    """Neither the unit of the coordinates nor a second one beside it."""
+    """It is neither the unit of the coordinates nor a second one."""
     body = rows("A::g::P1, 1500.0, 2500.0, 3500.0", "A::g::P2, 1600.0, 2500.0, 3500.0")
     for head, unit in (("// Cartesian, Units: Millimeters\n", "mm"), ("// Cartesian\n", None)):
         data = (head + "// Target offset units: in\n" + body).encode()
@@ -171,7 +171,7 @@ def test_the_unit_of_an_offset_is_none_of_spatialanalyzers_header():
     "title", ["HD [m]", "Horizontaldistanz [m]", "Distance 2D [m]", "Horiz. Dist. [m]", "Hor Dist"]
 )
 def test_a_horizontal_distance_is_no_range(title):
-    """Alone it is refused, by a mapping, too; beside the slope distance it is passed over."""
+    """Alone it is refused, also in a mapping; with the slope distance it is ignored."""
     head, row = f"Pkt;Hz [gon];V [gon];{title}", "B1;326.99737;109.38258;10.56544"
     columns = {"target": "Pkt", "azimuth": "Hz [gon]", "vertical": "V [gon]", "range": title}
     for mapping in (None, Columns(columns=columns)):
@@ -193,7 +193,7 @@ def test_a_horizontal_distance_is_no_range(title):
     ],
 )
 def test_an_angle_beyond_its_circle_is_in_another_unit(head, row, wrong):
-    """Neither by its title nor by campaign.toml; a circle rounded upwards is one still."""
+    """Neither its title nor campaign.toml is trusted; a circle rounded upwards is accepted."""
     hints = Hints(vertical="elevation" if "Elev" in head else "zenith", unit="m", angle="gon")
     if "[" in head:
         hints = hints.model_copy(update={"angle": None, "unit": None})
@@ -205,7 +205,7 @@ def test_an_angle_beyond_its_circle_is_in_another_unit(head, row, wrong):
 
 
 def test_spatialanalyzers_angles_keep_within_their_circle_too():
-    """Its header names the unit of angles that its rows then break."""
+    """Its header states a unit of angles that its rows exceed."""
     head = ["// Spherical, Zenith, Units: Meters, Degrees", "// Group::Target, R, Theta, Phi"]
     for theta, sound in (("359.5", True), ("373.2", False)):
         data = rows(*head, f"A::g::B1, 10.7, {theta}, 98.0").encode()
@@ -218,7 +218,7 @@ def test_spatialanalyzers_angles_keep_within_their_circle_too():
 
 @pytest.mark.parametrize(("moved", "left"), [(0.0, 1), (0.01, 1), (0.05, 2)])
 def test_two_places_are_no_two_faces(moved, left):
-    """A target that has moved by more than any collimation stays two readings."""
+    """A target displaced by more than any collimation error stays two readings."""
     far = 2.0 + moved
     data = rows("Pkt;Hz [gon];V [gon];SD [m]", "P1;50.0;98.0;2.0", f"P1;250.0;302.0;{far}").encode()
     export = readers.read("t", data, Hints(vertical="zenith"))
@@ -234,7 +234,10 @@ STATISTICS = ["Mean", "Std Dev", "Std. Dev.", "Min", "Max", "Mittelwert", "Stand
 @pytest.mark.parametrize("head", ["Point;X [mm];Y [mm];Z [mm]", "group;target;x_mm;y_mm;z_mm"])
 @pytest.mark.parametrize("above", [True, False])
 def test_statistics_of_the_points_are_no_readings(head, above):
-    """Left out with their lines, whatever they are of; a target with such a word in it stays."""
+    """Rejected with their lines, whatever the statistic.
+
+    A target that contains such a word stays.
+    """
     group = "g;" if head.startswith("group") else ""
     points = [f"{group}{name};4347.4;9629.5;-1568.5" for name in ("B1", "Max1", "Min Plate")]
     below = [f"{group.replace('g', 'Statistics')}{name};0.1;0.2;0.3" for name in STATISTICS]
@@ -253,7 +256,7 @@ SPREAD = [("B1", 4347.4, 9629.5, -1568.5), ("B2", -3925.1, 6118.3, -1571.2),
 
 
 def kinds_of_rows(head, first, second, shift):
-    """Every point twice: as `first` calls it, `shift` mm off, and as `second` does."""
+    """Every point twice: as `first` calls it, displaced by `shift` mm, and as `second` does."""
     lines = []
     for group in ("g", "h"):
         for name, x, y, z in SPREAD:
@@ -268,7 +271,7 @@ def kinds_of_rows(head, first, second, shift):
 )
 @pytest.mark.parametrize("names", ["group;target", "Gruppe;Punkt"])
 def test_nominal_rows_are_not_read_beside_measured_ones(title, nominal, measured, names):
-    """Left out with their lines, however near they are."""
+    """Rejected with their lines, however near they are."""
     data = kinds_of_rows(f"{names};{title};x [mm];y [mm];z [mm]", nominal, measured, 0.4)
     export = readers.read("t", data)
 
@@ -279,7 +282,7 @@ def test_nominal_rows_are_not_read_beside_measured_ones(title, nominal, measured
 
 
 def test_rows_below_a_line_of_nominal_points_are_left_out():
-    """Until the line of the measured ones."""
+    """Until the title of the measured ones."""
     points = [f"{name};{x};{y};{z}" for name, x, y, z in SPREAD]
     titles = "Point;X [mm];Y [mm];Z [mm]"
     places = [f"{name};{x + 0.5};{y};{z}" for name, x, y, z in SPREAD]
@@ -292,7 +295,7 @@ def test_rows_below_a_line_of_nominal_points_are_left_out():
 
 @pytest.mark.parametrize("names", ["group;target", "Gruppe;Punkt"])
 def test_a_column_that_tells_frames_apart_is_asked_for(names):
-    """Targets metres apart by a word are in two frames; those that a load moves are in one."""
+    """Targets metres apart by a word are in two frames; those moved by a load are in one."""
     head = f"{names};Frame;x [mm];y [mm];z [mm]"
     data = kinds_of_rows(head, "World", "Tracker", 1000.0)
     with pytest.raises(InputError, match=r't:1: .*"Frame" holds Tracker, World, .* in \[tracker'):
@@ -315,7 +318,7 @@ def test_a_column_that_tells_frames_apart_is_asked_for(names):
 @pytest.mark.parametrize("bad", ["beam broken;beam broken;beam broken", ";;", "-;-;-", "–1;2;3"])
 @pytest.mark.parametrize("units", [False, True])
 def test_rows_that_cannot_be_read_below_the_titles_leave_these_alone(many, bad, units):
-    """Each is rejected with its line; the titles still say which column is what, in which unit."""
+    """Each is rejected with its line; the titles still define columns and unit."""
     head = ["Point;Z;X;Y", ";[in];[in];[in]"] if units else ["Point;Z [in];X [in];Y [in]"]
     good = [f"{name};{z};{x};{y}" for name, x, y, z in SPREAD]
     export = readers.read("t", rows(*head, *[f"B1;{bad}"] * many, *good).encode())
@@ -326,7 +329,7 @@ def test_rows_that_cannot_be_read_below_the_titles_leave_these_alone(many, bad, 
 
 @pytest.mark.parametrize("first", [True, False])
 def test_two_kinds_in_one_file_without_titles_are_refused(first):
-    """A tool's targets keep their distances only if one part is angles and the other x, y, z."""
+    """A tool keeps its distances only if one part is angles and the other x, y, z."""
     rng = np.random.default_rng(23)
     tool = np.array([[200.0, 50, 120], [-120, 190, 100], [-100, -180, 220]])
     lines = []
@@ -349,7 +352,7 @@ def test_two_kinds_in_one_file_without_titles_are_refused(first):
 
 
 def test_two_faces_are_one_reading_and_their_difference_is_told(capsys, tmp_path):
-    """The mean of both, and how far apart they were."""
+    """The mean of both, and their difference."""
     path = tmp_path / "polar.txt"
     path.write_bytes(KINDS["two faces"].data)
     apart = np.subtract(
@@ -365,7 +368,7 @@ def test_two_faces_are_one_reading_and_their_difference_is_told(capsys, tmp_path
 
 
 def test_a_covariance_without_titles_is_known_by_its_symmetry():
-    """Row by row behind the coordinates, in their unit squared."""
+    """Row by row after the coordinates, in their unit squared."""
     kind = KINDS["uncertainties and covariance"]
     C = np.array([float(cell) for cell in MATRIX.split(",")])
     got = readers.read("t", kind.data, Hints(unit="mm")).covariance
@@ -374,7 +377,7 @@ def test_a_covariance_without_titles_is_known_by_its_symmetry():
 
 
 def test_most_pairs_say_which_angle_is_which():
-    """A point straight to the left at the height of the instrument reads alike both ways."""
+    """A point exactly to the left at instrument height is the same either way."""
     shots = [("100.0", "100.0"), ("300.0", "300.0"), ("40.0", "95.0"), ("240.0", "305.0")]
     lines = [f"P{k // 2} {hz} {v} 2500.0" for k, (hz, v) in enumerate(shots)]
     export = readers.read("t", rows(*lines).encode(), Hints(unit="mm", horizontal="clockwise"))
@@ -384,7 +387,7 @@ def test_most_pairs_say_which_angle_is_which():
 
 
 def test_instruments_in_one_file_are_told_apart():
-    """Polar readings of two instruments are in two frames: one has to be chosen."""
+    """Polar readings of two instruments are in two frames: one must be chosen."""
     kind = KINDS["two faces"]
     other = kind.data.replace(b"Instrument_0", b"Instrument_1")
     with pytest.raises(InputError, match=r"several instruments .*Instrument_0.*Instrument_1"):
@@ -392,7 +395,7 @@ def test_instruments_in_one_file_are_told_apart():
 
 
 def test_reports_of_two_instruments_in_one_file_are_told_apart(capsys, tmp_path):
-    """Each below its own lines; the proposal reads the first one only."""
+    """Each below its own lines; the proposal reads only the first."""
     data = KINDS["instrument report"].data
     second = data.removeprefix("\ufeff".encode()).replace(b"A::0", b"A::1")
     path = tmp_path / "report.csv"
@@ -444,7 +447,7 @@ def test_a_tool_that_keeps_its_size_tells_metres_from_angles():
 
 
 def test_a_mapping_is_tried_and_what_is_wrong_with_it_is_said(capsys, tmp_path):
-    """The file of the mapping is named; a word of the command line goes before it."""
+    """The file with the mapping is named; an option of the command takes precedence."""
     path, mapping = tmp_path / "t.txt", tmp_path / "try.toml"
     path.write_bytes(KINDS["name x y z"].data)
     mapping.write_text('[tracker]\nunit = "km"\n')
@@ -457,7 +460,7 @@ def test_a_mapping_is_tried_and_what_is_wrong_with_it_is_said(capsys, tmp_path):
 
 
 def test_on_a_terminal_one_question_is_asked_after_the_other(capsys, tmp_path, monkeypatch):
-    """What kind, which unit, which way: typed as numbers of the answers."""
+    """Which kind, unit and sense: answered by number."""
     path = tmp_path / "t.txt"
     path.write_bytes(KINDS["Hz V D"].data)
     typed = iter(["9", "1", "1", "1", "2"])
@@ -486,14 +489,14 @@ def test_names_that_begin_again_begin_a_round():
 
 
 def test_a_comma_between_digits_may_not_be_two_columns():
-    """Numbers cut in two by the sign between cells are no coordinates."""
+    """Numbers split by the delimiter are no coordinates."""
     text = rows("P1,4685,0611,5282,1400,-550,2172", "P2,4785,0611,5182,1400,-530,2172")
     with pytest.raises(InputError, match="does not say for certain which columns"):
         readers.read("t", text.encode(), Hints(unit="mm"))
 
 
 def test_points_without_names_are_not_one_that_moves():
-    """Neighbours along a beam say nothing of their kind of coordinates."""
+    """Neighbours along a beam do not reveal the kind of coordinates."""
     table = written(np.random.default_rng(12846))
 
     assert table.kind == "spherical"
@@ -501,7 +504,7 @@ def test_points_without_names_are_not_one_that_moves():
 
 
 def test_titles_decide_and_not_places():
-    """The same columns in another order are the same readings."""
+    """The same columns in another order give the same readings."""
     head = "Z [mm];Temp;Y [mm];Name;X [mm];Serie"
     lines = [
         f"{z * 1e3:.4f};20;{y * 1e3:.4f};{t};{x * 1e3:.4f};{g}"
@@ -518,7 +521,7 @@ def test_titles_decide_and_not_places():
 
 
 def misread(table):
-    """What is wrong with how a table was read; None for nothing, `asked` where it was asked."""
+    """What is wrong with how a table was read; None for nothing, `asked` if it was asked about."""
     try:
         export = readers.read("t", table.data, Hints(**table.said))
     except InputError:
@@ -534,9 +537,9 @@ def misread(table):
 
 
 def counted(seeds):
-    """Misread tables, how many of the plain ones were asked, and how many may be.
+    """Misread tables, number of plain ones that were asked about, and its limit.
 
-    Of a share of one in twenty, drawn at random, so many come up in 999 of 1000 cases at most.
+    With a probability of one in twenty, the limit is exceeded in one of 1000 cases.
     """
     wrong, plain, asked = [], 0, 0
     for seed in seeds:
@@ -549,7 +552,7 @@ def counted(seeds):
 
 
 def test_tables_of_any_make_are_read_right_or_asked():
-    """No silent misreading; plain Cartesian ones are hardly ever asked."""
+    """No silent misreading; plain Cartesian ones are rarely asked about."""
     wrong, asked, most = counted(range(200))
 
     assert wrong == []
@@ -558,7 +561,7 @@ def test_tables_of_any_make_are_read_right_or_asked():
 
 @pytest.mark.slow
 def test_many_tables_of_any_make_are_read_right_or_asked():
-    """The same of twenty thousand."""
+    """The same with twenty thousand."""
     wrong, asked, most = counted(range(1000, 21_000))
 
     assert wrong == []
@@ -567,7 +570,7 @@ def test_many_tables_of_any_make_are_read_right_or_asked():
 
 @pytest.mark.whole
 def test_whoever_runs_is_told_of_two_faces_and_of_times_that_are_none(small_campaign):
-    """A whole campaign in polar coordinates, every point read in both faces, its clock stopped."""
+    """A campaign in polar coordinates, every point read in both faces, with a stopped clock."""
     rows = list(csv.DictReader(small_campaign.files["tracker.csv"].decode().splitlines()))
     lines = ["Group\tTarget\tHz (gon)\tZenith (gon)\tDistance (mm)\tTime"]
     for row in rows:
@@ -590,7 +593,7 @@ def test_whoever_runs_is_told_of_two_faces_and_of_times_that_are_none(small_camp
 
 @pytest.mark.parametrize("number", ["\u20131.5", "(1.5)", "1.5-"])
 def test_what_may_stand_for_a_minus_is_not_guessed(number):
-    """An en dash, brackets of accountants, a minus behind: the row is left out, with its line."""
+    """An en dash, accountants' brackets, a trailing minus: the row is rejected, with its line."""
     data = f"group,target,x_mm,y_mm,z_mm\ng,a,-1.5,2,3\ng,b,{number},2,3\n"
     export = readers.read("t", data.encode())
 
@@ -600,7 +603,7 @@ def test_what_may_stand_for_a_minus_is_not_guessed(number):
 
 @pytest.mark.parametrize("unit", ["US ft", "ftUS", "sft", "US survey feet"])
 def test_a_foot_of_the_us_survey_is_no_international_one(unit):
-    """39.37 inches to the metre by definition: 60 of them are 36 um longer than 60 feet."""
+    """39.37 inches per metre by definition: 60 survey feet are 36 um longer than 60 feet."""
     head = f"Group;Target;X [{unit}];Y [{unit}];Z [{unit}]"
     export = readers.read("t", rows(head, "g;a;60.0;0.0;3.937").encode())
 
@@ -623,7 +626,7 @@ def test_a_foot_of_the_us_survey_is_no_international_one(unit):
     ],
 )
 def test_north_is_y_and_east_is_x(titles):
-    """Read left to right they would be mirrored, and every angle would turn the other way."""
+    """Read left to right they would be mirrored, and every angle would be reversed."""
     data = rows(f"Group;Target;{titles}", "g;a;1.0;2.0;3.0", "g;b;4.0;5.5;6.0").encode()
     export = readers.read("t", data, Hints(unit="m"))
 
@@ -632,7 +635,7 @@ def test_north_is_y_and_east_is_x(titles):
 
 @pytest.mark.parametrize("titles", ["X (East);Y (North);Z (Height)", "E;N;H"])
 def test_east_north_up_is_read_as_it_stands(titles):
-    """Also where a letter stands beside the direction, and agrees."""
+    """Also if a letter beside the direction agrees."""
     data = rows(f"Group;Target;{titles}", "g;a;1.0;2.0;3.0", "g;b;4.0;5.5;6.0").encode()
     export = readers.read("t", data, Hints(unit="m"))
 
@@ -640,7 +643,7 @@ def test_east_north_up_is_read_as_it_stands(titles):
 
 
 def test_newtons_beside_x_are_no_north():
-    """Forces in N stand beside coordinates that keep their order."""
+    """Forces in N beside coordinates, whose order is kept."""
     head = "Group;Target;X [m];Y [m];Z [m];Fx (N);Fy (N)"
     export = readers.read("t", rows(head, "g;a;1.0;2.0;3.0;5;6").encode())
 
@@ -648,7 +651,7 @@ def test_newtons_beside_x_are_no_north():
 
 
 def test_the_average_of_shots_that_are_there_counts_once():
-    """Of a target whose shots are not in the table it is the reading."""
+    """It is a reading only if the shots of its target are not in the table."""
     head = "Group;Target;Type;x [mm];y [mm];z [mm]"
     shots = ["g;a;Shot;1.0;2.0;3.0", "g;a;Shot;1.2;2.0;3.0", "g;a;Average;1.1;2.0;3.0"]
     export = readers.read("t", rows(head, *shots, "g;b;Average;7.0;8.0;9.0").encode())

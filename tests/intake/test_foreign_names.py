@@ -1,4 +1,4 @@
-"""The demo campaign as others would have written it: their names, marks, times and tables."""
+"""The demo campaign as others would write it: names, marks, times and tables."""
 
 import re
 from datetime import datetime
@@ -23,7 +23,7 @@ from pipeline.store.campaign import dump, in_memory
 DEMO = Path(__file__).parents[2] / "data/raw/kr500_demo"
 OURS = {path.name: path.read_text("utf-8") for path in sorted(DEMO.iterdir())}
 NAMES = {"P1": "M1", "P2": "M2", "P3": "M3", "Pl1": "K1", "Pl2": "K2"}
-"""Their reflectors."""
+"""Names of their reflectors."""
 GROUP = re.compile(r"pose(\d+)_rep(\d+)_(unloaded|loaded)")
 NAMING = """[naming]
 group = "Pose (?P<pose>[0-9]+) (?P<state>leer|Last) ?(?P<repeat>[0-9]*)"
@@ -44,7 +44,7 @@ def table(text):
 
 
 def group(name):
-    """What they call a group; the pulls of a pose are counted, not numbered."""
+    """Their name of a group; the pulls of a pose are counted, not numbered."""
     found = GROUP.fullmatch(name)
     if not found:
         return f"Basis {name.removeprefix('base_')}"
@@ -69,7 +69,7 @@ def settings(text, tracker, loads, joints, mapping=""):
 
 
 def sheets():
-    """Their three tables, cells as text with points: tracker, loads and joints."""
+    """Their three tables, cells as text with decimal points: tracker, loads and joints."""
     _, readings = table(OURS["tracker.csv"])
     tracker = [["Gruppe", "Punkt", "X [mm]", "Y [mm]", "Z [mm]", "Zeit"]]
     for name, target, x, y, z, time in readings:
@@ -87,7 +87,7 @@ time = "Zeit" }
 
 
 def german():
-    """Semicolons, decimal commas, dd.mm.yyyy, Windows' letters and line ends."""
+    """Semicolons, decimal commas, dd.mm.yyyy, Windows encoding and line ends."""
 
     def cell(text):
         if re.fullmatch(r"-?\d+\.\d+", text):
@@ -105,7 +105,7 @@ def german():
 
 
 def ingested(files):
-    """The tables of a campaign, without what only says where a row stood."""
+    """The tables of a campaign, without the places of their rows."""
     raw = in_memory(files)
     got = ingest(raw.settings, raw.robot, raw.files)
     assert got.rejected.num_rows == 0
@@ -151,7 +151,7 @@ def by_number(zero="0", first=None):
 
 @pytest.mark.parametrize("form", ["german", "excel", "blanks"])
 def test_the_same_campaign_in_their_form_is_the_same_campaign(form):
-    """Tables after reading are equal to the last digit, whatever names, marks and times say."""
+    """Tables after reading are equal to the last digit, whatever names, marks and times."""
     ours, others = ingested(demo()), ingested(globals()[form]())
 
     for name, table in ours.items():
@@ -160,7 +160,7 @@ def test_the_same_campaign_in_their_form_is_the_same_campaign(form):
 
 @pytest.mark.parametrize("shown", ["0", "0.00", ""])
 def test_a_log_may_say_what_the_groups_are(shown):
-    """Readings, pulls and poses are those of telling names; zeros are counted."""
+    """Readings, pulls and poses equal those with descriptive names; zeros are counted."""
     ours, others = ingested(demo()), ingested(by_number(shown))
     zero = ours["readings"]["state"] == "unloaded"
     for tables in (ours, others):
@@ -189,12 +189,12 @@ def test_a_pull_without_its_force_is_no_zero(shown):
     ],
 )
 def test_a_row_of_the_unloaded_state_is_no_pull(rows, read):
-    """Where every pose has one, and where no other pull stands behind it."""
+    """If every pose has one, or if no other pull of its pose follows."""
     assert load_log(f"pose,force_n\n{rows}") == read
 
 
 def test_a_force_of_zero_that_may_be_a_pull_is_refused():
-    """Only some poses have one: the pulls after it would get the forces of others."""
+    """Only some poses have one: the pulls after it would get the wrong forces."""
     with pytest.raises(
         InputError, match=r"loads.csv:2: without a column repeat it is ambiguous wh.*"
     ):
@@ -206,7 +206,7 @@ def test_a_force_of_zero_that_may_be_a_pull_is_refused():
                      ("hin", "zurück"), ("up", "DOWN")],
 )  # fmt: skip
 def test_the_way_of_the_turnbuckle_may_have_their_words(up, down):
-    """Ours stand in the tables; a word that is none of them costs its row."""
+    """The tables have our words; an unknown word costs its row."""
     text = f"pose,repeat,force_n,branch\n1,1,500,{up}\n1,2,200,{down}\n1,3,100,\n1,4,90,links\n"
     log = logs.loads("loads.csv", text.encode())
 
@@ -237,7 +237,7 @@ def test_a_scale_shows_what_its_title_says(title, factor):
 
 
 def test_axes_of_the_controller_may_have_their_units_in_brackets():
-    """`A1 [°]` is `A1_deg`, and a rail that is read in millimetres moves in metres."""
+    """`A1 [°]` is `A1_deg`, and a rail read in millimetres moves in metres."""
     robot = load("kr500_rail")
     titles = ["E1", *(f"A{k}" for k in range(1, 7))]
     values = "7;1234,5;10;20;-30;40;50;-60\n"
@@ -266,7 +266,7 @@ def test_a_rail_may_be_read_in_inches(title, metres):
 
 
 def test_pulls_without_numbers_are_counted():
-    """Rows of each pose in their order, where the log has no column for them."""
+    """Rows of each pose in order, if the log has no column for them."""
     assert load_log("pose,force_n\n1,500\n2,300\n1,250\n") == [
         (1, 1, 500),
         (2, 1, 300),
@@ -281,7 +281,7 @@ def test_a_pull_that_cannot_be_read_is_not_counted_past():
 
 
 def test_titles_may_stand_below_remarks():
-    """What comes above the titles is read over; a row there is not."""
+    """Lines above the titles are skipped; a data row there is not."""
     text = "Waage 12;;\nKraft in der Kette;;\n\npose;repeat;force_n\n1;1;500,5\n"
     log = logs.loads("loads.csv", ("7;1;100\n" + text).encode())
 
@@ -292,7 +292,7 @@ def test_titles_may_stand_below_remarks():
 
 
 def test_blanks_separate_cells_of_a_log():
-    """Any number of blanks is one, also before the first cell."""
+    """Any number of blanks counts as one, also before the first cell."""
     assert load_log("  pose repeat   force_n\n 1   1    500,5\n") == [(1, 1, 500.5)]
 
 
@@ -306,7 +306,7 @@ def test_blanks_separate_cells_of_a_log():
     ],
 )
 def test_a_line_of_units_below_the_titles_belongs_to_them(text, columns):
-    """It is no row, and the unit is that of the title above it."""
+    """It is not a data row, and states the unit of the title above it."""
     log = logs.loads("loads.csv", text.encode(), LogForm(columns=columns))
 
     assert log.number["force"].tolist() == [pytest.approx(500.5)]
@@ -314,7 +314,7 @@ def test_a_line_of_units_below_the_titles_belongs_to_them(text, columns):
 
 
 def test_a_line_of_units_contradicts_as_a_title_does():
-    """And a row of numbers below the titles stays a row."""
+    """And a row of numbers below the titles stays a data row."""
     with pytest.raises(InputError, match=r'calls "Kraft" force_n, and the title says \[kn\]'):
         load_log("pose,repeat,Kraft\n,,kN\n1,1,0.5\n", {"columns": {"Kraft": "force_n"}})
     assert load_log("pose,repeat,force_n\n1,1,500\n2,1,\n") == [(1, 1, 500.0)]
@@ -330,13 +330,13 @@ def test_a_line_of_units_contradicts_as_a_title_does():
     ],
 )
 def test_a_mapping_that_does_not_fit_is_refused(columns, said):
-    """With the title, what there is, and where to write it."""
+    """With the title, the existing ones, and where to write it."""
     with pytest.raises(InputError, match=said):
         load_log("pose,repeat,Last [t]\n1,1,0.05\n", {"columns": columns})
 
 
 def test_what_is_said_of_a_title_holds_with_its_unit():
-    """`Kraft` is `Kraft [kg]`; a unit that contradicts is believed where it is written out."""
+    """`Kraft` is `Kraft [kg]`; a contradicting unit is trusted if written out."""
     text = "pose;Zug Nr. (heute);Kraft [kg]\n1;1;50,5\n"
     pull = {"Zug Nr.": "repeat"}
 
@@ -356,7 +356,7 @@ def test_a_comma_that_may_be_two_things_is_asked_of_the_log():
 
 
 def read_states(groups, naming):
-    """Pose, repeat and state that group names are read as."""
+    """Pose, repeat and state read from group names."""
     rows = "".join(f"{name},P1,1,2,{k}\n" for k, name in enumerate(groups))
     export = readers.read("t.csv", f"group,target,x_m,y_m,z_m\n{rows}".encode())
     shots = gather({"t.csv": export}, parse(OURS["campaign.toml"].replace("[naming]", naming)))
@@ -374,7 +374,7 @@ def read_states(groups, naming):
     ],
 )
 def test_groups_without_numbers_are_counted(groups, read):
-    """0 unloaded and 1, 2, ... loaded, past the numbers that other groups of the pose have."""
+    """0 unloaded and 1, 2, ... loaded, skipping numbers of other groups of the pose."""
     naming = """[naming]
 group = "P (?P<pose>[0-9]+) (?P<state>[A-Za-z]+) ?(?P<repeat>[0-9]*)"
 states = { leer = "unloaded", Last = "loaded" }"""
@@ -394,7 +394,7 @@ states = { leer = "unloaded" }"""
 
 
 def test_a_word_is_one_state():
-    """Large and small letters do not tell states apart."""
+    """Upper and lower case do not distinguish states."""
     states = '[naming]\nstates = { Last = "loaded", last = "unloaded" }'
 
     with pytest.raises(InputError, match='states has "Last" for unloaded and for loaded'):
@@ -402,14 +402,14 @@ def test_a_word_is_one_state():
 
 
 def typed(cell):
-    """Text as a number or a time, where it is one."""
+    """Text as a number or a time, if it is one."""
     if re.fullmatch(r"-?\d+(\.\d+)?", cell):
         return float(cell) if "." in cell else int(cell)
     return datetime.fromisoformat(cell) if re.fullmatch(r"\d{4}-\d\d-\d\dT.*", cell) else cell
 
 
 def excel():
-    """One workbook for each, beside a sheet of remarks and one that nobody filled in."""
+    """One workbook for each, with a sheet of remarks and an empty one."""
     notes = [["Roboter", "KR 500"], ["Messung", "gut"]]
     names = ("messung.xlsx", "kraft.xlsx", "achsen.xlsx")
     files = {
@@ -438,7 +438,7 @@ def blanks():
 
 
 def answer(files):
-    """result.json of a campaign without what its files are, and our names in place of theirs."""
+    """result.json of a campaign without the file details, and with our names."""
     content = answered("demo", in_memory(files)).answer.as_json()
     assert {entry["file"] for entry in content.pop("inputs")} == {*files}
     said = dump(content).decode()
@@ -470,7 +470,7 @@ def test_their_campaign_has_our_answer():
 
 
 def test_a_column_of_times_may_be_called_time():
-    """In both logs, whatever its title; a remark above titles that mean nothing is no title."""
+    """In both logs, whatever its title; a remark above unknown titles is no title."""
     text = "# taken by night\nNr;Uhrzeit;Kraft\n1;2026-11-17 08:00:00;500\n"
 
     with pytest.raises(InputError, match="no column pose among nr, uhrzeit, kraft"):
@@ -480,7 +480,7 @@ def test_a_column_of_times_may_be_called_time():
 
 
 def test_a_state_without_a_word_is_asked_for_and_can_be_written():
-    """`P07` beside `P07-L1`: nobody says that the first is unloaded; campaign.toml may."""
+    """`P07` beside `P07-L1`: which is unloaded is unknown; campaign.toml may say so."""
     names = ["P07", "P07-L1", "P07-L2", "P08", "P08-L1", "base_start"]
     written = Group(r"P(?P<pose>[0-9]+)(?P<state>(?:-L)?)(?P<repeat>[0-9]*)", ("", "-L"))
     states = states_of(names, written)

@@ -1,4 +1,4 @@
-"""`init` on files that lie there: what they say is proposed, what they do not say stays open."""
+"""`init` with existing files: proposes what they state, and leaves open what they do not."""
 
 import csv
 import io
@@ -28,7 +28,7 @@ TRUE = tomllib.loads(MADE["campaign.toml"].decode())
 
 
 def foreign(form):
-    """The export as another laboratory has it: group names, separator, decimal mark, no unit."""
+    """The export as from another laboratory: group names, separator, decimal mark, no unit."""
     rows = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()[1:]]
     lines = []
     for group, target, *xyz, _ in rows:
@@ -50,7 +50,7 @@ def short(pose, repeat, state):
 
 
 def test_what_the_files_say_is_proposed():
-    """Which is which, targets, chain, base, and all robots whose joints the log has."""
+    """Which file is which, targets, chain, base, and all robots with the joints of the log."""
     said = propose(FILES)
 
     assert (said.exports, said.loads, said.joints) == (("tracker.csv",), "loads.csv", "joints.csv")
@@ -80,7 +80,7 @@ def test_the_names_of_others_are_understood_from_what_was_read(form, states):
 
 
 def up_and_down(restart):
-    """The way of the turnbuckle in place of the state, pulls numbered through or anew."""
+    """The branch in place of the state, pulls numbered continuously or restarting."""
 
     def named(pose, repeat, state):
         if state == "unloaded":
@@ -92,7 +92,7 @@ def up_and_down(restart):
 
 
 def test_several_words_may_be_loaded_states(init):
-    """As on the way up and down, where the numbers go through."""
+    """As on the way up and down, with continuous numbers."""
     text = tomllib.loads(init(foreign(up_and_down(0))))
 
     assert text["naming"]["states"] == {"leer": "unloaded", "auf": "loaded", "ab": "loaded"}
@@ -109,7 +109,7 @@ def test_pulls_whose_numbers_begin_again_stay_open():
 
 
 def test_names_that_tell_nothing_stay_open():
-    """Two words with as many reflectors each, a file of something else."""
+    """Two words with equally many reflectors, a file of another kind."""
     rows = FILES["tracker.csv"].decode().splitlines()
     unloaded = [row for row in rows if not re.search(r",Pl\d,", row)]
     swapped = [re.sub(r"(\d)_(un)?loaded", r"\1_\2x", row) for row in unloaded]
@@ -129,7 +129,7 @@ def test_readings_without_names_are_asked_for(init):
 
 
 def test_readings_without_groups_are_said_to_have_none(init):
-    """Their targets are named: the column of the groups is what has to be found."""
+    """Their targets are named: the column of the groups must be found."""
     rows = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()]
     cut = "\n".join("\t".join(row[1:5]) for row in [["", "Name", "X", "Y", "Z"], *rows[1:]])
     text = init({"tracker.csv": cut.encode()})
@@ -139,7 +139,7 @@ def test_readings_without_groups_are_said_to_have_none(init):
 
 
 def test_inspect_helps_to_fill_in_what_is_open(init, tmp_path, capsys):
-    """A campaign.toml with open lines says what it says of exports, and stops nothing."""
+    """A campaign.toml with open lines provides its hints, and stops nothing."""
     text = init(foreign(german))
     folder = tmp_path / "data" / "raw" / "mine"
     (folder / "campaign.toml").write_text(re.sub(r"# unit = \?", 'unit = "mm"', text))
@@ -152,7 +152,7 @@ def test_inspect_helps_to_fill_in_what_is_open(init, tmp_path, capsys):
 
 
 def test_a_workbook_may_hold_everything():
-    """Loads, joints and points, on a sheet for each."""
+    """Loads, joints and points, each on a sheet."""
     book = openpyxl.Workbook()
     book.remove(book.active)
     for name in ("tracker", "loads", "joints"):
@@ -167,21 +167,21 @@ def test_a_workbook_may_hold_everything():
 
 
 def test_without_an_export_none_is_made_up(init):
-    """Files that are there and none of which is an export leave it open."""
+    """Files none of which is an export leave it open."""
     files = {name: FILES[name] for name in ("loads.csv", "joints.csv")}
 
     assert {"files", "robot"} <= set(unfilled(init(files)).values())
 
 
 def unknown(between, title=""):
-    """The export as a table whose columns nobody knows, group and target around the numbers."""
+    """The export as a table with unknown columns, group and target around the numbers."""
     rows = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()[1:]]
     lines = [between.join([group, *xyz, target]) for group, target, *xyz, _ in rows]
     return FILES | {"tracker.csv": "\n".join([title, *lines, ""]).encode()}
 
 
 def test_a_table_that_nobody_knows_is_proposed_and_asked(init):
-    """As `inspect` proposes it; what is not certain stands as open."""
+    """As `inspect` proposes it; uncertain entries stay open."""
     text = init(unknown("|", "Serie|A|B|C|Ziel"))
     mapping = tomllib.loads(text)["tracker"]["mapping"]
 
@@ -191,7 +191,7 @@ def test_a_table_that_nobody_knows_is_proposed_and_asked(init):
 
 
 def test_what_inspect_asks_of_a_table_is_asked(init):
-    """On a terminal: the columns, then the unit, and nothing of it twice."""
+    """On a terminal: the columns, then the unit, each once."""
     places = [""] * (len(TRUE["tool"]) + len(TRUE["base_frame"]))
     text = init(
         unknown("|", "Serie|A|B|C|Ziel"), "1", "1", "kr500_rail", "", "0.03", "2", "", *places
@@ -208,7 +208,7 @@ JOINTS += "\n1;3988,357;52,2396;-46,5960;7,3074;-173,0226;-63,4588;-121,5295\n"
 
 
 RADIANS = "1;3988,357;0,9144;-0,8132;0,1275;-3,0198;-1,1076;-2,1211\n"
-"""The same pose; as degrees it is one that the robot can take, too."""
+"""The same pose; in degrees it is possible for the robot, too."""
 
 
 def test_titles_of_others_are_proposed_for_the_logs(init):
@@ -236,7 +236,7 @@ def test_a_direction_that_is_no_branch_is_not_proposed():
 
 
 def test_angles_that_can_only_be_degrees_are_degrees(init):
-    """As radians they turn the arm far beyond the limits of its robot file."""
+    """As radians they exceed the limits of the robot by far."""
     files = FILES | {"achsen.csv": JOINTS.replace("[°]", "").replace("[mm]", "").encode()}
     del files["joints.csv"]
     columns = tomllib.loads(init(files))["joints"]["columns"]
@@ -247,7 +247,7 @@ def test_angles_that_can_only_be_degrees_are_degrees(init):
 
 @pytest.fixture(scope="module")
 def numbered():
-    """Groups that are called 1, 2, ...; the log of the loads has a row for each state of a pose."""
+    """Groups called 1, 2, ...; the log of loads has a row for each state of a pose."""
     readings = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()]
     number = {name: str(k) for k, name in enumerate(dict.fromkeys(row[0] for row in readings[1:]))}
     tracker = [readings[0], *([number[group], *row] for group, *row in readings[1:])]
@@ -261,14 +261,14 @@ def numbered():
 
 
 def as_files(tracker, loads):
-    """A campaign of these rows."""
+    """A campaign with these rows."""
     rows = {"tracker.csv": tracker, "loads.csv": loads}
     text = {name: "\n".join([*map(",".join, of), ""]) for name, of in rows.items()}
     return FILES | {name: one.encode() for name, one in text.items()}
 
 
 def test_the_column_that_names_the_groups_is_found(init, numbered):
-    """By what was read in them, whatever it is called; the campaign is read as it was."""
+    """By what was read in them, whatever its name; the campaign is then read unchanged."""
     text = init(as_files(*numbered))
     said = propose(as_files(*numbered))
 
@@ -281,7 +281,7 @@ def test_the_column_that_names_the_groups_is_found(init, numbered):
 
 @pytest.mark.parametrize("title", ["Grp", "Q"])
 def test_the_groups_of_a_table_are_found_by_the_log(init, numbered, title):
-    """Whatever their column is called in the export, where no title says which it is."""
+    """Whatever their column in the export is called, if no title says which it is."""
     (_, *rows), loads = numbered
     titles = [title, "Name", "X", "Y", "Z"]
     wide = [[k, target, *xyz] for k, target, *xyz, _ in rows]
@@ -306,7 +306,7 @@ def test_the_groups_of_a_table_are_found_by_the_log(init, numbered, title):
     ids=["one before", "one behind", "only some", "the other state"],
 )
 def test_a_column_that_only_counts_names_no_groups(numbered, changed):
-    """It names base readings, leaves states out, or calls loaded what has no chain."""
+    """It names base readings, omits states, or calls loaded what has no chain."""
     tracker, (titles, *rows) = numbered
     said = propose(as_files(tracker, [titles, *changed(rows)]))
 
@@ -316,7 +316,7 @@ def test_a_column_that_only_counts_names_no_groups(numbered, changed):
 
 
 def test_a_log_that_states_no_unit_is_a_log(init):
-    """Its unit stays open, and a comma that may be two things makes no export of it."""
+    """Its unit stays open, and an ambiguous comma does not make it an export."""
     logs = {
         "kraft.csv": LOADS.replace("[kg]", "").replace(",5", ",225").replace(",0", ",000").encode(),
         "achsen.csv": (JOINTS.replace("[°]", "").partition("\n")[0] + "\n" + RADIANS).encode(),
@@ -352,7 +352,7 @@ def init(tmp_path, monkeypatch, capsys):
 
 
 def test_with_all_answers_it_is_the_campaign_that_was_measured(init):
-    """One question at a time: robot, uncertainties, places; nothing else is needed."""
+    """One question at a time: robot, uncertainties, positions; nothing else is needed."""
     points = TRUE["tool"] | TRUE["base_frame"]
     order = ["B1", "B2", "B3", "B4", "load_point", "P1", "P2", "P3"]  # as campaign.toml
     places = ["; ".join(str(x).replace(".", ",") for x in points[name]) for name in order]
@@ -384,7 +384,7 @@ def test_answers_may_have_their_own_units(init):
 
 
 def test_a_unit_that_is_none_is_asked_again(init):
-    """A word behind the number that is no unit of it."""
+    """A word after the number that is not a unit of it."""
     said = init(FILES, "", "", "0.03 kg", "0.03", "2 mm", "2", *[""] * 9)
 
     assert tomllib.loads(said)["tracker"]["sigma_m"] == pytest.approx(3e-5)
@@ -393,7 +393,7 @@ def test_a_unit_that_is_none_is_asked_again(init):
 
 
 def test_a_tracker_whose_data_sheet_is_known_has_its_noise(init):
-    """Its type is asked first, and the noise only of one that is in no list."""
+    """Its type is asked first, and the noise only for one that is in no list."""
     text = init(FILES, "kr500_rail", "leica at960 mr", "2", *[""] * 9)
     said = tomllib.loads(text)
 
@@ -402,7 +402,7 @@ def test_a_tracker_whose_data_sheet_is_known_has_its_noise(init):
 
 
 def test_a_tracker_that_is_in_no_list_is_asked_once_more(init, capsys):
-    """With the names that are like it; what is typed then is written, and its noise is asked."""
+    """With similar names; the next answer is accepted, and its noise is asked."""
     said = tomllib.loads(init(FILES, "kr500_rail", "AT96O", "AT96X", "0.03", "2", *[""] * 9))
 
     assert "like it: Leica AT960" in capsys.readouterr().err
@@ -411,7 +411,7 @@ def test_a_tracker_that_is_in_no_list_is_asked_once_more(init, capsys):
 
 
 def test_the_unit_of_titles_that_state_none_is_asked(init):
-    """Once for all that have the same units to choose from."""
+    """Once for all with the same possible units."""
     titles, angles = JOINTS.replace("[°]", "").partition("\n")[0], RADIANS
     files = {
         "tracker.csv": FILES["tracker.csv"],
@@ -427,7 +427,7 @@ def test_the_unit_of_titles_that_state_none_is_asked(init):
 
 
 def test_names_with_blanks_stay_apart(init, capsys):
-    """In what is said of the files before anything is asked."""
+    """In the description of the files before the first question."""
     blanks = FILES["tracker.csv"].replace(b",P1,", b",Ball 1,").replace(b",P2,", b",Ball 2,")
     init(FILES | {"tracker.csv": blanks})
 
@@ -435,7 +435,7 @@ def test_names_with_blanks_stay_apart(init, capsys):
 
 
 def test_a_blank_gives_way_to_files(init, tmp_path):
-    """Logs that `init` made and nobody filled in are none; those of the campaign are found."""
+    """Unfilled logs made by `init` do not count; those of the campaign are found."""
     init({}, words=("--robot", "kr500_rail"))
     (tmp_path / "data" / "raw" / "mine" / "campaign.toml").unlink()
     logs = {"zug.csv": LOADS.encode("cp1252"), "winkel.csv": JOINTS.encode("cp1252")}
@@ -445,7 +445,7 @@ def test_a_blank_gives_way_to_files(init, tmp_path):
 
 
 def test_what_nobody_said_is_named_with_its_lines(init):
-    """No number that was not given stands in the file, not even in a comment."""
+    """No number that was not given is in the file, not even in a comment."""
     text = init(foreign(german))
     rows = text.splitlines()
     left = unfilled(text)
@@ -461,7 +461,7 @@ def test_what_nobody_said_is_named_with_its_lines(init):
 
 
 def test_a_blank_cannot_be_run_by_accident(init, tmp_path, capsys):
-    """Tool, base and scale are to be filled in; the logs have the titles of the robot."""
+    """Tool, base and scale must be filled in; the logs have the titles of the robot."""
     text = init({}, words=("--robot", "fanuc_r2000ic"))
     titles = (tmp_path / "data" / "raw" / "mine" / "joints.csv").read_text().split(",")
     for command in (["check", "mine"], ["run", "mine", "--engine", "local"]):
@@ -473,7 +473,7 @@ def test_a_blank_cannot_be_run_by_accident(init, tmp_path, capsys):
 
 
 def test_a_campaign_is_never_written_over(init, tmp_path, capsys):
-    """A second `init` is refused, and files that lie there stay as they are."""
+    """A second `init` is refused, and existing files are unchanged."""
     text = init(FILES)
     folder = tmp_path / "data" / "raw" / "mine"
 
@@ -484,7 +484,7 @@ def test_a_campaign_is_never_written_over(init, tmp_path, capsys):
 
 
 def joined(form):
-    """Names that hold group and target in one, without a column of groups; titles nobody knows."""
+    """Names that hold group and target, without a column of groups; unknown titles."""
     rows = [row.split(",") for row in FILES["tracker.csv"].decode().splitlines()]
     lines = ["\t".join(["Nom", "X [mm]", "Y [mm]", "Z [mm]"])]
     for group, target, *xyz, _ in rows[1:]:
@@ -495,19 +495,19 @@ def joined(form):
 
 
 def behind(parts, group, target):
-    """The target stands last."""
+    """The target is last."""
     pose, repeat, state = parts or ("", "", "")
     return f"Pos-{pose}/{state[:2]}{repeat}/{target}" if parts else f"{group}/{target}"
 
 
 def in_front(parts, group, target):
-    """The target stands first."""
+    """The target is first."""
     pose, repeat, state = parts or ("", "", "")
     return f"{target} Pose {pose} {state} {repeat}" if parts else f"{target} {group}"
 
 
 def underlined(parts, group, target):
-    """The same sign stands within the group, too."""
+    """The same separator is also within the group."""
     pose, repeat, state = parts or ("", "", "")
     return f"p{pose}_{'on' if state == 'loaded' else 'off'}{repeat}_{target}" if parts else (
         f"{group}_{target}")  # fmt: skip
@@ -515,7 +515,7 @@ def underlined(parts, group, target):
 
 @pytest.mark.parametrize("form", [behind, in_front, underlined])
 def test_names_that_hold_group_and_target_are_parted(init, form):
-    """By the sign before or behind a part that is one of a few and comes again with the others."""
+    """At the separator next to a part with few values that recurs with the others."""
     text = tomllib.loads(init(joined(form)))
 
     pattern = text["tracker"]["names"]
@@ -526,7 +526,7 @@ def test_names_that_hold_group_and_target_are_parted(init, form):
 
 
 def test_two_ways_to_part_names_are_asked(init):
-    """Where no distances tell them: it may be the first or the last part that is the target."""
+    """If distances do not decide, the first or the last part may be the target."""
     places = np.random.default_rng(5).uniform(-900, 900, (24, 3)).round(3).tolist()
     names = [f"{one}-{two}-{three}" for one in "ABC" for two in "RSTU" for three in "PQ"]
     rows = [";".join([name, *map(str, at)]) for name, at in zip(names, places, strict=True)]
@@ -540,7 +540,7 @@ def test_two_ways_to_part_names_are_asked(init):
 
 
 def test_the_way_to_part_names_that_is_chosen_holds(init, capsys):
-    """It is asked by number, and the readings have groups from there on."""
+    """It is asked by number, and the readings then have groups."""
     rows = [f"{one}-{two}-{three};{k};{k * k % 7};{k * 3 % 11}" for k, (one, two, three) in
             enumerate((a, b, c) for a in "ABC" for b in "RSTU" for c in "PQ")]  # fmt: skip
     files = {"tracker.csv": "\n".join(["Punkt;X [mm];Y [mm];Z [mm]", *rows]).encode()}
@@ -551,7 +551,7 @@ def test_the_way_to_part_names_that_is_chosen_holds(init, capsys):
 
 
 def test_a_mapping_without_coordinates_is_said_in_our_words(tmp_path, capsys):
-    """How many columns there are and are needed, and no word of a program's inside."""
+    """The number of columns present and required, without internal words."""
     (tmp_path / "campaign.toml").write_text('[tracker.mapping]\ncolumns = { group = "Nom" }\n')
     (tmp_path / "tracker.csv").write_text("Nom;X [mm];Y [mm];Z [mm]\nA;1;2;3\n")
     code = cli._exit_code(["inspect", str(tmp_path / "tracker.csv")])
@@ -561,7 +561,7 @@ def test_a_mapping_without_coordinates_is_said_in_our_words(tmp_path, capsys):
 
 
 def without_chain(form):
-    """Groups called otherwise in which the same reflectors were read, loaded or not."""
+    """Differently named groups with the same reflectors, loaded or not."""
     files = foreign(form)
     rows = files["tracker.csv"].decode().splitlines()
     kept = [row for row in rows if not re.search(r";Pl\d;", row)]
@@ -569,12 +569,12 @@ def without_chain(form):
 
 
 def french(pose, repeat, state):
-    """Numbers behind the words."""
+    """Numbers after the words."""
     return f"Pos-{pose:02d}/{'sans' if state == 'unloaded' else 'avec'}{repeat or ''}"
 
 
 def test_words_of_any_language_are_asked(init):
-    """One answer, and all that was read is known, as with words that the readings tell apart."""
+    """After one answer everything is known, as with words that the readings distinguish."""
     files = without_chain(french)
     text = tomllib.loads(init(files, "avez", "sans", *["", "mm"], *[""] * 12))
 
@@ -583,7 +583,7 @@ def test_words_of_any_language_are_asked(init):
 
 
 def test_words_that_nobody_explains_stay_open(init):
-    """With all that does not depend on them, and a line for either way to fill in."""
+    """With everything independent of them, and a line for either way to fill in."""
     text = init(without_chain(french))
     left = unfilled(text)
 
@@ -611,7 +611,7 @@ def test_words_of_groups_without_a_target_in_common_are_no_states():
 
 
 def test_a_base_that_nobody_knows_is_said(init, capsys):
-    """Then readings are taken to be in the robot's frame."""
+    """Readings are then assumed to be in the robot's frame."""
     files = without_chain(german)
     rows = [row for row in files["tracker.csv"].decode().splitlines() if row.startswith("Pose")]
     text = init(files | {"tracker.csv": "\n".join([*rows, ""]).encode()})
@@ -621,7 +621,7 @@ def test_a_base_that_nobody_knows_is_said(init, capsys):
 
 
 def by_controller(change, titles=None):
-    """The joint log as a controller has it: a remark, times, titles of its own."""
+    """The joint log as from a controller: a remark, times, titles of its own."""
     head, *rows = [row.split(",") for row in FILES["joints.csv"].decode().splitlines()]
     assert head[:2] == ["pose", "r1_m"]
     titles = titles or [f"q_{k}" for k in range(1, 8)]
@@ -636,7 +636,7 @@ def by_controller(change, titles=None):
 
 
 def test_a_joint_log_is_known_by_its_numbers(init):
-    """With the rail behind the joints; degrees are told by the limits, the rail's unit is not."""
+    """With the rail after the joints; limits imply degrees, but not the rail's unit."""
     files = by_controller(lambda cells, _: cells)
     said = propose(files)
     text = init(files, words=("--robot", "kr500_rail"))
@@ -649,7 +649,7 @@ def test_a_joint_log_is_known_by_its_numbers(init):
 
 
 def test_numbers_that_no_robot_can_take_are_no_joint_log():
-    """One pose out of reach of the limits, a column too many, and titles counted backwards."""
+    """One pose beyond the limits, an additional column, or titles counted backwards."""
     far = by_controller(lambda cells, k: [*cells[:-1], "95000"] if k == 1 else cells)
     more = [f"q_{k}" for k in range(1, 8)] + ["speed"]
     many = by_controller(lambda cells, k: [*cells, str(100 + k)], more)
@@ -695,7 +695,7 @@ def loads_of(title, cells):
     ],
 )
 def test_only_the_uncertainty_of_what_loads_is_asked(init, files, asked):
-    """A scale's, a weight's, or none where the log says it or [payload] does."""
+    """That of a scale, of a weight, or none if the log or [payload] states it."""
     text = init(files)
 
     assert {"sigma_n", "mass_sigma_kg"} & set(unfilled(text).values()) == asked
@@ -703,7 +703,7 @@ def test_only_the_uncertainty_of_what_loads_is_asked(init, files, asked):
 
 
 def test_the_uncertainty_of_weights_is_asked_and_used(init):
-    """It holds for the rows that have none of their own."""
+    """It holds for the rows without their own."""
     files = loads_of(["mass_kg", "mass_sigma_kg"], ["60", ""])
     lines = files["loads.csv"].decode().splitlines()
     files |= {"loads.csv": "\n".join([*lines[:-1], lines[-1] + "0.5", ""]).encode()}

@@ -1,4 +1,4 @@
-"""`pipeline inspect`: what a tracker export is, as a function and as a command."""
+"""`pipeline inspect`: description of a tracker export, as a function and as a command."""
 
 import csv
 import json
@@ -54,7 +54,7 @@ def test_everything_recognised_is_said():
 
 
 def test_coordinates_that_are_not_cartesian_are_said():
-    """Kind, angles, the zero of the vertical angle and the sense of the other one."""
+    """Kind, angles, zero of the vertical angle and sense of the horizontal one."""
     seen = inspect("s.txt", (GOLDEN / "sa_spherical.txt").read_bytes())
 
     assert (seen.coordinates, seen.angle, seen.vertical) == ("spherical", "deg", "zenith")
@@ -80,7 +80,7 @@ def test_the_command_prints_json(capsys):
 
 
 def test_rejected_rows_are_said_on_stderr_with_their_line(capsys):
-    """Rows left out give exit code 5, and one sentence each."""
+    """Rejected rows give exit code 5, and one sentence each."""
     code, out, err = run(capsys, GOLDEN / "leica_6dof.csv")
 
     assert code == 5
@@ -89,7 +89,7 @@ def test_rejected_rows_are_said_on_stderr_with_their_line(capsys):
 
 
 def test_a_missing_unit_is_asked_and_can_be_answered(capsys, tmp_path):
-    """Without a unit: exit code 5 and what to write; with --unit or a campaign.toml it is read."""
+    """Without a unit: exit code 5 and a way out; with --unit or a campaign.toml it is read."""
     path = tmp_path / "hall.xyz"
     path.write_bytes((GOLDEN / "semicolon.xyz").read_bytes())
 
@@ -111,11 +111,11 @@ def test_a_missing_unit_is_asked_and_can_be_answered(capsys, tmp_path):
     assert (code, json.loads(out)["unit"]) == (0, "m")
 
     code, out, _ = run(capsys, path, "--unit", "mm", "--json")
-    assert (code, json.loads(out)["unit"]) == (0, "mm")  # whoever asks knows better
+    assert (code, json.loads(out)["unit"]) == (0, "mm")  # an explicit option takes precedence
 
 
 def test_readings_for_a_spreadsheet_hold_no_formulas(capsys, tmp_path):
-    """Names that a spreadsheet would carry out get an apostrophe; numbers stay what they are."""
+    """Names that a spreadsheet would execute get an apostrophe; numbers are unchanged."""
     path = tmp_path / "t.csv"
     rows = ["=1+1,P1,-1", "pose,@P2,2", "+a,-b,3", ' =c,"d,e",4']
     path.write_text("\n".join(["group,target,x_m,y_m,z_m", *(f"{row},5,-6" for row in rows)]))
@@ -148,7 +148,7 @@ POSES = [
 
 
 def test_the_number_of_a_row_is_no_target_beside_names():
-    """`Nr.` counts rows where there are names; alone it is the name of a point."""
+    """`Nr.` counts rows if there are names; alone it is the name of a point."""
     numbered = [f"{k};{row}" for k, row in enumerate(POSES, 7)]
     unnamed = [re.sub(";.*?;.*?;", ";", row, count=1) for row in numbered]
     beside, alone = (
@@ -161,7 +161,7 @@ def test_the_number_of_a_row_is_no_target_beside_names():
 
 
 def test_a_point_may_have_a_number_behind_its_group():
-    """Names that come again and differ within a group; the place of a word is not asked."""
+    """Names that recur and are unique within a group; no question is asked about them."""
     rows = [row.replace("Pose ", "").replace(" ", "").replace(",", ".") for row in POSES]
     named = "\n".join(rows).replace(";A;", ";101;").replace(";B;", ";102;").replace(";", "  ")
     seen = inspect("points.txt", named.encode(), Hints(unit="mm"))
@@ -171,7 +171,7 @@ def test_a_point_may_have_a_number_behind_its_group():
 
 
 def test_a_log_is_told_from_an_export(capsys, tmp_path):
-    """With what to write into campaign.toml, and with no question about coordinates."""
+    """With what to write into campaign.toml, and no question about coordinates."""
     log = tmp_path / "kraft.csv"
     log.write_text("Pose;Zug Nr.;Kraft [kg];Richtung\n1;1;122,5;auf\n1;2;305,1;ab\n")
     code, said, _ = run(capsys, log, "--json")
@@ -210,7 +210,7 @@ def test_names_that_hold_group_and_target_are_parted(capsys, tmp_path):
     ],
 )
 def test_a_joint_log_without_poses_is_told_in_one_sentence(tmp_path, capsys, titles):
-    """Axes are no coordinates: it is not offered as azimuths, and it says which column lacks."""
+    """Axes are not offered as azimuths, and the message says which column is missing."""
     mark = ";" if ";" in titles else ","
     rows = [mark.join(str(10.5 * k + n) for n in range(len(titles.split(mark)))) for k in (1, 2)]
     path = tmp_path / "axes.csv"
@@ -226,6 +226,6 @@ def test_a_joint_log_without_poses_is_told_in_one_sentence(tmp_path, capsys, tit
 
 @pytest.mark.parametrize("titles", ["A1,A2,A3", "x,y,z,q1,q2,q3,q4"])
 def test_numbered_columns_of_a_point_are_no_axes(titles):
-    """Three may be the coordinates of a point, and a quaternion is none of a robot."""
+    """Three may be the coordinates of a point, and a quaternion is not of a robot."""
     rows = "\n".join([titles, ",".join("7.5" for _ in titles.split(","))])
     log_columns.refuse_without_poses("some.csv", rows.encode())

@@ -1,4 +1,4 @@
-"""Logs with the words of robot makers and of halls in other languages, read to the same numbers."""
+"""Logs with words of robot makers and of other languages, read to the same numbers."""
 
 import numpy as np
 import pytest
@@ -12,12 +12,12 @@ from pipeline.readers import logs
 from pipeline.readers.said import LogForm
 
 NEWTON = {"N": 1.0, "kN": 1e3, "daN": 10.0, "kgf": 9.80665, "kp": 9.80665, "lbf": 4.4482216152605}
-"""ISO 80000-4; the kilopond and the pound of force by standard gravity."""
+"""Units by ISO 80000-4; kilopond and pound-force by standard gravity."""
 
 
 @pytest.fixture(scope="module")
 def hall():
-    """Files of a Yaskawa hall; what the scale showed [N], and the axes of the controller [deg]."""
+    """Files from a Yaskawa hall; forces shown by the scale [N], axes of the controller [deg]."""
     made = simulate_campaign(seed=5, name="hall", robot="gp180", poses=4)
     files = {name: text for name, text in made.campaign.files.items() if name != "campaign.toml"}
     rows = [row.split(",") for row in files["loads.csv"].decode().splitlines()[1:]]
@@ -51,7 +51,7 @@ MAKERS = {
 
 @pytest.mark.parametrize("maker", MAKERS)
 def test_axes_of_a_maker_are_known_beside_other_columns(hall, maker):
-    """A speed, or the place of the TCP, beside them: no columns in their order are guessed."""
+    """With a speed or a TCP position beside them, columns are not guessed by order."""
     files, _, degrees = hall
     more = [("X", "812.5"), ("Y", "40.1"), ("Z", "933.0"), ("speed", "25")]
     own = files | {"joints.csv": joint_log(degrees, MAKERS[maker], more=more)}
@@ -94,7 +94,7 @@ def test_a_force_has_its_unit_in_the_title_or_in_every_cell(hall, unit, form):
     "title", ["point", "Pos.", "Punkt", "P#", "Station", "n° point", "Posa", "q17"]
 )
 def test_poses_are_known_by_a_word_or_by_counting(hall, title):
-    """The last is nobody's word: whole numbers that change less often than those of the pulls."""
+    """The last one is an unknown word: integers that change less often than those of pulls."""
     files, rows, degrees = hall
     lines = [f"{title},q18,reading [kgf]", *(",".join(row) for row in rows), ""]
     own = files | {"loads.csv": "\n".join(lines).encode(),
@@ -116,7 +116,7 @@ def test_the_number_of_a_load_is_no_load(hall):
 
 
 def test_coordinates_are_no_log(hall):
-    """Points by easting and northing, or by two angles and a distance, beside their numbers."""
+    """Points by easting and northing, or by two angles and a distance, with their numbers."""
     files, _, _ = hall
     for head in ("point,E,N,H,a,b,c", "point,Hz,V,D,a,b,c"):
         rows = [f"{k},1.{k},2.{k},3.{k},4.{k},5.{k},6.{k}" for k in range(1, 6)]
@@ -128,7 +128,7 @@ def test_coordinates_are_no_log(hall):
 
 @pytest.mark.parametrize("beside", [",", "."])
 def test_commas_are_decimal_marks_where_those_of_the_other_files_are(hall, beside):
-    """Three digits behind each comma of the loads may be thousands; only commas settle it."""
+    """Three digits after each comma of the loads may be thousands; commas alone decide it."""
     _, rows, degrees = hall
     loads = [
         "pose;repeat;force_dan",
@@ -142,7 +142,7 @@ def test_commas_are_decimal_marks_where_those_of_the_other_files_are(hall, besid
 
 
 def test_pose_state_and_pull_in_columns_of_their_own_make_the_group(hall):
-    """As one types it into a spreadsheet, reflectors under a word that nobody knows."""
+    """As typed into a spreadsheet, with reflectors under an unknown word."""
     files, _, _ = hall
     sheet = [["Stellung", "Zustand", "Zug", "Kugel", "X [mm]", "Y [mm]", "Z [mm]"]]
     for row in files["tracker.csv"].decode().splitlines()[1:]:

@@ -1,4 +1,4 @@
-"""A rehearsal and the campaign that is measured after it: neither is taken for the other."""
+"""A simulated rehearsal and the campaign measured after it are never confused."""
 
 import tomllib
 
@@ -41,7 +41,7 @@ def test_init_says_how_to_go_on_after_a_rehearsal(rehearsed, capsys):
 
 
 def test_files_of_a_rehearsal_stay_simulated_without_its_campaign_toml(rehearsed, capsys):
-    """Whoever has campaign.toml written anew has not measured anything yet."""
+    """Rewriting campaign.toml does not make it a measurement."""
     folder = rehearsed / "data" / "raw" / "hall7"
     (folder / "campaign.toml").unlink()
 
@@ -51,7 +51,7 @@ def test_files_of_a_rehearsal_stay_simulated_without_its_campaign_toml(rehearsed
 
 
 def test_measured_files_in_the_folder_of_a_rehearsal_are_measured(rehearsed):
-    """Other bytes than those that were simulated: nothing is kept apart."""
+    """Bytes other than those simulated: the campaign counts as measured."""
     folder = rehearsed / "data" / "raw" / "hall7"
     (folder / "campaign.toml").unlink()
     for name in ("tracker.csv", "loads.csv", "joints.csv"):
@@ -62,7 +62,7 @@ def test_measured_files_in_the_folder_of_a_rehearsal_are_measured(rehearsed):
 
 
 def test_the_root_before_the_command_is_that_behind_it(rehearsed, tmp_path, capsys):
-    """Both name the same project; that behind the command goes before."""
+    """Both name the same project; the one after the command takes precedence."""
     assert said(rehearsed, "status") == 0
     before = capsys.readouterr().out
     assert cli._exit_code(["status", "--root", str(rehearsed)]) == 0

@@ -34,7 +34,7 @@ HEAVY = "numpy", "pandas", "scipy", "pyarrow", "pinocchio", "prefect", "matplotl
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory, small_campaign):
-    """The small campaign after `pipeline run`: its project, and what --json printed."""
+    """The small campaign after `pipeline run`: its project, and the output of --json."""
     root = tmp_path_factory.mktemp("ran")
     folder = root / "data" / "raw" / small_campaign.name
     folder.mkdir(parents=True)
@@ -60,7 +60,7 @@ def q(result):
 
 
 def test_the_import_is_quick_and_brings_nothing():
-    """Less than 50 ms of processor time, and no numerical library, until a name is asked for."""
+    """Less than 50 ms of processor time, and no numerical library, until a name is used."""
     code = (
         "import sys, time; t = time.process_time(); import pipeline; t = time.process_time() - t\n"
         f"print(t, [n for n in {HEAVY!r} if n in sys.modules])"
@@ -73,7 +73,7 @@ def test_the_import_is_quick_and_brings_nothing():
 
 
 def test_every_public_name_is_there_and_documented():
-    """What `__all__` promises can be imported, says what it is, and nothing else is lazy."""
+    """Every name in `__all__` can be imported and is documented, and nothing else is lazy."""
     lazy = {name for names in pipeline._FROM.values() for name in names}
 
     assert set(pipeline.__all__) == lazy
@@ -85,7 +85,7 @@ def test_every_public_name_is_there_and_documented():
 
 
 def test_the_package_says_that_it_is_typed():
-    """py.typed lies in the package and is packed into the wheel."""
+    """py.typed is in the package and in the wheel."""
     packed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["setuptools"]
 
     assert (ROOT / "pipeline" / "py.typed").is_file()
@@ -94,7 +94,7 @@ def test_the_package_says_that_it_is_typed():
 
 @pytest.mark.whole
 def test_a_notebook_shows_a_screen_and_no_bytes(ran, result):
-    """A campaign and a result are shown in few lines; stiffnesses are found by their names."""
+    """A campaign and a result are shown in few lines; stiffnesses are found by name."""
     campaign = pipeline.load_campaign(ran / "data" / "raw" / "small")
     shown = repr(campaign), repr(result), repr(result.stiffness)
     first = result.stiffness[0]
@@ -114,7 +114,7 @@ def test_a_notebook_shows_a_screen_and_no_bytes(ran, result):
 
 
 def test_a_force_that_no_robot_holds_is_refused(result, q):
-    """Newtons times a thousand: as the commands refuse it, for deflection and stiffness alike."""
+    """Newtons times a thousand: refused as by the commands, for deflection and stiffness."""
     for asked in (result.model.predict, result.model.compensate):
         with pytest.raises(pipeline.InputError, match="forces are in N"):
             asked(q, [0.0, 0.0, -8e5])
@@ -135,7 +135,7 @@ def test_in_memory_is_the_command_byte_by_byte(ran, result):
 
 
 def test_a_run_from_python_finds_what_the_command_left(ran, result, q):
-    """`run_campaign` computes nothing twice, and its model predicts what the one in memory does."""
+    """`run_campaign` computes nothing twice; its model predicts like the one in memory."""
     found = pipeline.run_campaign("small", root=ran)
 
     assert found.answer == result.answer
@@ -146,7 +146,7 @@ def test_a_run_from_python_finds_what_the_command_left(ran, result, q):
 
 
 def test_the_prediction_is_that_of_the_answer(result, q):
-    """Displacement J diag(x) J' f of the load point, twice as much under twice the force."""
+    """Displacement J diag(x) J' f of the load point, doubled by twice the force."""
     point = np.array([0.15, 0.0, 0.25])
     found = result.model.predict(q, [FORCE_N, 2 * FORCE_N], point)
     one = pin_jacobian(result.model.robot, q, point)
@@ -159,7 +159,7 @@ def test_the_prediction_is_that_of_the_answer(result, q):
 
 
 def test_one_pose_has_no_axis_of_poses(result, q):
-    """What is asked as rows comes as rows, m of them; each is what the pose gives alone."""
+    """Requests for m poses give m results; each equals that of its pose alone."""
     one = result.model.predict(q, FORCE_N)
     two = result.model.predict([q, q + 0.1], FORCE_N)
     alone, rows = result.model.cartesian_stiffness(q), result.model.cartesian_stiffness([q])
@@ -173,7 +173,7 @@ def test_one_pose_has_no_axis_of_poses(result, q):
 
 
 def test_a_result_draws_the_figures_of_its_report(result, tmp_path):
-    """Byte by byte; a notebook shows them, and another name is refused with those there are."""
+    """Byte by byte; a notebook displays them, and an unknown name is refused with a list."""
     pages = render(result.answer, result.tables)
     for name in ("stiffness", "prediction"):
         picture = result.plot(name)
@@ -185,7 +185,7 @@ def test_a_result_draws_the_figures_of_its_report(result, tmp_path):
 
 
 def test_an_answer_is_not_written_to(result):
-    """In our words: what to change instead."""
+    """The message says what to change instead."""
     with pytest.raises(AttributeError, match="value stays; change a copy"):
         result.stiffness[0].value = 1.0
     with pytest.raises(AttributeError):
@@ -196,7 +196,7 @@ def test_an_answer_is_not_written_to(result):
 
 @pytest.mark.parametrize("given", [[1.0, 2.0], "home", [[["a"]]], np.zeros((2, 2, 7)), 3.0])
 def test_what_is_no_row_of_axes_is_refused(given):
-    """By the names that are asked for."""
+    """The message names the expected axes."""
     robot = pipeline.load_robot("kr500_rail")
     with pytest.raises(pipeline.InputError, match=r"give a number for each of r1, theta2"):
         robot.from_degrees(given)
@@ -205,7 +205,7 @@ def test_what_is_no_row_of_axes_is_refused(given):
 
 
 def test_a_wrong_word_is_refused_in_our_words():
-    """Not in those of the library that checks it."""
+    """Not in the words of the validation library."""
     with pytest.raises(pipeline.InputError, match='"three" should be a whole number; correct'):
         pipeline.simulate_campaign(poses="three")
 
@@ -219,7 +219,7 @@ def pin_jacobian(robot, q, point):
 
 
 def test_the_cartesian_stiffness_is_that_of_pinocchio(result, q):
-    """Joint springs alone: C = J diag(x) J', in any point of the tool; K is its inverse."""
+    """Joint springs alone: C = J diag(x) J', at any point of the tool; K is its inverse."""
     point = np.array([0.3, -0.2, 0.4])
     found = result.model.cartesian_stiffness([q, q + 0.1], point)
     for k, pose in enumerate((q, q + 0.1)):
@@ -246,7 +246,7 @@ def test_the_uncertainty_of_the_stiffness_is_that_of_draws(result, q):
 
 @pytest.fixture(scope="module")
 def doubtful(result):
-    """A model that hardens at joint 3 or tilts at joint 2: nobody knows which."""
+    """A model that hardens at joint 3 or tilts at joint 2, undecided."""
     (known,) = result.model.identified.hypotheses
     parts = []
     for label, weight in (("joint_hardening:3", 0.7), ("joint_tilt:2", 0.3)):
@@ -264,7 +264,7 @@ def doubtful(result):
 
 
 def test_the_stiffness_of_a_model_with_causes_is_its_slope(doubtful, q):
-    """Over laws that bend and rivals that differ: C is how predicted points move with the force."""
+    """With nonlinear laws and different rivals, C is the slope of predicted points by force."""
     points = np.array([0.15, 0.0, 0.25]) + np.vstack([np.zeros(3), np.eye(3)])
     force = 2000.0 * np.array([0.3, -0.8, 0.5])
     model = doubtful.identified
@@ -283,7 +283,7 @@ def test_the_stiffness_of_a_model_with_causes_is_its_slope(doubtful, q):
 
 
 def test_stiffness_and_prediction_are_equally_uncertain(doubtful, q):
-    """Of small forces, the covariance of C f is that of the predicted deflection."""
+    """For small forces, the covariance of C f is that of the predicted deflection."""
     force = np.array([0.3, -0.8, 0.5])
     found, said = doubtful.cartesian_stiffness(q), doubtful.predict(q, force)
     cov = found.compliance_cov.reshape(6, 6, 6, 6)[:3, :3, :3, :3]
@@ -294,7 +294,7 @@ def test_stiffness_and_prediction_are_equally_uncertain(doubtful, q):
 
 
 def test_what_is_not_determined_has_no_stiffness(result, q):
-    """A joint of infinite variance that acts leaves every entry without an uncertainty."""
+    """A joint of infinite variance that acts makes the uncertainty of every entry infinite."""
     (known,) = result.model.identified.hypotheses
     cov = known.cov.copy()
     cov[1, 1] = np.inf
@@ -321,7 +321,7 @@ WRONG = [
 @pytest.mark.parametrize(("spoil", "said"), WRONG)
 @pytest.mark.parametrize("method", ["predict", "cartesian_stiffness", "compensate"])
 def test_joint_values_are_checked(result, q, method, spoil, said):
-    """Degrees, millimetres, a joint too few and a pose beyond a limit are refused by name."""
+    """Degrees, millimetres, a missing joint and a pose beyond a limit are refused by name."""
     more = () if method == "cartesian_stiffness" else (FORCE_N,)
 
     with pytest.raises(pipeline.InputError, match=said):
@@ -349,7 +349,7 @@ def test_points_in_millimetres_are_refused(result, q):
 
 
 def test_a_joint_without_limits_turns_twice_at_most():
-    """What says more than two turns is in degrees, also where the robot file has no limits."""
+    """More than two turns must be in degrees, also if the robot file has no limits."""
     table = pipeline.load_robot("ur10").text
     free = parse_robot(re.sub("(?m)^(lower|upper)_deg.*$", "", table), "free.toml")
     turns = joint_values(free, np.full(6, 3 * np.pi))
@@ -391,7 +391,7 @@ def test_a_virtual_campaign_is_that_of_the_command(tmp_path):
 
 
 def test_a_campaign_in_memory_says_what_is_missing():
-    """A name that names no folder, files without campaign.toml."""
+    """A name without a folder, or files without campaign.toml."""
     files = dict(simulate(Plan(poses={"count": 2})).files)
     with pytest.raises(pipeline.InputError, match="begins with a dot"):
         pipeline.load_campaign(files, name=".hidden")
@@ -403,7 +403,7 @@ def test_a_campaign_in_memory_says_what_is_missing():
 
 
 def test_the_offsets_are_those_of_a_path(result, q):
-    """With the joint offsets the loaded tip is where it was unloaded, to a micrometre."""
+    """With the joint offsets the loaded tip is at its unloaded position, to a micrometre."""
     found = result.model.compensate(q, FORCE_N)
     moved = result.model.predict(q + found.joints[0], FORCE_N)
     tip = result.model.identified.tool.load_point
@@ -415,7 +415,7 @@ def test_the_offsets_are_those_of_a_path(result, q):
 
 
 def placed(robot, q, point):
-    """Where a point of the flange is, by Pinocchio [m]."""
+    """Position of a point of the flange, by Pinocchio [m]."""
     made = pin_model(robot, {"tip": point})
     data = made.createData()
     pin.framesForwardKinematics(made, data, q)
@@ -440,7 +440,7 @@ def test_a_design_is_that_of_the_command(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_positions_are_those_of_the_command(tmp_path, capsys):
-    """Where a UR10 stands: `pipeline predict` and Python give the same numbers."""
+    """Positions of a UR10: `pipeline predict` and Python give the same numbers."""
     shutil.copytree(ROOT / "data" / "raw" / "ur10_ipa", tmp_path / "data" / "raw" / "ur10_ipa")
     found = pipeline.run_campaign("ur10_ipa", root=tmp_path)
     asked = tmp_path / "poses.csv"

@@ -1,4 +1,4 @@
-"""Where targets are under a force, by positions and pulls of one robot, against drawn machines."""
+"""Positions under a force, by positions and pulls of one robot, against drawn machines."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ BOTH_WAYS = next(e for e in catalogue(ROBOT) if (e.label, e.form) == ("joint_asy
 
 
 def standing(by_pulls=None):
-    """A robot of which positions know the springs to 3 % of each, and all else exactly."""
+    """A robot whose springs are known from positions to 3 % each, and all else exactly."""
     tool = np.tile(np.eye(4), (len(TOOL), 1, 1))
     tool[:, :3, 3] = TOOL
     elements = yielding(ROBOT)
@@ -49,7 +49,7 @@ def standing(by_pulls=None):
 
 
 def pulled(effects=(), more=(), joined=True, mixed=0.0):
-    """What pulls say: springs to 3 % of each, effects to a tenth, `mixed` with the spring of A3."""
+    """Results of pulls: springs to 3 %, effects to 10 %, `mixed` with the spring of A3."""
     cell = paper_cell(ROBOT, Tool(TIP, NAMES, TOOL)).with_effects(*effects)
     value = np.append(SOFT, np.asarray(more, float))
     size = np.append(0.03 * SOFT, 0.1 * np.abs(np.asarray(more, float)))
@@ -66,7 +66,7 @@ def at(model, force=FORCE):
 
 
 def test_pulls_that_say_the_same_change_nothing():
-    """Springs of both estimated together are one number."""
+    """Springs estimated jointly have one value."""
     alone, beside = at(standing()), at(standing(pulled()))
 
     np.testing.assert_allclose(beside.at, alone.at, atol=1e-12)
@@ -74,7 +74,7 @@ def test_pulls_that_say_the_same_change_nothing():
 
 
 def test_unloaded_the_pulls_have_no_say():
-    """Whatever they say of a force."""
+    """Whatever they say about a force."""
     without = np.zeros_like(FORCE)
     alone, beside = standing(), standing(pulled([BOTH_WAYS], [4e-7], joined=False))
 
@@ -83,9 +83,9 @@ def test_unloaded_the_pulls_have_no_say():
 
 
 def drawn(joined, mixed, count=20000):
-    """Motions of the targets of machines drawn from what both say, (count, m, t, 3) [m].
+    """Motions of the targets of machines drawn from both results, (count, m, t, 3) [m].
 
-    Weight turns joints by one spring and a force by another, which is the same one of joints
+    Weight acts on one spring of a joint and a force on another; they are the same for joints
     without a second law, if positions and pulls were estimated together.
     """
     rng, never = np.random.default_rng(4), np.full(len(Q), np.nan)
@@ -111,7 +111,7 @@ def drawn(joined, mixed, count=20000):
 @pytest.mark.parametrize("joined", [True, False])
 @pytest.mark.parametrize("mixed", [0.0, 0.8])
 def test_a_gear_with_two_springs_moves_targets_as_drawn_machines(joined, mixed):
-    """Mean and standard uncertainty, to what 20 000 machines tell and a force turns further."""
+    """Mean and standard uncertainty, to the accuracy of 20 000 machines and of second order."""
     told = at(standing(pulled([BOTH_WAYS], [HALF], joined, mixed)))
     moved, without = drawn(joined, mixed)
 
@@ -122,7 +122,7 @@ def test_a_gear_with_two_springs_moves_targets_as_drawn_machines(joined, mixed):
 
 
 def test_hypotheses_are_mixed_with_what_they_differ_by():
-    """Half of the weight on a second spring: half of its way, and as much uncertainty more."""
+    """Half of the weight on a second spring: half of its displacement, and as much uncertainty."""
     one, two = pulled().model.hypotheses[0], pulled([BOTH_WAYS], [HALF]).model.hypotheses[0]
     both = (replace(one, weight=0.5), replace(two, weight=0.5))
     mixed = at(standing(ByPulls(IdentifiedModel("made", "ambiguous", {}, both), True)))
@@ -136,7 +136,7 @@ def test_hypotheses_are_mixed_with_what_they_differ_by():
 
 
 def test_what_pulls_do_not_determine_is_unknown_only_where_it_acts():
-    """A second spring of joint 2 without bounds: everything under a force that turns joint 2."""
+    """An undetermined second spring of joint 2: all motions under a force that loads joint 2."""
     said = pulled([BOTH_WAYS], [HALF]).model.hypotheses[0]
     cov = said.cov.copy()
     cov[6, :], cov[:, 6], cov[6, 6] = 0.0, 0.0, np.inf
@@ -158,10 +158,10 @@ def test_the_file_holds_what_pulls_say():
 
 
 def played(force):
-    """Lost motion of joint 3 under weight and a force, and of joint 2, which a balancer may hold.
+    """Lost motion of joint 3 under weight and a force, and of joint 2, which may have a balancer.
 
-    How far they turn each target [m] if both have the same, (m, t, 3), by torques of weight and
-    force from screws alone.
+    Displacement of each target [m] if both have the same lost motion, (m, t, 3), by torques of
+    weight and force from screws alone.
     """
     never = np.full(len(Q), np.nan)
     weights = ArmWeights(GRAVITY, NOBODY, np.zeros(len(Q), dtype=np.int64))
@@ -196,9 +196,9 @@ def with_play(by_pulls=None):
 
 
 def test_a_force_parts_flanks_that_the_weight_holds():
-    """The law of a gear is of all its torque; of the weight's where a balancer may be beside it.
+    """The law of a gear is of its total torque; of the weight's if a balancer is possible.
 
-    To a hundredth: springs turn by 4 mrad.
+    To a hundredth: springs rotate by 4 mrad.
     """
     for force in (FORCE, np.array([[0.0, 0.0, 6000.0]] * 2)):
         gap = at(with_play(), force).at - at(standing(), force).at
@@ -208,7 +208,7 @@ def test_a_force_parts_flanks_that_the_weight_holds():
 
 
 def test_pulls_that_show_another_law_of_a_gear_stand_in_its_place():
-    """What a force moves is theirs, and what the weight moves stays."""
+    """Motions under a force are theirs, and those under weight stay."""
     law = next(e for e in catalogue(ROBOT) if (e.label, e.form) == ("joint_asymmetry:3", "pull"))
     force = np.array([[0.0, 0.0, 6000.0]] * 2)
     with_, without = (one(pulled([law], [HALF], False)) for one in (with_play, standing))
@@ -282,7 +282,7 @@ def drawn_unloaded(joined, count=20000):
 
 @pytest.mark.parametrize("width", ["narrow", "wide"])
 def test_the_file_holds_laws_of_gears(width):
-    """Label and form of each element, also of those that are not the first of their label."""
+    """Label and form of each element, also if not the first form of its label."""
     one = with_play()
     tau = np.array([[-1.0], [1.0]]) * np.ones(6)
     elements = [

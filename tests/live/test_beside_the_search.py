@@ -1,4 +1,4 @@
-"""New poses beside a search that stands: the same values; what contradicts calls the search."""
+"""New poses added to a finished search: same values; a contradiction repeats the search."""
 
 import time
 
@@ -26,7 +26,7 @@ def standing():
 
 @pytest.mark.whole
 def test_values_are_those_of_a_search(standing):
-    """Within a tenth of their uncertainty, at a fraction of its price."""
+    """To a tenth of their uncertainty, at a fraction of the cost."""
     more = read(*SEVEN, *of_pose(8))
     began = time.process_time()
     found = standing.beside(more)
@@ -64,7 +64,7 @@ def test_what_contradicts_calls_the_search(standing, lines):
 
 
 def test_another_reading_in_an_old_place_calls_the_search(standing):
-    """Whether it is shot again below, or the file is written anew with another number in it."""
+    """Whether it is read again further down, or the file is rewritten with another number."""
     again = [wide(SEVEN[3], 0.01)]
     anew = [*SEVEN[:3], *again, *SEVEN[4:]]
 
@@ -96,7 +96,7 @@ def test_after_a_quarter_more_poses_causes_are_sought_again(standing):
 
 @pytest.mark.whole
 def test_the_last_planned_pose_is_searched_and_a_pause_too():
-    """What is said in the end is the answer of `run`, to the last digit."""
+    """The final output is the answer of `run`, to the last digit."""
     cut = {**OTHERS}
     head, *rows = cut["joints.csv"].decode().splitlines(keepends=True)
     cut["joints.csv"] = "".join([head, *rows[:8]]).encode()
@@ -126,7 +126,7 @@ def test_the_last_planned_pose_is_searched_and_a_pause_too():
 
 
 def test_what_nothing_explains_is_told_though_the_search_is_silent(standing):
-    """A zero and the one pull read from it: with a second pull it is known which of them is off."""
+    """A zero and the one pull read from it: a second pull shows which of them is off."""
     zero, pull = steps(8)[:2]
     bad = [wide(line, 0.45) if ",P2," in line else line for line in pull]
     doubted = standing.beside(read(*SEVEN, *zero, *bad))

@@ -1,4 +1,4 @@
-"""A folder that grows: whole lines, and nothing that an editor has open."""
+"""A growing folder: complete lines only, and no file that an editor has open."""
 
 import pytest
 

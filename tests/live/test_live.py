@@ -1,4 +1,4 @@
-"""A campaign told while it is measured: fed reading by reading, as an instrument writes."""
+"""A campaign reported while it is measured: written reading by reading, as by an instrument."""
 
 import json
 import os
@@ -31,7 +31,7 @@ def table(*lines):
 
 
 def wide(line, by_mm):
-    """A reading that is off along y."""
+    """A reading off along y."""
     group, target, x, y, *rest = line.split(",")
     return ",".join([group, target, x, f"{float(y) + by_mm:.4f}", *rest])
 
@@ -44,7 +44,7 @@ def steps(number):
 
 @pytest.fixture(scope="module")
 def told():
-    """Two poses, and a third step by step; one of its readings is wide, then shot again."""
+    """Two poses, and a third step by step; one of its readings is off, then read again."""
     state, out, lines = Live("demo"), [], [*of_pose(1), *of_pose(2)]
     out.append(state.look(table(*lines), 0.0))
     first, pulled, bad = steps(3)[:3]
@@ -82,7 +82,7 @@ def test_a_reading_that_is_shot_again_replaces_it(told):
 
 @pytest.mark.whole
 def test_a_pose_is_told_when_it_is_measured_and_not_when_the_next_begins():
-    """Of the pose that has just begun nothing is said."""
+    """The pose in progress is not reported."""
     state, (first, *_) = Live("demo"), steps(2)
     assert state.look(table(*of_pose(1)), 0.0) is None
 

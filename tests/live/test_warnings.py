@@ -1,4 +1,4 @@
-"""What is told while it still helps: the scale's zero, a tracker that scatters, a knock."""
+"""Early warnings: zero of the scale, scatter of the tracker, a knock."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def test_a_cause_of_the_measurement_is_told_with_what_to_do(effect, poses, done)
 
 
 def moved(line, at=None):
-    """A reading after the tracker was knocked."""
+    """A reading after a knock of the tracker."""
     group, target, x, y, z, time = line.split(",")
     there = [group, target, f"{float(x) + 1.5:.4f}", f"{float(y) - 0.8:.4f}", z, at or time]
     return ",".join(there)
@@ -42,7 +42,7 @@ def moved(line, at=None):
 
 @pytest.mark.whole
 def test_a_tracker_that_was_knocked_sends_one_to_the_base_reflectors():
-    """Before the base is read again, also where its times say nothing, and after that."""
+    """Before the base is read again, also without times, and afterwards."""
     poses = [one for k in range(1, 6) for one in of_pose(k)]
     poses += [moved(one) for k in range(6, 9) for one in of_pose(k)]
     again = [one.replace("base_start", "base_end") for one in BASE]
@@ -64,7 +64,7 @@ def test_a_tracker_that_wanders_is_told_and_nobody_blames_the_robot(wandering):
 
 @pytest.mark.whole
 def test_scatter_with_far_readings_is_not_of_the_robot(wandering):
-    """So few poses show a tracker that wanders as heavy tails."""
+    """With so few poses a wandering tracker appears as heavy tails."""
     (said,) = warned(load_campaign(wandering(5), name="hall"))
 
     assert said.startswith("Heavy tails")
@@ -73,7 +73,7 @@ def test_scatter_with_far_readings_is_not_of_the_robot(wandering):
 
 @pytest.fixture
 def wandering():
-    """Files of a campaign as far as some pose."""
+    """Files of a campaign up to some pose."""
     made = simulate_campaign(seed=8103, name="hall", stiffness_spread=0.3)
     titles, *lines = made.campaign.files["tracker.csv"].decode().splitlines(keepends=True)
     rng, at, out, last = np.random.default_rng(3), np.zeros(3), [], None

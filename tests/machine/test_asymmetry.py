@@ -1,6 +1,6 @@
-"""A gear with another stiffness each way of its torque: its law, its name, what is told of it.
+"""A gear whose stiffness depends on the sign of its torque: law, name, and what is reported.
 
-What is true comes from a planar chain by sine and cosine, and from the league's machine of 4 x 4
+The truth comes from a planar chain by sine and cosine, and from the league's machine of 4 x 4
 matrices; neither shares a formula with the effect.
 """
 
@@ -56,11 +56,12 @@ MASS = """mass_kg = {mass}
 centre_of_mass_m = [{at}, 0.0, 0.0]
 """
 LENGTHS, REACH, MASSES = (0.9, 0.7), 0.2, (80.0, 60.0)
-"""Of both links and from the second to the load point [m]; in the middles of the links [kg]."""
+"""Lengths of both links and from the second to the load point [m]; masses at the centres of the
+links [kg]."""
 
 
 def planar(masses):
-    """Joints about y: a link that turns by q points along (cos q, -sin q) of x and z."""
+    """Joints about y: a link rotated by q points along (cos q, -sin q) in x and z."""
     text = PLANAR
     for k, (alpha, length) in enumerate(((-90, 0.0), (0, LENGTHS[0]))):
         text += LINK.format(name=f"a{k + 1}", alpha=alpha, length=length)
@@ -75,7 +76,7 @@ def along(angle):
 
 
 def planar_torques(q, force):
-    """Torque about y of a force (x, z) at the load point, and of both weights, on each joint."""
+    """Torques about y on each joint from a force (x, z) at the load point and both weights."""
     elbow = LENGTHS[0] * along(q[0])
     tip = elbow + (LENGTHS[1] + REACH) * along(q[0] + q[1])
     middles = LENGTHS[0] / 2 * along(q[0]), elbow + LENGTHS[1] / 2 * along(q[0] + q[1])
@@ -89,13 +90,13 @@ def planar_torques(q, force):
 
 
 def turned(c_positive, c_negative, torque):
-    """How far a two-sided spring turns: c tau, with the c of the side on which tau is."""
+    """Rotation of a two-sided spring: c tau, with the c of the sign of tau."""
     return (c_positive if torque > 0 else c_negative) * torque
 
 
 @pytest.mark.parametrize("form", ["pull", "total"])
 def test_two_links_turn_as_far_as_springs_with_two_sides(form):
-    """A planar chain by hand; pulls both ways, some of which carry the torque across zero."""
+    """A planar chain by hand; pulls in both senses, some of which reverse the torque."""
     rng = np.random.default_rng(3)
     robot = planar(MASSES)
     c, (up, down) = np.array([8e-7, 1.1e-6]), (1.5e-6, 0.7e-6)
@@ -121,7 +122,7 @@ def test_two_links_turn_as_far_as_springs_with_two_sides(form):
 
 @pytest.mark.parametrize("form", ["narrow", "narrow, total"])
 def test_two_links_turn_as_far_as_flanks_that_part(form):
-    """The same of lost motion, whose flanks the weight may hold together."""
+    """The same for lost motion, whose flanks the weight may keep in contact."""
     rng = np.random.default_rng(5)
     robot = planar(MASSES)
     c, b, full = np.array([8e-7, 1.1e-6]), 9e-5, 0.03 * 1e-3 / robot.nominal_compliance[1]
@@ -152,7 +153,7 @@ def test_two_links_turn_as_far_as_flanks_that_part(form):
     ],
 )
 def test_of_the_total_torque_only_where_masses_are_known(name, pull, total):
-    """A robot file without masses has the torque of the pull alone."""
+    """A robot file without masses: only the torque of the pull counts."""
     heavy, light = (
         {e.form for e in catalogue(planar(masses)) if e.name == name} for masses in (MASSES, ())
     )
@@ -161,7 +162,7 @@ def test_of_the_total_torque_only_where_masses_are_known(name, pull, total):
 
 
 def two_sided(joint, softer, way):
-    """A joint of the league's machine that is `softer` times as compliant, plus one, one way."""
+    """A joint of the league's machine that is (1 + `softer`) times as compliant in one sense."""
 
     def plant(s, size, course):
         c = float(s.compliance[joint - 1])
@@ -177,10 +178,10 @@ def two_sided(joint, softer, way):
 
 @lru_cache(maxsize=1)
 def soft_one_way():
-    """A game whose joint 4 (A3) is 60 % stiffer against negative torques, and what is said of it.
+    """A game whose joint 4 (A3) is 60 % stiffer against negative torques, and its answer.
 
     Returns:
-        Files, true compliances by sign, true stiffnesses and what the run answered.
+        Files, true compliances by sign, true stiffnesses, and the answer of the run.
     """
     rng = np.random.default_rng([17, 4])
     plan = drawn(KR500, rng, Rules())
@@ -190,13 +191,13 @@ def soft_one_way():
 
 
 def joint_4():
-    """What is said of its stiffness."""
+    """Its stiffness in the answer."""
     return soft_one_way()[3].answer.stiffness[3]
 
 
 @pytest.mark.whole
 def test_a_gear_that_is_stiffer_one_way_is_named_with_both_stiffnesses():
-    """The cause, its place and both compliances, whose intervals hold the machine's."""
+    """The cause, its place and both compliances, whose intervals hold the true ones."""
     _, true, _, run = soft_one_way()
 
     assert run.answer.diagnosis.verdict == "explained"
@@ -214,7 +215,7 @@ def test_a_gear_that_is_stiffer_one_way_is_named_with_both_stiffnesses():
 
 @pytest.mark.whole
 def test_the_stiffness_is_that_of_the_test_poses_side():
-    """Value, compliance and interval are those of one side, budget and model.toml agree."""
+    """Value, compliance and interval are those of one sign; budget and model.toml agree."""
     *_, run = soft_one_way()
     joint = joint_4()
     mine = getattr(joint.by_sign, joint.by_sign.value_of)
@@ -229,7 +230,7 @@ def test_the_stiffness_is_that_of_the_test_poses_side():
 
 @pytest.mark.whole
 def test_a_joint_is_pulled_by_the_sign_that_is_told():
-    """The side of the test pose, by moments: lever of the load point times the force."""
+    """The sign at the test pose, by moments: lever of the load point times the force."""
     *_, run = soft_one_way()
     q, force = run.model.at_pose
     tool = run.model.tool
@@ -241,7 +242,7 @@ def test_a_joint_is_pulled_by_the_sign_that_is_told():
 
 
 def test_a_prediction_has_the_stiffness_of_its_torque():
-    """Pulled there and back at further poses: the machine's own deflections, side by side."""
+    """Pulled in both senses at further poses: compared with the machine's own deflections."""
     plan, _, stiffness, run = soft_one_way()
     tool, rng = plan.tool, np.random.default_rng(5)
     machine = setup(KR500, np.array(stiffness))
@@ -263,7 +264,10 @@ def test_a_prediction_has_the_stiffness_of_its_torque():
 
 @pytest.mark.whole
 def test_a_corrected_path_says_both_stiffnesses_and_where_each_holds():
-    """Signs by moments about the axis; theta4 turns against A3, so minus is its positive torque."""
+    """Signs by moments about the axis.
+
+    Theta4 is opposite to A3, so minus is its positive torque.
+    """
     _, true, _, run = soft_one_way()
     q, force = run.model.at_pose
     rng = np.random.default_rng(8)
@@ -286,7 +290,7 @@ def test_a_corrected_path_says_both_stiffnesses_and_where_each_holds():
 
 
 def test_the_tangent_at_zero_torque_is_between_both():
-    """No load, no side: the Cartesian compliance is finite and that of the mean."""
+    """Without load no sign applies: the Cartesian compliance is finite and that of the mean."""
     *_, run = soft_one_way()
     q, force = run.model.at_pose
     sides = [cartesian_stiffness(run.model, q[None], s * force[None]) for s in (1e-3, -1e-3)]
@@ -299,7 +303,7 @@ def test_the_tangent_at_zero_torque_is_between_both():
 
 @pytest.mark.whole
 def test_the_first_screen_and_the_table_say_which_way_the_axis_turns():
-    """theta4 turns against A3: the stiffness against positive torques is that towards minus."""
+    """theta4 is opposite to A3: the stiffness against positive torques is that towards minus."""
     *_, run = soft_one_way()
     joint = joint_4()
 
@@ -321,7 +325,7 @@ def test_the_first_screen_and_the_table_say_which_way_the_axis_turns():
 
 @pytest.mark.whole
 def test_pulls_that_turn_a_joint_one_way_leave_the_other_in_the_dark():
-    """Of two sides of a spring one is seen: no cause, and it is among the blind spots."""
+    """Only one side of the spring is seen: no cause, but a blind spot."""
     rules = Rules(poses=12)
     rng = np.random.default_rng([741, 3])
     plan = drawn(KR500, rng, Rules(poses=60))
@@ -332,7 +336,7 @@ def test_pulls_that_turn_a_joint_one_way_leave_the_other_in_the_dark():
     ).load_point  # fmt: skip
     cell = paper_cell(KR500, Tool.of({"load_point": plan.tool[0], "P": plan.tool[1]}))
     moved = predict(cell, Pulls.at(plan.q, u), np.eye(7)[2] * 1e-9).displacement
-    turn = np.einsum("mi,mi->m", u, moved[:, 0])  # work: positive whatever the sign
+    turn = np.einsum("mi,mi->m", u, moved[:, 0])  # work: positive for either sign
     assert (turn > 0).all()
     here = forward.load(cell, Pulls.at(plan.q, u), np.zeros(7))
     axis, at = here.configuration.axes[:, 2, :, 2], here.configuration.origin[:, 2]
@@ -353,7 +357,7 @@ def test_pulls_that_turn_a_joint_one_way_leave_the_other_in_the_dark():
 
 
 def heavy(robot):
-    """The KR500 with masses of links, as a file of its own."""
+    """The KR500 with masses of links, as a separate robot file."""
     text, masses = robot.text, {"theta3": (500.0, 0.6), "theta5": (400.0, 0.0)}
     for name, (mass, at) in masses.items():
         head = f'name = "{name}"\n'
@@ -363,7 +367,7 @@ def heavy(robot):
 
 @pytest.mark.whole
 def test_a_heavy_arm_has_its_kink_where_the_total_torque_is_zero():
-    """The weights of the links hold joint 3 on one side: the form `total`, with both values."""
+    """The weights of the links keep joint 3 on one side: the form `total`, with both values."""
 
     def plant(s, size, course):
         s.machine.masses += [(3, (0.6, 0.0, 0.0), 500.0), (5, (0.0, 0.0, 0.0), 400.0)]
@@ -387,7 +391,7 @@ def test_a_heavy_arm_has_its_kink_where_the_total_torque_is_zero():
 
 
 def test_two_campaigns_are_compared_on_one_side():
-    """Test poses that turn a joint differently are no wear of its gear."""
+    """Test poses with torques of opposite sign on a joint do not mean wear of its gear."""
     before = joint_4()
     other = {"positive": "negative", "negative": "positive"}[before.by_sign.value_of]
     one = getattr(before.by_sign, other)
@@ -410,7 +414,7 @@ def test_two_campaigns_are_compared_on_one_side():
 
 
 def test_the_leagues_flank_has_the_compliances_that_it_tells():
-    """Far from zero the hidden law is two straight lines; at zero it is none, but turns nothing."""
+    """Far from zero the hidden law is two straight lines; at zero the deflection is zero."""
     one = setup(KR500, 1 / NOMINAL)
     one.machine = Machine(KR500, [])
     course = SimpleNamespace(rng=np.random.default_rng(1))

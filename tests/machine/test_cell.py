@@ -1,4 +1,4 @@
-"""The forward model against slow, plain computations of the same physics."""
+"""The forward model against simple, slow computations of the same physics."""
 
 from dataclasses import replace
 
@@ -66,7 +66,7 @@ def test_B_is_the_derivative_of_the_displacements():
 
 
 def test_a_pull_through_the_axis_of_joint_7_does_not_turn_it():
-    """The column of joint 7 is zero, and only that one."""
+    """The column of joint 7 is zero, and no other."""
     here = cell(load_point=(0.0, 0.0, 0.25))
     B = jacobian(here, pulls(here.robot, 30), here.robot.nominal_compliance)
     size = np.abs(B).max(axis=(0, 1, 2))
@@ -87,7 +87,7 @@ def test_the_deflected_robot_is_in_equilibrium():
 
     for i in range(5):
         dq = np.zeros(7)
-        for _ in range(50):  # Newton-free fixed point on the real joints
+        for _ in range(50):  # fixed-point iteration on the joint values
             J = pin.computeFrameJacobian(
                 built, data, asked.q[i] + dq, frame, pin.LOCAL_WORLD_ALIGNED
             )[:3]
@@ -112,7 +112,7 @@ def test_second_order_vanishes_with_the_load():
 
 
 def test_a_force_in_a_wrong_unit_still_finds_an_equilibrium():
-    """A thousand times and a million times too large: far away, but a number."""
+    """A thousand and a million times too large: far away, but finite."""
     here = replace(cell(), equilibrium="deformed")
     for size in (3e6, 3e9):
         there = predict(here, pulls(here.robot, 20, size=size), here.robot.nominal_compliance)
@@ -122,7 +122,7 @@ def test_a_force_in_a_wrong_unit_still_finds_an_equilibrium():
 
 
 def test_what_remembers_a_pose_remembers_nothing_of_another_set_of_forces():
-    """Hysteresis under the same forces twice over: the second set moves as the first."""
+    """Hysteresis under the same forces twice: the second set moves as the first."""
     bare = cell()
     robot = bare.robot
     once = replace(pulls(robot, 12), pose=np.repeat(np.arange(3), 4))
@@ -139,9 +139,9 @@ def test_what_remembers_a_pose_remembers_nothing_of_another_set_of_forces():
 
 
 def test_what_is_kept_is_asked_for_by_all_it_depends_on():
-    """Robot, tool, pulls, causes and their sizes in turn, each asked twice, as if nothing is kept.
+    """Changing robot, tool, pulls, causes and sizes in turn, twice each: as without a cache.
 
-    Of so many pulls nothing is: the same few over and over are the truth for the few.
+    For this number of pulls nothing is cached: a few pulls at a time give the reference.
     """
     base = cell()
     few, other = pulls(base.robot, 4), pulls(base.robot, 4, seed=12)

@@ -1,4 +1,4 @@
-"""Contrasts that show noise alone: what they are blind to, what they see, and how certainly."""
+"""Contrasts that contain noise only: what they exclude, what they include, and covariances."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ def cell(targets=3):
 
 
 def tilted(rng, count, size):
-    """Covariances of any direction, standard uncertainties about `size`."""
+    """Covariances with arbitrary axes and standard uncertainties of about `size`."""
     half = size * (rng.standard_normal((count, 3, 3)) + 2 * np.eye(3))
     return half @ half.swapaxes(1, 2)
 
@@ -67,7 +67,7 @@ MORE = [*THREE, (2, NORTH, 1, 4), (2, NORTH, 1, 5), (2, 0.5 * NORTH, 1, 6)]
 
 
 def zeros(data, rng, poses, each, targets=3):
-    """Some zeros of every target read again, numbered from 1."""
+    """Repeated zeros of every target, numbered from 1."""
     rows = [(p, t, n) for p in poses for t in range(targets) for n in range(1, each + 1)]
     pose, target, which = np.array(rows).T
     return Zeros(
@@ -87,14 +87,14 @@ def as_contrasts(data, residual, again=NO_ZEROS, system=None):
 
 
 def rigid(points, rng):
-    """What a small rigid motion does to some points, by a real rotation about anywhere [m]."""
+    """Displacement of points by a small rigid motion, a rotation about an arbitrary point [m]."""
     turn, shift = 1e-7 * rng.standard_normal(3), 1e-6 * rng.standard_normal(3)
     centre = rng.standard_normal(3)
     return Rotation.from_rotvec(turn).apply(points - centre) - (points - centre) + shift
 
 
 def test_what_moves_the_effector_as_a_whole_is_no_noise(rng):
-    """Any rigid motion in proportion to the force, another one for each set of equal pulls."""
+    """Any rigid motion proportional to the force, a different one for each set of equal pulls."""
     data = campaign(MORE, rng)
     size = np.linalg.norm(data.pulls.force, axis=1)
     residual = 1e-5 * rng.standard_normal(3 * len(data.pull))
@@ -111,18 +111,18 @@ def test_what_moves_the_effector_as_a_whole_is_no_noise(rng):
 
 
 def test_everything_else_is_seen(rng):
-    """Six of the coordinates of each set of equal pulls are given away, and no more than six."""
+    """Each set of equal pulls loses exactly six coordinates."""
     data = campaign(MORE, rng)
     residual = 1e-5 * rng.standard_normal(3 * len(data.pull))
     before = as_contrasts(data, residual)
     alone = residual.copy()
-    alone[4] += 1e-5  # one reflector of the first pull by itself
+    alone[4] += 1e-5  # one reflector of the first pull alone
 
     assert len(before.c) == (27 - 6) + (9 - 6) + (18 - 6) + (9 - 6)
     assert before.parameters == ()
     assert before.B.shape == (len(before.c), 0)
     assert np.linalg.norm(as_contrasts(data, alone).c - before.c) > 3e-6
-    other = rigid(data.unloaded[data.pull == 0], rng)  # of one of two equal pulls only
+    other = rigid(data.unloaded[data.pull == 0], rng)  # in one of two equal pulls only
     apart = residual.copy()
     apart[np.repeat(data.pull == 1, 3)] += other.ravel()
     assert np.linalg.norm(as_contrasts(data, apart).c - before.c) > 1e-7
@@ -134,7 +134,7 @@ def linear_map(work, n):
 
 
 def test_the_stated_covariance_is_that_of_the_readings(rng):
-    """Every reading by itself through the contrasts: K V K' is what their own errors say."""
+    """Each reading propagated through the contrasts: K V K' is that of their own errors."""
     data = campaign(MORE, rng)
     again = zeros(data, rng, [0, 2], 2)
     n, k = 3 * len(data.pull), again.delta.size
@@ -161,7 +161,7 @@ def test_the_stated_covariance_is_that_of_the_readings(rng):
 
 
 def test_each_contrast_knows_its_pose_and_whether_it_is_of_zeros(rng):
-    """A reading moves the contrasts of its own pose, a zero those of zeros, and no others."""
+    """A reading enters contrasts of its own pose only, a zero only those of zeros."""
     data = campaign(MORE, rng)
     again = zeros(data, rng, [0, 2], 1)
     flat = np.zeros(3 * len(data.pull))
@@ -180,7 +180,7 @@ def test_each_contrast_knows_its_pose_and_whether_it_is_of_zeros(rng):
 
 
 def test_zeros_may_move_as_one_body_and_not_by_themselves(rng):
-    """Each time another way with three reflectors; two are taken to stand still."""
+    """With three reflectors any rigid motion each time; with two none is assumed."""
     for targets, blind in ((3, True), (2, False)):
         data = campaign(THREE, rng, targets)
         again = zeros(data, rng, [0], 2, targets)
@@ -202,7 +202,7 @@ def test_zeros_may_move_as_one_body_and_not_by_themselves(rng):
 
 
 def test_zeros_of_poses_without_a_pull_are_left_alone(rng):
-    """Nobody knows where the robot stood."""
+    """The position of the robot is unknown."""
     data = campaign(THREE, rng)
     again = zeros(data, rng, [0, 5], 1)
 
@@ -218,7 +218,7 @@ def zeros_of(again, pose):
 
 @pytest.mark.parametrize("found_m", [None, 4e-5])
 def test_unstated_noise_of_a_zero_read_again_is_that_of_a_mean(rng, found_m):
-    """The n-th zero minus the mean of n before it scatters by 1 + 1/n, in units of one reading."""
+    """The n-th zero minus the mean of the n before it: variance 1 + 1/n in units of a reading."""
     data = replace(campaign(THREE, rng, stated=False), found_m=found_m)
     again = zeros(data, rng, [0], 3)
     stack = stacked(assemble(cell(), data, X), np.zeros(36), data, again, cell())
@@ -230,7 +230,7 @@ def test_unstated_noise_of_a_zero_read_again_is_that_of_a_mean(rng, found_m):
 
 
 def groups(pulls):
-    """Pulls (by place) that are taken for repeats of one another, and force of first over own."""
+    """Pulls (by index) treated as repeats of one another, and force of the first over own."""
     rng = np.random.default_rng(1)
     data = campaign(pulls, rng, 1)
     stack = stacked(assemble(cell(1), data, X), np.zeros(3 * len(pulls)), data, NO_ZEROS, cell(1))
@@ -268,7 +268,7 @@ def test_repeats_are_alike_in_pose_force_and_branch(second, repeats):
 
 
 def test_repeats_are_brought_to_the_force_of_the_earliest():
-    """By the clock, not by the order of the rows."""
+    """The earliest by time, not by the order of rows."""
     sets, to_first = groups([(0, 1.02 * EAST, 1, 30), (0, NORTH, 1, 20), (0, EAST, 1, 10)])
 
     assert sets == [[0, 2], [1]]
@@ -286,21 +286,21 @@ def test_chains_of_small_steps_are_measured_from_the_first():
     ("steps", "sets"),
     [
         ([1, 2, 3, 2, 1], [[0], [1], [2], [3], [4]]),  # up and down
-        ([1, 2, 1, 2, 1, 2], [[0], [1, 3, 5], [2, 4]]),  # the first has come from nowhere
+        ([1, 2, 1, 2, 1, 2], [[0], [1, 3, 5], [2, 4]]),  # nothing precedes the first
         ([2, 2, 2], [[0], [1, 2]]),  # nobody knows whence the first came, the others from itself
         ([1, 2, 2, 3, 2, 2], [[0], [1], [2], [3], [4], [5]]),
         ([1, 2, 2, 2, 1, 2, 2], [[0], [1, 5], [2, 3, 6], [4]]),
     ],
 )
 def test_without_a_branch_the_way_to_a_pull_counts(steps, sets):
-    """The pull before and the last unlike one have to be alike, too."""
+    """The previous pull and the last different one must agree, too."""
     found, _ = groups([(0, 1000.0 * f * EAST / 3000, 0, t) for t, f in enumerate(steps)])
 
     assert found == sets
 
 
 def test_the_way_to_a_pull_begins_anew_in_each_pose():
-    """What was pulled in the pose before is no history."""
+    """Pulls in the previous pose do not count."""
     found, _ = groups([(0, NORTH, 0, 0), (1, EAST, 0, 1), (1, EAST, 0, 2), (1, EAST, 0, 3)])
 
     assert found == [[0], [1], [2, 3]]
@@ -326,7 +326,7 @@ def placed(points, cov=None, **columns):
 
 @pytest.mark.parametrize("n", [2, 3, 6])
 def test_differences_of_zeros_are_helmerts_contrasts(n):
-    """Zero for points that stand, orthogonal to one another and to the mean, and so stated."""
+    """Zero for fixed points, orthogonal to each other and to the mean, with this covariance."""
 
     def differences(column):
         return repeated_zeros(SETTINGS, placed(np.outer(column, [1, -2, 0.5]))).delta[:, 0]
@@ -341,7 +341,10 @@ def test_differences_of_zeros_are_helmerts_contrasts(n):
 
 
 def test_unequal_zeros_pass_their_covariances_on(rng):
-    """Tilted and unequal covariances: each difference has those of its zeros, by its weights."""
+    """Unequal covariances with arbitrary axes.
+
+    Each difference has the weighted sum of its zeros'.
+    """
     C = tilted(rng, 4, 1.0)
     H = linear_map(
         lambda column: repeated_zeros(SETTINGS, placed(np.outer(column, [1, 0, 0]))).delta[:, 0], 4

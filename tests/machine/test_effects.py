@@ -1,4 +1,4 @@
-"""The catalogue: every cause of the list is there, written once, and means what it says."""
+"""The catalogue: complete, without duplicates, and every cause as described."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -64,19 +64,19 @@ LINEAR = [
 
 @pytest.fixture(scope="module")
 def bench():
-    """A KR500 with a tool at no special place, and pulls as varied as they can be."""
+    """A KR500 with a tool at a general position, and pulls as varied as possible."""
     rng = np.random.default_rng(7)
     cell = forward.paper_cell(KR500, rich_tool(rng))
     return cell, rich_pulls(KR500, rng), KR500.nominal_compliance
 
 
 def test_every_word_for_a_cause_has_its_effect():
-    """The list of causes and the catalogue are the same list, in the same order."""
+    """The list of causes and the catalogue are equal, in the same order."""
     assert list(dict.fromkeys(e.name for e in EFFECTS)) == NAMES
 
 
 def test_a_robot_without_a_rail_has_no_rail_effects():
-    """On a robot that stands on the floor nothing is blamed on a rail, and joints count from 1."""
+    """For a robot on the floor no cause is on a rail, and joints count from 1."""
     effects = catalogue(FANUC)
 
     assert not [e for e in effects if e.name.startswith("rail_")]
@@ -84,13 +84,13 @@ def test_a_robot_without_a_rail_has_no_rail_effects():
 
 
 def test_places_are_joint_numbers_of_the_robot():
-    """Gears are blamed at joints 2 to 7: joint 1 is the rail."""
+    """Gears are at joints 2 to 7: joint 1 is the rail."""
     for name in ("joint_tilt", "joint_hardening", "joint_lost_motion", "joint_hysteresis"):
         assert sorted({e.where for e in EFFECTS if e.name == name}) == [2, 3, 4, 5, 6, 7]
 
 
 def test_only_the_axis_in_the_base_has_its_bearing_elsewhere():
-    """The shoulder's frame says nothing of the bearing below it; forms of others only pay."""
+    """The frame of the shoulder does not define the bearing below it; other forms only cost."""
     tilts = [e for e in EFFECTS if e.name == "joint_tilt"]
 
     assert {e.where for e in tilts if e.form not in ("", "oblique")} == {2}
@@ -120,20 +120,20 @@ def test_a_bearing_that_is_soft_obliquely_moves_as_a_hinge_between_its_axes(benc
 
 
 def test_play_about_the_last_axis_may_be_the_clamp():
-    """Only there the reader is told that the effector's clamp moves alike."""
+    """Only there the reader is told that the clamp of the effector moves in the same way."""
     told = {(e.name, e.where) for e in EFFECTS if "clamp" in e.needs}
 
     assert told == {("joint_lost_motion", 7), ("joint_hysteresis", 7)}
 
 
 def test_labels_with_forms_are_unique():
-    """No cause stands twice in the catalogue in the same form."""
+    """No cause is in the catalogue twice in the same form."""
     assert len(set(IDS)) == len(IDS)
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=IDS)
 def test_zero_means_absent(bench, effect):
-    """With all parameters zero the cell does what it did without the effect."""
+    """With all parameters zero the cell behaves as without the effect."""
     cell, pulls, x = bench
     more = np.concatenate([x, np.zeros(len(effect.parameters))])
 
@@ -145,7 +145,7 @@ def test_zero_means_absent(bench, effect):
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=IDS)
 def test_columns_are_the_derivative_of_the_simulator(bench, effect):
-    """The column that tests for an effect is the derivative of what simulates it (five points)."""
+    """The column that tests for an effect is the derivative of its simulation (five points)."""
     cell, pulls, x = bench
     whole = cell.with_effects(effect)
     Z = forward.sensitivity(cell, pulls, x, [effect])
@@ -166,12 +166,12 @@ def test_columns_are_the_derivative_of_the_simulator(bench, effect):
 
 @pytest.mark.parametrize("effect", LINEAR, ids=lambda e: e.label)
 def test_springs_keep_maxwells_reciprocity(bench, effect):
-    """What pull 1 does along pull 2 is what pull 2 does along pull 1: the springs store energy."""
+    """The effect of pull 1 along pull 2 equals the reverse: springs store energy."""
     cell, pulls, _ = bench
     rng = np.random.default_rng(3)
     more = rng.uniform(0.5, 2, len(effect.parameters)) * [p.typical for p in effect.parameters]
     if effect.form.endswith("oblique"):
-        more[2] = 0.9 * np.sqrt(more[0] * more[1])  # more than the root is no spring
+        more[2] = 0.9 * np.sqrt(more[0] * more[1])  # more than the square root: no spring
     alone = replace(cell, effects=(effect,))
     other = replace(pulls, force=pulls.force[::-1])
 
@@ -208,7 +208,7 @@ def _frames(robot, q):
 
 
 def _screw(effect, q):
-    """Where and about which axes a rotation effect turns, by hand from Pinocchio's frames."""
+    """Point and axes of a rotational effect, by hand from Pinocchio's frames."""
     if effect.name in SCREWS:
         return SCREWS[effect.name](KR500, q)
     frames = _frames(KR500, q)
@@ -238,12 +238,12 @@ def _screw(effect, q):
     ids=lambda e: e.label,
 )
 def test_rotations_turn_where_and_how_they_say(bench, effect):
-    """A rotation effect moves the reflectors as turning the rest of the robot by hand does."""
+    """It moves the reflectors as a rotation of the rest of the robot, by hand, does."""
     cell, pulls, _ = bench
     alone = replace(cell, effects=(effect,))
     for k, parameter in enumerate(effect.parameters):
         values = np.zeros(len(effect.parameters))
-        values[k] = parameter.typical / 10  # so small that a turn is all but straight
+        values[k] = parameter.typical / 10  # so small that a rotation is nearly linear
         now = forward.predict(alone, pulls, values)
         before = forward.load(alone, pulls, values)
         for i in (0, 17, 53):
@@ -258,7 +258,7 @@ def test_rotations_turn_where_and_how_they_say(bench, effect):
 
 @pytest.mark.parametrize(("where", "near", "far"), [("upper_arm", 2, 3), ("forearm", 3, 5)])
 def test_a_bending_link_is_a_clamped_beam(bench, where, near, far):
-    """A force F across the end of a beam moves it by F L^3 / 3 EI and turns it by F L^2 / 2 EI."""
+    """A transverse end force F deflects it by F L^3 / 3 EI and turns it by F L^2 / 2 EI."""
     beam = next(e for e in EFFECTS if (e.where, e.form) == (where, "beam"))
     cell, pulls, x = bench
     loaded = forward.load(cell, pulls, x)
@@ -280,7 +280,7 @@ def test_a_bending_link_is_a_clamped_beam(bench, where, near, far):
 
 @pytest.mark.parametrize("up", [(0, 0, 1), (0, 0, -1), (0.6, 0, 0.8)])
 def test_gravity_stiffens_as_the_potential_energy_says(bench, up):
-    """Sag and its change under load are the derivatives of the energy of two hanging masses.
+    """Sag and its change under load are derivatives of the energy of two hanging masses.
 
     On a floor, on a ceiling and on a slope.
     """
@@ -331,7 +331,7 @@ def test_gravity_stiffens_as_the_potential_energy_says(bench, up):
 
 
 def test_backlash_depends_on_where_the_carriage_came_from(bench):
-    """Pulled onward after coming along +y, the carriage runs through its play; pulled back, not."""
+    """Pulled onward after arriving along +y, the carriage takes up its play; pulled back, not."""
     cell, pulls, _ = bench
     held = next(e for e in EFFECTS if e.name == "rail_backlash" and e.form == "held by friction")
     force = np.array([[0, 2000.0, 0], [0, -2000.0, 0], [0, 2000.0, 0], [0, -2000.0, 0]])
@@ -352,7 +352,7 @@ def test_backlash_depends_on_where_the_carriage_came_from(bench):
 
 
 def test_a_carriage_held_by_friction_stays_unless_it_is_pulled_over(bench):
-    """Pulled across the rail it stays; along it, over the whole play, the way that is free."""
+    """Pulled across the rail it stays; along it, it moves through the play in the free sense."""
     cell, pulls, _ = bench
     held = next(
         e
@@ -373,7 +373,7 @@ def test_a_carriage_held_by_friction_stays_unless_it_is_pulled_over(bench):
 
 
 def test_sliding_friction_follows_its_differential_equation(bench):
-    """Dahl's friction, closed in exponentials, is what small steps along the loads give."""
+    """Dahl friction: the closed form with exponentials equals integration in small steps."""
     torque = np.array([1.2, 0.4, -0.9, 2.0, 0.3, 0.8])
     pose, repeat = np.array([1, 1, 1, 1, 2, 2]), np.array([3, 1, 2, 4, 1, 2])
 
@@ -390,14 +390,14 @@ def test_sliding_friction_follows_its_differential_equation(bench):
 
 
 def test_a_worn_gear_may_have_lost_as_much_as_an_ordinary_one_has():
-    """Half of 15 arcmin between both ends, the backlash of planetary gears of one class lower."""
+    """Half of 15 arcmin between both ends, the backlash of planetary gears of a lower class."""
     (bound,) = {one.parameters[0].upper for one in EFFECTS if one.name == "joint_lost_motion"}
 
     assert bound == pytest.approx(np.deg2rad(15 / 60) / 2, rel=0.02)
 
 
 def test_twins_are_found_by_rank():
-    """What can never be told apart comes out of the ranks, not out of a list."""
+    """Inseparable effects follow from ranks, not from a list."""
     found = twins(KR500)
 
     assert set(found.of_stiffness) == {"rail_yaw", "scale_gain"}
@@ -406,7 +406,7 @@ def test_twins_are_found_by_rank():
 
 
 def test_structural_twins_hold_to_rounding(bench):
-    """The twins are equal to 1e-10 of their size on a rich design, at stiffnesses of any size."""
+    """The twins are equal to 1e-10 of their size on a rich design, for any stiffnesses."""
     cell, pulls, x = bench
     by = {e.label: e for e in reversed(EFFECTS)}  # in their first forms
 
@@ -430,7 +430,7 @@ def test_structural_twins_hold_to_rounding(bench):
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=IDS)
 def test_every_effect_tells_what_it_is(effect):
-    """Each has a signature, what settles it, a source, bounds around zero, parameters in words."""
+    """Each has a signature, what settles it, a source, bounds around zero, described parameters."""
     assert effect.signature
     assert effect.needs
     assert effect.source
@@ -445,7 +445,7 @@ def test_every_effect_tells_what_it_is(effect):
 
 
 def moved(robot, effects):
-    """Columns of effects under pulls as varied as they can be, shape (rows, parameters)."""
+    """Columns of effects under pulls as varied as possible, shape (rows, parameters)."""
     rng = np.random.default_rng(5)
     cell, pulls = forward.paper_cell(robot, rich_tool(rng)), rich_pulls(robot, rng)
     Z = forward.sensitivity(cell, pulls, robot.nominal_compliance, effects)
@@ -453,14 +453,14 @@ def moved(robot, effects):
 
 
 def beyond(columns, base):
-    """Part of each column that no mix of the base makes, relative to the column."""
+    """Residual of each column after a fit of the base, relative to the column."""
     Q = np.linalg.qr(base / np.linalg.norm(base, axis=0))[0]
     return np.linalg.norm(columns - Q @ (Q.T @ columns), axis=0) / np.linalg.norm(columns, axis=0)
 
 
 @pytest.mark.parametrize("robot", [KR500, FANUC], ids=["kr500_rail", "fanuc_r2000ic"])
 def test_what_competes_without_a_name_is_no_stiffness_and_no_cause(robot):
-    """Every parameter moves the reflectors as no joint spring can, under a label of its own."""
+    """Every parameter has an effect outside the span of joint springs, under its own label."""
     springs = moved(robot, baseline(robot))
 
     every = (*nameless(robot), *histories(robot))
@@ -471,7 +471,7 @@ def test_what_competes_without_a_name_is_no_stiffness_and_no_cause(robot):
 
 
 def test_a_joint_that_remembers_is_what_a_relaxing_element_does():
-    """Small steps of T dm/dt = share - m, the load held until the next pull, none between poses."""
+    """Small steps of T dm/dt = share - m, load held until the next pull, none between poses."""
     rng = np.random.default_rng(8)
     pulls = rich_pulls(KR500, rng)
     m, fades = len(pulls), 300.0
@@ -503,7 +503,7 @@ def test_a_joint_that_remembers_is_what_a_relaxing_element_does():
 
 
 def test_an_effector_turned_on_its_flange_is_a_tool_with_turned_points(bench):
-    """About a skew axis, by much: the same displacements as those of the turned tool's own cell."""
+    """About an oblique axis, by a large angle: equal to a cell with the rotated tool."""
     cell, pulls, x = bench
     turn = np.array([0.3, -0.2, 0.4])
     points = (
@@ -519,7 +519,7 @@ def test_an_effector_turned_on_its_flange_is_a_tool_with_turned_points(bench):
 
 
 def test_a_load_on_the_forearm_does_not_turn_with_the_wrist(bench):
-    """The lever stands still in the frame of joint 5 while joints 6 and 7 turn."""
+    """The lever is fixed in the frame of joint 5 while joints 6 and 7 rotate."""
     cell, pulls, x = bench
     effect = next(e for e in mounting(KR500) if e.name == "load_on_the_forearm")
     loaded = forward.load(cell, pulls, x)
@@ -543,7 +543,7 @@ def pin_frame(robot, q, joint):
 
 
 def test_a_hinge_between_parallel_joints_moves_as_their_cross_talk():
-    """(s3 + s4)(t3 + t4) / 4 holds s3 t4 + s4 t3: in its own plane such a link has no signature."""
+    """(s3 + s4)(t3 + t4) / 4 contains s3 t4 + s4 t3: in its plane such a link has no signature."""
     springs = moved(KR500, baseline(KR500))
     hinge = next(e for e in EFFECTS if (e.where, e.form) == ("upper_arm", "hinge"))
     talk = [e for e in nameless(KR500) if e.label == "cross_talk:3-4"]
@@ -559,7 +559,7 @@ def test_a_hinge_between_parallel_joints_moves_as_their_cross_talk():
 )
 @pytest.mark.parametrize("up", [(0, 0, 1), (0, -1, 0)])
 def test_a_hanging_chain_pulls_as_statics_says(bench, form, at, up):
-    """A rope of many heavy links hangs in equilibrium and is read by a scale somewhere along it."""
+    """A rope of many heavy links hangs in equilibrium, with a scale somewhere along it."""
     robot = KR500.under(-9.80665 * np.array(up, float))
     heavy = next(e for e in catalogue(robot) if (e.name, e.form) == ("chain_weight", form))
     cell, pulls, x = bench
@@ -578,7 +578,7 @@ def test_a_hanging_chain_pulls_as_statics_says(bench, form, at, up):
 
 
 def test_the_guide_shows_a_real_effect():
-    """The example of docs/add-an-effect.md is the file of an effect, letter for letter."""
+    """The example in docs/add-an-effect.md is identical to the file of an effect."""
     root = Path(__file__).parents[2]
     shown = (root / "docs" / "add-an-effect.md").read_text("utf-8").split("```python\n")[1]
     file = root / "pipeline" / "machine" / "effects" / "tool_flex.py"
@@ -587,14 +587,14 @@ def test_the_guide_shows_a_real_effect():
 
 
 def test_the_scale_remembers_how_the_force_was_reached(bench):
-    """By hand: what one joint turns under the force that acts, over what it turns as read."""
+    """By hand: rotation of one joint under the true force over that under the reading."""
     cell, pulls, x = bench
     repeat = np.arange(len(pulls)) % 4 + 1
     branch = np.where(repeat == 4, -1.0, 1.0)
     size = np.array([500.0, 1000.0, 2000.0, 800.0])[repeat - 1]
     along = pulls.force / np.linalg.norm(pulls.force, axis=1, keepdims=True)
     pose = np.arange(len(pulls)) // 4
-    first = pose * 4  # all pulls of a pose alike but for their size
+    first = pose * 4  # all pulls of a pose equal except for their size
     four = replace(
         pulls,
         q=pulls.q[first],

@@ -1,4 +1,4 @@
-"""What a tracker's reading is worth, against its own axes and against draws of its angles."""
+"""Uncertainty of a tracker's reading, against its own axes and draws of its angles."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ NOISE = InstrumentNoise(range_m=8e-6, range_per_m=4e-7, transverse_m=1.5e-5, tra
 
 
 def test_along_and_across_the_beam_the_data_sheet_says():
-    """Constant and part per metre add linearly, one along the beam, one in each other direction."""
+    """Constant and part per metre add linearly, one pair along the beam, one across it."""
     position = np.array([[3.0, -4.0, 12.0], [0.0, 0.0, -2.0], [20.0, 1.0, 0.3]])
     found = covariance.symmetric(beam_covariance(position, NOISE))
 
@@ -38,7 +38,7 @@ def test_along_and_across_the_beam_the_data_sheet_says():
 
 
 def test_the_covariance_is_that_of_a_range_and_two_angles():
-    """Draw the range and both angles of a theodolite; the points scatter as stated."""
+    """Draws of the range and both angles of a theodolite: points scatter as stated."""
     rng, reach = np.random.default_rng(6), 5.0
     azimuth, elevation = 0.7, -0.4
 
@@ -64,7 +64,7 @@ def test_the_covariance_is_that_of_a_range_and_two_angles():
 
 
 def test_at_the_origin_the_larger_part_counts_all_round():
-    """A reading without a beam, whichever part of the instrument is the worse."""
+    """A reading without a beam, whichever component of the instrument is larger."""
     poor_range = InstrumentNoise(range_m=5e-5, transverse_m=1e-5, transverse_per_m=1e-3)
 
     for noise, sigma in ((NOISE, 1.5e-5), (poor_range, 5e-5)):
@@ -99,12 +99,12 @@ def test_the_papers_share_is_the_mean_over_its_angles():
     ],
 )
 def test_a_type_is_known_however_it_is_written(written, listed):
-    """With or without its maker, in any case, with blanks or hyphens."""
+    """With or without its maker, in upper or lower case, with blanks or hyphens."""
     assert listed in sheet(written).names
 
 
 def test_what_is_in_no_list_is_none_and_has_names_near_it():
-    """No guess from a name that is only like another."""
+    """A name that only resembles another is not matched."""
     assert sheet("Leica AT96O") is None
     assert "Leica AT960" in near("Leica AT96O")
     assert sheet("Leica AT960X") is None
@@ -112,7 +112,7 @@ def test_what_is_in_no_list_is_none_and_has_names_near_it():
 
 
 def test_every_sheet_gives_what_it_prints():
-    """A third of the square of a bound, or half of two sigma; its source has both figures."""
+    """A third of the square of a bound, or half of two sigma; its source states both values."""
     assert len([name for one in sheets() for name in one.names]) > 20
     vantage = sheet("FARO Vantage").noise
     assert vantage.range_m == pytest.approx(16e-6 / np.sqrt(3))
@@ -159,7 +159,7 @@ MODEL = ['model = "Leica AT402"']
     ],
 )
 def test_what_is_stated_comes_before_the_data_sheet(tables, source):
-    """And a sheet is of a tracker that measures points."""
+    """And a data sheet applies to a tracker that measures points."""
     readings = ingested(made(**tables), conformed, plain).readings
 
     assert set(readings["covariance_from"]) == {source}
@@ -175,7 +175,7 @@ def test_what_is_stated_comes_before_the_data_sheet(tables, source):
 
 @pytest.mark.whole
 def test_the_answer_says_where_the_noise_is_from():
-    """By its data sheet, or that none is known, with the names that are near."""
+    """From its data sheet, or that none is known, with similar names."""
     known = answered("known", made(instrument=MODEL)).answer
     assert "AT402" in known.instrument.data_sheet
     assert any("that of a data sheet: 5.77 um" in one for one in known.assumptions)
@@ -189,7 +189,7 @@ def test_the_answer_says_where_the_noise_is_from():
 
 
 def test_three_variances_of_a_beam_get_their_correlations_back():
-    """Software that writes one standard uncertainty per axis leaves correlations out."""
+    """Software that writes one standard uncertainty per axis omits correlations."""
     position = np.array([[3.0, -4.0, 12.0], [5.0, 1.0, -2.0], [20.0, 1.0, 0.3], [2.0, 2.0, 1.9]])
     whole = beam_covariance(position, NOISE)
 
@@ -202,14 +202,14 @@ def test_three_variances_of_a_beam_get_their_correlations_back():
     "variance", [[1e-10, 1e-10, 1e-10], [1e-10, 4e-10, 9e-10]], ids=["alike", "of axes"]
 )
 def test_variances_of_no_beam_have_no_correlations(variance):
-    """A figure for all axes, and three of fixed axes, say nothing of a beam."""
+    """One value for all axes, or three for fixed axes, do not reveal a beam."""
     rng = np.random.default_rng(3)
 
     assert correlated(rng.normal(size=(40, 3)), np.tile(variance, (40, 1))) is None
 
 
 def test_readings_that_state_nothing_say_nothing_of_a_beam():
-    """Zeros in the columns of an export: none, or some among those of a beam."""
+    """Zeros in the columns of an export: all, or some among those of a beam."""
     position = np.array([[3.0, -4.0, 12.0], [5.0, 1.0, -2.0], [20.0, 1.0, 0.3], [2.0, 2.0, 1.9]])
     whole = beam_covariance(position, NOISE)
     whole[:2] = 0.0
@@ -220,7 +220,7 @@ def test_readings_that_state_nothing_say_nothing_of_a_beam():
 
 
 def test_a_reading_that_fits_no_beam_stays_uncorrelated():
-    """Among readings of a beam one that is stated otherwise, and one at the instrument itself."""
+    """One stated otherwise among readings of a beam, and one at the instrument itself."""
     position = np.array([[3.0, -4.0, 12.0], [5.0, 1.0, -2.0], [20.0, 1.0, 0.3], [0.0, 0.0, 0.0]])
     variance = beam_covariance(position, NOISE)[:, [0, 3, 5]]
     variance[0] = [1.0e-9, 1.5e-9, 1.0e-9]

@@ -1,6 +1,6 @@
-"""An effect is one file and one line: a made-up one goes from simulator to report by itself.
+"""An effect is one file and one line: an invented one works from simulator to report.
 
-Its name stands nowhere else, so whatever knows effects by name is found out here.
+Its name is nowhere else, so that any code that knows effects by name fails here.
 """
 
 import numpy as np
@@ -26,13 +26,13 @@ ASLANT = np.array([1.0, 1.5, 0.8]) / np.linalg.norm([1.0, 1.5, 0.8])
 
 
 def screw(loaded):
-    """The carriage turns about an axis aslant to the rail, shape (m, 1, 6)."""
+    """The carriage rotates about an axis oblique to the rail, shape (m, 1, 6)."""
     here = carriage(loaded)
     return rotation_about(here, np.broadcast_to(ASLANT, here.shape))[:, None]
 
 
 def bracket(robot):
-    """What nobody has thought of."""
+    """An effect that is not in the catalogue."""
     return (
         Elastic(
             name="zigzag_bracket",
@@ -52,7 +52,7 @@ def bracket(robot):
 
 @pytest.fixture
 def catalogued(monkeypatch):
-    """One line in the catalogue."""
+    """One line added to the catalogue."""
     monkeypatch.setattr(effects, "CATALOGUE", (*effects.CATALOGUE, bracket))
     for known in (words.nouns, twins):
         known.cache_clear()
@@ -62,7 +62,7 @@ def catalogued(monkeypatch):
 
 
 def test_a_made_up_effect_goes_from_simulator_to_report(catalogued, tmp_path):
-    """Planted by name, identified with its size, told with its noun, handed over with its value."""
+    """Planted by name, identified with its size, named by its noun, delivered with its value."""
     plan = revised(
         Plan(name="zigzag", seed=4),
         {

@@ -1,7 +1,7 @@
-"""Robots made from makers' packages: where they stand, how far they reach, and how they are found.
+"""Robots made from makers' packages: position, reach, and how they are found.
 
-Flanges are Pinocchio's, from the URDF of the package that the robot file names; reaches are what
-the makers publish. Neither comes from our table or our kinematics.
+Flanges are from Pinocchio with the URDF of the package that the robot file names; reaches are as
+published by the makers. Neither uses our DH parameters or our kinematics.
 """
 
 import numpy as np
@@ -64,7 +64,7 @@ REACH_M = {
     "kr500_r2800_2": 2.80,
     "kr560_r3100_2": 3.10,
     "kr800_r2800_2": 2.80,
-    # ABB: behind the stroke of the type code, in m
+    # ABB: after the stroke of the type code, in m
     "irb4600_20_250": 2.51,
     "irb4600_40_255": 2.55,
     "irb4600_60_205": 2.05,
@@ -90,19 +90,19 @@ REACH_M = {
     "gp180": 2.702,
     "gp180_120": 3.058,
 }
-"""Largest distance of the wrist's centre from the first axis, as published [m]."""
+"""Largest distance of the wrist centre from the first axis, as published [m]."""
 UR_REACH_M = {"ur3e": 0.5, "ur5e": 0.85, "ur16e": 0.9, "ur20": 1.75, "ur30": 1.3}
-"""Of the UR, whose maker counts to different points of the hand."""
+"""Reach of the UR [m], whose maker refers to different points of the wrist."""
 
 
 def farthest(robot, behind):
-    """Largest distance of a joint's origin (or the flange) from the first axis, in the limits."""
+    """Largest distance of a joint's origin (or the flange) from the first axis, within limits."""
     lower = np.maximum(robot.lower, -np.pi)
     upper = np.minimum(robot.upper, np.pi)
     q = np.zeros((401 * 401, robot.n))
     grid = np.meshgrid(*(np.linspace(lower[k], upper[k], 401) for k in (1, 2)))
     q[:, 1], q[:, 2] = (one.ravel() for one in grid)
-    if behind is None:  # the hand turns, too
+    if behind is None:  # with the wrist turned, too
         q[:, 3:5] = np.random.default_rng(2).uniform(-np.pi, np.pi, (len(q), 2))
     here = configure(robot, q)
     points = here.flange_origin if behind is None else here.origin[:, behind]
@@ -111,7 +111,7 @@ def farthest(robot, behind):
 
 @pytest.mark.parametrize(("name", "at", "z"), FLANGES, ids=[row[0] for row in FLANGES])
 def test_a_robot_stands_where_the_urdf_of_its_package_stands(name, at, z):
-    """To 20 micrometres: some packages round pi to four digits, our tables do not."""
+    """To 20 micrometres: some packages round pi to four digits, our DH parameters do not."""
     here = configure(load(name), np.deg2rad(Q_DEG)[None])
 
     assert here.flange_origin[0] == pytest.approx(at, abs=2e-5)
@@ -120,7 +120,7 @@ def test_a_robot_stands_where_the_urdf_of_its_package_stands(name, at, z):
 
 @pytest.mark.parametrize("name", REACH_M)
 def test_the_wrist_reaches_as_far_as_published(name):
-    """To 0.5 %: type codes are rounded to 10 mm, limits cut a little off."""
+    """To 0.5 %: type codes are rounded to 10 mm, and limits reduce the reach slightly."""
     assert farthest(load(name), 4) == pytest.approx(REACH_M[name], rel=5e-3)
 
 
@@ -133,7 +133,7 @@ def test_a_ur_reaches_between_its_wrist_and_its_flange(name):
 
 
 def test_every_robot_states_payload_source_and_axes_of_its_controller():
-    """What a user needs to find his robot; FANUC counts J3 from the horizontal."""
+    """What is needed to find a robot; FANUC counts J3 from the horizontal."""
     for name in [row[0] for row in FLANGES]:
         robot = load(name)
         assert robot.payload_kg
@@ -147,7 +147,7 @@ def test_every_robot_states_payload_source_and_axes_of_its_controller():
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_axes_of_the_controller_become_joints(name):
-    """The matrix of the file, mm and degrees; what `axes.shown` shows comes back."""
+    """The matrix in the file, mm and degrees; the inverse is `axes.shown`."""
     robot = load(name)
     q = np.random.default_rng(4).uniform(-1, 1, (3, robot.n))
 
@@ -156,7 +156,7 @@ def test_axes_of_the_controller_become_joints(name):
 
 
 def test_no_two_robots_that_ship_have_one_geometry():
-    """Nothing could tell them apart, and a wrong choice would be named by chance."""
+    """Otherwise they could not be distinguished, and a wrong choice would be named by chance."""
     q = np.random.default_rng(1).uniform(-1, 1, (4, 7))
     seen = {}
     for name in SHIPPED:
@@ -178,7 +178,7 @@ def test_no_two_robots_that_ship_have_one_geometry():
     ],
 )
 def test_a_brand_name_finds_its_robots(typed, meant):
-    """What people type is on the type plate, not the name of our file."""
+    """Users type what is on the type plate, not the name of our file."""
     with pytest.raises(InputError) as refused:
         load(typed)
 

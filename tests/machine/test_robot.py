@@ -1,4 +1,4 @@
-"""Robots: tables to frames, by three ways that share nothing but the table."""
+"""Robots: from DH parameters to frames, by three independent ways."""
 
 import tomllib
 from importlib import resources
@@ -20,21 +20,21 @@ RNG = np.random.default_rng(7)
 
 
 def inside(robot, m, rng=RNG):
-    """Joint values within limits, +-pi where there are none."""
+    """Joint values within the limits, +-pi if there are none."""
     lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
     return rng.uniform(lower, upper, (m, robot.n))
 
 
 def step(table):
-    """The constant step of a `[base]` or `[flange]`, by Pinocchio's roll, pitch and yaw."""
+    """The constant transform of `[base]` or `[flange]`, by Pinocchio's roll, pitch and yaw."""
     table = table or {"xyz_m": [0.0] * 3, "rpy_deg": [0.0] * 3}
     R = pin.rpy.rpyToMatrix(*np.deg2rad(table["rpy_deg"]))
     return pin.SE3(R, np.array(table["xyz_m"])).homogeneous
 
 
 def product(content, q):
-    """The plain product of one transform per row, straight from the TOML of a modified table."""
+    """The product of one transform per row, directly from the TOML of a modified table."""
     T = step(content.get("base"))
     rows = content["joint"]
     for row, value in zip(rows, q, strict=True):
@@ -157,7 +157,7 @@ that the robot file names."""
 
 @pytest.mark.parametrize(("name", "q", "at", "z", "x"), PUBLISHED)
 def test_a_table_from_a_package_stands_where_its_urdf_stands(name, q, at, z, x):
-    """Origin and axes of the flange, to a nanometre and to what the package's pi is rounded to."""
+    """Origin and axes of the flange, to a nanometre and to the rounding of pi in the package."""
     here = configure(load(name), np.deg2rad(q)[None])
 
     assert here.flange_origin[0] == pytest.approx(at, abs=1e-9)
@@ -182,7 +182,7 @@ def test_jacobians_are_finite_differences(robot):
 
 
 def test_torque_is_the_work_of_the_force(robot):
-    """J' f by screws is J' f by Pinocchio's Jacobian."""
+    """J' f from screws equals J' f from Pinocchio's Jacobian."""
     q, force = inside(robot, 20), RNG.normal(size=(20, 3))
     here = configure(robot, q)
     ours = torque(here.twists, here.points(POINT[None])[:, 0], force)
@@ -210,7 +210,7 @@ def test_the_letters_of_khalil_and_craig_name_the_same_arm():
 
 
 def test_a_standard_table_is_read_by_its_own_rule():
-    """A distal table of two turning joints: Rz Tz Tx Rx, joint by joint."""
+    """A distal table of two revolute joints: Rz Tz Tx Rx, joint by joint."""
     text = """
 format = 1
 name = "two"
@@ -254,9 +254,9 @@ rpy_deg = [0, 0, 90]
 
 
 def test_the_real_kr500_is_the_published_arm():
-    """kr500_rail_kuka reaches where KUKA's dimensions 500, 1045, 1300, 55, 1525, 290 say.
+    """kr500_rail_kuka reaches as KUKA's dimensions 500, 1045, 1300, 55, 1525, 290 imply.
 
-    At A1 = 0, A2 = -90, A3 = 90 the arm is upright with the forearm level.
+    At A1 = 0, A2 = -90, A3 = 90 the arm is upright with the forearm horizontal.
     """
     robot = load("kr500_rail_kuka")
     axes = np.deg2rad([0, 0, -90, 90, 0, 0, 0])
@@ -269,7 +269,7 @@ def test_the_real_kr500_is_the_published_arm():
 
 
 def test_letters_are_compared_within_one_convention():
-    """One length that is off is named; of two arms, or of two conventions, none is."""
+    """One wrong length is named; between two arms, or two conventions, none is."""
     craig, kr500 = load("ur10e"), load("kr500_rail")
     standard = parse(misread(craig)[0], "x.toml")
 
@@ -281,7 +281,7 @@ def test_letters_are_compared_within_one_convention():
 
 
 def test_a_robot_that_does_not_ship_is_refused_by_name():
-    """The sentence names those that are like it, and where the others are listed."""
+    """The message names similar ones, and where the others are listed."""
     with pytest.raises(InputError, match=r"kr500_rail, kr500_rail_kuka.*pipeline robot --list"):
         load("kr500")
 

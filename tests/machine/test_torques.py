@@ -1,4 +1,4 @@
-"""Torques of joints that scatter unlike each other: intervals of what they weigh hold the truth."""
+"""Joint torques with unequal scatter: intervals of estimated payloads hold the truth."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ TRUE = np.array([120.0, 12.0, -8.0, 30.0])
 
 
 def campaign(rng):
-    """Columns of four quantities and an offset to each joint, torques, joint of each reading."""
+    """Columns of four quantities and an offset per joint, torques, joint of each reading."""
     joint = np.repeat(np.arange(JOINTS), READINGS)
     A = rng.standard_normal((len(joint), 4)) * np.array([9.0, 6.0, 5.0, 2.0, 1.0, 0.5])[joint, None]
     X = np.hstack([A, np.eye(JOINTS)[joint]])
@@ -20,7 +20,7 @@ def campaign(rng):
 
 @pytest.mark.slow
 def test_scatters_that_few_readings_tell_are_not_taken_for_known():
-    """95 % intervals of 60 campaigns; weights taken for certain hold 88 % of them."""
+    """95 % intervals of 60 campaigns; with weights taken as exact they hold only 88 %."""
     rng, inside = np.random.default_rng(20261123), []
     for _ in range(GAMES):
         X, y, joint = campaign(rng)

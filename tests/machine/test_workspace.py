@@ -56,12 +56,12 @@ def estimate_of(cell, unknown=None):
 
 
 def known(cell, estimate):
-    """What is certain: one hypothesis."""
+    """A model of one hypothesis."""
     return [ModelHypothesis(1.0, cell, estimate.value, estimate.cov)]
 
 
 def moved(cell, q, force, x):
-    """Displacement of the load point itself, asked of the forward model pull by pull."""
+    """Displacement of the load point, from the forward model pull by pull."""
     m = len(force)
     tool = Tool(LOAD, np.array(["here"], object), LOAD[None])
     none, zero = np.zeros(m), np.zeros(m, int)
@@ -71,7 +71,7 @@ def moved(cell, q, force, x):
 
 @pytest.mark.parametrize("name", Q)
 def test_no_pull_moves_the_load_point_further(name):
-    """Of all directions of pull at the test pose none is softer than the map says."""
+    """At the test pose, no direction of pull is more compliant than the map says."""
     cell, q = cell_of(name), np.array(Q[name])
     estimate = estimate_of(cell)
     here = workspace(known(cell, estimate), Where(q, np.ones(3), True)).iloc[0]
@@ -85,7 +85,7 @@ def test_no_pull_moves_the_load_point_further(name):
 
 
 def test_a_stretched_arm_has_its_map():
-    """Neither side is the other one there: the test pose stays, whatever its bend rounds to."""
+    """Elbow up and down coincide there: the test pose is kept, whatever the rounding."""
     turn = np.tile(np.eye(3), (3, 2, 1, 1))
     elbow = np.tile([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], (3, 1, 1))
     points = np.array([[[2.0, 0.0, 0.0]], [[1.0, 1.0, 0.0]], [[1.0, -1.0, 0.0]]])
@@ -97,7 +97,7 @@ def test_a_stretched_arm_has_its_map():
 
 
 def test_its_uncertainty_is_that_of_draws_from_the_covariance():
-    """Compliances drawn from the full covariance scatter the deflection as stated."""
+    """Compliances drawn from the full covariance give the stated scatter of the deflection."""
     name = "kr500_rail"
     cell, q = cell_of(name), np.array(Q[name])
     estimate = estimate_of(cell)
@@ -111,7 +111,7 @@ def test_its_uncertainty_is_that_of_draws_from_the_covariance():
 
 
 def test_its_uncertainty_holds_what_hypotheses_differ_by():
-    """Of two equally likely robots, 10 % apart, the map is the middle, uncertain by half of it."""
+    """For two equally likely robots, 10 % apart, the map is the mean, uncertain by half of it."""
     cell, where = cell_of("kr500_rail"), Where(np.array(Q["kr500_rail"]), np.ones(3), True)
     x = cell.robot.nominal_compliance
     both = [ModelHypothesis(0.5, cell, f * x, np.zeros((7, 7))) for f in (0.95, 1.05)]
@@ -124,7 +124,7 @@ def test_its_uncertainty_holds_what_hypotheses_differ_by():
 
 @pytest.mark.parametrize("name", Q)
 def test_the_map_lies_where_pinocchio_puts_the_load_point(name):
-    """Heights are those of Pinocchio, and the plane is as wide as the arm is long."""
+    """Heights agree with Pinocchio, and the plane is as wide as the arm is long."""
     cell, q = cell_of(name), np.array(Q[name])
     table = workspace(known(cell, estimate_of(cell)), Where(q, np.ones(3), True))
     built = model(cell.robot, {"load": LOAD})
@@ -138,7 +138,7 @@ def test_the_map_lies_where_pinocchio_puts_the_load_point(name):
 
 
 def test_every_place_of_the_map_is_reached_once():
-    """The arm keeps to one side of its stretched position, so that no place has two values."""
+    """The elbow stays on one side of the stretched position, so that no place has two values."""
     name = "fanuc_r2000ic"
     cell = cell_of(name)
     table = workspace(known(cell, estimate_of(cell)), Where(np.array(Q[name]), np.ones(3), True))
@@ -156,7 +156,7 @@ def test_every_place_of_the_map_is_reached_once():
 
 
 def test_a_stiffness_that_is_not_known_leaves_the_map_and_takes_its_uncertainty():
-    """An undetermined compliance: all values stay, and where it acts nobody knows how well."""
+    """An undetermined compliance: all values stay, with unknown uncertainty where it acts."""
     cell = cell_of("kr500_rail")
     unknown = known(cell, estimate_of(cell, unknown=6))
     table = workspace(unknown, Where(np.array(Q["kr500_rail"]), np.ones(3), True))
@@ -166,7 +166,7 @@ def test_a_stiffness_that_is_not_known_leaves_the_map_and_takes_its_uncertainty(
 
 
 def test_a_hypothesis_without_weight_takes_no_uncertainty():
-    """What is impossible and knows nothing changes neither map nor prediction."""
+    """An impossible hypothesis that determines nothing changes neither map nor prediction."""
     cell, where = cell_of("kr500_rail"), Where(np.array(Q["kr500_rail"]), np.ones(3), True)
     one, blind = known(cell, estimate_of(cell)), known(cell, estimate_of(cell, unknown=6))
     both = (*one, replace(blind[0], weight=0.0))
@@ -178,7 +178,7 @@ def test_a_hypothesis_without_weight_takes_no_uncertainty():
 
 
 def test_an_arm_without_parallel_joints_has_no_map():
-    """Without a shoulder and an elbow there is no plane to show, and that is no error."""
+    """Without a shoulder and an elbow there is no plane to show, which is not an error."""
     cell = cell_of("kr500_rail")
     tilted = cell.robot.placement.copy()
     angle = 0.3

@@ -1,4 +1,4 @@
-"""What only several joints together are known by, against fits of numpy on whole matrices."""
+"""Combinations of joints that are determined, against fits of numpy on whole matrices."""
 
 from dataclasses import replace
 
@@ -37,14 +37,14 @@ X = FANUC.nominal_compliance
 
 
 def few(poses, steps, targets):
-    """A campaign of tracker readings with so many poses, load steps and targets."""
+    """A campaign of tracker readings with these numbers of poses, load steps and targets."""
     plan = Plan(name="few", poses={"count": poses}, pulls={"steps_n": [3000.0] * steps})
     plan = plan.model_copy(update={"tool": dict(list(plan.tool.items())[: 1 + targets])})
     return dict(simulate(plan).files)
 
 
 def csv(head, rows):
-    """A table as the bytes of a CSV file, digits in full."""
+    """A table as the bytes of a CSV file, with all digits."""
     lines = [head, *(",".join(str(cell) for cell in row) for row in rows)]
     return ("\n".join(lines) + "\n").encode()
 
@@ -79,7 +79,7 @@ def hung(q, force, sigma_m, tool=TOOL, seed=1):
 
 
 def of_two_joints(poses=197, sigma_m=2e-4):
-    """Weights hung below the last axis where only first and last joint turn: one pose, it seems."""
+    """Weights hung below the last axis, only first and last joint vary: effectively one pose."""
     rng = np.random.default_rng(7)
     q = np.tile([0.0, 0.3, -0.2, 0.4, -1.1, 0.2], (poses, 1))
     q[:, [0, 5]] = rng.uniform(-2.0, 2.0, (poses, 2))
@@ -88,7 +88,7 @@ def of_two_joints(poses=197, sigma_m=2e-4):
 
 
 def never_loaded():
-    """Weights hung at poses of every joint: none of them has a lever about the upright first."""
+    """Weights hung at poses of every joint: none has a lever about the vertical first axis."""
     rng = np.random.default_rng(5)
     q = rng.uniform(np.maximum(FANUC.lower, -1.5), np.minimum(FANUC.upper, 1.5), (12, 6))
     return hung(q, np.tile([0.0, 0.0, -1500.0], (12, 1)), 3e-5)
@@ -108,7 +108,7 @@ TOGETHER |= {"three poses": 0, "a joint never loaded": 0, "197 poses of two join
 
 @pytest.fixture(scope="module")
 def told():
-    """What the run says of each world, with its tables."""
+    """Answer and tables of the run for each world."""
     done = {}
 
     def of(world):
@@ -125,19 +125,19 @@ def told():
 
 
 def turned(robot, q, points):
-    """Points (t, 3) of the flange frame in F_b by joint values (n,), shape (t, 3)."""
+    """Points (t, 3) of the flange frame in F_b at joint values (n,), shape (t, 3)."""
     return configure(robot, q[None]).points(points)[0]
 
 
 def by_differences(robot, q, points):
-    """What each joint moves of points by finite differences, shape (t, 3, n)."""
+    """Motion of points by each joint, by finite differences, shape (t, 3, n)."""
     steps = 1e-5 * np.eye(len(q))
     ends = [turned(robot, q + s, points) - turned(robot, q - s, points) for s in steps]
     return np.stack(ends, axis=-1) / 2e-5
 
 
 def whitened(raw, kept):
-    """B and c of the campaign, from its tables and finite differences, weighed by the whole V."""
+    """B and c of the campaign, from its tables and finite differences, whitened by the whole V."""
     robot, names = raw.robot, raw.settings.measured
     at = np.array([raw.settings.tool[name] for name in ("load_point", *names)])
     columns = [f"{j.name}_{'m' if j.prismatic else 'rad'}" for j in robot.joints]
@@ -164,7 +164,7 @@ def whitened(raw, kept):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("world", list(WORLDS))
 def test_what_is_known_is_what_numpy_finds(world, told):
-    """Values, uncertainties and the directions that no data tell: least squares by numpy."""
+    """Values, uncertainties and undetermined directions: least squares by numpy."""
     raw, found, kept = told(world)
     names = [f"k_{joint.name}" for joint in raw.robot.joints]
     A, y = whitened(raw, kept)
@@ -191,7 +191,7 @@ def test_what_is_known_is_what_numpy_finds(world, told):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("world", list(WORLDS))
 def test_undetermined_is_no_rejection(world, told, tmp_path):
-    """Exit 0, with --strict a doubt; JSON, page, PDF and hand-over hold what is known."""
+    """Exit code 0, with --strict a doubt; JSON, page, PDF and model state what is determined."""
     _, found, _ = told(world)
     done = outcome(
         CampaignFolder(tmp_path, tmp_path / world.replace(" ", "-")), lambda _: found.answer
@@ -209,7 +209,7 @@ def test_undetermined_is_no_rejection(world, told, tmp_path):
 
 @pytest.mark.slow
 def test_where_it_was_measured_it_is_predicted_and_elsewhere_not(told):
-    """One mix of many is enough for the pose it comes from, also from the file handed over."""
+    """One combination suffices for the pose it comes from, also from the delivered file."""
     raw, found, kept = told("197 poses of two joints")
     point = np.array([0.0, 0.0, 0.25])
     q = np.array([0.7, 0.3, -0.2, 0.4, -1.1, 1.3])
@@ -222,7 +222,7 @@ def test_where_it_was_measured_it_is_predicted_and_elsewhere_not(told):
 
     for model in (found.model, handover.parse(handover.dumps(found.model))):
         moved, std = model.deflection(q, force)
-        assert moved[0] == pytest.approx(rows @ x, abs=2e-6)  # the deflected geometry beside it
+        assert moved[0] == pytest.approx(rows @ x, abs=2e-6)  # in addition the deflected geometry
         own = np.sqrt(np.diag(rows * X @ cov @ (rows * X).T))
         assert std[0] == pytest.approx(own, abs=2e-6)
         bent = q + np.array([0, 0.5, 0.5, 0, 0.5, 0])
@@ -231,7 +231,7 @@ def test_where_it_was_measured_it_is_predicted_and_elsewhere_not(told):
 
 
 def test_a_path_says_where_it_rests_on_what_is_not_known(told):
-    """Offsets for two points, of which one is where the robot was measured."""
+    """Offsets for two points, one of them where the robot was measured."""
     model = told("197 poses of two joints")[1].model
     q = np.array([[0.7, 0.3, -0.2, 0.4, -1.1, 1.3], [0.7, 0.8, 0.3, 0.4, -0.6, 1.3]])
     path = Path(np.array([1, 2]), q, np.tile([0.0, 0.0, -600.0], (2, 1)), False)
@@ -244,7 +244,7 @@ def test_a_path_says_where_it_rests_on_what_is_not_known(told):
 
 
 def test_a_combination_is_as_the_contract_says(told):
-    """One unit, the largest weight 1, no joint with a value of its own, two joints at least."""
+    """One unit, the largest weight 1, no joint with its own value, at least two joints."""
     for world in WORLDS:
         _, found, _ = told(world)
         stiffness = {joint.name: joint for joint in found.answer.stiffness}
@@ -257,7 +257,7 @@ def test_a_combination_is_as_the_contract_says(told):
 
 
 def test_a_model_that_nothing_tests_is_not_said_to_explain(told):
-    """As many directions as coordinates: the first line promises nothing."""
+    """As many directions as coordinates: the first line claims nothing."""
     for world in WORLDS:
         answer = told(world)[1].answer
         said = "leave nothing to test" in answer.verdict_sentence[0]
@@ -266,7 +266,7 @@ def test_a_model_that_nothing_tests_is_not_said_to_explain(told):
 
 
 def test_a_joint_never_loaded_is_said_to_be_so(told):
-    """No weight puts a torque on an upright joint; all others have their value."""
+    """No weight loads a vertical joint; all others have their value."""
     _, found, _ = told("a joint never loaded")
 
     first, *others = found.answer.stiffness
@@ -275,7 +275,7 @@ def test_a_joint_never_loaded_is_said_to_be_so(told):
 
 
 def test_no_reading_that_says_anything_is_no_rejection_either():
-    """Noise a thousand times the deflection: nothing is determined, and that is the answer."""
+    """Noise a thousand times the deflection: nothing is determined, which is the answer."""
     found = answered("noise", in_memory(of_two_joints(3, 1.0)))
 
     assert not found.answer.combinations
@@ -285,7 +285,7 @@ def test_no_reading_that_says_anything_is_no_rejection_either():
 
 @pytest.mark.whole
 def test_one_displacement_has_a_report():
-    """All arrows begin in one place, from which no picture takes its shape."""
+    """All arrows start at one point, which gives a figure no extent."""
     q = np.array([[0.3, 0.2, -0.1, 0.5, -1.0, 0.3]])
     tool = {name: TOOL[name] for name in ("load_point", "P1")}
     found = answered("one", in_memory(hung(q, np.array([[0.0, 300.0, -900.0]]), 1e-5, tool)))
@@ -300,7 +300,7 @@ def parameters(n, units="rad/(N m)"):
 
 
 def test_groups_that_nothing_joins_are_told_apart():
-    """Two pairs and one joint by itself: two mixes of two, whatever else was measured."""
+    """Two pairs and one single joint: two combinations of two, whatever else was measured."""
     true = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
     W = np.array([[1, 0.5, 0, 0, 0], [0, 0, 1, -0.25, 0], [0, 0, 0, 0, 1.0]])
     mixed = np.random.default_rng(1).standard_normal((20, 3)) @ W * 100
@@ -315,7 +315,7 @@ def test_groups_that_nothing_joins_are_told_apart():
 
 
 def test_parameters_of_two_units_are_not_mixed():
-    """The sum of a sliding and of two turning joints is known, and of the turning ones a part."""
+    """A sum of a prismatic and two revolute joints is known, and part of the revolute ones."""
     rows = np.array([[1.0, 1.0, 0.5], [2.0, 1.0, 0.5]]) * 50
     units = parameters(3, ["m/N", "rad/(N m)", "rad/(N m)"])
 
@@ -328,7 +328,7 @@ def test_parameters_of_two_units_are_not_mixed():
 
 
 def test_a_member_that_costs_little_is_left_out_and_one_that_costs_more_is_not():
-    """A third joint with a part of 0.01 in the mix, known to its own size or hardly at all."""
+    """A third joint with a weight of 0.01, known to its own size or hardly at all."""
 
     def of(third_std):
         rows = np.vstack([[100.0, 58.0, 1.0], [0.0, 0.0, 1 / third_std]])
@@ -340,7 +340,7 @@ def test_a_member_that_costs_little_is_left_out_and_one_that_costs_more_is_not()
 
 
 def random_system(rng, n, rank):
-    """Rows of which a few directions only depend on the parameters; all kinds of errors."""
+    """Rows that depend on the parameters in a few directions only; all kinds of errors."""
     size = 10.0 ** rng.uniform(-8, -6, n)
     B = rng.standard_normal((40, rank)) @ rng.standard_normal((rank, n)) * 1e-3 / size
     pose = np.repeat(np.arange(8), 5)
@@ -354,7 +354,7 @@ def random_system(rng, n, rank):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_any_system_is_told_by_as_many_mixes_as_it_has_directions(seed):
-    """Each is one that the rows determine, they are independent, and each is numpy's."""
+    """Each is determined by the rows, they are independent, and each agrees with numpy."""
     rng = np.random.default_rng(seed)
     n, rank = 6, int(rng.integers(1, 6))
     system = random_system(rng, n, rank)
@@ -381,7 +381,7 @@ def hypothesis(system, weight):
 
 
 def test_over_hypotheses_a_mix_is_their_mixture_and_known_to_each():
-    """Mean and variance over both; a direction that one of them leaves open is not told."""
+    """Mean and variance over both; a direction that one of them leaves open is not stated."""
     rng = np.random.default_rng(3)
     one = random_system(rng, 6, 3)
     other = replace(one, c=one.c + 1e-4 * rng.standard_normal(40))
@@ -422,7 +422,7 @@ def test_over_hypotheses_a_mix_is_their_mixture_and_known_to_each():
 
 
 def test_the_motion_told_parts_the_members_best():
-    """By finite differences: no joint of 300 drawn motions tells the two more apart."""
+    """By finite differences: none of 300 drawn motions of a joint separates the two better."""
     robot, rng = FANUC, np.random.default_rng(11)
     points = np.array(list(TOOL.values()))
     cell = paper_cell(robot, Tool.of(TOOL))

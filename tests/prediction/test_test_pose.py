@@ -1,4 +1,4 @@
-"""[test_pose] by the controller's axes or by the joints of the robot file, and what was meant."""
+"""[test_pose] in the controller's axes or the joints of the robot file, with suggestions."""
 
 import numpy as np
 import pytest
@@ -14,14 +14,14 @@ FORCE = (0.0, 0.0, -1000.0)
 
 
 def refused(robot, **said):
-    """The sentence with which a pose is refused."""
+    """The message with which a pose is refused."""
     with pytest.raises(InputError) as stopped:
         AskedPose(force_n=FORCE, **said).within_limits(robot)
     return str(stopped.value)
 
 
 def test_axes_are_those_of_the_controller_in_mm_and_degrees():
-    """E1 = 8500 and the axes of a KUKA stand where the robot file's joints do."""
+    """E1 = 8500 and the axes of a KUKA give the joints of the robot file."""
     rail = load("kr500_rail")
     q = np.array([8.5, *np.deg2rad([-10, 35, 39, 81, 22, -10])])
     # by hand from [controller] of the file, not by the code under test
@@ -51,7 +51,7 @@ def test_a_wrong_sign_is_offered_with_the_right_one():
 
 
 def test_axes_under_the_key_of_the_joints_are_offered_as_axes():
-    """The joints of a file may differ from its axes: what fits the controller is said."""
+    """Joints of a robot file may differ from its axes: values that fit the axes are offered so."""
     rail = load("kr500_rail")
     said = refused(rail, q=[8.5, 20.0, -100.0, 120.0, 10.0, 40.0, 0.0])
 
@@ -59,14 +59,14 @@ def test_axes_under_the_key_of_the_joints_are_offered_as_axes():
 
 
 def test_an_axis_beyond_its_limit_is_called_as_the_controller_does():
-    """With the joint of the robot file beside it, whose limits are told."""
+    """With the joint of the robot file, and its limits in the axis."""
     robot = load("kr210_r2700_2")
     with pytest.raises(InputError, match=r"axes has A3, which is theta3 = 200 deg, outside"):
         AskedPose(axes=[5, -70, 200, 0, 30, 0], force_n=[0, 0, -800]).within_limits(robot)
 
 
 def test_too_few_axes_are_counted():
-    """With the names of those that are wanted."""
+    """With the names of the expected ones."""
     assert "one value for each of A1, A2, A3, A4, A5, A6" in refused(KR210, axes=[1.0, 2.0])
 
 
@@ -90,7 +90,7 @@ def called_as_axes(controller):
 
 
 def test_joints_called_like_axes_that_they_are_not_are_refused():
-    """A column A1 of a log could be either; equal names with equal meaning are fine."""
+    """A column A1 of a log could be either; equal names with equal meaning are accepted."""
     text = called_as_axes(NAMED)
     line = 1 + text[: text.index("axes = [")].count("\n")
 

@@ -1,4 +1,4 @@
-"""A tolerance is decided by ISO 14253-1, at the test pose and along a path, and said first."""
+"""A tolerance is decided by ISO 14253-1, at the test pose and along a path, and stated first."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ AT = "8.5,-10,35,39,81,22,-10"
 
 
 def path(*forces):
-    """A path at one pose under such forces along -z [N]."""
+    """A path at one pose under these forces along -z [N]."""
     return "\n".join([HEAD, *(f"{k},{AT},0,0,{-f}" for k, f in enumerate(forces, 11))]).encode()
 
 
@@ -51,7 +51,7 @@ def asked(files, said, **more):
 
 @pytest.fixture(scope="module")
 def found(files):
-    """The answer to it, with a path of which the load grows."""
+    """The answer, with a path of increasing load."""
     forces = (50, 1000, 1010, 2900, 100)
     case = simulate(PLAN)  # whose stiffnesses are nominal
     settings = parse(case.files["campaign.toml"].decode())
@@ -84,7 +84,10 @@ def test_what_is_close_to_the_limit_is_undecided(d, u, said):
 
 @pytest.mark.whole
 def test_a_path_passes_and_fails_by_stretches(found):
-    """Five points, the light ones first and last: pass, undecided, fail, pass; poses as filed."""
+    """Five points, light loads first and last: pass, undecided, fail, pass.
+
+    Poses as in the file.
+    """
     answer, mm = found[0].answer, found[1]
     judged = answer.tolerance.path
 
@@ -101,7 +104,7 @@ def test_a_path_passes_and_fails_by_stretches(found):
 
 
 def test_u_is_never_below_what_left_out_poses_were_missed_by(found):
-    """The model's own word is far smaller here, so that the error at left-out poses decides."""
+    """The model's own uncertainty is far smaller here: the error at left-out poses decides."""
     answer, model = found[0].answer, found[0].model
     q, force = _pose(1000.0)
     shown = Shown(model.held_out_m, 3000.0)
@@ -187,14 +190,14 @@ def test_a_tolerance_that_makes_no_sense_is_refused_in_its_line(files, said, why
 
 
 def test_a_tolerance_needs_a_place(files):
-    """Neither test pose nor path: nobody could say where it holds."""
+    """Neither test pose nor path: there is no place to apply it."""
     text = files["campaign.toml"].decode().split("\n[test_pose]")[0]
     with pytest.raises(InputError, match="no place to apply it"):
         parse(text + "\n[tolerance]\ndeflection_mm = 1.0\n")
 
 
 def test_check_reads_the_path(files, tmp_path):
-    """A row with a hole is said with its line before anything is computed; a good path counted."""
+    """A faulty row is reported with its line before computation; a good path is counted."""
     folder = tmp_path / "data" / "raw" / "part"
     folder.mkdir(parents=True)
     good = asked(files, 'deflection_mm = 1.0\npath = "part.csv"', **{"part.csv": path(100, 200)})
@@ -214,7 +217,7 @@ def test_check_reads_the_path(files, tmp_path):
 
 
 def test_the_first_screen_says_it(found):
-    """T, what is decided at the test pose and along the path, d and U in the digits of U."""
+    """T, the decision at the test pose and along the path, d and U in the digits of U."""
     lines = {line.about: line.text for line in found[0].answer.first_screen}
     said, pose = lines["tolerance"], lines["test_pose"]
     u = 2 * found[0].answer.test_pose.std_mm
@@ -230,7 +233,7 @@ def test_the_first_screen_says_it(found):
 
 
 def test_a_force_that_no_robot_holds_is_refused_with_its_line(files):
-    """Newtons written as thousandths: the KR500 carries 480 kg, three times that is 14.1 kN."""
+    """Force a thousand times too large: the KR500 carries 480 kg, three times that is 14.1 kN."""
     said = 'deflection_mm = 1.0\npath = "part.csv"'
     raw = in_memory(asked(files, said, **{"part.csv": path(50, 14000, 15000, 9e5)}))
 

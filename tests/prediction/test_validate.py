@@ -30,7 +30,7 @@ HERE = Where(Q, F, True)
 
 
 def estimate(cov):
-    """An estimate with this covariance and nothing else that matters."""
+    """An estimate with this covariance, other attributes arbitrary."""
     return Estimate(
         parameters=tuple(Parameter(f"c{i}", "1", 1.0) for i in range(7)),
         value=X,
@@ -66,7 +66,7 @@ def test_deflections_are_eq_5_by_finite_differences():
 
 
 def test_one_stiffness_off_by_one_percent_shows_as_its_share():
-    """If only k_1..k_7 together are off by the same 1 %, mu is 1 % whatever the pose."""
+    """If only k_1..k_7 together are off by the same 1 %, mu is 1 % at any pose."""
     cov = np.outer(X, X) * 0.01**2
     table = validate(
         certain(cov),
@@ -81,7 +81,7 @@ def test_one_stiffness_off_by_one_percent_shows_as_its_share():
 
 
 def test_only_the_full_covariance_keeps_the_stiffnesses_together():
-    """With all errors one common percentage, both targets of a pose are off alike; Eq. (23) not."""
+    """With one common relative error, both targets of a pose are off alike; not by Eq. (23)."""
     cov = np.outer(X, X) * 0.01**2
     table = validate(certain(cov), HERE, np.random.default_rng(1), poses=200)
     mu = table.set_index(["draw", "set", "index", "target"])["mu"].unstack("target")
@@ -92,7 +92,7 @@ def test_only_the_full_covariance_keeps_the_stiffnesses_together():
 
 
 def test_an_undetermined_stiffness_stays_put():
-    """No draw of an infinite uncertainty."""
+    """A parameter of infinite uncertainty is not drawn."""
     cov = np.diag((0.01 * X) ** 2)
     cov[6, 6] = np.inf
     table = validate(certain(cov), HERE, np.random.default_rng(1), poses=50)
@@ -101,7 +101,7 @@ def test_an_undetermined_stiffness_stays_put():
 
 
 def test_what_may_be_true_is_drawn_by_its_weight():
-    """Two hypotheses 10 % apart, one in five: the prediction lies between, and is off by each."""
+    """Two hypotheses 10 % apart, weights 0.8 and 0.2: mu is the distance to either."""
     cov = np.outer(X, X) * 1e-12
     stiff, soft = estimate(cov), replace(estimate(cov), value=1.1 * X)
     both = [Hypothesis(w, (), CELL, None, x) for w, x in ((0.8, stiff), (0.2, soft))]

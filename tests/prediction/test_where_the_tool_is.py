@@ -1,4 +1,4 @@
-"""A model that is handed over has the tool's points where the data say that they are."""
+"""A delivered model has the tool points as estimated from the data."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ FORMS = ("load point", "measuring point", "both")
 
 @pytest.fixture(scope="module", params=FORMS)
 def handed(request):
-    """The model of a campaign in whose tool a point is off by centimetres, as each form has it."""
+    """The model of a campaign in which a tool point is off by centimetres, in each form."""
     hidden = {"hidden": {"effects": ["load_point_offset=6x"]}, "poses": {"count": 12}}
     made = simulate(revised(PLAN, hidden), np.random.default_rng(5))
     case = ingested(in_memory(made.files), conformed, plain, plausible=False)
@@ -50,7 +50,7 @@ def test_points_are_moved_by_what_was_found(handed):
 
 
 def test_a_point_that_is_asked_for_is_not_moved(handed):
-    """A deflection at a stated tip is J_p x J_p' f by hand, whatever the tool of the campaign."""
+    """The deflection at a stated tip is J_p x J_p' f by hand, whatever the campaign's tool."""
     model, *_ = handed
     tip, rng = np.array([0.1, 0.05, 0.3]), np.random.default_rng(6)
     q = rng.uniform(model.robot.lower, model.robot.upper, (5, 7))

@@ -1,4 +1,4 @@
-"""Rows of cells against a loop over them: what is taken, what it says, what is named as lost."""
+"""Delimited rows against a loop over them: accepted rows, their values, and named rejections."""
 
 import re
 from datetime import datetime
@@ -28,7 +28,7 @@ def layout(decimal=".", first=1):
 
 
 def number(cell, mark):
-    """The number in a cell, or None; float() alone takes 1_0, nan and the digits of all scripts."""
+    """The number in a cell, or None; float() alone accepts 1_0, nan and digits of all scripts."""
     cell = cell.strip()
     if not set(cell) <= set(f"0123456789+-eE{mark}"):
         return None
@@ -40,7 +40,7 @@ def number(cell, mark):
 
 
 def moment(cell):
-    """The time in a cell, or None; strptime alone takes 8:0:5, too."""
+    """The time in a cell, or None; strptime alone also accepts 8:0:5."""
     if not re.fullmatch(r"[0-9/]+ [0-9]+:[0-9]{2}:[0-9]{2}", cell.strip()):
         return None
     try:
@@ -50,7 +50,7 @@ def moment(cell):
 
 
 def said(cells, mark):
-    """What a row says, or None where it cannot stay."""
+    """Values of a row, or None if it is rejected."""
     if len(cells) != len(FIELDS):
         return None
     name, x, std, _, time = cells
@@ -61,7 +61,7 @@ def said(cells, mark):
 
 
 def line_of(cells, quoted):
-    """A row as a program writes it, every cell in quotation marks or none."""
+    """A row as a program writes it, with or without quotation marks around every cell."""
     return ";".join(f'"{cell}"' for cell in cells) if quoted else ";".join(cells)
 
 
@@ -82,7 +82,7 @@ NAMES = st.text(st.sampled_from("ABPµ: \t\u00a0"), max_size=4)
 
 @st.composite
 def tables(draw):
-    """Cells row by row, mostly of the right number, and their decimal mark."""
+    """Cells row by row, mostly in the right number, and their decimal mark."""
     mark = draw(st.sampled_from(".,"))
     row = st.tuples(NAMES, numbers(mark), numbers(mark), NAMES, MOMENTS).map(list)
     other = st.lists(NAMES, min_size=1, max_size=7)
@@ -131,7 +131,7 @@ def test_a_time_that_no_clock_shows_costs_its_row_also_among_good_ones(cell):
     ],
 )
 def test_what_is_no_export_is_not_explained_row_by_row(monkeypatch, row, said):
-    """A sentence with the first row where none of many can be read; one that can be is kept."""
+    """A message with the first row if none of many can be read; a single readable one is kept."""
     for module in ("_cut", "_delimited"):
         monkeypatch.setattr(f"pipeline.readers.{module}.HOPELESS", 5)
     bad = f"{row}\n".encode()

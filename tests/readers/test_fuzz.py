@@ -1,7 +1,7 @@
-"""Damaged exports: an error in one sentence or rows left out by name, never something else.
+"""Damaged exports: an error in one sentence or rejected rows, and nothing else.
 
-A damaged file may say something different, and then that is what is read. What must not happen:
-a traceback, a hang, a row that vanishes without a word, or a number that the row does not have.
+A damaged file may say something different, and then that is read. What must not happen: a
+traceback, a hang, a row that vanishes silently, or a number that is not in the row.
 """
 
 import random
@@ -47,11 +47,11 @@ JOINTS = b"pose,r1_m,theta2_deg,theta3_deg,theta4_deg,theta5_deg,theta6_deg,thet
 JOINTS += b"1,5.3,-37.3,50,10,20,30,-82.2\n2,7.5,-10,35,39,81,22,-10\n"
 ROBOT = load("kr500_rail")
 SECONDS = 5.0
-"""Far more than a small file needs on a busy machine; a hang is longer."""
+"""Time limit [s]: far more than a small file needs on a busy machine; a hang takes longer."""
 
 
 def campaign_readings():
-    """Two poses with three pulls, as the instrument has them."""
+    """Readings of two poses with three pulls, in the frame of the instrument."""
     rng = np.random.default_rng(20261103)
     group, target, xyz = [], [], []
     for name, at in BASE.items():
@@ -73,12 +73,12 @@ def campaign_readings():
 
 
 def semicolons(data):
-    """As a German spreadsheet saves it."""
+    """As saved by a German spreadsheet."""
     return re.sub(rb"(\d)\.(\d{4})(?!\d)(?! )", rb"\1,\2", data.replace(b",", b";"))
 
 
 def iso_times(data):
-    """Times in another form, without the blank before them."""
+    """Times in another format, without the blank before them."""
     return re.sub(rb" (\d\d)/(\d\d)/(\d\d) ([\d:]+)", rb"20\3-\1-\2T\4", data)
 
 
@@ -90,14 +90,14 @@ VARIANTS = {name: (name, bytes) for name in WRITERS} | {
     "spatialanalyzer, ISO": ("spatialanalyzer", iso_times),
     "tracker_pilot, semicolons": ("tracker_pilot", semicolons),
 }
-"""Forms to damage: what the writers write, and what other settings of the programs make of it."""
+"""Formats to damage: those of the writers, and the same with other settings of the programs."""
 
 
 class Bench:
-    """A dialect's clean campaign: its bytes, its settings and what is read from it."""
+    """A dialect's clean campaign: its bytes, its settings and its readings."""
 
     def __init__(self, name):
-        """Write the campaign in a form and read it once."""
+        """Write the campaign in a format and read it once."""
         key, transform = VARIANTS[name]
         reader = self.reader = READERS[key]
         readings = campaign_readings()
@@ -119,7 +119,7 @@ class Bench:
         self.meaning = {lines[row["line"] - 1]: content(row) for row in table}
 
     def ingest(self, data):
-        """The campaign with other bytes for its export."""
+        """The campaign with other content of its export."""
         raw = {
             "tracker": data,
             "loads.csv": LOADS,
@@ -130,13 +130,13 @@ class Bench:
 
 
 def content(row):
-    """What a reading says, wherever it stands."""
+    """Content of a reading, independent of its position."""
     keys = ("group", "target", "x_m", "y_m", "z_m", "cxx_m2", "cyy_m2", "czz_m2", "time")
     return tuple(row[key] for key in keys)
 
 
 def text_lines(data):
-    """Lines of a file as an editor shows them, whatever its encoding and line ends."""
+    """Lines of a file as an editor shows them, for any encoding and line ends."""
     for mark, encoding in (
         (b"\xef\xbb\xbf", "utf-8"),
         (b"\xff\xfe", "utf-16-le"),
@@ -146,7 +146,7 @@ def text_lines(data):
             text = data[len(mark) :].decode(encoding)
             break
     else:
-        if data[1:80:2].count(0) > 30:  # UTF-16 has a zero behind each letter of ours
+        if data[1:80:2].count(0) > 30:  # UTF-16 has a zero after each ASCII letter
             return [line.strip() for line in re.split(r"\r\n|\n|\r", data.decode("utf-16-le"))]
         try:
             text = data.decode("utf-8")
@@ -162,8 +162,8 @@ NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+-]?[0-9]
 
 
 def says(line, row, named):
-    """Whether a line, read by eye, has the names and the three numbers [mm] of a reading."""
-    together = line + re.sub(r"(?<=[0-9])[' ](?=[0-9]{3})", "", line)  # 18'500.0 is a number, too
+    """Whether a line contains the names and the three numbers [mm] of a reading."""
+    together = line + re.sub(r"(?<=[0-9])[' ](?=[0-9]{3})", "", line)  # 18'500.0 is also a number
     numbers = [float(n.replace(",", ".")) / 1000.0 for n in NUMBER.findall(together)]
     numbers += [
         float(n) / 1000.0
@@ -175,7 +175,7 @@ def says(line, row, named):
 
 
 def attempt(work):
-    """What comes out of it, or the error that says why nothing does."""
+    """Result of a function, or the error that explains why there is none."""
     try:
         return work(), None
     except InputError as refused:
@@ -183,7 +183,7 @@ def attempt(work):
 
 
 def check(bench, data, named):
-    """Read damaged bytes; complain about anything but an error or honest rows."""
+    """Read damaged bytes; fail for anything except an error or true rows."""
     began = time.perf_counter()
     got, refused = attempt(lambda: bench.ingest(data))
     assert time.perf_counter() - began < SECONDS
@@ -212,12 +212,12 @@ def check(bench, data, named):
 
 
 def at(rng, data):
-    """A place in a file."""
+    """A random position in a file."""
     return rng.randrange(len(data)) if data else 0
 
 
 def flip_bit(rng, data):
-    """One bit turned over."""
+    """One bit flipped."""
     k = at(rng, data)
     return data[:k] + bytes([data[k] ^ (1 << rng.randrange(8))]) + data[k + 1 :]
 
@@ -229,7 +229,7 @@ def drop_byte(rng, data):
 
 
 def add_byte(rng, data):
-    """One byte too many, often one that means something."""
+    """One additional byte, often a significant one."""
     k = at(rng, data)
     extra = rng.choice(
         [
@@ -267,7 +267,7 @@ def lost_piece(rng, data):
 
 
 def line_twice(rng, data):
-    """A line is there twice."""
+    """A line is duplicated."""
     lines = data.splitlines(keepends=True)
     lines.insert(rng.randrange(len(lines)), rng.choice(lines))
     return b"".join(lines)
@@ -281,7 +281,7 @@ def line_lost(rng, data):
 
 
 def lines_swapped(rng, data):
-    """Two lines changed places."""
+    """Two lines are exchanged."""
     lines = data.splitlines(keepends=True)
     a, b = rng.randrange(len(lines)), rng.randrange(len(lines))
     lines[a], lines[b] = lines[b], lines[a]
@@ -289,7 +289,7 @@ def lines_swapped(rng, data):
 
 
 def blank_line(rng, data):
-    """A line of nothing or of blanks."""
+    """A line that is empty or blank."""
     lines = data.splitlines(keepends=True)
     lines.insert(
         rng.randrange(len(lines)),
@@ -325,7 +325,7 @@ WORDS = [
 
 
 def other_word(rng, data):
-    """A number is something else."""
+    """A number is replaced by something else."""
     numbers = list(re.finditer(rb"-?[0-9]+[.,][0-9]+", data))
     if not numbers:
         return data
@@ -334,7 +334,7 @@ def other_word(rng, data):
 
 
 def decimal_comma(rng, data):
-    """Points became commas, in one line or in all."""
+    """Points are replaced by commas, in one line or in all."""
     if rng.random() < 0.5:
         return data.replace(b".", b",")
     lines = data.splitlines(keepends=True)
@@ -355,7 +355,7 @@ def other_delimiter(rng, data):
 
 
 def line_ends(rng, data):
-    """Line ends of another system."""
+    """Line ends of another operating system."""
     lines = data.splitlines()
     return b"".join(line + rng.choice([b"\n", b"\r\n", b"\r"]) for line in lines)
 
@@ -368,7 +368,7 @@ def recoded(rng, data):
 
 
 def quoted(rng, data):
-    """A cell in quotation marks, or one of them lost."""
+    """A cell in quotation marks, or with one of them missing."""
     cells = list(re.finditer(rb"[^,;\r\n]+", data))
     hit = rng.choice(cells)
     inside = b'"' + hit[0] + (b'"' if rng.random() < 0.7 else b"")
@@ -376,12 +376,12 @@ def quoted(rng, data):
 
 
 def twice(rng, data):
-    """The file behind itself."""
+    """The file twice in a row."""
     return data + data
 
 
 def long_line(rng, data):
-    """A line without end."""
+    """An endless line."""
     k = at(rng, data)
     return data[:k] + b"x" * rng.choice([300, 9_000, 11_000]) + data[k:]
 
@@ -394,7 +394,7 @@ MUTATIONS = [
 
 
 def damaged(rng, data):
-    """One to three mutations on top of each other."""
+    """One to three mutations in sequence."""
     for _ in range(rng.choice([1, 1, 1, 2, 3])):
         data = rng.choice(MUTATIONS)(rng, data) or b" "
     return data
@@ -424,7 +424,7 @@ def run(bench, name, seeds):
 @pytest.mark.parametrize("count", [25, pytest.param(60, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", VARIANTS)
 def test_damaged_exports_are_refused_or_read_honestly(benches, name, count):
-    """A few hundred damaged exports, some of each kind of outcome."""
+    """A few hundred damaged exports, with some of each kind of outcome."""
     outcomes = run(benches[name], name, range(count))
 
     assert {"refused", "partly", "same"} >= set(outcomes)
@@ -434,7 +434,7 @@ def test_damaged_exports_are_refused_or_read_honestly(benches, name, count):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", VARIANTS)
 def test_ten_thousand_damaged_exports(benches, name):
-    """Ten thousand of them, shared out among the dialects."""
+    """Ten thousand of them, distributed over the dialects."""
     run(benches[name], name, range(1000, 1000 + 10_000 // len(VARIANTS) + 1))
 
 
@@ -444,7 +444,7 @@ TEXT = st.text(st.sampled_from("0123456789.,;:-+eE\"'\t \r\n/ABPpxyzgrouptaget_m
 @settings(max_examples=150, deadline=2000, suppress_health_check=[HealthCheck.too_slow])
 @given(st.one_of(TEXT.map(str.encode), st.binary(max_size=400)), st.sampled_from(["mm", None]))
 def test_any_bytes_give_readings_or_an_input_error(data, unit):
-    """Whatever the bytes: readings whose parts fit together, or one sentence."""
+    """For any bytes: consistent readings, or one sentence."""
     export, refused = attempt(lambda: read("t", data, Hints(unit=unit)))
     if refused:
         assert str(refused).startswith("t:")
@@ -475,7 +475,7 @@ TARGET = NAME.filter(lambda name: not (set(re.findall(r"[^\W_]+", name.lower()))
 @settings(max_examples=100, deadline=2000)
 @given(st.lists(st.tuples(NAME, TARGET, NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=8))
 def test_any_names_and_numbers_come_back(rows):
-    """Names of any letters, numbers of any size: what is written in metres is what is read."""
+    """Names of any letters, numbers of any size: written in metres, they are read back."""
     group, target, *xyz = zip(*rows, strict=True)
     moment = datetime(2026, 11, 3, 8)
     readings = Readings(group, target, np.array(xyz, dtype=float).T, [moment] * len(rows))

@@ -1,4 +1,4 @@
-"""Our own CSV is read without the dialects, as they would read it, and they say what is wrong."""
+"""Our own CSV is read without the dialects, with the same result; they explain errors."""
 
 from pathlib import Path
 
@@ -42,7 +42,7 @@ def test_it_reads_what_the_dialects_read():
 
 
 def test_it_needs_no_dialect(alone):
-    """Inches, no times and names that are none of ours: positions in m."""
+    """Inches, no times and unknown names: positions in m."""
     data = b"group,target,x_in,y_in,z_in\nA,B1,1,2,-10\nA,B2,0,100,3\n"
 
     found = plain.read(text("t.csv", data), Hints(names="(?P<group>.)(?P<target>.)"))
@@ -60,13 +60,13 @@ def test_it_needs_no_dialect(alone):
     ],
 )
 def test_what_is_not_ours_is_for_the_dialects(alone, data, said):
-    """Other titles, or a word of campaign.toml about them: refused, where they are not there."""
+    """Other titles, or hints about them in campaign.toml: refused without the dialects."""
     with pytest.raises(UsageError, match=r"without pipeline\.dialects"):
         plain.read(text("t.csv", data.encode()), Hints(**said))
 
 
 def test_a_row_that_is_none_is_left_out(alone):
-    """With its line, and a statistic below the points as well."""
+    """With its line, and also a statistic below the points."""
     data = HEAD + ROW + "base_start,B2,1,x,3,\n" + "base_start,mean,1,2,3,\n"
 
     found = plain.read(text("t.csv", data.encode()), Hints())
@@ -76,7 +76,7 @@ def test_a_row_that_is_none_is_left_out(alone):
 
 
 def test_the_dialects_say_what_a_row_is():
-    """Which the row alone does not: the header, once more."""
+    """For example a repeated header, which the plain reader cannot name."""
     found = readers.read("t.csv", (HEAD + ROW + HEAD + ROW).encode())
 
     assert found.rejected == ((3, "the header comes again; remove the row"),)

@@ -1,4 +1,4 @@
-"""Every dialect reads its golden files to the last digit, and says so when it cannot."""
+"""Every dialect reads its golden files to the last digit, or says why it cannot."""
 
 import csv
 import io
@@ -76,7 +76,7 @@ def test_real_emscon_dumps_are_read_to_the_last_digit(path):
 
 
 def test_spatial_analyzer_with_compound_names():
-    """`Collection::Group::Target` behind a header, with timestamps month first."""
+    """`Collection::Group::Target` below a header, with timestamps month first."""
     export = golden("sa_compound.txt")
 
     assert export.dialect == "SpatialAnalyzer ASCII"
@@ -91,7 +91,7 @@ def test_spatial_analyzer_with_compound_names():
 
 
 def test_spatial_analyzer_with_names_in_columns():
-    """The real header's fourth line names the columns; a target may be a bare number."""
+    """The fourth line of the real header names the columns; a target may be a bare number."""
     export = golden("sa_columns.txt")
 
     assert names(export) == list(zip(GROUPS, ["1", "P1", "P1"], strict=True))
@@ -101,7 +101,7 @@ def test_spatial_analyzer_with_names_in_columns():
 
 
 def test_spatial_analyzer_without_header():
-    """Group and target, no header: names keep their blanks and brackets, the unit must be said."""
+    """Group and target, no header: names keep blanks and brackets, the unit must be stated."""
     export = golden("sa_group_target.txt", Hints(unit="m"))
 
     assert names(export)[:2] == [("base [north]", "B 1"), ("pose01_rep0_unloaded", "P1 (upper)")]
@@ -111,7 +111,7 @@ def test_spatial_analyzer_without_header():
 
 
 def test_spatial_analyzer_with_targets_only():
-    """The fourth way to name: groups have to come from an assignment."""
+    """The fourth way of naming: groups must come from an assignment."""
     export = golden("sa_target_only.txt")
 
     assert export.group is None
@@ -119,7 +119,7 @@ def test_spatial_analyzer_with_targets_only():
 
 
 def test_spatial_analyzer_with_everything_appended():
-    """Timestamp, uncertainties, weather and RMS: each is what its title says."""
+    """Timestamp, uncertainties, weather and RMS: each according to its title."""
     export = golden("sa_everything.txt")
 
     assert times(export) == ["2025-02-12 16:38:29", "2025-02-12 16:41:07"]
@@ -133,7 +133,7 @@ def test_spatial_analyzer_with_everything_appended():
 
 
 def test_expanded_uncertainties_are_divided_by_their_factor():
-    """Whoever exports two sigmas says coverage_factor = 2."""
+    """An export with two sigmas needs coverage_factor = 2."""
     once, twice = golden("sa_everything.txt"), golden("sa_everything.txt", Hints(coverage_factor=2))
 
     np.testing.assert_allclose(once.covariance, 4 * twice.covariance, rtol=1e-14)
@@ -210,7 +210,7 @@ MAPPING = Columns(
     ("said", "side"), [({}, -1), ({"horizontal": "clockwise"}, -1), ({"horizontal": LEFT}, 1)]
 )
 def test_any_table_by_its_mapping(said, side):
-    """Columns by name or number, gons, decimal comma, a time of its own form; Hz is clockwise."""
+    """Columns by name or number, gons, decimal comma, own time format; Hz is clockwise."""
     hints = Hints(unit="mm", angle="gon", vertical="zenith", mapping=MAPPING, **said)
     export = golden("odd_table.txt", hints)
 
@@ -230,7 +230,7 @@ def test_any_table_by_its_mapping(said, side):
     ],
 )
 def test_uncertainties_are_found_by_their_titles(titles):
-    """Behind their axis or by its name, in the unit of the coordinates or in micrometres."""
+    """After their axis or by its name, in the unit of the coordinates or in micrometres."""
     factor = 1000 if "µm" in titles or "um" in titles else 1
     u = [f"{value * factor:g}" for value in (0.02, 0.04, 0.06)]
     text = f"Group;Name;{titles}\ng;P1;1;{u[0]};2;{u[1]};3;{u[2]}\n"
@@ -243,7 +243,7 @@ def test_uncertainties_are_found_by_their_titles(titles):
 
 
 def test_dates_and_times_of_day_in_two_columns():
-    """Both make a time; a row that lacks one of them is left out, one that lacks both is kept."""
+    """Combined to a time; a row that lacks one of them is rejected, one that lacks both is kept."""
     head = "Name;Date;Time;X [mm];Y [mm];Z [mm]"
     rows = ["P1;03.11.2026;'08:00:08", "P2;03.11.2026;", "P3;;", "P4;03.11.2026;08:00:60"]
     export = readers.read("t", "\n".join([head, *(f"{row};1;2;3" for row in rows)]).encode())
@@ -254,7 +254,7 @@ def test_dates_and_times_of_day_in_two_columns():
 
 
 def test_tables_with_runs_of_blanks():
-    """Delimiter = " " takes any number of blanks for one."""
+    """Delimiter = " " treats any number of blanks as one."""
     text = "  P1   1.5  -2.5\t3.5  \n P2 4 5  6\n"
     hints = Hints(
         unit="mm", mapping=Columns(columns={"target": 1, "x": 2, "y": 3, "z": 4}, delimiter=" ")
@@ -267,7 +267,7 @@ def test_tables_with_runs_of_blanks():
     )
 
 
-# --- ambiguity is asked back ----------------------------------------------------------------------
+# --- ambiguity leads to a question ----------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -303,7 +303,7 @@ def test_what_is_not_said_is_asked(name, hints, asked):
 
 
 def test_vertical_angles_that_may_be_either_are_asked():
-    """Between 0 and 90 degrees zenith angles and elevations look alike."""
+    """Between 0 and 90 degrees zenith angles and elevations cannot be distinguished."""
     text = (GOLDEN / "sa_spherical.txt").read_text("utf-8").replace("120.0", "20.0")
     with pytest.raises(InputError, match='write vertical = "zenith"'):
         readers.read("s.txt", text.encode())
@@ -331,7 +331,7 @@ def test_thousands_or_decimals_is_asked():
 
 
 def test_points_among_decimal_commas_are_left_out():
-    """`12.5` in a file of decimal commas is no number of that file; `1.234,5` has thousands."""
+    """`12.5` is not a number in a file of decimal commas; `1.234,5` has a thousands separator."""
     text = "a;P1;1,25;2,5;3,5\nb;P1;1.234,5;2,5;3,5\nc;P1;12.5;2,5;3,5\n"
     export = readers.read("t.xyz", text.encode(), MM)
 
@@ -341,7 +341,7 @@ def test_points_among_decimal_commas_are_left_out():
 
 
 def test_a_file_of_two_dialects_is_asked():
-    """Two readers that both claim a file are an error that names both."""
+    """Two readers that recognise a file are an error that names both."""
     twin = READERS["plain"]
     fake = type(twin)("twin", twin.recognise, twin.read)
     READERS["twin"] = fake
@@ -353,7 +353,7 @@ def test_a_file_of_two_dialects_is_asked():
 
 
 def test_a_dialect_with_a_mark_of_its_own_comes_before_tracker_pilot(monkeypatch):
-    """Titles that would do for Tracker Pilot do not make its file a doubtful one."""
+    """Titles that also fit Tracker Pilot do not make its file ambiguous."""
     pilot = READERS["tracker_pilot"]
     marked = Reader("marked", lambda lines: lines[0].startswith("#MARK"), pilot.read)
     monkeypatch.setitem(READERS, "marked", marked)
@@ -374,7 +374,7 @@ def test_golden_files_are_recognised_by_one_reader_only():
 
 
 def some_readings(unit, decimals, seed=20261103):
-    """Readings as an instrument has them: numbers with few decimals in its unit."""
+    """Readings as an instrument states them: numbers with few decimals in its unit."""
     rng = np.random.default_rng(seed)
     scale = 1000.0 if unit == "mm" else 1.0
     numbers = np.round(rng.uniform(-20, 20, (200, 3)) * scale, decimals)
@@ -395,7 +395,7 @@ def some_readings(unit, decimals, seed=20261103):
 @pytest.mark.parametrize("unit", ["mm", "m"])
 @pytest.mark.parametrize("name", WRITERS)
 def test_written_readings_come_back_exactly(name, unit):
-    """Write -> read gives the same names, the same bits of the coordinates and the same times."""
+    """Write -> read gives the same names, the same bits of coordinates, and the same times."""
     reader = READERS[name]
     readings = some_readings(unit, 4 if unit == "mm" else 7)
     hints = Hints(unit=None if reader.says_unit else unit)
@@ -423,7 +423,7 @@ def test_in_metres_any_coordinate_comes_back_exactly():
         np.testing.assert_array_equal(export.position, readings.position)
 
 
-# --- what must not be lost unnoticed --------------------------------------------------------------
+# --- what must not be lost silently ---------------------------------------------------------------
 
 PLAIN = "group,target,x_mm,y_mm,z_mm,time\na,P1,1,2,3,2026-11-03T08:00:00\n"
 
@@ -450,14 +450,14 @@ PLAIN = "group,target,x_mm,y_mm,z_mm,time\na,P1,1,2,3,2026-11-03T08:00:00\n"
     ids=["twice", "two units", "misspelt", "renamed", "partly", "target"],
 )
 def test_columns_that_would_be_lost_are_asked_about(text, asked):
-    """A title that is wrong by a letter must not cost the times or the uncertainties in silence."""
+    """A misspelt title must not silently lose the times or the uncertainties."""
     with pytest.raises(InputError, match=asked):
         readers.read("t", text.encode())
 
 
 @pytest.mark.parametrize("cell", ["2026-11-03", "2026-11-03T08", "08:00:00", "2026-11-03T08:00:0"])
 def test_half_a_time_is_no_time(cell):
-    """A date alone, an hour alone: the row is damaged."""
+    """A date or an hour alone: the row is damaged."""
     text = PLAIN + "a,P2,1,2,3,2026-11-03T08:00:48\n"
     export = readers.read("t", text.replace("2026-11-03T08:00:00", cell).encode())
 
@@ -465,7 +465,7 @@ def test_half_a_time_is_no_time(cell):
 
 
 def test_times_with_a_zone_become_utc():
-    """09:00 in Paris in winter is 08:00 UTC; a file that has both kinds of times is refused."""
+    """09:00 in Paris in winter is 08:00 UTC; a file with both kinds of times is refused."""
     zoned = PLAIN.replace("T08:00:00", "T09:00:00+01:00")
     assert times(readers.read("t", zoned.encode())) == ["2026-11-03 08:00:00"]
     assert times(readers.read("t", PLAIN.replace(":00\n", ":00Z\n").encode())) == [
@@ -476,14 +476,14 @@ def test_times_with_a_zone_become_utc():
 
 
 def test_times_under_a_misspelt_title_are_times():
-    """SpatialAnalyzer's columns are known by their place; a time is told by its form."""
+    """SpatialAnalyzer's columns are known by position; a time is recognised by its format."""
     text = (GOLDEN / "sa_compound.txt").read_text().replace("Timestamp", "Tmsp")
 
     assert times(readers.read("t", text.encode())) == times(golden("sa_compound.txt"))
 
 
 def test_spatial_analyzer_with_times_of_another_form():
-    """ISO times on the full hour behind joined names."""
+    """ISO times on the full hour after joined names."""
     text = (
         (GOLDEN / "sa_compound.txt").read_text().replace("11/03/26 08:00:08", "11/03/26 08:00:00")
     )
@@ -501,7 +501,7 @@ def test_half_a_second_of_a_time_is_refused():
 
 
 def test_names_of_which_only_some_hold_a_group_are_not_cut():
-    """One name with `::` among others without is a name."""
+    """A single name with `::` among others without is a name."""
     text = "Name;X [mm];Y [mm];Z [mm]\na::P1;1;2;3\nP2;1;2;3\n"
     export = readers.read("t", text.encode())
 
@@ -510,14 +510,14 @@ def test_names_of_which_only_some_hold_a_group_are_not_cut():
 
 
 def test_bytes_that_windows_does_not_know_are_latin_1():
-    """Five bytes have no letter in cp1252; the file is read as latin-1 and says so."""
+    """Five bytes are undefined in cp1252; the file is read as latin-1, which is reported."""
     export = readers.read("t", PLAIN.replace("a,", "a\x81,").encode("latin-1"))
 
     assert (export.encoding, export.group.to_pylist()) == ("latin-1", ["a\x81"])
 
 
 def test_rows_above_the_header_are_not_lost():
-    """A row that a damaged export has above its header is listed."""
+    """A data row above the header of a damaged export is listed."""
     text = "g;P9;1;2;3\nGroup;Name;X [mm];Y [mm];Z [mm]\ng;P1;1;2;3\n"
     export = readers.read("t", text.encode())
 
@@ -526,7 +526,7 @@ def test_rows_above_the_header_are_not_lost():
 
 
 def test_an_emscon_dump_with_a_missing_column_is_refused():
-    """Without one of the a-priori columns the other covariance would be taken in silence."""
+    """Without one of the a-priori columns the other covariance would silently be used."""
     text = (GOLDEN / "emscon_vive" / "20200710_Exp1_laserData.csv").read_text()
     with pytest.raises(InputError, match="not those of SingleMeasResultT or 2T"):
         readers.read("t", text.replace("dAprioriStd1", "", 1).encode(), MM)
@@ -535,7 +535,7 @@ def test_an_emscon_dump_with_a_missing_column_is_refused():
 
 
 def test_emscon_coordinates_that_are_no_lengths_are_asked():
-    """Where dStdTotal is not the length of the three, the coordinates may be angles."""
+    """If dStdTotal is not the root sum of squares, the coordinates may be angles."""
     readings = some_readings("mm", 4)
     dump = READERS["emscon"].write(readings, "mm", 4).decode().splitlines()
     cells = dump[1].split(",")
@@ -549,7 +549,7 @@ def test_emscon_coordinates_that_are_no_lengths_are_asked():
 @pytest.mark.parametrize("vertical", ["zenith", "elevation"])
 @pytest.mark.parametrize("kind", ["spherical", "cylindrical"])
 def test_covariances_of_angles_become_those_of_coordinates(kind, vertical, horizontal):
-    """C = J C J', J by differences of what the reader itself does with the numbers."""
+    """C = J C J', with J by differences of the reader's own conversion."""
     columns = {"range": 1, "azimuth": 2, ("vertical" if kind == "spherical" else "z"): 3}
     columns |= {"group": 10, "target": 11} | {
         f"c{ab}": k for k, ab in enumerate(("xx", "xy", "xz", "yy", "yz", "zz"), 4)
@@ -574,7 +574,7 @@ def test_covariances_of_angles_become_those_of_coordinates(kind, vertical, horiz
 
 @pytest.mark.parametrize("size", range(1, 6))
 def test_lines_are_cut_as_everywhere_else(size):
-    """A line feed, a return or both end a line, also where the last line has no end."""
+    """A line feed, a carriage return or both end a line, also if the last line has no end."""
     for letters in itertools.product("a\r\n", repeat=size):
         said = "".join(letters) + "b"
         file = readers.text("x", said.encode())
@@ -589,7 +589,7 @@ def test_lines_are_cut_as_everywhere_else(size):
     [((3, -1.0), "variance"), ((0, -4e-4), "variance"), ((1, 9e-3), "correlation")],
 )
 def test_an_uncertainty_that_is_none_costs_its_row(wrong, odd):
-    """A variance below zero, a correlation above one: named, and never squared away."""
+    """A negative variance, a correlation above one: named, and never squared away."""
     columns = {"x": 1, "y": 2, "z": 3, "group": 10, "target": 11}
     columns |= {f"c{ab}": k for k, ab in enumerate(("xx", "xy", "xz", "yy", "yz", "zz"), 4)}
     hints = Hints(unit="mm", mapping=Columns(columns=columns, header=0))
@@ -606,7 +606,7 @@ def test_an_uncertainty_that_is_none_costs_its_row(wrong, odd):
 
 
 def test_a_negative_standard_uncertainty_is_none():
-    """U(95) of -0.06 mm is no 0.06 mm."""
+    """U(95) of -0.06 mm is not 0.06 mm."""
     readings = some_readings("mm", 4)
     export = READERS["leica_6dof"].write(readings, "mm", 4).decode("cp1252").splitlines()
     cells = export[1].split(";")
@@ -619,7 +619,7 @@ def test_a_negative_standard_uncertainty_is_none():
 
 @pytest.mark.parametrize("year", ["0000", "0001", "1899", "2200", "9999"])
 def test_a_time_at_which_nobody_measured_costs_its_row(year):
-    """Arrow knows the year 0, and calendars that came later do not."""
+    """Arrow accepts the year 0, later calendars do not."""
     good = "group,target,x_mm,y_mm,z_mm,time\ng,P1,1,2,3,2026-11-03T08:00:00\n"
     odd = f"g,P2,1,2,3,{year}-11-03T08:00:00\n"
     for text, rejected in ((good + odd, [3]), (good + odd.replace("T", " "), [3]), (good, [])):

@@ -1,4 +1,4 @@
-"""Each column of the error factors is what that error really does to c - B x."""
+"""Each column of the error factors is the effect of that error on c - B x."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def cell(raw):
 
 
 def misfit(cell, data):
-    """What the nominal compliances leave of c."""
+    """Residual of c with the nominal compliances."""
     x = cell.robot.nominal_compliance
     system = assemble(cell, data, x)
     return system.c - system.B @ x
@@ -53,7 +53,7 @@ def with_force(data, force):
 
 
 def test_a_scale_reading_moves_its_own_pull_only(cell, data):
-    """One standard uncertainty on the fifth scale reading changes c - B x as its column says."""
+    """One standard uncertainty of the fifth scale reading changes c - B x by its column."""
     G = block(cell, data, "force_reading")
     size = np.linalg.norm(data.pulls.force, axis=1)
     force = data.pulls.force.copy()
@@ -74,7 +74,7 @@ def test_the_gain_moves_all_pulls_together(cell, data):
 
 
 def test_the_zero_of_the_scale_moves_all_pulls_by_the_same_force(cell, data):
-    """Two newtons of tare: every force longer by as much, and the model asked again."""
+    """Two newtons of tare: every force longer by as much, and the model evaluated again."""
     wrong = replace(data, scale=Scale(zero_sigma_n=2.0))
     errors = assemble(cell, wrong, cell.robot.nominal_compliance).errors
     (column,) = errors.G[:, errors.source == "force_zero"].toarray().T
@@ -88,7 +88,7 @@ def test_the_zero_of_the_scale_moves_all_pulls_by_the_same_force(cell, data):
 
 
 def test_a_turned_tracker_turns_displacements_and_forces(cell, data):
-    """The registration's columns are those of small rotations, however they are combined."""
+    """The columns of the registration are those of small rotations, however combined."""
     G = block(cell, data, "registration")
     changes = []
     for axis in np.eye(3):
@@ -101,7 +101,7 @@ def test_a_turned_tracker_turns_displacements_and_forces(cell, data):
 
 
 def test_the_direction_moves_as_its_covariance_says(cell, data):
-    """First order propagation of every pull's direction covariance, by differences."""
+    """First-order propagation of every pull's direction covariance, by differences."""
     G = block(cell, data, "direction")
     size = np.linalg.norm(data.pulls.force, axis=1)
     expected = np.zeros((len(G), len(G)))
@@ -139,13 +139,16 @@ def test_every_loaded_reading_errs_by_itself(cell, data):
 
 
 def tilted(rng, shape, size):
-    """Covariances of any direction, standard uncertainties about `size`."""
+    """Covariances with arbitrary axes and standard uncertainties of about `size`."""
     half = size * rng.standard_normal((*shape, 3, 3))
     return half @ half.swapaxes(-1, -2)
 
 
 def test_readings_err_in_the_directions_they_are_stated_to(cell, data):
-    """Tilted covariances: V of each displacement is its own, plus its zero's, which pulls share."""
+    """Oblique covariances.
+
+    V of each displacement is its own plus that of its zero, shared by pulls.
+    """
     rng = np.random.default_rng(2)
     loaded = tilted(rng, (len(data.pull),), 3e-5)
     zero = tilted(rng, (data.zero.max() + 1,), 2e-5)[data.zero]
@@ -163,14 +166,14 @@ def test_readings_err_in_the_directions_they_are_stated_to(cell, data):
 
 
 def test_a_tilted_direction_errs_along_its_own_axes(cell, data):
-    """Draw the directions of one pull: c - B x scatters as its columns say, and no other pull's."""
+    """Drawn directions of one pull: c - B x scatters by its columns, and no other pull's."""
     rng, pull = np.random.default_rng(9), 5
     cov = np.zeros_like(data.direction_cov)
     cov[pull] = tilted(rng, (), 1e-4)
     G = block(cell, replace(data, direction_cov=cov), "direction")
 
     size, drawn = np.linalg.norm(data.pulls.force[pull]), []
-    for off in np.linalg.cholesky(cov[pull]).T:  # three turns of the chain that span it
+    for off in np.linalg.cholesky(cov[pull]).T:  # three rotations of the chain that span it
         force = data.pulls.force.copy()
         force[pull] += size * off
         drawn.append(misfit(cell, with_force(data, force)) - misfit(cell, data))
@@ -179,7 +182,7 @@ def test_a_tilted_direction_errs_along_its_own_axes(cell, data):
 
 
 def test_every_wrong_point_of_the_tool_is_a_column_of_its_own(cell, data):
-    """The model with one coordinate a sigma off, load point first: what it leaves more of c."""
+    """The model with one coordinate off by a sigma, load point first: the change of c - B x."""
     G = block(cell, replace(data, tool_std=1e-4), "geometry")
     here, columns = misfit(cell, data), []
     for point in range(4):
@@ -194,7 +197,7 @@ def test_every_wrong_point_of_the_tool_is_a_column_of_its_own(cell, data):
 
 
 def test_every_wrong_zero_of_a_joint_is_a_column_of_its_own(cell, data):
-    """The log of one joint off by its own sigma, in all poses alike; a sure joint has no column."""
+    """The log of one joint off by its sigma in all poses; an exact joint has no column."""
     std = np.array([1e-3, 0.0, 1e-4, 2e-4, 0.0, 3e-4, 1e-4])
     G = block(cell, replace(data, joint_std=std), "geometry")
     here, columns = misfit(cell, data), []
@@ -209,7 +212,7 @@ def test_every_wrong_zero_of_a_joint_is_a_column_of_its_own(cell, data):
 
 
 def test_what_is_surely_known_has_no_column(cell, data):
-    """Without uncertainty of geometry, gain, scale or frame none of them is a source."""
+    """Without uncertainty of geometry, gain, scale or frame, none of them is a source."""
     sure = replace(
         data, scale=Scale(), rotation_cov=np.zeros((3, 3)), reading_std=0 * data.reading_std
     )
@@ -220,7 +223,7 @@ def test_what_is_surely_known_has_no_column(cell, data):
 
 
 def test_only_what_moves_all_poses_is_common(cell, data):
-    """Frame, gain and geometry; everything else stays within one pose."""
+    """Frame, gain and geometry; everything else is confined to one pose."""
     asked = replace(data, tool_std=1e-4, joint_std=np.full(7, 1e-4), bends=True)
     system = assemble(cell, asked, cell.robot.nominal_compliance)
     errors, pose = system.errors, system.rows.pose
@@ -234,7 +237,7 @@ def test_only_what_moves_all_poses_is_common(cell, data):
 
 
 def test_what_the_deflected_robot_does_more_is_one_column(cell, data):
-    """Data of a robot that deflects: c - B x, as an error of the undeformed model, to its sign."""
+    """Data of a robot that deflects: c - B x, as an error of the undeformed model, up to sign."""
     x = cell.robot.nominal_compliance
     bent = predict(replace(cell, equilibrium="deformed"), data.pulls, x).displacement
     real = replace(data, delta=bent[data.pull, data.target], bends=True)
@@ -249,7 +252,7 @@ def test_what_the_deflected_robot_does_more_is_one_column(cell, data):
 
 
 def test_a_spring_that_came_out_wild_bends_as_its_table_says(cell, data):
-    """Negative, or beyond twenty typical compliances: it is not taken for what the robot does."""
+    """Negative, or beyond twenty typical compliances: the nominal one is used instead."""
     x = cell.robot.nominal_compliance
     wild = x.copy()
     typical = np.array([p.typical for p in cell.parameters])
@@ -262,9 +265,9 @@ def test_a_spring_that_came_out_wild_bends_as_its_table_says(cell, data):
 
 
 def test_a_noise_that_nobody_stated_scales_what_the_tracker_gave(cell, data):
-    """Relative columns times s are those of the noise s; the scale's and the frame's are in metres.
+    """Relative columns times s are those of the noise s; those of scale and frame are in metres.
 
-    Directions are asked at 10 um, whatever their unit.
+    Directions use a step of 10 um, whatever their unit.
     """
     unit = data.scaled(1 / 3e-5)
     relative = replace(unit, noise_stated=False)
@@ -289,7 +292,7 @@ def test_a_noise_that_nobody_stated_scales_what_the_tracker_gave(cell, data):
 
 
 def test_each_row_is_the_coordinate_it_says(cell, data):
-    """One coordinate of one displacement changed: the row of that name changes, and no other."""
+    """Changing one coordinate of one displacement changes the row of that name, and no other."""
     x = cell.robot.nominal_compliance
     before = assemble(cell, data, x)
     rows = before.rows
@@ -309,7 +312,7 @@ def test_each_row_is_the_coordinate_it_says(cell, data):
 
 
 def test_a_model_that_is_not_linear_is_met_where_it_stands(cell, data):
-    """The model leaves c - B x0 at x0, and B is what a small step of each parameter adds."""
+    """The residual at x0 is c - B x0, and B is the change by a small step of each parameter."""
     effect = next(e for e in catalogue(cell.robot) if e.name == "rail_backlash")
     wide = cell.with_effects(effect)
     typical = np.array([p.typical for p in wide.parameters])
@@ -329,7 +332,7 @@ def test_a_model_that_is_not_linear_is_met_where_it_stands(cell, data):
 
 
 def test_a_newton_more_moves_the_reflectors_along_the_pull(cell, data):
-    """`by_force` is the model's answer to forces that are 1 N larger, minus the one to those."""
+    """`by_force` is the change of the model's displacement for forces larger by 1 N."""
     x, force = cell.robot.nominal_compliance, data.pulls.force
     longer = force + force / np.linalg.norm(force, axis=1, keepdims=True)
     more, here = (

@@ -1,4 +1,4 @@
-"""Scatter from day to day is found in poses measured again, and is part of the uncertainty."""
+"""Day-to-day scatter is found from poses measured again, and enters the uncertainty."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DAYS = 5
 
 @pytest.fixture(scope="module")
 def truth():
-    """A campaign without noise that states one of 30 um, and its cell."""
+    """A campaign without noise that states 30 um, and its cell."""
     raw = in_memory(simulate(PLAN.without_noise()).files)
     data = reduce(raw, conformed).data
     noise = np.broadcast_to((3e-5) ** 2 * np.eye(3), data.loaded_cov.shape)
@@ -30,7 +30,7 @@ def truth():
 
 
 def measured(data, scatter, rng, count=DAYS):
-    """The same poses on so many days, each with noise and a relative error of its own."""
+    """The same poses on this number of days, each with noise and its own relative error."""
     pulls = data.pulls
     most = pulls.pose.max()
     told = {
@@ -64,7 +64,7 @@ def measured(data, scatter, rng, count=DAYS):
 
 
 def _noise(data, rng):
-    """Of each loaded reading, and of each zero, which the pulls of a pose share."""
+    """Noise of each loaded reading, and of each zero, shared by the pulls of a pose."""
     loaded = np.linalg.cholesky(data.loaded_cov) @ rng.standard_normal((len(data.delta), 3, 1))
     first = np.unique(data.zero, return_index=True)[1]
     drawn = np.linalg.cholesky(data.zero_cov[first]) @ rng.standard_normal((len(first), 3, 1))
@@ -73,7 +73,7 @@ def _noise(data, rng):
 
 @pytest.mark.parametrize("scatter", [0.004, 0.03])
 def test_the_scatter_of_the_days_is_found(truth, scatter):
-    """Over thirty campaigns of five days the mean square is that of what was put in."""
+    """Over thirty campaigns of five days the mean square is the true one."""
     data = replace(truth[0], reading_std=np.zeros(len(truth[0].pulls)))
     rng = np.random.default_rng(11)
     found = [days(measured(data, scatter, rng)) for _ in range(30)]
@@ -86,7 +86,7 @@ def test_the_scatter_of_the_days_is_found(truth, scatter):
 
 
 def test_days_that_are_alike_are_not_accused(truth):
-    """Noise alone: the scatter found is far below what it would matter."""
+    """Noise alone: the scatter found is far too small to matter."""
     data = replace(truth[0], reading_std=np.zeros(len(truth[0].pulls)))
     rng = np.random.default_rng(12)
     found = [days(measured(data, 0.0, rng)) for _ in range(10)]
@@ -95,7 +95,7 @@ def test_days_that_are_alike_are_not_accused(truth):
 
 
 def test_without_a_second_day_nothing_is_said(truth):
-    """One day, or a day of other poses: nobody knows, and nothing is added."""
+    """One day, or a day with other poses: it is undetermined, and nothing is added."""
     data = truth[0]
     other = measured(data, 0.0, np.random.default_rng(1), 2)
     first = other.pulls.time < 43200
@@ -107,7 +107,7 @@ def test_without_a_second_day_nothing_is_said(truth):
 
 
 def test_days_move_no_stiffness(truth):
-    """As many poses each day: the days are weighed alike, large displacements as small ones."""
+    """With equally many poses each day: equal weights for large and small displacements."""
     data, raw = truth
     one = measured(data, 0.02, np.random.default_rng(14))
     start = raw.robot.nominal_compliance
@@ -118,7 +118,7 @@ def test_days_move_no_stiffness(truth):
 
 @pytest.mark.slow
 def test_stated_uncertainty_holds_the_days(truth):
-    """Stiffness of joint 2 over 40 campaigns scatters as stated, and the budget has the line."""
+    """The stiffness of joint 2 over 40 campaigns scatters as stated; the budget lists it."""
     data, raw = truth
     cell = _cell(raw)
     rng = np.random.default_rng(13)

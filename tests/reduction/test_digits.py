@@ -1,4 +1,4 @@
-"""The last digit of an export is an error of every coordinate."""
+"""Rounding to the last digit of an export is an error of every coordinate."""
 
 import csv
 import io
@@ -41,7 +41,7 @@ def campaign(seed):
 
 
 def test_the_variance_of_the_last_digit_is_in_that_of_every_reading():
-    """With a tenth of a millimetre; with a ten-thousandth no number moves."""
+    """With a tenth of a millimetre; with 1e-4 mm no value changes."""
     files = campaign(1)
 
     def variances(made):
@@ -57,7 +57,7 @@ def test_the_variance_of_the_last_digit_is_in_that_of_every_reading():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_coarse_digits_are_no_noise_of_the_tracker_and_accuse_no_reflector(seed):
-    """They are said as what they are."""
+    """They are reported as such."""
     said = answered("digits", in_memory(rounded(campaign(seed), 1))).answer
 
     assert said.diagnosis.verdict == "adequate"
@@ -68,7 +68,7 @@ def test_coarse_digits_are_no_noise_of_the_tracker_and_accuse_no_reflector(seed)
 
 @pytest.mark.parametrize("h", [0.1, 2.0, 5.0, 50.0, 5 * 9.80665, 10 * 9.80665])
 def test_the_division_of_a_scale_is_found_in_newtons_and_kilograms(h):
-    """The widest that all readings are multiples of; steps to which somebody pulled are none."""
+    """The largest of which all readings are multiples; steps of the pulls are not divisions."""
     x = np.random.default_rng(2).uniform(300, 3500, 60)
 
     pose, steps = np.repeat(np.arange(20), 3), np.arange(500.0, 3001.0, 500.0)
@@ -82,7 +82,7 @@ def test_the_division_of_a_scale_is_found_in_newtons_and_kilograms(h):
 
 
 def test_a_small_robot_on_a_crane_scale_shows_its_division_too():
-    """Three steps in each pose, eighteen divisions at most: more marks than two sets of steps."""
+    """Three steps in each pose, at most eighteen divisions: more values than two sets of steps."""
     rng = np.random.default_rng(4)
     full = rng.uniform(600, 900, 14)
     x = (full[:, None] * [1 / 3, 2 / 3, 1] * rng.uniform(0.97, 1.03, (14, 3))).ravel()
@@ -91,7 +91,7 @@ def test_a_small_robot_on_a_crane_scale_shows_its_division_too():
 
 
 def coarse(files, h):
-    """The campaign as a scale with such divisions reads it [N]."""
+    """The campaign read by a scale with divisions of h [N]."""
     rows = list(csv.reader(io.StringIO(files["loads.csv"].decode())))
     at = rows[0].index("force_n")
     for row in rows[1:]:
@@ -102,7 +102,7 @@ def coarse(files, h):
 
 
 def test_a_coarse_scale_makes_each_force_less_certain():
-    """By a uniform law over a division; finer ones than it scatters move no number."""
+    """With a uniform distribution over a division; one finer than its scatter has no effect."""
     files = campaign(3)
 
     def variances(made):
@@ -118,7 +118,7 @@ def test_a_coarse_scale_makes_each_force_less_certain():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_many_readings_at_one_mark_of_a_coarse_scale_are_neither_copies_nor_noise(seed):
-    """Twenty newtons, of two that are stated; said, and no cause of anything."""
+    """Divisions of 20 N where 2 N are stated; reported, and not a cause."""
     said = answered("coarse", in_memory(coarse(campaign(seed), 20.0))).answer
 
     assert said.diagnosis.verdict == "adequate"

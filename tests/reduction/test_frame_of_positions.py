@@ -1,4 +1,4 @@
-"""Unloaded readings of pulls beside the places that positions of the same robot tell."""
+"""Unloaded readings of pulls, with positions of the same robot known."""
 
 import numpy as np
 
@@ -14,5 +14,5 @@ def test_a_frame_that_is_off_by_millimetres_is_taken_off():
 
 
 def test_targets_that_no_position_has_stay_where_they_are():
-    """Nothing says then how the frames lie to each other."""
+    """The relation of the frames is then unknown."""
     np.testing.assert_array_equal(_in_frame(AT, np.full(AT.shape, np.nan)), AT)

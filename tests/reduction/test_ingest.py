@@ -39,7 +39,7 @@ TOOL = {"P1": (200, 50, 120), "P2": (-120, 190, 100), "P3": (-100, -180, 220)}
 BASE = {"B1": (600, -500, -300), "B2": (600, 18500, -300), "B3": (-600, 18500, -280)}
 CHAIN = {"Pl1": (150, 0, 250), "Pl2": (150, 0, -350)}
 AT = (1150.0, 0.0, 250.0)
-"""A place near the chain [mm]."""
+"""A point near the chain [mm]."""
 
 
 def tracker_rows():
@@ -64,7 +64,7 @@ def tracker_csv(rows=None):
 
 
 def read(tracker=None, toml=TOML, loads=LOADS, joints=JOINTS, **more):
-    """Ingest the campaign, with some of its files replaced; None leaves a file away."""
+    """Ingest the campaign with some files replaced; None omits a file."""
     raw = {
         "tracker.csv": tracker or tracker_csv(),
         "loads.csv": loads,
@@ -81,23 +81,23 @@ def read(tracker=None, toml=TOML, loads=LOADS, joints=JOINTS, **more):
 
 
 def change(**files):
-    """What is different from the clean campaign."""
+    """Differences from the clean campaign."""
     return files
 
 
 def reasons(got):
-    """File, line and reason of everything that was left out."""
+    """File, line and reason of all rejections."""
     return [tuple(row.values()) for row in got.rejected.to_pylist()]
 
 
 def line_of(text, *words):
-    """Number of the only line with all these words."""
+    """Number of the only line that contains all these words."""
     (number,) = [n for n, line in enumerate(text.splitlines(), 1) if all(w in line for w in words)]
     return number
 
 
 def without(text, *words):
-    """The text without the only line that has all these words."""
+    """The text without the only line that contains all these words."""
     lines = text.splitlines(keepends=True)
     del lines[line_of(text, *words) - 1]
     return "".join(lines)
@@ -135,7 +135,7 @@ def test_a_clean_campaign_is_read_whole():
     ],
 )
 def test_the_stated_noise_is_the_covariance_of_every_reading(noise, source, variance):
-    """What [tracker] says about noise arrives at each reading, and where it is from."""
+    """The noise in [tracker] is assigned to each reading, with its origin."""
     readings = read(toml=TOML.replace("sigma_m = 3.0e-5", noise)).readings.to_pandas()
 
     assert set(readings.covariance_from) == {source}
@@ -145,7 +145,7 @@ def test_the_stated_noise_is_the_covariance_of_every_reading(noise, source, vari
 
 
 def test_the_instrument_model_turns_with_the_beam():
-    """A reading straight above the tracker is uncertain along z by the range part only."""
+    """A reading straight above the tracker has only the range component along z."""
     noise = "range_m = 1e-5, range_per_m = 1e-6, transverse_m = 2e-5, transverse_per_m = 5e-6"
     rows = [*tracker_rows(), ("base_end", "B1", 0.0, 0.0, 2000.0)]
     got = read(tracker_csv(rows), toml=TOML.replace("sigma_m = 3.0e-5", f"noise = {{ {noise} }}"))
@@ -157,7 +157,7 @@ def test_the_instrument_model_turns_with_the_beam():
 
 
 def test_a_reading_at_the_instrument_has_no_beam():
-    """Where there is no direction the larger part holds all round."""
+    """Without a direction, the larger component applies isotropically."""
     noise = InstrumentNoise(range_m=2e-5, transverse_m=1e-5)
 
     assert beam_covariance(np.zeros((1, 3)), noise)[0] == pytest.approx(
@@ -247,7 +247,7 @@ def test_latin_1_names_are_read():
     ],
 )
 def test_a_bad_row_is_left_out_and_named(old, new, said):
-    """One bad row costs that reading only; its line and the reason are listed."""
+    """One bad row costs only that reading; its line and the reason are listed."""
     clean = tracker_csv()
     assert old in clean
     got = read(clean.replace(old, new))
@@ -260,7 +260,7 @@ def test_a_bad_row_is_left_out_and_named(old, new, said):
 
 
 def test_a_header_that_comes_again_is_named_as_such():
-    """A program that appends writes one each time; the rows below it count."""
+    """A program that appends writes one each time; the rows below it are used."""
     header, *rows = tracker_csv().splitlines()
     got = read("\n".join([header, *rows[:7], header, *rows[7:], ""]))
 
@@ -269,7 +269,7 @@ def test_a_header_that_comes_again_is_named_as_such():
 
 
 def test_a_force_beyond_any_scale_is_left_out():
-    """1e20 N would drown every other pull."""
+    """1e20 N would dominate every other pull."""
     got = read(loads=LOADS.replace("702.31", "7e20"))
 
     assert ("loads.csv", 2) in [r[:2] for r in reasons(got) if "larger than any" in r[2]]
@@ -277,7 +277,7 @@ def test_a_force_beyond_any_scale_is_left_out():
 
 @pytest.mark.parametrize("force", ["0", "1e-320", "1e-9"])
 def test_a_force_that_is_none_is_left_out(force):
-    """A pull without a force has no direction to weigh it along."""
+    """A pull without a force has no direction."""
     got = read(loads=LOADS.replace("702.31", force))
 
     assert ("loads.csv", 2) in [r[:2] for r in reasons(got) if "not above zero" in r[2]]
@@ -285,7 +285,7 @@ def test_a_force_that_is_none_is_left_out(force):
 
 @pytest.mark.parametrize("log", ["loads", "joints"])
 def test_a_log_with_its_header_only_is_named(log):
-    """It holds nothing, and the sentence says which file that is."""
+    """It contains nothing, and the message says which file that is."""
     header = {"loads": LOADS, "joints": JOINTS}[log].splitlines()[0]
     with pytest.raises(InputError, match=rf"{log}\.csv: there is no row in it"):
         read(**{log: header + "\n"})
@@ -317,14 +317,14 @@ def test_a_log_with_its_header_only_is_named(log):
     ],
 )
 def test_settings_say_what_no_hall_has(old, new, said):
-    """Numbers beyond all bounds, and reflectors that would be in two places."""
+    """Values beyond all bounds, and reflectors with two positions."""
     assert old in TOML
     with pytest.raises(InputError, match=said):
         parse(TOML.replace(old, new, 1))
 
 
 def test_an_unreadable_time_costs_its_row():
-    """A row with a damaged time is not trusted."""
+    """A row with a damaged time is not used."""
     clean = tracker_csv()
     got = read(clean.replace("2026-11-03T08:00:05", "2026-11-33T08:00:05"))
 
@@ -343,7 +343,7 @@ def test_a_missing_target_is_said_and_the_others_used():
 
 
 def test_a_missing_zero_costs_its_target_only():
-    """P2 was not read unloaded in pose 1: its two loaded readings go."""
+    """P2 was not read unloaded in pose 1: its two loaded readings are rejected."""
     text = without(tracker_csv(), "pose01_rep0", "P2")
     got = read(text)
 
@@ -387,7 +387,7 @@ def test_a_missing_zero_costs_its_target_only():
     ids=["chain", "ends in one place", "load", "joints", "limits", "negative force", "zero"],
 )
 def test_an_incomplete_pull_goes_as_a_whole(changed, pull, said):
-    """Without chain, force, joints or zero a pull is of no use; the others stay."""
+    """A pull without chain, force, joints or zero is rejected; the others stay."""
     got = read(**changed)
     loads, readings = got.loads.to_pandas(), got.readings.to_pandas()
 
@@ -430,7 +430,7 @@ def test_contradicting_duplicates_are_both_left_out():
 @pytest.mark.parametrize("timed", [True, False])
 @pytest.mark.parametrize("name", ["pose01_rep0_unloaded", "pose01_rep3_unloaded"])
 def test_a_zero_after_the_pulls_may_have_the_name_of_the_one_before(name, timed):
-    """As the protocol's sheet has it: both are zeros of the pose, by time or by order of rows."""
+    """As in the protocol's sheet: both are zeros of the pose, by time or by order of rows."""
     again = [(name, t, x + 1000.002, y + 0.0625, z) for t, (x, y, z) in TOOL.items()]
     rows = tracker_rows()
     last = max(k for k, row in enumerate(rows) if row[0].startswith("pose01"))
@@ -450,7 +450,7 @@ def test_a_zero_after_the_pulls_may_have_the_name_of_the_one_before(name, timed)
 
 
 def test_a_zero_read_twice_at_once_contradicts_itself():
-    """Nothing lies between the two, so that one of them is wrong."""
+    """Nothing lies between the two, so that one of them must be wrong."""
     rows = tracker_rows()
     text = tracker_csv([*rows[:6], ("pose01_rep0_unloaded", "P2", 881.0, 190.0, 100.0), *rows[6:]])
     got = read(text)
@@ -516,7 +516,7 @@ def test_a_wrong_unit_is_refused(scaled):
 
 
 def test_a_wrong_unit_in_one_file_of_two_is_refused():
-    """Base reflectors in m beside poses in mm, both called mm."""
+    """Base reflectors in m and poses in mm, both declared as mm."""
     rows = tracker_rows()
     base = tracker_csv([(g, t, x / 1e3, y / 1e3, z / 1e3) for g, t, x, y, z in rows[:3]])
     toml = TOML.replace('["tracker.csv"]', '["t*.csv"]')
@@ -576,7 +576,7 @@ def test_a_wrong_unit_in_one_file_of_two_is_refused():
     ],
 )
 def test_what_cannot_be_trusted_is_refused_in_one_sentence(changed, message):
-    """A broken file or an empty campaign: file, line, thing and way out."""
+    """A broken file or an empty campaign: file, line, problem and way out."""
     with pytest.raises(InputError, match=message) as refused:
         read(**changed)
 
@@ -612,7 +612,7 @@ FORCES = "pose,repeat,fx_n,fy_n,fz_n\n1,1,10,20,-30\n2,1,15,25,-35\n"
 
 @pytest.mark.parametrize(("sigma", "variance"), [("sigma_m = 2e-5", 4e-10), ("", np.nan)])
 def test_a_reduced_campaign_arrives(sigma, variance):
-    """Displacements and forces are taken as they are; without sigma_m their covariance is NaN."""
+    """Displacements and forces are used as given; without sigma_m their covariance is NaN."""
     got = read(
         toml=REDUCED.replace("SIGMA", sigma), **{"displacements.csv": MOVED, "forces.csv": FORCES}
     )
@@ -664,7 +664,7 @@ NAMELESS = TOML.replace('["tracker.csv"]', '["tracker.csv"]\nunit = "mm"\nassign
 
 
 def test_an_assignment_names_the_rows_of_an_export():
-    """Readings without names become the campaign they are, row by row."""
+    """Readings without names become those of the original campaign, row by row."""
     columns = ["target", "pose", "repeat", "state", "x_m", "y_m", "z_m"]
     got = read(nameless(), toml=NAMELESS, **{"rows.csv": assignment()})
 
@@ -672,7 +672,7 @@ def test_an_assignment_names_the_rows_of_an_export():
 
 
 def test_a_bad_row_does_not_shift_the_assignment():
-    """A row that cannot be read costs itself; those behind it keep their names."""
+    """A row that cannot be read affects only itself; later rows keep their names."""
     bad = nameless().replace("881.0000;190", "nan;190")
     got = read(bad, toml=NAMELESS, **{"rows.csv": assignment()}).readings.to_pandas()
     whole = read(nameless(), toml=NAMELESS, **{"rows.csv": assignment()}).readings.to_pandas()
@@ -712,14 +712,14 @@ def test_a_bad_row_does_not_shift_the_assignment():
     ids=["missing", "short", "long", "twice", "gap", "state", "target", "group", "none"],
 )
 def test_an_assignment_that_does_not_fit_is_refused(changed, message):
-    """Nobody guesses which reading is which."""
+    """No reading is assigned by guessing."""
     rows = changed.get("rows", assignment())
     with pytest.raises(InputError, match=message):
         read(nameless(), toml=changed.get("toml", NAMELESS), **{"rows.csv": rows})
 
 
 def test_names_of_one_piece_are_taken_apart():
-    """A Tracker Pilot export with one name per reading, and an expression that cuts it."""
+    """A Tracker Pilot export with one name per reading, and an expression that splits it."""
     lines = [f"{g}-{t};{x};{y};{z}" for g, t, x, y, z in tracker_rows()]
     text = "\n".join(["Point Name;X [mm];Y [mm];Z [mm]", *lines, ""])
     toml = TOML.replace("[base_frame]", "names = '(?P<group>.+)-(?P<target>[^-]+)'\n[base_frame]")
@@ -729,7 +729,7 @@ def test_names_of_one_piece_are_taken_apart():
 
 
 def test_covariances_of_the_file_come_first():
-    """U(95) of a reading is used where it is given, sigma_m where it is not."""
+    """U(95) of a reading is used if given, otherwise sigma_m."""
     lines = [f"{g};{t};{x};{y};{z};0,02;0,04;0,06;" for g, t, x, y, z in tracker_rows()]
     lines = [line.replace(".", ",") for line in lines]
     lines[3] = lines[3].replace("0,02;0,04;0,06", ";;")
@@ -743,7 +743,7 @@ def test_covariances_of_the_file_come_first():
 
 
 def test_three_uncertainties_of_a_beam_are_read_as_those_of_a_beam():
-    """What a tracker's software leaves out, the correlations of the axes, is put back."""
+    """The correlations of the axes, which the tracker's software omits, are restored."""
     noise = InstrumentNoise(
         range_m=5e-6, range_per_m=0.0, transverse_m=1.5e-5, transverse_per_m=6e-6
     )
@@ -771,7 +771,7 @@ def with_uncertainty(bare):
 
 
 def test_a_chain_without_uncertainty_is_asked_for():
-    """The targets have one and nothing says what the chain's reflectors have: no guess."""
+    """The targets have one and the chain's reflectors none: it is not guessed."""
     bare = with_uncertainty(["Pl1", "Pl2"])
     with pytest.raises(InputError) as refused:
         read(bare, toml=TOML.replace(SIGMA, ""))
@@ -782,7 +782,7 @@ def test_a_chain_without_uncertainty_is_asked_for():
 
 
 def test_a_target_without_uncertainty_is_left_out_and_named():
-    """P3 has none; P1, P2 and the chain have one and are used."""
+    """P3 has none and is rejected; P1, P2 and the chain have one and are used."""
     got = read(with_uncertainty(["P3"]), toml=TOML.replace(SIGMA, ""))
     lost = [why for _, _, why in reasons(got) if "no uncertainty" in why]
 
@@ -791,7 +791,7 @@ def test_a_target_without_uncertainty_is_left_out_and_named():
 
 
 def test_no_uncertainty_anywhere_is_a_campaign_of_unstated_noise():
-    """Nothing is left out, and no covariance is made up."""
+    """Nothing is rejected, and no covariance is invented."""
     got = read(with_uncertainty([*TOOL, *CHAIN, *BASE]), toml=TOML.replace(SIGMA, ""))
 
     assert not got.rejected.num_rows
@@ -799,7 +799,7 @@ def test_no_uncertainty_anywhere_is_a_campaign_of_unstated_noise():
 
 
 def test_an_assignment_must_agree_with_the_names_there_are():
-    """An export with targets but no groups: the assignment adds the groups, and is checked."""
+    """An export with targets but no groups: the assignment adds groups, and must agree."""
     rows = tracker_rows()
     text = "".join(f"{t};{x:.4f};{y:.4f};{z:.4f}\n" for _, t, x, y, z in rows)
     columns = ["target", "pose", "repeat", "state", "x_m", "y_m", "z_m"]
@@ -823,7 +823,7 @@ def test_base_reflectors_read_within_a_pose_are_base_readings():
 
 
 def test_group_names_of_any_letters_are_read():
-    """An expression with letters beyond ASCII, which the quick way to match does not know."""
+    """An expression with non-ASCII letters, which the fast matcher does not support."""
     rows = [
         (g.replace("pose", "Prüfung").replace("_loaded", "_loaded·"), *r)
         for g, *r in tracker_rows()
@@ -849,7 +849,7 @@ def test_group_names_of_any_letters_are_read():
     ids=["alternatives", "parts without names", "flags"],
 )
 def test_any_expression_reads_groups_alike(group):
-    """However it is written, and whatever else of a name it takes apart."""
+    """However it is written, and whatever other parts of a name it extracts."""
     toml = TOML.replace("[base_frame]", f"[naming]\ngroup = '{group}'\n[base_frame]")
     rows = [*tracker_rows(), ("again_pose01_rep2_loaded", "P1", 1201.0, 50.0, 120.0)]
     got = read(tracker_csv(rows), toml=toml)

@@ -1,4 +1,4 @@
-"""Stages on small tables whose answer is known without them."""
+"""Stages on small tables with an answer known independently."""
 
 import re
 
@@ -63,7 +63,7 @@ def settings():
 
 
 def base_rows(settings, R, t, rng=None, sigma=0.0):
-    """Base reflectors as a tracker at (R, t) reads them: p_t = R' (p_b - t)."""
+    """Readings of base reflectors by a tracker at (R, t): p_t = R' (p_b - t)."""
     rows = []
     for i, (name, at) in enumerate(settings.base_frame.items()):
         seen = R.T @ (np.array(at) - t) + (sigma * rng.standard_normal(3) if rng else 0.0)
@@ -86,7 +86,7 @@ def test_exact_base_readings_give_back_the_trackers_place(settings):
 
 @pytest.mark.parametrize("yaw", range(0, 360, 30))
 def test_three_reflectors_in_a_plane_never_mirror_the_hall(yaw):
-    """Points of a plane fit a mirror image as well: the answer is a rotation."""
+    """Coplanar points also fit a reflection: the result is a rotation."""
     settings = parse(SETTINGS.replace("B4 = [2.0, 9.0, 3.0]\n", ""))
     R = Rotation.from_euler("zyx", [yaw, 1, 2], degrees=True).as_matrix()
     found = register(settings, readings(base_rows(settings, R, T0)))
@@ -95,7 +95,7 @@ def test_three_reflectors_in_a_plane_never_mirror_the_hall(yaw):
 
 
 def test_weighted_registration_is_the_maximum_of_the_likelihood(settings):
-    """With unequal full covariances the fit is that of a generic optimiser."""
+    """With unequal full covariances the fit equals that of a generic optimiser."""
     rng = np.random.default_rng(5)
     table = readings(base_rows(settings, R0, T0, rng, 2e-4))
     half = rng.normal(size=(len(table), 3, 3)) * 1e-4
@@ -123,7 +123,7 @@ def test_weighted_registration_is_the_maximum_of_the_likelihood(settings):
 
 @pytest.mark.slow
 def test_registration_claims_the_scatter_it_has(settings):
-    """Over 400 noisy registrations the rotation scatters as its covariance says."""
+    """Over 400 noisy registrations the rotation scatters as its covariance states."""
     rng = np.random.default_rng(9)
     turns, claims = [], []
     for _ in range(400):
@@ -137,7 +137,7 @@ def test_registration_claims_the_scatter_it_has(settings):
 
 
 def test_a_reading_without_any_uncertainty_is_refused(settings):
-    """It would outweigh all others; the sentence names its line."""
+    """It would dominate all others; the message names its line."""
     table = readings(base_rows(settings, R0, T0))
     for nothing in (0.0, 1e-320):
         table.loc[2, covariance.columns()] = [nothing, 0.0, 0.0, nothing, 0.0, nothing]
@@ -146,13 +146,13 @@ def test_a_reading_without_any_uncertainty_is_refused(settings):
 
 
 def test_two_base_reflectors_are_refused(settings):
-    """The sentence says how many there are."""
+    """The message states their number."""
     with pytest.raises(InputError, match="only 2 base reflectors"):
         register(settings, readings(base_rows(settings, R0, T0)[:2]))
 
 
 def test_base_reflectors_on_a_line_are_refused():
-    """Three reflectors that leave the roll free."""
+    """Three collinear reflectors leave the rotation about their line undetermined."""
     text = SETTINGS.replace("B3 = [-0.6, 18.5, -0.28]\nB4 = [2.0, 9.0, 3.0]", "B3 = [0.6, 9, -0.3]")
     settings = parse(text)
     with pytest.raises(InputError, match="on one line"):
@@ -161,7 +161,7 @@ def test_base_reflectors_on_a_line_are_refused():
 
 @pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-3])
 def test_base_reflectors_in_one_place_are_refused(apart):
-    """They have no direction; a ball of half an inch cannot be a millimetre from the next."""
+    """They define no direction; half-inch balls cannot be a millimetre apart."""
     places = [[0.6 + k * apart, -0.5, -0.3 + k % 2 * apart] for k in range(4)]
     text = SETTINGS
     for k, at in enumerate(places, 1):
@@ -172,7 +172,7 @@ def test_base_reflectors_in_one_place_are_refused(apart):
 
 
 def test_placing_turns_points_and_covariances(settings):
-    """A reading known in F_b comes back there; its covariance turns with it."""
+    """A reading with known position in F_b is recovered; its covariance rotates with it."""
     p = np.array([1.0, 5.0, 0.7])
     C = np.diag([1e-10, 4e-10, 9e-10])
     rows = [
@@ -248,7 +248,7 @@ def test_zeros_before_and_after_are_averaged_and_shared(settings):
 
 
 def test_a_target_without_a_zero_has_no_displacement(settings):
-    """P2 was not shot unloaded: its loaded reading is of no use."""
+    """P2 was not read unloaded: its loaded reading is of no use."""
     at = np.array([1.0, 2.0, 3.0])
     rows = [
         ("pose01_rep0_unloaded", "P1", 1, 0, "unloaded", at, 0),
@@ -283,7 +283,7 @@ def test_the_order_of_rows_does_not_matter(settings):
 
 
 def test_a_time_that_is_missing_leaves_the_others(settings):
-    """The mean time of a pull is that of its readings that have one."""
+    """The mean time of a pull is that of its readings with a time."""
     at = np.array([1.0, 2.0, 3.0])
     rows = [("g", name, 1, 1, "loaded", at, s) for name, s in [("P1", 10), ("P2", 20), ("P3", 90)]]
     table = readings([*rows, *chain_rows(at, at + 0.3)])
@@ -294,10 +294,10 @@ def test_a_time_that_is_missing_leaves_the_others(settings):
 
 @pytest.mark.parametrize("same", [True, False])
 def test_covariances_turn_as_matrices_do(same):
-    """Columns of R C R', many alike at once or each of its own; what has no scatter is found."""
+    """Columns of R C R', all equal or all different; singular ones are detected."""
     rng = np.random.default_rng(6)
     half = rng.normal(size=(50, 3, 3)) * 1e-5
-    half[7, :, 2] = half[7, :, 0]  # no scatter in one direction
+    half[7, :, 2] = half[7, :, 0]  # singular in one direction
     C = half @ np.swapaxes(half, 1, 2)
     C = np.broadcast_to(C[3], C.shape) if same else C
     six = list(np.ascontiguousarray(covariance.flat(C).T))

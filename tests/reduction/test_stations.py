@@ -1,4 +1,4 @@
-"""A tracker that is carried to another place: the same campaign as from one place."""
+"""A tracker moved to another station: equal to the same campaign from one station."""
 
 from dataclasses import replace
 
@@ -19,9 +19,9 @@ SIX = ["cxx_m2", "cxy_m2", "cxz_m2", "cyy_m2", "cyz_m2", "czz_m2"]
 
 
 def twice(case, pose, carried=CARRIED, turn=TURN):
-    """The base read once more before a pose, and from there on all of it read from elsewhere.
+    """The base read again before a pose, and everything after it from another station.
 
-    A point that the first station reads as p the second one reads as turn' (p - carried).
+    A point that the first station reads as p is read as turn' (p - carried) by the second.
     """
     rows = case.readings
     start = rows["time"][rows["pose"] == pose].min()
@@ -36,7 +36,7 @@ def twice(case, pose, carried=CARRIED, turn=TURN):
 
 @pytest.fixture(scope="module")
 def still():
-    """A campaign from one place."""
+    """A campaign from one station."""
     return small(3)
 
 
@@ -45,7 +45,7 @@ def compliances(case):
 
 
 def test_one_station_is_left_alone(still):
-    """Readings are the same object; one that moved by some millimetres has not been carried."""
+    """Readings are the same object; a displacement of some millimetres is no new station."""
     readings, told = one_station(still.settings, still.readings)
     assert readings is still.readings
     assert told == ()
@@ -55,7 +55,7 @@ def test_one_station_is_left_alone(still):
 
 
 def test_what_is_read_from_a_second_station_comes_back_to_the_first(still):
-    """To what the base rounds are known to, some tenths of a millimetre; and how far it went."""
+    """To the uncertainty of the base rounds, some tenths of a millimetre; and the distance."""
     away, since = twice(still, 4)
 
     readings, (one,) = one_station(away.settings, away.readings)
@@ -68,7 +68,7 @@ def test_what_is_read_from_a_second_station_comes_back_to_the_first(still):
 
 
 def test_stated_covariances_turn_with_the_station(still):
-    """A range that is read better than angles points elsewhere."""
+    """A range more accurate than the angles has another direction."""
     away, since = twice(still, 4)
     rows = away.readings.assign(**dict(zip(SIX, [1e-10, 0.0, 0.0, 4e-10, 0.0, 9e-10], strict=True)))
 
@@ -81,7 +81,7 @@ def test_stated_covariances_turn_with_the_station(still):
 
 
 def test_the_springs_are_those_of_one_station(still):
-    """Without it every one of them is lost."""
+    """Without it every one of them is undetermined."""
     away, _ = twice(still, 4)
     whole = replace(away, readings=one_station(away.settings, away.readings)[0])
 
@@ -92,7 +92,7 @@ def test_the_springs_are_those_of_one_station(still):
 
 
 def test_a_round_that_is_wrong_by_itself_is_no_station(still):
-    """Two reflectors exchanged: no rigid motion brings that round to where they are."""
+    """Two reflectors exchanged: no rigid motion aligns that round with the others."""
     away, _ = twice(still, 4)
     rows = away.readings.copy()
     mine = rows["group"] == "base_again"

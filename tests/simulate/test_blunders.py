@@ -1,4 +1,4 @@
-"""Blunders change what is written down, exactly as the truth says, and nothing else."""
+"""Blunders change the written files exactly as the truth states, and nothing else."""
 
 import csv
 import io
@@ -38,14 +38,14 @@ def changed(one, two):
 
 @pytest.mark.parametrize("place", ["", ":pose03_rep2_loaded/P2"])
 def test_an_outlier_moves_one_reading(small_campaign, wrong, place):
-    """One reading is off by the size asked for; the truth names it."""
+    """One reading is off by the requested size; the truth names it."""
     campaign = wrong(f"outlier{place}=5e-4")
     moved = numbers(campaign, "tracker.csv", XYZ) - numbers(small_campaign, "tracker.csv", XYZ)
     hit = np.flatnonzero(np.abs(moved).max(axis=1))
     said = campaign.truth["effects"][0]
 
     assert len(hit) == 1
-    assert np.linalg.norm(moved[hit]) == pytest.approx(0.5, abs=2e-4)  # mm, four decimals written
+    assert np.linalg.norm(moved[hit]) == pytest.approx(0.5, abs=2e-4)  # mm, four decimals
     row = rows(campaign)[hit[0]]
     assert said["where"] == f"{row['group']}/{row['target']}"
     assert place in ("", f":{said['where']}")
@@ -56,7 +56,7 @@ def test_an_outlier_moves_one_reading(small_campaign, wrong, place):
 @pytest.mark.parametrize("blunder", ["failed_lock", "stale"])
 @pytest.mark.parametrize("place", ["", ":base_end/B2", ":pose03_rep2_loaded/Pl2"])
 def test_a_reading_that_was_not_taken_is_written(small_campaign, wrong, blunder, place):
-    """The origin or the row before; in the truth it is an outlier without a size."""
+    """The origin or the previous row; in the truth it is an outlier without a size."""
     campaign = wrong(f"{blunder}{place}")
     was, now = (numbers(c, "tracker.csv", XYZ) for c in (small_campaign, campaign))
     (hit,) = np.flatnonzero(np.abs(now - was).max(axis=1))
@@ -75,7 +75,7 @@ def test_the_first_reading_repeats_none(wrong):
 
 
 def test_a_label_swap_exchanges_two_names_of_one_group(small_campaign, wrong):
-    """Coordinates stay; two targets of the named group have each other's names."""
+    """Coordinates stay; two targets of the named group have exchanged names."""
     campaign = wrong("label_swap")
     pairs = list(zip(rows(small_campaign), rows(campaign), strict=True))
     other = [(a, b) for a, b in pairs if a != b]
@@ -139,7 +139,7 @@ def test_other_conventions_are_broken_as_named(small_campaign, wrong):
 
 
 def test_modified_parameters_are_entered_as_standard_ones(small_campaign, wrong):
-    """The robot file keeps every number; its lengths stand under the classic letters."""
+    """The robot file keeps every number; its lengths are under the classic letters."""
     campaign = wrong("sign_or_convention:modified_dh")
     was = tomllib.loads(load("kr500_rail").text)
     now = tomllib.loads(campaign.files["robot.toml"].decode())
@@ -166,7 +166,7 @@ def test_blunders_and_effects_mix(small_plan):
 
 
 def test_the_first_form_of_an_effect_is_meant():
-    """A name without a form means the form that the catalogue lists first."""
+    """A name without a form means the first form in the catalogue."""
     robot = load("kr500_rail")
     first = next(e for e in catalogue(robot) if e.name == "rail_backlash")
     others = [e for e in catalogue(robot) if e.name == "rail_backlash" and e is not first]
@@ -189,6 +189,6 @@ def test_the_first_form_of_an_effect_is_meant():
     ],
 )
 def test_a_wrong_place_or_size_is_answered_with_the_right_ones(wrong, words, said):
-    """The message lists what can be said instead."""
+    """The message lists the valid words."""
     with pytest.raises(UsageError, match=said):
         wrong(words)

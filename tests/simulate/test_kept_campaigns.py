@@ -1,4 +1,4 @@
-"""The campaigns that come with the project are what they say they are."""
+"""The campaigns that ship with the project are as described."""
 
 import csv
 from pathlib import Path
@@ -25,7 +25,7 @@ FANUC_ROWS = [  # alpha_{i-1} [rad], a_{i-1} [m], theta offset [rad], d_i [m], a
 
 
 def test_the_demo_is_what_its_plan_makes():
-    """Every byte of the demo campaign follows from the plan kept beside it."""
+    """Every byte of the demo campaign follows from the plan that ships with it."""
     made = simulate(parse((DATA / "plans" / "kr500_demo.toml").read_text("utf-8")))
     kept = {path.name: path.read_bytes() for path in (DATA / "raw" / "kr500_demo").iterdir()}
 
@@ -35,7 +35,10 @@ def test_the_demo_is_what_its_plan_makes():
 
 @pytest.mark.whole
 def test_the_first_campaign_hides_a_roll_and_finds_it():
-    """Exports and logs are the plan's, byte for byte; the roll that it hides is named and sized."""
+    """Exports and logs follow from the plan, byte for byte.
+
+    The hidden roll is named with its size.
+    """
     plan = parse((DATA / "plans" / "kr500_first.toml").read_text("utf-8"))
     made, folder = simulate(plan), DATA / "raw" / "kr500_first"
     for name in ("tracker.csv", "loads.csv", "joints.csv"):
@@ -54,7 +57,10 @@ def test_the_first_campaign_hides_a_roll_and_finds_it():
 
 
 def test_the_second_campaign_is_what_its_plan_makes():
-    """Exports and logs are the plan's, byte for byte; all but A3 is as stiff as a year before."""
+    """Exports and logs follow from the plan, byte for byte.
+
+    Only A3 is less stiff than a year before.
+    """
     first, second = (
         parse((DATA / "plans" / f"kr500_{name}.toml").read_text("utf-8"))
         for name in ("first", "second")
@@ -70,7 +76,7 @@ def test_the_second_campaign_is_what_its_plan_makes():
 
 @pytest.mark.slow
 def test_a_year_of_wear_is_found_where_it_is():
-    """The campaigns differ in A3, by what it has lost, and in nothing else."""
+    """The campaigns differ in A3, by its loss of stiffness, and in nothing else."""
     one, two = (
         answered(name, find(DATA.parent, name).read()).answer
         for name in ("kr500_first", "kr500_second")

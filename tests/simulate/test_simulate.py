@@ -1,4 +1,4 @@
-"""The virtual cell writes what a robot on a rail would have made an operator write."""
+"""The virtual cell writes what an operator would record from a robot on a rail."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ TOOL = Tool(
 
 
 def place(q, point):
-    """A tool point in F_b by multiplying out Table I, row by row, for one pose [m], [rad]."""
+    """A tool point in F_b from Table I, multiplied row by row, for one pose [m], [rad]."""
     T = np.eye(4)
     for j, (alpha, d, r) in enumerate(TABLE_I):
         a = np.radians(alpha)
@@ -73,7 +73,7 @@ def place(q, point):
 
 
 def slopes(q, point, h=1e-6):
-    """How a tool point moves per unit of each joint, by central differences, shape (3, 7)."""
+    """Motion of a tool point per unit of each joint, by central differences, shape (3, 7)."""
     return np.stack(
         [(place(q + e, point) - place(q - e, point)) / (2 * h) for e in h * np.eye(7)], axis=1
     )
@@ -85,7 +85,7 @@ def rows(campaign, file):
 
 
 def to_base(campaign):
-    """Rotation and shift of the tracker's readings into F_b from the written base reflectors."""
+    """Rotation and shift from the tracker's frame to F_b, from the written base reflectors."""
     nominal = tomllib.loads(campaign.files["campaign.toml"].decode())["base_frame"]
     seen = [r for r in rows(campaign, "tracker.csv") if r["group"].startswith("base")]
     here = np.array([[float(r[f"{a}_mm"]) / 1000 for a in "xyz"] for r in seen])
@@ -140,7 +140,7 @@ def test_displacements_follow_the_paper_from_the_files_alone(exact):
 
 
 def test_the_chain_ends_at_an_anchor_on_the_floor(exact):
-    """Pl1 and Pl2 lie on the line from the load point under load to a point of the floor."""
+    """Pl1 and Pl2 are on the line from the loaded load point to a point on the floor."""
     tool = tomllib.loads(exact.files["campaign.toml"].decode())["tool"]
     at, q = positions(exact), joint_values(exact)
     anchors = set()
@@ -170,7 +170,7 @@ def test_same_seed_same_bytes():
 
 
 def test_noise_leaves_the_poses_alone():
-    """Another noise model changes readings, not what was measured."""
+    """Another noise model changes readings, but not poses and loads."""
     quiet = simulate(Plan(seed=SEED))
     loud = simulate(revised(Plan(seed=SEED), {"tracker": {"noise": "paper"}}))
 
@@ -179,7 +179,7 @@ def test_noise_leaves_the_poses_alone():
 
 
 def test_the_truth_is_json_and_stays_out_of_the_raw_folder():
-    """No file of the raw folder gives away the stiffnesses, the gain error or the seed."""
+    """No raw file reveals the stiffnesses, the gain error or the seed."""
     plan = revised(
         Plan(seed=SEED), {"hidden": {"stiffness_spread": 0.25}, "scale": {"gain_sigma": 0.01}}
     )
@@ -198,7 +198,7 @@ def test_the_truth_is_json_and_stays_out_of_the_raw_folder():
 
 
 def test_the_campaign_file_keeps_the_contract():
-    """campaign.toml of a simulated campaign is accepted and says what the plan says."""
+    """campaign.toml of a simulated campaign is accepted and agrees with the plan."""
     plan = revised(
         Plan(seed=SEED),
         {
@@ -255,7 +255,7 @@ def test_drawn_poses_stand_clear_inside_the_limits():
 
 
 def test_the_carriage_comes_from_both_sides():
-    """Approaches alternate, and every anchor is met from both sides."""
+    """Approaches alternate, and every anchor is approached from both sides."""
     came = [int(r["approach"]) for r in rows(simulate(Plan(seed=SEED)), "joints.csv")]
 
     assert came[:8] == [1, -1, 1, -1, 1, -1, -1, 1]
@@ -287,7 +287,7 @@ def test_readings_scatter_as_stated(model, at, cov_um2):
 
 
 def test_draws_scatter_around_the_exact_readings():
-    """Many drawn campaigns differ by tracker noise and by the scale's errors, in the right size."""
+    """Many drawn campaigns differ by tracker noise and scale errors of the right size."""
     plan = revised(
         Plan(seed=SEED), {"scale": {"sigma_n": 4.0, "sigma_rel": 0.002, "gain_sigma": 0.01}}
     )
@@ -313,7 +313,7 @@ def pulled(at):
 
 
 def test_the_scale_is_wrong_not_the_pull_in_the_log():
-    """With a gain error the robot bends by what acts while loads.csv shows the reading."""
+    """With a gain error the robot deflects by the true force while loads.csv has the reading."""
     base = Plan(seed=SEED).without_noise()
     true, wrong = simulate(base), simulate(revised(base, {"scale": {"gain_error": 0.05}}))
     bend = [pulled(positions(campaign)) for campaign in (true, wrong)]
@@ -324,7 +324,7 @@ def test_the_scale_is_wrong_not_the_pull_in_the_log():
 
 
 def extra_weight():
-    """A lump of 40 N hangs at the load point: a wrench that no scale shows."""
+    """A weight of 40 N at the load point: a wrench that no scale shows."""
     effect = Wrench(
         name="lump", where=None, noun="lump", place="force",
         parameters=(Parameter("w", "N", 40.0),),
@@ -335,7 +335,7 @@ def extra_weight():
 
 
 def in_turn(effects):
-    """Each effect in each form at its first place; further places, which differ little: slow."""
+    """Each effect in each form at its first place; similar further places are slow tests."""
     told = set()
     for effect in effects:
         kind = effect.name, effect.form
@@ -346,7 +346,7 @@ def in_turn(effects):
 
 @pytest.mark.parametrize("effect", list(in_turn(catalogue(ROBOT))))
 def test_what_acts_survives_the_trip_through_the_files(effect, small_plan, read_back):
-    """The model that knows the effect meets the files: branch, approach, times, forces, points."""
+    """A model with the effect agrees with the files: branch, approach, times, forces, points."""
     values = np.array([parameter.typical for parameter in effect.parameters])
     campaign = simulate(small_plan.without_noise(), hidden=(Planted(effect, values),))
     data = read_back(campaign).data
@@ -358,19 +358,19 @@ def test_what_acts_survives_the_trip_through_the_files(effect, small_plan, read_
         miss(ignored.displacement, data, data.delta), miss(ignored.unloaded, data, data.unloaded)
     )
 
-    # the model gives the readings of one pull one time; the registration follows a drift half-way
+    # the model assigns one time to a pull; the registration follows a drift half-way
     assert miss(known.displacement, data, data.delta) < (2e-7 if drifts else 1e-12)
     assert drifts or miss(known.unloaded, data, data.unloaded) < 1e-12
     assert isinstance(effect, Noise) or overlooked > 3e-7
 
 
 def miss(predicted, data, seen):
-    """Largest distance between what a model predicts and what was read [m]."""
+    """Largest distance between predicted and measured positions [m]."""
     return np.abs(predicted[data.pull, data.target] - seen).max()
 
 
 def test_a_hidden_effect_shows_in_the_data_and_only_there(small_plan):
-    """A weight at the load point adds its own deflection to every pull; logs stay as they were."""
+    """A weight at the load point adds its deflection to every pull; logs are unchanged."""
     plan = small_plan.without_noise()
     clean, hidden = simulate(plan), simulate(plan, hidden=(extra_weight(),))
     tool, q = plan.tool, joint_values(clean)
@@ -384,7 +384,7 @@ def test_a_hidden_effect_shows_in_the_data_and_only_there(small_plan):
             J_m @ (J_l.T @ [0, 0, -40.0] / TABLE_III) if group.endswith("_loaded") else np.zeros(3)
         )
         assert p - at[group, name] == pytest.approx(own, abs=2e-7)
-    # 0.1 mm of load point on 1.2 m of chain turns 3 kN by 0.2 N at 1 um/N: the tolerance
+    # 0.1 mm of load point on 1.2 m of chain rotates 3 kN by 0.2 N at 1 um/N: the tolerance
 
     assert clean.files["joints.csv"] == hidden.files["joints.csv"]
     assert hidden.truth["effects"][0]["parameters"][0]["value"] == 40.0
@@ -392,7 +392,7 @@ def test_a_hidden_effect_shows_in_the_data_and_only_there(small_plan):
 
 @pytest.mark.parametrize("instrument", [True, False])
 def test_the_clock_drives_what_drifts(instrument):
-    """1 um/s moves each target by its own time since the first reading; base only if all drifts."""
+    """1 um/s moves each target by the time since the first reading; the base only if all drifts."""
     drift = Observation(
         name="drift", where=None, noun="drift", place="metrology",
         parameters=(Parameter("v", "m/s", 1e-6),),
@@ -412,7 +412,7 @@ def test_the_clock_drives_what_drifts(instrument):
 
 
 def test_a_soft_robot_finds_its_equilibrium_under_load(small_plan):
-    """Deformed: each joint turns by its torque at the place where the arm ends up."""
+    """Deformed: each joint rotates by its torque on the deflected arm."""
     plan = revised(small_plan.without_noise(), {"hidden": {"equilibrium": "deformed"}})
     campaign = simulate(plan)
     at, q = positions(campaign), joint_values(campaign)
@@ -442,7 +442,7 @@ def test_a_soft_robot_finds_its_equilibrium_under_load(small_plan):
 
 
 def test_what_is_hidden_is_what_acts(small_plan):
-    """Stiffnesses and tool points that are off act on the readings and stand in the truth."""
+    """Errors of stiffnesses and tool points affect the readings and are in the truth."""
     hidden = {"stiffness_spread": 0.25, "tool_sd_m": 1e-3}
     campaign = simulate(revised(small_plan.without_noise(), {"hidden": hidden}))
     k = np.array([joint["value"] for joint in campaign.truth["stiffness"]])
@@ -484,7 +484,7 @@ def test_noise_may_be_other_than_stated(small_plan, changes, tracker, scale):
 
 
 def test_noise_may_be_left_unstated(small_plan):
-    """A campaign without stated noise says nothing about it."""
+    """Such a campaign does not state its noise."""
     read = settings.parse(
         simulate(revised(small_plan, {"tracker": {"stated": False}}))
         .files["campaign.toml"]
@@ -496,7 +496,10 @@ def test_noise_may_be_left_unstated(small_plan):
 
 
 def test_given_poses_are_taken(small_plan):
-    """Poses of the plan stand in the log; the chain goes to the nearest anchor; one zero if so."""
+    """Poses of the plan are in the log; the chain goes to the nearest anchor.
+
+    One zero on request.
+    """
     q = [[8.5, -10, 35, 39, 81, 22, -10], [3.0, 60, 30, 40, 10, 50, 20.5]]
     plan = revised(
         Plan(seed=SEED).without_noise(),
@@ -547,7 +550,7 @@ def test_exact_files_give_back_every_stiffness(robot, dialect, read_back):
 
 
 def test_unknown_words_are_answered_with_the_known_ones():
-    """A wrong effect, size, dialect or entry is named together with what there is."""
+    """A wrong effect, size, dialect or entry is named together with the valid ones."""
     robot = load("kr500_rail")
     with pytest.raises(UsageError, match='no effect "rail_rol"'):
         plant("rail_rol", robot)
@@ -560,7 +563,7 @@ def test_unknown_words_are_answered_with_the_known_ones():
 
 
 def test_the_branch_turns_with_the_load():
-    """Less than before is down, more is up; every run through the steps starts slack, so up."""
+    """Less than before is down, more is up; every pass through the steps starts slack, so up."""
     plan = Plan(
         pulls={"steps_n": [1000, 2000, 2000, 1500, 1500, 3000], "repeats": 2}, poses={"count": 1}
     )
@@ -572,14 +575,14 @@ def test_the_branch_turns_with_the_load():
 @pytest.mark.parametrize("noise", ["paper", InstrumentNoise(range_m=8e-6, transverse_m=2e-5)])
 @pytest.mark.parametrize("dialect", WRITERS)
 def test_every_dialect_tells_the_same_campaign(dialect, noise, small_plan, read_back):
-    """Whatever the tracker's software, the same pulls come back, and so does the stated noise."""
+    """With any tracker software the same pulls and the same stated noise are read back."""
     plan = revised(small_plan, {"tracker": {"noise": noise}})
     plain, other = (
         read_back(simulate(revised(plan, {"tracker": {"dialect": d}}))).data
         for d in ("plain", dialect)
     )
 
-    # written uncertainties weigh the base reflectors by their last digits, a T-Mac's by their axes
+    # digits of written uncertainties weight the base reflectors, for a T-Mac along its axes
     turned = {"emscon": 1e-9, "leica_6dof": 2e-5}.get(dialect, 0.0)  # [rad]
     assert other.delta == pytest.approx(plain.delta, abs=6e-3 * turned)
     assert other.pulls.force == pytest.approx(plain.pulls.force, abs=3e3 * turned)
@@ -593,7 +596,7 @@ def test_every_dialect_tells_the_same_campaign(dialect, noise, small_plan, read_
 
 @pytest.mark.parametrize("dialect", WRITERS)
 def test_unstated_noise_stays_unstated_in_every_dialect(dialect, small_plan, read_back):
-    """Columns for uncertainties are not taken for a statement when there is none."""
+    """Columns for uncertainties do not count as a statement if there is none."""
     plan = revised(small_plan, {"tracker": {"dialect": dialect, "stated": False}})
 
     assert not read_back(simulate(plan)).data.noise_stated

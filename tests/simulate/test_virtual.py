@@ -1,4 +1,4 @@
-"""`pipeline simulate` on disk: whole folders, sealed truth, nothing overwritten by accident."""
+"""`pipeline simulate` on disk: complete folders, sealed truth, no accidental overwriting."""
 
 import json
 import os
@@ -15,7 +15,7 @@ FEW = {"name": "few", "poses": {"count": 2}}
 
 
 def test_a_campaign_appears_whole_and_its_truth_elsewhere(tmp_path):
-    """The raw folder holds four files, the truth lies beside the tables, nothing else is left."""
+    """The raw folder has four files, the truth is with the tables, and nothing else remains."""
     folder, sealed = write(tmp_path, None, FEW)
 
     assert sorted(p.name for p in folder.iterdir()) == [
@@ -41,7 +41,7 @@ def test_a_campaign_is_not_overwritten_by_accident(tmp_path):
 
 
 def test_an_interrupted_replacement_leaves_the_old_campaign(tmp_path, monkeypatch):
-    """A disk that fails half-way through leaves the folder as it was."""
+    """A disk that fails half-way leaves the folder unchanged."""
     folder, _ = write(tmp_path, None, FEW)
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
     real = files.write
@@ -60,7 +60,7 @@ def test_an_interrupted_replacement_leaves_the_old_campaign(tmp_path, monkeypatc
 
 
 def test_a_replacement_that_cannot_take_its_place_gives_it_back(tmp_path, monkeypatch):
-    """When the new folder cannot be moved in, the old one stands there again."""
+    """If the new folder cannot be moved in, the old one is restored."""
     folder, _ = write(tmp_path, None, FEW)
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
     real = os.rename
@@ -86,7 +86,7 @@ def test_the_truth_is_kept_away_from_raw_files(tmp_path):
 
 
 def test_the_command_line_says_more_than_the_plan(tmp_path, capsys):
-    """Options replace what the plan file says, noise models included."""
+    """Options override the plan file, including noise models."""
     plan = tmp_path / "plan.toml"
     plan.write_text('name = "mine"\nposes.count = 2\n[tracker]\nsigma_m = 1e-5\n')
     words = f"simulate {plan} --root {tmp_path} --seed 7 --noise paper --digits 3 --step 900"
@@ -103,7 +103,7 @@ def test_the_command_line_says_more_than_the_plan(tmp_path, capsys):
 
 
 def test_exact_readings_are_the_plan_without_its_noise(tmp_path):
-    """--exact writes every digit and lets nothing scatter, whatever noise is stated."""
+    """--exact writes every digit without scatter, whatever noise is stated."""
     changes = FEW | {"scale": {"gain_sigma": 0.01}}
     folder, sealed = write(tmp_path, None, changes, noise="instrument", exact=True)
     truth = json.loads(sealed.read_text())
@@ -129,7 +129,7 @@ def test_exact_readings_are_the_plan_without_its_noise(tmp_path):
     ],
 )
 def test_a_slip_is_answered_with_what_is_possible(tmp_path, changes, noise, said):
-    """A wrong word names the right ones, and nothing is written."""
+    """A wrong word is answered with the valid ones, and nothing is written."""
     with pytest.raises((UsageError, InputError), match=said):
         write(tmp_path, None, FEW | changes, noise)
 

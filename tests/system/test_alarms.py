@@ -1,4 +1,4 @@
-"""The budget of false alarms: its sum, and that every test keeps to its own part."""
+"""The false-alarm budget: its sum, and that every test keeps to its own rate."""
 
 import ast
 import math
@@ -21,12 +21,12 @@ PACKAGE = Path(alarms.__file__).parents[1]
 
 @pytest.mark.parametrize("table", [alarms.ACCUSING, alarms.OF_POSITIONS, alarms.TOGETHER])
 def test_all_tests_together_accuse_one_clean_campaign_in_a_hundred(table):
-    """The sum bounds what chance does, however the tests depend on each other (Boole)."""
+    """The sum bounds the total false-alarm rate, however the tests depend on each other (Boole)."""
     assert math.fsum(table.values()) <= alarms.MOST == 0.01
 
 
 def test_a_campaign_of_both_is_asked_all_that_either_is_and_whether_they_agree():
-    """Its table holds every test of both, none of them twice under one name."""
+    """The table of both holds every test of either, none of them twice under one name."""
     assert len(alarms.TOGETHER) == len(alarms.ACCUSING) + len(alarms.OF_POSITIONS) + 2
     each = [*alarms.ACCUSING.values(), *alarms.OF_POSITIONS.values()]
     both = math.fsum([*each, alarms.MISFIT, alarms.GEOMETRY])
@@ -40,7 +40,7 @@ RATES = {
 
 
 def test_every_rate_is_used_where_a_test_is_made():
-    """A rate that no code reads, or a test with a rate of its own, would make the sum a fiction."""
+    """A rate that no code uses, or a test with its own rate, would make the sum meaningless."""
     used = set()
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -48,7 +48,7 @@ def test_every_rate_is_used_where_a_test_is_made():
             if named and node.value.id == "alarms":
                 used.add(node.attr)
 
-    assert used == RATES | {"PLANNED"}  # that of one suspect, where nothing is measured yet
+    assert used == RATES | {"PLANNED"}  # that of one suspect in planning
     counted = {*alarms.ACCUSING.values(), *alarms.OF_POSITIONS.values()}
     assert counted == {getattr(alarms, rate) for rate in RATES - {"COMPONENT"}}
 
@@ -63,11 +63,11 @@ KNOWN = {
     "estimate.MISFIT_P": "a remark beside the verdict",
     "unloaded._RARE": "leaves out a pose that no displacement is measured in",
 }
-"""Probabilities of code outside of the table: none of them accuses a campaign by itself."""
+"""Probabilities outside the table: none of them accuses a campaign by itself."""
 
 
 def test_no_test_has_a_rate_of_its_own():
-    """A p-value that is compared with a constant of its file is in the table, or told above."""
+    """A p-value compared with a constant of its file must be in the table or listed above."""
     own = set()
     for room in ("faults", "diagnosis", "system", "geometry"):
         for path in (PACKAGE / room).rglob("*.py"):
@@ -77,7 +77,7 @@ def test_no_test_has_a_rate_of_its_own():
 
 
 def _rates(path):
-    """Module-level probabilities that a comparison with a p-value uses."""
+    """Module-level probabilities with which a p-value is compared."""
     tree = ast.parse(path.read_text("utf-8"))
     small = {
         node.targets[0].id
@@ -99,13 +99,13 @@ CHANCES = {"p", "misfit", "chance", "chi2_beyond", "fdtrc", "chdtrc", "p_value",
 
 
 def _chance(side):
-    """Whether an expression is a probability by chance."""
+    """Whether an expression is a p-value."""
     names = {getattr(node, "id", getattr(node, "attr", "")) for node in ast.walk(side)}
     return bool(names & CHANCES) or any(name.endswith("_p") for name in names)
 
 
 def test_a_rate_of_its_own_would_be_found(tmp_path):
-    """The search above sees a new threshold the day somebody writes it."""
+    """The search above finds a new threshold."""
     path = tmp_path / "made.py"
     path.write_text("_RARE = 1e-3\n_M = 1e-3\ndef f(p, x):\n    return p < _RARE and x < _M\n")
 
@@ -113,7 +113,7 @@ def test_a_rate_of_its_own_would_be_found(tmp_path):
 
 
 def test_a_planned_suspect_has_the_rate_that_a_measured_one_finds(small_campaign, read_back):
-    """The whole catalogue of a robot on a rail, tested in one campaign: its threshold."""
+    """The planned rate is the threshold for the whole catalogue of a robot on a rail."""
     raw = in_memory(small_campaign.files)
     cell = paper_cell(raw.robot, tool(raw.settings))
     model = CurrentModel(cell, raw.robot.nominal_compliance, 7)
@@ -125,7 +125,7 @@ def test_a_planned_suspect_has_the_rate_that_a_measured_one_finds(small_campaign
 
 
 def test_eight_families_of_readings_are_tested():
-    """As many as there are entries of the table: a ninth needs a line there.
+    """As many families as the table assumes; a ninth would need an entry.
 
     Single readings of the scale and exchanged ones share the rate of one family.
     """
@@ -140,7 +140,7 @@ def test_eight_families_of_readings_are_tested():
         if "alarms.READING" in path.read_text("utf-8")
     }
 
-    # joint_row asks the base for its alibi, one_pose what targets were computed from
+    # joint_row uses the base as alibi, one_pose what targets were computed from
     assert testing - {"joint_row", "one_pose"} == set(families)
     assert sum(rate == alarms.READING for rate in alarms.ACCUSING.values()) == len(families)
     parts = alarms.SCALE, alarms.EXCHANGED, alarms.LADDERS

@@ -1,4 +1,4 @@
-"""Noise along and across the beam: seen in campaigns of another machine, and not where none is."""
+"""Noise along and across the beam: found in campaigns of another machine, and only if present."""
 
 from dataclasses import replace
 
@@ -18,20 +18,20 @@ from pipeline.system.shape import shape
 
 
 def fitted(world):
-    """A campaign of a world with its joint springs."""
+    """Fit the joint springs to a campaign of a world."""
     case = ingested(in_memory(written(world)[3]), conformed, plain)
     return fit(case, bring(case))
 
 
 @pytest.fixture(scope="module")
 def polar():
-    """A tracker whose range is four times better than its angles, the rms stated."""
+    """A tracker with a range four times more accurate than its angles, stated as an rms."""
     return fitted("ot2_rms")
 
 
 @pytest.fixture(scope="module")
 def calm():
-    """A tracker that is as good in all directions, as stated."""
+    """A tracker with isotropic noise, as stated."""
     return fitted("normal")
 
 
@@ -39,7 +39,7 @@ def calm():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("world", ["ot2_rms", "at960_angles", "vantage_rms"])
 def test_a_tracker_of_its_data_sheet_has_no_tails(world):
-    """One figure stated for range and angles: adequate, and what is said is that they differ."""
+    """One figure stated for range and angles: adequate, with a note that they differ."""
     answer = asked(written(world)[3]).answer
 
     assert answer["diagnosis"]["verdict"] == "adequate"
@@ -55,7 +55,7 @@ def test_a_tracker_of_its_data_sheet_has_no_tails(world):
     ("world", "tailed"), [("at960_student3", True), ("vantage_bursts", True), ("ot2_rms", False)]
 )
 def test_tails_are_seen_beside_the_beam(world, tailed):
-    """Readings of such a tracker that scatter with tails or in bursts are known from others."""
+    """Tails or bursts in the readings of such a tracker are distinguished from others."""
     found = fitted(world)
     springs = CurrentModel(found.case.cell, found.estimate.value, found.case.robot.n)
 
@@ -68,7 +68,7 @@ def test_tails_are_seen_beside_the_beam(world, tailed):
 @pytest.mark.slow
 @pytest.mark.parametrize("world", ["at960_student3", "vantage_bursts"])
 def test_tails_beside_the_beam_are_named(world):
-    """By the answer, which accuses nobody for them."""
+    """The answer names the tails and accuses nobody for them."""
     answer = asked(written(world)[3]).answer
 
     assert answer["diagnosis"]["verdict"] == "adequate"
@@ -76,7 +76,7 @@ def test_tails_beside_the_beam_are_named(world):
 
 
 def test_both_parts_are_those_of_the_data_sheet(polar):
-    """And the angles make the farther readings worse."""
+    """And the angular noise makes distant readings less accurate."""
     data, beam, sheet = polar.plain, polar.shape.beam, SHEETS["ot2"]
     far = np.linalg.norm(data.unloaded - data.tracker, axis=1)
     stated = np.sqrt(data.loaded_cov[0, 0, 0])
@@ -89,7 +89,7 @@ def test_both_parts_are_those_of_the_data_sheet(polar):
 
 
 def test_what_is_stated_stays_where_it_holds(calm):
-    """In isotropic noise weights move by less than they are known."""
+    """With isotropic noise, weights change by less than their uncertainty."""
     beam = calm.shape.beam
 
     assert beam.probability < 0.5
@@ -99,7 +99,7 @@ def test_what_is_stated_stays_where_it_holds(calm):
 
 
 def test_a_far_reading_is_no_blunder_for_its_angles(polar):
-    """What is far off in stated uncertainties is less so where the beam makes the noise larger."""
+    """A reading far off in stated uncertainties is less so if noise across the beam is larger."""
     plain, of_beam = replace(polar.shape.family, widest=1.0), polar.shape.family
 
     assert of_beam.widest == pytest.approx(polar.shape.beam.across.max() ** 2)
@@ -108,7 +108,7 @@ def test_a_far_reading_is_no_blunder_for_its_angles(polar):
 
 
 def test_springs_are_known_better_by_the_range(polar):
-    """Their uncertainties fall beside those of the one figure."""
+    """Their uncertainties are smaller than with one figure for all directions."""
     case, reduced = polar.case, polar.reduced
     alone = fit(case, replace(reduced, data=replace(reduced.data, tracker=None)))
     ratio = np.sqrt(np.diag(polar.estimate.cov) / np.diag(alone.estimate.cov))
@@ -119,7 +119,7 @@ def test_springs_are_known_better_by_the_range(polar):
 
 
 def test_a_wrong_model_is_no_worse_angle(calm):
-    """What it leaves across the beam is many times the noise, and changes no weight."""
+    """Model error across the beam is many times the noise, and changes no weight."""
     cell, data = calm.case.cell, calm.plain
     seen = linearise(CurrentModel(cell, calm.estimate.value, 7), data, ())
     beams = data.unloaded - data.tracker
@@ -149,7 +149,7 @@ def test_without_a_station_nothing_is_concluded(polar, lost):
 
 
 def test_covariances_are_parted_by_the_beam(polar):
-    """Along a beam and across it variances are multiplied, and what is put in comes out again."""
+    """Variances along and across the beam are scaled, and scaled back exactly."""
     data = polar.plain
     across = np.linspace(0.5, 2.0, len(data.pull))
     beam = Beam(0.25, across)
@@ -169,15 +169,15 @@ def test_covariances_are_parted_by_the_beam(polar):
     ("along", "across", "used"),
     [
         (0.3, 1.0, (0.3, 1.0)),  # the figure of the angles is stated
-        (0.3, 1.2, (0.3, 1.2)),  # the rms of three axes
+        (0.3, 1.2, (0.3, 1.2)),  # the rms over three axes
         (0.3, 3.0, (0.3, np.sqrt(1.455))),  # and an error of the model: 0.09 + 2 x 1.455 is 3
         (0.1, 0.5, (0.2, 1.0)),  # twice as much, as an MPE
         (1.0, 3.0, (1.0, 1.0)),  # an error of the model only
-        (0.8, 0.8, (1.0, 1.0)),  # stated too large is none of its business
+        (0.8, 0.8, (1.0, 1.0)),  # an overstated noise is left to other tests
     ],
 )
 def test_no_more_than_stated_in_all(along, across, used):
-    """Of both parts the smaller is as found, the larger within the sum of the three variances."""
+    """The smaller component is as found, the larger limited by the sum of the three variances."""
     found = _taken(along, np.full(4, across), 1.0)
 
     assert (found[0], found[1][0]) == pytest.approx(used)

@@ -1,4 +1,4 @@
-"""Suspects beside a base: against numpy's fits of base and suspect together, row by row."""
+"""Suspects in addition to a base: against numpy's joint fits of base and suspect, row by row."""
 
 import numpy as np
 import pytest
@@ -8,40 +8,40 @@ from pipeline.system.beside import Base, by_products, left_out, padded
 
 RNG = np.random.default_rng(23)
 KEY = RNG.permutation(np.repeat([30, 10, 20], [14, 11, 9]))
-"""Three blocks whose rows are no neighbours."""
+"""Three blocks of rows that are not adjacent."""
 
 M = len(KEY)
 X = RNG.standard_normal((M, 4))
 Y = RNG.standard_normal(M) + X @ np.array([1.0, -2.0, 0.5, 3.0])
 D = RNG.standard_normal((M, 2)) + 0.8 * X[:, :2]
-"""A suspect of two columns that touches all rows and leans on the base."""
+"""A suspect of two columns, nonzero in all rows and correlated with the base."""
 
 
 def rss(columns, y):
-    """What numpy's least squares leaves of y, sum of squares."""
+    """Residual sum of squares of numpy's least squares."""
     left = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
     return left @ left
 
 
 def fit(base, more, y):
-    """Size of further columns, its covariance, and how far the sum of squares falls, by fits."""
+    """Size of further columns, its covariance, and drop of the sum of squares, from two fits."""
     both, k = np.column_stack([base, more]), more.shape[1]
     cov = np.linalg.inv(both.T @ both)[-k:, -k:]
     return np.linalg.lstsq(both, y, rcond=None)[0][-k:], cov, rss(base, y) - rss(both, y)
 
 
 def each_its_own(X, key):
-    """Each block has all columns of X to itself, written out."""
+    """Columns of X separately for each block, as a dense matrix."""
     return np.column_stack([X * (key == k)[:, None] for k in np.unique(key)])
 
 
 def only(columns, block):
-    """Columns that touch one block, 0 to 2 in the order of the keys."""
+    """Columns restricted to one block, 0 to 2 in the order of the keys."""
     return columns * (np.unique(KEY)[block] == KEY)[:, None]
 
 
 def in_blocks(rows, key=KEY):
-    """Rows by block with zeros below the shorter ones, (p, s, ...), by hand."""
+    """Rows by block with zeros below the shorter ones, (p, s, ...), written out."""
     parts = [rows[key == k] for k in np.unique(key)]
     out = np.zeros((len(parts), max(map(len, parts)), *rows.shape[1:]))
     for block, part in zip(out, parts, strict=True):
@@ -50,7 +50,7 @@ def in_blocks(rows, key=KEY):
 
 
 def test_a_suspect_of_all_rows_is_the_difference_of_two_fits():
-    """Size, covariance, drop, rank, what is left and both degrees of freedom."""
+    """Size, covariance, drop, rank, residual and both degrees of freedom agree."""
     found = Base.of(X, Y).beside_all(D)
     size, cov, drop = fit(X, D, Y)
 
@@ -67,7 +67,7 @@ def test_a_suspect_of_all_rows_is_the_difference_of_two_fits():
 
 
 def test_some_columns_of_a_suspect_are_suspects_of_their_own():
-    """One or two of four columns, two of which are nearly a third: as fits of these alone."""
+    """One or two of four columns, two nearly parallel to a third, as fits of these alone."""
     four = np.column_stack([D, RNG.standard_normal(M), D[:, 0]])
     every = Base.of(X, Y).beside_all(four)
     for at in ([[0], [1], [2], [3]], [[0, 1], [2, 1], [1, 3]], [[0, 1, 3]]):
@@ -79,7 +79,7 @@ def test_some_columns_of_a_suspect_are_suspects_of_their_own():
 
 @pytest.mark.parametrize("own", [False, True])
 def test_suspects_of_one_block_each_are_fits_of_all_rows(own):
-    """A base of all rows, or one that each block has to itself; three suspects in each block."""
+    """A base of all rows, or separate in each block; three suspects in each block."""
     base = Base.of(X, Y, KEY, own)
     columns = each_its_own(X, KEY) if own else X
     three = RNG.standard_normal((M, 3, 2)) + X[:, None, :2]
@@ -98,7 +98,7 @@ def test_suspects_of_one_block_each_are_fits_of_all_rows(own):
 
 @pytest.mark.parametrize("own", [False, True])
 def test_a_suspect_of_all_rows_stands_beside_blocks_too(own):
-    """What a base by block leaves of columns that touch all rows."""
+    """Residual of columns of all rows after a base by block."""
     columns = each_its_own(X, KEY) if own else X
     base = Base.of(X, Y, KEY, own)
     found = base.beside_all(D)
@@ -125,7 +125,7 @@ def test_the_same_columns_stand_beside_other_rows(own):
 
 
 def test_blocks_and_rows_that_are_missing_at_the_end_are_zero():
-    """Suspects that end early need no zeros below them."""
+    """Trailing rows that are zero may be omitted."""
     base, whole = Base.of(X, Y, KEY), in_blocks(D[:, None])
     short = whole[:2, :7]
     full = np.zeros_like(whole)
@@ -138,7 +138,7 @@ def test_blocks_and_rows_that_are_missing_at_the_end_are_zero():
 
 
 def test_rows_of_suspects_go_back_to_their_own_order():
-    """One suspect for each row, that it is off: the drop is that of the fit without the row."""
+    """One suspect per row, an error of that row: the drop is that of the fit without the row."""
     base = Base.of(X, Y, KEY)
     by_block = in_blocks(np.arange(M)).astype(int)
     D = np.zeros((3, by_block.shape[1], by_block.shape[1], 1))
@@ -154,7 +154,7 @@ def test_rows_of_suspects_go_back_to_their_own_order():
 
 
 def test_products_of_columns_say_what_the_rows_say():
-    """Suspects of one, two and three columns, the base not in front, as fits and as rows."""
+    """Suspects of one to three columns, the base not in front: as fits and as rows."""
     A = np.column_stack([D[:, 0], X, RNG.standard_normal((M, 5)), Y])
     base, members = np.array([1, 2, 3, 4]), [np.array([0]), np.array([7, 5]), np.array([9, 6, 8])]
     found = by_products(A.T @ A, base, padded(members), M - 4)
@@ -171,7 +171,7 @@ def test_products_of_columns_say_what_the_rows_say():
 
 
 def test_residuals_of_rounding_are_held_to_the_least_mean_square():
-    """Exact data leave `least` per degree of freedom, and noisy data what they leave."""
+    """Exact data leave `least` per degree of freedom; noisy data their own mean square."""
     A = np.column_stack([X, D, X @ np.ones(4)])
     exact = by_products(A.T @ A, np.arange(4), np.array([[4, 5]]), M - 4, 1e-4)
     A[:, -1] = Y
@@ -183,7 +183,7 @@ def test_residuals_of_rounding_are_held_to_the_least_mean_square():
 
 
 def test_columns_of_each_suspect_are_filled_up():
-    """-1 stands for no column; no suspects at all are no columns."""
+    """-1 stands for no column; no suspects means no columns."""
     assert padded([np.array([4]), np.array([2, 7]), np.array([], int)]).tolist() == [
         [4, -1], [2, 7], [-1, -1]
     ]  # fmt: skip
@@ -191,7 +191,7 @@ def test_columns_of_each_suspect_are_filled_up():
 
 
 def test_what_the_base_explains_of_a_suspect_is_left_out():
-    """Of three columns two are new, of two columns none: rank, drop, size and p."""
+    """Two of three columns are new, and none of two: rank, drop, size and p."""
     half = np.column_stack([D, X @ np.array([1.0, 2.0, 0.0, -1.0])])
     none = X[:, :2] @ np.array([[1.0, 2.0], [3.0, -1.0]])
     base = Base.of(X, Y)
@@ -208,7 +208,7 @@ def test_what_the_base_explains_of_a_suspect_is_left_out():
 
 @pytest.mark.parametrize("own", [False, True])
 def test_dependent_columns_of_the_base_count_once(own):
-    """A twin and a column of zeros change neither what is left nor its degrees of freedom."""
+    """A twin and a column of zeros change neither the residual nor its degrees of freedom."""
     wide = np.column_stack([X, X[:, 0] - 2 * X[:, 3], np.zeros(M)])
     plain, twice = Base.of(X, Y, KEY, own), Base.of(wide, Y, KEY, own)
 
@@ -218,9 +218,9 @@ def test_dependent_columns_of_the_base_count_once(own):
 
 
 def test_a_block_that_its_own_columns_fill_has_nothing_left():
-    """Nine rows of one block under eleven columns: they are spent, the others are not."""
+    """Nine rows of one block under eleven columns are used up, the others are not."""
     wide = RNG.standard_normal((M, 11))
-    wide[KEY == 10, 3:] = 0.0  # there it has only three
+    wide[KEY == 10, 3:] = 0.0  # only three there
     base = Base.of(wide, Y, KEY, own=True)
     columns = each_its_own(wide, KEY)
 
@@ -231,7 +231,7 @@ def test_a_block_that_its_own_columns_fill_has_nothing_left():
 
 @pytest.mark.parametrize("scale", [1e-4, 1e4])
 def test_no_unit_of_a_column_changes_an_answer(scale):
-    """Columns in other units have sizes in other units, and the same drop, rank and p."""
+    """Scaling columns rescales their sizes, and leaves drop, rank and p unchanged."""
     units = np.array([1.0, scale])
     plain = Base.of(X, Y, KEY).beside(in_blocks(D[:, None]))
     base = Base.of(X * np.array([scale, 1.0, 1.0, 1 / scale]), Y, KEY)
@@ -246,7 +246,7 @@ def test_no_unit_of_a_column_changes_an_answer(scale):
 
 
 def test_louder_rows_have_the_same_p_and_a_size_as_much_larger():
-    """Without a known variance only ratios count; with one, its square counts."""
+    """Without a known variance only ratios count; with one, the scale squared does."""
     plain, louder = (Base.of(X, times * Y).beside_all(D) for times in (1.0, 7.0))
 
     assert float(louder.p()) == pytest.approx(float(plain.p()))
@@ -267,7 +267,7 @@ def test_the_order_of_the_rows_says_nothing(own):
 
 
 def test_a_known_variance_makes_chi_square_and_one_from_elsewhere_f():
-    """P of the drop over the variance: from the residuals, from nu others, or known."""
+    """p-value of the drop over the variance: from the residuals, from nu others, or known."""
     found = Base.of(X, Y).beside_all(D)
     T = float(found.drop)
 
@@ -277,7 +277,7 @@ def test_a_known_variance_makes_chi_square_and_one_from_elsewhere_f():
 
 
 def test_a_stated_noise_is_the_least_that_a_variance_may_be():
-    """A certificate may be modest, chance no outlier."""
+    """A certificate may be too cautious, without turning chance into outliers."""
     quiet = Base.of(X, 0.01 * Y).beside_all(D)
     loud = Base.of(X, 100 * Y).beside_all(D)
 
@@ -287,7 +287,7 @@ def test_a_stated_noise_is_the_least_that_a_variance_may_be():
 
 
 def test_p_values_of_pure_scatter_are_uniform():
-    """600 draws of two columns beside the base; the least spread of p that chance allows."""
+    """600 draws of two columns in addition to the base; p-values as uniform as sampling allows."""
     rng = np.random.default_rng(4)
     base = Base.of(X, Y, KEY)
     p = [float(base.against(y).beside_all(D).p()) for y in rng.standard_normal((600, M))]
@@ -300,7 +300,7 @@ def test_p_values_of_pure_scatter_are_uniform():
 
 
 def refits(A, y, key, rows, c):
-    """Residuals of each block of c by numpy's fits of the other blocks."""
+    """Residuals of each block of c from numpy's fits of the other blocks."""
     out = np.empty(len(c))
     for block in np.unique(key):
         x = np.linalg.lstsq(A[key != block], y[key != block], rcond=None)[0]
@@ -310,7 +310,10 @@ def refits(A, y, key, rows, c):
 
 
 def test_what_is_left_out_is_predicted_by_refits_of_the_rest():
-    """White rows and rows in metres differ; the last columns move no prediction, nor do priors."""
+    """Whitened rows and rows in metres differ.
+
+    The last columns and priors do not enter predictions.
+    """
     sigma = RNG.uniform(0.5, 2.0, M)
     c = Y * sigma
     A = np.vstack([np.column_stack([X, D]), np.column_stack([np.zeros((2, 4)), np.eye(2)])])
@@ -332,9 +335,9 @@ def test_blocks_of_one_row_are_left_out_one_by_one():
 
 @pytest.mark.parametrize("unit", [1e-8, 1.0, 1e5])
 def test_what_one_block_alone_determines_is_lost_there_and_nowhere_else(unit):
-    """A column that is zero in all other blocks: the others are predicted as ever.
+    """A column that is zero in all other blocks: the others are predicted as usual.
 
-    Of the solutions that the rest leaves open, that block has the shortest, numpy's own.
+    Of the solutions that the other blocks leave open, the shortest is used, as in numpy.
     """
     wide = np.column_stack([X, unit * (KEY == 20) * D[:, 0]])
     left, lost = left_out(wide, Y, KEY, wide, Y)
@@ -346,7 +349,7 @@ def test_what_one_block_alone_determines_is_lost_there_and_nowhere_else(unit):
 
 
 def test_rows_that_do_not_ask_for_what_is_lost_are_predicted():
-    """In the block that alone determines a column, rows with nothing in it are not lost."""
+    """In the block that alone determines a column, rows where it is zero are still predicted."""
     mine = KEY == 20
     asks = mine & (np.cumsum(mine) <= 4)
     wide = np.column_stack([X, asks * D[:, 0]])
@@ -356,7 +359,7 @@ def test_rows_that_do_not_ask_for_what_is_lost_are_predicted():
 
 
 def test_what_no_block_determines_is_lost_wherever_it_is_asked_for():
-    """Twins share what is theirs, and a prediction that needs one of them alone is none."""
+    """Twins share their effect, and a prediction that needs one of them alone is undetermined."""
     twins = np.column_stack([X, X[:, 0]])
     rows = twins.copy()
     rows[:5, 4] = 0.0
@@ -371,7 +374,7 @@ def test_what_no_block_determines_is_lost_wherever_it_is_asked_for():
 
 
 def test_leaving_blocks_out_of_own_columns_is_predicting_nothing():
-    """Columns that each block has to itself tell nothing of another: every row is lost."""
+    """Columns separate for each block say nothing about other blocks: every row is lost."""
     columns = linalg.block_diag(*(X[k == KEY] for k in np.unique(KEY)))
     key = np.sort(KEY)
     y = np.concatenate([Y[k == KEY] for k in np.unique(KEY)])

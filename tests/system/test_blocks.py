@@ -1,4 +1,4 @@
-"""Rows by block: there and back, and the covariance of errors that stay within a block."""
+"""Rows by block: to blocks and back, and the covariance of errors confined to one block."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from pipeline.system.blocks import Blocks
 
 RNG = np.random.default_rng(3)
 KEY = np.array([7, 2, 7, 5, 2, 7, 2, 2])
-"""Blocks of four, one and three rows, which are no neighbours."""
+"""Blocks of four, one and three rows that are not adjacent."""
 
 BLOCKS = Blocks.of(KEY)
 
@@ -16,7 +16,7 @@ BLOCKS = Blocks.of(KEY)
 @pytest.mark.parametrize("shape", [(8,), (8, 3), (8, 2, 3)])
 @pytest.mark.parametrize("kind", [float, int, bool])
 def test_rows_go_to_their_blocks_and_back(shape, kind):
-    """Numbers keep their kind, rows of a block their order, and missing ones are zero."""
+    """Numbers keep their type, rows of a block their order, and missing ones are zero."""
     rows = (RNG.standard_normal(shape) * 10).astype(kind)
     padded = BLOCKS.padded(rows)
 
@@ -30,14 +30,14 @@ def test_rows_go_to_their_blocks_and_back(shape, kind):
 
 
 def test_as_many_places_are_there_as_a_block_has_rows():
-    """Four, one, three: the rest is padding."""
+    """Four, one, three: the remaining places are padding."""
     assert BLOCKS.shape == (3, 4)
     assert BLOCKS.there.sum(axis=1).tolist() == [4, 1, 3]
     assert np.array_equal(BLOCKS.there, BLOCKS.padded(np.ones(8, bool)))
 
 
 def test_no_rows_are_no_blocks():
-    """Nothing to compare, as where one target was read once: no place, and no error."""
+    """No rows, as when each target was read only once: no places, and no error."""
     none = Blocks.of(np.array([], dtype=int))
 
     assert none.shape == (0, 0)
@@ -45,7 +45,7 @@ def test_no_rows_are_no_blocks():
 
 
 def test_covariances_of_blocks_are_those_of_the_whole_matrix():
-    """G G' of errors that each move one block: its own rows and columns, and zeros below."""
+    """G G' of errors that each act on one block: its own rows and columns, zeros elsewhere."""
     G = RNG.standard_normal((8, 12)) * (RNG.integers(3, size=12) == Blocks.of(KEY).index[:, None])
     found, V = BLOCKS.covariance(scipy.sparse.csr_array(G)), G @ G.T
 
@@ -58,7 +58,7 @@ def test_covariances_of_blocks_are_those_of_the_whole_matrix():
 
 
 def test_one_large_block_costs_no_padding_and_gives_the_same():
-    """Work on each block alone is that on the padded stack, to rounding."""
+    """Processing each block alone equals processing the padded stack, to rounding."""
     rng = np.random.default_rng(5)
     key = np.repeat([0, 1, 2, 3, 4, 5, 6], [100, 3, 3, 3, 3, 3, 3])
     blocks = Blocks.of(rng.permutation(key))

@@ -1,4 +1,4 @@
-"""Where the uncertainty of a stiffness comes from."""
+"""Uncertainty budget of a stiffness."""
 
 import re
 from dataclasses import replace
@@ -43,7 +43,7 @@ def with_tool_uncertainty(files, sigma):
 
 
 def test_contributions_add_up_to_the_covariance():
-    """Every source is there, and nothing is lost or counted twice."""
+    """Every source is present, and nothing is lost or counted twice."""
     files = with_tool_uncertainty(simulate(PLAN).files, 5e-5)
     system, estimate = identified(files)
 
@@ -57,7 +57,7 @@ def test_contributions_add_up_to_the_covariance():
 
 
 def test_a_gain_error_moves_all_stiffnesses_alike():
-    """The scale's gain of 0.3 % is 0.3 % of every stiffness, from no other source."""
+    """A scale gain uncertain by 0.3 % gives 0.3 % of every stiffness, and no other source does."""
     system, estimate = identified(simulate(PLAN).files)
 
     split = budget(system, estimate)
@@ -67,7 +67,7 @@ def test_a_gain_error_moves_all_stiffnesses_alike():
 
 
 def test_the_part_of_the_geometry_is_what_wrong_tool_points_do():
-    """Move each coordinate of the tool by hand, identify again, and add the squares."""
+    """Shift each coordinate of the tool, identify again, and add the squares."""
     files = simulate(PLAN.without_noise()).files
     system, estimate = identified(with_tool_uncertainty(files, 1e-9))
     split = budget(system, estimate)
@@ -86,7 +86,7 @@ def test_the_part_of_the_geometry_is_what_wrong_tool_points_do():
 
 
 def test_the_part_of_the_joints_is_what_a_wrong_zero_does():
-    """Turn the log of each joint by hand, identify again, and add the squares."""
+    """Shift the log of each joint, identify again, and add the squares."""
     files = simulate(PLAN.without_noise()).files
     said = edited(files, r'file = "joints.csv"', 'file = "joints.csv"\nsigma_rad = 1e-9')
     system, estimate = identified(said)
@@ -113,7 +113,7 @@ def test_the_part_of_the_joints_is_what_a_wrong_zero_does():
 
 
 def test_a_quieter_scale_leaves_the_trackers_part_alone():
-    """Without force noise the part of the force reading is zero."""
+    """Without force noise the contribution of the force reading is zero."""
     quiet = revised(PLAN, {"scale": {"sigma_n": 0.0}})
     system, estimate = identified(simulate(quiet).files)
 
@@ -124,7 +124,7 @@ TYPICAL = np.array([2e-8, 3e-7, 1e-6])
 
 
 def made(rng, stated=True):
-    """Four poses, and columns of five sources in any order, one of them without a part."""
+    """Four poses, and columns of five sources in any order, one of them without contribution."""
     pose = rng.permutation(np.repeat([4, 9, 2, 7], [5, 3, 6, 4]))
     M = len(pose)
     B = rng.standard_normal((M, 3)) * 2e-3 / TYPICAL
@@ -153,14 +153,14 @@ def made(rng, stated=True):
 
 
 def moved(system, column):
-    """What one standard uncertainty of one error moves in the estimate, identified again."""
+    """Change of the estimate by one standard uncertainty of one error, identified again."""
     c = system.c + system.errors.G[:, [column]].toarray()[:, 0]
     return solve(replace(system, c=c), TYPICAL).value - solve(system, TYPICAL).value
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_each_source_does_what_its_errors_do_to_the_estimate(seed):
-    """Every error by one standard uncertainty, one after another, and the estimate made again."""
+    """Each error shifted by one standard uncertainty in turn, and the estimate repeated."""
     system = made(np.random.default_rng(seed))
     estimate = solve(system, TYPICAL)
 
@@ -180,7 +180,7 @@ def test_each_source_does_what_its_errors_do_to_the_estimate(seed):
 
 
 def test_one_source_alone_has_the_whole_uncertainty():
-    """With nothing but the tracker its part is the covariance, correlations included."""
+    """If only the tracker contributes, its share is the covariance, including correlations."""
     system = made(np.random.default_rng(8))
     mine = system.errors.source == "tracker"
     alone = Errors(system.errors.G[:, mine], system.errors.source[mine], system.errors.common[mine])
@@ -195,7 +195,7 @@ def test_one_source_alone_has_the_whole_uncertainty():
 
 
 def test_where_no_noise_is_stated_the_parts_are_scaled_as_the_whole():
-    """Shares are those of the stated noise, and they sum to the covariance that is given."""
+    """Contributions are scaled like the covariance, and sum to it."""
     stated, relative = (made(np.random.default_rng(3), stated) for stated in (True, False))
     one, two = (budget(system, solve(system, TYPICAL)) for system in (stated, relative))
 
@@ -207,7 +207,7 @@ def test_where_no_noise_is_stated_the_parts_are_scaled_as_the_whole():
 
 
 def test_what_nothing_determines_has_no_share_and_spoils_none():
-    """A parameter that moves nothing: its parts are zero, the others' sum to one."""
+    """A parameter without effect: its contributions are zero, those of the others sum to one."""
     system = made(np.random.default_rng(5))
     system = replace(system, B=system.B * [1, 0, 1])
 

@@ -12,22 +12,22 @@ from pipeline.system.detect import Lack, lack_of_fit, threshold
 
 ROWS, BASE = 80, 6
 OWNER = np.array([0, 1, 1, 2, 3, 4, 4, 5])
-"""Which of six suspects each of eight columns belongs to."""
+"""The suspect, of six, to which each of eight columns belongs."""
 
 RNG = np.random.default_rng(11)
 X = RNG.standard_normal((ROWS, BASE + len(OWNER)))
-X[:, BASE + 3] = X[:, BASE] + 0.3 * RNG.standard_normal(ROWS)  # nearly alike
-X[:, -1] = X[:, :BASE] @ RNG.standard_normal(BASE)  # a mix of the base: nothing is left of it
+X[:, BASE + 3] = X[:, BASE] + 0.3 * RNG.standard_normal(ROWS)  # nearly parallel
+X[:, -1] = X[:, :BASE] @ RNG.standard_normal(BASE)  # a combination of the base
 DOF = ROWS - BASE
 
 
 def view(y, order=slice(None), scale=1.0):
-    """What a threshold reads of a whitened campaign."""
+    """Whitened campaign from which a threshold is determined."""
     return of_rows(np.column_stack([X[:, :BASE], X[:, BASE:] * scale, y])[order], AT)
 
 
 def of_rows(A, at):
-    """The same of whitened rows (M, W), the base's columns first."""
+    """The same from whitened rows (M, W), the columns of the base first."""
     return SimpleNamespace(A=A, M=A.T @ A, at=at)
 
 
@@ -36,12 +36,12 @@ AT = np.array([[6, -1], [7, 8], [9, -1], [10, -1], [11, 12], [13, -1]])
 
 
 def beside(y, order=slice(None), scale=1.0):
-    """Every suspect beside the base, by products."""
+    """Every suspect in addition to the base, from products."""
     return by_products(view(y, order, scale).M, np.arange(BASE), AT, DOF)
 
 
 def test_where_no_row_is_left_nothing_is_drawn():
-    """As many unknowns as rows: the threshold is a number, and no test reaches it."""
+    """As many unknowns as rows: the threshold is a number that no test reaches."""
     seen = view(np.zeros(ROWS))
 
     for dof in (0, 1):
@@ -51,13 +51,13 @@ def test_where_no_row_is_left_nothing_is_drawn():
 
 
 def left(columns, y):
-    """Sums of squares that numpy's least squares leaves of each column of y."""
+    """Residual sums of squares of numpy's least squares for each column of y."""
     Q = np.linalg.qr(columns)[0]
     return np.sum(y**2, axis=0) - np.sum((Q.T @ y) ** 2, axis=0)
 
 
 def by_fits(y):
-    """P of the F test of each suspect but the last, from two fits each, shape (5, draws)."""
+    """p-value of the F test of each suspect but the last, from two fits each, shape (5, draws)."""
     rest = left(X[:, :BASE], y)
     out = []
     for suspect in range(5):
@@ -69,7 +69,10 @@ def by_fits(y):
 
 
 def test_the_p_values_are_those_of_two_fits():
-    """Suspects of one and two parameters, alike or not; what the base explains tells nothing."""
+    """Suspects of one and two parameters, similar or not.
+
+    One explained by the base is never found.
+    """
     y = RNG.standard_normal(ROWS) + 0.5 * X[:, BASE + 1]
     found = beside(y)
 
@@ -80,7 +83,7 @@ def test_the_p_values_are_those_of_two_fits():
 
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
 def test_scores_know_no_units_and_no_order(scale):
-    """P values follow neither the size of the suspects' columns nor the order of the rows."""
+    """p-values depend neither on the scale of the suspects' columns nor on the order of rows."""
     y = RNG.standard_normal(ROWS)
     plain, other = beside(y), beside(y, RNG.permutation(ROWS), scale)
 
@@ -89,20 +92,20 @@ def test_scores_know_no_units_and_no_order(scale):
 
 
 def test_of_clean_campaigns_so_many_are_accused():
-    """40 000 draws of scatter: the share below the threshold is the rate, as far as it is known.
+    """40 000 draws of noise: the fraction below the threshold is the rate, within its uncertainty.
 
-    The threshold rests on 3000 draws, which know its tail to 13 %; the count to 11 %.
+    The threshold is from 3000 draws, which determine its tail to 13 %; the count is known to 11 %.
     """
     limit = threshold(view(np.zeros(ROWS)), np.arange(BASE), DOF, np.random.default_rng(3))
     smallest = by_fits(np.random.default_rng(5).standard_normal((ROWS, 40_000))).min(axis=0)
 
     assert np.mean(smallest < limit.p) == pytest.approx(alarms.SUSPECT, rel=0.5)
-    assert 3.0 < limit.independent < 5.5  # of five that differ, two nearly alike
+    assert 3.0 < limit.independent < 5.5  # of five that differ, two are nearly alike
 
 
 @pytest.mark.parametrize(("alike", "independent"), [(0.0, 6.0), (1e-3, 1.0)])
 def test_suspects_that_are_alike_are_one_test_and_orthogonal_ones_as_many(alike, independent):
-    """Each may use 1 - (1 - alpha)^(1/m), m as known as 3000 draws give it."""
+    """Each may use 1 - (1 - alpha)^(1/m), with m as uncertain as 3000 draws make it."""
     rng = np.random.default_rng(2)
     Q = np.linalg.qr(rng.standard_normal((ROWS, BASE + 7)))[0]
     D = Q[:, BASE : BASE + 6] if not alike else Q[:, [BASE]] + alike * Q[:, BASE : BASE + 6]
@@ -117,9 +120,9 @@ def test_suspects_that_are_alike_are_one_test_and_orthogonal_ones_as_many(alike,
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_last_digit_of_the_rows_moves_a_threshold_by_no_more_than_that(seed):
-    """Suspects of equal length and exact mixes, for which rounding chooses all directions.
+    """Suspects of equal length and exact combinations: rounding determines all directions.
 
-    An orthonormal basis of them may be any rotation of any other; what is drawn follows none.
+    An orthonormal basis of them is arbitrary up to a rotation; the draws do not depend on it.
     """
     rng = np.random.default_rng(seed)
     D = np.linalg.qr(rng.standard_normal((ROWS, 12)))[0]
@@ -141,13 +144,13 @@ PULL = np.repeat(np.arange(POSES * PULLS), EACH)
 POSE = PULL // PULLS
 LOAD = np.random.default_rng(9).uniform(1, 3, POSES * PULLS)[PULL, None]
 SPRINGS = np.random.default_rng(10).standard_normal((POSES, 6, 4))
-"""What each of four springs moves the effector of a pose by, in proportion to the load."""
+"""Displacements of the effector by each of four springs in each pose, proportional to the load."""
 
 COLUMNS = np.einsum("mi,mik->mk", MOTIONS * LOAD, SPRINGS[POSE])
 
 
 def each(key, columns):
-    """Every value of a key has all columns to itself."""
+    """All columns separately for each value of a key."""
     return np.hstack([columns * (key == one)[:, None] for one in np.unique(key)])
 
 
@@ -155,7 +158,7 @@ BY_POSE, BY_PULL = each(POSE, MOTIONS * LOAD), each(PULL, MOTIONS)
 
 
 def campaign(y):
-    """What a test of lack of fit reads of a campaign, and the springs' own sum of squares."""
+    """Whitened campaign for a test of lack of fit, and the sum of squares of the springs."""
     A = np.column_stack([COLUMNS, y])
     free = Base.of(MOTIONS * LOAD, y, POSE, own=True)
     pulls = Base.of(MOTIONS, y, PULL, own=True)
@@ -167,7 +170,7 @@ def campaign(y):
 
 
 def nested(few, many, y):
-    """P of the F test of textbooks for a model within a larger one, over the error by pulls."""
+    """p-value of the textbook F test for nested models, with the error from pulls."""
     pure, nu = left(BY_PULL, y), len(y) - np.linalg.matrix_rank(BY_PULL)
     k = np.linalg.matrix_rank(many) - np.linalg.matrix_rank(few)
     return float(stats.f.sf((left(few, y) - left(many, y)) / k / (pure / nu), k, nu))
@@ -176,7 +179,7 @@ def nested(few, many, y):
 @pytest.mark.parametrize("wrong", [0.0, 0.2])
 @pytest.mark.parametrize("spread", [1e-1, 1.0, 10.0])
 def test_lack_of_fit_is_the_f_test_of_nested_models(wrong, spread):
-    """Springs within free stiffnesses within free motions, and the scatter beside them all."""
+    """Springs within free stiffnesses within free motions, and the scatter within all of them."""
     rng = np.random.default_rng(12)
     y = COLUMNS @ np.ones(4) + spread * rng.standard_normal(len(PULL))
     y += spread * wrong * (BY_POSE @ rng.standard_normal(BY_POSE.shape[1]))
@@ -188,7 +191,7 @@ def test_lack_of_fit_is_the_f_test_of_nested_models(wrong, spread):
 
 
 def test_lack_of_fit_of_clean_campaigns_is_chance():
-    """300 draws: both p values are uniform."""
+    """300 draws: both p-values are uniform."""
     rng = np.random.default_rng(14)
     p = []
     for _ in range(300):
@@ -201,7 +204,7 @@ def test_lack_of_fit_of_clean_campaigns_is_chance():
 
 
 def test_without_a_scatter_nothing_is_lacking():
-    """One reflector, or two: nobody knows how well the model should fit."""
+    """One reflector, or two: the expected quality of the fit is unknown."""
     view, score = campaign(BY_PULL @ np.arange(120.0))
     view.tells_scatter = False
 
@@ -209,7 +212,7 @@ def test_without_a_scatter_nothing_is_lacking():
 
 
 def test_exact_readings_do_not_make_rounding_a_lack_of_fit():
-    """A model that misses a tenth of a standard uncertainty is good, how exact the rest may be."""
+    """A model off by a tenth of a standard uncertainty is good, however exact the rest is."""
     y = COLUMNS @ np.ones(4)
     y = y + 1e-4 * (BY_POSE @ np.random.default_rng(1).standard_normal(BY_POSE.shape[1]))
     view, score = campaign(y)
@@ -222,5 +225,5 @@ def test_exact_readings_do_not_make_rounding_a_lack_of_fit():
                      ((3e-4, 3e-4), False)],
 )  # fmt: skip
 def test_either_lack_of_fit_is_one(p, found):
-    """At one in four thousand each."""
+    """Either p-value below its rate suffices, one in four thousand each."""
     assert Lack(*p).found == found

@@ -1,4 +1,4 @@
-"""The estimate against textbook formulas on dense matrices, and its promises when data are poor."""
+"""The estimate against textbook formulas on dense matrices, also with poor data."""
 
 from dataclasses import replace
 
@@ -58,7 +58,7 @@ def system(rng, poses=(6, 9, 3, 6), stated=True):
 
 
 def dense(made, keep=slice(None)):
-    """x, its covariance and chi2 by the textbook, with V inverted as it stands."""
+    """x, its covariance and chi2 by the textbook, with V inverted directly."""
     V = (made.errors.G @ made.errors.G.T).toarray()[keep][:, keep]
     B, c = made.B[keep] * TYPICAL, made.c[keep]
     W = np.linalg.inv(V)
@@ -120,7 +120,10 @@ def test_left_out_poses_are_estimated_without_themselves(rng):
 
 
 def test_what_only_one_pose_determines_cannot_be_predicted_there(rng):
-    """A parameter that moves one pose only: that pose has no left-out residual, the others have."""
+    """A parameter that acts in one pose only.
+
+    That pose has no left-out residual, the others have.
+    """
     made = system(rng)
     B = made.B.copy()
     alone = made.rows.pose == made.rows.pose[0]
@@ -133,7 +136,7 @@ def test_what_only_one_pose_determines_cannot_be_predicted_there(rng):
 
 
 def test_noise_that_is_not_stated_comes_from_the_residuals(rng):
-    """Doubling every error column changes nothing; intervals are Student's."""
+    """Scaling all error columns changes nothing; intervals are Student's."""
     made = system(rng, stated=False)
     louder = replace(made, errors=replace(made.errors, G=made.errors.G * 2))
     one, two = solve(made, TYPICAL), solve(louder, TYPICAL)
@@ -145,7 +148,7 @@ def test_noise_that_is_not_stated_comes_from_the_residuals(rng):
 
 
 def test_a_column_of_rounding_noise_is_not_identifiable_and_spoils_nothing(rng):
-    """The others keep their values; the dark one has no finite uncertainty."""
+    """The others keep their values; the undetermined one has no finite uncertainty."""
     made = system(rng)
     B = made.B.copy()
     B[:, 1] = rng.normal(size=len(B)) * 1e-16 / TYPICAL[1]
@@ -166,7 +169,7 @@ def test_fewer_rows_than_unknowns_determine_nothing(rng):
 
 
 def test_twins_are_not_identifiable_and_the_rest_is_given(rng):
-    """Two equal columns: neither has a value of its own, the third has."""
+    """Two equal columns: neither has a value, the third does."""
     made = system(rng)
     B = made.B.copy()
     B[:, 1] = B[:, 0] * TYPICAL[0] / TYPICAL[1]
@@ -187,7 +190,7 @@ def test_weak_data_are_said_to_be_weak(rng):
 
 
 def test_a_large_estimate_of_what_hardly_shows_is_scatter():
-    """2.6 sigmas are enough at twice the typical size, not where one sigma is nine of them."""
+    """2.6 sigmas suffice at twice the typical size, but not if one sigma is nine typical sizes."""
     typical = np.ones(4)
 
     told = identifiable(typical, np.array([0.1, 2.6, 23.4, 45.0]), np.array([0.4, 1.0, 9.0, 9.0]))
@@ -208,7 +211,7 @@ def shuffled(made, order):
 
 
 def in_units(made, factor):
-    """The same system with each parameter in a unit `factor` times smaller."""
+    """The same system with the unit of each parameter divided by `factor`."""
     parameters = tuple(
         replace(p, typical=p.typical * f) for p, f in zip(made.parameters, factor, strict=True)
     )
@@ -245,7 +248,10 @@ def test_any_campaign_is_solved_as_the_textbook_does(seed, poses):
     stated=st.booleans(),
 )
 def test_no_answer_depends_on_units_or_order(seed, powers, stated):
-    """Other units of the parameters and shuffled rows: numbers follow, tests and ranks stay."""
+    """Other units of the parameters and shuffled rows.
+
+    Values scale, tests and ranks are unchanged.
+    """
     rng, factor = np.random.default_rng(seed), 10.0 ** np.array(powers)
     made = system(rng, stated=stated)
     other = shuffled(in_units(made, factor), rng.permutation(len(made.rows)))
@@ -264,7 +270,7 @@ def test_no_answer_depends_on_units_or_order(seed, powers, stated):
 
 @pytest.mark.parametrize("stated", [True, False])
 def test_rows_in_millimetres_are_the_same_campaign(rng, stated):
-    """Readings, model and errors a thousand times as large: only the residuals are."""
+    """Readings, model and errors multiplied by a thousand: only the residuals change."""
     made = system(rng, stated=stated)
     errors = replace(made.errors, G=made.errors.G * 1e3)
     one, two = (
@@ -281,7 +287,7 @@ def test_rows_in_millimetres_are_the_same_campaign(rng, stated):
 
 
 def test_twice_the_stated_noise_is_twice_the_uncertainty(rng):
-    """The same readings, stated half as well: values stay, chi2 falls to a quarter."""
+    """The same readings with twice the stated noise: values stay, chi2 falls to a quarter."""
     made = system(rng)
     louder = replace(made, errors=replace(made.errors, G=made.errors.G * 2))
     one, two = solve(made, X), solve(louder, X)
@@ -295,7 +301,7 @@ def test_twice_the_stated_noise_is_twice_the_uncertainty(rng):
 
 
 def test_the_stated_covariance_is_that_of_draws(rng):
-    """Draw the errors of one campaign 1000 times: the estimates scatter as each of them says."""
+    """The errors of one campaign drawn 1000 times: estimates scatter as each of them states."""
     made = system(rng)
     white, G, values = whitener(made.errors, made.rows.pose), made.errors.G, []
     for _ in range(1000):
@@ -309,14 +315,17 @@ def test_the_stated_covariance_is_that_of_draws(rng):
 
 
 def mixed(made):
-    """The system with a fourth parameter that moves as the first two together do."""
+    """The system with a fourth parameter that is a combination of the first two."""
     extra = Parameter("c3", "m/N", 5e-7, 0.0)
     B = np.column_stack([made.B, made.B @ np.array([2.0, -20.0, 0.0])])
     return replace(made, B=B, parameters=(*made.parameters, extra))
 
 
 def test_what_nothing_determines_stays_where_it_started(rng):
-    """Three of four parameters mix: the fit is that of three, and along the mix `start` is kept."""
+    """Three of four parameters mix.
+
+    The fit is that of three, and along the combination `start` stays.
+    """
     made = system(rng)
     four, sizes = mixed(made), np.append(TYPICAL, 5e-7)
     none = sizes * linalg.null_space(four.B * sizes)[:, 0]
@@ -332,12 +341,12 @@ def test_what_nothing_determines_stays_where_it_started(rng):
     x, cov, _ = dense(made)
     assert found.value[2] == pytest.approx(x[2], rel=1e-6, abs=0)
     assert found.cov[2, 2] == pytest.approx(cov[2, 2], rel=1e-6, abs=0)
-    seen = np.array([1.0, 0.0, 0.0, 2.0])  # c0 + 2 c3 is what shows of both
+    seen = np.array([1.0, 0.0, 0.0, 2.0])  # only c0 + 2 c3 is determined by the rows
     assert seen @ found.value == pytest.approx(x[0], rel=1e-6, abs=0)
 
 
 def test_without_stated_noise_the_rank_counts_not_the_parameters(rng):
-    """s^2 = chi2 / (M - rank): the uncertainty of the third is that of three parameters."""
+    """s^2 = chi2 / (M - rank): the uncertainty of the third is that with three parameters."""
     made = system(rng, stated=False)
     three, four = solve(made, TYPICAL), solve(mixed(made), np.append(TYPICAL, 5e-7))
     _, cov, chi2 = dense(made)
@@ -349,7 +358,7 @@ def test_without_stated_noise_the_rank_counts_not_the_parameters(rng):
 
 
 def test_noise_found_before_is_not_scaled_again(rng):
-    """Errors in metres, though nobody stated them: the covariance holds, without a p-value."""
+    """Errors in metres without a stated noise: the covariance holds, without a p-value."""
     made = replace(system(rng, stated=False), found_m=3e-5)
     found, (x, cov, chi2) = solve(made, TYPICAL), dense(made)
 
@@ -363,7 +372,10 @@ def test_noise_found_before_is_not_scaled_again(rng):
 
 @pytest.mark.parametrize("moved", [1.0, 0.0])
 def test_rows_that_fit_exactly_have_no_scatter(rng, moved):
-    """One row more than determined parameters, nothing left: no NaN, and the dark one is dark."""
+    """One row more than determined parameters and no residual.
+
+    No NaN, and undetermined stays so.
+    """
     made = system(rng, poses=(2, 1), stated=False)
     dark = replace(made, B=made.B * [1, 1, 0], c=moved * made.B[:, :2] @ X[:2])
     found = solve(dark, np.zeros(3))
@@ -379,7 +391,7 @@ def test_rows_that_fit_exactly_have_no_scatter(rng, moved):
     [(0.011, 1.0, True), (0.009, 0.0, False), (None, 0.9e-4, True), (None, 1.1e-4, False)],
 )
 def test_a_misfit_is_one_in_a_hundred_or_beyond_any_tracker(rng, p_value, rest_m, fit):
-    """With stated noise chance decides; without, whether a tracker could read so badly."""
+    """With stated noise by its p-value; otherwise by whether a tracker could read so poorly."""
     found = solve(system(rng), X)
 
     assert fits(replace(found, goodness=Goodness(1.0, 1, p_value), residual_std_m=rest_m)) is fit
@@ -387,7 +399,7 @@ def test_a_misfit_is_one_in_a_hundred_or_beyond_any_tracker(rng, p_value, rest_m
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e6])
 def test_half_the_size_is_the_limit_of_what_is_known(size):
-    """2 u below the typical size or the estimate, whichever is larger, of either sign."""
+    """2 u below the typical size or the estimate, whichever is larger, with either sign."""
     value = np.array([0.0, 0.0, 3.0, -3.0, 3.0, -3.0, 20.0, 20.0, -20.0])
     std = np.array([0.49, 0.51, 1.49, 1.49, 1.51, 1.51, 4.9, 5.1, 5.1])
     known = [True, False, True, True, False, False, True, False, False]
@@ -409,7 +421,7 @@ CELL = paper_cell(
 
 
 def campaign(cell, values, rng, poses=6, **errors):
-    """Exact measurements of a cell, two pulls to a pose, with all sources of error stated."""
+    """Exact measurements of a cell, two pulls per pose, with all sources of error stated."""
     m = 2 * poses
     force = rng.standard_normal((m, 3))
     force *= rng.uniform(1000, 4000, (m, 1)) / np.linalg.norm(force, axis=1, keepdims=True)
@@ -436,9 +448,9 @@ def campaign(cell, values, rng, poses=6, **errors):
 
 
 def test_the_weights_are_those_at_the_solution(rng):
-    """Errors of the force grow with the compliances: the solution weighs with its own errors.
+    """Force errors grow with the compliances: the weights at the solution use its own errors.
 
-    From half the nominal compliances a single step would weigh with errors half as large.
+    From half the nominal compliances a single step would use errors half as large.
     """
     truth = KR500.nominal_compliance * rng.uniform(0.7, 1.5, 7)
     data = campaign(CELL, truth, rng)
@@ -458,9 +470,9 @@ def test_the_weights_are_those_at_the_solution(rng):
 
 @pytest.mark.parametrize("name", ["joint_hardening", "scale_zero"])
 def test_a_model_beyond_springs_is_solved_to_the_end(rng, name):
-    """A spring that hardens; a force that is off, which multiplies all springs: the truth is found.
+    """A spring that hardens; an error of the force, which scales all springs: the truth is found.
 
-    Without the term that makes c linear about where the solution stands the second comes out wrong.
+    Without the term that linearises c about the solution, the second would come out wrong.
     """
     effect = next(e for e in catalogue(KR500) if e.name == name)
     cell = CELL.with_effects(effect)
@@ -476,7 +488,7 @@ def test_a_model_beyond_springs_is_solved_to_the_end(rng, name):
 
 
 def test_errors_that_are_common_cost_their_part_of_the_precision(rng):
-    """A scale known to 0.5 %: no number of poses knows a stiffness better than that."""
+    """With a scale known to 0.5 %, no number of poses determines a stiffness better than that."""
     data = campaign(CELL, KR500.nominal_compliance, rng)
     quiet = replace(data, loaded_cov=data.loaded_cov * 1e-6, zero_cov=data.zero_cov * 1e-6,
                     reading_std=data.reading_std * 1e-3, direction_cov=data.direction_cov * 1e-6,
@@ -488,11 +500,11 @@ def test_errors_that_are_common_cost_their_part_of_the_precision(rng):
 
 
 UNITS = np.outer(TYPICAL, TYPICAL)
-"""Those of a covariance: approx would take anything below 1e-12 for zero."""
+"""Units of a covariance: approx would treat anything below 1e-12 as zero."""
 
 
 def of_tracker(made):
-    """The same with errors of tracker and zeros alone, per metre of a noise that nobody states."""
+    """The same with errors of tracker and zeros alone, per metre of an unstated noise."""
     keep = np.isin(made.errors.source, ["tracker", "zero"])
     G = scipy.sparse.csr_array(made.errors.G[:, keep] * 1e5)
     errors = Errors(G, made.errors.source[keep], made.errors.common[keep])
@@ -501,7 +513,7 @@ def of_tracker(made):
 
 @pytest.mark.parametrize("loud", [1.0, 30.0])
 def test_a_noise_that_nobody_states_is_the_mean_square_of_the_residuals(rng, loud):
-    """With nothing but the tracker's errors: s^2 = r'V^-1 r / (M - k)."""
+    """With only the tracker's errors: s^2 = r'V^-1 r / (M - k)."""
     made = of_tracker(system(rng))
     noisy = replace(made, c=made.B @ X + loud * (made.c - made.B @ X))
 
@@ -524,14 +536,14 @@ def test_beside_errors_that_are_stated_it_is_where_the_likelihood_is_largest(rng
 
 
 def test_exact_data_have_the_least_noise_there_is(rng):
-    """Rounding, a picometre: no weight is infinite."""
+    """Rounding errors, a picometre: no weight is infinite."""
     made = of_tracker(system(rng))
 
     assert tracker_noise(replace(made, c=made.B @ X)) == 1e-12
 
 
 def test_a_relative_noise_takes_its_size_from_the_residuals(rng):
-    """chi2 is its own degrees of freedom, and the covariance is that of the mean square."""
+    """chi2 equals its degrees of freedom, and the covariance is that of the mean square."""
     made = system(rng, stated=False)
     _, cov, chi2 = dense(made)
     found = solve(made, TYPICAL)
@@ -546,7 +558,7 @@ def test_a_relative_noise_takes_its_size_from_the_residuals(rng):
 
 
 def test_undetermined_values_stay_where_they_start(rng):
-    """Of twins the sum is found and the difference is that of the start, in typical sizes."""
+    """The sum of twins is estimated and their difference is that of the start, in typical sizes."""
     A = rng.standard_normal((20, 3))
     A[:, 1] = A[:, 0] * TYPICAL[0] / TYPICAL[1]
     start = TYPICAL * [3.0, 1.0, 5.0]
@@ -560,7 +572,7 @@ def test_undetermined_values_stay_where_they_start(rng):
 
 
 def test_twins_cost_one_degree_of_freedom_and_exact_data_no_uncertainty(rng):
-    """24 rows, three parameters, two directions; with nothing left over only twins are unknown."""
+    """24 rows, three parameters, two directions; without residuals only twins are undetermined."""
     made = system(rng, stated=False)
     B = made.B.copy()
     B[:, 1] = B[:, 0] * TYPICAL[0] / TYPICAL[1]
@@ -573,7 +585,7 @@ def test_twins_cost_one_degree_of_freedom_and_exact_data_no_uncertainty(rng):
 
 @pytest.mark.parametrize(("p", "good"), [(0.0101, True), (0.0099, False)])
 def test_a_misfit_is_what_chance_makes_once_in_a_hundred(rng, p, good):
-    """Where noise is stated by its p-value, else by what a tracker can scatter."""
+    """If noise is stated by its p-value, otherwise by what a tracker can scatter."""
     found = solve(system(rng), TYPICAL)
 
     untold = replace(found, goodness=Goodness.untold(found.chi2, found.dof))
@@ -584,7 +596,7 @@ def test_a_misfit_is_what_chance_makes_once_in_a_hundred(rng, p, good):
 
 
 def test_left_out_poses_know_neither_units_nor_order(rng):
-    """Shuffled rows and a whitener at hand give the same residuals."""
+    """Shuffled rows, or a given whitener, give the same residuals."""
     made = system(rng)
     order = rng.permutation(len(made.rows))
     rows = Rows(**{name: value[order] for name, value in vars(made.rows).items()})

@@ -1,4 +1,4 @@
-"""The evidence alone: against quadrature of its integral in one and two dimensions."""
+"""The evidence: against quadrature of its integral in one and two dimensions."""
 
 import numpy as np
 import pytest
@@ -9,22 +9,22 @@ from pipeline.system.evidence import WIDTHS, Scores, _evidence
 
 DOF = 400
 REST = 410.0
-"""Sum of squares that the base leaves, in standard uncertainties."""
+"""Residual sum of squares of the base, in standard uncertainties."""
 
 
 def likelihood(G, h, z):
-    """(r(z)'r(z) / r(0)'r(0))^(-dof/2): of the residual with a suspect of size z, scatter free."""
+    """(r(z)'r(z) / r(0)'r(0))^(-dof/2): likelihood of a suspect of size z with free scatter."""
     drop = 2 * h @ z - z @ G @ z
     return (1 - drop / REST) ** (-DOF / 2)
 
 
 def ends(lower, upper, width):
-    """Where the integrand is more than nothing."""
+    """Limits beyond which the integrand is negligible."""
     return max(lower, -9 * width), min(upper, 9 * width)
 
 
 def integral(G, h, lower, upper, width):
-    """Mean likelihood under a normal prior of one width that ends at the bounds, by quadrature."""
+    """Mean likelihood under a normal prior of one width, truncated at the bounds, by quadrature."""
     prior = [stats.truncnorm(a / width, b / width, scale=width) for a, b in zip(lower, upper)]  # noqa: B905
     spans = [ends(a, b, width) for a, b in zip(lower, upper)]  # noqa: B905
     best = np.linalg.solve(G + np.eye(len(h)) / width**2, h)
@@ -43,13 +43,13 @@ def integral(G, h, lower, upper, width):
 
 
 def by_quadrature(G, h, lower, upper):
-    """Log of the mean over the prior's widths."""
+    """Log of the mean over the widths of the prior."""
     return np.log(np.mean([integral(G, h, lower, upper, width) for width in WIDTHS]))
 
 
 @pytest.mark.parametrize(("rest", "dof"), [(0.0, DOF), (1e-30, 0), (0.0, 0)])
 def test_data_that_leave_nothing_give_a_number(rest, dof):
-    """The base meets them to the last digit, or no row is left: no evidence for any suspect."""
+    """The base fits exactly, or no row is left: no evidence for any suspect."""
     G, h, bound = np.array([[[9.0]]]), np.zeros((1, 1)), np.full((1, 1), np.inf)
     found = _evidence(G, h, rest, dof, 0 * bound.clip(0, 1), bound)
 
@@ -61,7 +61,7 @@ def test_data_that_leave_nothing_give_a_number(rest, dof):
 @pytest.mark.parametrize("size", [-0.05, 0.0, 0.5, 1.5])
 @pytest.mark.parametrize("bounds", [(-np.inf, np.inf), (0.0, np.inf), (-1.0, 2.0)])
 def test_one_parameter_has_the_evidence_of_its_integral(strength, size, bounds):
-    """Weak and strong, absent, usual and large, with and without physical bounds."""
+    """Weak and strong, absent, typical and large, with and without physical bounds."""
     G, h = np.array([[strength**2]]), np.array([strength**2 * size])
     found = _evidence(G[None], h[None], REST, DOF, *np.array(bounds)[:, None, None])
 
@@ -72,7 +72,7 @@ def test_one_parameter_has_the_evidence_of_its_integral(strength, size, bounds):
 @pytest.mark.parametrize("correlation", [0.0, 0.7])
 @pytest.mark.parametrize("size", [(0.0, 0.0), (0.6, 0.3), (1.0, -0.5)])
 def test_two_parameters_have_the_evidence_of_their_integral(correlation, size):
-    """A tilt about two axes: free to either side, alike or not."""
+    """A tilt about two axes: free in both senses, equal or not."""
     G = 25.0 * np.array([[1.0, correlation], [correlation, 1.0]])
     h, free = G @ np.array(size), np.full((1, 2), np.inf)
     found = _evidence(G[None], h[None], REST, DOF, -free, free)
@@ -82,9 +82,10 @@ def test_two_parameters_have_the_evidence_of_their_integral(correlation, size):
 
 
 def test_an_impossible_size_has_no_evidence():
-    """Data that call surely for a negative spring speak against it, by quadrature and as scored.
+    """Data that clearly demand a negative spring are evidence against it.
 
-    So far outside the bounds the normal tail is no measure of how much.
+    By quadrature and as scored. So far outside the bounds, the normal tail does not measure by how
+    much.
     """
     G, h = np.array([[900.0]]), np.array([-0.4 * 900.0])
     found = _evidence(G[None], h[None], REST, DOF, np.zeros((1, 1)), np.full((1, 1), np.inf))
@@ -94,7 +95,7 @@ def test_an_impossible_size_has_no_evidence():
 
 
 def with_scatter(g, h, rest, dof, width):
-    """Evidence ratio of one free parameter with the scatter s integrated out too, over u = ln s.
+    """Evidence ratio of one free parameter, with the scatter s also integrated out, over u = ln s.
 
     p(y | z, s) p(s) is s^-dof exp(-(rest - 2 h z + g z^2) / 2 s^2) / s, and z | s ~ N(0, s^2 w^2).
     """
@@ -109,7 +110,7 @@ def with_scatter(g, h, rest, dof, width):
 
 @pytest.mark.parametrize(("g", "h"), [(4.0, 0.0), (4.0, 5.0), (0.5, -2.0)])
 def test_a_scatter_that_is_not_known_is_integrated_out(g, h):
-    """Few degrees of freedom, where it matters: the integral over size and scatter, exact."""
+    """With few degrees of freedom, where it matters: the exact integral over size and scatter."""
     rest, dof = 15.0, 12
     free = np.full((1, 1), np.inf)
     found = _evidence(np.array([[[g]]]), np.array([[h]]), rest, dof, -free, free)
@@ -119,7 +120,7 @@ def test_a_scatter_that_is_not_known_is_integrated_out(g, h):
 
 
 def scores(A, at, bounds=None):
-    """Suspects beside the first two columns of A, the last of which is y."""
+    """Suspects in addition to the first two columns of A, the last of which is y."""
     found = by_products(A.T @ A, np.arange(2), at, len(A) - 2)
     free = np.full(at.shape, np.inf)
     return Scores(**vars(found), bounds=np.stack([-free, free]) if bounds is None else bounds)
@@ -127,7 +128,7 @@ def scores(A, at, bounds=None):
 
 @pytest.fixture
 def rows():
-    """Sixty rows: a base of two columns, four more, and y that has the third in it."""
+    """Sixty rows: a base of two columns, four more, and y that contains the third."""
     rng = np.random.default_rng(19)
     A = rng.standard_normal((60, 7))
     A[:, -1] += 0.6 * A[:, 2]
@@ -135,7 +136,7 @@ def rows():
 
 
 def test_rows_have_the_evidence_of_their_densities(rows):
-    """Of two columns: ratio of the densities of y with base and scatter integrated out.
+    """For two columns: ratio of the densities of y with base and scatter integrated out.
 
     With V = I + w^2 D D' that is |V|^-1/2 |X'V^-1X|^-1/2 (r'V^-1r)^-dof/2, Student's form.
     """
@@ -155,7 +156,7 @@ def test_rows_have_the_evidence_of_their_densities(rows):
 
 
 def test_what_the_base_explains_is_no_evidence(rows):
-    """A mix of the base is as likely as nothing; beside another column it changes nothing."""
+    """A combination of the base has evidence 1; together with another column it changes nothing."""
     rows[:, 3] = rows[:, 0] - 2 * rows[:, 1]
     found = scores(rows, np.array([[3, -1], [2, -1], [2, 3]])).log_evidence
 
@@ -165,7 +166,7 @@ def test_what_the_base_explains_is_no_evidence(rows):
 
 
 def test_suspects_are_judged_each_by_itself(rows):
-    """In any company a suspect has the evidence that it has alone."""
+    """The evidence of a suspect does not depend on the other suspects."""
     at = np.array([[2, 3], [4, -1], [5, 3]])
     together = scores(rows, at).log_evidence
 
@@ -174,7 +175,7 @@ def test_suspects_are_judged_each_by_itself(rows):
 
 
 def test_an_exact_explanation_has_evidence_without_end_but_finite(rows):
-    """A column of a million million standard uncertainties that is all of y."""
+    """A column of 1e12 standard uncertainties that explains all of y."""
     rows[:, 2] *= 1e12
     rows[:, -1] = rows[:, 2]
     found = scores(rows, np.array([[2, -1], [3, -1]])).log_evidence
@@ -185,7 +186,7 @@ def test_an_exact_explanation_has_evidence_without_end_but_finite(rows):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_spring_that_can_only_give_way_is_believed_on_that_side(side, rows):
-    """Where the estimate lies well inside a one-sided bound, a prior of half the width: ln 2."""
+    """If the estimate is well inside a one-sided bound, the prior is half as wide: ln 2."""
     bounds = np.sort(np.array([0.0, side * np.inf])).reshape(2, 1, 1)
     rows[:, -1] *= side
     free = scores(rows, np.array([[2]])).log_evidence[0]
@@ -197,7 +198,7 @@ def test_a_spring_that_can_only_give_way_is_believed_on_that_side(side, rows):
 
 
 def test_bounds_hold_for_the_parameter_that_has_them(rows):
-    """Of two parameters the second may not be negative; the first is free."""
+    """Of two parameters the second must not be negative; the first is free."""
     at = np.array([[2, 3]])
     rows[:, -1] -= 0.8 * rows[:, 3]
     swapped = np.array([[3, 2]])

@@ -1,4 +1,4 @@
-"""Tails of single readings: numpy draws them, the family has to be seen, each reading weighed."""
+"""Tails of single readings: drawn by numpy, the family must be found, and each reading weighted."""
 
 from dataclasses import replace
 from functools import partial
@@ -20,7 +20,7 @@ from pipeline.system.family import (
 
 
 def errors(nu, n, rng):
-    """Vectors of three with one Student scale each, unit variance along an axis; inf: normal."""
+    """Vectors of three with one Student scale each, unit variance per axis; inf: normal."""
     e = rng.standard_normal((n, 3))
     if np.isinf(nu):
         return e
@@ -28,13 +28,13 @@ def errors(nu, n, rng):
 
 
 def seen(e, others, rng):
-    """What other readings say of errors, with a variance of their own, as `likelihood` has it."""
+    """What other readings say of errors, with their own variance, in the form of `likelihood`."""
     x = e + np.sqrt(others) * rng.standard_normal(e.shape)
     return likelihood(x**2, np.full(e.shape, 1.0 + others), np.ones(len(e)))
 
 
 def test_the_likelihood_is_the_normal_density():
-    """At each lambda, up to a factor of the reading's own."""
+    """At each lambda, up to a factor that is constant for the reading."""
     rng = np.random.default_rng(1)
     x, others = rng.standard_normal((4, 3)), rng.uniform(0.3, 2.0, (4, 3))
     got = likelihood(x**2, others + 1.0, np.ones(4))
@@ -50,7 +50,7 @@ def test_the_likelihood_is_the_normal_density():
 
 @pytest.mark.parametrize("nu", [3.0, 5.0])
 def test_students_tails_are_seen(nu):
-    """300 readings, as 16 poses have; the freedom comes out within a factor of two."""
+    """300 readings, as 16 poses have; the degrees of freedom are found within a factor of two."""
     found = [
         family(seen(errors(nu, 300, rng), 0.6, rng), False)[0]
         for rng in map(np.random.default_rng, range(10))
@@ -61,7 +61,7 @@ def test_students_tails_are_seen(nu):
 
 
 def test_normal_readings_keep_the_stated_family():
-    """Forty campaigns: none is called heavy, and variances stay what they are."""
+    """Forty campaigns: none is called heavy-tailed, and variances do not change."""
     rngs = [np.random.default_rng(100 + k) for k in range(40)]
     found = [family(seen(errors(np.inf, 300, rng), 0.6, rng), False) for rng in rngs]
 
@@ -87,7 +87,7 @@ def test_one_gross_reading_is_a_blunder_and_not_a_tail():
 
 @pytest.mark.parametrize("axes", [1, 2, 3])
 def test_a_mistake_is_judged_along_the_axes_that_show_it(axes):
-    """Among draws of errors of one width and of mistakes as large as they like, what share is."""
+    """Among draws of errors of one width and of arbitrarily large mistakes, the true fraction."""
     rng, part, at = np.random.default_rng(7), 1e-2, 5.0
     told = replace(Family.stated(), mistakes=np.full(len(Family.stated().weight), part))
     n = 4_000_000
@@ -127,12 +127,12 @@ def test_tails_of_the_paper_are_not_heavier_than_stated():
 
 
 def student(nu, core, rng):
-    """Student's noise whose middle is `core` wide, not its variance."""
+    """Student's noise of which `core` is the width of the centre, not the variance."""
     return core * np.sqrt(nu / (nu - 2)) * errors(nu, 300, rng)
 
 
 def bursts(core, rng):
-    """One reading in twenty four times wider."""
+    """One reading in twenty is four times wider."""
     return core * np.where(rng.random((300, 1)) < 0.05, 4.0, 1.0) * rng.standard_normal((300, 3))
 
 
@@ -148,7 +148,7 @@ WIDTHS = [
 
 @pytest.mark.parametrize(("drawn", "core", "wider"), WIDTHS)
 def test_what_the_tails_explain_is_no_wider_core(drawn, core, wider):
-    """The readings' own variance is in use, which holds core and tails; the core is told apart."""
+    """The variance in use is that of core and tails; the core is also stated separately."""
     found = []
     for rng in map(np.random.default_rng, range(40, 50)):
         e = drawn(rng)
@@ -163,7 +163,7 @@ def test_what_the_tails_explain_is_no_wider_core(drawn, core, wider):
 
 
 def test_no_law_throws_more_than_an_instrument_in_order():
-    """Chance beyond ten widths of the core, by scipy: noise has a bound, whatever was found."""
+    """Probability beyond ten widths of the core, by scipy: noise is bounded, whatever was found."""
     student = [stats.f.sf(AWAY**2 / 3, 3, nu) for nu in FREEDOM]
     bursts = [part * stats.chi2.sf((AWAY / width) ** 2, 3) for part, width in BURSTS]
 
@@ -187,7 +187,10 @@ def test_many_readings_alike_far_off_are_mistakes_and_no_tails(many, used):
 
 
 def test_tails_stay_tails_beside_a_bound():
-    """Student's with 3 degrees of freedom, and bursts: what they throw is no mistake."""
+    """Student's with 3 degrees of freedom, and bursts.
+
+    The deviations they cause are no mistakes.
+    """
     found = [
         family(seen(drawn(rng), 0.6, rng), False)[0].rather
         for rng in map(np.random.default_rng, range(70, 75))

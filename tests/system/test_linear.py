@@ -1,4 +1,4 @@
-"""The linear algebra alone: against numpy's own solvers, and under other units and orders."""
+"""The linear algebra: against numpy's own solvers, and in other units and orders."""
 
 import numpy as np
 import pytest
@@ -14,13 +14,13 @@ Y = RNG.standard_normal(40)
 
 
 def rss(columns, y):
-    """What numpy's least squares leaves, sum of squares."""
+    """Residual sum of squares of numpy's least squares."""
     left = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
     return left @ left
 
 
 def twice(columns):
-    """The columns with the first two mixed into a sixth."""
+    """The columns, with a combination of the first two as a sixth."""
     return np.column_stack([columns, columns[:, 0] - 3 * columns[:, 1]])
 
 
@@ -51,7 +51,7 @@ def test_a_mix_of_columns_is_found_whatever_their_units(units):
 
 
 def test_a_column_of_rounding_is_nothing():
-    """A joint that no pull loads: its column is noise of 1e-15, and no unit makes it data."""
+    """A joint that no pull loads: its column is rounding of 1e-15, in any unit."""
     A = np.column_stack([X, 1e-15 * RNG.standard_normal(40)])
     found = linear.pseudoinverse(A)
 
@@ -66,7 +66,10 @@ def test_a_column_of_rounding_is_nothing():
 
 @pytest.mark.parametrize("units", [1.0, 1e5])
 def test_what_columns_reach_and_what_they_do_not(units):
-    """An orthonormal basis spans the columns, the complement the rest, and both fill the space."""
+    """An orthonormal basis spans the columns, the complement the rest.
+
+    Together, the whole space.
+    """
     A = twice(X) * units
     Q, K = linear.orthonormal(A), linear.complement(A)
 
@@ -79,7 +82,7 @@ def test_what_columns_reach_and_what_they_do_not(units):
 
 @pytest.mark.parametrize("scale", [1.0, 1e-4, 1e6])
 def test_elimination_is_the_fit_beside_a_base(scale):
-    """The Schur complement leaves the sum of squares of the fit, in any unit of its columns."""
+    """The Schur complement gives the sum of squares of the fit, in any unit of its columns."""
     A = np.column_stack([twice(X) * scale ** (np.arange(6) / 5), Y])
     M, base = A.T @ A, np.arange(6)
     found = coefficients(M, base)
@@ -89,7 +92,7 @@ def test_elimination_is_the_fit_beside_a_base(scale):
 
 
 def test_what_the_base_explains_to_seven_digits_is_the_base():
-    """Of two columns, one nearly a mix of the base: one direction is left, not two."""
+    """Of two columns, one nearly a combination of the base: one direction remains, not two."""
     A = np.column_stack([X, X[:, 0] + 1e-5 * RNG.standard_normal(40), RNG.standard_normal(40), Y])
     M = A.T @ A
     S = eliminate(M, np.arange(5))
@@ -101,7 +104,7 @@ def test_what_the_base_explains_to_seven_digits_is_the_base():
 
 
 def test_batches_are_their_members():
-    """Many small problems at once give what each gives alone."""
+    """Many small problems at once give the same as each alone."""
     N = np.stack([x.T @ x for x in RNG.standard_normal((7, 9, 3))])
     g = RNG.standard_normal((7, 3))
 
@@ -112,7 +115,7 @@ def test_batches_are_their_members():
 
 
 def test_whitened_rows_have_unit_covariance():
-    """W V W' = 1, and a factor of V gives V back, also where V has no scatter in a direction."""
+    """W V W' = 1, and a factor of V reproduces V, also if V is singular."""
     V = np.cov(RNG.standard_normal((3, 50)))
     W, L = linear.whitening(V), linear.factor(np.diag([4.0, 1.0, 0.0]))
 
@@ -121,7 +124,7 @@ def test_whitened_rows_have_unit_covariance():
 
 
 def test_an_error_that_drowns_the_others_is_weighed_as_the_others_are_not_seen():
-    """One of 1e12 times theirs, in all rows: across it they keep unit covariance to rounding."""
+    """An error 1e12 times the others, in all rows: orthogonal to it the covariance is unit."""
     shared = RNG.standard_normal(12)
     V = np.eye(12) + 1e24 * np.outer(shared, shared)
     with pytest.raises(np.linalg.LinAlgError):
@@ -143,7 +146,7 @@ def test_one_member_that_is_none_spoils_no_other():
 
 
 def test_a_rigid_motion_is_found_again():
-    """Also of points in one plane, where a mirror would fit as well."""
+    """Also for points in one plane, where a reflection would fit equally well."""
     a = RNG.standard_normal((6, 3)) * [1, 1, 0]
     R, t = Rotation.from_rotvec([0.3, -1.2, 2.0]).as_matrix(), np.array([1.0, -2.0, 3.0])
     found, shift = linear.rigid(a, a @ R.T + t)
@@ -153,7 +156,7 @@ def test_a_rigid_motion_is_found_again():
 
 
 def test_rows_are_numbered_within_their_block_in_any_order():
-    """Rows of a block need not be neighbours."""
+    """Rows of a block need not be adjacent."""
     blocks = Blocks.of(np.array([30, 10, 30, 20, 10, 30]))
 
     assert blocks.index.tolist() == [2, 0, 2, 1, 0, 2]
@@ -164,7 +167,8 @@ def test_rows_are_numbered_within_their_block_in_any_order():
 
 
 APART = np.sqrt(0.5)
-"""A unit column and one at a small angle d to it differ, as a mix of length one, by d sqrt(1/2)."""
+"""A unit column and one at a small angle d to it differ, as a combination of unit length, by d
+sqrt(1/2)."""
 
 
 def alike(angle):
@@ -175,8 +179,8 @@ def alike(angle):
 
 @pytest.mark.parametrize(("times", "rank"), [(0.4, 1), (4.0, 2)])
 def test_near_twins_part_where_the_rule_says(times, rank):
-    """Just within each limit they are one direction, just beyond it two."""
-    long = np.sqrt(2.0)  # the longest mix of two columns that are alike
+    """Just within each limit they count as one direction, just beyond it as two."""
+    long = np.sqrt(2.0)  # the longest combination of two columns that are alike
     rows = alike(times * 1e-9 * long / APART)
     assert linear.pseudoinverse(rows).rank == linear.orthonormal(rows).shape[1] == rank
     assert linear.complement(rows).shape[1] == 40 - rank
@@ -191,7 +195,7 @@ def test_near_twins_part_where_the_rule_says(times, rank):
 
 
 def test_where_length_has_a_meaning_the_solution_is_the_shortest():
-    """Of shifts along all axes that fit alike, the one along what is seen, in metres."""
+    """Of shifts along all axes that fit equally well, the shortest, in metres."""
     seen = np.array([1.0, 1e-3, 0.2])
     N = 4e8 * np.outer(seen, seen)
     shift = linear.shortest(N) @ (N @ np.array([0.0, 0.0, 1e-3]))
@@ -200,7 +204,7 @@ def test_where_length_has_a_meaning_the_solution_is_the_shortest():
 
 
 def test_volumes_lengths_and_axes_are_numpys():
-    """What the restricted likelihood and the registration ask for."""
+    """As the restricted likelihood and the registration use them."""
     assert np.isnan(linear.log_det(np.diag([1.0, -1.0, 2.0])))
     points = RNG.standard_normal((9, 3)) + 100.0
     assert linear.extent(points) ** 2 == pytest.approx(
@@ -211,7 +215,7 @@ def test_volumes_lengths_and_axes_are_numpys():
 
 
 def test_points_beside_their_plane_are_turned_not_mirrored():
-    """Noise that a mirror would fit better leaves a rotation a rotation."""
+    """With noise that a reflection would fit better, the result is still a rotation."""
     a = RNG.standard_normal((4, 3)) * [1, 1, 1e-3]
     R, _ = linear.rigid(a, a * [1, 1, -1])
 
@@ -221,7 +225,10 @@ def test_points_beside_their_plane_are_turned_not_mirrored():
 
 @pytest.mark.parametrize("rank", [4, 2])
 def test_the_factor_of_a_covariance_follows_no_direction_that_rounding_chose(rank):
-    """Directions of equal length may be any: what is drawn along the factor stays the same."""
+    """With degenerate eigenvalues the eigenvectors are arbitrary.
+
+    Draws along the factor do not change.
+    """
     Q = np.linalg.qr(RNG.standard_normal((6, 6)))[0]
     C = Q @ np.diag([3.0] * rank + [0.0] * (6 - rank)) @ Q.T
     off = RNG.standard_normal((20, 6, 6))

@@ -1,4 +1,4 @@
-"""A campaign linearised: against the forward model itself, moved a little."""
+"""A linearised campaign: against differences of the forward model."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ def measured(small_campaign, read_back):
 
 
 def modelled(cell, suspects, accepted=()):
-    """A model with some suspects accepted at a third of their typical size, beside its springs."""
+    """Springs and some suspects, these accepted at a third of their typical size."""
     values = cell.robot.nominal_compliance * np.linspace(0.8, 1.2, 7)
     mine = [suspects[i] for i in accepted]
     more = [p.typical / 3 for effect in mine for p in effect.parameters]
@@ -41,7 +41,7 @@ def displaced(cell, data, values):
 
 
 def slope(cell, data, values, index):
-    """Derivative by one parameter, by differences of a hundredth of its typical size."""
+    """Derivative by one parameter, from a difference of a hundredth of its typical size."""
     step = np.zeros(len(values))
     step[index] = 0.01 * cell.parameters[index].typical
     ahead, behind = (displaced(cell, data, values + s) for s in (step, -step))
@@ -49,14 +49,14 @@ def slope(cell, data, values, index):
 
 
 def like(columns, truth):
-    """Columns that agree to a ten thousandth of their own length."""
+    """Whether columns agree to 1e-4 of their length."""
     apart = np.linalg.norm(columns - truth, axis=0)
     return bool((apart <= 1e-4 * np.linalg.norm(truth, axis=0)).all())
 
 
 @pytest.mark.parametrize("accepted", [(), (3,), (2, 1)])
 def test_columns_are_slopes_of_the_model_where_it_stands(measured, accepted):
-    """Springs and suspects: those that are accepted at their values, the others at zero."""
+    """Springs and suspects: accepted ones at their values, the others at zero."""
     data, cell, suspects = measured
     model = modelled(cell, suspects, accepted)
     seen = linearise(model, data, suspects)
@@ -80,7 +80,7 @@ def test_columns_are_slopes_of_the_model_where_it_stands(measured, accepted):
 
 @pytest.mark.parametrize("accepted", [(), (3,), (2, 1)])
 def test_rows_are_what_the_model_misses_and_what_its_columns_make_of_its_values(measured, accepted):
-    """Y - B x0 - Z z0 is the measured displacement minus the model's, at any model."""
+    """Y - B x0 - Z z0 is the measured minus the predicted displacement, for any model."""
     data, cell, suspects = measured
     model = modelled(cell, suspects, accepted)
     seen = linearise(model, data, suspects)
@@ -93,7 +93,10 @@ def test_rows_are_what_the_model_misses_and_what_its_columns_make_of_its_values(
 
 
 def test_parameters_of_accepted_suspects_follow_the_springs_in_the_order_of_acceptance(measured):
-    """Columns go by suspect; indices by acceptance, two for the compensator."""
+    """Columns are in the order of suspects, indices in that of acceptance.
+
+    Two for the compensator.
+    """
     *_, cell, suspects = measured
     model = modelled(cell, suspects, (4, 1))
 
@@ -102,7 +105,7 @@ def test_parameters_of_accepted_suspects_follow_the_springs_in_the_order_of_acce
 
 
 def test_motions_are_those_of_a_rigid_effector(measured):
-    """Shifts along, then turns about, the axes of F_b through the middle of the reflectors."""
+    """Translations along, then rotations about, the axes of F_b, at the mean of the reflectors."""
     data, cell, suspects = measured
     model = modelled(cell, suspects)
     seen = linearise(model, data, suspects)
@@ -119,7 +122,7 @@ def test_motions_are_those_of_a_rigid_effector(measured):
 
 
 def test_further_suspects_stand_behind_those_that_are_there(measured):
-    """The same as if all had been there from the start."""
+    """The same as if all had been included from the start."""
     data, cell, suspects = measured
     model = modelled(cell, suspects, (1,))
     some = linearise(model, data, suspects[:3]).beside(suspects[3:])
@@ -133,7 +136,10 @@ def test_further_suspects_stand_behind_those_that_are_there(measured):
 
 
 def test_the_robots_own_deflection_is_taken_from_the_rows_once(measured):
-    """Bent, it is the campaign linearised at the deflected robot; bent back, it is the first."""
+    """Deflected, it is the campaign linearised at the deflected robot.
+
+    Reversed, it is the first.
+    """
     data, cell, suspects = measured
     straight = linearise(modelled(cell, suspects), data, suspects)
     bent = straight.bent("deformed")
@@ -152,7 +158,7 @@ def test_the_robots_own_deflection_is_taken_from_the_rows_once(measured):
 
 @pytest.mark.parametrize("accepted", [(), (3,), (0, 1, 2, 3, 4)])
 def test_a_campaign_linearised_nearby_lends_errors_and_nothing_else(measured, accepted):
-    """Columns and rows are those of the model itself; errors are the neighbour's own."""
+    """Columns and rows are those of the model itself; errors are those of the nearby model."""
     data, cell, suspects = measured
     near = linearise(modelled(cell, suspects), data, suspects)
     model = modelled(cell, suspects, accepted)
@@ -164,7 +170,7 @@ def test_a_campaign_linearised_nearby_lends_errors_and_nothing_else(measured, ac
 
 
 def test_the_springs_alone_are_a_system(measured):
-    """Without the accepted cause, with the noise as the measurements have it."""
+    """Without the accepted cause, with the noise stated in the measurements."""
     data, cell, suspects = measured
     data = replace(data, noise_stated=False, found_m=2e-5)
     system = linearise(modelled(cell, suspects, (1,)), data, suspects).system

@@ -1,4 +1,4 @@
-"""The scatter that a diagnosis rests on, against fits and the whole likelihood."""
+"""The scatter on which a diagnosis is based, against fits and the whole likelihood."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,11 +11,11 @@ from scipy import optimize, stats
 from pipeline.system.noise import TOLERATED, scatter
 
 UNKNOWN = (1.0, np.inf)
-"""What contrasts say that cannot tell."""
+"""Result of contrasts that determine nothing."""
 
 
 def view(system, suspects=None):
-    """What is read of a whitened campaign: springs, two common errors, suspects."""
+    """Whitened campaign: springs, two common errors, suspects."""
     more = np.zeros((len(system.c), 0)) if suspects is None else suspects
     root = np.linalg.inv(np.linalg.cholesky(dense(system)))
     A = root @ np.column_stack([system.B * TYPICAL, more, system.c])
@@ -31,13 +31,13 @@ def view(system, suspects=None):
 
 
 def drawn(seed, **how):
-    """A campaign of ten poses, its forces as loud as its tracker."""
+    """A campaign of ten poses with force errors as large as those of the tracker."""
     return made(np.random.default_rng(seed), pulls=(4,) * 10, force_m=6e-5, common=False, **how)
 
 
 @pytest.mark.parametrize("found", [0.9, 1.25, 1.45])
 def test_contrasts_that_tell_are_believed(found):
-    """Scale, its uncertainty, and the chance of it if the noise were the most that is tolerated."""
+    """Scale, its uncertainty, and the p-value if the noise were the largest tolerated."""
     system = drawn(1)
     got = scatter(view(system), system, (found, 0.04))
     dof = 1 / (2 * 0.04**2)
@@ -66,7 +66,7 @@ def test_residuals_tell_where_contrasts_cannot():
 
 @pytest.mark.parametrize(("stated", "least"), [(True, 0.01), (False, 1e-7)])
 def test_no_instrument_scatters_less_than_its_least(stated, least):
-    """A hundredth of what is stated, or a ten thousandth of a millimetre; p is of stated noise."""
+    """A hundredth of the stated noise, or 1e-4 mm; p is that of the stated noise."""
     system = replace(drawn(3), noise_stated=stated)
     quiet = scatter(view(system), system, (1e-9, 0.05))
     loud = scatter(view(system), system, (5.0, 0.05))
@@ -80,7 +80,7 @@ def test_no_instrument_scatters_less_than_its_least(stated, least):
 def test_the_scale_has_the_scatter_that_the_whole_likelihood_gives_it(tracker):
     """Factor over the tracker's, uncertainty from the curvature, p from the ratio, by brute force.
 
-    What suspects explain is no scatter of the scale.
+    Residuals that suspects explain do not count as scatter of the scale.
     """
     suspects = np.random.default_rng(9).normal(size=(120, 2)) * 1e-3
     system = drawn(4, scales=(tracker, 3.5 * tracker))
@@ -105,14 +105,14 @@ def test_the_scale_has_the_scatter_that_the_whole_likelihood_gives_it(tracker):
 
 
 def test_a_scale_as_good_as_stated_is_left_alone():
-    """Of 60 campaigns none has its weights changed: the rate is one in a thousand."""
+    """In none of 60 campaigns do the weights change: the rate is one in a thousand."""
     said = [scatter(view(one), one, (1.0, 0.05)) for one in map(drawn, range(100, 160))]
 
     assert [(one.force, one.force_std, one.force_p) for one in said] == [(1.0, 0.0, 1.0)] * 60
 
 
 def test_a_scale_far_worse_than_stated_is_always_found():
-    """Of 15 campaigns with three times the scatter all are found; their mean is the truth."""
+    """All of 15 campaigns with three times the scatter are found; their mean is the truth."""
     found = [
         scatter(view(one), one, (1.0, 0.05))
         for one in (drawn(seed, scales=(1.0, 3.0)) for seed in range(200, 215))
@@ -125,7 +125,7 @@ def test_a_scale_far_worse_than_stated_is_always_found():
 
 
 def exact(system):
-    """What its springs predict, and rounding that a scale could have made if it were a scatter."""
+    """Predictions of its springs, and rounding that could be taken for scatter of the scale."""
     force = system.errors.G[:, system.errors.source == "force_reading"]
     rounding = force @ np.random.default_rng(0).standard_normal(force.shape[1]) * 1e-4
     errors = replace(system.errors, G=system.errors.G * 1e-5)
@@ -133,7 +133,7 @@ def exact(system):
 
 
 def test_exact_data_say_nothing_of_the_scale():
-    """What is smaller than a hundred thousandth of the displacements is no scatter."""
+    """Residuals below 1e-5 of the displacements do not count as scatter."""
     system = exact(drawn(5))
     got = scatter(view(system), system, (1.0, 0.05))
 
@@ -142,7 +142,7 @@ def test_exact_data_say_nothing_of_the_scale():
 
 @pytest.mark.parametrize(("left", "told"), [(11, True), (10, True), (9, False)])
 def test_nothing_is_said_of_the_scale_from_fewer_than_ten_degrees_of_freedom(left, told):
-    """120 rows less 3 springs and many suspects, of which a spread beyond belief is left."""
+    """120 rows minus 3 springs and many suspects, with an implausibly large scatter left."""
     rng = np.random.default_rng(7)
     system = drawn(6)
     force = system.errors.G.toarray()[:, system.errors.source == "force_reading"]

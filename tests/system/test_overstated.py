@@ -1,4 +1,4 @@
-"""Noise that is stated far too large: found out, said, and no longer what intervals rest on."""
+"""Noise stated far too large is detected and reported, and intervals no longer rely on it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DEMO = Path(__file__).parents[2] / "data" / "raw" / "kr500_demo"
 
 
 def campaign(**stated):
-    """The demo with other statements in campaign.toml; its noise is 0.03 mm and 2 N."""
+    """The demo with other statements in campaign.toml; its true noise is 0.03 mm and 2 N."""
     files = {path.name: path.read_bytes() for path in DEMO.iterdir() if path.is_file()}
     text = files["campaign.toml"].decode()
     for key, value in stated.items():
@@ -41,7 +41,10 @@ def right():
     ],
 )
 def test_a_statement_a_thousand_times_too_large_is_told_and_not_used(right, stated, said):
-    """What stands there is told with what was found; intervals are nearly those of the truth."""
+    """The statement is reported with the noise found.
+
+    Intervals are nearly those of the true noise.
+    """
     answer = answered("wrong", campaign(**stated)).answer
 
     (told,) = [one for one in answer.findings if "every interval rests on" in one]
@@ -59,7 +62,7 @@ def test_a_statement_a_thousand_times_too_large_is_told_and_not_used(right, stat
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("stated", [{}, {"sigma_m": 9e-5}, {"sigma_m": 1.5e-4, "sigma_n": 10.0}])
 def test_a_cautious_statement_is_believed(right, stated):
-    """A maximum permissible error for a standard uncertainty, three to five times the scatter."""
+    """A maximum permissible error as standard uncertainty, three to five times the scatter."""
     answer = answered("cautious", campaign(**stated)).answer if stated else right
 
     assert answer.fit.noise_from == "stated"
@@ -68,7 +71,7 @@ def test_a_cautious_statement_is_believed(right, stated):
 
 @pytest.mark.parametrize("key", ["sigma_rel", "gain_sigma"])
 def test_per_cent_are_no_relative_uncertainty(key):
-    """One per cent is 0.01; with 1 not even the sign of a force would be known."""
+    """One per cent is 0.01; with 1, not even the sign of a force would be known."""
     text = (DEMO / "campaign.toml").read_text()
 
     with pytest.raises(InputError, match=f"scale.{key}: 1.0 should be less than 1"):

@@ -1,4 +1,4 @@
-"""The restricted likelihood by pose against the whole matrix, and where it is largest."""
+"""The restricted likelihood by pose against the whole matrix, and its maximum."""
 
 from dataclasses import replace
 
@@ -20,14 +20,14 @@ BOTH = np.array([True, True])
 
 
 def whole(log_scale, system=SYSTEM, X=B):
-    """The same by the textbook, with V in one piece."""
+    """The same by the textbook, with V as one matrix."""
     tracker, force = np.exp(log_scale)
     scale = {"tracker": tracker, "zero": tracker, "force_reading": force}
     return restricted(X, system.c, dense(system, scale))
 
 
 def one_way(y, pose, sigma=1.0):
-    """Rows with independent errors of one size and nothing else."""
+    """Rows with independent errors of one size only."""
     n = len(y)
     return System(
         parameters=(Parameter("mean", "m", 1.0),),
@@ -45,7 +45,7 @@ def one_way(y, pose, sigma=1.0):
 
 @pytest.mark.parametrize("common", [True, False])
 def test_the_loss_is_the_restricted_likelihood_of_the_whole_matrix(common):
-    """Up to a constant: differences between scales, with errors common to all poses or without."""
+    """Up to a constant: differences between scales, with and without errors common to all poses."""
     system = SYSTEM if common else made(np.random.default_rng(8), common=False)
     X = system.B * TYPICAL
     blocks = PaddedRows.of(system, X, GROUPS)
@@ -59,9 +59,9 @@ def test_the_loss_is_the_restricted_likelihood_of_the_whole_matrix(common):
 
 
 def test_the_part_of_a_pose_is_its_own_density():
-    """log|V_p| + r'V_p^-1 r of its rows and its own errors, r what plain least squares leaves.
+    """log|V_p| + r'V_p^-1 r of its rows and its own errors, r from ordinary least squares.
 
-    How large the displacements are tells nothing of how unlike each other poses scatter.
+    The size of the displacements does not affect how much the scatter of poses differs.
     """
     blocks = PaddedRows.of(SYSTEM, B, GROUPS)
     unit = np.sqrt(np.mean(SYSTEM.c**2))
@@ -77,7 +77,7 @@ def test_the_part_of_a_pose_is_its_own_density():
 
 
 def test_sources_that_no_component_names_stay_as_stated():
-    """Of the force alone the scale moves: tracker and zeros are the rest."""
+    """For the force alone, the scale is the component; tracker and zeros are the rest."""
     blocks = PaddedRows.of(SYSTEM, B, GROUPS[1:])
     found = [blocks.whole(np.array([t])) for t in (0.0, 0.8)]
 
@@ -110,7 +110,7 @@ def test_nothing_is_estimated_where_there_are_no_fixed_effects():
 
 
 def test_errors_that_leave_a_direction_without_scatter_are_impossible():
-    """One zero for all rows of a pose and no tracker: V has no inverse, and the loss no value."""
+    """One zero for all rows of a pose and no tracker: V is singular, and the loss undefined."""
     keep = SYSTEM.errors.source != "tracker"
     errors = Errors(
         SYSTEM.errors.G[:, keep], SYSTEM.errors.source[keep], SYSTEM.errors.common[keep]
@@ -121,7 +121,7 @@ def test_errors_that_leave_a_direction_without_scatter_are_impossible():
 
 
 def test_the_rough_scale_is_the_root_of_mean_squares():
-    """What the fixed effects leave over what all components state, both summed over the rows."""
+    """Residuals of the fixed effects over the sum of all components, both summed over the rows."""
     blocks = PaddedRows.of(SYSTEM, B, GROUPS)
     r = SYSTEM.c - B @ np.linalg.lstsq(B, SYSTEM.c, rcond=None)[0]
     stated = np.trace(dense(SYSTEM, common=False))
@@ -133,9 +133,9 @@ def test_the_rough_scale_is_the_root_of_mean_squares():
 
 
 def test_one_component_has_the_scale_of_its_mean_square():
-    """s^2 = r'r / (n - 1), u(ln s) = 1 / sqrt(2 (n - 1)) where poses agree; p of the textbook."""
+    """s^2 = r'r / (n - 1), u(ln s) = 1 / sqrt(2 (n - 1)) if poses agree; p of the textbook."""
     pose = np.repeat(np.arange(10), 4)
-    y = 0.7 * np.tile([1.0, -1.0, 1.0, -1.0], 10)  # every pose alike, about a mean of zero
+    y = 0.7 * np.tile([1.0, -1.0, 1.0, -1.0], 10)  # all poses alike, about a mean of zero
     (t,), (std,), (p,) = maximum(PaddedRows.of(one_way(y, pose), np.ones((40, 1)), [("tracker",)]),
                                  np.array([True]))  # fmt: skip
     total, dof = y @ y, 39
@@ -168,7 +168,7 @@ def test_poses_that_scatter_unlike_each_other_make_the_scale_less_sure(loud):
 
 
 def test_two_scales_are_where_the_whole_likelihood_is_largest():
-    """Found by another method on the whole matrix; curvature by differences there."""
+    """Found by another method on the whole matrix; curvature there by differences."""
     t, std, p = maximum(PaddedRows.of(SYSTEM, B, GROUPS), BOTH)
     found = optimize.minimize(whole, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-5})
     h = 0.02 * np.eye(2)
@@ -197,18 +197,18 @@ def test_two_scales_are_where_the_whole_likelihood_is_largest():
 
 
 def test_a_component_that_is_not_asked_stays_as_stated():
-    """Of two components one is found, beside the other at its stated size."""
+    """Of two components one is estimated, with the other at its stated size."""
     (t,), _, (p,) = maximum(PaddedRows.of(SYSTEM, B, GROUPS), np.array([False, True]))
     found = optimize.minimize_scalar(lambda s: whole(np.array([0.0, s])), bounds=(-2, 3))
     ratio = whole(np.zeros(2)) - found.fun
 
     assert t == pytest.approx(found.x, abs=1e-3)
     assert p < 0.5
-    assert stats.chi2.isf(2 * p, 1) <= ratio * 1.01  # poses unlike each other only lower it
+    assert stats.chi2.isf(2 * p, 1) <= ratio * 1.01  # poses that differ only lower it
 
 
 def test_a_component_that_is_not_there_has_no_uncertainty():
-    """Forces that scatter not at all: nobody knows how little, and the tracker is found yet."""
+    """Forces without scatter: how small it is remains unknown, and the tracker is still found."""
     rng = np.random.default_rng(12)
     quiet = made(rng, pulls=(3, 3, 3, 3, 3, 3), force_m=1e-7, scales=(1.0, 1.0))
     t, std, p = maximum(PaddedRows.of(quiet, quiet.B * TYPICAL, GROUPS), BOTH)
@@ -220,7 +220,7 @@ def test_a_component_that_is_not_there_has_no_uncertainty():
 
 
 def test_what_is_claimed_of_scales_holds_for_drawn_campaigns():
-    """100 campaigns: no bias, uncertainties that are true, and p values as often small as they say.
+    """100 campaigns: unbiased, with true uncertainties and uniform p-values.
 
     The mean lies within three standard errors of the truth, and the spread of errors over their
     claimed uncertainty is known to 7 %.
@@ -242,7 +242,7 @@ def test_what_is_claimed_of_scales_holds_for_drawn_campaigns():
 
 
 def test_the_lowest_place_of_a_valley_is_found():
-    """Of a bent valley the bottom, and of one that falls for ever four beyond the start."""
+    """In a curved valley the minimum; in one that falls for ever, four from the start."""
 
     def bent(x):
         a, b = x[0] - 0.3, x[1] + 0.5 - 0.4 * x[0]

@@ -1,4 +1,4 @@
-"""How much the readings scatter: found where it is there, and no evidence out of rounding."""
+"""Scatter of the readings: found if present, and rounding is no evidence."""
 
 import re
 from dataclasses import replace
@@ -21,7 +21,7 @@ from pipeline.system.variance import variance_components
 
 
 def seen(seed, scale_noise=1.0, sigma_n=2.0):
-    """A campaign from the joint springs alone, nothing scaled, and the noise of its contrasts."""
+    """A campaign with joint springs only and stated weights, and the noise of its contrasts."""
     plan = Plan(
         poses={"count": 20},
         pulls={"steps_n": [1000, 2000, 3000, 1500]},
@@ -40,7 +40,7 @@ def seen(seed, scale_noise=1.0, sigma_n=2.0):
 
 
 def test_a_scale_that_scatters_more_than_stated_is_found_with_its_size():
-    """15 N stated, 45 N true: the factor lies within four of its standard uncertainties."""
+    """15 N stated, 45 N true: the factor is within four standard uncertainties."""
     found = scatter(*seen(3, scale_noise=3.0, sigma_n=15.0))
 
     assert found.force_p < 1e-3
@@ -49,7 +49,7 @@ def test_a_scale_that_scatters_more_than_stated_is_found_with_its_size():
 
 
 def test_columns_that_are_nearly_alike_are_no_evidence_of_noise():
-    """A direction at the limit of what counts as a rank does not come and go with the scale."""
+    """A direction at the limit of the rank does not appear and disappear with the scale."""
     view, system, found = seen(4)
     rng = np.random.default_rng(5)
     longest = int(np.argmax(np.linalg.norm(view.A[:, : view.springs], axis=0)))
@@ -64,7 +64,7 @@ def test_columns_that_are_nearly_alike_are_no_evidence_of_noise():
 @pytest.mark.slow  # test_one_answer has clean campaigns
 @pytest.mark.parametrize("scale", [1.0, 1.12])
 def test_scatter_that_no_repeat_shows_is_said_beside_the_verdict(scale):
-    """Nothing is missing; readings a little worse than stated are not passed over."""
+    """The model is complete; readings slightly worse than stated are reported all the same."""
     plan = Plan(
         poses={"count": 20},
         pulls={"steps_n": [1000, 2000, 3000, 1500]},

@@ -1,4 +1,4 @@
-"""The shape of the noise in whole campaigns of another machine, and what is carried of it in V."""
+"""Shape of the noise in whole campaigns of another machine, and its effect on V."""
 
 from dataclasses import replace
 
@@ -40,13 +40,16 @@ def case():
     ],
 )
 def test_noise_of_another_family_is_named_and_accuses_nobody(world, name):
-    """Readings of a machine that shares no formula with the package: adequate, and what it is."""
+    """Readings of a machine that shares no formula with the package.
+
+    Adequate, with the family named.
+    """
     answer = asked(written(world)[3]).answer
 
     assert answer["diagnosis"]["verdict"] == "adequate"
     names = [cause["name"] for cause in answer["diagnosis"]["causes"]]
     assert name in names
-    assert not set(names) - {"heavy_tails", "tracker_wander"}  # and not larger noise besides
+    assert not set(names) - {"heavy_tails", "tracker_wander"}  # and not larger noise in addition
     said = [line["text"] for line in answer["first_screen"] if line["about"] == "wrong"]
     words = {"heavy_tails": "(heavy tails)", "tracker_wander": "The instrument wandered by"}
     assert words[name] in said[0]
@@ -56,7 +59,10 @@ def test_noise_of_another_family_is_named_and_accuses_nobody(world, name):
 @pytest.mark.whole
 @pytest.mark.parametrize(("world", "out"), [("normal", True), ("student3", False)])
 def test_a_reading_is_judged_by_the_tails_beside_the_accepted_model(world, out):
-    """20 sigma: out of the question where noise is normal, one reading in 5000 of Student's 3."""
+    """20 sigma.
+
+    Impossible with normal noise, one reading in 5000 with Student's of 3 degrees of freedom.
+    """
     case = ingested(in_memory(written(world)[3]), conformed, plain)
     reduced = bring(case)
     row = reduced.placed[reduced.placed["state"] == "loaded"].iloc[7]
@@ -78,7 +84,7 @@ def test_a_reading_is_judged_by_the_tails_beside_the_accepted_model(world, out):
 
 
 def test_a_doubt_about_the_tails_is_none_about_a_reading_far_off():
-    """Tails that rather are as stated are taken to be, else they are what they may be."""
+    """Tails are taken as stated if that is more probable, otherwise as large as they may be."""
     family = Family.stated()
     weight = np.zeros(len(family.weight))
     for heavy, sure in ((0.17, True), (0.6, False)):
@@ -93,7 +99,7 @@ def test_a_doubt_about_the_tails_is_none_about_a_reading_far_off():
 @pytest.mark.parametrize("off_m", [0.0, 1e-4])
 @pytest.mark.parametrize("world", ["normal", "wander10"])
 def test_what_goes_with_the_pull_is_no_noise(world, off_m):
-    """A robot that turns in each pose as it likes, in proportion to the pull, hides no wander."""
+    """Random rotations of the robot in each pose, in proportion to the pull, hide no wander."""
     raw = in_memory(written(world)[3])
     case = ingested(raw, conformed, plain)
     right = fit(case, bring(case))
@@ -110,7 +116,7 @@ def test_what_goes_with_the_pull_is_no_noise(world, off_m):
 
 
 def test_a_wander_couples_the_displacements_of_a_pose(case):
-    """Covariance of two displacements by the wander alone: F F' within a pose, else none."""
+    """Covariance of two displacements from the wander alone: F F' within a pose, otherwise zero."""
     data, start = bring(case).data, case.robot.nominal_compliance
     factor = 1e-5 * np.random.default_rng(1).standard_normal((len(data.pull), 3, 2))
     without = assemble(case.cell, data, start).errors
@@ -123,7 +129,7 @@ def test_a_wander_couples_the_displacements_of_a_pose(case):
 
 
 def test_readings_are_weighed_and_unweighed(case):
-    """What is put into a campaign comes out of it again, each reading's own variance."""
+    """Weights put into a campaign can be removed again, with each reading's own variance."""
     fitted = fit(case, bring(case))
     n = len(fitted.shape.variance)
     found = replace(fitted.shape, variance=np.linspace(0.5, 4.0, n), weighed=True)
@@ -141,7 +147,7 @@ def test_readings_are_weighed_and_unweighed(case):
 
 
 def test_a_misfit_of_normal_noise_is_chi_square(case):
-    """And that of Student's noise is what numpy draws, reading by reading."""
+    """And the misfit of Student's noise is as drawn by numpy, reading by reading."""
     fitted = fit(case, bring(case))
     system = assemble(case.cell, fitted.plain, fitted.estimate.value)
     chi2, rng = solve(system, fitted.estimate.value).chi2, np.random.default_rng(1)
@@ -154,7 +160,7 @@ def test_a_misfit_of_normal_noise_is_chi_square(case):
     stated = Family.stated()
     weight = np.zeros(len(stated.weight))
     weight[1 + FREEDOM.index(5.0)] = 1.0
-    scale = np.full(len(weight), np.log(3 / 5))  # variances as stated
+    scale = np.full(len(weight), np.log(3 / 5))  # stated variances
     seen = replace(normal, family=replace(stated, weight=weight, log_scale=scale))
     high = float(stats.chi2.isf(0.01, dof))
     off = replace(system, c=system.c * np.sqrt(high / chi2))
@@ -162,5 +168,5 @@ def test_a_misfit_of_normal_noise_is_chi_square(case):
     assert goodness(off, seen, rng).p_value == pytest.approx(
         stats.chi2.sf(goodness(off, seen, rng).chi2, dof)
     )
-    assert 0.01 < carried.p_value < 0.15  # some times as often as in normal noise
+    assert 0.01 < carried.p_value < 0.15  # several times as often as with normal noise
     assert carried.dof < carried.chi2 < 1.3 * goodness(off, seen, rng).chi2

@@ -1,4 +1,4 @@
-"""Suspects that are at work together, against fits of all subsets and of dense columns."""
+"""Simultaneous suspects, against fits of all subsets and of dense columns."""
 
 from itertools import combinations
 from types import SimpleNamespace
@@ -13,13 +13,13 @@ from pipeline.system.blocks import Blocks
 from pipeline.system.together import Held, Suspects, _end, cost, together
 
 BLOCKS, EACH = 8, 7
-"""Blocks, and suspects of each: six that have three rows to themselves, one that moves them all."""
+"""Blocks, and suspects of each: six with three rows each, one that acts on all."""
 
 ROWS = 3 * (EACH - 1)
 
 
 def bench(rng):
-    """Rows of blocks, three columns that all share, and suspects of three columns in each block."""
+    """Rows of blocks, three columns common to all, and suspects of three columns in each block."""
     key = np.repeat(np.arange(BLOCKS), ROWS)
     X = rng.standard_normal((len(key), 3))
     one = np.zeros((ROWS, EACH, 3))
@@ -39,7 +39,7 @@ def dense(suspects, one):
 
 
 def left(X, y):
-    """Sum of squares that numpy leaves."""
+    """Residual sum of squares of numpy."""
     return float(np.sum((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2))
 
 
@@ -49,7 +49,7 @@ def left(X, y):
     [(0, False), (1, False), (4, False), (14, False), (0, True), (1, True), (4, True), (9, True)],
 )
 def test_all_that_are_at_work_are_held_and_no_other(seed, count, own):
-    """One in four, or of blocks that share nothing one in six: forty standard deviations off."""
+    """One in four suspects, or one in six in independent blocks: forty standard deviations off."""
     rng = np.random.default_rng([seed, count])
     key, X, suspects = bench(rng)
     true = np.sort(rng.choice(BLOCKS * EACH, count, replace=False))
@@ -67,7 +67,7 @@ def test_all_that_are_at_work_are_held_and_no_other(seed, count, own):
 
 
 def test_sizes_and_drops_are_those_of_dense_fits():
-    """All held together; each drop is what the fit without it leaves more."""
+    """All held together; each drop is the increase of the residuals of the fit without it."""
     rng = np.random.default_rng(4)
     key, X, suspects = bench(rng)
     y = X @ rng.standard_normal(3) + rng.standard_normal(len(key))
@@ -88,7 +88,7 @@ def test_sizes_and_drops_are_those_of_dense_fits():
 
 
 def test_who_joined_in_the_shadow_of_others_goes_again():
-    """Four that move their own rows alike look like the one that moves all, and are none of it."""
+    """Four that move their own rows alike resemble the one that acts on all, which is absent."""
     rng = np.random.default_rng(11)
     key, X, suspects = bench(rng)
     y = X @ rng.standard_normal(3) + rng.standard_normal(len(key))
@@ -102,7 +102,7 @@ def test_who_joined_in_the_shadow_of_others_goes_again():
 
 
 def test_noise_is_judged_by_its_middle():
-    """Noise of ten times the stated size makes no suspect, and hides a small one."""
+    """Noise of ten times the stated size produces no suspect, and hides a small one."""
     rng = np.random.default_rng(6)
     key, X, suspects = bench(rng)
     y = 10 * rng.standard_normal(len(key)) + dense(suspects, 5) @ [19.0, -14.0, 30.0]
@@ -113,7 +113,7 @@ def test_noise_is_judged_by_its_middle():
 
 @pytest.mark.whole
 def test_clean_rows_hold_somebody_as_rarely_as_stated():
-    """2000 draws of noise: at a rate of 2.5e-4 more than four would be a wonder."""
+    """2000 draws of noise: at a rate of 2.5e-4, more than four would be very improbable."""
     rng = np.random.default_rng(9)
     key, X, suspects = bench(rng)
     base = Base.of(X, np.zeros(len(key)), key)
@@ -123,7 +123,7 @@ def test_clean_rows_hold_somebody_as_rarely_as_stated():
 
 
 def test_suspects_found_in_the_stated_scatter_stand_out_of_the_others_too():
-    """Rows that scatter three times as stated: whoever is held does not do so by chance."""
+    """Rows that scatter three times as stated: no suspect is held by chance."""
     rng = np.random.default_rng(21)
     key, X, suspects = bench(rng)
     for _ in range(40):
@@ -134,10 +134,10 @@ def test_suspects_found_in_the_stated_scatter_stand_out_of_the_others_too():
 
 @pytest.mark.parametrize("k", [1, 2, 3, 6])
 def test_the_cost_of_a_suspect_is_that_of_its_prior(k):
-    """One in a hundred, any direction, ten e-folds of size: integrated over the size itself.
+    """Prior probability 0.01, any direction, ten e-folds of size: integrated over the size.
 
-    The likelihood ratio of x ~ N(s, I) averaged over directions of s is exp(-r^2 / 2)
-    0F1(k / 2; r^2 x^2 / 4) with r = |s|.
+    The likelihood ratio of x ~ N(s, I) averaged over directions of s is exp(-r^2 / 2) 0F1(k / 2;
+    r^2 x^2 / 4) with r = |s|.
     """
     x, r = 14.0, np.exp(np.linspace(0, 10, 400_001))
     near = r[np.abs(r - x) < 9]
@@ -149,7 +149,7 @@ def test_the_cost_of_a_suspect_is_that_of_its_prior(k):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_a_set_gives_way_to_a_smaller_one_that_says_the_same(seed):
-    """Three of six that move alike are these three, and not the one that moves all and the rest."""
+    """Three of six that move alike are held, not the one that acts on all plus the others."""
     rng = np.random.default_rng(seed)
     key, X, suspects = bench(rng)
     y = X @ rng.standard_normal(3) + rng.standard_normal(len(key))
@@ -179,7 +179,7 @@ def test_where_nobody_states_a_noise_the_middle_of_the_others_is_it(seed):
 
 @pytest.mark.parametrize(("drop", "worth"), [(18.0, False), (60.0, True)])
 def test_a_suspect_must_be_worth_what_it_is_unlikely_beforehand(drop, worth):
-    """Of three coordinates: likelihood alone would take any, one in a hundred takes few."""
+    """With three coordinates: the likelihood alone would hold any, the prior of 0.01 few."""
     none = held_with(np.zeros(0), 100.0 + drop, 100)
     one = held_with(np.array([drop]), 100.0, 97)
 
@@ -187,6 +187,6 @@ def test_a_suspect_must_be_worth_what_it_is_unlikely_beforehand(drop, worth):
 
 
 def held_with(drop, rest, dof):
-    """An end with suspects of three coordinates that fell by so much."""
+    """A result with suspects of three coordinates and this drop."""
     n, base = len(drop), SimpleNamespace(rest=rest, dof=dof)
     return Held(np.arange(n), np.zeros((n, 3)), drop, np.full(n, 3), 1.0, base, base, 10)

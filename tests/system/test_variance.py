@@ -1,4 +1,4 @@
-"""The noise that the data have, found without believing any model of the robot."""
+"""The noise of the data, estimated without relying on a model of the robot."""
 
 import re
 from dataclasses import replace
@@ -88,7 +88,7 @@ def test_components_of_a_balanced_table_are_those_of_the_analysis_of_variance():
 
 
 def test_a_noisier_tracker_is_found():
-    """1.3 times the stated noise stands out, and its size comes back."""
+    """1.3 times the stated noise is detected, with its size."""
     result = found(revised(PLAN, {"tracker": {"noise_scale": 1.3}}))
 
     assert result.larger[0]
@@ -96,7 +96,7 @@ def test_a_noisier_tracker_is_found():
 
 
 def test_what_the_robot_does_is_no_noise():
-    """Backlash, lost motion, hysteresis and a rolling rail leave the found noise as it is."""
+    """Backlash, lost motion, hysteresis and a rolling rail leave the estimated noise unchanged."""
     wrong = {
         "effects": ["rail_backlash", "joint_lost_motion:3", "joint_hysteresis:4", "rail_roll=3x"]
     }
@@ -107,13 +107,13 @@ def test_what_the_robot_does_is_no_noise():
 
 
 def without_branch(files):
-    """The same campaign, the load log without its column branch."""
+    """The same campaign, with the log of loads without its column branch."""
     rows = files["loads.csv"].decode().splitlines()
     return {**files, "loads.csv": "\n".join(row.rpartition(",")[0] for row in rows).encode()}
 
 
 def test_pulls_up_and_down_are_no_repeats_where_the_branch_is_not_written_down():
-    """Hysteresis parts them; nobody wrote which is which."""
+    """Hysteresis separates them, and the log does not say which is which."""
     there_and_back = {"steps_n": [1000.0, 2000.0, 3000.0, 2000.0, 1000.0], "repeats": 2}
     plan = revised(PLAN, {"pulls": there_and_back, "poses": {"count": 8}})
     dirty = revised(plan, {"hidden": {"effects": ["joint_hysteresis:3"]}})
@@ -125,7 +125,7 @@ def test_pulls_up_and_down_are_no_repeats_where_the_branch_is_not_written_down()
 
 
 def pulled_both_ways(effects):
-    """Six poses, in each the chain hung to the floor on one side of the rail, then on the other."""
+    """Six poses, each with the chain to the floor on one side of the rail, then on the other."""
     drawn = simulate(revised(PLAN, {"poses": {"count": 6}})).files["joints.csv"].decode()
     q = [[float(v) for v in row.split(",")[1:-1]] for row in drawn.splitlines()[1:]]
     floor = [[side, pose[0], -0.891] for pose in q for side in (2.5, -2.5)]
@@ -157,14 +157,14 @@ def pulled_both_ways(effects):
 
 
 def test_pulls_in_two_directions_are_no_repeats():
-    """As strong, to the left and to the right of the rail, which rolls."""
+    """Equal forces, to the left and to the right of the rail, which rolls."""
     result = found(None, pulled_both_ways(["rail_roll=3x"]))
 
     assert not result.larger.any()
 
 
 def test_a_ladder_of_small_steps_is_no_repeat():
-    """Ten steps of 4 %: what a rolling rail adds at each of them is no scatter."""
+    """Ten steps of 4 %: the additional roll of the rail at each of them is not scatter."""
     ladder = {"steps_n": [2000 * 1.04**k for k in range(10)], "setting_sd_n": 0.0}
     plan = revised(PLAN, {"pulls": ladder, "poses": {"count": 16}, "tracker": {"sigma_m": 1e-5}})
 
@@ -174,7 +174,7 @@ def test_a_ladder_of_small_steps_is_no_repeat():
 
 
 def test_scatter_of_repeated_pulls_is_the_scales():
-    """The same pull eight times: the scale scatters three times as much as it says."""
+    """The same pull eight times: the scale scatters three times as much as stated."""
     plan = revised(
         PLAN,
         {
@@ -191,7 +191,7 @@ def test_scatter_of_repeated_pulls_is_the_scales():
 
 
 def test_noise_that_nobody_states_is_found_in_metres():
-    """Without [tracker] sigma_m the scale of the tracker is its standard uncertainty."""
+    """Without [tracker] sigma_m, the scale of the tracker is its standard uncertainty."""
     result = found(revised(PLAN, {"tracker": {"stated": False}}))
 
     assert result.of("tracker") == pytest.approx(3e-5, rel=4 * result.std[0])
@@ -224,7 +224,7 @@ def test_differences_of_zeros_are_independent_of_their_mean():
 
 
 def test_what_is_stated_counts_where_the_trackers_noise_is_not():
-    """One reflector, one zero, no repeats: gain and scale make stiffnesses as uncertain as ever."""
+    """One reflector, one zero, no repeats: gain and scale contribute to uncertainties as usual."""
     one = {
         "poses": {"count": 12},
         "tool": {"load_point": [0.15, 0.0, 0.25], "P1": [0.2, 0.05, 0.12]},
@@ -242,7 +242,7 @@ def test_what_is_stated_counts_where_the_trackers_noise_is_not():
 
 
 def components(replaced, std):
-    """A tracker and a scale with a tenth more noise than stated, one of them beyond doubt."""
+    """A tracker and a scale with a tenth more noise than stated, one of them significantly."""
     p = [1e-9 if name == replaced else 0.4 for name in ("tracker", "force_reading")]
     name = np.array(["tracker", "force_reading"], object)
     return Components(name, np.array([1.1, 1.1]), np.array(std), np.array(p), 900, True, 80.0, 90)
@@ -285,7 +285,7 @@ def test_pure_error_is_the_scatter_of_repeats_about_their_means():
 
 
 def test_a_noisier_tracker_places_the_base_worse_too():
-    """All that the tracker's readings give is scaled, and nothing of the scale."""
+    """Everything from the tracker's readings is scaled, and nothing from the scale."""
     found, data, _, _ = reduced(revised(PLAN, {"tracker": {"noise_scale": 1.3}}))
     louder = rescaled(data, found)
     square = found.of("tracker") ** 2
@@ -298,7 +298,7 @@ def test_a_noisier_tracker_places_the_base_worse_too():
 
 
 def test_base_reflectors_that_have_told_their_scatter_are_not_asked_twice():
-    """At four times the stated noise they disagree themselves, and the rotation says so."""
+    """At four times the stated noise they show it themselves, and are not scaled again."""
     found, data, _, _ = reduced(revised(PLAN, {"tracker": {"noise_scale": 4.0}}))
 
     assert data.rotation_found
@@ -307,7 +307,7 @@ def test_base_reflectors_that_have_told_their_scatter_are_not_asked_twice():
 
 @pytest.mark.slow
 def test_clean_campaigns_have_any_p_value():
-    """No noise stated, three repeats: of 60 campaigns' p-values, chance explains the spread."""
+    """No noise stated, three repeats: the distribution of 60 p-values is compatible with chance."""
     plan = revised(
         PLAN,
         {
@@ -330,13 +330,13 @@ def test_clean_campaigns_have_any_p_value():
 
 @pytest.mark.parametrize(("p", "most"), [(0.05, 0.711), (0.01, 0.889), (0.9, 0.5), (0.0, 1.0)])
 def test_a_p_value_is_no_probability_of_the_cause(p, most):
-    """Sellke, Bayarri and Berger: odds of 2.5 and 8 to one at most for p = 0.05 and 0.01."""
+    """Sellke, Bayarri and Berger: odds of at most 2.5 and 8 to one for p = 0.05 and 0.01."""
     assert at_most(p) == pytest.approx(most, abs=5e-4)
 
 
 @pytest.mark.parametrize("p", [1e-12, 1e-4, 0.003, 0.05, 0.3])
 def test_the_least_favourable_alternative_is_found_by_search(p):
-    """Of all p-values that pile up near zero as b p^(b-1), b <= 1, the one that says most."""
+    """Among p-values distributed as b p^(b-1), b <= 1, the b of greatest likelihood."""
     best = optimize.minimize_scalar(
         lambda log_b: -(log_b + (np.exp(log_b) - 1) * np.log(p)), bounds=(-8, 0), method="bounded"
     )
@@ -347,13 +347,13 @@ def test_the_least_favourable_alternative_is_found_by_search(p):
 
 
 def named(scale, std, p, stated=True):
-    """Both components with what was found of them."""
+    """Both components with their estimates."""
     name = np.array(["tracker", "force_reading"], object)
     return Components(name, np.array(scale), np.array(std), np.array(p), 100, stated)
 
 
 def test_a_component_replaces_what_was_stated_beyond_chance_or_what_was_not():
-    """Below 3 in 1000; a tracker that nobody stated, wherever the data determine it."""
+    """Below 3 in 1000; an unstated tracker noise, whenever the data determine it."""
     cases = [
         (named([1.2, 1.3], [0.1, 0.1], [0.0029, 0.0031]), [True, False], [True, False]),
         (named([1.2, 1.3], [0.1, 0.1], [0.5, 0.001]), [False, True], [False, True]),
@@ -398,7 +398,7 @@ NOISE = ("loaded_cov", "zero_cov", "direction_cov", "rotation_cov", "reading_std
     ids=["both", "tracker", "scale", "rotation told", "none stated", "found before"],
 )
 def test_noise_found_takes_the_place_of_the_stated(few, found, change, factors):
-    """Variances by the square, the scale's reading by itself; what was not found stays."""
+    """Variances by the square, that of the scale alone; components not found stay."""
     data = replace(few[0], noise_stated=found.stated, **change)
     louder = rescaled(data, found)
 
@@ -412,7 +412,7 @@ def test_noise_found_takes_the_place_of_the_stated(few, found, change, factors):
 
 
 def test_of_two_scales_the_less_certain_counts(few):
-    """Degrees of freedom of the worse one, 1 / (2 r^2), where both were replaced."""
+    """Degrees of freedom of the less certain one, 1 / (2 r^2), if both were replaced."""
     estimate = few[1]
     both = replace(named([1.1, 1.1], [0.05, 0.25], [1e-9, 1e-9]), chi2=10.0, chi2_dof=12)
     found = resting_on(estimate, both)
@@ -425,7 +425,7 @@ def test_of_two_scales_the_less_certain_counts(few):
 
 
 def test_where_the_contrasts_are_all_there_is_nothing_tests_the_model(few):
-    """No degree of freedom beside them: no p-value; less misfit than theirs: none too much."""
+    """No degree of freedom beyond them: no p-value; a misfit below theirs: nothing in excess."""
     estimate, one = few[1], named([1.1, 1.0], [0.1, np.inf], [1e-9, 1.0])
 
     assert resting_on(estimate, replace(one, chi2_dof=estimate.dof)).p_value is None
@@ -434,7 +434,7 @@ def test_where_the_contrasts_are_all_there_is_nothing_tests_the_model(few):
 
 
 def layout(rng, groups=14, each=4, tracker=1.0, force=2.0):
-    """Readings in groups: own scatter, that of a group, and a mean."""
+    """Readings in groups: own scatter, that of the group, and a mean."""
     number = rng.permutation(np.repeat(np.arange(groups), each))
     M = len(number)
     y = 3.0 + tracker * rng.standard_normal(M) + force * rng.standard_normal(groups)[number]
@@ -460,7 +460,7 @@ def likelihood(system, scales):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_scales_are_where_the_dense_likelihood_is_largest(seed):
-    """Unbalanced groups, rows in any order: a search over the dense formula ends there, too."""
+    """Unbalanced groups, rows in any order: a search over the dense formula gives the same."""
     made = layout(np.random.default_rng(seed))
     kept = np.random.default_rng(seed).random(len(made.c)) < 0.8
     rows = Rows(*(getattr(made.rows, f)[kept] for f in vars(made.rows)))
@@ -491,7 +491,7 @@ def test_scales_are_where_the_dense_likelihood_is_largest(seed):
 
 
 def test_scales_follow_the_units_of_the_readings():
-    """Readings and errors in millimetres: the same factors; twice the readings: twice as much."""
+    """Readings and errors in millimetres: the same factors; doubled readings: doubled factors."""
     made = layout(np.random.default_rng(4))
     errors = replace(made.errors, G=made.errors.G * 1e3)
     one = variance_components(made)
@@ -504,14 +504,14 @@ def test_scales_follow_the_units_of_the_readings():
 
 
 def test_what_the_fixed_effects_explain_changes_nothing():
-    """A mean of any size: scales, p-values and standard uncertainties are those without it."""
+    """With any mean: scales, p-values and standard uncertainties are those without it."""
     made = layout(np.random.default_rng(2))
     one, far = (variance_components(replace(made, c=made.c + off)) for off in (-3.0, 20.0))
 
     assert far.scale == pytest.approx(one.scale, rel=1e-4)
     assert far.std == pytest.approx(one.std, rel=1e-3)
     assert far.p_value == pytest.approx(one.p_value, rel=1e-3)
-    groups = 1 / np.sqrt(2 * 13)  # of 14 means, were their own scatter nothing
+    groups = 1 / np.sqrt(2 * 13)  # of 14 means, if they had no scatter of their own
     assert groups < one.std[1] < 1.6 * groups
 
 
@@ -532,7 +532,7 @@ LOUD = made(
 
 
 def test_components_of_a_models_residuals_are_those_of_the_whole_matrix():
-    """Large displacements that the springs explain do not hide the scatter beside them."""
+    """Large displacements that the springs explain do not hide the scatter."""
     result = variance_components(LOUD)
 
     def loss(log_scale):
@@ -550,7 +550,7 @@ def test_components_of_a_models_residuals_are_those_of_the_whole_matrix():
 
 
 def test_other_fixed_effects_are_taken_in_place_of_the_springs():
-    """Columns that a design gives: as many degrees of freedom fewer, and what they explain."""
+    """Given columns: correspondingly fewer degrees of freedom, and their part is explained."""
     rng = np.random.default_rng(2)
     more = np.hstack([LOUD.B * TYPICAL, rng.normal(size=(len(LOUD.c), 2))])
     shifted = replace(LOUD, c=LOUD.c + more @ np.array([0.0, 0.0, 0.0, 3e-3, -5e-3]))
@@ -562,7 +562,7 @@ def test_other_fixed_effects_are_taken_in_place_of_the_springs():
 
 
 def test_one_component_is_found_beside_the_other_as_stated():
-    """Asked for the scale alone, it takes all that the tracker as stated leaves over."""
+    """Estimated alone, the scale takes all that the stated tracker noise does not explain."""
     result = variance_components(LOUD, names=("force_reading",))
 
     def loss(t):
@@ -574,14 +574,14 @@ def test_one_component_is_found_beside_the_other_as_stated():
 
 
 def without(source):
-    """The loud system with nothing stated of one source."""
+    """The same system without a stated uncertainty for one source."""
     factor = np.where(LOUD.errors.source == source, 0.0, 1.0)
     G = scipy.sparse.csr_array(LOUD.errors.G @ scipy.sparse.diags_array(factor))
     return replace(LOUD, errors=replace(LOUD.errors, G=G))
 
 
 def test_a_source_that_states_nothing_is_no_component():
-    """An uncertainty of zero can be multiplied by nothing: scale 1, infinite uncertainty, p 1."""
+    """An uncertainty of zero cannot be scaled: scale 1, infinite uncertainty, p = 1."""
     result = variance_components(without("force_reading"))
 
     assert result.of("force_reading") == 1.0
@@ -591,7 +591,7 @@ def test_a_source_that_states_nothing_is_no_component():
 
 
 def test_a_scale_that_is_known_to_a_half_only_is_not_told():
-    """Forces that move less than the tracker scatters: as stated, and nobody knows better."""
+    """Force errors below the scatter of the tracker: as stated, since they are not determined."""
     weak = made(np.random.default_rng(0), (2,) * 8, 1.5e-5, common=False)
     blocks = PaddedRows.of(weak, weak.B * TYPICAL, [("tracker", "zero"), ("force_reading",)])
     _, std, _ = maximum(blocks, np.array([True, True]))
@@ -605,7 +605,7 @@ def test_a_scale_that_is_known_to_a_half_only_is_not_told():
 
 @pytest.mark.parametrize(("rows", "told"), [(15, True), (14, False)])
 def test_fewer_than_twelve_contrasts_determine_nothing(rows, told):
-    """Rows less three springs."""
+    """Rows minus three springs."""
     first = np.arange(rows)
     taken = {name: value[first] for name, value in vars(LOUD.rows).items()}
     errors = replace(LOUD.errors, G=LOUD.errors.G[first])
@@ -617,7 +617,10 @@ def test_fewer_than_twelve_contrasts_determine_nothing(rows, told):
 
 
 def test_a_scale_in_metres_is_no_larger_than_a_noise_that_nobody_states():
-    """Without a stated noise: metres, no p-value, and what is found is used; the rest as ever."""
+    """Without a stated noise: in metres, no p-value, and the estimate is used.
+
+    The rest as usual.
+    """
     stated = variance_components(LOUD)
     result = variance_components(replace(LOUD, noise_stated=False, found_m=2e-5))
 
@@ -629,7 +632,7 @@ def test_a_scale_in_metres_is_no_larger_than_a_noise_that_nobody_states():
 
 
 def told(p, std, stated=True):
-    """A tracker's and a scale's component."""
+    """A component of the tracker and one of the scale."""
     name = np.array(["tracker", "force_reading"], object)
     return Components(name, np.array([1.2, 1.4]), np.array(std), np.array(p), 99, stated)
 
@@ -645,7 +648,7 @@ def told(p, std, stated=True):
     ],
 )
 def test_what_is_larger_beyond_chance_or_not_stated_is_replaced(found, replaced, left):
-    """At three in a thousand; what is left of the tracker's then is one."""
+    """At three in a thousand; the remaining factor of the tracker is then one."""
     assert found.replaced.tolist() == replaced
     assert found.used == any(replaced)
     assert found.left == (left, found.std[0])

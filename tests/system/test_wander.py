@@ -1,4 +1,4 @@
-"""A wander of the instrument: numpy walks it, and dense algebra is the likelihood's judge."""
+"""A wander of the instrument: simulated with numpy, its likelihood compared with dense algebra."""
 
 from types import SimpleNamespace
 
@@ -47,7 +47,7 @@ def measured():
 
 
 def beyond_of(y):
-    """Rows of white noise beside three columns that nothing else spans."""
+    """Whitened rows of noise in the complement of three columns."""
     X = np.linalg.qr(np.random.default_rng(0).standard_normal((len(y), 3)))[0]
     pose = np.repeat(np.arange(POSES), PULLS * TARGETS * 3)
     blocks = Blocks.of(pose)
@@ -87,7 +87,7 @@ def test_the_kernel_is_the_covariance_of_what_walks():
 
 
 def test_the_likelihood_is_that_of_dense_algebra():
-    """log|V| + log|X'V^-1 X| + r'V^-1 r with the whole V, at three sizes."""
+    """log|V| + log|X'V^-1 X| + r'V^-1 r with the whole V, for three sizes."""
     data, rng = measured(), np.random.default_rng(2)
     y = drawn(1.0, 1200.0, rng)
     beyond = beyond_of(y)
@@ -110,7 +110,7 @@ def test_the_likelihood_is_that_of_dense_algebra():
 
 
 def test_a_wander_is_found_and_white_noise_has_none():
-    """Of one standard uncertainty over ten minutes; its size comes out."""
+    """One standard uncertainty over ten minutes; its size is found."""
     data = measured()
     found = [
         wander(data, beyond_of(drawn(1.0, 600.0, np.random.default_rng(k)))) for k in range(10)
@@ -127,7 +127,7 @@ def test_a_wander_is_found_and_white_noise_has_none():
 
 
 def test_between_two_times_it_is_that_of_the_process():
-    """Exponentials of the times that are tried, each with its variance."""
+    """Exponentials at the trial correlation times, each with its variance."""
     process = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.5]])
     one = Wander(np.zeros((1, 3, 1)), 0.0, 0.0, TIMES_S[0], 1.0, 0.0, process, SIGMA_M)
     levers = np.array([[2.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
@@ -142,7 +142,7 @@ def test_between_two_times_it_is_that_of_the_process():
 
 
 def turning(size, tau, rng):
-    """Targets 4 to 20 m from the instrument, which turns by so many SIGMA_M at 10 m: data, rows."""
+    """Targets 4 to 20 m from an instrument that turns by `size` SIGMA_M at 10 m: data, rows."""
     data = measured()
     at = np.repeat(rng.uniform([3.0, -9.0, -1.0], [18.0, 9.0, 1.0], (POSES, 3)), PULLS, axis=0)
     data.unloaded = np.repeat(at, TARGETS, axis=0) + rng.uniform(-0.2, 0.2, (len(data.pull), 3))
@@ -160,7 +160,7 @@ def turning(size, tau, rng):
 
 
 def test_an_instrument_that_turns_moves_what_is_far_from_it():
-    """Its size comes out, its covariance follows the range, and no shift takes its place."""
+    """Its size is found, its covariance increases with range, and no shift is found instead."""
     found = [turning(2.0, 600.0, np.random.default_rng(k)) for k in range(6)]
     told = [wander(data, beyond_of(rows)) for data, rows, _ in found]
 
@@ -175,7 +175,7 @@ def test_an_instrument_that_turns_moves_what_is_far_from_it():
 
 
 def test_without_times_nothing_wanders():
-    """The rows of a wander that is found, and no time of any pull."""
+    """The rows of a wander that would be found, without the times of the pulls."""
     data, rows = measured(), drawn(1.0, 600.0, np.random.default_rng(0))
     assert wander(data, beyond_of(rows)).size > 0.0
     data.pulls.time = np.full(POSES * PULLS, np.nan)
@@ -184,7 +184,7 @@ def test_without_times_nothing_wanders():
 
 
 def test_one_axis_alone_is_told_from_three():
-    """The same walk along y only, and in all three axes: only the latter is an instrument's."""
+    """The same walk along y only, and in all three axes: only the latter is the instrument's."""
     data, rng = measured(), np.random.default_rng
     alone = wander(data, beyond_of(drawn(3.0, 600.0, rng(3), (0.0, 1.0, 0.0))))
     together = wander(data, beyond_of(drawn(3.0, 600.0, rng(3))))
@@ -193,11 +193,11 @@ def test_one_axis_alone_is_told_from_three():
 
     assert (alone.size, alone.p_value) == (0.0, 1.0)
     assert together.p_value < 1e-6
-    assert two.p_value < 1e-6  # an instrument need not wander as far in all of them
+    assert two.p_value < 1e-6  # the wander of an instrument may differ between axes
 
 
 def test_sizes_of_their_own_belong_to_the_axes():
-    """A factor whose columns come axis by axis is scaled axis by axis, whatever its rank."""
+    """A factor with columns ordered by axis is scaled axis by axis, whatever its rank."""
     data, y = measured(), drawn(3.0, 600.0, np.random.default_rng(3), (0.0, 1.0, 0.0))
     alike = np.tile(np.eye(3), (len(data.pull), 1, 1))
     factor = module._shifted(data, alike, kernel(data, 600.0)[0])
@@ -209,7 +209,10 @@ def test_sizes_of_their_own_belong_to_the_axes():
 
 
 def sprung(rng):
-    """What seven joints do to the rows [m]: by the force of a pull, all targets nearly alike."""
+    """Effect of seven joints on the rows [m].
+
+    By the force of a pull, nearly equal for all targets.
+    """
     size = np.tile([0.35, 0.7, 1.0, 0.5], POSES)[:, None, None]
     of_pull = size * np.exp(rng.normal(0, 1, (POSES, 1, 7))).repeat(PULLS, axis=0)
     way = rng.standard_normal((POSES, 3, 7)).repeat(PULLS, axis=0)
@@ -218,7 +221,7 @@ def sprung(rng):
 
 
 def softened(part, tau, moves, rng):
-    """Whitened rows of joints whose compliances walk by a part of themselves."""
+    """Whitened rows of joints whose compliances wander by a relative amount."""
     pulls = timetable()[0].ravel()
     changes = np.hstack([walk(pulls, tau, rng) for _ in range(3)])[:, :7]
     rows = np.sum(moves * np.repeat(changes, TARGETS * 3, axis=0), axis=1)
@@ -227,7 +230,7 @@ def softened(part, tau, moves, rng):
 
 @pytest.mark.slow
 def test_joints_that_soften_are_told_from_an_instrument():
-    """Both move all targets alike, slowly; the joints by their torques, the wander by none."""
+    """Both move all targets alike and slowly; the joints through torques, the wander without."""
     data, blind = measured(), []
     for k in range(5):
         moves = sprung(np.random.default_rng(k))
@@ -244,7 +247,7 @@ def test_joints_that_soften_are_told_from_an_instrument():
 
 
 def test_where_joints_explain_it_as_well_the_wander_keeps_its_share(monkeypatch):
-    """Equal likelihoods: four to one, the odds of what has no name; never nothing at all."""
+    """With equal likelihoods: four to one, the odds of an unnamed cause; never zero."""
     data, rows = measured(), beyond_of(drawn(1.5, 1200.0, np.random.default_rng(1)))
     alike = np.append(100.0, np.zeros(len(module.SIZES)))
     monkeypatch.setattr(module, "_losses", lambda beyond, factor, sizes: alike[-len(sizes) :])

@@ -1,6 +1,6 @@
-"""Weights at the load point and payloads on the flange: forces, errors, springs, what is refused.
+"""Weights at the load point and payloads on the flange: forces, errors, springs, rejections.
 
-The truth is a FANUC computed here, by products of rotations and by its potential energy.
+The truth is a FANUC computed here from products of rotations and its potential energy.
 """
 
 import numpy as np
@@ -60,13 +60,16 @@ def place(q, point):
 
 
 def slopes(q, point, h=1e-6):
-    """How it moves with each joint, shape (3, 6)."""
+    """Its derivative with respect to each joint, shape (3, 6)."""
     steps = h * np.eye(6)
     return np.stack([(place(q + e, point) - place(q - e, point)) / (2 * h) for e in steps], 1)
 
 
 def column_block(q, point, mass, at):
-    """What unit compliances make of a weight: the joints follow the fall of its energy."""
+    """Displacement by a weight with unit compliances.
+
+    The joints follow the gradient of its energy.
+    """
     tau = -mass * G * slopes(q, at)[2]
     return slopes(q, point) * tau
 
@@ -111,9 +114,9 @@ def case_of(files):
 
 
 def weighed(c, B, pulls):
-    """Springs but the first by least squares; a zero is shared by the pulls of its pose."""
+    """All springs but the first by least squares; a zero is shared by the pulls of its pose."""
     n = len(c) // (3 * pulls)
-    V = np.eye(pulls) + 1.0  # loaded readings beside one zero
+    V = np.eye(pulls) + 1.0  # loaded readings with one zero
     W = np.kron(np.eye(n), np.kron(np.linalg.inv(V), np.eye(9)))
     A, y = B.reshape(-1, 6)[:, 1:], c.ravel()
     return np.linalg.solve(A.T @ W @ A, A.T @ W @ y)
@@ -134,7 +137,7 @@ HUNG = [(mass, mass, TOOL["load_point"]) for mass in (60.0, 140.0)]
 
 @pytest.mark.parametrize(("loads", "more"), [(HUNG, ""), (MOUNTED, payload_tables())])
 def test_the_springs_are_those_of_an_independent_fit(loads, more):
-    """To 1e-6, without scale or chain; the joint about the vertical is never loaded."""
+    """To 1e-6, without scale or chain; the vertical joint is never loaded."""
     files, c, B, _ = hang(loads, more=more)
     case = case_of(files)
     data = bring(case).data
@@ -146,7 +149,7 @@ def test_the_springs_are_those_of_an_independent_fit(loads, more):
 
 
 def test_a_payload_acts_at_its_centre_and_not_at_the_load_point():
-    """Its springs are wrong if it does."""
+    """Its springs are wrong otherwise."""
     files = hang(MOUNTED, more=payload_tables(), noise=0.0)[0]
     case = case_of(files)
     found = fit(case, bring(case)).estimate
@@ -159,7 +162,7 @@ def test_a_payload_acts_at_its_centre_and_not_at_the_load_point():
 
 
 def test_gravity_pulls_where_campaign_toml_says():
-    """Along -z of F_b, or along a direction of any length with a value of its own."""
+    """Along -z of F_b, or along a direction of any length with its own magnitude."""
     plain_case = case_of(hang(HUNG)[0])
     down = bring(plain_case).data.pulls.force
     more = "[gravity]\ndirection = [0.0, 0.3, -0.4]\nm_s2 = 9.81\n"
@@ -170,7 +173,7 @@ def test_gravity_pulls_where_campaign_toml_says():
 
 
 def test_what_is_uncertain_of_a_payload_is_one_error_for_all_its_rows():
-    """A mass moves all displacements under it in proportion; a centre by its lever."""
+    """A mass error scales all displacements under it; a centre error acts through its lever."""
     sigma, off = 0.8, 0.004
     files, _, B, q = hang(MOUNTED, more=payload_tables(sigma, off))
     case = case_of(files)
@@ -199,9 +202,9 @@ def test_what_is_uncertain_of_a_payload_is_one_error_for_all_its_rows():
 
 @pytest.mark.slow
 def test_intervals_of_payload_campaigns_cover():
-    """Masses and centres wrong as stated: 95 % of 95 % intervals hold the truth, and more noise.
+    """Masses and centres wrong as stated: 95 % intervals hold the truth in 95 % of the cases.
 
-    Were the two errors left out, 72 % of them would.
+    The readings have noise as well. Without the two errors, 72 % of the intervals would.
     """
     plan = Plan(name="p", poses={"count": 6}, pulls={"load": "payloads"}, payload={
         "light": {"mass_kg": 60.0, "mass_sigma_kg": 1.5, "center_m": (0.05, 0.02, 0.1),
@@ -221,7 +224,7 @@ def test_intervals_of_payload_campaigns_cover():
 
 @pytest.mark.whole
 def test_a_campaign_of_weights_has_an_answer_without_suspects_of_chain_and_scale():
-    """Nothing of a chain or a scale is accused or a blind spot, and the springs are right."""
+    """No chain or scale is accused or a blind spot, and the springs are right."""
     raw = in_memory(hang(HUNG, more="[naming]\nmeasured = ['P1', 'P2', 'P3']\n")[0])
     answer = answered("hung", raw).answer
     off = [
@@ -243,7 +246,7 @@ def test_a_campaign_of_weights_has_an_answer_without_suspects_of_chain_and_scale
 
 
 def test_pulls_and_weights_stand_in_one_log():
-    """A cell is empty where the row is not of that kind; only pulls have a chain and its errors."""
+    """A cell is empty if the row is of another kind; only pulls have a chain and its errors."""
     made = simulate(Plan(name="m", poses={"count": 4}, pulls={"steps_n": [1500.0, 2500.0]}))
     rows = made.files["loads.csv"].decode().splitlines()
     mixed = ["pose,repeat,force_n,branch,mass_kg,payload"]
@@ -278,7 +281,7 @@ BAD_ROWS = {
 
 @pytest.mark.parametrize("name", BAD_ROWS)
 def test_a_row_that_is_no_load_is_left_out_and_named(name):
-    """With its line, the reason and the way out; the others stay."""
+    """With its line, the reason and the way out; the other rows stay."""
     old, new, reason = BAD_ROWS[name]
     files = hang(HUNG, more=payload_tables())[0]
     rows = files["loads.csv"].decode().replace("mass_kg", "mass_kg,payload").splitlines()
@@ -292,7 +295,7 @@ def test_a_row_that_is_no_load_is_left_out_and_named(name):
 
 
 def test_readings_of_a_scale_need_its_table():
-    """Without [scale] nobody knows how well it reads; weights need none."""
+    """Without [scale] its uncertainty is unknown; weights do not need it."""
     files = dict(hang(HUNG)[0])
     files["loads.csv"] = files["loads.csv"].replace(b"mass_kg", b"force_n")
 
@@ -301,9 +304,9 @@ def test_readings_of_a_scale_need_its_table():
 
 
 def torques(files, q, repeats, seed=1, offset=3.0, noise=0.5, sense=-1.0, arm=200.0):
-    """joints.csv with torques: those of the log's rows are of the load alone, or one row a state.
+    """joints.csv with torques: those of the log's rows are of the load alone, or one row per state.
 
-    A robot that holds its arm feels its own weight, which is none of the payload's.
+    The torques of a robot include its own weight, which is not part of the payload's.
     """
     rng = np.random.default_rng(seed)
     head = ["pose", *(["repeat"] if repeats else []), *(f"theta{j}_rad" for j in range(1, 7))]
@@ -323,7 +326,7 @@ def torques(files, q, repeats, seed=1, offset=3.0, noise=0.5, sense=-1.0, arm=20
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("repeats", [True, False])
 def test_joint_torques_weigh_a_payload(repeats):
-    """Mass and centre with honest uncertainties, whatever the sense, the offsets, the arm."""
+    """Mass and centre with correct uncertainties, whatever the sense, the offsets and the arm."""
     z, p = [], []
     files, _, _, q = hang(MOUNTED, more=payload_tables(), poses=12)
     if not repeats:  # each pose has one payload
@@ -346,7 +349,10 @@ def test_joint_torques_weigh_a_payload(repeats):
 
 @pytest.mark.whole
 def test_a_payload_that_the_torques_contradict_is_said():
-    """Stated a tenth too heavy; both stand in the answer, and the springs are those as stated."""
+    """Stated a tenth too heavy.
+
+    The answer has both values, and the springs follow the statement.
+    """
     files, _, _, q = hang(MOUNTED, more=payload_tables(heavier=1.1), poses=12)
     raw = in_memory(torques(files, q, True))
     answer = answered("heavy", raw).answer
@@ -363,7 +369,7 @@ def test_a_payload_that_the_torques_contradict_is_said():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("stated", "accused"), [(143.0, {"light", "heavy"}), (130.0, set())])
 def test_two_payloads_that_disagree_are_rivals(stated, accused):
-    """One is a tenth lighter than stated, and nothing but the other payload could tell which."""
+    """One is a tenth lighter than stated, and only the other payload could tell which."""
     more = payload_tables().replace("mass_kg = 130.0", f"mass_kg = {stated}")
     answer = answered("two", in_memory(hang(MOUNTED, more=more, poses=12)[0])).answer
     causes = answer.diagnosis.causes
@@ -379,7 +385,7 @@ def test_two_payloads_that_disagree_are_rivals(stated, accused):
 
 
 def test_a_payload_alone_has_no_mass_to_compare_with():
-    """Its mass would shift all stiffnesses alike; its centre may still be wrong."""
+    """An error of its mass would shift all stiffnesses alike; its centre may still be wrong."""
     alone = case_of(hang(MOUNTED[:1], more=payload_tables(), poses=12)[0])
     both = case_of(hang(MOUNTED, more=payload_tables(), poses=12)[0])
 
@@ -394,7 +400,7 @@ def test_a_payload_alone_has_no_mass_to_compare_with():
 
 @pytest.mark.whole
 def test_a_centre_of_mass_elsewhere_is_named():
-    """A tenth of a metre beside where campaign.toml has it, with the payload's name."""
+    """A tenth of a metre from its place in campaign.toml, with the payload's name."""
     more = payload_tables()
     at = PAYLOADS["heavy"][1]
     moved = more.replace(str(list(at)), str([at[0] + 0.1, *at[1:]]))
@@ -409,7 +415,7 @@ def test_a_centre_of_mass_elsewhere_is_named():
 
 @pytest.mark.slow
 def test_each_payload_is_predicted_from_the_other():
-    """To the scatter of the readings where both are right; not where one of them is not."""
+    """To the scatter of the readings if both are right; not if one of them is wrong."""
     good = answered("good", in_memory(hang(MOUNTED, more=payload_tables())[0])).answer
     wrong = payload_tables().replace("mass_kg = 130.0", "mass_kg = 160.0")
     bad = answered("bad", in_memory(hang(MOUNTED, more=wrong)[0])).answer

@@ -1,4 +1,4 @@
-"""The whitener alone: against the dense covariance, whatever poses the rows are of."""
+"""The whitener: against the dense covariance, however rows are distributed over poses."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def made(seed, sizes, common):
 
 
 def dense(errors):
-    """The covariance as it stands."""
+    """The dense covariance."""
     G = errors.G.toarray()
     return G @ G.T
 
@@ -66,7 +66,7 @@ def test_whitening_and_back_is_the_inverse_of_the_covariance(seed, sizes, common
 @FEW
 @CAMPAIGNS
 def test_within_poses_the_common_errors_are_left(seed, sizes, common):
-    """By pose, W V W' = 1 + A A' with A the whitened common errors, and no pose mixes in others."""
+    """By pose, W V W' = 1 + A A' with A the whitened common errors, and poses are not mixed."""
     errors, pose = made(seed, sizes, common)
     white = whitener(errors, pose)
     W = white.by_pose(np.eye(len(pose)))
@@ -89,7 +89,7 @@ def test_one_vector_is_whitened_as_a_column():
 
 
 def test_rows_of_one_pose_only_answer_to_each_other():
-    """What pose 8 reads has no weight in the whitened rows of pose 5 where nothing is common."""
+    """Readings of pose 8 do not enter the whitened rows of pose 5 if nothing is common."""
     errors, pose = made(6, [3, 4], 0)
     white, y = whitener(errors, pose), np.ones(7)
     other = np.where(pose == pose[0], y, 100.0)
@@ -99,7 +99,7 @@ def test_rows_of_one_pose_only_answer_to_each_other():
 
 
 def test_a_reading_without_scatter_is_refused():
-    """A covariance that is singular has no inverse root, and nobody gets one."""
+    """A singular covariance has no inverse root, and is refused."""
     errors, pose = made(1, [2, 3], 0)
     G = errors.G.toarray()
     G[1] = 0.0

@@ -1,4 +1,4 @@
-"""Whitening against the whole covariance, inverted as it stands."""
+"""Whitening against the whole covariance, inverted directly."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ D = np.random.default_rng(1).standard_normal((M, 2)) * 1e-4
 
 
 def test_rows_of_a_pose_have_unit_covariance_by_themselves():
-    """W V W' = 1 for the errors of each pose; the common ones are not in it."""
+    """W V W' = I for the errors of each pose, without the common ones."""
     W = WHITE.by_pose(np.eye(M))
 
     assert pytest.approx(np.eye(M), abs=1e-11) == W @ OWN @ W.T
@@ -32,7 +32,7 @@ def test_rows_of_a_pose_have_unit_covariance_by_themselves():
 
 
 def test_whitening_there_and_back_is_the_inverse_covariance():
-    """First the object, then `back`: V^-1, of one row of numbers and of many."""
+    """The object, then `back`: V^-1 times one vector or several."""
     inverse = np.linalg.inv(V)
 
     assert WHITE.back(WHITE(np.eye(M))) * 1e-8 == pytest.approx(inverse * 1e-8, rel=1e-7, abs=1e-9)
@@ -41,7 +41,10 @@ def test_whitening_there_and_back_is_the_inverse_covariance():
 
 
 def test_priors_below_the_rows_weigh_with_the_whole_covariance():
-    """Common errors estimated as columns: b of the textbook, and each error its best guess."""
+    """Common errors estimated as columns.
+
+    B of the textbook, and the best estimate of each error.
+    """
     rows = np.hstack([WHITE.with_priors(B), WHITE.columns])
     found = np.linalg.lstsq(rows, WHITE.with_priors(SYSTEM.c), rcond=None)[0]
     b, cov, chi2 = generalised(B, SYSTEM.c, V)
@@ -89,7 +92,7 @@ def test_a_suspect_may_touch_one_pose():
 
 
 def test_what_each_pose_has_to_itself_is_weighed_with_its_own_errors():
-    """A base of its own for each pose: its fits with its part of V, one after the other."""
+    """A base for each pose: fits with its part of V, one after the other."""
     base = WHITE.own_base(B, SYSTEM.c)
     total = sum(
         generalised(B[one == POSE], SYSTEM.c[one == POSE], OWN[one == POSE][:, one == POSE])[2]
@@ -101,7 +104,7 @@ def test_what_each_pose_has_to_itself_is_weighed_with_its_own_errors():
 
 
 def test_without_common_errors_a_pose_is_all_there_is():
-    """Nothing is estimated along, and whitening by pose is all of it."""
+    """No further columns are estimated, and whitening by pose is complete."""
     alone = made(np.random.default_rng(2), common=False)
     white = whitener(alone.errors, alone.rows.pose)
 

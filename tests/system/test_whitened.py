@@ -1,4 +1,4 @@
-"""A whitened campaign: every answer against generalised least squares on whole matrices."""
+"""A whitened campaign: every result against generalised least squares on whole matrices."""
 
 from dataclasses import replace
 
@@ -53,12 +53,12 @@ def given(small_campaign, read_back):
 
 @pytest.fixture(scope="module")
 def view(given):
-    """The same whitened, its noise a third larger than stated, its scale's a half."""
+    """The same whitened, with noise a third larger than stated, that of the scale by a half."""
     return whiten(given, NOISE, 1.5)
 
 
 def parts(given, force_noise=1.0, doubt=None):
-    """Covariance of each pose's own errors and of the common ones, with a doubt about one law."""
+    """Covariance of each pose's own errors and of the common ones, with one law uncertain."""
     G = given.errors.G.toarray() * np.where(
         given.errors.source == "force_reading", force_noise, 1.0
     )
@@ -90,8 +90,8 @@ def columns(given, suspects=(), springs=True):
 def test_every_suspect_is_generalised_least_squares(given, force_noise, doubt):
     """Size, drop, rest and degrees of freedom with the whole V, own errors `noise` times larger.
 
-    What is known of a law to a fraction only is uncertain in each pull by a twentieth at most, and
-    in all pulls together along the other laws of its gear.
+    An uncertain law is uncertain in each pull by a twentieth at most, and in all pulls together
+    along the other laws of its gear.
     """
     laws = [] if doubt is None else [(HARDENING, doubt)]
     view = whiten(given, NOISE, force_noise, laws)
@@ -113,7 +113,7 @@ def test_every_suspect_is_generalised_least_squares(given, force_noise, doubt):
 
 
 def test_groups_of_suspects_are_tried_together(view, given):
-    """All columns of two suspects at once, beside springs alone."""
+    """All columns of two suspects at once, in addition to springs alone."""
     own, common = parts(given, 1.5)
     V = NOISE**2 * own + common
     both = np.concatenate([view.columns([3]), view.columns([0])])[None]
@@ -127,7 +127,7 @@ def test_groups_of_suspects_are_tried_together(view, given):
 
 
 def test_columns_of_a_suspect_are_where_its_parameters_are(view, given):
-    """Behind springs and common errors, in the order of the suspects, with bounds of physics."""
+    """After springs and common errors, in the order of the suspects, with physical bounds."""
     r = int(given.errors.common.sum())
     first = 7 + r
 
@@ -144,7 +144,7 @@ def test_columns_of_a_suspect_are_where_its_parameters_are(view, given):
 
 @pytest.mark.parametrize("doubt", [None, 0.3])
 def test_spread_is_the_uncertainty_of_each_row(given, doubt):
-    """What is stated, `noise` times; a doubt about a law counts as far as it is of one pull."""
+    """`noise` times the stated uncertainty; that of a law counts as far as it is per pull."""
     laws = [] if doubt is None else [(HARDENING, doubt)]
     own, common = parts(given, 2.0, doubt)[0], parts(given)[1]
 
@@ -154,7 +154,7 @@ def test_spread_is_the_uncertainty_of_each_row(given, doubt):
 
 
 def test_errors_with_laws_have_the_covariance_that_weighs(given):
-    """G G' of all errors; those of the law itself move one pull, those of its kin all."""
+    """G G' of all errors; those of the law itself per pull, those of the same gear in all pulls."""
     louder = replace(given.errors, G=given.errors.G * 2)
     errors = with_laws(given, louder, [(HARDENING, 0.3)])
     own, common = parts(replace(given, errors=louder), 1.0, 0.3)
@@ -176,7 +176,7 @@ def without(given, pose, suspects, force_noise=1.5):
 
 @pytest.mark.parametrize("suspects", [[HARDENING], [HARDENING, 3], []])
 def test_each_pose_is_predicted_by_a_fit_without_it(view, given, suspects):
-    """Residuals of a pose that is left out, by refits with the whole V, and by products."""
+    """Residuals of a left-out pose, from refits with the whole V, and from products."""
     base = np.concatenate([np.arange(view.first), view.columns(suspects)])
     left = view.left_out(base)
 
@@ -190,7 +190,7 @@ def test_each_pose_is_predicted_by_a_fit_without_it(view, given, suspects):
 
 
 def test_suspects_are_tried_without_a_pose(view, given):
-    """Fewer rows leave fewer degrees of freedom, and the other poses' own sum of squares."""
+    """Fewer rows: fewer degrees of freedom, and the sum of squares of the other poses."""
     pose = np.unique(given.rows.pose)[2]
     rows = int(np.sum(given.rows.pose == pose))
     found = view.beside(view.base, view.without(2), rows)
@@ -203,7 +203,7 @@ def test_suspects_are_tried_without_a_pose(view, given):
 
 
 def by_pose(given, own, rows):
-    """Rows whitened with each pose's own errors, one pose after the other."""
+    """Rows whitened with each pose's own errors, pose by pose."""
     out = np.zeros(rows.shape)
     for pose in np.unique(given.rows.pose):
         mine = given.rows.pose == pose
@@ -214,18 +214,18 @@ def by_pose(given, own, rows):
 
 
 def each(key, columns):
-    """Every value of a key has all columns to itself."""
+    """All columns separately for each value of a key."""
     return np.hstack([columns * (key == one)[:, None] for one in np.unique(key)])
 
 
 def remains(X, y):
-    """Sum of squares that numpy's fit leaves, and its degrees of freedom."""
+    """Residual sum of squares of numpy's fit, and its degrees of freedom."""
     b, _, rank, _ = np.linalg.lstsq(X, y, rcond=1e-9)
     return float(np.sum((y - X @ b) ** 2)), len(y) - rank
 
 
 def loose(given):
-    """Each reflector by itself along the axes of F_b and of the flange, per kilonewton."""
+    """Motion of each reflector alone along the axes of F_b and of the flange, per kilonewton."""
     data, rows = given.data, given.rows
     points = load(given.model.cell, data.pulls, given.model.values).points
     tool = given.model.cell.tool.points
@@ -242,7 +242,7 @@ def loose(given):
 
 @pytest.mark.parametrize("moved_m", [0.0, 5e-5, 3e-4])
 def test_scatter_is_what_no_rigid_motion_makes(given, moved_m):
-    """Free motions of each pull, by fits; a reflector that gives way is taken out and told."""
+    """Free motions of each pull, by fits; a compliant reflector is excluded and reported."""
     size = np.linalg.norm(given.data.pulls.force, axis=1)[given.rows.pull] / 1000
     at = (np.repeat(given.data.target, 3) == 1) & (given.rows.axis == 2)
     soft = replace(given, y=given.y + moved_m * size * at)
@@ -264,7 +264,7 @@ def test_scatter_is_what_no_rigid_motion_makes(given, moved_m):
 
 
 def test_one_reflector_tells_no_scatter(read_back):
-    """Its every motion is one of a rigid effector."""
+    """Any of its motions is one of a rigid effector."""
     one = {
         "poses": {"count": 5},
         "tool": {"load_point": [0.15, 0.0, 0.25], "P1": [0.2, 0.05, 0.12]},
@@ -278,7 +278,10 @@ def test_one_reflector_tells_no_scatter(read_back):
 
 @pytest.mark.parametrize("accepted", [[], [HARDENING]])
 def test_what_a_free_stiffness_of_each_pose_takes_is_told_by_fits(view, given, accepted):
-    """Of the residual beside the common errors' best guess; rank minus springs and accepted."""
+    """From the residual after the best estimate of common errors.
+
+    Rank minus springs and accepted.
+    """
     own, common = parts(given, 1.5)
     V = NOISE**2 * own + common
     X = columns(given, accepted)
@@ -298,7 +301,7 @@ def test_what_a_free_stiffness_of_each_pose_takes_is_told_by_fits(view, given, a
 
 
 def test_exact_data_leave_rounding_and_no_more(given):
-    """Where nothing is left the sum of squares is the least per degree of freedom."""
+    """Without residuals, the sum of squares is the minimum per degree of freedom."""
     exact = replace(given, y=given.B @ given.model.values[:7])
     view = whiten(exact, 1.0)
 

@@ -1,4 +1,4 @@
-"""Answers of foreign tools, kept as files by `make peers`, and how far ours may be from them.
+"""Results of other tools, stored as files by `make peers`, and allowed differences from ours.
 
 `*_frames_pybotics.csv` are joint values and frames by pybotics, `ur5_figaroh.*` what FIGAROH
 estimates from four fifths of the UR5's grid and predicts at the rest, `peers.json` the errors of
@@ -26,7 +26,7 @@ ROBOTS = {one.robot.stem: one.robot for one in (*cut.TRIALS, *cut.LOADS)}
 
 
 def test_frames_are_those_of_pybotics(robot_file):
-    """Place [m] and axes of the flange at 40 joint values, to 1e-9."""
+    """Position [m] and axes of the flange at 40 joint values, to 1e-9."""
     robot = parse(robot_file.read_text("utf-8"), robot_file.name)
     kept = np.loadtxt(KEPT / f"{robot_file.stem}_frames_pybotics.csv", delimiter=",")
     q, theirs = kept[:, : robot.n], kept[:, robot.n :].reshape(-1, 3, 4)
@@ -45,7 +45,7 @@ def robot_file(request):
 
 @pytest.fixture(scope="module")
 def ur5(tmp_path_factory):
-    """What four fifths of the grid teach, and what was read at the rest [m]."""
+    """Model estimated from four fifths of the grid, and readings at the rest [m]."""
     trial, folder = cut.TRIALS[0], tmp_path_factory.mktemp("ur5")
     seen = cut.positions(trial, folder, folder / "peers")
     campaign = pipeline.load_campaign(trial.name, root=folder)
@@ -56,7 +56,7 @@ def ur5(tmp_path_factory):
 
 @pytest.mark.whole
 def test_the_ur5_is_predicted_better_than_by_any_peer(ur5):
-    """At the same 200 poses, judged alike; the best peer, a learned one, by a tenth at least."""
+    """At the same 200 poses, with the same metric; by at least a tenth than the best peer."""
     _, told, seen = ur5
     peers = json.loads((KEPT / "peers.json").read_text("utf-8"))["ur5_fifth"]
     best = min(one["mean_mm"] for tool, one in peers.items() if tool != "this project")
@@ -69,7 +69,10 @@ def test_the_ur5_is_predicted_better_than_by_any_peer(ur5):
 
 @pytest.mark.whole
 def test_the_ur5_is_where_figaroh_has_it_but_for_the_laws_that_it_lacks(ur5):
-    """Places differ by less than FIGAROH's own error; the twist of joint 4 by 0.2 mrad at most."""
+    """Positions differ by less than FIGAROH's own error.
+
+    The twist of joint 4 by 0.2 mrad at most.
+    """
     result, told, seen = ur5
     theirs = np.loadtxt(KEPT / "ur5_figaroh.csv", delimiter=",")
     said = dict(line.split() for line in (KEPT / "ur5_figaroh.txt").read_text().splitlines())
@@ -86,7 +89,7 @@ def test_the_ur5_is_where_figaroh_has_it_but_for_the_laws_that_it_lacks(ur5):
 
 
 def test_forces_and_displacements_are_those_of_the_papers_equations():
-    """Registration, zeros and chain of kr500_demo by another hand: 0.1 N and 20 um."""
+    """Registration, zeros and chain of kr500_demo, implemented independently: 0.1 N and 20 um."""
     arm = arms.read(cut.KR500)
     theirs = springs.read(cut.RAW / "kr500_demo", arm)
 
@@ -99,7 +102,7 @@ def test_forces_and_displacements_are_those_of_the_papers_equations():
 
 
 def test_springs_of_the_fanuc_are_those_of_the_papers_equations():
-    """Where no noise is stated the estimate is Eq. (21): compliances agree to 1e-6."""
+    """Without a stated noise the estimate is Eq. (21): compliances agree to 1e-6."""
     raw = find(cut.HERE, "fanuc_r2000ic").read()
     case = ingested(raw, conformed, plain)
     ours = identify(case.cell, bring(case).data, raw.robot.nominal_compliance)[1].value
