@@ -59,7 +59,7 @@ KNOWN = {
     "base_reflector._AGREE": "takes back what others contradict",
     "unloaded_geometry._MISFIT": "asks for causes only where positions do not fit",
     "scale_reading._ALIKE": "factors that are one, which takes an accusation back",
-    "bounds._CHANCE": "a robot that gives way explains far more",
+    "bounded._CHANCE": "a robot that gives way explains far more",
     "estimate.MISFIT_P": "a remark beside the verdict",
     "unloaded._RARE": "leaves out a pose that no displacement is measured in",
 }
