@@ -477,19 +477,24 @@ _NOT_JUDGED = (
 
 
 def _wrong(said: PositionsFound) -> Iterator[str]:
-    found, facts = said.found, said.facts
+    facts, beside = said.facts, list(beside_causes(said))
     if facts.moved or not said.row.reason.holds_for_its_readings:
         yield wrong(facts, 0)
     elif facts.causes:
         yield from _named(facts.causes)
-    beside = list(beside_causes(said))
-    if facts.mistakes and clear(facts) and _erring(found, said.raw.robot) is None:
-        yield wrong(facts, 0)
-    elif not (facts.causes or beside) and clear(facts):
-        yield "Nothing detectable in these readings."
+    if clear(facts):
+        yield from _nothing_else(said, beside)
     if said.usable and said.found.final.wanted.moments and not _sags(said):
         yield _NO_SAG
     yield from beside
+
+
+def _nothing_else(said: PositionsFound, beside: Sequence[str]) -> Iterator[str]:
+    """What is said where no finding calls for more."""
+    if said.facts.mistakes and _erring(said.found, said.raw.robot) is None:
+        yield wrong(said.facts, 0)
+    elif not (said.facts.causes or beside):
+        yield "Nothing detectable in these readings."
 
 
 def beside_causes(said: PositionsFound) -> Iterator[str]:

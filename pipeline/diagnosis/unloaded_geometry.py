@@ -37,7 +37,7 @@ from pipeline.geometry.roughness import (
 from pipeline.geometry.scatter import START
 from pipeline.geometry.unloaded import USUAL, PoseRows, Unloaded, off, unloaded
 from pipeline.machine.cell import Cell, load
-from pipeline.machine.effect import Effect, Geometry, Observation
+from pipeline.machine.effect import Effect, Geometry, Observation, Pulls
 from pipeline.machine.effects import base_moved, base_rotation, joint_offset, table
 from pipeline.machine.robot.letters import changed
 from pipeline.reduction.measured import Measured
@@ -392,9 +392,14 @@ def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, M
         for facet in effect.facets:
             if isinstance(facet, Observation):
                 delta = facet.observe(loaded, delta, pulls.time, -turn)
+    for turns in _bumps(zeros, x, pulls):
+        pulls = replace(pulls, force=pulls.force - np.cross(turns, pulls.pulled * pulls.force))
+        delta = delta - np.cross(turns[data.pull][:, None], delta)
+    return replace(cell, robot=robot), replace(data, pulls=pulls, delta=delta[:, 0])
+
+
+def _bumps(zeros: Unloaded, x: Array, pulls: Pulls) -> Iterator[Array]:
+    """Rotation of robot or tracker at each pull, of every change that is no joint's, (m, 3)."""
     for change, at in zeros.changed:
         if not change.joint:
-            turns = np.outer(change.share(pulls), x[at][3:])
-            pulls = replace(pulls, force=pulls.force - np.cross(turns, pulls.pulled * pulls.force))
-            delta = delta - np.cross(turns[data.pull][:, None], delta)
-    return replace(cell, robot=robot), replace(data, pulls=pulls, delta=delta[:, 0])
+            yield np.outer(change.share(pulls), x[at][3:])
