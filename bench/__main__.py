@@ -1,4 +1,4 @@
-"""`python -m bench [NAME ...]`: every benchmark, or those named, one line per figure."""
+"""`python -m bench [NAME ...]`: all benchmarks, or those named, one line per figure."""
 
 import importlib
 import pkgutil
@@ -8,7 +8,7 @@ import bench
 
 
 def main() -> None:
-    """Run each bench_*.py and print its rows as they come."""
+    """Run each bench_*.py and print its rows as they are computed."""
     names = [m.name for m in pkgutil.iter_modules(bench.__path__) if m.name.startswith("bench_")]
     asked = sys.argv[1:] or [name.removeprefix("bench_") for name in names]
     unknown = sorted(set(asked) - {name.removeprefix("bench_") for name in names})

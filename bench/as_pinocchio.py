@@ -1,7 +1,7 @@
 """The robot as a `pin.Model`, with frames for flange, tool, load point and targets.
 
-Pinocchio gives what needs link masses (gravity torques) and is the independent check of the
-batched kinematics; importing it takes half a second, so only the functions here import it.
+Pinocchio computes what needs link masses (gravity torques) and serves as independent check of the
+batched kinematics; importing it takes half a second, so it is imported only within functions.
 """
 
 from __future__ import annotations

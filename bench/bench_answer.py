@@ -1,16 +1,16 @@
-"""Do the stated intervals hold the truth under every verdict, and does no cause look like wear?
+"""Coverage of the stated intervals under every verdict, and false alarms of wear due to causes.
 
 The stiffnesses at the top of result.json are those of the model that the verdict recommends; those
-of the joint springs alone, on the data as given, are given as well. Machines, causes and campaigns
-are the league's, so what is true is known.
+of the joint springs alone, on the data as given, are listed as well. Machines, causes and campaigns
+are the league's, so the truth is known.
 
-- Coverage: campaigns with one cause, with none and with a blunder in the raw files, counted by the
-  verdict that they get, until there are enough of each.
-- Alarms: two campaigns of one robot, the first with a cause that was explained. What the cause does
-  must not look like wear, and wear must still be found.
+- Coverage: campaigns with one cause, with none and with a blunder in the raw files, counted by
+  their verdict, until there are enough of each.
+- Alarms: two campaigns of one robot, the first with a cause that was explained. The effect of the
+  cause must not look like wear, and wear must still be found.
 
-ANSWER_LOG names the file of finished games, one line of JSON each; a run that was interrupted goes
-on from there.
+ANSWER_LOG names the file of finished games, one line of JSON each; an interrupted run is continued
+from it.
 """
 
 from __future__ import annotations
@@ -44,25 +44,26 @@ from pipeline.store.campaign import code_version
 
 SEED = 2030
 TARGETS = {"explained": 200, "ambiguous": 100, "bad_data": 100, "adequate": 100}
-"""Campaigns wanted of each verdict."""
+"""Number of campaigns wanted with each verdict."""
 MOST = 2500
-"""Games for coverage, so that it ends; those that a plan shows at no sensible size count."""
+"""Maximum number of games for coverage, including those whose cause would need an implausible
+size."""
 ROUND = 16
-"""Games of one kind that are handed out together."""
+"""Number of games of one kind that are distributed together."""
 TIMES = {"planted": (2.0,), "doubtful": (1.0, 0.7), "spoiled": (2.0,), "clean": ()}
-"""Kinds of games: size of the cause over the smallest identifiable one."""
+"""Kinds of games: size of the cause relative to the smallest identifiable one."""
 FEEDS = {
     "planted": "explained",
     "doubtful": "ambiguous",
     "spoiled": "bad_data",
     "clean": "adequate",
 }
-"""Verdict for whose sake games of a kind are played."""
+"""Verdict for which games of a kind are played."""
 ROBOTS = 100
 SOFTER = 0.05
-"""Wear of one joint, as part of its stiffness."""
+"""Wear of one joint, relative to its stiffness [1]."""
 TRIES = 30
-"""Campaigns after which the wanted verdict is given up; every third try hides another cause."""
+"""Maximum number of campaigns tried to obtain a verdict; the cause changes after every third."""
 
 LISTS = {"stiffness": "top level", "joint_springs": "joint springs"}
 ENTRY = ("name", "value", "std", "ci95", "identifiable", "compliance", "compliance_std")
@@ -83,12 +84,12 @@ class Job:
         return f"{self.kind}-{self.number}"
 
     def seed(self, *more: int) -> tuple[int, ...]:
-        """Of whatever is drawn for it; `more` tells its draws apart."""
+        """Seed of what is drawn for it; `more` distinguishes its draws."""
         return (SEED, [*TIMES, "robot"].index(self.kind), self.number, *more)
 
 
 def run() -> Iterable[Row]:
-    """Coverage by verdict, of both lists of stiffnesses; then false alarms and wear found."""
+    """Coverage by verdict, for both lists of stiffnesses; then false alarms and detected wear."""
     path = Path(os.environ.get("ANSWER_LOG", "data/processed/bench-answer.jsonl"))
     kept = _kept(path)
     some = partial(_played, kept=kept, path=path)
@@ -100,7 +101,7 @@ def run() -> Iterable[Row]:
 
 
 def _kept(path: Path) -> dict[str, Json]:
-    """Games of an earlier run by key; a line that was cut off is none."""
+    """Games of an earlier run by key, without an incomplete last line."""
     if not path.is_file():
         return {}
     whole = path.read_text("utf-8").split("\n")[:-1]
@@ -115,7 +116,7 @@ def _kept(path: Path) -> dict[str, Json]:
 
 
 def _played(jobs: Sequence[Job], kept: dict[str, Json], path: Path) -> list[Json]:
-    """Games in the order of the jobs; those that are not kept are played."""
+    """Games in the order of the jobs; those not in the log are played."""
     left = [job for job in jobs if job.key not in kept]
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a", encoding="utf-8") as out:
@@ -131,7 +132,7 @@ def _played(jobs: Sequence[Job], kept: dict[str, Json], path: Path) -> list[Json
 
 
 def _enough(some: Callable[[Sequence[Job]], list[Json]]) -> list[Json]:
-    """Rounds of games until every verdict has its number; the same in any number of processes."""
+    """Rounds of games until each verdict has its number, independent of the number of processes."""
     games: list[Json] = []
     next_of = dict.fromkeys(FEEDS, 0)
     while len(games) < MOST:
@@ -145,7 +146,7 @@ def _enough(some: Callable[[Sequence[Job]], list[Json]]) -> list[Json]:
 
 
 def game_of(job: Job) -> Json:
-    """One line of the log: the same in whatever process, order or company."""
+    """One line of the log, independent of process and order."""
     played = robot_game if job.kind == "robot" else coverage_game
     return {"key": job.key, "code": code_version(), "seed": SEED, **played(job)}
 
@@ -154,7 +155,7 @@ def game_of(job: Job) -> Json:
 
 
 def coverage_game(job: Job) -> Json:
-    """One campaign: what was planted, what was true, what the answer states."""
+    """One campaign: what was planted, the truth, and the values of the answer."""
     robot, hidden, blunder = load("kr500_rail"), "", ""
     steps = TIMES[job.kind]
     if job.kind == "spoiled":
@@ -182,16 +183,16 @@ def _plan(job: Job, robot: Robot, *more: int) -> Plan:
 
 
 def sized(robot: Robot, cause: str, times: float, turn: int) -> tuple[Plan, float | None]:
-    """One of the plans that games share, and the cause's size [typical ones] for it.
+    """One of the shared plans, and the size of the cause for it [typical sizes].
 
     Args:
         robot: The KR500 on its rail.
-        cause: Label of what is hidden.
-        times: Size over the smallest identifiable one.
-        turn: How often all causes were gone through; another one takes another plan.
+        cause: Label of the hidden cause.
+        times: Size relative to the smallest identifiable one.
+        turn: How often all causes have been used; it selects the plan.
 
     Returns:
-        The size is None where nobody would live with a fault so large.
+        The plan and the size, which is None if it would be implausibly large.
     """
     seed = (SEED, 9, (5 * ABLE.index(cause) + turn) % PLANS)
     size = times * yardstick(seed, Rules()).named.get(cause, np.inf)
@@ -200,7 +201,7 @@ def sized(robot: Robot, cause: str, times: float, turn: int) -> tuple[Plan, floa
 
 
 def stated(answer: Mapping[str, Any] | None) -> Json:
-    """What is kept of result.json: verdict, names and both lists of stiffnesses."""
+    """Part of result.json that is kept: verdict, names and both lists of stiffnesses."""
     if answer is None:
         return {"verdict": "refused"}
     diagnosis = answer["diagnosis"]
@@ -225,7 +226,7 @@ Cells = list[list[str]]
 
 
 def _edited(raw: Files, file: str, edit: Callable[[Cells], None]) -> dict[str, bytes]:
-    """A table with its cells changed; line and column ends stay."""
+    """A table with its cells changed; columns and line ends are unchanged."""
     head, *lines = raw[file].decode().splitlines()
     cells = [line.split(",") for line in lines]
     edit(cells)
@@ -233,7 +234,7 @@ def _edited(raw: Files, file: str, edit: Callable[[Cells], None]) -> dict[str, b
 
 
 def _tracker_in(raw: Files, rng: np.random.Generator, unit_m: float) -> dict[str, bytes]:
-    """The tracker's columns are labelled millimetres and hold another unit."""
+    """Label the tracker's columns as millimetres although they contain another unit."""
 
     def edit(cells: Cells) -> None:
         for row in cells:
@@ -243,7 +244,7 @@ def _tracker_in(raw: Files, rng: np.random.Generator, unit_m: float) -> dict[str
 
 
 def _loads_in_kgf(raw: Files, rng: np.random.Generator) -> dict[str, bytes]:
-    """The scale was set to kilograms-force."""
+    """Give the loads in kilograms-force."""
 
     def edit(cells: Cells) -> None:
         for row in cells:
@@ -253,7 +254,7 @@ def _loads_in_kgf(raw: Files, rng: np.random.Generator) -> dict[str, bytes]:
 
 
 def _shifted_reading(raw: Files, rng: np.random.Generator) -> dict[str, bytes]:
-    """One reading, of whatever reflector, is off by 0.5 to 5 mm in any direction."""
+    """Shift one reading, of any reflector, by 0.5 to 5 mm in a random direction."""
 
     def edit(cells: Cells) -> None:
         row, off = cells[rng.integers(len(cells))], rng.standard_normal(3)
@@ -264,7 +265,7 @@ def _shifted_reading(raw: Files, rng: np.random.Generator) -> dict[str, bytes]:
 
 
 def _swapped_targets(raw: Files, rng: np.random.Generator) -> dict[str, bytes]:
-    """Two reflectors of one group carry each other's names."""
+    """Exchange the names of two reflectors in one group."""
 
     def edit(cells: Cells) -> None:
         group = rng.choice([row[0] for row in cells if row[1] == NAMES[0]])
@@ -277,7 +278,7 @@ def _swapped_targets(raw: Files, rng: np.random.Generator) -> dict[str, bytes]:
 
 
 def _reversed_pull(raw: Files, rng: np.random.Generator) -> dict[str, bytes]:
-    """In one pull the two reflectors of the chain carry each other's names."""
+    """Exchange the names of the two chain reflectors in one pull."""
 
     def edit(cells: Cells) -> None:
         group = rng.choice([row[0] for row in cells if row[1] == "Pl1"])
@@ -289,7 +290,7 @@ def _reversed_pull(raw: Files, rng: np.random.Generator) -> dict[str, bytes]:
 
 
 def _wrong_digit(raw: Files, rng: np.random.Generator) -> dict[str, bytes]:
-    """One digit of one load, thousands or hundreds of newtons, is another one."""
+    """Change one digit of one load, that of thousands or hundreds of newtons."""
 
     def edit(cells: Cells) -> None:
         row = cells[rng.integers(len(cells))]
@@ -301,7 +302,7 @@ def _wrong_digit(raw: Files, rng: np.random.Generator) -> dict[str, bytes]:
 
 
 def _lost_sign(raw: Files, rng: np.random.Generator) -> dict[str, bytes]:
-    """One joint angle of one pose has the other sign."""
+    """Change the sign of one joint angle of one pose."""
 
     def edit(cells: Cells) -> None:
         row, joint = cells[rng.integers(len(cells))], int(rng.integers(2, 8))
@@ -320,14 +321,14 @@ BLUNDERS: dict[str, Callable[[Files, np.random.Generator], dict[str, bytes]]] = 
     "wrong digit": _wrong_digit,
     "lost sign": _lost_sign,
 }
-"""What goes wrong between cell and folder: raw files -> those that are spoiled."""
+"""Blunders between cell and folder: functions from raw files to spoiled ones."""
 
 
 # --- coverage: counted ----------------------------------------------------------------------------
 
 
 def coverage_rows(games: Sequence[Json]) -> Iterator[Row]:
-    """The rows of the first part."""
+    """Rows of the first part."""
     said = Counter(game["verdict"] for game in games)
     yield "games", len(games), ", ".join(f"{n} {verdict}" for verdict, n in said.most_common())
     for verdict in TARGETS:
@@ -380,15 +381,16 @@ def _covered_rows(what: str, games: Sequence[Json], which: str) -> Iterator[Row]
 
 
 def _has(entry: Json) -> bool:
-    """Whether a joint has an interval, with two limits or one."""
+    """Whether a joint has an interval, with one or two limits."""
     return entry["identifiable"] and entry["ci95"] != [None, None]
 
 
 def _held(game: Json, which: str) -> list[bool]:
-    """Of each joint with an interval, whether the interval holds the truth; no limit is infinite.
+    """For each joint with an interval, whether it contains the truth; a missing limit is infinite.
 
-    A strut beside the shoulder's gear adds a stiffness of its own, constant in part, which no pull
-    tells from the gear's: what is true of that joint then is a matter of words.
+    A strut in parallel to the shoulder's gear adds stiffness, in part constant, that no pull can
+    separate from the gear's; the true value of that joint is then a matter of definition, and it is
+    left out.
     """
     return [
         (entry["ci95"][0] or 0.0) <= true <= (entry["ci95"][1] or np.inf)
@@ -398,7 +400,7 @@ def _held(game: Json, which: str) -> list[bool]:
 
 
 def _farthest(game: Json, which: str) -> float | None:
-    """Largest error of a stiffness over its standard uncertainty."""
+    """Largest error of a stiffness relative to its standard uncertainty."""
     far = [
         abs(entry["value"] - true) / entry["std"]
         for entry, true in zip(game[which], game["truth"], strict=True)
@@ -422,7 +424,7 @@ def _width(entry: Json) -> float:
 
 
 def _worst_causes(games: Sequence[Json]) -> Iterator[Row]:
-    """Coverage at the top level by what was planted, the three lowest."""
+    """Coverage at the top level by cause, the three lowest."""
     held: dict[str, list[bool]] = {}
     for game in games:
         held.setdefault(game["cause"] or "nothing", []).extend(_held(game, "stiffness"))
@@ -432,7 +434,7 @@ def _worst_causes(games: Sequence[Json]) -> Iterator[Row]:
 
 
 def _share(hits: Sequence[bool], what: str, aim: str = "") -> tuple[float, str]:
-    """A share, and its 95 % interval by Clopper and Pearson."""
+    """A fraction, and its 95 % interval by Clopper and Pearson."""
     if not hits:
         return np.nan, f"of 0 {what}"
     test = stats.binomtest(sum(hits), len(hits))
@@ -444,7 +446,7 @@ def _share(hits: Sequence[bool], what: str, aim: str = "") -> tuple[float, str]:
 
 
 def robot_game(job: Job) -> Json:
-    """Campaigns of one robot: with a cause, without, later, later with one joint softer."""
+    """Campaigns of one robot: with a cause, without, later, and later with one joint softer."""
     robot, rules, joint = load("kr500_rail"), Rules(), job.number % len(NOMINAL)
     rng = np.random.default_rng(job.seed(0))
     true = 1 / NOMINAL * rng.uniform(1 - rules.spread, 1 + rules.spread, robot.n)
@@ -459,7 +461,7 @@ def robot_game(job: Job) -> Json:
 
 
 def _explained(job: Job, robot: Robot, stiffness: Array) -> Json | None:
-    """The first campaign with a cause that is explained; None where all tries fail."""
+    """The first campaign with an explained cause; None if all tries fail."""
     for attempt in range(TRIES):
         cause = ABLE[(job.number + attempt // 3) % len(ABLE)]
         plan, size = sized(robot, cause, 2.0, job.number + attempt)
@@ -474,13 +476,13 @@ def _explained(job: Job, robot: Robot, stiffness: Array) -> Json | None:
 
 
 def _adequate(job: Job, robot: Robot, stiffness: Array, which: int) -> Json | None:
-    """The first clean campaign that is adequate; None where all tries fail.
+    """The first clean campaign with the verdict adequate; None if all tries fail.
 
     Args:
-        job: The robot's.
+        job: The robot's job.
         robot: The KR500 on its rail.
-        stiffness: True ones.
-        which: Number of the series of plans and scatter; a worn robot is measured as the sound one.
+        stiffness: True stiffnesses.
+        which: Number of the series of plans and noise, the same for worn and unworn robot.
     """
     for attempt in range(TRIES):
         plan = _plan(job, robot, which, attempt)
@@ -492,7 +494,7 @@ def _adequate(job: Job, robot: Robot, stiffness: Array, which: int) -> Json | No
 
 
 def alarm_rows(games: Sequence[Json]) -> Iterator[Row]:
-    """The rows of the second part."""
+    """Rows of the second part."""
     for first in ("explained", "adequate"):
         for which, words in LISTS.items():
             what, aim = f"{first} first, {words}", "aim <= 0.02; "

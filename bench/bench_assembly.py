@@ -1,4 +1,4 @@
-"""B for 10 000 readings against a loop over Pinocchio; the solve against numpy's lstsq."""
+"""B for 10 000 readings compared with a loop over Pinocchio; the solver with numpy's lstsq."""
 
 import numpy as np
 import pinocchio as pin
@@ -9,7 +9,8 @@ from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
-from pipeline.run import reduce, tool
+from pipeline.reduction.effector import tool
+from pipeline.run import reduce
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble

@@ -1,9 +1,9 @@
-"""How often `check` names the line of campaign.toml that is wrong, and how often it accuses one.
+"""How often `check` names the wrong line of campaign.toml, and how often it names a right one.
 
-Campaigns are drawn at random: robot, poses, reflectors, form of the export, what the robot itself
-gets wrong. One entry of campaign.toml is then made wrong: a measured tool point by 5 mm or more, a
-base point by 20 mm or more, the unit, the decimal mark, the unit of angles or their sense. Of as
-many again nothing is wrong. `python -m bench check`.
+Campaigns are drawn at random: robot, poses, reflectors, form of the export, and errors of the robot
+itself. One entry of campaign.toml is then made wrong: a measured tool point by 5 mm or more, a base
+point by 20 mm or more, the unit, the decimal mark, the unit of angles or their sense. In as many
+others nothing is wrong. `python -m bench check`.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def plan(rng: np.random.Generator) -> Plan:
 
 
 def table(plain: bytes, unit: str, decimal: str, angle: str | None) -> bytes:
-    """The readings of a plain export as a table between semicolons that states nothing."""
+    """Readings of a plain export as a table with semicolons and without units."""
     rows = list(csv.DictReader(io.StringIO(plain.decode())))
     xyz = np.array([[float(row[f"{axis}_mm"]) for axis in "xyz"] for row in rows]) * 1e-3
     if angle is None:
@@ -78,7 +78,7 @@ def table(plain: bytes, unit: str, decimal: str, angle: str | None) -> bytes:
 
 
 def spoilt(kind: str, said: dict[str, Any], rng: np.random.Generator) -> list[str]:
-    """Make one entry wrong in place; where it stands."""
+    """Make one entry wrong in place; return its path."""
     tracker = said["tracker"]
     if kind in ("tool", "base_frame"):
         names = [name for name in said[kind] if name != "load_point"]
@@ -94,7 +94,7 @@ def spoilt(kind: str, said: dict[str, Any], rng: np.random.Generator) -> list[st
 
 
 def drawn(seed: int, kind: str | None) -> tuple[dict[str, bytes], int | None]:
-    """Files of a campaign with one wrong entry, and its line; None where nothing is wrong."""
+    """Files of a campaign with one wrong entry, and its line; None if nothing is wrong."""
     rng = np.random.default_rng([SEED, seed])
     made = simulate(plan(rng))
     files, said = dict(made.files), tomllib.loads(made.files["campaign.toml"].decode())
@@ -117,7 +117,7 @@ def drawn(seed: int, kind: str | None) -> tuple[dict[str, bytes], int | None]:
 
 
 def line_of(text: str, path: list[str]) -> int:
-    """Line on which the key stands in its table, found by the way `toml.dumps` writes."""
+    """Line of a key in its table, in text written by `toml.dumps`."""
     table = ""
     for number, line in enumerate(text.splitlines(), 1):
         if line.startswith("["):
@@ -128,7 +128,7 @@ def line_of(text: str, path: list[str]) -> int:
 
 
 def named(seed: int, kind: str | None) -> str:
-    """`right`, `among` (named beside another), `silent` or `wrong`; clean campaigns are silent."""
+    """`right`, `among` (named with others), `silent` or `wrong`."""
     files, line = drawn(seed, kind)
     found = [one.line for one in wrong_lines(in_memory(files))]
     if line is None or not found:
@@ -139,7 +139,7 @@ def named(seed: int, kind: str | None) -> str:
 
 
 def run(draws: int = DRAWS) -> Iterator[tuple[str, float, str]]:
-    """Share of wrong entries whose line is named, by kind, and of good campaigns left alone."""
+    """Fraction of wrong entries named, by kind, and of good campaigns without finding."""
     count = draws // len(KINDS)
     for kind in (*KINDS, None):
         said = Counter(named(seed, kind) for seed in range(count))

@@ -1,7 +1,7 @@
-"""Do the 95 % intervals hold the truth 95 % of the time?
+"""Coverage of the 95 % intervals for one scene.
 
-One scene, many draws: tracker, registration, shared zeros, force and gain errors are drawn anew
-each time and go through raw files and every stage, as a real campaign does.
+Tracker, registration, shared zeros, force and gain errors are drawn again each time and pass
+through raw files and every stage, like a real campaign.
 """
 
 import numpy as np
@@ -10,7 +10,8 @@ from scipy import stats
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
-from pipeline.run import reduce, tool
+from pipeline.reduction.effector import tool
+from pipeline.run import reduce
 from pipeline.service.executor import Processes, in_order
 from pipeline.simulate import Plan, build, draw, raw_files, revised
 from pipeline.store.campaign import in_memory
@@ -21,7 +22,7 @@ NOISES = {"sigma": {"sigma_m": 3e-5}, "paper": {"noise": "paper"}}
 
 
 def run() -> list[tuple[str, float, str]]:
-    """Coverage per joint and noise model; unweighted least squares beside it."""
+    """Coverage per joint and noise model, and that of unweighted least squares."""
     out = []
     for noise in NOISES:
         parts = in_order(Processes(), _hits, [(noise, start) for start in range(0, CAMPAIGNS, 100)])
@@ -63,7 +64,7 @@ def _hits(job: tuple[str, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _naive(system, truth):
-    """Eq. (21) with s^2 (B'B)^-1: every coordinate alike and independent."""
+    """Eq. (21) with s^2 (B'B)^-1: coordinates with equal variances and independent."""
     B = system.B * truth
     x, rest, *_ = np.linalg.lstsq(B, system.c, rcond=None)
     s2 = rest[0] / (len(B) - B.shape[1])

@@ -1,8 +1,8 @@
-"""Is the plan as good, as sure and as quick as promised; against a genetic algorithm and a loop.
+"""Quality, reliability and speed of plans, compared with a genetic algorithm and with a loop.
 
-The ten plans are made by the command itself, each in a process of its own. The genetic algorithm
-is pymoo's, with the same criterion, the same limits and the same batched kinematics; its figures
-and ours come from one run, in turn, on the same machine.
+The ten plans are made by the command itself, each in a separate process. The genetic algorithm is
+pymoo's, with the same criterion, limits and batched kinematics; both are timed in turn in one run
+on the same machine.
 """
 
 import json
@@ -40,14 +40,14 @@ PUBLISHED_MM = 0.990e-2
 POPULATIONS = (100, 400)
 POSES, LOOPED = 100_000, 2000
 BLOCK = 1000
-"""Poses computed at once: their intermediate arrays then stay in the processor's cache."""
+"""Number of poses computed at once, so that intermediate arrays stay in the processor's cache."""
 PICTURE = Path(__file__).parents[1] / "docs" / "figures" / "design-race.svg"
 Trace = tuple[Array, Array]
-"""Seconds and the best figure [m] reached by then, both (k,)."""
+"""Times [s] and the best figure reached by then [m], both shape (k,)."""
 
 
 def run() -> Iterable[tuple[str, float, str]]:
-    """Quality of ten plans and of twelve poses; the race; batched kinematics over a loop."""
+    """Quality of ten plans and of twelve poses; the race; batched kinematics against a loop."""
     yield from _promised()
     yield from _race()
     yield from _kinematics()
@@ -121,7 +121,7 @@ def _by(trace: Trace, t: float) -> float:
 
 
 def _ours(problem: Problem, seed: int) -> Trace:
-    """Best feasible figure by time, from every point that the search looks at."""
+    """Best feasible figure over time, from all points that the search evaluates."""
     looked: list[tuple[float, Array]] = []
     make = search.objective
 
@@ -155,7 +155,7 @@ def _falling(t: Array, figure: Array) -> Trace:
 
 
 class _Plans(Minimised):
-    """The same problem for pymoo: figure to be small, limits as inequalities below zero."""
+    """The same problem for pymoo: the figure is minimised, limits are inequalities below zero."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.box = problem, Box(problem, problem.poses)
@@ -176,7 +176,7 @@ class _Plans(Minimised):
 
 
 def _theirs(problem: Problem, population: int, seed: int) -> Trace:
-    """Best feasible figure by time of pymoo's genetic algorithm with its own settings."""
+    """Best feasible figure over time of pymoo's genetic algorithm with its default settings."""
     reached: list[tuple[float, float]] = []
 
     def note(algorithm: GA) -> None:
@@ -225,7 +225,7 @@ def _draw(ours: list[Trace], theirs: dict[int, list[Trace]]) -> None:
 
 
 def _kinematics() -> Iterable[tuple[str, float, str]]:
-    """A, information and the criterion's slope by joints, all poses at once and one by one."""
+    """A, information and the criterion's gradient by joints, batched and pose by pose."""
     problem = problem_of("paper_reference", {})
     experiment, n = problem.experiment, problem.robot.n
     rng = np.random.default_rng(1)
@@ -259,7 +259,7 @@ def _kinematics() -> Iterable[tuple[str, float, str]]:
 
 
 class _Loop:
-    """Pinocchio pose by pose: its Jacobians, and its Hessians for the slope."""
+    """Pinocchio pose by pose: Jacobians, and Hessians for the gradient."""
 
     def __init__(self, experiment: Experiment, anchor: Array, W: Array) -> None:
         points = {f"p{i}": at for i, at in enumerate(experiment.points)}
@@ -279,7 +279,7 @@ class _Loop:
         pin.computeJointKinematicHessians(built, data, q)
         pin.updateFramePlacements(built, data)
         H = pin.getJointKinematicHessian(built, data, self.last, world)
-        H = H.ravel().reshape(H.shape, order="F")  # Pinocchio 4.1 hands columns over as rows
+        H = H.ravel().reshape(H.shape, order="F")  # Pinocchio 4.1 returns columns as rows
         base = pin.getJointJacobian(built, data, self.last, world)
         omega, origin = base[3:], data.oMi[self.last].translation
         at = [data.oMf[frame].translation for frame in self.frames]

@@ -1,4 +1,4 @@
-"""A million readings: from the bytes of an export to displacements, against bare reading."""
+"""A million readings from the bytes of an export to displacements, compared with bare parsing."""
 
 import statistics
 import threading
@@ -28,9 +28,9 @@ INSTRUMENT = "noise = { range_m = 8e-6, transverse_m = 7.5e-6, transverse_per_m 
 
 
 def run() -> list[tuple[str, float, str]]:
-    """How many times the time of `pyarrow.csv.read_csv` on the same bytes; memory in GB.
+    """Times relative to `pyarrow.csv.read_csv` on the same bytes; memory in GB.
 
-    Bare reading knows how times are written, so that both sides turn them into timestamps.
+    The bare parser knows the time format, so that both sides convert times to timestamps.
     """
     files, toml = _campaign()
     export = files["tracker.csv"]
@@ -68,7 +68,7 @@ def _row(what: str, data: bytes, header: int = 1) -> tuple[str, float, str]:
 
 
 def _times(ours: Callable[[], object], data: bytes, header: int = 1) -> tuple[float, float]:
-    """Ratios of wall time and of CPU time, which other work on the machine disturbs less."""
+    """Ratios of wall time and of CPU time; the latter is less affected by other processes."""
     options = csv.ReadOptions(skip_rows=header, autogenerate_column_names=True)
     times = csv.ConvertOptions(timestamp_parsers=[csv.ISO8601, " %m/%d/%y %H:%M:%S"])
 
@@ -82,14 +82,14 @@ def _times(ours: Callable[[], object], data: bytes, header: int = 1) -> tuple[fl
 
 
 def _seconds(work: Callable[[], object]) -> tuple[float, float]:
-    """Wall and CPU time of one call."""
+    """Wall and CPU time of one call [s]."""
     wall, cpu = time.perf_counter(), time.process_time()
     work()
     return time.perf_counter() - wall, time.process_time() - cpu
 
 
 def _peak_gb(work: Callable[[], object]) -> float:
-    """Largest resident memory while `work` runs [GB]; tracemalloc does not see Arrow's."""
+    """Peak resident memory while `work` runs [GB]; tracemalloc does not see Arrow's memory."""
     seen, done = [0.0], threading.Event()
 
     def watch() -> None:
@@ -109,7 +109,7 @@ def _peak_gb(work: Callable[[], object]) -> float:
 
 
 def _campaign() -> tuple[dict[str, bytes], str]:
-    """Many poses with many pulls, each of five targets; only their form matters here."""
+    """Many poses with many pulls, each of five targets; only the format matters here."""
     tool = Plan(name="bench").tool
     chain = {"Pl1": (0.15, 0.0, 0.25), "Pl2": (0.15, 0.0, -0.35)}
     points = np.array([{**tool, **chain}[name] for name in TARGETS])
@@ -155,7 +155,7 @@ def _mm(points: dict[str, tuple[float, float, float]]) -> dict[str, list[float]]
 
 
 def _spatial_analyzer(plain: bytes) -> bytes:
-    """The same readings as SpatialAnalyzer writes them."""
+    """The same readings in the format of SpatialAnalyzer."""
     export = readers.read("tracker.csv", plain)
     written = readers.Readings(
         export.group.to_pylist(),

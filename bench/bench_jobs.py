@@ -1,8 +1,8 @@
-"""`pipeline run --jobs 2` beside one process: how much sooner are copies of the demo done?
+"""Speed of `pipeline run --jobs 2` compared with one process, for copies of the demo campaign.
 
-Each is measured in rounds, in turn, so that a machine that others use meanwhile favours neither.
-What is measured is kept in `KEPT`, and a run that was stopped goes on where it was; rows of other
-code or of another number of campaigns do not count.
+Both are measured in rounds, in turn, so that other load on the machine favours neither.
+Measurements are kept in `KEPT`, and an interrupted run is continued; rows of other code or of
+another number of campaigns do not count.
 """
 
 import hashlib
@@ -25,23 +25,23 @@ PROJECT = Path(__file__).parents[1]
 DEMO = PROJECT / "data" / "raw" / "kr500_demo"
 KEPT = PROJECT / "reports" / "bench-jobs.jsonl"
 CAMPAIGNS = int(os.environ.get("JOBS_CAMPAIGNS", "40"))
-"""How many in all; another number for a first look."""
+"""Total number of campaigns; a smaller one for a first look."""
 ROUNDS = 4
 JOBS = (1, 2)
 
 
 @dataclass(frozen=True)
 class Row:
-    """One round of one engine.
+    """One round with one number of processes.
 
     Attributes:
-        code: Of the package.
-        round: Which.
-        jobs: How many processes.
-        campaigns: How many copies of the demo.
-        wall_s: Until all were done, the start of the processes with it [s].
-        processor_s: Of all processes [s].
-        answers: Hash of what the copies say, their names apart.
+        code: Hash of the package.
+        round: Number of the round.
+        jobs: Number of processes.
+        campaigns: Number of copies of the demo.
+        wall_s: Time until all were done, including the start of the processes [s].
+        processor_s: CPU time of all processes [s].
+        answers: Hash of the answers, apart from the names of the campaigns.
     """
 
     code: str
@@ -55,7 +55,7 @@ class Row:
 
 @contextmanager
 def project(count: int) -> Iterator[Path]:
-    """A project with so many copies of the demo."""
+    """A project with a number of copies of the demo."""
     with tempfile.TemporaryDirectory() as name:
         for k in range(count):
             shutil.copytree(DEMO, Path(name) / "data" / "raw" / f"c{k:03d}")
@@ -79,7 +79,7 @@ def _each() -> int:
 
 
 def _row(number: int, jobs: int) -> Row:
-    """A round of an engine, measured unless it is kept; those before it in turn come first."""
+    """A round, measured unless it is kept, after those that precede it."""
     for before in range(number + 1):
         for engine in JOBS:
             if (before, engine) not in kept():
@@ -117,7 +117,7 @@ def _keep(row: Row) -> None:
 
 
 def kept() -> dict[tuple[int, int], Row]:
-    """Rows of this code; a line that was cut off is none."""
+    """Rows of this code, without an incomplete last line."""
     lines = KEPT.read_text("utf-8").splitlines() if KEPT.is_file() else []
     whole = (Row(**json.loads(line)) for line in lines if line.endswith("}"))
     now = (code_version(), _each())

@@ -1,4 +1,4 @@
-"""kill -9 at random moments of a run, then run again: is result.json what it would have been?"""
+"""kill -9 at random moments of a run, then a second run: is result.json unaffected?"""
 
 import contextlib
 import os
@@ -19,9 +19,9 @@ from pipeline.simulate import Plan, simulate
 
 KILLS = 100
 PORT = 24900
-"""Of Prefect's server."""
+"""Port of Prefect's server."""
 PLAN = Plan(name="killed", poses={"count": 7}, pulls={"steps_n": [3000.0]})
-"""A small campaign, so that a hundred runs take minutes; it makes all files that others make."""
+"""A small campaign, so that a hundred runs take minutes; it produces all kinds of files."""
 WORKER = """
 import os, signal, sys, time
 from pathlib import Path
@@ -71,7 +71,7 @@ class Victim:
         self.worker.communicate()
 
     def run(self, killed_after_s: float = -1.0) -> int:
-        """Run to the end, or be killed in the middle; the child's wait status."""
+        """Run to the end, or be killed during the run; return the child's wait status."""
         assert self.worker.stdin
         assert self.worker.stdout
         self.worker.stdin.write(f"{killed_after_s}\n")
@@ -85,16 +85,16 @@ class Victim:
 
     @property
     def leftovers(self) -> list[Path]:
-        """Half-written files; the next command that brings campaigns up to date removes them."""
+        """Half-written files, which the next command that updates campaigns removes."""
         return files.leftovers(self.root)
 
 
 def survived(victim: Victim, moments: Iterable[float]) -> Iterator[tuple[int, bool]]:
-    """For each moment, as a fraction of an undisturbed run: wait status, whether all is as it was.
+    """For each moment, as fraction of a full run: wait status, and whether all is unaffected.
 
-    The killed run starts from nothing that it could take over.
+    The killed run cannot reuse any earlier results.
     """
-    victim.run()  # the first run of a machine takes longer than any later one
+    victim.run()  # the first run on a machine takes longest
     whole = victim.result
     (victim.root / "data" / "processed" / "killed" / "manifest.json").unlink()
     began = time.perf_counter()
@@ -108,7 +108,7 @@ def survived(victim: Victim, moments: Iterable[float]) -> Iterator[tuple[int, bo
 
 @contextlib.contextmanager
 def server(root: Path, engine: str) -> Iterator[None]:
-    """Prefect's server as `serve` starts it, for the flows to be killed; none for plain runs."""
+    """Prefect's server as started by `serve`, for flows; none for plain runs."""
     if engine == "local":
         yield
         return
@@ -127,7 +127,7 @@ def server(root: Path, engine: str) -> Iterator[None]:
 
 
 def run() -> list[tuple[str, float, str]]:
-    """Share of killed runs after which the next one gives the same answer, byte by byte."""
+    """Fraction of killed runs after which the next one gives the same answer, byte by byte."""
     return [_killed(engine) for engine in ("local", "prefect")]
 
 

@@ -1,7 +1,7 @@
-"""A million readings through the whole run: what it costs one process, and where they are.
+"""Cost of a whole run in one process with a million readings, depending on where they are.
 
-The demo campaign of the simulator, and a tracker that read its base reflectors all the while:
-round after round, as a program for drift does it (`rounds`), or without end (`one group`).
+The demo campaign of the simulator, with a tracker that reads its base reflectors all the time: in
+many rounds, as a drift program does (`rounds`), or in a single group (`one group`).
 """
 
 import resource
@@ -21,11 +21,11 @@ from pipeline.store.campaign import in_memory
 PROJECT = Path(__file__).parents[1]
 MANY = 1_000_000
 SIGMA_MM = 0.03
-"""Of a reading per axis, as the demo states it."""
+"""Standard uncertainty of a reading per axis [mm], as stated by the demo."""
 
 
 def run() -> list[tuple[str, float, str]]:
-    """Processor seconds and memory of `run --engine local`, a process each."""
+    """CPU seconds and memory of `run --engine local`, each in its own process."""
     out = []
     for what in ("rounds", "one group"):
         with tempfile.TemporaryDirectory() as root:
@@ -44,7 +44,7 @@ def run() -> list[tuple[str, float, str]]:
 
 
 def write(folder: Path, many: int, what: str) -> None:
-    """The demo campaign with so many more readings of its base reflectors."""
+    """Write the demo campaign with `many` more readings of its base reflectors."""
     files = dict(simulate(Plan(name="million")).files)
     first, *_, last = (line for line in files["tracker.csv"].decode().splitlines()[1:])
     begin, end = (datetime.fromisoformat(line.rsplit(",", 1)[1]) for line in (first, last))

@@ -1,11 +1,11 @@
-"""Does a proposed pose settle which cause it was? Poor campaigns, and the same asked again.
+"""Whether a proposed pose settles which cause is present, for poor campaigns.
 
-Every plan is poor by construction, as a hurry makes them: one place on the rail, one anchor, one
-way of coming, few poses, about one or two positions of the arm. From it a cause is hidden that by
-the linear theory this plan finds and does not tell from every other, and that a plan of 16 random
-poses does; no outcome is looked at. Machine, secrets, judge and operator are the league's: who
-measures the first pose that result.json proposes in the usual load steps and asks again, up to
-four times.
+Every plan is poor by construction, as if made in a hurry: one place on the rail, one anchor, one
+approach, few poses, near one or two postures of the arm. The hidden cause is one that, by linear
+theory, this plan detects but does not distinguish from all others, while a plan of 16 random poses
+does; no outcome is used for the choice. Machine, secrets, judge and operator are the league's: the
+operator measures the first pose that result.json proposes in the usual load steps and asks again,
+up to four times.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from pipeline.service.executor import Processes, in_order
 
 SEED, PLANS = 2027, 96
 EACH = 3
-"""Causes hidden from one plan, drawn from those that it finds and does not tell apart."""
+"""Number of causes hidden from one plan, drawn from those it detects but does not distinguish."""
 GOOD = 8
-"""Plans of 16 poses that the poor ones are held against."""
+"""Number of plans of 16 poses with which the poor ones are compared."""
 TIMES = (1.5, 2.0)
-"""Size over the smallest that the good plan tells apart."""
+"""Size relative to the smallest that the good plan distinguishes."""
 STANDS = ((1, 10.0), (2, 10.0), (1, 25.0))
-"""Positions of the arm, and how far the poses lie about them in each joint [deg]."""
+"""Number of postures of the arm, and range of the poses about them in each joint [deg]."""
 POSES = (5, 6, 7, 8)
 
 
@@ -50,9 +50,9 @@ class Answer:
 
     Attributes:
         score: Its score.
-        pair: The two that stay closest with the first proposed pose; empty without one.
-        sigmas: Between these, now and with that pose.
-        reasons: What the verdict follows from.
+        pair: The two causes that remain closest with the first proposed pose; empty without one.
+        sigmas: Distance between them, now and with that pose.
+        reasons: Reasons of the verdict.
     """
 
     score: Score
@@ -63,7 +63,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Game:
-    """One poor campaign, then with one proposed pose more each time."""
+    """One poor campaign, then the same with one more proposed pose each time."""
 
     plan: int
     secret: str
@@ -71,23 +71,23 @@ class Game:
 
     @property
     def first(self) -> Score:
-        """Score of the campaign as it was measured."""
+        """Score of the campaign as first measured."""
         return self.answers[0].score
 
     def within(self, most: int, hit: Callable[[Score], bool]) -> bool:
-        """Whether one of the answers after at most so many poses hits."""
+        """Whether an answer after at most `most` poses satisfies `hit`."""
         return any(hit(answer.score) for answer in self.answers[1 : 1 + most])
 
 
 def run() -> Iterable[tuple[str, float, str]]:
-    """What one pose and up to four make of `ambiguous`; what they promised; what went wrong."""
+    """What one pose and up to four achieve for `ambiguous`; promises kept; errors."""
     jobs = [(SEED, number) for number in range(PLANS)]
     games = [game for some in in_order(Processes(), games_of, jobs) for game in some]
     yield from counted(games)
 
 
 def counted(games: Sequence[Game]) -> Iterable[tuple[str, float, str]]:
-    """The rows of the benchmark."""
+    """Rows of the benchmark."""
     said = Counter(game.first.verdict for game in games)
     yield "games", len(games), ", ".join(f"{n} {verdict}" for verdict, n in said.most_common())
     opened = [game for game in games if game.first.verdict == "ambiguous"]
@@ -121,12 +121,12 @@ def _row(what: str, hits: Sequence[bool]) -> tuple[str, float, str]:
 
 
 def certain(one: Score) -> bool:
-    """The right name, twins as one, and no rival that could be meant."""
+    """Whether the name is right, twins counted as one, and no rival is likely."""
     return one.verdict in ("explained", "ambiguous") and one.right and not rivalled(one)
 
 
 def settled(one: Score) -> bool:
-    """The right name under `explained`; of twins, as far as that is possible."""
+    """Whether the name is right under `explained`; for twins, as far as that is possible."""
     paired = any(" = " in said.label and said.true for said in one.stated)
     paid = one.gain is not None and one.gain[1] > 0
     return one.right and (one.verdict == "explained" or (paired and paid and certain(one)))
@@ -148,9 +148,9 @@ def _reason(game: Game, at: int = 1) -> str:
 
 
 def _promises(opened: Sequence[Game]) -> Iterable[tuple[str, float, str]]:
-    """Of the closest pair, one of which is true: the true one leads by 20 to 1 with the pose.
+    """For the closest pair including the true cause: probability that this leads by 20 to 1.
 
-    With log odds L for it before and d further sigmas, L + d^2 / 2 are expected, and scatter by d.
+    With log odds L for it before and d further sigmas, L + d^2 / 2 is expected, with scatter d.
     """
     known, promised, kept = twins(load("kr500_rail")), [], []
     for game in opened:
@@ -213,14 +213,14 @@ def _answer(asked: Asked, robot: Robot) -> Answer:
 
 
 def poor(robot: Robot, rng: np.random.Generator, stands: int, deg: float, poses: int) -> Plan:
-    """One place on the rail, one anchor, one approach, poses about a few positions of the arm.
+    """One place on the rail, one anchor, one approach, poses near a few postures of the arm.
 
     Args:
         robot: The KR500 on its rail.
-        rng: Draws tool, anchor, positions and poses.
-        stands: Positions of the arm.
-        deg: How far each joint is from them at most.
-        poses: How many in all.
+        rng: Draws tool, anchor, postures and poses.
+        stands: Number of postures of the arm.
+        deg: Maximum distance of each joint from them [deg].
+        poses: Total number of poses.
     """
     tool, anchors = np.array(TOOLS[rng.integers(len(TOOLS))]), default_anchors(robot)
     anchor, alone = anchors[rng.integers(len(anchors))][None], np.zeros(1, dtype=np.int64)
@@ -243,7 +243,7 @@ def poor(robot: Robot, rng: np.random.Generator, stands: int, deg: float, poses:
 def _near(
     robot: Robot, rng: np.random.Generator, q: Array, deg: float, tool: Array, anchor: Array
 ) -> Array:
-    """A feasible pose about another one, at the same place on the rail."""
+    """A feasible pose near another one, at the same place on the rail."""
     while True:
         off = np.deg2rad(rng.uniform(-deg, deg, (16, robot.n))) * ~robot.prismatic
         moved = rounded(robot, q + off)

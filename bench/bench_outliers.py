@@ -1,9 +1,10 @@
-"""One reading that is off: how often it is named, and how often the best test could name it.
+"""How often a single wrong reading is identified, compared with the best possible test.
 
-The best test knows the joint springs as the true model and the noise exactly: the drop of the sum
-of squares is then a noncentral chi-squared with three degrees of freedom and the noncentrality
-shift' N shift, N the normal matrix of the reading beside the springs. Its threshold is set so that
-chance names any of the campaign's readings in one of 200 clean campaigns, the most that is allowed.
+The best test knows the joint springs as the true model and the noise exactly: the decrease of the
+sum of squares is then a noncentral chi-squared with three degrees of freedom and noncentrality
+shift' N shift, where N is the normal matrix of the reading with the springs eliminated. Its
+threshold is such that in one of 200 clean campaigns any reading is named by chance, the largest
+rate allowed.
 """
 
 import itertools
@@ -35,13 +36,13 @@ NOISES = {
     "instrument": {"sigma_m": None, "noise": INSTRUMENT},
     "instrument, near": {"sigma_m": None, "noise": INSTRUMENT, "position": [2.5, 9.0, 1.0]},
 }
-"""Of the tracker; `near` is 2.5 m beside the middle of the rail, elsewhere it is anywhere."""
+"""Noise of the tracker; `near` is 2.5 m from the middle of the rail, otherwise it is anywhere."""
 NEAR_M = 4.0
 CLASSES = (0, 4, 5, 6, 7, 8, np.inf)
 
 
 def run() -> Iterable[tuple[str, float, str]]:
-    """Share named with its place per noise and size; then by size in standard uncertainties."""
+    """Fraction named with its place per noise and size; then by size in standard uncertainties."""
     gauss: list[np.ndarray] = []
     for noise in NOISES:
         for size in SIZES_MM:
@@ -91,7 +92,7 @@ def _found(job: tuple[str, float, int]) -> tuple[float, float, float, float]:
 
 
 def _place(case: Case, reduced: Reduced, readings: TargetReadings, where: str) -> int:
-    """Which of the readings is that of a reading `group/target`."""
+    """Index of a reading `group/target`."""
     group, target = where.split("/")
     state = re.fullmatch(case.settings.naming.group, group)
     assert state
@@ -99,6 +100,6 @@ def _place(case: Case, reduced: Reduced, readings: TargetReadings, where: str) -
     here &= readings.target == case.settings.measured.index(target)
     loaded = readings.pull >= 0
     if state["state"] == "unloaded":
-        return int(np.flatnonzero(here & ~loaded)[0])  # the zeros of a pose see alike
+        return int(np.flatnonzero(here & ~loaded)[0])  # the zeros of a pose are equivalent
     repeat = np.where(loaded, reduced.data.pulls.repeat[readings.pull], -1)
     return int(np.flatnonzero(here & loaded & (repeat == int(state["repeat"])))[0])

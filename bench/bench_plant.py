@@ -1,11 +1,11 @@
-"""On paper: 10 000 campaigns on 16 cores, counted from what one costs here.
+"""Estimate for 10 000 campaigns on 16 cores, from the costs measured here.
 
     T = start + n (each + n/2 notes) / (c e) + n page
 
-with the start of a process, a campaign with its report, the look at the note of another campaign
-(each run looks for the one before it), and its line in the page over all, which one process draws.
-All are seconds of processor. e is the share of two cores that `--jobs 2` has used, from the rows
-that `python -m bench jobs` has kept, and 1 without them.
+with the start of a process, a campaign with its report, reading the note of another campaign (each
+run searches for the previous one), and its line in the page over all, which one process draws. All
+are CPU seconds. e is the fraction of two cores that `--jobs 2` used, from the rows kept by `python
+-m bench jobs`, and 1 without them.
 """
 
 import shutil
@@ -24,7 +24,7 @@ from pipeline.store.campaign import every
 
 CAMPAIGNS, CORES = 10_000, 16
 FEW = 6
-"""Campaigns that are computed here."""
+"""Number of campaigns that are computed here."""
 START = """
 import time, pipeline.run, pipeline.report.figures.catalogue
 print(time.process_time())
@@ -33,13 +33,13 @@ print(time.process_time())
 
 @dataclass(frozen=True)
 class Cost:
-    """Seconds of processor.
+    """CPU times [s].
 
     Attributes:
-        start: Of a process and its libraries.
+        start: Of a process with its libraries.
         each: Of a campaign with its report.
-        note: To look at the note of one other campaign.
-        page: Of a campaign in the page over all, where nothing is drawn.
+        note: Of reading the note of one other campaign.
+        page: Of a campaign in the page over all, if nothing is drawn.
     """
 
     start: float
@@ -48,13 +48,13 @@ class Cost:
     page: float
 
     def minutes(self, campaigns: int, cores: int, share: float) -> float:
-        """How long so many campaigns take on so many cores."""
+        """Time for a number of campaigns on a number of cores [min]."""
         shared = campaigns * (self.each + campaigns / 2 * self.note) / (cores * share)
         return (self.start + shared + campaigns * self.page) / 60
 
 
 def run() -> Iterator[tuple[str, float, str]]:
-    """The costs, and the count."""
+    """The costs, and the estimate."""
     cost, share = measured(), _share()
     yield "start of a process [s]", cost.start, "once for each core"
     yield "a campaign with its report [s]", cost.each, "the demo"
@@ -66,13 +66,13 @@ def run() -> Iterator[tuple[str, float, str]]:
 
 
 def measured() -> Cost:
-    """What `FEW` copies of the demo cost here."""
+    """Costs here, from `FEW` copies of the demo."""
     said = subprocess.run(
         [sys.executable, "-c", START], cwd=bench_jobs.PROJECT, check=True, capture_output=True
     )
     with bench_jobs.project(FEW + 1) as root:
         first, *others = every(root)
-        run_one(first)  # which pays for the libraries
+        run_one(first)  # includes loading the libraries
         each = [_seconds(lambda one=one: run_one(one)) for one in others]
         pages.refresh(root)
         page = _seconds(lambda: pages.refresh(root)) / (FEW + 1)
@@ -81,7 +81,7 @@ def measured() -> Cost:
 
 
 def _look(root: Path, count: int = 300) -> float:
-    """Seconds for one more campaign whose note is looked at; none of them is the one before."""
+    """CPU time per further campaign whose note is read [s]; none of them is the previous one."""
     first = every(root)[0]
     answer = read(first).model_copy(update={"measured": "1990-01-01"})
     few = _seconds(lambda: earlier(first, answer))

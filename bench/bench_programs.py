@@ -1,4 +1,4 @@
-"""How the time to refuse robot programs that nobody would write grows with their length."""
+"""Growth with length of the time to reject malformed robot programs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pipeline.base.errors import InputError
 from pipeline.programs import read
 
 LENGTHS = (100_000, 400_000)
-"""Letters of each text."""
+"""Number of characters of each text."""
 
 TEXTS = (
     ("p.src", "", "DECL POS P={X 1,(\n"),
@@ -25,16 +25,16 @@ TEXTS = (
     ("p.ls", "/POS\n", "P[1]{"),
     ("p.ls", "/MN\n", "1:\n"),
 )
-"""File, what it begins with, and what is said again and again."""
+"""File, beginning of the text, and the part that is repeated."""
 
 
 def written(head: str, again: str, letters: int) -> bytes:
-    """A text of so many letters."""
+    """A text of about the given number of characters."""
     return (head + again * (letters // len(again)) + "e}").encode()
 
 
 def run() -> Iterator[tuple[str, float, str]]:
-    """Seconds for the longer text, and how many times as long as for the shorter one."""
+    """CPU time for the longer text [s], and its ratio to that of the shorter one."""
     for file, head, again in TEXTS:
         took = []
         for letters in LENGTHS:

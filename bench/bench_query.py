@@ -1,4 +1,4 @@
-"""How long a question over a thousand campaigns takes, and how long the making of their tables."""
+"""Time of a query over a thousand campaigns, and time to make their tables."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ HERE = Path(__file__).parents[1]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
 CAMPAIGNS = 1000
 RUNS = 5
-"""Of each query; the slowest counts."""
+"""Number of runs of each query, of which the slowest counts."""
 
 
 def queries() -> list[str]:
-    """Those of docs/query.md."""
+    """The queries of docs/query.md."""
     text = (HERE / "docs" / "query.md").read_text("utf-8")
     return re.findall(r"^```sql\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
 
 
 def copies(campaign: CampaignFolder, names: Iterable[str], rng: np.random.Generator) -> None:
-    """Finished campaigns of other names, which have measured the same with other numbers."""
+    """Finished campaigns of other names, with the same data but different stiffnesses."""
     content, manifest = campaign.result(), campaign.manifest()
     for name in names:
         other = CampaignFolder(campaign.root, campaign.root / "data" / "raw" / name)
@@ -45,7 +45,7 @@ def copies(campaign: CampaignFolder, names: Iterable[str], rng: np.random.Genera
 
 
 def run() -> Iterator[tuple[str, float, str]]:
-    """Seconds of the slowest of the documented queries, and of bringing the tables up to date."""
+    """Time of the slowest of the documented queries, and to update the tables [s]."""
     with tempfile.TemporaryDirectory() as name:
         root = Path(name)
         shutil.copytree(KEPT, root / "data" / "raw" / "first")

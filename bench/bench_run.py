@@ -1,4 +1,4 @@
-"""Whole processes: what a user waits for, over what Python itself needs for its libraries."""
+"""Whole processes: waiting time of a user, relative to the time Python needs for its libraries."""
 
 import shutil
 import statistics
@@ -22,13 +22,14 @@ render(found.answer, found.shown, 1.0)
 at.append(time.process_time())
 print(*(after - before for before, after in zip(at, at[1:])))
 """
-"""Python and imports; from files to numbers; page, PDF and figures: one process, in this order."""
+"""Python and imports; from files to numbers; page, PDF and figures: in one process, in this
+order."""
 NAMES = ("start and imports", "files to numbers", "report beyond the numbers")
 LIBRARIES = "import numpy, scipy.special, pandas, pyarrow.parquet, matplotlib.figure, typst"
 
 
 def run() -> list[tuple[str, float, str]]:
-    """Ratios, with the seconds of one process beside them."""
+    """Ratios, with the time of one process."""
     with tempfile.TemporaryDirectory() as root:
         shutil.copytree(PROJECT / "data/raw/kr500_demo", Path(root) / "data/raw/kr500_demo")
         asked = ["run", "kr500_demo", "--engine", "local", "--root", root]
@@ -50,7 +51,7 @@ def run() -> list[tuple[str, float, str]]:
 
 
 def _stages(root: str) -> list[tuple[str, float, str]]:
-    """Seconds of processor of each stage of a run, the middle of five and the least."""
+    """CPU time of each stage of a run [s], median of five and minimum."""
     runs = []
     for _ in range(5):
         said = subprocess.run(

@@ -1,8 +1,8 @@
-"""Are bad data named, and good data left alone?
+"""Whether bad data are identified, and good data are left alone.
 
-Every campaign has poses, tracker place, noise model, true stiffnesses and tool points of its own;
-what is wrong with it is planted in its raw files, which go through ingest and screening as real
-ones do. Right is: the first finding has the name and the place of what was planted.
+Every campaign has its own poses, tracker place, noise model, true stiffnesses and tool points; an
+error is planted in its raw files, which pass through ingest and screening like real ones. A result
+is right if the first finding has the name and the place of what was planted.
 """
 
 from collections.abc import Iterable
@@ -27,11 +27,11 @@ INSTRUMENT = {
 }
 NOISES = ({"sigma_m": 3e-5}, {"noise": "paper"}, {"noise": INSTRUMENT})
 BLUNDERS = ("outlier", "outlier=5e-4", "label_swap", "unit_mixup", "sign_or_convention")
-"""What is planted; smaller outliers are in bench_outliers, beside what could be seen of them."""
+"""What is planted; smaller outliers are in bench_outliers, with their detectability."""
 
 
 def run() -> Iterable[tuple[str, float, str]]:
-    """Share named rightly per blunder, share of good campaigns with any finding."""
+    """Fraction named correctly per blunder, fraction of good campaigns with any finding."""
     said = in_order(Processes(), _found, [("", seed) for seed in range(CLEAN)])
     yield ("clean campaigns called bad", _share(said), f"aim <= 0.005 of {CLEAN}")
     said = in_order(Processes(), _found, [("any", seed) for seed in range(PHYSICAL)])
@@ -55,7 +55,7 @@ def _share(said: list[tuple[str, str, str]]) -> float:
 
 
 def plan(blunder: str, seed: int) -> Plan:
-    """A campaign unlike the others."""
+    """A campaign with its own random parameters."""
     rng = np.random.default_rng([77, seed])
     effects = [blunder] if blunder else []
     if blunder == "any":
@@ -78,7 +78,7 @@ def plan(blunder: str, seed: int) -> Plan:
 
 
 def _found(job: tuple[str, int]) -> tuple[str, str, str]:
-    """What was planted and what was found first, as `name place`."""
+    """What was planted and what was found first, as `name place`, and all evidence."""
     made = simulate(plan(*job))
     raw = in_memory(made.files)
     case = ingested(raw, conformed, plain, plausible=False)

@@ -1,4 +1,4 @@
-"""`watch` and `serve` over 300 campaigns: does their memory stay, and does anything pile up?"""
+"""`watch` and `serve` over 300 campaigns: whether memory stays constant and nothing accumulates."""
 
 import contextlib
 import os
@@ -16,15 +16,15 @@ from pathlib import Path
 from pipeline.simulate import Plan, simulate
 
 CAMPAIGNS = int(os.environ.get("SERVICE_CAMPAIGNS", "300"))
-"""How many; another number for a first look."""
+"""Number of campaigns; a smaller one for a first look."""
 CHUNK = 8
-"""Campaigns that one process of the service takes; the most memory within so many is compared."""
+"""Number of campaigns per process of the service; peak memory is taken over as many."""
 PLAN = Plan(name="small", poses={"count": 7}, pulls={"steps_n": [3000.0]})
 HERE = Path(__file__).parents[1]
 
 
 def family(process: int) -> list[int]:
-    """A process and all that it has started, and that these have."""
+    """A process and all its descendants."""
     parents: dict[int, list[int]] = {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
@@ -38,7 +38,7 @@ def family(process: int) -> list[int]:
 
 
 def memory_mib(process: int) -> float:
-    """What a process and all that it has started hold, shared pages counted once [MiB]."""
+    """Memory of a process and all its descendants, shared pages counted once [MiB]."""
     total = 0
     for one in family(process):
         with contextlib.suppress(OSError):
@@ -48,7 +48,7 @@ def memory_mib(process: int) -> float:
 
 
 def free_port() -> int:
-    """A port with a free one behind it."""
+    """A free port followed by another free one."""
     for port in range(24600, 24800, 2):
         with contextlib.suppress(OSError), socket.socket() as a, socket.socket() as b:
             a.bind(("127.0.0.1", port))
@@ -59,7 +59,7 @@ def free_port() -> int:
 
 @contextlib.contextmanager
 def serving(root: Path, command: str) -> Iterator[subprocess.Popen[bytes]]:
-    """`pipeline watch` or `serve`, until the end of the block."""
+    """Run `pipeline watch` or `serve` during the block."""
     words = ["--port", str(free_port())] if command == "serve" else []
     with (root / "said.txt").open("wb") as said:
         process = subprocess.Popen(
@@ -77,12 +77,12 @@ def serving(root: Path, command: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def reported(root: Path) -> int:
-    """Campaigns that have their report."""
+    """Number of campaigns with a report."""
     return sum(1 for _ in (root / "reports").glob("*/index.html"))
 
 
 def played(root: Path, command: str) -> tuple[float, float]:
-    """Most memory around the tenth campaign, and around the last [MiB]."""
+    """Peak memory around the tenth campaign, and around the last [MiB]."""
     files, raw = simulate(PLAN).files, root / "data" / "raw"
     raw.mkdir(parents=True)
     (root / "pipeline.toml").write_text("[service]\ninterval_s = 5\nquiet_s = 0\n")
@@ -105,14 +105,14 @@ def played(root: Path, command: str) -> tuple[float, float]:
 
 
 def runs(root: Path) -> str:
-    """What Prefect's database holds, in short."""
+    """Number of flow runs in Prefect's database by state."""
     with contextlib.closing(sqlite3.connect(root / ".prefect" / "prefect.db")) as base:
         question = "select state_name, count(*) from flow_run group by 1 order by 1"
         return ", ".join(f"{count} {state}" for state, count in base.execute(question))
 
 
 def run() -> list[tuple[str, float, str]]:
-    """Memory after the last campaign as a share of that after the tenth."""
+    """Memory after the last campaign relative to that after the tenth."""
     out = []
     for command in ("watch", "serve"):
         root = Path(tempfile.mkdtemp(prefix="service-"))

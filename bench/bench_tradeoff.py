@@ -1,8 +1,8 @@
-"""How much of the criterion buys how many causes: sixteen readings for both, and the curves.
+"""Trade-off between the criterion and the number of identifiable causes, for sixteen readings.
 
-A cause counts where the plan tells it at its typical size from every rival, 4.6 standard
-uncertainties away; its forms count once, and so do twins, which no pull at the tip can part. The
-count of causes without a twin is given as well.
+A cause counts if the plan distinguishes it at its typical size from every rival by 4.6 standard
+uncertainties; its forms count once, and so do twins, which no pull at the tip can separate. The
+number of causes without a twin is stated as well.
 """
 
 from collections.abc import Iterable
@@ -26,7 +26,7 @@ ALLOWED = (1.05, 1.1, 1.25, 1.5, 2.0)
 READINGS = (8, 16, 32)
 PICTURE = Path(__file__).parents[1] / "docs" / "figures" / "design-tradeoff.svg"
 Counts = tuple[int, int]
-"""Causes named at typical size, twins as one; those among them that have no twin."""
+"""Causes identified at typical size, twins counted as one; those among them without a twin."""
 
 
 def run() -> Iterable[tuple[str, float, str]]:
@@ -59,7 +59,7 @@ def run() -> Iterable[tuple[str, float, str]]:
 
 
 def _counted(problem: Problem, named_from: list[float]) -> Counts:
-    """From sizes in the order of the lens; what no pull can show comes last and never counts."""
+    """Counts from sizes in the order of the lens; causes that no pull can show do not count."""
     names = lens(problem).names
     good = [size <= 1 for size in named_from[: len(names)]]
     return sum(good), sum(g and " = " not in name for g, name in zip(good, names, strict=True))

@@ -1,10 +1,10 @@
-"""Is the stated uncertainty true? Monte Carlo of the chain, and coverage anywhere in the hall.
+"""Whether the stated uncertainty is right: Monte Carlo of the chain, and coverage in the hall.
 
-First the GUM's Supplement 1: the demo campaign's own estimate is taken for the truth, its raw
-readings are drawn anew many times, and every stage is run on each; the scatter of the stiffnesses
-is compared with the propagated covariance. Then campaigns each with a tracker at another place of
-the hall, another yaw and tilt, other poses and other stiffnesses, read by an instrument whose noise
-grows along and across the beam.
+First the GUM's Supplement 1: the demo campaign's own estimate is taken as truth, its raw readings
+are drawn again many times, and every stage is run on each; the scatter of the stiffnesses is
+compared with the propagated covariance. Then campaigns, each with a tracker at another place of the
+hall, with another yaw and tilt, other poses and other stiffnesses, measured with an instrument
+whose noise grows along and across the beam.
 """
 
 from collections.abc import Iterable
@@ -33,7 +33,7 @@ INSTRUMENT = {
 
 
 def run() -> Iterable[tuple[str, float, str]]:
-    """Budget, scatter over claim and coverage per stiffness; noise named falsely and rightly."""
+    """Budget, scatter over claim and coverage per stiffness; noise named wrongly or rightly."""
     yield from _budget()
     yield from _supplement_one()
     yield from _coverage()
@@ -41,7 +41,7 @@ def run() -> Iterable[tuple[str, float, str]]:
 
 
 def _budget() -> Iterable[tuple[str, float, str]]:
-    """Relative standard uncertainty of each stiffness, and how much of its variance is whose."""
+    """Relative standard uncertainty of each stiffness, and each source's share of its variance."""
     case = ingested(in_memory(simulate(parse(PLAN.read_text("utf-8"))).files), conformed, plain)
     system, estimate = identify(case.cell, bring(case).data, case.robot.nominal_compliance)
     parts = budget(system, estimate)
@@ -69,7 +69,7 @@ def _redrawn(number: int) -> tuple[np.ndarray, np.ndarray]:
     made = simulate(plan)
     stiffness = (1 / _identified(made.files)[0]).tolist()
     plan = revised(plan, {"hidden": {"stiffness": stiffness}})
-    # the poses of the demo campaign itself: its scene has the first of its two streams
+    # the poses of the demo campaign itself: its scene uses the first of its two streams
     scene = build(plan, load(plan.robot), np.random.default_rng(plan.seed).spawn(2)[0])
     draws = draw(scene, np.random.default_rng([plan.seed, 1, number]), BATCH)
     found = [_identified(raw_files(scene, draws, k)) for k in range(BATCH)]
@@ -118,7 +118,7 @@ def _coverage() -> Iterable[tuple[str, float, str]]:
 
 
 def _covered(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each interval holds the truth, and by how many std the estimate is off."""
+    """Whether each interval contains the truth, and the error of the estimate in units of std."""
     plan = revised(parse(PLAN.read_text("utf-8")), _hall(seed))
     made = simulate(plan)
     case = ingested(in_memory(made.files), conformed, plain)

@@ -1,4 +1,4 @@
-"""What a campaign costs that has not changed: seconds of processor in `status` and in `run`."""
+"""Cost of an unchanged campaign: CPU time in `status` and in `run`."""
 
 import json
 import shutil
@@ -19,7 +19,7 @@ WAYS: dict[str, Callable[[Path], list[object]]] = {
 
 
 def run() -> Iterator[tuple[str, float, str]]:
-    """Milliseconds for one more campaign, beside what each count of them takes."""
+    """Time per further campaign [ms], with the total for each number of campaigns."""
     took: dict[str, list[float]] = {way: [] for way in WAYS}
     for count in COUNTS:
         with project(count) as root:
@@ -33,7 +33,7 @@ def run() -> Iterator[tuple[str, float, str]]:
 
 
 def finish(root: Path) -> None:
-    """Every copy of one campaign is finished, though only the first is computed."""
+    """Finish every copy of one campaign, of which only the first is computed."""
     first, *others = every(root)
     run_one(first)
     noted = json.loads((first.processed / MANIFEST).read_text("utf-8"))
@@ -43,7 +43,7 @@ def finish(root: Path) -> None:
         outputs = {_renamed(path, first, one): digest for path, digest in noted["outputs"].items()}
         content = noted | {"source": one.source, "outputs": outputs}
         (one.processed / MANIFEST).write_text(json.dumps(content), "utf-8")
-    list(run_all(root, [], "local", False))  # page and tables over all
+    list(run_all(root, [], "local", False))  # page and tables over all campaigns
 
 
 def _renamed(path: str, first: CampaignFolder, one: CampaignFolder) -> str:

@@ -49,17 +49,17 @@ from pipeline.store.campaign import dump, find, in_memory
 TREE = Path(__file__).resolve().parents[1]
 FILE = TREE / "tests" / "golden" / "frozen.json.gz"
 SKIPPED = ("versions", "inputs")
-"""Parts of result.json that say from what it came, not what was found."""
+"""Parts of result.json that describe its origin, not the results."""
 
 # --- the campaigns -------------------------------------------------------------------------------
 
 SEED = 2026
-"""Of all campaigns: the league's, and from here on upwards the simulator's."""
+"""Seed of all campaigns: the league's, and the first of the simulator's."""
 
 KEPT = ("kr500_demo", "fanuc_r2000ic")
 KINDS = ("clean", "single", "pair", "strange", "doubtful")
 EACH = 8
-"""Games of each kind."""
+"""Number of games of each kind."""
 
 SIMULATED: Mapping[str, Mapping[str, Any]] = {
     **{f"unit_mixup:{unit}": {} for unit in UNITS},
@@ -78,7 +78,7 @@ SIMULATED: Mapping[str, Mapping[str, Any]] = {
     "gravity_sag": {"robot": "kr500_rail_kuka"},
     "tool_point": {},
 }
-"""What is planted in a campaign of the simulator, and what else its plan has unlike the others."""
+"""What is planted in a campaign of the simulator, and how its plan differs from the others."""
 
 
 @dataclass(frozen=True)
@@ -98,11 +98,11 @@ class Kept:
 
 @dataclass(frozen=True)
 class Game:
-    """A game of the league; sizes are given, so that no theory of the pipeline is asked for them.
+    """A game of the league; sizes are given, so that they do not depend on the pipeline.
 
     Attributes:
-        secrets: Label and size in typical sizes.
-        seed: Of machine and scatter.
+        secrets: Label, and size in typical sizes.
+        seed: Seed of machine and noise.
         plan: Seed of the plan.
     """
 
@@ -123,9 +123,9 @@ class Simulated:
     """A campaign of the simulator with one blunder or cause.
 
     Attributes:
-        effect: Which.
-        seed: Of its plan.
-        changes: Of its plan.
+        effect: The blunder or cause.
+        seed: Seed of its plan.
+        changes: Changes of its plan.
     """
 
     effect: str
@@ -156,11 +156,11 @@ def recipe(key: str) -> Recipe:
 
 
 def _game(kind: str, number: int) -> Game:
-    """One of `EACH` games taken evenly from the league, or the next that it would play."""
+    """One of `EACH` games taken evenly from the league, or the next valid one after it."""
     league, robot = League(seed=SEED), load("kr500_rail")
     these, most = _fixtures(kind), largest(robot)
-    # one game further each time: the league repeats its list of causes, and an even step would meet
-    # the same ones again
+    # shifted by one game each time: the league repeats its list of causes, and an even step would
+    # meet the same ones again
     first = number * len(these) // EACH + number
     for one in these[first:] + these[:first]:
         plan = drawn(robot, np.random.default_rng(one.plan), league.rules)
@@ -192,18 +192,18 @@ Leaf = Any
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far two numbers may lie apart and still be one.
+    """Difference of two numbers up to which they count as equal.
 
     Attributes:
-        relative: Of their larger one; of p values, of the larger logarithm or of 1.
-        rounding: Pattern of a path -> absolute difference that is rounding there.
+        relative: Relative to the larger one; for p values, to the larger logarithm or 1.
+        rounding: Pattern of a path -> absolute difference that counts as rounding there.
     """
 
     relative: float
     rounding: Mapping[str, float]
 
     def apart(self, path: Place, one: float, other: float) -> float:
-        """Relative difference of two numbers, 0 where it is within the tolerance."""
+        """Relative difference of two numbers, 0 if it is within the tolerance."""
         if one == other or abs(one - other) <= self._rounding(path):
             return 0.0
         size = _log_apart(one, other) if is_p(path) else _apart(one, other)
@@ -227,7 +227,7 @@ def _log_apart(one: float, other: float) -> float:
 
 
 EXACT = Tolerance(1e-9, {})
-"""For two codes on one processor."""
+"""For two versions of the code on one processor."""
 
 FROZEN = Tolerance(
     1e-6,
@@ -239,14 +239,13 @@ FROZEN = Tolerance(
         r" \[%\]$": 1e-7,
     },
 )
-"""For one code on different processors and numbers of threads. A contribution or a probability of
-rounding size is nothing beside the whole, which is 1 or 100 %.
-"""
+"""For one version on different processors and numbers of threads. A contribution or a probability
+of rounding size is negligible relative to the total, which is 1 or 100 %."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What a place holds that is no single value.
+    """What a place contains that is not a single value.
 
     Attributes:
         text: `an object`, `a list of 3`.
@@ -267,8 +266,8 @@ class Difference:
     """One place where two answers differ.
 
     Attributes:
-        path: Where.
-        before: What stands in the first; `ABSENT` where nothing does.
+        path: The place.
+        before: Content in the first answer; `ABSENT` if there is none.
         after: Likewise in the second.
         size: Relative difference of numbers, infinite for everything else.
     """
@@ -284,7 +283,7 @@ class Difference:
 
 
 def is_p(path: Place) -> bool:
-    """Whether a p value stands there."""
+    """Whether the value at a place is a p value."""
     return any(part == "p_value" or str(part).endswith("_p") for part in path)
 
 
@@ -300,7 +299,7 @@ def pattern(path: Place) -> str:
 
 
 def flat(content: Any, path: Place = ()) -> Iterator[tuple[Place, Leaf]]:
-    """Every place of an answer with what it holds."""
+    """Every place of an answer with its content."""
     if isinstance(content, dict):
         yield path, Kind("an object")
         for name, value in content.items():
@@ -330,7 +329,7 @@ def differences(
 
 
 def _same_parent(before: Mapping[Place, Leaf], after: Mapping[Place, Leaf], parent: Place) -> bool:
-    """Whether what holds a place is alike on both sides, or on neither."""
+    """Whether the container of a place is the same on both sides, or absent on both."""
     return bool(before.get(parent, ABSENT) == after.get(parent, ABSENT))
 
 
@@ -346,10 +345,10 @@ def _number(leaf: Leaf) -> bool:
 
 @dataclass(frozen=True)
 class Same:
-    """A part of the answer that has another place in the other tree, `--same OLD=NEW`.
+    """A part of the answer with different places in the two trees, `--same OLD=NEW`.
 
     Attributes:
-        text: As typed; both places go by it.
+        text: As typed; the common name of both places.
         places: Old and new path; None stands for every index.
     """
 
@@ -357,7 +356,7 @@ class Same:
     places: tuple[tuple[str | None, ...], tuple[str | None, ...]]
 
     def moved(self, path: Place, side: int) -> Place | None:
-        """The path under the common name; None where it lies elsewhere."""
+        """The path under the common name; None if it is not within that part."""
         place = self.places[side]
         here = path[: len(place)]
         if len(here) < len(place):
@@ -384,9 +383,9 @@ def _parts(text: str) -> tuple[str | None, ...]:
 
 
 def placed(answer: Any, sames: Sequence[Same], side: int) -> dict[Place, Leaf]:
-    """A flat answer, parts with another place in the other tree under their common name.
+    """A flat answer, with moved parts under their common name.
 
-    What held nothing but such parts is left out.
+    Containers of only such parts are left out.
     """
     stays, moves = {}, {}
     for path, leaf in flat(answer):
@@ -441,15 +440,15 @@ def outcome(folder):
 for folder in sorted(raw.iterdir()):
     (out / f"{folder.name}.json").write_text(outcome(folder), "utf-8")
 """
-"""Runs in either tree, also in one that knows nothing of this file: tree, raw files, answers."""
+"""Run in either tree, also in one without this file; arguments: tree, raw files, answers."""
 
 
 class CannotCompare(Exception):
-    """BASE cannot be had, or a tree cannot be run."""
+    """BASE is not available, or a tree cannot be run."""
 
 
 def checked_out(base: str, to: Path) -> None:
-    """The package as of a commit; no worktree is left behind."""
+    """Extract the package as of a commit, without a worktree."""
     command = ["git", "-C", str(TREE), "archive", base, "pipeline"]
     done = subprocess.run(command, capture_output=True, check=False)
     if done.returncode:
@@ -459,13 +458,13 @@ def checked_out(base: str, to: Path) -> None:
 
 
 def copied(to: Path) -> None:
-    """The package as it is now, so that nobody's next keystroke is compared."""
+    """Copy the present package, so that later edits are not compared."""
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(TREE / "pipeline", to / "pipeline", ignore=ignored)
 
 
 def outcomes(tree: Path, raw: Path, out: Path) -> dict[str, Any]:
-    """What a tree says of every campaign under `raw`."""
+    """Outcomes of a tree for all campaigns under `raw`."""
     out.mkdir()
     one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     done = subprocess.run(
@@ -515,7 +514,7 @@ def _write(raw: Path, asked: Sequence[str], jobs: int) -> None:
 
 
 def _known(sames: Sequence[Same], *sides: Mapping[str, Any]) -> None:
-    """A part that no answer has is a slip of the pen."""
+    """Reject a part that no answer has, as a typing error."""
     for one in sames:
         for side, found in enumerate(sides):
             paths = (path for each in found.values() for path, _ in flat(each.get("answer")))
@@ -527,7 +526,7 @@ def _known(sames: Sequence[Same], *sides: Mapping[str, Any]) -> None:
 def _against(
     before: Mapping[str, Any], after: Mapping[str, Any], sames: Sequence[Same]
 ) -> list[Difference]:
-    """Differences of two outcomes; where only one is an answer, that is the difference."""
+    """Differences of two outcomes; if only one is an answer, that is the difference."""
     if before.keys() == after.keys() == {"answer"}:
         old, new = placed(before["answer"], sames, 0), placed(after["answer"], sames, 1)
         return differences(old, new, EXACT)
@@ -540,7 +539,7 @@ def _outcome(said: Mapping[str, Any]) -> Leaf:
 
 
 def told(found: Mapping[str, Sequence[Difference]], log: Path | None = None) -> int:
-    """Print the differences by pattern with the largest of each; how many there are."""
+    """Print the differences by pattern with the largest of each; return their number."""
     every = [(key, one) for key, those in found.items() for one in those]
     groups: dict[str, list[tuple[str, Difference]]] = {}
     for key, one in every:
@@ -555,7 +554,7 @@ def told(found: Mapping[str, Sequence[Difference]], log: Path | None = None) -> 
     return len(every)
 
 
-# --- what is written down ------------------------------------------------------------------------
+# --- frozen answers -------------------------------------------------------------------------------
 
 CHOSEN = (
     "kr500_demo",
@@ -569,11 +568,10 @@ CHOSEN = (
     "unit_mixup:kgf",
     "outlier",
 )
-"""Held by tests/bench/test_frozen.py: good and bad ones of every kind, whose numbers agree to
-3e-7 on processors of different kinds. Those of some others do not: the search for play or
-hysteresis may end 1e-4 away, lengths in the wrong unit leave a registration without meaning, and
-of exact twins rounding decides which comes first.
-"""
+"""Campaigns of tests/bench/test_frozen.py: good and bad ones of every kind, whose numbers agree to
+3e-7 on processors of different kinds. Some others do not agree: the search for lost motion or
+hysteresis may end 1e-4 away, lengths in the wrong unit make a registration meaningless, and for
+exact twins rounding decides which comes first."""
 
 
 def answer_of(key: str, files: Mapping[str, bytes]) -> dict[str, Any]:
@@ -583,7 +581,7 @@ def answer_of(key: str, files: Mapping[str, bytes]) -> dict[str, Any]:
 
 
 def frozen() -> dict[str, Any]:
-    """Campaign -> recipe, digest of its raw files and answer, as written down."""
+    """Campaign -> recipe, digest of its raw files and answer, as frozen."""
     held: dict[str, Any] = json.loads(gzip.decompress(FILE.read_bytes()))
     return held
 
@@ -595,7 +593,7 @@ def thawed(held: Mapping[str, Any]) -> Recipe:
 
 
 def freeze() -> None:
-    """Write what the present tree answers, and say where that differs from what was written."""
+    """Write the answers of the present tree, and print where they differ from the frozen ones."""
     before = frozen() if FILE.exists() else {}
     after = {key: _entry(key, before.get(key)) for key in CHOSEN}
     pairs = {key: (before[key]["answer"], after[key]["answer"]) for key in after if key in before}
@@ -606,7 +604,7 @@ def freeze() -> None:
 
 
 def _entry(key: str, held: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Of the campaign as it was drawn then, whatever a longer catalogue would draw now."""
+    """Entry of a campaign, as originally drawn even if the catalogue has grown since."""
     how = recipe(key) if held is None else thawed(held)
     files = how.files()
     answer = {k: v for k, v in answer_of(key, files).items() if k not in SKIPPED}
@@ -615,7 +613,7 @@ def _entry(key: str, held: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def _rounded(content: Any) -> Any:
-    """Ten digits of every number: four more than are held."""
+    """Ten digits of every number, four more than are compared."""
     if isinstance(content, dict):
         return {name: _rounded(value) for name, value in content.items()}
     if isinstance(content, list):
@@ -627,7 +625,7 @@ def _rounded(content: Any) -> Any:
 
 
 def _wanted(forms: Iterable[str]) -> list[str]:
-    """Campaigns that are asked for by name or form, `single*`; all where none is."""
+    """Campaigns selected by name or pattern such as `single*`; all without a selection."""
     forms = list(forms)
     unknown = [form for form in forms if not any(fnmatch(key, form) for key in keys())]
     if unknown:
@@ -654,7 +652,7 @@ def _arguments() -> argparse.Namespace:
 
 
 def main() -> int:
-    """Compare or freeze; the exit code."""
+    """Compare or freeze; return the exit code."""
     asked = _arguments()
     if asked.freeze:
         freeze()

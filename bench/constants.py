@@ -1,7 +1,7 @@
-"""Every number that has a name in the package, with its value, unit and meaning.
+"""All named numbers of the package, with value, unit and meaning.
 
-The page of them is a part of the site (`make docs`), made from the code each time: it cannot go
-stale, and a constant has no second home.
+Their page is part of the site (`make docs`) and is made from the code each time, so that it cannot
+become outdated and no constant is documented twice.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ _UNIT = re.compile(r" ?\[([^\]]+)\]")
 
 @dataclass(frozen=True)
 class Constant:
-    """A number with a name.
+    """A named number.
 
     Attributes:
-        module: Its file, from the package on.
-        name: As it is written there.
-        value: As it is written there, which tells a power of two from a product.
-        unit: What stands in brackets in the sentence below it; empty for a count.
+        module: Its file, relative to the package.
+        name: Name as written.
+        value: Value as written, which shows whether it is a power of two or a product.
+        unit: Content of the brackets in the sentence below it; empty for a count.
         meaning: That sentence, with its source if it has one.
     """
 
@@ -45,13 +45,13 @@ class Constant:
 
 
 def constants() -> Iterator[Constant]:
-    """Those of every module, in the order of files and lines."""
+    """Constants of all modules, in the order of files and lines."""
     for path in sorted(PACKAGE.rglob("*.py")):
         yield from of(path.read_text(encoding="utf-8"), path.relative_to(PACKAGE).as_posix())
 
 
 def of(source: str, module: str) -> Iterator[Constant]:
-    """Those of one module."""
+    """Constants of one module."""
     body = ast.parse(source).body
     for statement, after in zip(body, [*body[1:], None], strict=True):
         name, value = _assigned(statement)
@@ -72,7 +72,7 @@ def _assigned(statement: ast.stmt) -> tuple[str, ast.expr | None]:
 
 
 def _is_number(value: ast.expr) -> bool:
-    """A number, or what the four operations make of numbers."""
+    """Whether it is a number, or an arithmetic expression of numbers."""
     match value:
         case ast.Constant(value=bool()):
             return False
@@ -93,7 +93,7 @@ def _sentence(statement: ast.stmt | None) -> str:
 
 
 def page() -> str:
-    """Markdown: a table for every package."""
+    """Markdown with a table for every package."""
     rooms = groupby(constants(), lambda one: one.module.partition("/")[0])
     return "\n".join([_HEAD, *(line for room, found in rooms for line in _table(room, found))])
 

@@ -1,10 +1,10 @@
-"""A program of its own that writes as a tracker and a scale do; started by bench/live.py.
+"""A program that writes files as a tracker and a scale do; started by bench/live.py.
 
     python -m bench.instrument FOLDER
 
-Each line on its input is a JSON object: `file`, `text` to come, and `how`: `append` or `rewrite`,
-which writes the whole file anew. It stops in the middle of the last line, says `half`, goes on when
-it gets an empty line, and says `whole`.
+Each line of its input is a JSON object: `file`, the new `text`, and `how`: `append` or `rewrite`,
+which writes the whole file again. It stops in the middle of the last line, prints `half`, continues
+when it receives an empty line, and prints `whole`.
 """
 
 import json
@@ -13,7 +13,7 @@ from pathlib import Path
 
 
 def main(folder: Path) -> None:
-    """Write what is asked for until the input ends."""
+    """Write what is requested until the input ends."""
     for line in sys.stdin:
         asked = json.loads(line)
         path, text = folder / asked["file"], asked["text"]

@@ -1,7 +1,7 @@
-"""`python -m bench.kills serve|pool|dask`: kill each process in turn while campaigns arrive; count.
+"""`python -m bench.kills serve|pool|dask`: kill each process in turn while campaigns arrive.
 
-What is asked at the end: has each campaign its report (none lost), was none computed again once it
-had one (none doubled), and are all reports the same bytes.
+At the end it counts the campaigns without a report (lost) and those computed again although they
+had one (doubled), and checks that all reports are the same bytes.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from pipeline.simulate import simulate
 
 HERE = Path(__file__).parents[1]
 LOOK_S = 0.5
-"""From one look at processes and reports to the next [s]."""
+"""Interval at which processes and reports are examined [s]."""
 REST_S = (20.0, 60.0)
-"""Least and longest time from one kill to the next [s]."""
+"""Shortest and longest time between two kills [s]."""
 DRAIN_S = 3600.0
-"""How long all that came may take after the last kill [s]; what was killed three times waits
-16 minutes."""
+"""Time allowed for all campaigns to finish after the last kill [s]; one killed three times waits
+for 16 minutes."""
 
 Words = list[str]
 Makes = Callable[[], Words]
@@ -47,16 +47,16 @@ Makes = Callable[[], Words]
 
 @dataclass
 class World:
-    """Processes that are kept alive here, as a system's init would, and those that they start.
+    """Processes that are kept alive, as by a system's init, and the processes that they start.
 
     Attributes:
-        root: The project.
-        own: Command of each process, by its kind.
-        inner: A word in the command line of each kind that those start.
-        environment: Of all of them.
-        completed: How often each campaign has ended as a run of Prefect's.
-        unkilled: Kinds that are left alone.
-        rests_s: How long a process of its kind stays away after its end [s].
+        root: Root of the project.
+        own: Command of each process, by kind.
+        inner: Part of the command line that identifies each kind of child process.
+        environment: Environment of all processes.
+        completed: Function that counts the completed Prefect runs of each campaign.
+        unkilled: Kinds that are not killed.
+        rests_s: Pause before a process is restarted [s], by kind.
     """
 
     root: Path
@@ -71,7 +71,7 @@ class World:
     begun: Counter[str] = field(default_factory=Counter)
 
     def keep(self) -> None:
-        """Start what is not there."""
+        """Start the processes that are not running."""
         for kind, makes in self.own.items():
             running = self._alive.get(kind)
             if running is not None and running.poll() is None:
@@ -91,11 +91,11 @@ class World:
 
     @property
     def kinds(self) -> list[str]:
-        """Of all processes that are killed."""
+        """Kinds of the processes that are killed."""
         return [kind for kind in (*self.own, *self.inner) if kind not in self.unkilled]
 
     def of(self, kind: str) -> list[int]:
-        """Processes of a kind."""
+        """Running processes of a kind."""
         if kind in self.own:
             running = self._alive.get(kind)
             return [running.pid] if running and running.poll() is None else []
@@ -103,7 +103,7 @@ class World:
         return [one for one in below if self.inner[kind] in _command(one)]
 
     def end(self) -> None:
-        """End all, the last first."""
+        """End all processes, the last one first."""
         for running in reversed([*self._alive.values()]):
             everyone = family(running.pid)
             running.terminate()
@@ -128,12 +128,12 @@ def _command(process: int) -> str:
 
 @dataclass
 class Audit:
-    """What is seen of reports from outside.
+    """Reports as seen from outside.
 
     Attributes:
-        root: The project.
-        there: When each campaign's manifest was put there, first seen.
-        doubled: How often it was put there once more.
+        root: Root of the project.
+        there: Modification time of each campaign's manifest when last seen [ns].
+        doubled: How often each manifest was written again.
     """
 
     root: Path
@@ -141,7 +141,7 @@ class Audit:
     doubled: Counter[str] = field(default_factory=Counter)
 
     def look(self) -> None:
-        """Every manifest, which is written last."""
+        """Examine every manifest, which is the last file written."""
         for path in (self.root / "data" / "processed").glob("robot*/manifest.json"):
             with contextlib.suppress(OSError):
                 put, name = path.stat().st_mtime_ns, path.parent.name
@@ -151,11 +151,11 @@ class Audit:
 
 
 def _name(number: int) -> str:
-    return f"robot{number:04d}"  # which no digest of an input holds by chance
+    return f"robot{number:04d}"  # which no hash of an input contains by chance
 
 
 def arrive(raw: Path, name: str, content: dict[str, bytes], rng: random.Random) -> None:
-    """Copy a campaign there as people do: file by file, campaign.toml at any place among them."""
+    """Copy a campaign as people do: file by file, campaign.toml at a random place among them."""
     folder = raw / name
     folder.mkdir()
     for file in rng.sample(sorted(content), len(content)):
@@ -163,7 +163,7 @@ def arrive(raw: Path, name: str, content: dict[str, bytes], rng: random.Random) 
 
 
 def _killed(world: World, kind: str, rng: random.Random, log: Path) -> bool:
-    """Kill one process of a kind where there is one."""
+    """Kill one process of a kind, if there is one."""
     there = world.of(kind)
     if not there:
         return False
@@ -178,7 +178,7 @@ def _killed(world: World, kind: str, rng: random.Random, log: Path) -> bool:
 
 
 def attacked(world: World, minutes: float, campaigns: int, seed: int) -> dict[str, object]:
-    """Campaigns arrive evenly, processes are killed in turn; then all that came may end."""
+    """Let campaigns arrive evenly, kill processes in turn, then wait until all are finished."""
     rng, audit = random.Random(seed), Audit(world.root)
     content, kills = dict(simulate(PLAN).files), Counter[str]()
     raw, log = world.root / "data" / "raw", world.root / "kills.log"
@@ -195,7 +195,7 @@ def attacked(world: World, minutes: float, campaigns: int, seed: int) -> dict[st
         if now >= due:
             if _killed(world, kind, rng, log):
                 kills[kind] += 1
-            elif now < given_up:  # it comes when there is work for it
+            elif now < given_up:  # this kind starts when there is work for it
                 time.sleep(0.1)
                 continue
             kind, due = next(turn), now + rng.uniform(*REST_S)
@@ -207,7 +207,7 @@ def attacked(world: World, minutes: float, campaigns: int, seed: int) -> dict[st
 
 
 def _shown(now: str, before: str) -> str:
-    """Say how it stands where that has changed."""
+    """Print the progress if it has changed."""
     if now != before:
         print(f"\r{now}", end="", flush=True)
     return now
@@ -219,7 +219,7 @@ def _drained(world: World, audit: Audit, came: int) -> None:
         world.keep()
         audit.look()
         time.sleep(LOOK_S)
-    for _ in range(120):  # does anything begin again?
+    for _ in range(120):  # to detect runs that are started again
         world.keep()
         audit.look()
         time.sleep(LOOK_S)
@@ -260,7 +260,7 @@ def _pipeline(*words: object) -> Words:
 
 @contextlib.contextmanager
 def serve(root: Path) -> Iterator[World]:
-    """`pipeline serve`, started again when it ends, as by its systemd unit."""
+    """`pipeline serve`, restarted when it ends, as by its systemd unit."""
     port = free_port()
 
     def completed() -> Counter[str]:
@@ -365,7 +365,7 @@ def pool(root: Path) -> Iterator[World]:
 
 @contextlib.contextmanager
 def dask(root: Path) -> Iterator[World]:
-    """A scheduler, two workers, and `pipeline run --on` again and again, as by cron."""
+    """A scheduler, two workers, and `pipeline run --on` repeatedly, as by cron."""
     address = f"tcp://127.0.0.1:{free_port()}"
     command = [sys.executable, "-P", "-m", "dask"]
     options = ["--no-dashboard", "--host", "127.0.0.1"]

@@ -35,39 +35,40 @@ from pipeline.live.watching import QUIET_S, Live
 from pipeline.machine.robot import Robot, configure
 
 SEEDS = 7_000_000
-"""The first game's seed; no other exam uses those from here on."""
+"""Seed of the first game; no other benchmark uses seeds from here on."""
 
 SIZE_M = (0.3, 3.0)
-"""Blunders [mm]."""
+"""Range of the size of blunders [mm]."""
 
 BESIDE = (0.5, 2.0)
-"""Tolerance over the true deflection."""
+"""Range of the tolerance relative to the true deflection [1]."""
 
 Q, FORCE_N = [8.5, -10.0, 35.0, 39.0, 81.0, 22.0, -10.0], [-124.5, -175.4, -209.1]
 """The demo's test pose [m], [deg], and its force [N]."""
 
 STEP = 1e-6
-"""Of a central difference [m] or [rad]."""
+"""Step of a central difference [m or rad]."""
 
 
 SIGMA_M = 3e-5
-"""Noise of a reading per axis, as the campaign states it."""
+"""Noise of a reading per axis [m], as stated by the campaign."""
 
 VISIBLE = 7.0
-"""Standard uncertainties by which a blunder moves its residual that must be told."""
+"""Size of a blunder from which it must be reported, as the shift of its residual in standard
+uncertainties [1]."""
 
 TARGETS = ("P1", "P2", "P3")
 
 
 @dataclass(frozen=True)
 class Blunder:
-    """A reading that is off.
+    """A wrong reading.
 
     Attributes:
-        step: Which step it is of.
-        target: Of which target.
-        line: Its line in the export.
-        off_m: By how much [m], F_b.
+        step: Step of the measurement.
+        target: Name of the target.
+        line: Line in the export.
+        off_m: Error [m], F_b.
     """
 
     step: int
@@ -77,7 +78,7 @@ class Blunder:
 
 
 def play(game: int) -> dict[str, Any]:
-    """One campaign: what was told, and when."""
+    """One campaign: what was reported, and when."""
     rng = np.random.default_rng(SEEDS + game)
     made = simulate_campaign(seed=SEEDS + game, name="hall", stiffness_spread=0.3)
     files = dict(made.campaign.files)
@@ -122,7 +123,7 @@ def play(game: int) -> dict[str, Any]:
 
 @contextmanager
 def instrument(folder: Path) -> Iterator[Any]:
-    """The program that writes, as a function of file, text and how; it stops half way once."""
+    """The writing program as a function of file, text and mode; it pauses half way once."""
     command = [sys.executable, "-m", "bench.instrument", str(folder)]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, **pipes) as process:
@@ -150,9 +151,9 @@ def _fed(
     how: str,
     rng: np.random.Generator,
 ) -> Iterator[tuple[int, Update]]:
-    """What is told, and after which step."""
+    """Updates, each with the step after which it occurred."""
     state, forces = Live("hall"), iter(loads)
-    torn = int(rng.integers(len(steps)))  # a whole file is looked at half written once
+    torn = int(rng.integers(len(steps)))  # the whole file is examined half written at this step
     for k, step in enumerate(steps):
         if "_loaded" in step[0]:
             write("loads.csv", next(forces), "append")
@@ -183,7 +184,7 @@ def _true(campaign: Campaign, truth: Mapping[str, Any]) -> float:
 
 
 def _jacobians(robot: Robot, q: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Derivative of points of the flange by the joints, by central differences, (t, 3, n)."""
+    """Derivatives of points of the flange by the joints, by central differences, (t, 3, n)."""
     there = [configure(robot, q + way * STEP * np.eye(robot.n)).points(points) for way in (1, -1)]
     return np.moveaxis((there[0] - there[1]) / (2 * STEP), 0, -1)
 
@@ -191,7 +192,7 @@ def _jacobians(robot: Robot, q: np.ndarray, points: np.ndarray) -> np.ndarray:
 def _spoil(
     steps: list[list[str]], base: list[str], campaign: Campaign, rng: np.random.Generator
 ) -> Blunder:
-    """A loaded reading of a target off by a random step."""
+    """Spoil the loaded reading of a target at a random step."""
     loaded = [k for k, step in enumerate(steps) if "_loaded" in step[0] and step[0][4:6] >= "03"]
     k = int(rng.choice(loaded))
     j = int(rng.choice([j for j, line in enumerate(steps[k]) if line.split(",")[1] in TARGETS]))
@@ -216,11 +217,11 @@ def _turn(base: list[str], campaign: Campaign) -> np.ndarray:
 
 
 def _sizes(made: Any, steps: list[list[str]], bad: Blunder) -> dict[str, float]:
-    """Standard uncertainties by which the blunder moves its residual, at its step and pose ends.
+    """Shift of the blunder's residual in standard uncertainties, at its step and pose ends.
 
-    lambda^2 = d' (P / sigma^2) d of its three coordinates, P the projection beside what is unknown:
-    a compliance of each joint, and where each target of each pose stands unloaded. What a force is
-    wrong by is left out.
+    lambda^2 = d' (P / sigma^2) d of its three coordinates, where P projects out the unknowns: a
+    compliance of each joint, and the unloaded position of each target in each pose. Errors of
+    forces are neglected.
     """
     robot, tool = made.campaign.robot, made.truth["tool"]
     names = made.campaign.files["joints.csv"].decode().splitlines()[1:]
@@ -250,17 +251,17 @@ def _sizes(made: Any, steps: list[list[str]], bad: Blunder) -> dict[str, float]:
 
 
 def _hits(update: Update, line: str) -> list[bool]:
-    """Of each suspect, whether the blunder is among its lines."""
+    """For each suspect, whether the blunder is among its lines."""
     return [line in one.readings for one in update.suspects]
 
 
 def _pose_of(step: int) -> int:
-    """Five steps a pose."""
+    """Pose of a step; each pose has five."""
     return step // 5
 
 
 def _in_time(one: dict[str, Any], visible: int, poses: int) -> bool:
-    """Whether it was told so many poses after it became visible at the latest."""
+    """Whether it was reported at most `poses` poses after it became visible."""
     told = one["told"]
     return told is not None and _pose_of(told) - _pose_of(visible) <= poses
 
@@ -300,7 +301,7 @@ def summary(games: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Play what is missing, and print the counts."""
+    """Play the missing games, and print the counts."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", type=Path)
     parser.add_argument("--games", type=int, default=100)

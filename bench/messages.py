@@ -1,7 +1,7 @@
-"""`python -m bench.messages`: texts that are said in several languages, from the source to gettext.
+"""`python -m bench.messages`: extract translated texts from the source to gettext catalogues.
 
-A text is a constant or an f-string, with `{}` for what varies in it. `catalogues` brings what Babel
-reads and writes up to date; a test asks `texts` for the same, without Babel.
+A text is a constant or an f-string, with `{}` for its variable parts. `catalogues` updates the
+files of Babel; a test calls `texts` for the same, without Babel.
 """
 
 from __future__ import annotations
@@ -62,19 +62,20 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     ),
     "report/words.py": ("nouns", "VERDICTS", "UNUSABLE", "CORRECTED", "_OUT", "_OPEN", "JUDGED"),
 }
-"""Files, and what in them is said on a certificate or a sheet; nothing named is all."""
+"""Files, and the functions and constants in them with texts of a certificate or sheet; () is
+all."""
 
 JOINED = (
     *("{} ({})", "{}: {}", "{} = {}", "{} or {}", " in axis {}", "axis {}", "joint {}", "pose"),
     *("tighten to {} N", "release, tighten to {} N", "slacken to {} N"),
 )
-"""How texts are put together where no text of the source says it."""
+"""Patterns that combine texts and do not occur in the source as a whole."""
 
 _UNSAID = {
     *("correction", "form", "source", "signature", "place", "element", "name", "key"),
     *("encoding", "part", "text_anchor", "font_weight", "fill", "law"),
 }
-"""Arguments that are no words of certificate or sheet."""
+"""Keyword arguments that contain no text of a certificate or sheet."""
 
 _CALLS = {
     "re",
@@ -88,7 +89,7 @@ _CALLS = {
     "UsageError",
     "InputError",
 }
-"""Functions whose arguments are none."""
+"""Functions whose arguments contain no text."""
 
 _SINGLE = {
     *(
@@ -117,22 +118,22 @@ _SINGLE = {
     ),
     *("undecided", "anchor", "up", "down", "group", "row", "large", "small", "shuffled"),
 }
-"""Words that are texts by themselves, in small letters."""
+"""Single lower-case words that are texts."""
 
 _ELSEWHERE = re.compile(
     r"(re)?computed (without|with|as) |nothing can be corrected"
     r"|(\{\} )?pose\{\}( rep\{\})?$|\{\} (columns|force|joints)$"
 )
-"""What was done about a mistake, and names of places in files: neither is said on a certificate."""
+"""Corrections of mistakes, and names of places in files, neither of which is on a certificate."""
 
 _NO_CONSTANTS = {"_FORMS", "_SIGNATURE", "_SOURCE"}
-"""Constants of no words that are said."""
+"""Constants that contain no text."""
 
 _WORDS = re.compile(r"[^\W\d_]{2,}")
 
 
 def texts() -> dict[str, str]:
-    """Every text, and the first file that says it."""
+    """Every text, and the first file that contains it."""
     found = dict.fromkeys(JOINED, "")
     for pattern in SPOKEN:
         for path in sorted(ROOT.glob(pattern)):
@@ -142,7 +143,7 @@ def texts() -> dict[str, str]:
 
 
 def catalogues() -> None:
-    """Write the catalogues anew: what is new is empty there, what the source lost goes."""
+    """Update the catalogues: new texts are empty there, texts gone from the source are removed."""
     from babel.messages.catalog import Catalog
     from babel.messages.mofile import write_mo
     from babel.messages.pofile import read_po, write_po
@@ -156,14 +157,14 @@ def catalogues() -> None:
         found.update(template, no_fuzzy_matching=True, update_creation_date=False)
         found.obsolete.clear()
         for message in found:
-            message.flags.clear()  # that of format strings is guessed from "% o"
+            message.flags.clear()  # set by guess from "% o", as for format strings
         with path.open("wb") as text_file, path.with_suffix(".mo").open("wb") as compiled:
             write_po(text_file, found, width=100, include_lineno=False, sort_by_file=True)
             write_mo(compiled, found)
 
 
 def _said(source: str, names: tuple[str, ...]) -> Iterator[tuple[int, str]]:
-    """Line and text of what some functions and constants of a file say."""
+    """Line and text of some functions and constants of a file."""
     for node in ast.parse(source).body:
         defined = _names(node)
         if defined & set(names) or (not names and not defined & _NO_CONSTANTS):
@@ -173,7 +174,7 @@ def _said(source: str, names: tuple[str, ...]) -> Iterator[tuple[int, str]]:
 
 
 def _names(node: ast.stmt) -> set[str]:
-    """What a statement defines."""
+    """Names that a statement defines."""
     if isinstance(node, ast.FunctionDef | ast.ClassDef):
         return {node.name}
     targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
@@ -186,7 +187,7 @@ def _names(node: ast.stmt) -> set[str]:
 
 
 def _texts(node: ast.AST) -> Iterator[tuple[int, str]]:
-    """Constants and f-strings but for docstrings, keys and what is compared."""
+    """Constants and f-strings except docstrings, keys and operands of comparisons."""
     if isinstance(node, ast.Compare | ast.Raise | ast.Import | ast.ImportFrom | ast.Assert):
         return
     if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
@@ -217,7 +218,7 @@ def _texts(node: ast.AST) -> Iterator[tuple[int, str]]:
 
 
 def _template(node: ast.AST) -> str:
-    """A constant as it is, an f-string with `{}` for what varies; parts side by side are one."""
+    """A constant unchanged, an f-string with `{}` for variable parts; adjacent ones are merged."""
     if isinstance(node, ast.JoinedStr):
         parts = (one.value if isinstance(one, ast.Constant) else "{}" for one in node.values)
         return re.sub(r"(?:\{\}){2,}", "{}", "".join(map(str, parts)))
@@ -225,7 +226,7 @@ def _template(node: ast.AST) -> str:
 
 
 def _is_text(text: str) -> bool:
-    """Whether people read it: words, a title, or one of the single words."""
+    """Whether it is a text for readers: words, a title, or one of the single words."""
     bare = text.replace("{}", "")
     if text in _SINGLE:
         return True

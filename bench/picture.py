@@ -1,7 +1,7 @@
-"""`python -m bench.picture FILE`: the packages of pipeline/, each above all that it imports.
+"""`python -m bench.picture FILE`: diagram of the packages of pipeline/, each above its imports.
 
-Drawn from the code's own imports. Of the imports only those are drawn that no other one implies.
-The outbuildings, which the core can do without, stand beside it on one floor.
+It is drawn from the code's own imports, without those implied by others. The outbuildings, which
+the core does not need, stand to the right.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def outbuildings() -> list[str]:
 
 
 def packages() -> dict[str, set[str]]:
-    """What each package, or file at the top, imports of the others."""
+    """Imports of each package, or file at the top, from the others."""
     out: dict[str, set[str]] = {}
     for path in PACKAGE.rglob("*.py"):
         mine = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
@@ -38,7 +38,7 @@ def packages() -> dict[str, set[str]]:
 
 
 def floors(uses: dict[str, set[str]]) -> dict[str, int]:
-    """Longest way down from each package."""
+    """Length of the longest chain of imports from each package."""
 
     def floor(name: str) -> int:
         return 1 + max((floor(other) for other in uses[name]), default=-1)
@@ -47,7 +47,7 @@ def floors(uses: dict[str, set[str]]) -> dict[str, int]:
 
 
 def reduced(uses: dict[str, set[str]]) -> dict[str, set[str]]:
-    """Only those imports that no chain of others implies."""
+    """Imports that are not implied by a chain of others."""
 
     def below(name: str) -> set[str]:
         return uses[name].union(*(below(other) for other in uses[name]))
@@ -59,14 +59,14 @@ def reduced(uses: dict[str, set[str]]) -> dict[str, set[str]]:
 
 
 def lines_of(name: str) -> int:
-    """Lines of a package's code."""
+    """Number of lines of a package's code."""
     here = PACKAGE / name
     files = here.rglob("*.py") if here.is_dir() else [here.with_suffix(".py")]
     return sum(len(path.read_text("utf-8").splitlines()) for path in files)
 
 
 def main(file: str) -> None:
-    """Draw them."""
+    """Draw the diagram."""
     matplotlib.rcParams["svg.hashsalt"] = "packages"
     matplotlib.rcParams["svg.fonttype"] = "none"
     everything, beside = packages(), outbuildings()

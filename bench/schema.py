@@ -1,6 +1,6 @@
 """`python -m bench.schema`: docs/result.schema.json and the keys in docs/answer.md, from types.
 
-Both follow from pipeline/answer/contract.py alone; a test holds them to it.
+Both are derived from pipeline/answer/contract.py alone; a test checks that.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def schema() -> str:
 
 
 def page(old: str) -> str:
-    """docs/answer.md with its table of keys anew; what stands outside the marks stays."""
+    """docs/answer.md with a new table of keys; text outside the marks is unchanged."""
     before, _, rest = old.partition(BEGIN)
     _, _, after = rest.partition(END)
     rows = ["| key | type | meaning |", "|---|---|---|", *_rows(Answer, "")]
@@ -44,7 +44,7 @@ def _rows(model: type[BaseModel], path: str) -> Iterator[str]:
 
 
 def _inner(kind: Any) -> tuple[type[BaseModel] | None, bool]:
-    """The record that a type holds, and whether a list of them."""
+    """The record that a type contains, and whether it is a list."""
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         return kind, False
     for part in get_args(kind):
@@ -55,7 +55,7 @@ def _inner(kind: Any) -> tuple[type[BaseModel] | None, bool]:
 
 
 def _words(kind: Any) -> str:
-    """A type in the words of JSON."""
+    """Name of a type in JSON."""
     origin, parts = get_origin(kind), get_args(kind)
     if origin is Annotated:
         return _words(parts[0])

@@ -11,7 +11,7 @@ SIZE = {"width": 1280, "height": 1060}
 
 
 def shoot(page: Path, picture: Path) -> None:
-    """Write what a browser shows of a page before anybody scrolls, in its light colours."""
+    """Save what a browser shows of a page without scrolling, in its light colours."""
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=browser_path())
         sheet = browser.new_page(viewport=SIZE, color_scheme="light")

@@ -1,8 +1,8 @@
-"""`make supply`: what is installed, under which licences, with which known weaknesses; one wheel.
+"""`make supply`: installed packages, their licences and known vulnerabilities; reproducible wheel.
 
 Writes build/bom.json, a bill of materials (CycloneDX 1.6) of the environment that requirements.lock
-builds. The tools that make it are fetched for this command alone. Ends with 1 where a licence
-forbids what we do, an advisory applies, or two wheels differ; what could not be read is said.
+builds. The tools for it are fetched for this command alone. Exits with 1 if a licence forbids our
+use, an advisory applies, or two wheels differ; what could not be read is reported.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ _COMPATIBLE = (
     "HPND", "Unlicense", "OSI Approved :: MIT", "Artistic", "DFSG",
     "MPL", "Mozilla", "LGPL", "Lesser",
 )  # fmt: skip
-"""Words of licences under which code may be imported by code under Apache-2.0. The last four ask
-that changes to their own files stay open; we change none and ship none."""
+"""Words of licences whose code may be imported by code under Apache-2.0. The last four require
+changes to their own files to be published; we change none and ship none."""
 
 
 def run(*command: str, **more: str) -> subprocess.CompletedProcess[str]:
-    """A command's end and output."""
+    """Run a command; return its exit code and output."""
     env = {**os.environ, **more}
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=env, check=False)
 
 
 def tool(package: str, *command: str) -> subprocess.CompletedProcess[str]:
-    """The same of a tool that is fetched for it."""
+    """Run a command of a package that is fetched for it."""
     return run(str(Path(sys.executable).parent / "uv"), "tool", "run", "--from", package, *command)
 
 
 def bill() -> list[dict[str, Any]]:
-    """Every component of the environment, written to `BOM`."""
+    """Every component of the environment, also written to `BOM`."""
     BOM.parent.mkdir(exist_ok=True)
     made = tool(
         "cyclonedx-bom", "cyclonedx-py", "environment", sys.executable, "--output-reproducible",
@@ -53,7 +53,7 @@ def bill() -> list[dict[str, Any]]:
 
 
 def licences(component: dict[str, Any]) -> list[str]:
-    """Licences of a component, by identifier or name; several are alternatives or all hold."""
+    """Licences of a component, by identifier or name; several are alternatives or all apply."""
     said = component.get("licenses", [])
     found = [
         one.get("expression") or one["license"].get("id") or one["license"].get("name", "")
@@ -63,12 +63,12 @@ def licences(component: dict[str, Any]) -> list[str]:
 
 
 def forbidden(said: list[str]) -> bool:
-    """Whether none of the licences a component states is a compatible one."""
+    """Whether a component states licences and none of them is compatible."""
     return bool(said) and not any(word in one for one in said for word in _COMPATIBLE)
 
 
 def audited() -> tuple[int, int, list[str]]:
-    """Packages whose advisories were read, those whose were not, and what was found."""
+    """Numbers of packages with and without advisories read, and the advisories found."""
     asked = ("--disable-pip", "--require-hashes", "-r", "requirements.lock", "-f", "json")
     end = tool("pip-audit", "pip-audit", *asked)
     try:
@@ -81,8 +81,8 @@ def audited() -> tuple[int, int, list[str]]:
 
 
 def wheel(folder: Path) -> str:
-    """SHA-256 of the wheel that is built into a folder."""
-    shutil.rmtree(ROOT / "build" / "lib", ignore_errors=True)  # else moved modules stay in it
+    """SHA-256 of the wheel built into a folder."""
+    shutil.rmtree(ROOT / "build" / "lib", ignore_errors=True)  # it may keep moved modules
     pip = (sys.executable, "-m", "pip", "-qq", "wheel", "--no-deps", "--no-build-isolation")
     stamp = run("git", "log", "-1", "--format=%ct").stdout.strip() or "315532800"
     end = run(*pip, "--no-index", "--wheel-dir", str(folder), ".", SOURCE_DATE_EPOCH=stamp)
@@ -92,7 +92,7 @@ def wheel(folder: Path) -> str:
 
 
 def main() -> None:
-    """Say all four."""
+    """Print all four."""
     parts = bill()
     stated = [(part["name"], part["version"], licences(part)) for part in parts]
     bad = [one for one in stated if forbidden(one[2])]

@@ -1,4 +1,4 @@
-"""Two ways of doing the same, timed in turn so that a drifting machine favours neither."""
+"""Timing of two alternatives in turn, so that a drifting machine favours neither."""
 
 import statistics
 import time
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """Wall time of one call."""
+    """Wall time of one call [s]."""
     began = time.perf_counter()
     work()
     return time.perf_counter() - began

@@ -45,7 +45,6 @@ from pipeline.prediction.model import IdentifiedModel, dumps
 from pipeline.prediction.tolerance import Shown, asked, judge
 from pipeline.reduction.bring import Keep, Reduced, Step, bring, conformed, plain
 from pipeline.reduction.case import Case
-from pipeline.reduction.case import tool as tool
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.stations import one_station

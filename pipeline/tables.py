@@ -16,6 +16,9 @@ from pipeline.machine.robot import Robot
 
 pd.set_option("mode.string_storage", "python")  # Arrow strings take twice the time
 
+XYZ = ["x_m", "y_m", "z_m"]
+"""Columns of a place."""
+
 
 def _col(name: str, kind: pa.DataType, unit: str, meaning: str, nullable: bool = False) -> pa.Field:
     """One column of a schema."""

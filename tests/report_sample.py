@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.annex.scene import MOST
 from pipeline.answer.contract import Answer
 from pipeline.answer.posture import standing_posture
-from pipeline.answer.scene import MOST
 from pipeline.machine.cell import Tool
 from pipeline.machine.robot import load
 from pipeline.report.render import render

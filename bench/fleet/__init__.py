@@ -1,1 +1,1 @@
-"""Simulated fleets, in which robots wear, scatter, are repaired, and are watched by detectors."""
+"""Simulated fleets, in which robots wear, scatter and are repaired, watched by detectors."""

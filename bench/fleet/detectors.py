@@ -1,4 +1,4 @@
-"""Who watches: the fleet's model, trends per joint, and two campaigns beside each other."""
+"""Detectors of wear: the fleet's model, trends per joint, and comparison of two campaigns."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from pipeline.fleet.wear.machine import Machine, Repair, Visit
 from pipeline.fleet.wear.scatter import scatter
 
 SCATTER = 0.01
-"""Day-to-day scatter that the simple ones are told."""
+"""Day-to-day scatter assumed by the simple detectors [1]."""
 
 Detector = Callable[[Sequence[Robot], int], list[bool]]
-"""Robots and how many campaigns of each there are -> whether each is in alarm."""
+"""Function of the robots and the number of campaigns of each; returns whether each is in alarm."""
 
 
 def model(robots: Sequence[Robot], count: int) -> list[bool]:
-    """The project's own: one model of the whole fleet, which has to find the scatter by itself."""
+    """The project's own: one model of the whole fleet, which estimates the scatter itself."""
     machines = [machine(one, count, str(k)) for k, one in enumerate(robots)]
     found = scatter(machines)
     return [any(look.alarm for look in looks(one, found)) for one in machines]
@@ -39,7 +39,7 @@ def machine(robot: Robot, count: int, name: str) -> Machine:
 
 
 def trends(robots: Sequence[Robot], count: int) -> list[bool]:
-    """A weighted line per joint, Bonferroni over joints, the same error spent over the looks."""
+    """A weighted line per joint, Bonferroni over joints, the same error spending over looks."""
     return [_sloped(one, count) for one in robots] if count > 2 else [False] * len(robots)
 
 
@@ -61,12 +61,12 @@ def _slope(t: Array, x: Array, variance: float) -> float:
 
 
 def pairs(robots: Sequence[Robot], count: int) -> list[bool]:
-    """The newest campaign beside the one before, as reports do, told of the scatter."""
+    """The newest campaign compared with the previous one, as in reports, with known scatter."""
     return [_changed(one, count, SCATTER) for one in robots]
 
 
 def pairs_as_they_are(robots: Sequence[Robot], count: int) -> list[bool]:
-    """The same, not told of it."""
+    """The same, without knowledge of the scatter."""
     return [_changed(one, count, 0.0) for one in robots]
 
 
@@ -78,7 +78,7 @@ def _changed(robot: Robot, count: int, more: float) -> bool:
 
 
 def _stiffness(robot: Robot, k: int, more: float) -> list[Stiffness]:
-    """What an answer says of each joint, the scatter in its standard uncertainty."""
+    """Stiffnesses as in an answer, with the scatter included in their standard uncertainties."""
     std = np.sqrt(np.diag(robot.cov) + (more * robot.x[k]) ** 2)
     return [
         Stiffness.model_construct(

@@ -1,4 +1,4 @@
-"""Fleets are watched campaign by campaign, and kept as they end."""
+"""Monitoring of fleets campaign by campaign, with results kept as they finish."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from bench.fleet.world import CAMPAIGNS, KINDS, YEAR, Robot, fleet
 from pipeline.base import files
 
 SEEDS = Path(__file__).with_name("seeds.txt")
-"""One whole number per fleet; fleet k of every kind has the k-th."""
+"""One integer per fleet; fleet k of every kind has the k-th."""
 
 
 @dataclass(frozen=True)
 class Watched:
-    """What became of one robot under one detector.
+    """Result of one robot under one detector.
 
     Attributes:
-        kind: Of fleet.
-        number: Of the fleet.
-        detector: Its name.
-        worn: Something has changed.
-        found: Campaign that raised the alarm, from 1; None where none did.
-        years: From the first campaign to the alarm, or to the last one.
+        kind: Kind of the fleet.
+        number: Number of the fleet.
+        detector: Name of the detector.
+        worn: Whether something has changed.
+        found: Campaign that raised the alarm, from 1; None if none did.
+        years: Time from the first campaign to the alarm, or to the last campaign.
     """
 
     kind: str
@@ -55,11 +55,11 @@ def _years(robot: Robot, found: int | None) -> float:
 
 
 def contest(wanted: Iterable[tuple[str, int]], log: Path, code: str) -> Iterator[Watched]:
-    """Those that are kept of this code, and the others as they are watched.
+    """Yield the results that are kept from this code, and the others as they are computed.
 
     Args:
         wanted: Kinds and numbers of fleets.
-        log: One JSON line for each fleet.
+        log: File with one JSON line per fleet.
         code: Version of the code.
     """
     kept = {}
@@ -81,12 +81,12 @@ def contest(wanted: Iterable[tuple[str, int]], log: Path, code: str) -> Iterator
 
 
 def wanted(worn: int, others: int, first: int = 0) -> list[tuple[str, int]]:
-    """Wear in one joint, two and all in turn, then so many fleets of every other kind.
+    """Fleets with wear in one joint, two and all in turn, then those of every other kind.
 
     Args:
-        worn: How many in which something wears.
-        others: How many of each other kind.
-        first: Number of the first of each.
+        worn: Number of fleets with wear.
+        others: Number of fleets of each other kind.
+        first: Number of the first fleet of each kind.
     """
     thirds = ("one", "two", "all")
     rest = [kind for kind in KINDS if kind not in thirds]
@@ -96,9 +96,9 @@ def wanted(worn: int, others: int, first: int = 0) -> list[tuple[str, int]]:
 
 
 def code() -> str:
-    """Version of what watches and of what is watched."""
+    """Hash of the code of detectors and simulation."""
     here = Path(__file__)
-    wear = [here.parents[2] / "pipeline" / "wear" / f"{name}.py" for name in _WATCHES]
+    wear = [here.parents[2] / "pipeline" / "fleet" / "wear" / f"{name}.py" for name in _WATCHES]
     mine = [here.with_name(f"{name}.py") for name in ("world", "detectors", "run")]
     return files.sha256(b"".join(path.read_bytes() for path in (*mine, *wear)))[:12]
 

@@ -1,4 +1,4 @@
-"""What the fleets say, as lines of Markdown."""
+"""Results of the fleets as lines of Markdown."""
 
 from __future__ import annotations
 

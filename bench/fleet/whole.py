@@ -1,7 +1,7 @@
 """`python -m bench.fleet.whole FOLDER`: whole campaigns of a small fleet, raw files to the report.
 
-Machines of the league, which share nothing with the project's own model: three robots measured
-every half year, one of them worn in joint 4.
+The machines are those of the league, which share nothing with the project's own model: three robots
+measured every half year, one of them with wear in joint 4.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SCATTER = 0.01
 
 
 def write(root: Path) -> None:
-    """Raw folders of all campaigns."""
+    """Write the raw folders of all campaigns."""
     robot = load("kr500_rail")
     for number, rng in enumerate(np.random.default_rng(SEED).spawn(ROBOTS)):
         new = 1 / NOMINAL * rng.uniform(0.9, 1.1, robot.n)
@@ -40,7 +40,7 @@ def write(root: Path) -> None:
 
 
 def _raw(folder: Path, files: dict[str, bytes], day: date, number: int) -> None:
-    """One folder, with its day and the robot's serial number."""
+    """Write one folder, with its day and the robot's serial number."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
         said = content.replace(b"2026-11-03", day.isoformat().encode())
@@ -50,7 +50,7 @@ def _raw(folder: Path, files: dict[str, bytes], day: date, number: int) -> None:
 
 
 def main() -> None:
-    """Write them, run them, and say what the project says."""
+    """Write the campaigns, run them, and print the first line of each outcome."""
     root = Path(sys.argv[1])
     write(root)
     for outcome in run_all(root, [], "local", force=False):

@@ -1,8 +1,8 @@
-"""Fleets at the level of campaigns: true stiffnesses that age, and what campaigns say of them.
+"""Simulated fleets at the level of campaigns: true stiffnesses that age, and their estimates.
 
-Stiffnesses age in small steps of a day, days differ by a factor, a campaign errs by a draw of its
-covariance, which is that of the demo campaign's own answer. Nothing is shared with the model that
-watches them.
+Stiffnesses change a little every day, days differ by a random factor, and the error of a campaign
+is drawn from its covariance, which is that of the demo campaign's own answer. Nothing is shared
+with the model that monitors them.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ YEAR = 365.25
 
 @dataclass(frozen=True)
 class Kind:
-    """One sort of fleet.
+    """One kind of fleet.
 
     Attributes:
-        name: Of it.
-        says: What happens in it.
-        joints: In how many joints of the first robot wear goes on; 7 is all of them.
-        robots: How many there are.
+        name: Name of the kind.
+        says: Description.
+        joints: Number of joints of the first robot that wear; 7 is all of them.
+        robots: Number of robots.
         own: Day-to-day scatter of each joint [1].
-        common: The same of all joints alike [1].
-        repairs: Each robot has a joint replaced, which is told.
-        jump: A joint of the first robot has lost this part of its stiffness from the fifth
-            campaign on, which nobody tells.
+        common: Day-to-day scatter common to all joints [1].
+        repairs: Whether each robot has a joint replaced, which is reported.
+        jump: Fraction of its stiffness that a joint of the first robot loses from the fifth
+            campaign on, which is not reported.
     """
 
     name: str
@@ -63,15 +63,15 @@ KINDS = {
 }
 
 WEAR = 0.05
-"""Stiffness lost in a year [1]."""
+"""Stiffness lost per year [1]."""
 
 CAMPAIGNS = 12
 APART = YEAR / 2
 EARLY_OR_LATE = 20
-"""Of each robot; days between two, and by how many days one is early or late at most."""
+"""Number of campaigns of each robot; days between two, and maximum deviation from that [d]."""
 
 UNSEEN = 0.05
-"""Probability that a campaign leaves one of the joints undetermined."""
+"""Probability that a campaign leaves one of the joints undetermined [1]."""
 
 
 @dataclass(eq=False)
@@ -79,11 +79,11 @@ class Robot:
     """One robot with its campaigns.
 
     Attributes:
-        day: Of each, shape (K,).
-        x: Compliances as found, NaN where undetermined, shape (K, n).
+        day: Day of each campaign, shape (K,).
+        x: Estimated compliances, NaN if undetermined, shape (K, n).
         cov: Their covariance, shape (n, n).
-        worn: Something in it has changed that nobody tells.
-        repairs: Day and joint.
+        worn: Whether something has changed that is not reported.
+        repairs: Day and joint of each repair.
     """
 
     day: Array

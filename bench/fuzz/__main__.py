@@ -45,7 +45,7 @@ def fuzz(
 
 
 def _one(number: int, to: str, keep: Path | None, verbose: bool) -> None:
-    """One case again, in this process and within the same time."""
+    """Play one case again, in this process and with the same time limit."""
     from bench.fuzz import judge
     from bench.fuzz.catalogue import case
     from bench.fuzz.play import play

@@ -1,4 +1,4 @@
-"""The clean campaigns that are spoilt: bytes by file name, from the plans in seeds.toml."""
+"""The clean campaigns to be spoilt: bytes by file name, from the plans in seeds.toml."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Files = Mapping[str, bytes]
 _SEEDS = tomllib.loads(Path(__file__).with_name("seeds.toml").read_text("utf-8"))
 
 NAMES = tuple(_SEEDS)
-"""Of all clean campaigns."""
+"""Names of all clean campaigns."""
 
 
 @cache
@@ -44,7 +44,7 @@ def _said(files: dict[str, bytes], old: str, new: str) -> dict[str, bytes]:
 
 
 def _reduced(files: dict[str, bytes]) -> dict[str, bytes]:
-    """The same campaign as displacements and forces, which its operator has reduced."""
+    """The same campaign as displacements and forces, as if reduced by its operator."""
     shown = reduce(in_memory(files), conformed).shown
     text = files["campaign.toml"].decode()
     tables = text.split("\n\n")

@@ -1,4 +1,4 @@
-"""Every mutation, and the case of a number: which campaign is spoilt by which of them."""
+"""All mutations, and the case of a number: a campaign and its mutations."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ for _mutation in MUTATIONS:
     FAMILIES[_mutation.family].append(_mutation)
 
 _OFTEN = ("cell", "joints", "loads", "readings", "points")
-"""Families drawn twice as often: what campaigns really suffer from."""
+"""Families drawn twice as often, as these errors are common in practice."""
 
 _COUNTS = (1, 1, 1, 1, 2, 2, 3)
 
@@ -36,10 +36,10 @@ class Case:
     """A spoilt campaign.
 
     Attributes:
-        number: Of which everything else is a function.
+        number: Determines everything else.
         base: Name of the clean campaign.
-        mutations: What was done to it, in this order.
-        files: What it became.
+        mutations: Mutations applied, in this order.
+        files: The resulting files.
         shown: Whether its report is made, too.
     """
 
@@ -51,12 +51,12 @@ class Case:
 
     @property
     def meant(self) -> bool:
-        """Whether another answer is right."""
+        """Whether a different answer is right."""
         return any(mutation.meant for mutation in self.mutations)
 
     @property
     def covered(self) -> set[str]:
-        """Blind spots that own up to it."""
+        """Blind spots that include its effect."""
         return {name for mutation in self.mutations for name in mutation.covered}
 
 
@@ -66,7 +66,7 @@ def case(number: int) -> Case:
     name, count, shown = one(rng, NAMES), one(rng, _COUNTS), bool(rng.random() < 0.1)
     families = [*FAMILIES, *(each for each in _OFTEN if each in FAMILIES)]
     files, done = base(name), []
-    for _ in range(40):  # many mutations have nothing to act on in some campaigns
+    for _ in range(40):  # many mutations do not apply to some campaigns
         mutation = one(rng, FAMILIES[one(rng, families)])
         spoilt = mutation.act(files, rng)
         if dict(spoilt) != dict(files):

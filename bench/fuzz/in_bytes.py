@@ -1,4 +1,4 @@
-"""Bytes, lines and encodings of any file, campaign.toml among them."""
+"""Mutations of bytes, lines and encodings of any file, including campaign.toml."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Blunders that people make: shifted logs, a tool measured wrongly, few poses, mixed campaigns."""
+"""Blunders made in practice: shifted logs, wrong tool points, few poses, mixed campaigns."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from bench.fuzz.sheet import NUMBER, Edit, Sheet, on, put, sheet
 
 
 def _values(change: Callable[[list[float], np.random.Generator], list[float]], begins: str) -> Edit:
-    """A change of all numbers in the column whose title begins so; empty: of any joint."""
+    """Change all numbers in the column whose title begins with `begins`; if empty, of any joint."""
 
     def edit(read: Sheet, rng: np.random.Generator) -> Sheet:
         able = [k for k, title in enumerate(read.titles) if title.endswith(("_deg", "_m", "_rad"))]
@@ -61,7 +61,7 @@ def _late(values: list[float], rng: np.random.Generator) -> list[float]:
 
 
 def _poses_exchanged(read: Sheet, rng: np.random.Generator) -> Sheet:
-    """Two rows of the log carry each other's poses."""
+    """Exchange the poses of two rows of the log."""
     k, (a, b) = read.column("pose"), two(rng, len(read.body))
     if k is None or max(map(len, (read.body[a], read.body[b]))) <= k:
         return read
@@ -71,7 +71,7 @@ def _poses_exchanged(read: Sheet, rng: np.random.Generator) -> Sheet:
 
 
 def _poses_late(read: Sheet, rng: np.random.Generator) -> Sheet:
-    """Every row has the values of the one before."""
+    """Give every row the values of the previous one."""
     k = read.column("pose")
     if k is None:
         return read
@@ -86,7 +86,7 @@ def _poses_late(read: Sheet, rng: np.random.Generator) -> Sheet:
 
 
 def _one_pose(factor: float) -> Edit:
-    """All forces of one pose multiplied."""
+    """Multiply all forces of one pose."""
 
     def edit(read: Sheet, rng: np.random.Generator) -> Sheet:
         pose = read.column("pose")
@@ -182,7 +182,7 @@ def _export(files: Files) -> str | None:
 
 
 def _lines(change: Callable[[list[str], np.random.Generator], list[str]]) -> Act:
-    """A change of the lines of the export."""
+    """Change the lines of the export."""
 
     def act(files: Files, rng: np.random.Generator) -> Files:
         name = _export(files)
@@ -203,7 +203,7 @@ def _names_exchanged(first: str, second: str) -> Act:
 
 
 def _names_exchanged_once(first: str, second: str) -> Act:
-    """In one group only."""
+    """Exchange two names in one group only."""
 
     def change(lines: list[str], rng: np.random.Generator) -> list[str]:
         named = re.compile(r"pose\d+_rep\d+_\w+|base_\w+")
@@ -237,7 +237,7 @@ def _states_exchanged(lines: list[str], rng: np.random.Generator) -> list[str]:
 
 
 def _without(pattern: str) -> Act:
-    """All lines with this lost; nothing where an assignment counts the rows."""
+    """Remove all lines that match; no change if an assignment counts the rows."""
 
     def act(files: Files, rng: np.random.Generator) -> Files:
         if any(name.startswith("assignment") for name in files):
@@ -250,7 +250,7 @@ def _without(pattern: str) -> Act:
 
 
 def _first_poses(count: int) -> Act:
-    """A campaign of so few poses, in every file."""
+    """Keep only the first poses, in every file."""
 
     def kept(name: str, line: str) -> bool:
         found = (
@@ -274,7 +274,7 @@ def _first_poses(count: int) -> Act:
 
 
 def _first_pulls(files: Files, rng: np.random.Generator) -> Files:
-    """One pull in all."""
+    """Keep only one pull."""
 
     def kept(line: str) -> bool:
         found = re.search(r"pose(\d+)_rep(\d+)_loaded|^(\d+),(\d+),", line)
@@ -294,7 +294,7 @@ def _first_pulls(files: Files, rng: np.random.Generator) -> Files:
 
 
 def _moved(size: float, which: str) -> Act:
-    """Readings of one target or of one group moved along x, in the export's unit."""
+    """Shift readings of one target or of one group along x, in the export's unit."""
 
     def edit(read: Sheet, rng: np.random.Generator) -> Sheet:
         row = one(rng, read.body)
@@ -344,11 +344,11 @@ _EXPORT: dict[str, Act] = {
     "1 pull": _first_pulls,
 }
 
-# --- settings that are plausible -------------------------------------------------------------
+# --- plausible settings ---------------------------------------------------------------------
 
 
 def _point(keys: str, change: Callable[[list[float], np.random.Generator], list[float]]) -> Act:
-    """A change of the coordinates of one of these points in campaign.toml."""
+    """Change the coordinates of one of these points in campaign.toml."""
     line = re.compile(rf"(?m)^({keys}) = \[([^\]]*)\]")
 
     def act(files: Files, rng: np.random.Generator) -> Files:
@@ -378,7 +378,7 @@ def _off(size: float) -> Callable[[list[float], np.random.Generator], list[float
 
 
 def _alike(keys: str) -> Act:
-    """All points at one place."""
+    """Put all points at one place."""
 
     def edit(content: str) -> str:
         return re.sub(rf"(?m)^({keys}) = \[.*\]", r"\1 = [0.1, 0.2, 0.3]", content)
@@ -387,7 +387,7 @@ def _alike(keys: str) -> Act:
 
 
 def _in_line(keys: str) -> Act:
-    """All points on one line."""
+    """Put all points on one line."""
 
     def act(files: Files, rng: np.random.Generator) -> Files:
         count = iter(range(100))
@@ -443,7 +443,7 @@ _POINTS = {
 
 
 def _from_other(files: Files, rng: np.random.Generator) -> Files:
-    """One of its tables is that of another campaign."""
+    """Replace one of its tables by that of another campaign."""
     names = tables(files)
     other = base(one(rng, NAMES))
     able = [name for name in names if name in other and other[name] != files[name]]
@@ -451,7 +451,7 @@ def _from_other(files: Files, rng: np.random.Generator) -> Files:
 
 
 def _merged(files: Files, rng: np.random.Generator) -> Files:
-    """Rows of another campaign behind its own."""
+    """Append rows of another campaign to one of its tables."""
     names = tables(files)
     other = base(one(rng, NAMES))
     able = [name for name in names if name in other and other[name] != files[name]]
@@ -464,7 +464,7 @@ def _merged(files: Files, rng: np.random.Generator) -> Files:
 
 
 def _second(files: Files, rng: np.random.Generator) -> Files:
-    """The export of another campaign beside its own, both named."""
+    """Add the export of another campaign, so that both are named."""
     other = base(one(rng, NAMES))
     exports = [name for name in other if name.startswith("tracker")]
     if not exports:

@@ -1,4 +1,4 @@
-"""A robot file of the user's own in the folder, spoilt: lengths, limits, axes, names, joints."""
+"""Mutations of a user's own robot file: lengths, limits, axes, names, joints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OWN = "robot.toml"
 _MEANT = "the geometry of a robot of one's own is what its user says it is"
 
 Edit = Callable[[list[str], np.random.Generator], list[str]]
-"""A change of the parts of a robot file: its head, each of its joints, and what follows."""
+"""Changes the parts of a robot file: its head, each of its joints, and what follows."""
 
 _END = "[controller]"
 

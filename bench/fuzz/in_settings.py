@@ -1,4 +1,4 @@
-"""campaign.toml: every key of docs/campaign.md, hostile names, globs and patterns, odd TOML."""
+"""Mutations of campaign.toml: all documented keys, hostile names, globs and patterns, odd TOML."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _KEYS = {
     "model": ("equilibrium",),
     "displacements": ("file", "forces", "sigma_m"),
 }
-"""Every key that docs/campaign.md knows, by table."""
+"""All keys in docs/campaign.md, by table."""
 
 _WEIGHTS = "how certain each reading is decides how they are weighed, and only its user knows"
 _MEANT = {
@@ -40,7 +40,7 @@ _MEANT = {
     },
     ("model", "equilibrium"): "whether the wrench acts on the deflected robot is the user's choice",
 }
-"""Keys that are meant to change the answer, and why."""
+"""Keys that may rightly change the answer, and why."""
 
 _VALUES = {
     "a word": '"elephant"',
@@ -85,13 +85,13 @@ _VALUES = {
 
 
 def _here(line: str) -> str | None:
-    """The table that a line begins."""
+    """The table that begins at a line; None if none does."""
     found = re.match(r"\s*\[([^\[\]]+)\]\s*$", line)
     return found[1].strip() if found else None
 
 
 def _place(lines: list[str], table: str, key: str) -> tuple[int | None, int | None]:
-    """Indices of the line of a key and of the line behind the head of its table."""
+    """Indices of the line of a key and of the line behind the heading of its table."""
     at, head = "", 0 if not table else None
     for k, line in enumerate(lines):
         begun = _here(line)
@@ -104,7 +104,7 @@ def _place(lines: list[str], table: str, key: str) -> tuple[int | None, int | No
 
 
 def with_key(content: str, table: str, key: str, value: str | None) -> str:
-    """A text of TOML with a key set, or without it."""
+    """TOML text with a key set, or removed."""
     lines = content.split("\n")
     found, head = _place(lines, table, key)
     line = [] if value is None else [f"{key} = {value}"]
@@ -128,7 +128,7 @@ def _drawn(table: str, name: str) -> Act:
 
 
 def _scaled(table: str, name: str) -> Act:
-    """The number that is there, made larger or smaller."""
+    """Multiply the numbers of an entry by a factor."""
 
     def act(files: Files, rng: np.random.Generator) -> Files:
         factor = one(rng, [1e3, 1e-3, 25.4, -1.0, 1e6, 1e-6, 1.5])
@@ -170,7 +170,7 @@ _WRITTEN = {
     ("joints", "file"),
     ("displacements", "sigma_m"),
 }
-"""Keys that stand in a clean campaign, to be scaled or doubled."""
+"""Keys present in a clean campaign, to be scaled or doubled."""
 
 
 def _each_key() -> list[Mutation]:
@@ -189,7 +189,7 @@ def _each_key() -> list[Mutation]:
     ]
 
 
-# --- words that are allowed, but wrong here ----------------------------------------------------
+# --- values that are allowed, but wrong here ---------------------------------------------------
 
 _WORDS = {
     ("", "robot"): ["kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic", "KR500_RAIL", "nobody"],
@@ -319,7 +319,7 @@ _NAMES = {
 
 
 def _renamed(old: str, new: str) -> Act:
-    """A reflector called otherwise, in every file; keys of TOML are quoted."""
+    """Rename a reflector in every file; keys of TOML are quoted."""
 
     def act(files: Files, rng: np.random.Generator) -> Files:
         plain = new.encode("latin-1").decode("unicode_escape") if "\\" in new else new
@@ -398,7 +398,7 @@ _ODD = {
 
 
 def _from_table_to_table(files: Files, rng: np.random.Generator) -> Files:
-    """A key under the heading of another table."""
+    """Move a key under the heading of another table."""
 
     def edit(content: str) -> str:
         lines = content.split("\n")
@@ -416,7 +416,7 @@ def _from_table_to_table(files: Files, rng: np.random.Generator) -> Files:
 
 
 def _values_exchanged(files: Files, rng: np.random.Generator) -> Files:
-    """Two keys carry each other's values."""
+    """Exchange the values of two keys."""
 
     def edit(content: str) -> str:
         lines = content.split("\n")

@@ -1,4 +1,4 @@
-"""Cells, columns, titles and rows of exports, logs and displacements."""
+"""Mutations of cells, columns, titles and rows of exports, logs and displacements."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ Columns = Callable[[list[list[str]], int, np.random.Generator], list[list[str]]]
 
 
 def _columns(change: Columns) -> Edit:
-    """A change of the columns, titles included, of all rows that have as many as the first."""
+    """Change the columns including titles, with all rows padded to the width of the first."""
 
     def edit(sheet: Sheet, rng: np.random.Generator) -> Sheet:
         start = max(sheet.first - 1, 0)

@@ -1,4 +1,4 @@
-"""The judge: what may come of a spoilt campaign, and what may not."""
+"""Judge: which results of a spoilt campaign are allowed."""
 
 from __future__ import annotations
 
@@ -12,36 +12,37 @@ from bench.fuzz.catalogue import Case
 from bench.fuzz.play import ANSWER, SCREENED, Played, Said, play
 
 GOOD = ("same", "said", "meant", "rejected", "misled")
-"""The answer is the same; another, and something is said; another, as it is meant; none; another,
-and what is said is that it stands: no failure here, but nothing to be proud of."""
+"""Same answer; different answer with a warning; different answer, as it should be; rejection;
+different answer with a warning that states that the values hold: not counted as failure, but
+undesirable."""
 
 BAD = ("exit 1", "not finite", "silent", "sentence", "unreadable", "hang", "memory", "killed")
-"""An exception; a number that is none; another answer without a word; a rejection that helps
-nobody; a product no reader takes; no answer in time; out of memory; the process died."""
+"""Exception; number that is not finite; different answer without warning; unhelpful rejection;
+output that no reader accepts; time-out; out of memory; process died."""
 
 SIGMAS = 5.0
-"""A stiffness that moves by more standard uncertainties, both stated ones combined, has changed."""
+"""Change of a stiffness in combined standard uncertainties from which it counts as changed [1]."""
 
 LOUD_P = 1e-6
-"""A misfit less likely than this will not pass in silence, and need not be diagnosed."""
+"""Misfit probability below which a report cannot be silent, so that diagnosis is not needed [1]."""
 
 GAIN = 1.5
-"""One factor on all forces up to this is nobody's to see: blind spot scale_gain."""
+"""Common factor on all forces up to which it is undetectable [1]: blind spot scale_gain."""
 
 _DIRECTIONS = "\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
-"""Invisible letters that turn a line around."""
+"""Invisible characters that change the direction of text."""
 
 LONGEST = 1000
-"""Letters of a sentence."""
+"""Maximum number of characters of a sentence."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the judge says.
+    """Outcome of a case.
 
     Attributes:
         word: One of `GOOD` or `BAD`.
-        why: In which respect.
+        why: Reason.
     """
 
     word: str
@@ -50,10 +51,10 @@ class Outcome:
 
 @cache
 def clean(name: str, to: str = SCREENED) -> Said:
-    """What the pipeline says of a clean campaign, as far as it is carried.
+    """Result of the pipeline for a clean campaign, up to a given stage.
 
     Raises:
-        AssertionError: It says something against it, so that nothing can be held against it.
+        AssertionError: It reports something, so that the campaign cannot serve as reference.
     """
     played = play(base(name), to, lambda said: False)
     if played.refused or played.error or played.said.verdict not in ("", "adequate"):
@@ -62,7 +63,7 @@ def clean(name: str, to: str = SCREENED) -> Said:
 
 
 def suspicious(case: Case, seen: Said) -> bool:
-    """Whether the diagnosis must be heard: stiffnesses have moved, and nothing was said yet."""
+    """Whether the diagnosis is needed: stiffnesses have changed without any warning so far."""
     before = clean(case.base)
     if case.meant or seen.words - before.words or seen.rejected > before.rejected:
         return False
@@ -72,7 +73,7 @@ def suspicious(case: Case, seen: Said) -> bool:
 
 
 def judge(case: Case, played: Played) -> Outcome:
-    """What to think of it."""
+    """Judge the result of a case."""
     if played.error:
         return Outcome("exit 1", f"{played.error.splitlines()[0][:200]} at {played.where}")
     if played.refused:
@@ -101,12 +102,12 @@ def judge(case: Case, played: Played) -> Outcome:
 
 
 def _stands(said: Said) -> bool:
-    """Whether something was said, and the values are said to hold nevertheless."""
+    """Whether something was reported although the values are stated to hold."""
     return said.verdict not in ("", "adequate") and not said.reason.endswith("unexplained")
 
 
 def _moved(case: Case, before: Said, after: Said) -> str:
-    """The stiffness that has changed most, in words; empty where none has."""
+    """The stiffness that has changed most, in words; empty if none has."""
     if len(before.compliance) != len(after.compliance):
         return f"{len(after.compliance)} joints"
     rows = zip(before.compliance, before.std, after.compliance, after.std, strict=True)
@@ -122,10 +123,10 @@ def _moved(case: Case, before: Said, after: Said) -> str:
 
 
 def _one_factor(before: Said, after: Said) -> bool:
-    """Whether one factor on all forces does it, and nobody can see that factor.
+    """Whether all changes are one undetectable factor on all forces.
 
-    Up to `GAIN` anywhere, and any factor where the robot's file states no stiffness to hold it
-    against; scale_gain is then among the blind spots.
+    Up to `GAIN` always, and any factor if the robot file states no stiffness for comparison;
+    scale_gain is then among the blind spots.
     """
     pairs = [
         (new / old, ((s_old / old) ** 2 + (s_new / new) ** 2) ** 0.5)
@@ -143,7 +144,7 @@ def _one_factor(before: Said, after: Said) -> bool:
 
 
 def _sentence(case: Case, played: Played) -> str:
-    """What is wrong with the sentence of a rejection; empty where nothing is."""
+    """Defect of the sentence of a rejection; empty if there is none."""
     said = played.refused
     if played.exit_code == 1:
         return f"exit code 1: {said[:150]}"

@@ -1,4 +1,4 @@
-"""What a mutation is, and the few things that all of them need."""
+"""The type of a mutation, and functions that all of them need."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ class Mutation:
     """One way to spoil a campaign.
 
     Attributes:
-        name: Family and what is done, `cell:one nan`.
-        act: From files to files; gives them back unchanged where it has nothing to act on.
-        meant: Why another answer is right; empty where it must not pass unsaid.
-        covered: Blind spots that own up to it, names of causes.
+        name: Family and action, `cell:one nan`.
+        act: Function from files to files; returns them unchanged if it does not apply.
+        meant: Why a different answer is right; empty if it requires a warning.
+        covered: Blind spots that include its effect, as names of causes.
     """
 
     name: str
@@ -33,17 +33,17 @@ class Mutation:
 
     @property
     def family(self) -> str:
-        """Mutations of one kind; a case draws the family first."""
+        """Group of mutations; a case draws the family first."""
         return self.name.partition(":")[0]
 
 
 def one(rng: np.random.Generator, among: Sequence[T]) -> T:
-    """One of them, drawn."""
+    """One random element."""
     return among[int(rng.integers(len(among)))]
 
 
 def two(rng: np.random.Generator, count: int) -> tuple[int, int]:
-    """Two different numbers below `count`, the smaller first; twice the same where there is one."""
+    """Two different random numbers below `count` in order; (0, 0) if there are fewer than two."""
     if count < 2:
         return 0, 0
     a, b = sorted(rng.choice(count, 2, replace=False).tolist())
@@ -51,22 +51,22 @@ def two(rng: np.random.Generator, count: int) -> tuple[int, int]:
 
 
 def raw(text: str) -> str:
-    """UTF-8 bytes as Latin-1 letters, in which all files are edited."""
+    """UTF-8 bytes as Latin-1 characters, in which all files are edited."""
     return text.encode("utf-8", "surrogatepass").decode("latin-1")
 
 
 def text(data: bytes) -> str:
-    """Any bytes as letters, to be given back by `data_of`."""
+    """Any bytes as characters, to be converted back by `data_of`."""
     return data.decode("latin-1")
 
 
 def data_of(edited: str) -> bytes:
-    """The bytes of a text that was edited."""
+    """Bytes of an edited text."""
     return edited.encode("latin-1", "replace")
 
 
 def tables(files: Files) -> list[str]:
-    """Names of all that is no TOML."""
+    """Names of all files that are not TOML."""
     return [name for name in files if not name.endswith(".toml")]
 
 

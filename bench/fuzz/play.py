@@ -1,4 +1,4 @@
-"""A campaign of any bytes carried through the pipeline, and what came of it as plain facts."""
+"""Run a campaign of arbitrary bytes through the pipeline, and record the result as plain facts."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ DEPTHS = (SCREENED, ANSWER)
 
 @dataclass
 class Said:
-    """What the pipeline has said of a campaign.
+    """What the pipeline reports of a campaign.
 
     Attributes:
-        verdict: Empty where the run was stopped before.
-        reason: Why the values are those that stand at the top.
-        words: Everything said against the data or the model, each in a word that can be compared.
+        verdict: Verdict; empty if the run was stopped before.
+        reason: Reason for the recommended values.
+        words: Everything reported against data or model, each as a comparable word.
         blind: Names of the blind spots.
-        rejected: How many rows were left out.
-        compliance: Of every joint, SI; None where the answer is none.
-        std: Their standard uncertainties; None where nothing is determined.
+        rejected: Number of rejected rows.
+        compliance: Compliance of every joint [SI]; None if there is none.
+        std: Their standard uncertainties; None if not determined.
         p_value: Of the misfit; None without a stated noise.
-        nominal: Whether the robot's file states stiffnesses.
-        not_finite: Promised columns with numbers that are none.
+        nominal: Whether the robot file states stiffnesses.
+        not_finite: Columns with numbers that are not finite although their schema excludes that.
     """
 
     verdict: str = ""
@@ -63,20 +63,20 @@ class Said:
 
 @dataclass
 class Played:
-    """What came of a campaign.
+    """Result of a campaign.
 
     Attributes:
-        said: What it says, as far as it got.
-        refused: The sentence of a rejection.
-        exit_code: That goes with it.
-        file: The file that the rejection names.
-        way_out: What it proposes.
-        error: Kind and sentence of what is no rejection.
-        where: Innermost line of the code.
-        not_finite: Keys of result.json with numbers that are none.
-        unreadable: Products that a reader of their format refuses.
+        said: What was reported, as far as it got.
+        refused: Sentence of a rejection.
+        exit_code: Exit code of the rejection.
+        file: File that the rejection names.
+        way_out: Remedy that it proposes.
+        error: Type and message of an exception other than a rejection.
+        where: Innermost line of the project's code.
+        not_finite: Keys of result.json with numbers that are not finite.
+        unreadable: Output files that a reader of their format rejects.
         warned: Warnings of the libraries.
-        trace: Whole stack of an error.
+        trace: Traceback of an error.
     """
 
     said: Said = field(default_factory=Said)
@@ -93,23 +93,23 @@ class Played:
 
 
 class _Far(BaseException):
-    """Far enough: the diagnosis would begin here."""
+    """Stops a run before the diagnosis."""
 
 
 @dataclass(eq=False)
 class Watch:
-    """Carries out stages and keeps tables, and sees what they give.
+    """Executes stages and keeps tables, and records what they return.
 
     Attributes:
-        further: Asked before the diagnosis whether it is needed.
-        said: What was seen.
+        further: Called before the diagnosis; returns whether it is needed.
+        said: What was recorded.
     """
 
     further: Callable[[Said], bool]
     said: Said = field(default_factory=Said)
 
     def step(self, stage: Callable[..., Any]) -> Callable[..., Any]:
-        """The stage, watched."""
+        """The stage with recording."""
 
         @wraps(stage)
         def watched(*args: Any, **kwargs: Any) -> Any:
@@ -127,7 +127,7 @@ class Watch:
     def keep(
         self, name: str, table: pd.DataFrame | pa.Table | None, promise: pa.Schema
     ) -> pd.DataFrame:
-        """The table as promised, its numbers looked at."""
+        """The table in its schema, with its numbers checked."""
         kept = conformed(name, table, promise)
         if name == "13_rejected":
             self.said.rejected = len(kept)
@@ -150,10 +150,10 @@ _OPEN = (
     *("estimate", "covariance", "diagnosis", "separability", "examined"),
     *("validation", "workspace"),
 )
-"""Tables in which infinity is an answer: what is not determined has no uncertainty."""
+"""Tables in which infinity is allowed: what is not determined has infinite uncertainty."""
 
 _TIMES = ("time_s", "zero_time_s")
-"""NaN where an export has no times, although only one table's promise says so."""
+"""NaN if an export has no times, although only one table's schema states that."""
 
 
 def _may_be_nan(promise: pa.Schema, column: pa.Field) -> bool:
@@ -164,13 +164,13 @@ def _may_be_nan(promise: pa.Schema, column: pa.Field) -> bool:
 
 
 def play(files: Files, to: str, further: Callable[[Said], bool], shown: bool = False) -> Played:
-    """Carry a campaign as far as asked, or as far as it gets.
+    """Run a campaign as far as asked, or as far as it gets.
 
     Args:
         files: Content of its folder.
         to: One of `DEPTHS`.
-        further: Whether one that is to be screened only must be answered, from what was seen.
-        shown: Whether an answer's report is made.
+        further: Whether a campaign to be screened only must be diagnosed, given the results so far.
+        shown: Whether a report of the answer is made.
     """
     watch = Watch(lambda said: to == ANSWER or further(said))
     played = Played(said=watch.said)
@@ -209,7 +209,7 @@ def _states_stiffness(robot: Robot) -> bool:
 
 
 def _read(played: Played, found: Answered, shown: bool) -> None:
-    """What an answer says, from its result.json alone."""
+    """Record an answer, from its result.json alone."""
     said, answer = played.said, found.answer.as_json()
     played.not_finite = tuple(_not_finite(answer))
     dump(answer)
@@ -239,7 +239,7 @@ def _read(played: Played, found: Answered, shown: bool) -> None:
 
 
 def _not_finite(part: Any, path: str = "result.json") -> list[str]:
-    """Keys of numbers that are none."""
+    """Keys of numbers that are not finite."""
     if isinstance(part, dict):
         return [bad for key, each in part.items() for bad in _not_finite(each, f"{path}.{key}")]
     if isinstance(part, list):
@@ -248,7 +248,7 @@ def _not_finite(part: Any, path: str = "result.json") -> list[str]:
 
 
 def _unreadable(products: dict[str, bytes]) -> Sequence[str]:
-    """Products that are not what their name says."""
+    """Output files whose content is not valid in their format."""
     bad = []
     try:
         tomllib.loads(products["model.toml"].decode())
@@ -273,7 +273,7 @@ def _innermost(problem: BaseException) -> str:
 
 
 def as_row(played: Played) -> dict[str, Any]:
-    """What is kept of it, as JSON."""
+    """What is kept of the result, as JSON."""
     kept = {
         "verdict": played.said.verdict,
         "refused": played.refused[:1200],

@@ -1,4 +1,4 @@
-"""Cases played in processes with limits, and kept as lines that a later run goes on from."""
+"""Play cases in processes with limits, and keep the results so that a later run can continue."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from typing import Any
 import pipeline
 
 SECONDS = 10.0
-"""Of a processor for one case, so that a busy machine makes no hang."""
+"""Maximum CPU time for one case [s], so that a busy machine causes no time-out."""
 
-PATIENCE = 4
-"""A case that has not ended after so many times that time by the clock hangs, too."""
+PATIENCE = 40
+"""Maximum wall time in multiples of that [1]: on a busy machine a case gets a twentieth of one."""
 
 GRACE = 5.0
-"""After which a process that does not listen is killed [s]."""
+"""Further time after which an unresponsive process is killed [s]."""
 
 MEMORY = 6 * 2**30
-"""Bytes of addresses for one process."""
+"""Maximum address space of one process [B]."""
 
 Row = dict[str, Any]
 Play = Callable[[int, str], Row]
@@ -46,7 +46,7 @@ def _alarm(signum: int, frame: FrameType | None) -> None:
 
 
 def limited(play: Play, number: int, to: str, seconds: float) -> Row:
-    """A row of a case, whatever happens to it in this process."""
+    """Result of a case, also if it exceeds its limits of time or memory."""
     began = time.process_time()
     signal.signal(signal.SIGALRM, _alarm)
     signal.signal(signal.SIGPROF, _alarm)
@@ -66,7 +66,7 @@ def limited(play: Play, number: int, to: str, seconds: float) -> Row:
 
 
 def _stack(problem: BaseException) -> str:
-    """The lines of the project, innermost last."""
+    """Lines of the project's code in a traceback, innermost last."""
     own = [f for f in traceback.extract_tb(problem.__traceback__) if "/pipeline/" in f.filename]
     places = [f"{f.filename.rpartition('/pipeline/')[2]}:{f.lineno} {f.name}" for f in own]
     return " > ".join(places[-3:])
@@ -90,7 +90,7 @@ def case_row(number: int, to: str) -> Row:
 
 
 def _work(pipe: connection.Connection, play: Play, seconds: float) -> None:
-    """Play the cases that come through the pipe."""
+    """Play the cases received through the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -106,7 +106,7 @@ def _work(pipe: connection.Connection, play: Play, seconds: float) -> None:
 
 
 def _warm() -> None:
-    """What is imported or computed once is no case's time."""
+    """Import and compute what is needed once, so that it does not count as time of a case."""
     from bench.fuzz.bases import NAMES
     from bench.fuzz.judge import clean
 
@@ -116,7 +116,7 @@ def _warm() -> None:
 
 @dataclass(eq=False)
 class _Worker:
-    """A process that plays, and what it is at."""
+    """A process that plays cases, and its current case."""
 
     play: Play
     seconds: float
@@ -148,7 +148,7 @@ def played(
     play: Play = case_row,
     seconds: float = SECONDS,
 ) -> Iterator[Row]:
-    """Rows of cases, each a number and how far, in the order in which they end."""
+    """Yield results of cases, each a number and a depth, in the order in which they finish."""
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     left = iter(asked)
     workers = [_Worker(play, seconds) for _ in range(jobs)]
@@ -164,7 +164,7 @@ def played(
                     continue
                 if worker.at is not None and row is not None:
                     yield {"case": worker.at[0], "to": worker.at[1], **row}
-                if row is not None and "ms" not in row:  # dead or deaf
+                if row is not None and "ms" not in row:  # dead or unresponsive
                     worker.end()
                     workers[workers.index(worker)] = worker = _Worker(play, seconds)
                     continue
@@ -181,7 +181,7 @@ def played(
 
 
 def _heard(worker: _Worker) -> Row | None:
-    """What came through the pipe; None when it is ready for its first case."""
+    """Message received through the pipe; None if the worker is ready for its first case."""
     try:
         row: Row | None = worker.pipe.recv()
     except (EOFError, OSError) as problem:
@@ -197,7 +197,7 @@ def _heard(worker: _Worker) -> Row | None:
 
 @cache
 def commit() -> str:
-    """Short name of the commit; a plus where files differ from it."""
+    """Short hash of the commit; with a plus if files differ from it."""
     git = ["git", "-C", str(Path(__file__).parent)]
     said = [
         subprocess.run([*git, *words], capture_output=True, text=True, check=False).stdout.strip()
@@ -212,7 +212,7 @@ _NOT_PLAYED = {"app", "design", "__pycache__"}
 
 @cache
 def code() -> str:
-    """Hash of what is played and of this fuzzer: rows of other code are played again."""
+    """Hash of the code under test and of this fuzzer: results of other code are not reused."""
     package, mine = Path(pipeline.__file__).parent, Path(__file__).parent
     played = (path for path in package.rglob("*.*") if not _NOT_PLAYED & {*path.parts})
     paths = sorted(path for path in (*played, *mine.glob("*.*")) if path.is_file())
@@ -221,7 +221,7 @@ def code() -> str:
 
 
 def kept(results: Path, to: str) -> dict[int, Row]:
-    """Rows of the present code; the last line may have been cut off."""
+    """Results of the present code; an incomplete last line is skipped."""
     if not results.is_file():
         return {}
     rows = {}
@@ -238,7 +238,7 @@ def kept(results: Path, to: str) -> dict[int, Row]:
 def contest(
     cases: Iterable[int], to: str, results: Path, jobs: int = 1, seconds: float = SECONDS
 ) -> list[Row]:
-    """Play the cases that are not in the file of results yet, and give the rows of all."""
+    """Play the cases that are not yet in the file of results, and return the results of all."""
     cases = list(cases)
     rows = kept(results, to)
     left = [(number, to) for number in cases if number not in rows]

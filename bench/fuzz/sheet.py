@@ -1,4 +1,4 @@
-"""A table as rows of cells, whatever its dialect, to be spoilt and written again."""
+"""A table as rows of cells, whatever its format, to be spoilt and written again."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Sheet:
 
     Attributes:
         rows: Cells of every line.
-        delimiter: Between them.
-        ending: Of every line.
+        delimiter: Delimiter of the cells.
+        ending: Line end.
         first: Index of the first row behind the titles.
     """
 
@@ -31,7 +31,7 @@ class Sheet:
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """Of the columns; empty where the file has none."""
+        """Titles of the columns; empty if the file has none."""
         return self.rows[self.first - 1] if self.first else ()
 
     @property
@@ -40,16 +40,16 @@ class Sheet:
         return self.rows[self.first :]
 
     def with_body(self, body: list[tuple[str, ...]]) -> Sheet:
-        """The same titles over other rows."""
+        """The same titles with other rows."""
         return replace(self, rows=(*self.rows[: self.first], *body))
 
     def column(self, title: str) -> int | None:
-        """Index of the first column whose title begins so."""
+        """Index of the first column whose title begins with `title`; None if there is none."""
         hits = [k for k, name in enumerate(self.titles) if name.strip().startswith(title)]
         return hits[0] if hits else None
 
     def with_column(self, k: int, values: list[str]) -> Sheet:
-        """Other cells in one column."""
+        """The table with other cells in one column."""
         pairs = zip(self.body, values, strict=True)
         return self.with_body([put(row, k, value) for row, value in pairs])
 
@@ -64,17 +64,17 @@ class Sheet:
         ]
 
     def written(self) -> bytes:
-        """As a file."""
+        """Content of the table as a file."""
         return data_of(self.ending.join(self.delimiter.join(row) for row in (*self.rows, ())))
 
 
 def put(row: tuple[str, ...], k: int, value: str) -> tuple[str, ...]:
-    """A row with another cell."""
+    """A row with one cell replaced."""
     return (*row[:k], value, *row[k + 1 :]) if k < len(row) else row
 
 
 def sheet(data: bytes) -> Sheet:
-    """A file as a table; the titles are its last row of words above the first of numbers."""
+    """A file as a table; its titles are the row above the first one with a number."""
     content = text(data)
     ending = "\r\n" if "\r\n" in content else "\n"
     lines = content.split(ending)
@@ -89,7 +89,7 @@ Edit = Callable[[Sheet, np.random.Generator], Sheet]
 
 
 def on_any(edit: Edit) -> Callable[[Files, np.random.Generator], Files]:
-    """A mutation of tables: of one of the campaign's, drawn."""
+    """A mutation of a random table of the campaign."""
 
     def act(files: Files, rng: np.random.Generator) -> Files:
         names = [name for name in tables(files) if files[name]]
@@ -99,7 +99,7 @@ def on_any(edit: Edit) -> Callable[[Files, np.random.Generator], Files]:
 
 
 def on(name: str, edit: Edit) -> Callable[[Files, np.random.Generator], Files]:
-    """The same of the table whose name begins so; files without it stay as they are."""
+    """A mutation of the table whose name begins with `name`; no change without it."""
 
     def act(files: Files, rng: np.random.Generator) -> Files:
         hits = [each for each in tables(files) if each.startswith(name) and files[each]]

@@ -1,4 +1,4 @@
-"""What came of many cases, on one screen: numbers of each outcome, then failures by cause."""
+"""Summary of many cases on one screen: number of each outcome, then failures by cause."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Row = dict[str, Any]
 
 
 def cause(row: Row) -> str:
-    """What rows of one failure have in common: the place in the code, or the sentence's form."""
+    """Key shared by rows of one failure: the place in the code, or the pattern of the sentence."""
     why = str(row.get("why", ""))
     if row["outcome"] == "silent":
         return f"silent {' + '.join(sorted(row['mutations']))}"
@@ -25,7 +25,7 @@ def cause(row: Row) -> str:
 
 
 def failures(rows: Sequence[Row]) -> dict[str, list[Row]]:
-    """Rows that must not be, by cause, the commonest first."""
+    """Rows of failures, by cause, the most frequent first."""
     groups: dict[str, list[Row]] = defaultdict(list)
     for row in rows:
         if row["outcome"] not in GOOD:

@@ -1,4 +1,4 @@
-"""The league on disk: games over processes, kept as they end, and games through the command."""
+"""The league on disk: games in several processes, kept as they finish, and games by command."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ LINE = TypeAdapter(Played)
 
 
 def contest(league: League, log: Path, executor: Executor, minutes: float = np.inf) -> list[Played]:
-    """Play the league, or what is left of it; the same games wherever they are played.
+    """Play the league or what is left of it; the games do not depend on where they are played.
 
     Args:
-        league: Whom it plays and how often.
-        log: One line per finished game; games that stand there are not played again.
+        league: Which games are played, and how often.
+        log: File with one line per finished game; games in it are not played again.
         executor: Where games are played.
-        minutes: No further game is begun after so long; 0 counts what is there.
+        minutes: Time after which no further game is begun; with 0, only finished ones count.
 
     Returns:
-        The games that are finished, in the order of the league.
+        The finished games, in the order of the league.
 
     Raises:
         Interrupted: With the number of games that are kept.
@@ -76,7 +76,7 @@ def _all(
     total: int,
     log: Path,
 ) -> Iterable[Played]:
-    """Games in the order in which they end."""
+    """Games in the order in which they finish."""
     done, end = total - len(left), time.monotonic() + 60 * minutes
     try:
         for game in executor.results(partial(played, league=league), _begun(left, end)):
@@ -90,7 +90,7 @@ def _all(
 
 
 def _begun(left: Iterable[Fixture], end: float) -> Iterator[Fixture]:
-    """The next game, and further ones until a moment of `time.monotonic`."""
+    """The next game, and further ones until a time of `time.monotonic`."""
     for number, fixture in enumerate(left):
         if number and time.monotonic() > end:
             return
@@ -98,10 +98,10 @@ def _begun(left: Iterable[Fixture], end: float) -> Iterator[Fixture]:
 
 
 def _kept(log: Path, league: League) -> tuple[dict[str, Played], str]:
-    """Games of an earlier run and the code that played them; a line that was cut off is none.
+    """Games of an earlier run and the code that played them, without an incomplete last line.
 
     Raises:
-        InputError: They are of another seed.
+        InputError: They are of another seed or of other rules.
     """
     rules = json.loads(json.dumps({"seed": league.seed, "rules": asdict(league.rules)}))
     if not log.is_file() or not log.stat().st_size:
@@ -116,20 +116,20 @@ def _kept(log: Path, league: League) -> tuple[dict[str, Played], str]:
             "remove it to start the league anew, or give another --log",
             file=str(log),
         )
-    whole = lines[:-1]  # what stands behind the last line end was cut off
+    whole = lines[:-1]  # text behind the last line end is incomplete
     files.write(log, "\n".join([first, *whole, ""]).encode())
     return {game.key: game for game in map(LINE.validate_json, whole)}, str(head["code"])
 
 
 def seal(secrets: dict[str, float], seed: int, raw: Path, sealed: Path, name: str) -> None:
-    """The generator's part: raw files here, the truth there.
+    """Generate a campaign: raw files in one folder, the truth in another.
 
     Args:
-        secrets: Labels with their sizes in typical ones.
-        seed: Of the game.
+        secrets: Labels with their sizes in typical sizes.
+        seed: Seed of the game.
         raw: Folder data/raw of a project.
-        sealed: Folder for the truth; the pipeline never gets it.
-        name: Of the campaign.
+        sealed: Folder for the truth, to which the pipeline has no access.
+        name: Name of the campaign.
     """
     robot, rng = load("kr500_rail"), np.random.default_rng(seed)
     plan = drawn(robot, rng, Rules())
@@ -141,7 +141,7 @@ def seal(secrets: dict[str, float], seed: int, raw: Path, sealed: Path, name: st
 
 
 def answers(root: Path, names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """The pipeline's part: the command, in a process of its own that sees the raw files only."""
+    """Answers by the command, in a separate process that sees the raw files only."""
     command = [sys.executable, "-m", "pipeline", "run", *names, "--json", "--engine", "local"]
     done = subprocess.run(
         [*command, "--root", str(root)], capture_output=True, text=True, check=True
@@ -151,14 +151,14 @@ def answers(root: Path, names: Iterable[str]) -> dict[str, dict[str, Any]]:
 
 
 def opened(sealed: Path, name: str) -> dict[str, Any]:
-    """The judge's part: the truth."""
+    """The sealed truth."""
     truth: dict[str, Any] = json.loads((sealed / f"{name}.json").read_text(encoding="utf-8"))
     return truth
 
 
 def write_page(games: list[Played], total: int, command: str, log: Path, path: Path) -> None:
-    """The page of results with its pictures; what a person wrote on it stays."""
-    from bench.league.figures import figures  # matplotlib takes half a second
+    """Write the page of results with its pictures; text written by hand is kept."""
+    from bench.league.figures import figures  # matplotlib takes half a second to import
 
     code = json.loads(log.read_text("utf-8").partition("\n")[0])["code"]
     old = path.read_text("utf-8") if path.is_file() else ""

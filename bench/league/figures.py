@@ -1,4 +1,4 @@
-"""The league's pictures: power curves, and what was named for what."""
+"""The league's figures: power curves, and confusion matrix."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SHADES, STYLE
 mpl.use("Agg")
 
 OTHERWISE = ("other or several names", "no name", "adequate")
-"""Columns of the confusion beside the names."""
+"""Columns of the confusion matrix in addition to the names."""
 
 
 def figures(games: Sequence[Played]) -> dict[str, bytes]:
-    """File name -> SVG, light on white."""
+    """File name -> SVG, on white."""
     with rc_context(STYLE):
         return {
             "league-power.svg": _svg(_power(games)),
@@ -89,10 +89,10 @@ def _confusion(games: Sequence[Played]) -> Figure:
 
 
 def confusion_matrix(games: Sequence[Played]) -> tuple[list[str], list[str], np.ndarray]:
-    """Shares of what was named, by what was hidden, in the order of the catalogue, strangers last.
+    """Fractions of names given, by hidden cause, in the order of the catalogue, others last.
 
     Returns:
-        Hidden, named (and `OTHERWISE`), shares of shape (hidden, named).
+        Hidden causes, names given (and `OTHERWISE`), fractions of shape (hidden, named).
     """
     mine = [g for g in games if g.kind in ("single", "strange") and g.scores]
     there = {g.secrets[0] for g in mine}

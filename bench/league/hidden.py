@@ -1,4 +1,4 @@
-"""What a machine of the league may hide: causes of the catalogue in other forms, and others."""
+"""Secrets of the machines: causes of the catalogue in other forms, and others."""
 
 from bench.league.in_catalogue import KNOWN, LATER
 from bench.league.outside_catalogue import STRANGE

@@ -1,4 +1,4 @@
-"""What a secret is, and everything of a machine that it can reach."""
+"""The type of a secret, and everything of a machine that it can change."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Hook = Callable[[Array, "Course"], Array]
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """How the measurement goes, one row per pull.
+    """Course of the measurement, one row per pull.
 
     Attributes:
         pose: Index of the pose from 0, shape (m,).
         repeat: Pull within the pose from 0, shape (m,).
         time: Hours since the first reading, shape (m,).
         branch: 1 tightening, -1 slackening, shape (m,).
-        approach: How the carriage came, shape (m,).
+        approach: Direction from which the carriage came, shape (m,).
         q: Joint values of the log, shape (m, n).
-        rng: For secrets that are random.
+        rng: For random secrets.
     """
 
     pose: Ints
@@ -39,21 +39,21 @@ class Course:
 
 @dataclass
 class Setup:
-    """A machine and everything around it that a secret can reach.
+    """A machine and everything around it that a secret can change.
 
     Attributes:
         machine: The machine.
         compliance: True compliance of each joint, shape (n,).
-        tension: Scale reading [N] -> true tension [N].
-        force: True force vectors -> those that act [N].
-        load_shift: The chain pulls so far off the nominal point, flange frame [m].
-        target_shift: All reflectors sit so far off, flange frame [m].
-        chain_shift: Pl1 sits so far off the chain's line, flange frame [m].
-        joint_shift: True joint values minus log.
-        base_turn: Base reflectors' nominal coordinates are turned by this vector [rad].
-        drift: Hours -> displacement of all readings [m], (3,).
-        loose: Target index -> displacement of that reflector under load [m], (3,).
-        tracker_scale: Scatter of the tracker over stated.
+        tension: Functions from scale reading [N] to true tension [N].
+        force: Functions from true force vectors to those that act [N].
+        load_shift: Offset of the point where the chain pulls, flange frame [m].
+        target_shift: Offset of all reflectors, flange frame [m].
+        chain_shift: Offset of Pl1 from the chain's line, flange frame [m].
+        joint_shift: True joint values minus those of the log.
+        base_turn: Rotation vector of the base reflectors' nominal coordinates [rad].
+        drift: Function from hours to the displacement of all readings [m], shape (3,).
+        loose: Target index -> displacement of that reflector under load [m], shape (3,).
+        tracker_scale: True over stated noise of the tracker.
     """
 
     machine: Machine
@@ -71,17 +71,17 @@ class Setup:
 
 
 Amplitudes = dict[str, float]
-"""True parameters under the catalogue's names; for causes whose parameters mean the same there."""
+"""True parameters under the catalogue's names, for causes whose parameters mean the same there."""
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """A law that no catalogue has, as its right answers word it.
+    """A law that is in no catalogue, described by its right answers.
 
     Attributes:
-        where: Places that are right: joint number, `rail`, `scale`, `tracker`.
-        what: Pairs of kind and variable that are right.
-        order: Periods per turn; None where any order is right.
+        where: Right places: joint number, `rail`, `scale`, `tracker`.
+        what: Right pairs of kind and variable.
+        order: Periods per turn; None if any order is right.
     """
 
     where: tuple[int | str, ...]
@@ -90,7 +90,7 @@ class Hidden:
 
 
 Plant = Callable[[Setup, float, Course], Amplitudes | None]
-"""Puts a secret of a size (in typical sizes of the catalogue) into a set-up."""
+"""Adds a secret of a size (in typical sizes of the catalogue) to a set-up."""
 
 
 @dataclass(frozen=True)
@@ -99,11 +99,11 @@ class Secret:
 
     Attributes:
         label: `rail_roll`, `joint_tilt:3` of the catalogue, or a name of its own.
-        place: Where in the cell it sits, as the diagnosis words it; `a | b` where it joins parts.
-        known: True when the catalogue has it (perhaps in another form).
-        plant: Puts it in.
-        law: What it is a law of; None where the catalogue has it, or where it follows nothing that
-            a pull varies.
+        place: Part of the cell, as worded by the diagnosis; `a | b` if it connects parts.
+        known: Whether the catalogue contains it, perhaps in another form.
+        plant: Function that adds it.
+        law: Its law; None if the catalogue contains it, or if it depends on nothing that a pull
+            varies.
     """
 
     label: str
@@ -119,7 +119,7 @@ def straight(c: float) -> Law:
 
 
 NOMINAL = 1 / np.array([8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5])
-"""Nominal compliances of the KR500, Table III; typical sizes are stated in them."""
+"""Nominal compliances of the KR500, Table III, to which typical sizes refer."""
 
 
 def setup(robot: Robot, stiffness: Array) -> Setup:

@@ -1,4 +1,4 @@
-"""Causes of the catalogue, in other mathematical forms than it has."""
+"""Causes of the catalogue, in other mathematical forms than there."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.base.arrays import Array
 def _rail(label: str, axis: tuple[float, float, float], slides: bool, typical: float) -> Secret:
     def plant(s: Setup, size: float, course: Course) -> Amplitudes:
         below = -0.12 * float(course.rng.uniform(0.5, 1.0)) if not slides else 0.0
-        # the guides lie below the origin of the carriage's frame, in which y points down
+        # the guides are below the origin of the carriage's frame, in which y points down
         s.machine.springs.append(
             Spring(label, 1, axis, slides, straight(size * typical), (0, -below, 0), fixed=True)
         )
@@ -27,7 +27,7 @@ def _backlash(s: Setup, size: float, course: Course) -> Amplitudes:
     width = 2e-4 * size
 
     def law(own: Array, _: dict[str, Array]) -> Array:
-        pushed = np.clip(own / 250.0, -1, 1)  # the friction of the carriage takes the first part
+        pushed = np.clip(own / 250.0, -1, 1)  # carriage friction takes the first part
         return width / 2 * np.where(np.abs(own) < 1e-6, -course.approach, pushed)
 
     s.machine.springs.append(Spring("backlash", 1, (0, 0, 1), True, law))
@@ -60,7 +60,7 @@ def _tilt(joint: int) -> Secret:
 
 
 def _beam(where: str, joint: int, along: tuple[float, float, float], c: float) -> Secret:
-    """A cantilever: its middle turns by L / EI, and gives way by L^2 / 12 of that."""
+    """A cantilever: its middle rotates by L / EI, and deflects by L^2 / 12 of that."""
     length = float(np.linalg.norm(along))
     unit = np.array(along) / length
 
@@ -89,7 +89,7 @@ def _tool_flex(s: Setup, size: float, course: Course) -> None:
 
 
 def _gear(joint: int) -> Secret:
-    """Three straight pieces, each stiffer than the one before."""
+    """Three linear segments, each stiffer than the previous one."""
 
     def plant(s: Setup, size: float, course: Course) -> None:
         c, rated = float(NOMINAL[joint - 1]), 1e-3 / float(NOMINAL[joint - 1])
@@ -106,7 +106,7 @@ def _gear(joint: int) -> Secret:
 
 
 def _lost(joint: int) -> Secret:
-    """A dead zone: straight to the flank, then nothing."""
+    """A dead zone: linear up to the flank, then constant."""
 
     def plant(s: Setup, size: float, course: Course) -> Amplitudes:
         full = float(course.rng.uniform(0.02, 0.08)) * 1e-3 / float(NOMINAL[joint - 1])
@@ -121,7 +121,7 @@ def _lost(joint: int) -> Secret:
 
 
 def _two_flanks(joint: int) -> Secret:
-    """A second flank gives way one way of the torque only, and takes hold over 1 % of the rated."""
+    """A second flank yields in one direction of torque only, smoothed over 1 % of the rated."""
 
     def plant(s: Setup, size: float, course: Course) -> Amplitudes:
         more, sense = 0.3 * float(NOMINAL[joint - 1]) * size, int(course.rng.choice([-1, 1]))
@@ -141,7 +141,7 @@ def _two_flanks(joint: int) -> Secret:
 
 
 def _bouc_wen(joint: int) -> Secret:
-    """Bouc and Wen's hysteresis, integrated along the loads of each pose."""
+    """Hysteresis of Bouc and Wen, integrated along the loads of each pose."""
 
     def plant(s: Setup, size: float, course: Course) -> None:
         width = 5e-5 * size
@@ -165,7 +165,7 @@ def _bouc_wen(joint: int) -> Secret:
 
 
 def _compensator(s: Setup, size: float, course: Course) -> None:
-    """A preloaded strut between two pins: its stiffness about the shoulder, beside the gear's."""
+    """A preloaded strut between two pins: its stiffness about the shoulder adds to the gear's."""
     k = 1 / float(s.compliance[2])
     angle = course.q[:, 2] + float(course.rng.uniform(-0.4, 0.4))
     a, b, free = 0.35, 0.9, 0.5
@@ -218,7 +218,7 @@ def _curved(s: Setup, size: float, course: Course) -> None:
 
 
 def _remembers(s: Setup, size: float, course: Course) -> None:
-    """A cell that shows another force on the way down, as a bow that closes at zero and peak."""
+    """A load cell with hysteresis: unloading follows an arc that closes at zero and peak."""
     sign = float(course.rng.choice([-1, 1]))
 
     def acts(f: Array, own: Course) -> Array:
@@ -229,7 +229,7 @@ def _remembers(s: Setup, size: float, course: Course) -> None:
 
 
 def _chain_weight(s: Setup, size: float, course: Course) -> Amplitudes:
-    """Half the weight hangs on the robot; the scale in the middle shows the tension there."""
+    """Half the weight acts on the robot; the scale in the middle shows the tension there."""
 
     def acts(F: Array, _: Course) -> Array:
         out = F.copy()
@@ -249,7 +249,7 @@ def _along(names: Sequence[str], vector: Array) -> Amplitudes:
 def _chain_offset(s: Setup, size: float, course: Course) -> Amplitudes:
     d = course.rng.standard_normal(3)
     aslant = d / np.linalg.norm(d) * np.sqrt(3) * 8e-3 * size
-    s.chain_shift = s.chain_shift + aslant * 0.4  # its reflectors are so far from each other
+    s.chain_shift = s.chain_shift + aslant * 0.4  # the distance of its reflectors
     return _along([f"d_{axis}_over_L" for axis in "xyz"], aslant)
 
 
@@ -317,4 +317,4 @@ KNOWN: tuple[Secret, ...] = (
 )
 
 LATER = (Secret("scale_hysteresis", "force", True, _remembers),)
-"""Causes of the catalogue that no game draws: those of the league stay what they were."""
+"""Causes of the catalogue that no game draws, so that the league's games stay unchanged."""

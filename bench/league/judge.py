@@ -1,4 +1,4 @@
-"""The judge: opens the sealed truth beside result.json, and nothing else."""
+"""Judge: compares the sealed truth with result.json, and uses nothing else."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from pipeline.diagnosis.isolability import Twins
 Json = Mapping[str, Any]
 
 SCATTER = ("tracker_noise", "force_noise", "heavy_tails", "tracker_wander")
-"""Causes that say how much the readings scatter, not what moves them."""
+"""Causes that describe the scatter of readings rather than a displacement."""
 
 HALF_WIDTH = 1.959964
-"""Of a 95 % interval, in standard uncertainties."""
+"""Half width of a 95 % interval in standard uncertainties [1]."""
 
 LISTED = 0.01
-"""A rival less probable than this is not counted as one."""
+"""Probability below which a rival is not counted [1]."""
 
 
 @dataclass(frozen=True)
 class Stated:
-    """One cause that the answer holds possible.
+    """One cause that the answer considers possible.
 
     Attributes:
         label: Its class of twins.
-        probability: As stated, of all its twins together.
+        probability: Stated probability, of all its twins together.
         true: Whether it is one of the secrets.
     """
 
@@ -40,12 +40,12 @@ class Stated:
 
 @dataclass(frozen=True)
 class Size:
-    """A true value, such as an amplitude, beside the interval of the answer.
+    """A true value, such as an amplitude, with the interval of the answer.
 
     Attributes:
-        name: Of the parameter.
-        true: Planted, SI.
-        low: Lower end of the 95 % interval; None is no limit.
+        name: Name of the parameter.
+        true: Planted value [SI].
+        low: Lower end of the 95 % interval; None if there is no limit.
         high: Upper end.
     """
 
@@ -56,22 +56,22 @@ class Size:
 
     @property
     def covered(self) -> bool:
-        """Whether the interval holds the truth."""
+        """Whether the interval contains the truth."""
         above = self.low is None or self.low <= self.true
         return above and (self.high is None or self.true <= self.high)
 
 
 @dataclass(frozen=True)
 class Found:
-    """What was said of a law that no catalogue has.
+    """What was found of a law that is in no catalogue.
 
     Attributes:
-        named: A law that nobody listed is among the causes.
-        place: Causes are named, and all of them sit where the law does.
-        what: A law of the right place has the right kind and variable.
+        named: Whether a law outside the catalogue is among the causes.
+        place: Whether causes are named, all of them at the place of the law.
+        what: Whether a law at the right place has the right kind and variable.
         order: The same with the right order.
-        halved: The cross-validation error falls to half, or less.
-        beyond: What of it exceeds the scatter of the readings does, squares subtracted.
+        halved: Whether the cross-validation error falls to half or less.
+        beyond: The same for its excess over the scatter of the readings, squares subtracted.
     """
 
     named: bool
@@ -84,23 +84,23 @@ class Found:
 
 @dataclass(frozen=True)
 class Score:
-    """What came of one answer.
+    """Score of one answer.
 
     Attributes:
-        verdict: The verdict; `refused` where there is no answer.
+        verdict: The verdict; `refused` if there is no answer.
         named: Labels of the causes, without those of scatter.
-        right: All secrets named (twins as one), nothing else.
-        in_list: All secrets among causes and rivals.
-        strayed: Something was named that is no secret.
-        misplaced: Something was named in a part of the cell that hides nothing.
-        stated: The causes held possible, with their probabilities.
+        right: Whether all secrets are named (twins as one), and nothing else.
+        in_list: Whether all secrets are among causes and rivals.
+        strayed: Whether something was named that is no secret.
+        misplaced: Whether something was named in a part of the cell without a secret.
+        stated: The causes considered possible, with their probabilities.
         sizes: Amplitudes of causes that are named and true.
         gain: Reduction of the cross-validation error with its 95 % interval.
         left_out_mm: Cross-validation error of the joint springs.
-        remainder: What is left with the causes over the scatter found, root mean square.
-        apart: Sigmas that the proposed poses promise between the pair they separate worst; None
-            where nothing is proposed.
-        law: Of a secret that is a law no catalogue has.
+        remainder: Residuals with the causes over the scatter found, root mean square.
+        apart: Separation in sigma that the proposed poses promise between the pair they separate
+            least; None if nothing is proposed.
+        law: For a secret with a law that is in no catalogue.
         springs: Stiffnesses that the answer determines.
         deflections: Of the load point under further forces, axis by axis.
     """
@@ -123,21 +123,21 @@ class Score:
 
     @property
     def detected(self) -> bool:
-        """Anything but a clean bill."""
+        """Whether the verdict is anything but adequate."""
         return self.verdict != "adequate"
 
     @property
     def confident(self) -> bool:
-        """A name without reservation."""
+        """Whether a cause is named without reservation."""
         return self.verdict == "explained" and bool(self.named)
 
 
 REFUSED = Score("refused", (), False, False, False, False, (), (), None, None, None, None)
-"""No answer at all."""
+"""Score without an answer."""
 
 
 def same(label: str, known: Twins) -> str:
-    """One name for twins."""
+    """Common name for twins."""
     for pair in known.pairs:
         if label in pair:
             return " = ".join(sorted(pair))
@@ -145,18 +145,18 @@ def same(label: str, known: Twins) -> str:
 
 
 def label(cause: Json) -> str:
-    """`rail_roll`, or `joint_tilt:2` where it has a place."""
+    """`rail_roll`, or `joint_tilt:2` with a place."""
     where = cause["where"]
     return cause["name"] if where is None else f"{cause['name']}:{where}"
 
 
 def score(truth: Json, answer: Json | None, known: Twins) -> Score:
-    """Open the sealed truth beside result.json.
+    """Compare the sealed truth with result.json.
 
     Args:
-        truth: As `play` seals it.
-        answer: result.json; None where the pipeline refused the campaign.
-        known: What no pull can tell apart.
+        truth: As sealed by `play`.
+        answer: result.json; None if the pipeline rejected the campaign.
+        known: Causes that no pull can distinguish.
     """
     if answer is None:
         return REFUSED
@@ -191,7 +191,7 @@ UNLISTED = "unlisted_law"
 
 
 def _name(cause: Json, secrets: list[Json], known: Twins) -> str:
-    """A cause's label; that of the secret where it is the law that it hides."""
+    """A cause's label; that of the secret if the cause is its law."""
     hit = (one["label"] for one in secrets if _fits(cause, one.get("law")))
     return next(hit, same(label(cause), known))
 
@@ -214,7 +214,7 @@ def _fits(cause: Json, law: Json | None) -> bool:
 def _law(
     secrets: list[Json], causes: list[Json], places: set[str], floor: float | None
 ) -> Found | None:
-    """What was said of the first secret that is a law."""
+    """What was found of the first secret that is a law."""
     law = next((one["law"] for one in secrets if one.get("law")), None)
     if law is None:
         return None
@@ -263,7 +263,7 @@ def _sizes(cause: Json, secrets: list[Json]) -> list[Size]:
 
 
 def _springs(answer: Json, truth: Json) -> list[Size]:
-    """Stiffnesses beside the true ones, of a gear with two of them that of the stated side."""
+    """Stiffnesses with the true ones; for a gear with two, that of the stated direction."""
     true: list[float] = truth["stiffness"]
     sides = {name: c for one in truth["secrets"] for name, c in one["amplitudes"].items()}
     rows = [row for row in answer["stiffness"] if row["identifiable"] and row["value"] is not None]
@@ -275,7 +275,7 @@ def _springs(answer: Json, truth: Json) -> list[Size]:
 
 
 def foretold(true: Array, stated: Array, std: Array) -> tuple[Size, ...]:
-    """True displacements beside the stated ones and their standard uncertainties, (k, 3) [m]."""
+    """True displacements with the stated ones and their standard uncertainties, (k, 3) [m]."""
     half = HALF_WIDTH * std
     rows = zip(true.ravel(), (stated - half).ravel(), (stated + half).ravel(), strict=True)
     return tuple(

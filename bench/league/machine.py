@@ -1,4 +1,4 @@
-"""A robot as a chain of 4 x 4 matrices with springs in it, in equilibrium with what pulls on it."""
+"""A robot as a chain of 4 x 4 matrices with springs, in equilibrium with the loads on it."""
 
 from __future__ import annotations
 
@@ -11,25 +11,26 @@ from pipeline.base.arrays import Array
 from pipeline.machine.robot import Robot
 
 AT_REST = 1e-12
-"""A machine whose springs move less than this [m] or [rad] from one round to the next rests."""
+"""Change of deflections between iterations below which the machine is at rest [m or rad]."""
 
 Law = Callable[[Array, dict[str, Array]], Array]
-"""Own generalised force (m,), those of all named springs -> deflection (m,)."""
+"""Function of the own generalised force (m,) and those of all named springs; returns deflection
+(m,)."""
 
 
 @dataclass(frozen=True)
 class Spring:
-    """One place where the machine gives way.
+    """One elastic element of the machine.
 
     Attributes:
-        name: For laws that look at another spring's force.
-        after: It sits in the frame of this joint, counted from 1, behind its motion; n + 1 is the
+        name: For laws that depend on another spring's force.
+        after: Number of the joint, from 1, in whose frame it is, behind its motion; n + 1 is the
             flange.
-        axis: In that frame.
-        slides: Translation along the axis instead of rotation about it.
+        axis: Axis in that frame.
+        slides: Whether it translates along the axis instead of rotating about it.
         law: Force to deflection.
         at: Its origin in that frame [m].
-        fixed: The axis is given in the frame of the base instead.
+        fixed: Whether the axis is given in the base frame instead.
     """
 
     name: str
@@ -46,9 +47,9 @@ class Machine:
     """A robot with its springs and masses.
 
     Attributes:
-        robot: For the constant placements of its joints only.
-        springs: What gives way, from base to flange.
-        masses: Hanging masses: joint, place in its frame [m], mass [kg].
+        robot: Only for the constant placements of its joints.
+        springs: Elastic elements, from base to flange.
+        masses: Masses: joint, place in its frame [m], mass [kg].
     """
 
     robot: Robot
@@ -65,6 +66,7 @@ class Machine:
             tool: Points of interest in the flange frame, shape (t, 3) [m].
             load_point: Where the force acts in the flange frame, shape (3,) or (m, 3) [m].
             force: [N], base frame, shape (m, 3).
+            rounds: Maximum number of iterations.
 
         Returns:
             Points of interest (m, t, 3) and load point (m, 3) [m].
@@ -75,7 +77,7 @@ class Machine:
         return points, _placed(flange, load_point)
 
     def rest(self, q: Array, load_point: Array, force: Array, rounds: int = 8) -> Array:
-        """How far each spring gives way until all is at rest, from base to flange, shape (m, s).
+        """Deflection of each spring at rest, from base to flange, shape (m, s).
 
         The arguments are those of `settle`.
         """
@@ -90,11 +92,11 @@ class Machine:
         return bent
 
     def carried(self, q: Array, bent: Array, place: Array, joint: int | None = None) -> Array:
-        """A point that a joint, or the flange, carries while the springs stay as they are.
+        """Position of a point fixed to a joint or the flange, for given spring deflections.
 
         Args:
             q: True joint values, shape (m, n).
-            bent: How far each spring has given way, shape (m, s).
+            bent: Deflection of each spring, shape (m, s).
             place: In the frame of the joint or of the flange, shape (3,) or (m, 3) [m].
             joint: From 1; None is the flange.
 
@@ -141,7 +143,7 @@ class Machine:
 
 
 def _placed(flange: Array, place: Array) -> Array:
-    """Points of the flange's frame, shape (3,) or (m, 3), in the base's, shape (m, 3)."""
+    """Points of the flange frame, shape (3,) or (m, 3), in the base frame, shape (m, 3)."""
     return np.asarray((flange[:, :3, :3] @ place[..., None])[..., 0] + flange[:, :3, 3])
 
 
@@ -164,7 +166,7 @@ def _deflections(
 
 
 def turned(points: Array, e: Array) -> Array:
-    """Points (m, 3) turned about the origin by a rotation vector [rad], lengths unchanged."""
+    """Points (m, 3) rotated about the origin by a rotation vector [rad], lengths unchanged."""
     size = float(np.linalg.norm(e))
     if not size:
         return points

@@ -10,7 +10,7 @@ from pipeline.base.arrays import Array
 
 
 def _rail_joint(s: Setup, size: float, course: Course) -> None:
-    """Beyond the rail's joint at 9 m the carriage rocks, before it does not."""
+    """The carriage rocks beyond the rail's joint at 9 m, but not before it."""
     beyond = course.q[:, 0] > 9.0
     s.machine.springs.append(
         Spring("gap", 1, (0, 1, 0), False, lambda own, _: 2.5e-8 * size * own * beyond, fixed=True)
@@ -18,7 +18,7 @@ def _rail_joint(s: Setup, size: float, course: Course) -> None:
 
 
 def _hertz(s: Setup, size: float, course: Course) -> None:
-    """Rollers in Hertzian contact: the rocking grows with the power 2/3 of the moment."""
+    """Rollers in Hertzian contact: rocking grows with the moment to the power of 2/3."""
 
     def law(own: Array, _: dict[str, Array]) -> Array:
         return 2.2e-7 * size * np.sign(own) * np.abs(own) ** (2 / 3)
@@ -33,12 +33,12 @@ def _loose(s: Setup, size: float, course: Course) -> None:
 
 
 def _creep(s: Setup, size: float, course: Course) -> None:
-    """The scale's reading creeps through the day."""
+    """The scale's reading creeps during the day."""
     s.tension.append(lambda f, c: f * (1 + 0.02 * size * np.sqrt(np.maximum(c.time, 0) / 5)))
 
 
 def _softens(s: Setup, size: float, course: Course) -> None:
-    """Joint 3 warms up and softens through the day."""
+    """Joint 3 warms up and softens during the day."""
     c = float(s.compliance[2])
     s.machine.springs.append(
         Spring("warm", 3, (0, 0, 1), False, lambda own, _: own * c * 0.12 * size * course.time / 5)
@@ -46,7 +46,7 @@ def _softens(s: Setup, size: float, course: Course) -> None:
 
 
 def _shoulder_elbow(s: Setup, size: float, course: Course) -> None:
-    """Torque at the elbow turns the shoulder, and the other way round."""
+    """Torque at the elbow rotates the shoulder, and vice versa."""
     c = 0.12 * size * float(np.sqrt(NOMINAL[2] * NOMINAL[3]))
     s.machine.springs += [
         Spring("c34", 3, (0, 0, 1), False, lambda own, every: c * every["j4"]),
@@ -55,7 +55,7 @@ def _shoulder_elbow(s: Setup, size: float, course: Course) -> None:
 
 
 def _bilinear(s: Setup, size: float, course: Course) -> None:
-    """Joint 4 is softer one way than the other."""
+    """Joint 4 is softer in one direction than in the other."""
     c = float(NOMINAL[3]) * 0.15 * size
     s.machine.springs.append(
         Spring("bilinear", 4, (0, 0, 1), False, lambda own, _: c * np.abs(own) * 0.5)
@@ -63,14 +63,14 @@ def _bilinear(s: Setup, size: float, course: Course) -> None:
 
 
 def _teeth(s: Setup, size: float, course: Course) -> None:
-    """The stiffness of joint 2 repeats with the teeth, six times a turn."""
+    """The stiffness of joint 2 varies with the teeth, six times per turn."""
     c = float(NOMINAL[1]) * 0.2 * size
     wave = np.cos(6 * course.q[:, 1])
     s.machine.springs.append(Spring("teeth", 2, (0, 0, 1), False, lambda own, _: c * own * wave))
 
 
 def _bearing(s: Setup, size: float, course: Course) -> None:
-    """The bearing of joint 3 gives way along its own axis, across the arm like that of joint 4."""
+    """The bearing of joint 3 yields along its own axis, across the arm like that of joint 4."""
     s.machine.springs.append(Spring("bearing", 3, (0, 0, 1), True, straight(3.0e-8 * size)))
 
 
@@ -86,7 +86,7 @@ def _rubs(s: Setup, size: float, course: Course) -> None:
 
 
 def _walks(s: Setup, size: float, course: Course) -> None:
-    """The carriage slips for good under the largest pull of a pose."""
+    """The carriage slips permanently under the largest pull of a pose."""
 
     def law(own: Array, _: dict[str, Array]) -> Array:
         late = course.repeat >= 2
@@ -104,7 +104,7 @@ def _tripod(s: Setup, size: float, course: Course) -> None:
 
 
 def _tilts_with_play(s: Setup, size: float, course: Course) -> None:
-    """The bearing of joint 4 has play: it tips over at a small moment, and no further."""
+    """The bearing of joint 4 has play: it tilts at a small moment, and no further."""
     for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
 
         def law(own: Array, _: dict[str, Array]) -> Array:
@@ -114,7 +114,7 @@ def _tilts_with_play(s: Setup, size: float, course: Course) -> None:
 
 
 def _clamp(s: Setup, size: float, course: Course) -> None:
-    """The effector turns in its clamp under the first pull, and stays turned."""
+    """The effector rotates in its clamp under the first pull, and remains there."""
 
     def law(own: Array, _: dict[str, Array]) -> Array:
         first = np.zeros_like(own)
@@ -138,7 +138,7 @@ def _cable(s: Setup, size: float, course: Course) -> None:
 
 
 def _oil(s: Setup, size: float, course: Course) -> None:
-    """Joint 5 goes on giving way while it is held: each pull of a pose finds it further."""
+    """Joint 5 creeps under load: each pull of a pose finds it further."""
     c = float(NOMINAL[4])
     s.machine.springs.append(
         Spring("oil", 5, (0, 0, 1), False, lambda own, _: 0.05 * size * c * own * course.repeat)
@@ -146,14 +146,14 @@ def _oil(s: Setup, size: float, course: Course) -> None:
 
 
 def _ripple(s: Setup, size: float, course: Course) -> None:
-    """The pins of the cycloidal gear of joint 3 make its stiffness ripple 14 times a turn."""
+    """The pins of the cycloidal gear of joint 3 cause a stiffness ripple, 14 times per turn."""
     c = float(NOMINAL[2]) * 0.15 * size
     wave = np.sin(14 * course.q[:, 2] + 0.7)
     s.machine.springs.append(Spring("pins", 3, (0, 0, 1), False, lambda own, _: c * own * wave))
 
 
 def _eccentric(s: Setup, size: float, course: Course) -> None:
-    """The wheel of joint 5 sits off its centre: three teeth are in mesh here and four there."""
+    """The wheel of joint 5 is eccentric: three teeth are in mesh here and four there."""
     c = float(NOMINAL[4]) * 0.2 * size
     wave = np.abs(np.sin(1.5 * course.q[:, 4])) - 0.64
     s.machine.springs.append(Spring("wheel", 5, (0, 0, 1), False, lambda own, _: c * own * wave))
@@ -167,7 +167,7 @@ def _cables(s: Setup, size: float, course: Course) -> None:
 
 
 def _floor(s: Setup, size: float, course: Course) -> None:
-    """The floor below the rail gives way: joint 2 leans more the farther the carriage is out."""
+    """The floor below the rail yields: joint 2 leans more the farther out the carriage is."""
     c = float(NOMINAL[1]) * 0.25 * size
     out = (course.q[:, 0] / 18.0) ** 2
     s.machine.springs.append(Spring("floor", 2, (0, 0, 1), False, lambda own, _: c * own * out))
@@ -186,7 +186,7 @@ def _three_slopes(s: Setup, size: float, course: Course) -> None:
 
 
 def _rubs_here(s: Setup, size: float, course: Course) -> None:
-    """The seal of joint 2 rubs on one side of its turn, and holds the joint back both ways."""
+    """The seal of joint 2 rubs on one side of its turn, and resists in both directions."""
     hold = 5e-5 * size * (1 + np.cos(course.q[:, 1] - 1.0))
 
     def law(own: Array, _: dict[str, Array]) -> Array:
@@ -196,7 +196,7 @@ def _rubs_here(s: Setup, size: float, course: Course) -> None:
 
 
 def _link_grows(s: Setup, size: float, course: Course) -> None:
-    """The upper arm warms while it is read: it grows along itself after the zero of each pose."""
+    """The upper arm warms during the readings: it grows in length after the zero of each pose."""
     first = np.array([float(course.time[course.pose == p].min()) for p in course.pose])
     since = course.time - first + 0.02
 
@@ -207,7 +207,7 @@ def _link_grows(s: Setup, size: float, course: Course) -> None:
 
 
 def _sags(s: Setup, size: float, course: Course) -> None:
-    """Between its two feet the rail sags: the carriage rolls most in the middle of its way."""
+    """The rail sags between its two feet: the carriage rolls most in the middle of its travel."""
     sag = 3e-8 * size * np.sin(np.pi * np.clip(course.q[:, 0] / 18.0, 0, 1)) ** 2
     s.machine.springs.append(
         Spring("sag", 1, (0, 1, 0), False, lambda own, _: own * sag, fixed=True)
@@ -222,7 +222,7 @@ def _bolts(s: Setup, size: float, course: Course) -> None:
 
 
 def _scale_warms(s: Setup, size: float, course: Course) -> None:
-    """The load cell warms up: its factor runs away steadily through the day."""
+    """The load cell warms up: its gain drifts linearly during the day."""
     s.tension.append(lambda f, c: f * (1 + 0.03 * size * np.maximum(c.time, 0) / 2.1))
 
 

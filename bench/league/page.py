@@ -1,4 +1,4 @@
-"""The page of the league: what the command writes, between marks that leave the rest alone."""
+"""The page of the league: what the command writes, between marks that preserve the rest."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ END = "<!-- to here -->"
 
 
 def page(games: Sequence[Played], total: int, command: str, code: str, old: str) -> str:
-    """The page with its written part anew; what stands outside the marks stays.
+    """The page with a new generated part; text outside the marks is unchanged.
 
     Args:
         games: The games that were played.
-        total: Games of the whole league.
-        command: That played them.
+        total: Number of games of the whole league.
+        command: Command that played them.
         code: Version of the code that played them.
-        old: The page as it is; may be empty.
+        old: The present page; may be empty.
     """
     written = "\n".join(_written(games, total, command, code))
     return between(old or "# The hidden-effect league\n\n", BEGIN, written)
 
 
 def between(old: str, begin: str, written: str) -> str:
-    """A page with what stands between a mark and `END` anew; without the mark it comes last."""
+    """A page with new text between a mark and `END`; without the mark it is appended."""
     before, found, rest = old.partition(begin)
     _, ended, after = rest.partition(END)
     if not (found and ended):

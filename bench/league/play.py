@@ -32,13 +32,13 @@ class Rules:
     """How a game is measured.
 
     Attributes:
-        poses: How many; drawn from the reachable ones.
+        poses: Number of poses, drawn from the reachable ones.
         steps: Load steps in the order of the turnbuckle, as fractions of `force_n`.
-        spread: Stiffnesses are off by a factor within 1 +- this.
-        scatter: True over stated scatter of the tracker, drawn in this range.
-        tool_m: Points of the tool are off by this much [m], one sigma.
+        spread: Stiffnesses differ from nominal by a factor within 1 +- this.
+        scatter: Range of true over stated noise of the tracker.
+        tool_m: Error of the points of the tool [m], one sigma.
         force_n: Largest force [N].
-        scale_n: Scatter of the scale [N]; 2 N are stated.
+        scale_n: Noise of the scale [N]; 2 N are stated.
     """
 
     poses: int = 16
@@ -58,9 +58,9 @@ class Plan(Locked):
         tool: Nominal load point and reflectors, flange frame, shape (4, 3) [m].
         q: Joint values, shape (p, n).
         anchor: Where the chain is attached, F_b, shape (p, 3) [m].
-        approach: Which way the carriage comes, shape (p,).
-        isotropic: campaign.toml states one uncertainty for all axes.
-        scatter: True over stated scatter of the tracker.
+        approach: Direction from which the carriage comes, shape (p,).
+        isotropic: Whether campaign.toml states one uncertainty for all axes.
+        scatter: True over stated noise of the tracker.
     """
 
     tool: Array
@@ -71,7 +71,7 @@ class Plan(Locked):
     scatter: float
 
     def further(self, q: Array, anchor: Array, approach: float) -> Plan:
-        """With one pose more, at the end."""
+        """The plan with one more pose at the end."""
         return replace(
             self,
             q=np.vstack([self.q, q]),
@@ -82,12 +82,12 @@ class Plan(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Game:
-    """A campaign as the operator takes it home, and what was true.
+    """A campaign as brought home by the operator, and the truth.
 
     Attributes:
         files: Content of the raw folder.
         truth: Labels, places and sizes of the secrets; stiffnesses.
-        course: How the measurement went.
+        course: Course of the measurement.
     """
 
     files: dict[str, bytes]
@@ -96,7 +96,7 @@ class Game:
 
 
 def drawn(robot: Robot, rng: np.random.Generator, rules: Rules) -> Plan:
-    """Random reachable poses on both sides of the rail in turn."""
+    """Random reachable poses, on both sides of the rail in turn."""
     tool = np.array(TOOLS[rng.integers(len(TOOLS))])
     anchors = default_anchors(robot)
     which = (np.arange(rules.poses) + rng.integers(len(anchors))) % len(anchors)
@@ -121,18 +121,18 @@ def play(
 ) -> Game:
     """Measure a machine with secrets.
 
-    A plan with further poses at its end measures the same machine, and reads the same at the
+    A plan with further poses at its end measures the same machine, with the same readings at the
     poses that were there before.
 
     Args:
         robot: The KR500 on its rail.
         plan: Where and with what.
-        secrets: What it hides, each with its size in typical sizes.
-        rng: Source of the machine, the secrets and the scatter.
+        secrets: The secrets, each with its size in typical sizes.
+        rng: Source of the machine, the secrets and the noise.
         rules: How it is measured.
-        name: Of the campaign.
-        stiffness: True ones of the joints [N/m] or [N m/rad], shape (n,); drawn where not given,
-            which changes nothing else.
+        name: Name of the campaign.
+        stiffness: True ones of the joints [N/m] or [N m/rad], shape (n,); drawn if not given, which
+            changes nothing else.
     """
     rules = rules or Rules()
     for_truth, for_noise, for_secrets = rng.spawn(3)
@@ -176,7 +176,7 @@ def _made(
     rules: Rules,
     stiffness: Array | None = None,
 ) -> _Made:
-    """Set the machine of a game up; sources of what it is and of what it hides."""
+    """Set up the machine of a game; `sources` are those of the machine and of the secrets."""
     for_truth, for_secrets = sources
     course = _course(plan, rules, for_secrets)
     own = 1 / NOMINAL * for_truth.uniform(1 - rules.spread, 1 + rules.spread, robot.n)
@@ -190,12 +190,12 @@ def _made(
 
 @dataclass(frozen=True, eq=False)
 class Further(Locked):
-    """Forces at poses that the campaign does not hold, and what they do.
+    """Forces at poses that are not in the campaign, and the resulting displacements.
 
     Attributes:
         q: Joint values, shape (k, n).
         force: At the nominal load point, F_b, shape (k, 3) [N].
-        moved: That point under the force minus without, F_b, shape (k, 3) [m].
+        moved: Displacement of that point due to the force, F_b, shape (k, 3) [m].
     """
 
     q: Array
@@ -211,18 +211,18 @@ def at_further_poses(
     rules: Rules,
     count: int = 3,
 ) -> Further:
-    """What the machine of a game does under the largest force at further poses.
+    """Displacements of the machine of a game under the largest force at further poses.
 
-    The force is known and acts at the nominal load point: what falsifies scale, chain and readings
-    has no part in it. The pose was entered from the other end of the rail, and the force is the
-    first there, so that a machine with memory starts from rest.
+    The force is known and acts at the nominal load point, so that errors of scale, chain and
+    readings have no influence. The pose is approached from the other end of the rail, and the force
+    is the first there, so that a machine with memory starts from rest.
 
     Args:
         robot: The KR500 on its rail.
         plan: Where and with what.
-        secrets: What it hides. Of those that draw something for each pose of a campaign this is
-            another machine.
-        seed: Of the game.
+        secrets: The secrets. For those that draw something for each pose of a campaign, this is a
+            different machine.
+        seed: Seed of the game.
         rules: How it is measured.
         count: Number of further poses.
     """
@@ -285,12 +285,12 @@ def _measure(
 
 
 Direction = Callable[[Array], Array]
-"""Where the load point ends up [m], F_b, shape (m, 3) -> unit vectors of the force there."""
+"""Function from load points [m], F_b, shape (m, 3), to unit vectors of the force there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Moves:
-    """Where everything that is read stands, pull by pull, F_b [m].
+    """Positions of everything that is read, pull by pull, F_b [m].
 
     Attributes:
         rest: Reflectors before the pull, shape (m, t, 3).
@@ -324,12 +324,11 @@ def strained(
 
     Args:
         one: The machine and its secrets.
-        course: How the measurement went.
+        course: Course of the measurement.
         tool: True load point and reflectors, flange frame, shape (1 + t, 3) [m].
-        along: Which way the force acts.
+        along: Direction of the force.
         size: True forces, shape (m,) [N].
-        load_point: Where each of them acts, flange frame, shape (m, 3) [m]; the tool's where not
-            given.
+        load_point: Where each of them acts, flange frame, shape (m, 3) [m]; if None, the tool's.
     """
     q = course.q + one.joint_shift
     pull_at = (tool[0] if load_point is None else load_point) + one.load_shift
@@ -354,7 +353,7 @@ def _flange_axes(one: Setup, q: Array) -> Array:
 
 
 class _Tracker:
-    """Reads points: drift, frame, scatter, millimetres."""
+    """Reads points: drift, frame, noise, millimetres."""
 
     def __init__(self, one: Setup, isotropic: bool, rng: np.random.Generator) -> None:
         self.one, self.isotropic = one, isotropic

@@ -1,9 +1,9 @@
-"""`python -m bench.league.priors`: what learnt priors do to the league's figures.
+"""`python -m bench.league.priors`: effect of learnt priors on the league's figures.
 
-A fleet of other machines is played first, in which some causes are common; what it teaches goes
-into campaign.toml of games that it has not seen: half of the same fleet, half with every cause
-alike. Each is played without priors, with the learnt ones, and with odds and sizes drawn at the
-ends of what campaign.toml allows, which is worse than any fleet can teach.
+A fleet of other machines is played first, in which some causes are common; the priors learnt from
+it are put into campaign.toml of new games: half of the same fleet, half with all causes equally
+common. Each is played without priors, with the learnt ones, and with odds and sizes drawn from the
+limits of what campaign.toml allows, which is worse than any fleet can teach.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from pipeline.machine.robot import load
 SEED = 20261124
 TEACHING, GAMES, PLANS = 22, 20, 4
 COMMON = ("rail_roll", "tool_flex", "joint_tilt:3", "scale_zero", "link_bending:forearm")
-"""Causes that the fleet has mostly."""
+"""Causes that most machines of the fleet have."""
 
 ARMS = ("none", "learnt", "extreme")
 RULES = League().rules
@@ -54,7 +54,7 @@ def files(number: int, common: bool) -> tuple[dict[str, bytes], dict]:
 
 
 def taught() -> str:
-    """[priors] of the fleet."""
+    """[priors] learnt from the fleet."""
     names = {effect.name for effect in catalogue(load("kr500_rail"))}
     answers = []
     for number in range(TEACHING):
@@ -67,7 +67,7 @@ def taught() -> str:
 
 
 def extreme(number: int) -> str:
-    """Odds and sizes of every cause at the ends of what is allowed."""
+    """Odds and sizes of every cause at the limits of what is allowed."""
     rng = np.random.default_rng([SEED, number, 2])
     names = sorted({effect.name for effect in catalogue(load("kr500_rail"))})
     return "".join(
@@ -81,7 +81,7 @@ def _with(content: Mapping[str, bytes], more: str) -> dict[str, bytes]:
 
 
 def played(log: Path) -> Iterator[tuple[str, dict]]:
-    """Every game in every arm; those that are kept are not played again."""
+    """Every game with every kind of priors; those that are kept are not played again."""
     kept = [json.loads(line) for line in log.read_text().splitlines()] if log.is_file() else []
     known = {(one["number"], one["arm"]): one["score"] for one in kept if "arm" in one}
     learnt = next((one["taught"] for one in kept if "taught" in one), None)

@@ -1,4 +1,4 @@
-"""The league: which games there are, and how one is played, from its seed alone."""
+"""The league: its list of games, and how one is played, from its seed alone."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from pipeline.system.fit import fit
 from pipeline.system.whitened import Whitened
 
 TOO_LARGE = 12.0
-"""Sizes beyond this many typical ones are no fault that anybody would live with."""
+"""Size in typical ones beyond which a fault would not be tolerated in practice [1]."""
 
 NEVER = ("scale_gain", "rail_yaw")
-"""Exact twins of the stiffnesses: nothing shows, by nature."""
+"""Exact twins of the stiffnesses, undetectable in principle."""
 
 KINDS = ("single", "pair", "strange", "power", "doubtful", "clean")
-"""Kinds of games; their places are part of the seeds."""
+"""Kinds of games; their positions are part of the seeds."""
 
 STEPS = (0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 4.0)
 """Sizes of the power curves, in multiples of the smallest identifiable size."""
@@ -61,18 +61,18 @@ CURVES = (
     "chain_offset",
     "scale_zero",
 )
-"""One cause of each manner, for the power curves."""
+"""One cause of each kind, for the power curves."""
 
 PLANS = 30
-"""Plans that games with sized causes share, so that each is sized once."""
+"""Number of plans shared by games with sized causes, so that each is sized once."""
 
 MOST = 4
-"""Proposed poses that are followed."""
+"""Maximum number of proposed poses that are followed."""
 
 
 @dataclass(frozen=True)
 class League:
-    """Whom it plays and how often.
+    """Which games are played, and how often.
 
     Attributes:
         clean: Games without a secret.
@@ -82,7 +82,7 @@ class League:
         power: Games per size and cause of the power curves.
         doubtful: Games per size and known secret in which proposed poses are followed.
         times: Size over the smallest identifiable one, of singles and pairs.
-        seed: Of everything.
+        seed: Seed of everything.
         rules: How campaigns are measured.
     """
 
@@ -103,9 +103,9 @@ class Fixture:
 
     Attributes:
         kind: One of `KINDS`.
-        secrets: Labels of what the machine hides.
-        times: Size over the smallest identifiable one; 0 where sizes are drawn.
-        seed: Of machine and scatter.
+        secrets: Labels of the secrets.
+        times: Size over the smallest identifiable one; 0 if sizes are drawn.
+        seed: Seed of machine and noise.
         plan: Seed of the plan.
     """
 
@@ -126,18 +126,18 @@ class Played:
     """A game with its scores.
 
     Attributes:
-        key: Of its fixture.
-        kind: Of its fixture.
-        secrets: Labels of what the machine hid.
-        times: Size over the smallest identifiable one; 0 where sizes were drawn.
-        sizes: In typical sizes; empty where the plan shows a secret at no sensible size, and the
-            game was not played.
+        key: Key of its fixture.
+        kind: Kind of its fixture.
+        secrets: Labels of the secrets.
+        times: Size over the smallest identifiable one; 0 if sizes were drawn.
+        sizes: In typical sizes; empty if the plan would show a secret only at an implausible size,
+            and the game was not played.
         power: Predicted probability that the first secret is detected.
-        missed_mm: Cross-validation error of the joint springs without scatter, of singles.
+        missed_mm: Cross-validation error of the joint springs without noise, for singles.
         scores: Of the campaign, then with one proposed pose more each time.
-        seconds: Of a processor, from files to the first answer.
-        diagnosing: Part of them that the diagnosis took.
-        cost: Of a processor, for all of it.
+        seconds: CPU time from files to the first answer.
+        diagnosing: Part of it used by the diagnosis.
+        cost: Total CPU time.
     """
 
     key: str
@@ -154,12 +154,12 @@ class Played:
 
     @property
     def score(self) -> Score:
-        """Of the campaign as planned."""
+        """Score of the campaign as planned."""
         return self.scores[0]
 
 
 def fixtures(league: League) -> list[Fixture]:
-    """All games, the kinds mixed evenly: the first half of the list is half a league."""
+    """All games, with the kinds mixed evenly: the first half of the list is half a league."""
     kinds = (
         _each(league, "single", KNOWN_LABELS, (league.times,), league.single),
         [_pair(league, i) for i in range(league.pairs)],
@@ -215,7 +215,7 @@ def _pair(league: League, number: int) -> Fixture:
 
 
 def played(fixture: Fixture, league: League) -> Played:
-    """Play one game: the same in whatever process, order or company."""
+    """Play one game; the result does not depend on process or order."""
     began = time.process_time()
     robot = load("kr500_rail")
     plan = drawn(robot, np.random.default_rng(fixture.plan), league.rules)
@@ -270,14 +270,14 @@ def _followed(
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """One campaign and what the pipeline says of it.
+    """One campaign and the answer of the pipeline.
 
     Attributes:
-        truth: As `play` seals it.
-        answer: result.json; None where the pipeline refused the campaign.
-        model: The identified robot; None as before.
-        seconds: Of a processor, from files to the answer.
-        diagnosing: Part of them that the diagnosis took.
+        truth: As sealed by `play`.
+        answer: result.json; None if the pipeline rejected the campaign.
+        model: The identified robot; None likewise.
+        seconds: CPU time from files to the answer.
+        diagnosing: Part of it used by the diagnosis.
     """
 
     truth: dict[str, Any]
@@ -297,15 +297,15 @@ def followed(
 ) -> Iterator[Asked]:
     """A campaign, and the same with one more proposed pose each time while a name is open.
 
-    The operator pulls in the usual steps at the first pose that is proposed, then asks again.
+    The operator pulls in the usual steps at the first proposed pose, then asks again.
 
     Args:
         robot: The KR500 on its rail.
         plan: Where and with what.
-        secrets: What it hides, each with its size in typical sizes.
-        seed: Of machine, secrets and scatter.
+        secrets: The secrets, each with its size in typical sizes.
+        seed: Seed of machine, secrets and noise.
         rules: How it is measured.
-        most: So many proposed poses are followed.
+        most: Maximum number of proposed poses that are followed.
     """
     for further in range(most + 1):
         game = play(robot, plan, secrets, np.random.default_rng(seed), rules)
@@ -324,7 +324,7 @@ def followed(
 def missed_mm(
     fixture: Fixture, plan: Plan, sizes: tuple[float, ...], league: League, robot: Robot
 ) -> float:
-    """Cross-validation error of the joint springs on the same machine without scatter [mm]."""
+    """Cross-validation error of the joint springs on the same machine without noise [mm]."""
     secrets = [(SECRETS[name], size) for name, size in zip(fixture.secrets, sizes, strict=True)]
     calm, still = replace(plan, scatter=0.0), replace(league.rules, scale_n=0.0)
     files = play(robot, calm, secrets, np.random.default_rng(fixture.seed), still).files
@@ -340,17 +340,17 @@ def _where(proposal: Mapping[str, Any], robot: Robot) -> tuple[np.ndarray, np.nd
 
 
 class Clock:
-    """Carries out stages, and knows how long each took.
+    """Executes stages and records their CPU times.
 
     Attributes:
-        seconds: Of a processor, by the stage's name.
+        seconds: CPU time by name of the stage.
     """
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
 
     def __call__(self, stage: Callable[..., Any]) -> Callable[..., Any]:
-        """The stage, timed."""
+        """The stage with timing."""
 
         @wraps(stage)
         def timed(*args: Any, **kwargs: Any) -> Any:
@@ -364,7 +364,7 @@ class Clock:
 
 
 def answer_of(files: Mapping[str, bytes], step: Step = plain) -> dict[str, Any] | None:
-    """What `pipeline run` says of these files, writing nothing; None if it refuses them."""
+    """Answer of `pipeline run` for these files, without writing; None if it rejects them."""
     found = _answered(files, step)
     return found and found.answer.as_json()
 
@@ -377,7 +377,7 @@ def _answered(files: Mapping[str, bytes], step: Step) -> Answered | None:
 
 
 def largest(robot: Robot) -> dict[str, float]:
-    """Largest sensible size of each cause, in typical ones: inside its physical bounds."""
+    """Largest plausible size of each cause, in typical ones, within its physical bounds."""
     return {
         effect.label: min(
             TOO_LARGE, *(max(p.upper, -p.lower) / p.typical for p in effect.parameters)
@@ -388,12 +388,12 @@ def largest(robot: Robot) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class Yardstick:
-    """Sizes that one plan can see, by the linear theory, in typical sizes.
+    """Sizes that one plan can show, by linear theory, in typical sizes.
 
     Attributes:
-        named: Smallest at which a cause is detected and separated from every other.
+        named: Smallest size at which a cause is detected and separated from all others.
         seen: Size that is detected with 80 % power, by the cause's best form.
-        count: Parameters of that form.
+        count: Number of parameters of that form.
         p: Threshold of one cause's test.
     """
 
@@ -413,7 +413,7 @@ class Yardstick:
 
 @lru_cache(maxsize=2 * PLANS)
 def yardstick(plan: tuple[int, ...], rules: Rules) -> Yardstick:
-    """What a random plan would show.
+    """Sizes that a random plan can show.
 
     Args:
         plan: Seed of the plan.
@@ -424,18 +424,18 @@ def yardstick(plan: tuple[int, ...], rules: Rules) -> Yardstick:
 
 
 def shown_by(plan: Plan, rules: Rules, rng: np.random.Generator) -> Yardstick:
-    """Measure a machine without hidden causes by a plan, and see what would have shown.
+    """Measure a machine without hidden causes by a plan; return the sizes it can show.
 
     Args:
         plan: Where and with what.
         rules: How it is measured.
-        rng: Source of the machine and the scatter.
+        rng: Source of the machine and the noise.
     """
     return shown_in(play(load("kr500_rail"), plan, [], rng.spawn(1)[0], rules).files, rng)
 
 
 def shown_in(files: Mapping[str, bytes], rng: np.random.Generator) -> Yardstick:
-    """What would have shown in a campaign of a machine without hidden causes.
+    """Sizes that a campaign of a machine without hidden causes can show.
 
     Args:
         files: Content of its raw folder.

@@ -1,4 +1,4 @@
-"""What the league says, counted."""
+"""Counts of the league's results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pipeline.diagnosis.verdict import CERTAIN
 TWINS = ("joint_tilt:5", "joint_tilt:6", "joint_tilt:7", "tool_flex")
 
 WORTH_HAVING = 0.05
-"""A true gain below this is not worth an interval above zero."""
+"""True gain below which no significant gain is required [1]."""
 
 EDGES = np.array([0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0])
 """Bins of stated probabilities."""
@@ -146,7 +146,7 @@ def _listed(games: Iterable[Played]) -> list[bool]:
 
 
 def wrong(score: Score) -> bool:
-    """A name without reservation for something that is not there."""
+    """Whether a cause is named without reservation that is not present."""
     return score.confident and score.strayed
 
 
@@ -159,12 +159,12 @@ def true_gain(game: Played) -> float:
 
 
 def settled(game: Played, most: int) -> bool:
-    """Whether at most so many proposed poses have made a right name of an open one."""
+    """Whether at most `most` proposed poses have turned an open name into a right one."""
     return any(s.confident and s.right for s in game.scores[1 : 1 + most])
 
 
 def rivalled(score: Score) -> bool:
-    """Whether a name is open because of a rival, not because of what it gains."""
+    """Whether a name is open because of a rival, not because of its gain."""
     return any(said.probability < CERTAIN for said in score.stated if _is_named(said, score))
 
 
@@ -192,7 +192,7 @@ def _held(games: Sequence[Played], sizes: Callable[[Played], Sequence[Size]]) ->
 def _laws(
     strange: Sequence[Played], clean: Sequence[Played], known: Sequence[Played]
 ) -> list[tuple[str, str, str]]:
-    """Laws that nobody listed."""
+    """Laws that are not in the catalogue."""
     found = [g.score.law for g in strange if g.score.law and g.score.detected]
     named = [law for law in found if law.named]
     aimless = [g.score for g in strange if g.score.law is None]
@@ -224,7 +224,7 @@ def _laws(
 
 
 def _unlisted(score: Score) -> bool:
-    """Whether a law that nobody listed is among the causes."""
+    """Whether a law that is not in the catalogue is among the causes."""
     return any(name.partition(":")[0] == UNLISTED for name in score.named)
 
 
@@ -270,7 +270,7 @@ def _quantiles(values: Sequence[float]) -> str:
 
 
 def interval(k: int, n: int) -> tuple[float, float]:
-    """Clopper and Pearson's 95 % interval of a share."""
+    """Clopper and Pearson's 95 % interval of a fraction."""
     low = stats.beta.ppf(0.025, k, n - k + 1) if k else 0.0
     high = stats.beta.ppf(0.975, k + 1, n - k) if k < n else 1.0
     return float(low), float(high)
@@ -287,7 +287,7 @@ def share(hits: Iterable[bool]) -> str:
 
 
 def _first(games: Iterable[Played]) -> list[Stated]:
-    """What was stated of the causes that are named."""
+    """Stated probabilities of the causes that are named."""
     return [said for g in games for said in g.score.stated if _is_named(said, g.score)]
 
 
@@ -314,13 +314,13 @@ def reliability(said: Sequence[Stated]) -> list[tuple[float, float, int, int]]:
 
 
 def ece(said: Sequence[Stated]) -> float:
-    """Expected calibration error: mean distance of stated probability and frequency."""
+    """Expected calibration error: mean difference of stated probability and frequency."""
     total = max(len(said), 1)
     return sum(abs(p - f) * n for p, f, _, n in reliability(said)) / total
 
 
 def calibration(games: Sequence[Played]) -> list[str]:
-    """Stated probability against frequency, as a table."""
+    """Stated probability and frequency, as a table."""
     known = [g for g in games if g.kind in ("single", "pair", "power", "doubtful") and g.scores]
     lines = ["| stated, mean | true | of all named and rivals |", "|---|---|---|"]
     for p, _, hits, n in reliability(_stated(known)):
@@ -333,11 +333,11 @@ MEASURES: tuple[tuple[str, Callable[[Played], bool]], ...] = (
     ("listed", lambda g: g.score.in_list),
     ("named", lambda g: g.score.right and g.score.confident),
 )
-"""Of a game of the power curves."""
+"""Measures of a game of the power curves."""
 
 
 def curve(games: Iterable[Played], hit: Callable[[Played], float]) -> Array:
-    """Mean of something at each of `STEPS`; NaN where no game was played."""
+    """Mean of a measure at each of `STEPS`; NaN if no game was played."""
     every = [g for g in games if g.kind == "power" and g.scores]
     values = [[hit(g) for g in every if g.times == times] for times in STEPS]
     return np.array([np.mean(v) if v else np.nan for v in values])
@@ -362,7 +362,7 @@ def _line(name: str, shares: Array) -> str:
 
 
 def confusion(games: Sequence[Played]) -> list[str]:
-    """One line per hidden cause: what was stated of it, the most frequent first."""
+    """One line per hidden cause with the answers given, the most frequent first."""
     said: dict[str, Counter[str]] = {}
     for g in games:
         if g.kind in ("single", "strange", "clean") and g.scores:
@@ -377,7 +377,7 @@ def confusion(games: Sequence[Played]) -> list[str]:
 
 
 def unplayed(games: Sequence[Played]) -> str:
-    """Causes that the plans show at no sensible size, with the number of such plans."""
+    """Causes that the plans show only at an implausible size, with the number of such plans."""
     count = Counter(g.secrets[0] for g in games if g.kind == "single" and not g.scores)
     total = Counter(g.secrets[0] for g in games if g.kind == "single")
     return (

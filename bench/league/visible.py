@@ -1,4 +1,4 @@
-"""From which size on one campaign tells each cause from all others."""
+"""Sizes from which one campaign distinguishes each cause from all others."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from pipeline.system.whitened import Whitened
 
 
 def identifiable(view: Whitened, known: Twins) -> dict[str, float]:
-    """Multiple of its typical size from which each cause is detected and separated from all others.
+    """Multiple of its typical size from which each cause is detected and separated from others.
 
-    APART / min(min_b d_ab, d_aa APART / DETECTED), d of `separation`: for its least visible form a
-    against every form b of the others, twins left out; infinite where no size would do.
+    APART / min(min_b d_ab, d_aa APART / DETECTED), with d of `separation`: for its least visible
+    form a against every form b of the others, except twins; infinite if no size is sufficient.
     """
     apart = separation(view.M, view.base, view.at)
     labels = [effect.label for effect in view.suspects]

@@ -1,5 +1,5 @@
-"""The open league: campaigns from any hand, their truth sealed by a hash until all have answered.
+"""Open league: campaigns by anyone, whose truth is sealed by a hash until all have answered.
 
-`draw` makes games, `sealed` locks and opens the truth, `play` runs entries, `score` counts; the
-interface, truth.json included, is docs/open-league.md.
+`draw` makes games, `sealed` seals and opens the truth, `play` runs entries, `score` counts; the
+interface, including truth.json, is described in docs/open-league.md.
 """

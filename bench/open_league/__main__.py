@@ -1,4 +1,4 @@
-"""`python -m bench.open_league`: games from any hand, played by any program."""
+"""`python -m bench.open_league`: games by anyone, played by any program."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Games of our own: machines of the league, measured in noise of several families.
+"""Games of our own: machines of the league, measured with noise of several families.
 
 The machine shares no formula with the catalogue (`bench/league`). The last pose of each plan is
-never measured: there the judge alone knows what the test force does.
+never measured: only the judge knows the effect of the test force there.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from pipeline.diagnosis.isolability import twins
 from pipeline.machine.robot import Robot, load
 
 SEEDS = Path(__file__).with_name("seeds.txt")
-"""Seed k is the first 60 bits of SHA-256 of `open league k`: nobody chose it."""
+"""Seed k is the first 60 bits of SHA-256 of `open league k`, so that it was not chosen."""
 
 NOISES: dict[str, Noise] = {
     "normal": White(),
@@ -41,16 +41,17 @@ NOISES: dict[str, Noise] = {
     "wander over 10 min": Wander(1, 10),
 }
 KINDS = {"clean": 6, "one cause": 6, "two causes": 3, "outside the catalogue": 3}
-"""How many of eighteen games are of each kind."""
+"""Number of games of each kind in every eighteen."""
 
 TIMES = 2.0
-"""Size of a cause over the smallest at which linear theory tells it from every other."""
+"""Size of a cause relative to the smallest at which linear theory distinguishes it from all others
+[1]."""
 
 STRANGE_SIZE = (0.7, 2.5)
-"""Sizes of what no catalogue has, in typical ones."""
+"""Sizes of causes outside the catalogue, in typical sizes."""
 
 HELD = 2
-"""Load step of the pose kept back at which the full test force acts."""
+"""Index of the load step at the withheld pose at which the full test force acts."""
 
 Hidden = list[tuple[Secret, float]]
 
@@ -60,10 +61,10 @@ class Fixture:
     """One game before it is drawn.
 
     Attributes:
-        name: Of its folder.
+        name: Name of its folder.
         kind: Key of `KINDS`.
         noise: Key of `NOISES`.
-        seed: Of everything.
+        seed: Seed of everything.
     """
 
     name: str
@@ -73,10 +74,10 @@ class Fixture:
 
 
 def fixtures(count: int, seeds: Path = SEEDS) -> list[Fixture]:
-    """So many games; kinds and noises in turn, so that each kind meets each noise.
+    """A number of games, with kinds and noises in turn, so that each kind occurs with each noise.
 
     Raises:
-        InputError: The file holds fewer seeds.
+        InputError: The file contains fewer seeds.
     """
     every = [int(word) for word in seeds.read_text("utf-8").split()]
     if count > len(every):
@@ -84,7 +85,7 @@ def fixtures(count: int, seeds: Path = SEEDS) -> list[Fixture]:
             f"holds {len(every)} seeds for {count} games", "ask for fewer", file=str(seeds)
         )
     order = [kind for kind, n in KINDS.items() for _ in range(n)]
-    kinds = [order[(7 * k) % len(order)] for k in range(count)]  # 7 is prime to 18: all in turn
+    kinds = [order[(7 * k) % len(order)] for k in range(count)]  # 7 and 18 are coprime: all in turn
     noises = list(NOISES)
     return [
         Fixture(f"game{k + 1:03d}", kind, noises[k // 2 % len(noises)], seed)
@@ -93,7 +94,7 @@ def fixtures(count: int, seeds: Path = SEEDS) -> list[Fixture]:
 
 
 def draw(fixture: Fixture, games: Path) -> None:
-    """Put a campaign and its truth.json into `games`."""
+    """Write a campaign and its truth.json into `games`."""
     robot = load("kr500_rail")
     plan = _with_test_pose(robot, random_plan(robot, PULLED, fixture.seed), fixture.seed)
     hidden = _hidden(fixture, robot, plan)
@@ -111,7 +112,7 @@ def draw(fixture: Fixture, games: Path) -> None:
 
 
 def _with_test_pose(robot: Robot, plan: Plan, seed: int) -> Plan:
-    """One reachable pose more, which is not measured; joint values as campaign.toml writes them."""
+    """Add a reachable pose that is not measured; joint values rounded as in campaign.toml."""
     rng, anchors = np.random.default_rng([seed, 7]), default_anchors(robot)
     q = draw_poses(robot, plan.tool, anchors, np.zeros(1, int), rng)
     q = np.where(robot.prismatic, np.round(q, 6), np.deg2rad(np.round(np.rad2deg(q), 6)))
@@ -137,9 +138,9 @@ def _measured(whole: Cell) -> Cell:
 
 
 def _deflection(whole: Cell, force: Array) -> Array:
-    """What a force at the load point does at the pose kept back, F_b, shape (t, 3) [m].
+    """Displacements due to a force at the load point at the withheld pose, F_b, shape (t, 3) [m].
 
-    The machine alone: what misreads the force or the tracker moves nothing here.
+    Of the machine alone: errors of scale and tracker do not enter.
     """
     one, course = whole.one, whole.course
     q = course.q + one.joint_shift
@@ -164,7 +165,7 @@ def _hidden(fixture: Fixture, robot: Robot, plan: Plan) -> Hidden:
 def _of_catalogue(
     fixture: Fixture, robot: Robot, plan: Plan, rng: np.random.Generator
 ) -> Iterator[tuple[Secret, float]]:
-    """One cause or two in different parts of the cell, each at twice its identifiable size."""
+    """One or two causes in different parts of the cell, each at twice its identifiable size."""
     innocent = _measured(build(robot, plan, PULLED, fixture.seed))
     record = innocent.local + White()(innocent.hours, innocent.local, rng)
     known, most = shown_in(raw(innocent, record, STATED, (), 1.0, True), rng), largest(robot)

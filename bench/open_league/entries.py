@@ -1,4 +1,4 @@
-"""An entry is a command: it gets a campaign without its truth, and its answer is kept."""
+"""Entries: commands that get a campaign without its truth, and whose answers are kept."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from pipeline.base import files
 from pipeline.base.errors import UsageError
 
 ONE, ALL = ("{campaign}", "{folder}"), ("{campaigns}", "{folders}")
-"""What a command may have: the name under data/raw of a campaign, or its folder; or those of all
-that are left, as words of their own, and then it prints one line for each."""
+"""Placeholders of a command: name under data/raw or folder of a campaign; or those of all remaining
+campaigns, as separate words, in which case it prints one line for each."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Entry:
     """A program that plays.
 
     Attributes:
-        name: In the tables.
-        words: Its command, with words of `ONE` or `ALL` in it.
+        name: Name in the tables.
+        words: Words of its command, with `ONE` or `ALL` in it.
     """
 
     name: str
@@ -38,10 +38,10 @@ class Entry:
 
     @classmethod
     def of(cls, text: str) -> Entry:
-        """From `ours=pipeline run {campaign} --json`.
+        """Parse `ours=pipeline run {campaign} --json`.
 
         Raises:
-            UsageError: It is no name and command, or no campaign is in it.
+            UsageError: It is not a name and a command, or has no placeholder.
         """
         name, equals, command = text.partition("=")
         if not equals or not re.fullmatch(r"[\w.-][\w. -]*", name) or not command.strip():
@@ -53,11 +53,11 @@ class Entry:
 
     @property
     def at_once(self) -> bool:
-        """One process plays all games."""
+        """Whether one process plays all games."""
         return any(word in ALL for word in self.words)
 
     def command(self, folders: Sequence[Path]) -> list[str]:
-        """What is carried out for some campaigns; for one of them where it plays one by one."""
+        """Command for some campaigns, or for the first if it plays them one by one."""
         all_ = {ALL[0]: [one.name for one in folders], ALL[1]: [str(one) for one in folders]}
         one = folders[0]
         return [
@@ -69,16 +69,16 @@ class Entry:
 
 @dataclass(frozen=True)
 class Played:
-    """What came of one game.
+    """Result of one game.
 
     Attributes:
-        entry: Its name.
-        game: The campaign's.
-        command: As it was typed, for the record.
-        exit_code: Of the process; None where it had not ended by then.
-        cpu_s: Of a processor, user and system [s]: as the answer says, else that of the process if
+        entry: Name of the entry.
+        game: Name of the campaign.
+        command: Command as typed, for the record.
+        exit_code: Exit code of the process; None if it had not ended by then.
+        cpu_s: CPU time, user and system [s]: as stated by the answer, else that of the process if
             it played this game alone, else None.
-        answer: A JSON object that it printed; None where there is none.
+        answer: A JSON object that it printed; None if there is none.
     """
 
     entry: str
@@ -98,7 +98,7 @@ def play(games: Path, entries: Sequence[Entry]) -> Iterator[Played]:
     """Let every entry play what it has not played yet.
 
     Raises:
-        InputError: The games are not sealed, or not what was sealed.
+        InputError: The games are not sealed, or differ from what was sealed.
     """
     every = list(sealed.manifest(games).games)
     for entry in entries:
@@ -112,7 +112,7 @@ def play(games: Path, entries: Sequence[Entry]) -> Iterator[Played]:
 
 
 def _played(games: Path, names: list[str], entry: Entry) -> Iterator[Played]:
-    """One command in a project of its own that holds these campaigns and nothing else."""
+    """Run one command in a temporary project that contains only these campaigns."""
     command = shlex.join(entry.words)
     with tempfile.TemporaryDirectory() as root:
         folders = [Path(root) / "data" / "raw" / name for name in names]
@@ -132,12 +132,12 @@ def _played(games: Path, names: list[str], entry: Entry) -> Iterator[Played]:
 
 
 class _Process:
-    """A command, and the JSON objects that it prints, a line each, as they come.
+    """A command, and the JSON objects that it prints, one per line.
 
     Attributes:
         last: The last of them.
-        exit_code: Once it has ended.
-        cpu_s: Likewise, with its children [s].
+        exit_code: Exit code, once it has ended.
+        cpu_s: CPU time including its children, once it has ended [s].
     """
 
     def __init__(self, words: list[str], root: Path) -> None:
@@ -147,7 +147,7 @@ class _Process:
         self.cpu_s = 0.0
 
     def objects(self) -> Iterator[dict[str, Any]]:
-        """Every object, until the command ends; whoever stops listening ends it."""
+        """Yield every object until the command ends; closing the iterator ends the command."""
         begun = os.times()
         try:
             process = subprocess.Popen(

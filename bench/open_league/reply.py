@@ -1,4 +1,4 @@
-"""What of an entry's answer is scored: a part of result.json, whatever else stands beside it."""
+"""The part of an entry's answer that is scored: a subset of result.json; the rest is ignored."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ class Named(_Part):
 
     @property
     def label(self) -> str:
-        """`joint_tilt:3`, or `rail_roll` where it has no place."""
+        """`joint_tilt:3`, or `rail_roll` without a place."""
         return self.name if self.where is None else f"{self.name}:{self.where}"
 
 
 class Cause(Named):
-    """A cause with what else is possible in its place."""
+    """A cause with its rivals."""
 
     rivals: tuple[Named, ...] = ()
 
 
 class Diagnosis(_Part):
-    """The verdict, and what is named."""
+    """The verdict, and the causes named."""
 
     verdict: str
     causes: tuple[Cause, ...] = ()
 
 
 class Spring(_Part):
-    """A stiffness [N/m] or [N m/rad]; null is unknown, or an interval without that end."""
+    """A stiffness [N/m] or [N m/rad]; null means unknown, or an interval without that end."""
 
     name: str
     value: FiniteFloat | None = None
@@ -51,7 +51,7 @@ class Spring(_Part):
 
 
 class Deflection(_Part):
-    """Loaded minus unloaded of one target, F_b [mm], with its standard uncertainty per axis."""
+    """Loaded minus unloaded position of one target, F_b [mm], and standard uncertainties."""
 
     target: str
     dx_mm: FiniteFloat | None = None
@@ -64,10 +64,10 @@ class Reply(_Part):
     """An answer.
 
     Attributes:
-        stiffness: Of the joints, by name.
+        stiffness: Stiffnesses of the joints, by name.
         diagnosis: What is wrong with model or data.
-        test_pose_deflection: At the test pose of campaign.toml.
-        predictions: The same of further loads, by name.
+        test_pose_deflection: Deflections at the test pose of campaign.toml.
+        predictions: The same for further loads, by name.
     """
 
     stiffness: tuple[Spring, ...] = ()
@@ -76,14 +76,14 @@ class Reply(_Part):
     predictions: dict[str, tuple[Deflection, ...]] = {}
 
     def deflections(self, name: str) -> dict[str, Deflection]:
-        """Of one prediction, by target."""
+        """Deflections of one prediction, by target."""
         at_test_pose = name == "test_pose"
         rows = self.test_pose_deflection if at_test_pose else self.predictions.get(name, ())
         return {row.target: row for row in rows}
 
 
 def read(said: dict[str, Any] | None) -> tuple[Reply | None, str]:
-    """An answer, and what is wrong with one that cannot be scored; it counts as none."""
+    """An answer, and why it cannot be scored; such an answer counts as none."""
     if said is None:
         return None, "no answer"
     try:

@@ -1,4 +1,4 @@
-"""One answer beside the truth: what docs/open-league.md says is counted, and nothing else."""
+"""Comparison of one answer with the truth, as specified in docs/open-league.md."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from bench.open_league.reply import Reply, Spring
 from bench.open_league.truth import Cause, Prediction, Truth
 
 NEUTRAL = ("tracker_noise", "force_noise", "heavy_tails", "tracker_wander")
-"""They say how readings scatter, not what moves them: naming one is neither right nor wrong."""
+"""Causes that describe the scatter of readings; naming one is neither right nor wrong."""
 
 FLOOR = 1e-3
-"""Probabilities are held between this and one minus this, so that no single game decides."""
+"""Bound of probabilities [1]: they are clipped to this and one minus this, so that no single game
+dominates."""
 
 NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
 class Value:
-    """A number beside the true one.
+    """A number compared with the true one.
 
     Attributes:
-        error: Estimated minus true, over true for a stiffness, in metres for a deflection; None
-            where nothing was estimated.
-        covered: The 95 % interval holds the truth; None where there is no interval.
-        width: Of the interval, over the truth or in metres; None where it has no end.
+        error: Estimated minus true, relative to the truth for a stiffness, in metres for a
+            deflection; None if nothing was estimated.
+        covered: Whether the 95 % interval contains the truth; None without an interval.
+        width: Width of the interval, relative to the truth or in metres; None if it is unlimited.
     """
 
     error: float | None
@@ -37,26 +38,26 @@ class Value:
 
 
 NOTHING = Value(None, None, None)
-"""Where nothing was estimated."""
+"""Value without an estimate."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """What came of one game.
+    """Score of one game.
 
     Attributes:
-        answered: There was an answer.
-        right: True causes of the catalogue that were named.
-        placed: True causes outside the catalogue that were named as a law at their place.
-        missed: True causes of the catalogue that were not named.
-        wrong: Names that no true cause has.
-        noticed: Something was said to be wrong with the model or the data.
-        exact: All true causes of the catalogue were named and nothing else.
-        log_score: Sum over labels of -ln(probability of what came true); None where the entry
-            states no probabilities.
-        springs: Of every joint.
-        deflections: Of every target and axis of every prediction.
-        scale_m: Root mean square of the true deflections [m], what their errors compare with.
+        answered: Whether there was an answer.
+        right: Number of true causes of the catalogue that were named.
+        placed: Number of true causes outside the catalogue that were named as a law at their place.
+        missed: Number of true causes of the catalogue that were not named.
+        wrong: Number of names that no true cause has.
+        noticed: Whether something was reported to be wrong with the model or the data.
+        exact: Whether all true causes of the catalogue were named and nothing else.
+        log_score: Sum over labels of -ln(probability of what is true); None if the entry states no
+            probabilities.
+        springs: Values of all joints.
+        deflections: Values of every target and axis of every prediction.
+        scale_m: Root mean square of the true deflections [m], for comparison with their errors.
     """
 
     answered: bool
@@ -73,7 +74,7 @@ class Score:
 
 
 def score(truth: Truth, reply: Reply | None) -> Score:
-    """Compare an answer with the truth; whoever gives none has named and estimated nothing."""
+    """Compare an answer with the truth; without an answer, nothing counts as named or estimated."""
     causes = [one for one in reply.diagnosis.causes if one.name not in NEUTRAL] if reply else []
     named = {one.label for one in causes}
     listed = [cause for cause in truth.causes if cause.listed]
@@ -99,8 +100,8 @@ def score(truth: Truth, reply: Reply | None) -> Score:
 def _log_score(true: Iterable[Cause], causes: Sequence[Stated]) -> float | None:
     """Good's logarithmic score over every label that is stated or true.
 
-    A label is stated with its probability as cause or rival, what is not stated with `FLOOR`.
-    None where a cause has no probability.
+    A label has its stated probability as cause or rival, or `FLOOR` if it is not stated. None if a
+    cause has no probability.
     """
     stated = [(one.label, one.probability) for c in causes for one in (c, *c.rivals)]
     odds: dict[frozenset[str], float] = {one.labels: 0.0 for one in true if one.labels}
@@ -118,7 +119,7 @@ def _log_score(true: Iterable[Cause], causes: Sequence[Stated]) -> float | None:
 
 
 def _springs(truth: Truth, reply: Reply | None) -> tuple[Value, ...]:
-    """By name; a joint of which the answer says nothing counts as not estimated."""
+    """Values by name; a joint that the answer does not mention counts as not estimated."""
     given = {one.name: one for one in reply.stiffness} if reply else {}
     return tuple(_spring(one.value, given.get(one.name)) for one in truth.stiffness)
 

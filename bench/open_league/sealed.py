@@ -1,7 +1,7 @@
-"""Commit first, reveal later: SHA-256 of every truth and every file stand before anybody answers.
+"""Commitment: SHA-256 of every truth and every file is published before anybody answers.
 
-A commitment hides only what cannot be guessed, hence the salt in truth.json (Blum, Coin flipping
-by telephone, 1981, in its form with a hash function).
+A commitment hides only what cannot be guessed, hence the salt in truth.json (Blum, Coin flipping by
+telephone, 1981, in its form with a hash function).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MANIFEST, REVEALED, TRUTH, ANSWERS = "manifest.json", "revealed.json", "truth", 
 
 @dataclass(frozen=True)
 class Sealed:
-    """What is published of one game before anybody plays it.
+    """What is published of one game before it is played.
 
     Attributes:
         truth: SHA-256 of its truth.json.
@@ -43,7 +43,7 @@ class Manifest:
     """What is published of all games.
 
     Attributes:
-        games: By the name of the campaign's folder.
+        games: By name of the campaign's folder.
         format: 1.
     """
 
@@ -53,7 +53,7 @@ class Manifest:
 
 @dataclass(frozen=True)
 class Revealed:
-    """Which answers stood when the truth was opened.
+    """Answers that existed when the truth was opened.
 
     Attributes:
         answers: SHA-256 of each answer, by entry and game.
@@ -63,15 +63,15 @@ class Revealed:
 
 
 def seal(games: Path, hidden: Path) -> Manifest:
-    """Take truth.json out of every campaign's folder, and publish the hashes.
+    """Move truth.json out of every campaign's folder, and publish the hashes.
 
     Args:
         games: Folder of campaigns, each with its truth.json.
-        hidden: Where the truths go; not a part of `games`.
+        hidden: Folder for the truths, outside `games`.
 
     Raises:
-        UsageError: The games are sealed already, or the truths would stay with them.
-        InputError: A truth is missing or is none.
+        UsageError: The games are already sealed, or the truths would stay with them.
+        InputError: A truth is missing or invalid.
     """
     if (games / MANIFEST).exists():
         raise UsageError(f"{games} is sealed already: its {MANIFEST} is what others rely on")
@@ -92,11 +92,11 @@ def seal(games: Path, hidden: Path) -> Manifest:
 
 
 def _salted(path: Path) -> Path:
-    """A truth with a salt, drawn here where its author gave none."""
+    """Add a random salt to a truth that has none."""
     try:
         said = json.loads(path.read_bytes())
     except (OSError, ValueError):
-        return path  # whoever reads it says what is wrong
+        return path  # its reader reports the error
     if isinstance(said, dict) and "salt" not in said:
         files.write(path, json.dumps({"salt": secrets.token_hex(16)} | said).encode())
     return path
@@ -117,7 +117,7 @@ def campaigns(games: Path) -> list[Path]:
 
 
 def manifest(games: Path) -> Manifest:
-    """What was published of these games; the campaigns must still be as they were.
+    """Published data of these games, if the campaigns are unchanged.
 
     Raises:
         InputError: They are not sealed, or a file was changed.
@@ -136,10 +136,10 @@ def manifest(games: Path) -> Manifest:
 
 
 def reveal(games: Path, hidden: Path) -> Revealed:
-    """Publish the truths, and which answers stood before them.
+    """Publish the truths, and the hashes of the answers that existed before.
 
     Raises:
-        UsageError: They are revealed already.
+        UsageError: They are already revealed.
         InputError: A truth is not the one that was sealed; then none is published.
     """
     if (games / REVEALED).exists():
@@ -158,7 +158,7 @@ def reveal(games: Path, hidden: Path) -> Revealed:
 
 
 def revealed(games: Path) -> Revealed:
-    """Which answers count.
+    """Answers that count.
 
     Raises:
         InputError: The truths are not revealed.
@@ -181,7 +181,7 @@ def truths(games: Path) -> dict[str, Truth]:
 
 
 def in_time(games: Path, path: Path) -> bool:
-    """Whether an answer is one that stood when the truths were opened."""
+    """Whether an answer existed when the truths were opened."""
     return revealed(games).answers.get(path.parent.name, {}).get(path.stem) == _hash(path)
 
 

@@ -1,4 +1,4 @@
-"""What all games say of each entry, with intervals."""
+"""Results of each entry over all games, with intervals."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bench.open_league.truth import Truth
 from pipeline.base.arrays import Array
 
 DRAWS, SEED = 4000, 20
-"""Resamples of whole games for an interval, and where their draws begin."""
+"""Number of resamples of whole games for an interval, and seed of their draws."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,10 @@ class Scored:
     """A game of one entry.
 
     Attributes:
-        game: Its name.
-        truth: What was true.
-        score: What came of it.
-        cpu_s: Of a processor [s]; None where nobody knows.
+        game: Name of the game.
+        truth: The truth.
+        score: The score.
+        cpu_s: CPU time [s]; None if unknown.
     """
 
     game: str
@@ -56,7 +56,7 @@ def _counts(games: Path, path: Path) -> bool:
 
 
 def rows(entry: Sequence[Scored]) -> list[tuple[str, str]]:
-    """What is counted, and what came out, in the order of docs/open-league.md."""
+    """The measures and their values, in the order of docs/open-league.md."""
     clean = [g for g in entry if not g.truth.causes]
     listed = [g for g in entry if g.truth.causes and all(c.listed for c in g.truth.causes)]
     strange = [g for g in entry if any(not c.listed for c in g.truth.causes)]
@@ -116,7 +116,7 @@ def _held(value: Value) -> float | None:
 
 
 def share(hits: int, of: int) -> str:
-    """A share with its 95 % interval after Wilson (J. Am. Stat. Assoc. 22, 1927)."""
+    """A fraction with its 95 % interval after Wilson (J. Am. Stat. Assoc. 22, 1927)."""
     if not of:
         return "-"
     ends = stats.binomtest(hits, of).proportion_ci(method="wilson")
@@ -130,7 +130,7 @@ def _games(some: Sequence[Scored], hit: Callable[[Score], bool]) -> str:
 
 
 def mean(some: Sequence[Scored], of: Callable[[Score], float | None], form: str) -> str:
-    """Mean over games with its bootstrap interval; a dash where a game has no number."""
+    """Mean over games with its bootstrap interval; a dash if a game has no number."""
     values = [of(g.score) for g in some]
     if not values or any(v is None for v in values):
         return "-"
@@ -146,7 +146,7 @@ def median(
     unit: float = 1.0,
     averaged: bool = False,
 ) -> str:
-    """Median, or mean, over all values of all games, whole games drawn for the interval."""
+    """Median, or mean, over all values of all games; whole games are resampled for the interval."""
     own = [[unit * v for one in of(g.score) if (v := number(one)) is not None] for g in some]
     return _with_ends(own, np.mean if averaged else np.median, form, " %" if unit == 100 else "")
 
@@ -166,10 +166,10 @@ def _with_ends(
     form: str,
     unit: str = "",
 ) -> str:
-    """A statistic and the 2.5 % and 97.5 % quantiles of it over games drawn with replacement.
+    """A statistic and its 2.5 % and 97.5 % quantiles over games drawn with replacement.
 
-    Efron's percentile interval (Ann. Statist. 7, 1979), games and not values drawn, as those of
-    one game hang together.
+    Efron's percentile interval (Ann. Statist. 7, 1979); games rather than values are drawn, as
+    those of one game are correlated.
     """
     every = np.array([v for one in own for v in one], dtype=float)
     if not len(every):
@@ -196,7 +196,7 @@ def lines(all_: Mapping[str, Sequence[Scored]]) -> list[str]:
 
 
 def by_kind(all_: Mapping[str, Sequence[Scored]]) -> list[str]:
-    """What was named, and which intervals hold the truth, by what was hidden and by noise."""
+    """Names and coverage of intervals, by hidden cause and by noise."""
     cells = (
         ("exactly the true names", lambda some: _games(some, lambda s: s.exact)),
         (
@@ -210,7 +210,7 @@ def by_kind(all_: Mapping[str, Sequence[Scored]]) -> list[str]:
 def _sorted(
     all_: Mapping[str, Sequence[Scored]], what: str, cell: Callable[[Sequence[Scored]], str]
 ) -> list[str]:
-    """A table of one number: a row for each kind and for each noise, a column for each entry."""
+    """A table of one measure: a row for each kind and for each noise, a column for each entry."""
     some = next(iter(all_.values()))
     out = [" | ".join([f"| {what}", *all_]) + " |", "|---" * (len(all_) + 1) + "|"]
     by: tuple[Callable[[Truth], str], ...] = (lambda t: t.kind, lambda t: t.noise)

@@ -1,4 +1,4 @@
-"""truth.json: what was true of a campaign, as whoever made it seals it; docs/open-league.md."""
+"""truth.json: the truth of a campaign, as sealed by its author; see docs/open-league.md."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Three = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 
 
 UNLISTED = "unlisted_law"
-"""The one name that is right for a cause that no catalogue lists: a law at its place."""
+"""The right name for a cause outside the catalogue: a law at its place."""
 
 
 class _Strict(BaseModel):
@@ -25,11 +25,11 @@ class Cause(_Strict):
     """Something that the joint springs leave out.
 
     Attributes:
-        name: A word of docs/causes.md where `listed`, else any.
+        name: A word of docs/causes.md if `listed`, else any.
         where: Joint number or part, as there.
-        accept: Further labels that count as right (`joint_tilt:6`), as twins do.
-        listed: The catalogue has it; for one that it has not, `UNLISTED` at its place is right.
-        amplitudes: True parameters under the catalogue's names, SI.
+        accept: Further labels that count as right (`joint_tilt:6`), such as twins.
+        listed: Whether the catalogue contains it; if not, `UNLISTED` at its place is right.
+        amplitudes: True parameters under the catalogue's names [SI].
     """
 
     name: str
@@ -40,7 +40,7 @@ class Cause(_Strict):
 
     @property
     def labels(self) -> frozenset[str]:
-        """Every label that names it; of what is not listed and has no place, those accepted."""
+        """All labels that name it; those accepted if it is not listed and has no place."""
         name = self.name if self.listed else UNLISTED
         if self.where is not None:
             return frozenset((f"{name}:{self.where}", *self.accept))
@@ -55,7 +55,7 @@ class Stiffness(_Strict):
 
 
 class Prediction(_Strict):
-    """A load that is not in the campaign, and what it truly does.
+    """A load that is not in the campaign, and its true effect.
 
     Attributes:
         name: `test_pose` for the one that campaign.toml states.
@@ -75,12 +75,12 @@ class Truth(_Strict):
 
     Attributes:
         format: 1.
-        salt: 32 hexadecimal digits drawn at random, so that nobody finds the truth by trying.
-        kind: What the tables sort games by: `clean`, `one cause`, ...
-        noise: Likewise, how the readings scatter.
-        stiffness: Of the joints; what a robot has no such thing for is left out.
-        causes: What is hidden; empty where the joint springs are the whole truth.
-        predictions: Loads that nobody measured.
+        salt: At least 32 random hexadecimal digits, so that the truth cannot be found by trial.
+        kind: Kind of game, by which tables are sorted: `clean`, `one cause`, ...
+        noise: Kind of noise, likewise.
+        stiffness: Stiffnesses of the joints; those without one are left out.
+        causes: Hidden causes; empty if the joint springs are the whole truth.
+        predictions: Loads that are not measured.
     """
 
     format: Literal[1] = 1
@@ -93,10 +93,10 @@ class Truth(_Strict):
 
 
 def read(path: Path) -> Truth:
-    """A truth.
+    """Read a truth.
 
     Raises:
-        InputError: The file is none.
+        InputError: The file is not a valid truth.
     """
     try:
         data = path.read_bytes()
@@ -116,5 +116,5 @@ def read(path: Path) -> Truth:
 
 
 def write(path: Path, truth: Truth) -> None:
-    """Keep a truth; its bytes are what is hashed."""
+    """Write a truth, in the bytes that are hashed."""
     files.write(path, (truth.model_dump_json(indent=1) + "\n").encode())

@@ -1,1 +1,1 @@
-"""The paper's own tables and figures, made again: evidence, not product."""
+"""Reproduction of the paper's tables and figures: evidence, not product."""

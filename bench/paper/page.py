@@ -1,4 +1,4 @@
-"""The paper's numbers beside ours, as page, PDF and pictures."""
+"""The paper's numbers compared with ours, as page, PDF and figures."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ COLUMNS = (
 
 
 def paper_files(parts: Sequence[Reproduction], seconds: float) -> dict[str, bytes]:
-    """Every file of the page.
+    """All files of the page.
 
     Args:
         parts: One reproduction for each robot.
-        seconds: How long they took.
+        seconds: Time they took [s].
 
     Returns:
         Content by path: index.html, report.pdf, figures/*.svg.

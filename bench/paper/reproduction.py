@@ -1,4 +1,4 @@
-"""What `make paper` does: the paper's numbers beside ours, printed and as a page."""
+"""`make paper`: the paper's numbers compared with ours, printed and as a page."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class Made:
 
     Attributes:
         parts: One for each robot.
-        seconds: Wall time.
+        seconds: Wall time [s].
     """
 
     parts: tuple[Reproduction, ...]
     seconds: float
 
     def content(self) -> dict[str, Any]:
-        """What --json prints."""
+        """Content printed by --json."""
         return {
             "assumptions": ASSUMPTIONS,
             "misprints": MISPRINTS,
@@ -48,7 +48,7 @@ class Made:
         return json.dumps(self.content(), ensure_ascii=False, allow_nan=False)
 
     def as_text(self) -> str:
-        """For people: assumptions, misprints, then entry by entry."""
+        """Readable text: assumptions, misprints, then entry by entry."""
         lines = ["Assumptions", *(f"  {line}" for line in ASSUMPTIONS), ""]
         lines += ["Misprints and gaps", *(f"  {line}" for line in MISPRINTS)]
         for part in self.parts:
@@ -62,9 +62,9 @@ def run(seed: int, repetitions: int, poses: int, say: Callable[[str], None]) -> 
 
     Args:
         seed: Determines every draw and search.
-        repetitions: Of Table IV.
+        repetitions: Repetitions of Table IV.
         poses: Validation poses of each set of Table V.
-        say: Takes one line of progress at a time.
+        say: Called with one line of progress at a time.
     """
     began = time.perf_counter()
     parts = []
@@ -75,7 +75,7 @@ def run(seed: int, repetitions: int, poses: int, say: Callable[[str], None]) -> 
 
 
 def write(root: Path, made: Made) -> Path:
-    """Write the page, the PDF and the numbers to reports/paper; gives the page."""
+    """Write the page, the PDF and the numbers to reports/paper; return the page."""
     from bench.paper.page import paper_files  # matplotlib takes half a second to import
 
     folder = root / "reports" / "paper"

@@ -1,4 +1,4 @@
-"""The paper's tables, computed again: what it prints, what comes out, what a better plan gives."""
+"""The paper's tables, computed again: printed values, ours, and those of a better plan."""
 
 from __future__ import annotations
 
@@ -53,16 +53,16 @@ MISPRINTS = (
 
 @dataclass(frozen=True)
 class Entry:
-    """One number of the paper beside ours.
+    """One number of the paper compared with ours.
 
     Attributes:
         table: `II`, `IV`, `V`, `Fig. 6`.
         what: Which entry.
         unit: Its unit.
-        paper: As printed; None where the paper gives no number.
-        ours: Computed with the published plan; None where it cannot be.
-        better: The same for our own plan; None where it was not computed.
-        note: Why an entry is missing or far off.
+        paper: As printed; None if the paper gives no number.
+        ours: Computed with the published plan; None if that is impossible.
+        better: The same for our own plan; None if it was not computed.
+        note: Why an entry is missing or differs strongly.
     """
 
     table: str
@@ -81,7 +81,7 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """Everything for one robot.
+    """Results for one robot.
 
     Attributes:
         robot: Name of the robot.
@@ -102,7 +102,7 @@ class Reproduction:
 
 @dataclass(frozen=True, eq=False)
 class Repeated(Locked):
-    """Stiffnesses identified again and again: Table IV.
+    """Stiffnesses identified repeatedly: Table IV.
 
     Attributes:
         stiffness: Estimates of each repetition, shape (r, n).
@@ -140,7 +140,7 @@ def reproduce(robot: Robot, seed: int, repetitions: int = 200, poses: int = 1000
     Args:
         robot: `kr500_rail` or `kr500_rail_kuka`.
         seed: Determines every draw and search.
-        repetitions: Of Table IV.
+        repetitions: Repetitions of Table IV.
         poses: Validation poses of each set of Table V.
     """
     paper, problem = printed(), reference(robot)
@@ -167,7 +167,7 @@ def reproduce(robot: Robot, seed: int, repetitions: int = 200, poses: int = 1000
 
 
 def _better(problem: Problem, rng: np.random.Generator) -> Plan:
-    """Our plan of the published size, every joint known to better than its own compliance."""
+    """Our plan of the published size, with every compliance known to better than its own value."""
     spec = revised(problem.spec, {"limits": {"max_relative_std": 1.0}})
     kept = build(spec, problem.robot)
     *_, last = search(kept, rng, Effort(rounds=1))
@@ -205,13 +205,13 @@ def figure_6(paper: dict[str, Any], anchors: ByAnchor) -> Iterator[Entry]:
 
 
 def repeat(problem: Problem, plan: Plan, rng: np.random.Generator, repetitions: int) -> Repeated:
-    """Identify the stiffnesses from scattered displacements by Eq. (21), again and again.
+    """Identify the stiffnesses repeatedly from noisy displacements by Eq. (21).
 
     Args:
         problem: The reference problem.
-        plan: Which poses.
-        rng: Source of the scatter of Eq. (18).
-        repetitions: How often.
+        plan: Plan with the poses.
+        rng: Source of the noise of Eq. (18).
+        repetitions: Number of repetitions.
     """
     at = station(problem.experiment, plan.q, plan.anchor)
     B = PULL_N * np.concatenate([at.A[..., k].transpose(0, 2, 1) for k in range(len(plan.q))])
@@ -247,7 +247,7 @@ def table_iv(
 def _beyond_reach(
     paper: dict[str, Any], problem: Problem, draws: dict[str, Repeated], joint: int
 ) -> str:
-    """Why a stiffness has no standard deviation: some of its compliances come out negative."""
+    """Why a stiffness has no standard deviation: some of its estimated compliances are negative."""
     nominal = problem.experiment.scale[joint]
     spread = float(100 * draws["published"].compliance[:, joint].std(ddof=1) / nominal)
     force_kn = PULL_N * spread / paper["table_iv"]["std_percent"][joint] / 1e3
@@ -295,7 +295,7 @@ def _validation_poses(
 
 
 def _drawn(repeated: Repeated, kind: str, rng: np.random.Generator, poses: int) -> Array:
-    """Compliances with the mean and covariance of the repetitions, or each by itself, (p, n)."""
+    """Compliances with mean and covariance of the repetitions, or drawn independently, (p, n)."""
     x = repeated.compliance
     mean, cov = x.mean(axis=0), np.cov(x.T)
     std = np.sqrt(np.diag(cov))

@@ -1,1 +1,1 @@
-"""Other tools on the same data: the same poses held out, the same judge (`make peers`)."""
+"""Other tools on the same data: the same held-out poses, the same judge (`make peers`)."""

@@ -1,4 +1,4 @@
-"""The table of an arm from its robot file, read with tomllib alone, and its frames."""
+"""The DH table of an arm from its robot file, read with tomllib alone, and its frames."""
 
 import tomllib
 from dataclasses import dataclass
@@ -9,10 +9,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Arm:
-    """A modified DH table: Rx(alpha) Tx(a) Rz(theta) Tz(d), a joint value added to theta or d.
+    """A modified DH table: Rx(alpha) Tx(a) Rz(theta) Tz(d), with a joint value added to theta or d.
 
     Attributes:
-        name: Of the robot.
+        name: Name of the robot.
         table: alpha [rad], a [m], theta [rad], d [m], shape (n, 4).
         slides: Which joints are prismatic, shape (n,).
         axes: Names of the controller's axes.
@@ -31,7 +31,7 @@ class Arm:
 
 
 def read(path: Path) -> Arm:
-    """An arm from a robot file in Craig's letters (a, d) or Khalil's (d, r)."""
+    """Read an arm from a robot file in Craig's letters (a, d) or Khalil's (d, r)."""
     said = tomllib.loads(path.read_text("utf-8"))
     x, z = {"craig": ("a_m", "d_m"), "khalil": ("d_m", "r_m")}[said["convention"]]
     table = [

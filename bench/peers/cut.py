@@ -1,4 +1,4 @@
-"""Campaigns cut in two: what teaches and what is held out, for the package and for its peers."""
+"""Campaigns split into training and held-out data, for the package and for its peers."""
 
 import csv
 import re
@@ -16,22 +16,22 @@ from bench.peers.urdf import urdf
 HERE = Path(__file__).parents[2]
 RAW, ROBOTS = HERE / "data/raw", HERE / "pipeline/machine/robot"
 FIFTH, RUN = 5, 10
-"""Every fifth pose is held out; so many held-out poses in the order of the measurement are a
-cluster: their errors come from neighbouring hours, and resampling them one by one would hide it."""
+"""Every fifth pose is held out. Ten held-out poses in the order of measurement form a cluster:
+their errors come from neighbouring hours, and resampling them individually would hide that."""
 POSE = ("x1", "y1", "z1", "phix1", "phiy1", "phiz1")
-"""FIGAROH's names of what is measured [m], [rad, roll, pitch and yaw]."""
+"""FIGAROH's names of the measured quantities [m], [rad, roll, pitch and yaw]."""
 
 
 @dataclass(frozen=True)
 class Positions:
-    """Positions of targets, cut in two.
+    """Positions of targets, split in two.
 
     Attributes:
-        name: Of the trial.
-        said: What teaches and what is held out, in words.
+        name: Name of the trial.
+        said: Training and held-out data, in words.
         campaign: Folder under data/raw.
         robot: Its robot file.
-        teaches: Rows of each file that teach, by file; a file that is not there is left out.
+        teaches: Which rows of each file are for training, by file; other files are left out.
         held: The file whose other rows are held out.
     """
 
@@ -45,13 +45,13 @@ class Positions:
 
 @dataclass(frozen=True)
 class Loads:
-    """Pulls of a campaign, poses held out in turn.
+    """Pulls of a campaign, with poses held out in turn.
 
     Attributes:
-        name: Of the campaign under data/raw.
-        said: What it is.
+        name: Name of the campaign under data/raw.
+        said: Description.
         robot: Its robot file.
-        folds: How many parts; a pose is of the part of its number's remainder.
+        folds: Number of parts; a pose belongs to the part of its number's remainder.
     """
 
     name: str
@@ -91,15 +91,15 @@ def lines(path: Path) -> tuple[bytes, list[bytes]]:
 
 
 def positions(trial: Positions, root: Path, folder: Path) -> np.ndarray:
-    """Write a trial: a campaign under `root`, what to predict, and the same for the peers.
+    """Write a trial: a campaign under `root`, poses to predict, and the same for the peers.
 
     Args:
-        trial: Which.
-        root: Of a project, for `pipeline`.
+        trial: The trial.
+        root: Root of a project, for `pipeline`.
         folder: For train.csv, test.csv and robot.urdf of the peers, and poses.csv of `pipeline`.
 
     Returns:
-        What was measured at the poses held out [m], shape (m, 3).
+        Positions measured at the held-out poses [m], shape (m, 3).
     """
     raw, arm = RAW / trial.campaign, arms.read(trial.robot)
     there = root / "data/raw" / trial.name
@@ -124,7 +124,7 @@ def positions(trial: Positions, root: Path, folder: Path) -> np.ndarray:
 
 
 def _of_files(said: str, files: set[str]) -> str:
-    """campaign.toml without the files that teach nothing."""
+    """campaign.toml without the files that are not used for training."""
     named = re.search(r"^files = \{(.*)\}$", said, re.MULTILINE)
     if named is None:
         return said
@@ -137,7 +137,7 @@ def _kept(path: Path, keeps: Callable[[int], bool]) -> np.ndarray:
 
 
 def _table(path: Path, arm: arms.Arm) -> np.ndarray:
-    """Positions [m], roll, pitch, yaw [rad] (NaN where not measured) and joints [rad]."""
+    """Positions [m], roll, pitch, yaw [rad] (NaN if not measured) and joint values [rad]."""
     tracker = path.read_text("utf-8-sig").partition("\n")[0].count(";") > 0
     with path.open(encoding="utf-8-sig") as file:
         rows = list(csv.DictReader(file, delimiter=";" if tracker else ","))
@@ -159,15 +159,15 @@ def _write(path: Path, names: tuple[str, ...] | list[str], rows: np.ndarray) -> 
 
 
 def clusters(trial: Positions, held: int) -> np.ndarray:
-    """Which cluster each held-out pose is of, in the order of the measurement."""
+    """Cluster of each held-out pose, in the order of measurement."""
     return np.arange(held) // RUN
 
 
 def loads(trial: Loads, fold: int, root: Path, folder: Path) -> springs.Pulls:
-    """Write one part of a campaign of pulls: what teaches under `root`, all of it for the peers.
+    """Write one part of a campaign of pulls: training data under `root`, all data for the peers.
 
     Returns:
-        The pulls that are held out.
+        The held-out pulls.
     """
     raw, name = RAW / trial.name, f"{trial.name}_{fold}"
     for out, mine in ((root / "data/raw" / name, False), (folder / f"{name}_test", True)):
@@ -189,7 +189,7 @@ def loads(trial: Loads, fold: int, root: Path, folder: Path) -> springs.Pulls:
 
 
 def _of(path: Path, row: bytes, fold: int, folds: int) -> bool | None:
-    """True where a row is of a pose held out; None where it is of all, as a base reading is."""
+    """Whether a row belongs to a held-out pose; None if it belongs to all (base readings)."""
     first = row.split(b",")[0].decode()
     if path.name == "tracker.csv":
         found = re.match(r"pose(\d+)_", first)

@@ -1,4 +1,4 @@
-"""Plain least squares on the DH table, positions alone: numpy and scipy, nothing of the package."""
+"""Least squares of the DH parameters, positions alone: numpy and scipy, nothing of the package."""
 
 import sys
 from pathlib import Path
@@ -10,17 +10,17 @@ from bench.peers import arm as arms
 from bench.peers.judge import laid
 
 STEPS, WIDTH, UNSEEN = 8, 1e-6, 1e-4
-"""Steps; half of what a parameter is varied by for a derivative [m] or [rad]; singular values
-below this part of the largest count as zero."""
+"""Number of steps; half step of a central difference [m or rad]; fraction of the largest singular
+value below which one counts as zero."""
 
 
 def told(arm: arms.Arm, x: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Where the target is in the frame of the instrument [m], shape (m, 3).
+    """Position of the target in the frame of the instrument [m], shape (m, 3).
 
     Args:
-        arm: With its nominal table.
-        x: Rotation vector and place of the base, place of the target in the flange frame, and what
-            is added to the table, shape (9 + 4 n,).
+        arm: Arm with its nominal table.
+        x: Rotation vector and position of the base, position of the target in the flange frame, and
+            additions to the table, shape (9 + 4 n,).
         q: Joint values [rad], shape (m, n).
     """
     T = arms.frames(arm.table + x[9:].reshape(-1, 4), arm.slides, q)[:, -1]
@@ -29,11 +29,11 @@ def told(arm: arms.Arm, x: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def calibrated(arm: arms.Arm, q: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """The parameters that make sum |told - seen|^2 smallest, by Gauss and Newton.
+    """Parameters that minimise sum |told - seen|^2, by Gauss-Newton.
 
-    Some mixes of the parameters move no target, others hardly one (base and first joint, joints
-    with parallel axes): each step is the shortest in columns of unit length, without mixes that
-    are `UNSEEN`.
+    Some combinations of the parameters move no target, others hardly any (base and first joint,
+    joints with parallel axes): each step is the shortest one with columns of unit length, without
+    combinations below `UNSEEN`.
     """
     x = np.zeros(9 + 4 * len(arm.table))
     turn, shift = laid(told(arm, x, q), seen)
@@ -55,7 +55,7 @@ def columns(path: Path, arm: arms.Arm) -> tuple[np.ndarray, np.ndarray]:
 
 
 def main(robot: str, folder: str) -> None:
-    """Calibrate by train.csv and predict test.csv of a folder."""
+    """Calibrate with train.csv and predict test.csv of a folder."""
     arm, here = arms.read(Path(robot)), Path(folder)
     q, seen = columns(here / "train.csv", arm)
     there, _ = columns(here / "test.csv", arm)

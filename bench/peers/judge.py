@@ -1,4 +1,4 @@
-"""The judge of all tools alike: errors at poses held out, and how sure they are."""
+"""Common judge of all tools: errors at held-out poses, and their intervals."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,16 +11,16 @@ SEED = 20260801  # of the resampled clusters: which intervals come out, not whic
 
 @dataclass(frozen=True)
 class Errors:
-    """How far a tool is off at targets held out [m].
+    """Errors of a tool at held-out targets [m].
 
     Attributes:
         mean: Mean distance.
         mean_ci: 95 % interval of the mean.
         rms: Root of the mean squared distance.
         rms_ci: Its 95 % interval.
-        most: Largest distance; no interval, as none from resampling holds for an extreme.
-        n: Targets.
-        clusters: Clusters that were resampled whole.
+        most: Largest distance; without interval, since resampling is not valid for an extreme.
+        n: Number of targets.
+        clusters: Number of clusters, which were resampled as a whole.
     """
 
     mean: float
@@ -33,7 +33,7 @@ class Errors:
 
 
 def laid(told: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation and shift that lay one set of points on another, R told + t (Kabsch)."""
+    """Rotation and translation that fit one set of points to another, R told + t (Kabsch)."""
     U, _, Vt = np.linalg.svd((told - told.mean(0)).T @ (seen - seen.mean(0)))
     proper = np.diag([1.0, 1.0, np.sign(np.linalg.det(Vt.T @ U.T))])
     R = Vt.T @ proper @ U.T
@@ -41,7 +41,7 @@ def laid(told: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def distances(told: np.ndarray, seen: np.ndarray, lay: bool) -> np.ndarray:
-    """Distance of each target [m], shape (m,); `lay`: once the frames are laid on each other."""
+    """Distance of each target [m], shape (m,); with `lay`, after a fit of the frames."""
     if lay:
         R, t = laid(told, seen)
         told = told @ R.T + t
@@ -50,7 +50,7 @@ def distances(told: np.ndarray, seen: np.ndarray, lay: bool) -> np.ndarray:
 
 @lru_cache
 def _drawn(count: int) -> np.ndarray:
-    """How often each of so many clusters is drawn in each resample, shape (RESAMPLES, count)."""
+    """How often each of `count` clusters is drawn in each resample, shape (RESAMPLES, count)."""
     draws = np.random.default_rng(SEED).integers(0, count, (RESAMPLES, count))
     return np.stack([np.bincount(one, minlength=count) for one in draws])
 
@@ -66,7 +66,7 @@ def errors(off: np.ndarray, cluster: np.ndarray) -> Errors:
 
     Args:
         off: Distance of each target [m], shape (m,).
-        cluster: Which cluster each is of, 0, 1, ..., shape (m,).
+        cluster: Cluster of each, 0, 1, ..., shape (m,).
     """
     mean, rms = _means(off, cluster), np.sqrt(_means(off**2, cluster))
     ends = [tuple(float(v) for v in np.percentile(one, [2.5, 97.5])) for one in (mean, rms)]

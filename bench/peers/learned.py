@@ -1,4 +1,4 @@
-"""What many would do next: what DH least squares leaves, learned from the joint values alone.
+"""A common next step: residuals of DH least squares, learned from the joint values alone.
 
 A Gaussian process of scikit-learn with one length per joint, its hyperparameters by likelihood.
 """
@@ -20,11 +20,11 @@ ENOUGH = 800
 
 
 def learned(q: np.ndarray, off: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """What is expected to be left at other joint values [m], shape (k, 3).
+    """Expected residuals at other joint values [m], shape (k, 3).
 
     Args:
-        q: Joint values that teach [rad], shape (m, n).
-        off: What is left there [m], shape (m, 3).
+        q: Joint values for training [rad], shape (m, n).
+        off: Residuals there [m], shape (m, 3).
         there: Joint values [rad], shape (k, n).
     """
     size = off.std()
@@ -40,7 +40,7 @@ def learned(q: np.ndarray, off: np.ndarray, there: np.ndarray) -> np.ndarray:
 
 
 def main(robot: str, folder: str) -> None:
-    """Calibrate and learn by train.csv, and predict test.csv of a folder."""
+    """Calibrate and learn with train.csv, and predict test.csv of a folder."""
     arm, here = arms.read(Path(robot)), Path(folder)
     q, seen = dh.columns(here / "train.csv", arm)
     there, _ = dh.columns(here / "test.csv", arm)

@@ -1,4 +1,4 @@
-"""The tables of docs/peers.md, between marks that leave the rest alone."""
+"""The tables of docs/peers.md, between marks that preserve the rest."""
 
 import ast
 import io
@@ -21,7 +21,7 @@ COMMANDS = 2
 
 
 def record(outcomes: Iterable[Outcome]) -> dict[str, dict[str, dict[str, Any]]]:
-    """Errors [mm] by trial and tool, with their intervals, and seconds of the processor."""
+    """Errors [mm] by trial and tool, with their intervals, and CPU times [s]."""
     found = list(outcomes)
     ours = {one.trial: one.off for one in found if one.tool == OURS}
     out: dict[str, dict[str, dict[str, Any]]] = {}
@@ -42,11 +42,11 @@ def record(outcomes: Iterable[Outcome]) -> dict[str, dict[str, dict[str, Any]]]:
 
 
 def written(said: dict[str, dict[str, dict[str, Any]]], twice: str) -> str:
-    """Everything between the marks.
+    """Text between the marks.
 
     Args:
-        said: As from `record`.
-        twice: What differs from the run before, from `again`.
+        said: Record as from `record`.
+        twice: Differences from the previous run, from `again`.
     """
     trials = (*cut.TRIALS, *cut.LOADS)
     parts = [_table(one.said, said[one.name]) for one in trials if one.name in said]
@@ -91,7 +91,7 @@ def _with(value: float, ends: Sequence[float], digits: int = 4) -> str:
 
 
 def code_lines(path: Path) -> int:
-    """Lines that hold code: neither blank, nor comment, nor docstring."""
+    """Number of lines of code: neither blank, nor comment, nor docstring."""
     text = path.read_text("utf-8")
     if path.suffix != ".py":
         return sum(bool(line.partition("#")[0].strip()) for line in text.splitlines())
@@ -109,7 +109,7 @@ def code_lines(path: Path) -> int:
 
 
 def _typed() -> str:
-    """What a user types with each tool, counted in the files that were used."""
+    """Table of what a user types with each tool, counted in the files that were used."""
     names = ("ur10_ipa", "ur5_tsinghua", "kr500_demo")
     settings = " / ".join(str(code_lines(cut.RAW / t / "campaign.toml")) for t in names)
     arm, dh, more, springs, figaroh = (
@@ -133,7 +133,7 @@ def _typed() -> str:
 
 
 def again(said: dict[str, Any], before: dict[str, Any] | None) -> str:
-    """In which numbers this run differs from the one before."""
+    """Differences of this run from the previous one, in words."""
     if before is None:
         return "There is no earlier run to compare with."
     pairs = [
@@ -158,7 +158,7 @@ def again(said: dict[str, Any], before: dict[str, Any] | None) -> str:
 
 
 def placed(old: str, text: str) -> str:
-    """A page with what stands between the marks anew."""
+    """A page with new text between the marks."""
     before, begun, rest = old.partition(BEGIN)
     _, ended, after = rest.partition(END)
     if not (begun and ended):
@@ -167,5 +167,5 @@ def placed(old: str, text: str) -> str:
 
 
 def dumped(said: dict[str, Any]) -> str:
-    """The record as it is kept."""
+    """The record as it is stored."""
     return json.dumps(said, indent=1) + "\n"

@@ -1,4 +1,4 @@
-"""Every tool on every trial, each as processes of its own whose time is counted."""
+"""Every tool on every trial, each in separate processes whose time is measured."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ OURS = "this project"
 NOMINAL, DH, LEARNED = "nominal DH table", "DH least squares", "DH, then a Gaussian process"
 PAPER, RIGID = "the paper's method", "rigid robot"
 LEFT_OUT = 5
-"""Exit code of `pipeline`: done, and readings that it found wrong were left out."""
+"""Exit code of `pipeline` if it has finished and left out readings that it found wrong."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one tool says at the poses held out.
+    """Result of one tool at the held-out poses.
 
     Attributes:
         trial: Name of the trial.
-        tool: Which tool, with what it estimates.
+        tool: The tool, with what it estimates.
         off: Distance of each target from its prediction [m], shape (m,).
-        cluster: Which cluster each is of, shape (m,).
-        seconds: Processor time from Python's start to the prediction [s].
+        cluster: Cluster of each, shape (m,).
+        seconds: CPU time from Python's start to the prediction [s].
     """
 
     trial: str
@@ -46,10 +46,10 @@ class Outcome:
 
 
 def timed(words: list[str | Path] | tuple[str | Path, ...]) -> float:
-    """Run a command on one thread, in the project's folder; its processor time [s].
+    """Run a command on one thread, in the project's folder; return its CPU time [s].
 
     Raises:
-        RuntimeError: It failed; with the last lines that it said.
+        RuntimeError: It failed; with its last lines of output.
     """
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     one = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
@@ -72,7 +72,7 @@ NAMES = tuple(one.name for one in (*cut.TRIALS, *cut.LOADS))
 def outcomes(
     work: Path, say: Callable[[str], None], names: Sequence[str] = NAMES
 ) -> Iterator[Outcome]:
-    """Every trial of these names anew, in a fresh folder."""
+    """Results of the trials of these names, in a fresh folder."""
     shutil.rmtree(work / "trials", ignore_errors=True)
     root = work / "trials/root"
     for trial in (one for one in cut.TRIALS if one.name in names):
@@ -122,7 +122,7 @@ def _settings(folder: Path, six: bool, springs: bool) -> None:
 
 
 def _targets(path: Path, targets: int) -> np.ndarray:
-    """What `pipeline predict` wrote: places [m], shape (m, targets, 3)."""
+    """Positions written by `pipeline predict` [m], shape (m, targets, 3)."""
     with path.open(encoding="utf-8") as file:
         rows = [[float(row[k]) for k in ("x_m", "y_m", "z_m")] for row in csv.DictReader(file)]
     return np.array(rows).reshape(-1, targets, 3)
@@ -155,20 +155,20 @@ def _loads(trial, root, folder):
 
 
 FRAMES = ("ur5", "ur10", "fanuc_r2000ic")
-"""Robots of which pybotics tells the frame of the flange; it knows turning joints only."""
+"""Robots for which pybotics computes the flange frame; it supports revolute joints only."""
 
 
 def keep(work: Path, kept: Path) -> None:
-    """Keep what foreign tools answered: FIGAROH's UR5, and frames by pybotics.
+    """Store results of other tools: FIGAROH's UR5, and frames by pybotics.
 
     Args:
-        work: With the environments and the trials.
-        kept: Folder of the answers.
+        work: Folder with the environments and the trials.
+        kept: Folder of the results.
     """
     for name in ("figaroh.csv", "figaroh.txt"):
         if (found := work / "trials/ur5_fifth" / name).is_file():
             shutil.copy(found, kept / f"ur5_{name}")
-    rng = np.random.default_rng(20260802)  # any joint values would do
+    rng = np.random.default_rng(20260802)  # arbitrary joint values
     for name in FRAMES:
         arm = arms.read(next(t.robot for t in (*cut.TRIALS, *cut.LOADS) if t.robot.stem == name))
         q = rng.uniform(-np.pi, np.pi, (40, len(arm.table)))

@@ -1,8 +1,9 @@
 """The paper's method, from its equations: numpy, nothing of the package.
 
-Guerin, Caro, Garnier, Girin: dp = A x (Eq. 6, 7), f = |f| u along the chain (Eq. 10, 11),
-x = (B' B)^-1 B' c (Eq. 19 to 21). Of the frame of the tracker the paper only says that F_b is
-meant; here it is laid on the base reflectors by a rigid body, all of their readings averaged.
+Guerin, Caro, Garnier, Girin: dp = A x (Eq. 6, 7), f = |f| u along the chain (Eq. 10, 11), x = (B'
+B)^-1 B' c (Eq. 19 to 21). About the frame of the tracker, the paper only says that quantities are
+in F_b; here it is fitted to the base reflectors as a rigid body, with the mean of all their
+readings.
 """
 
 import csv
@@ -24,7 +25,7 @@ class Pulls:
     Attributes:
         pose: Number of the pose, shape (m,).
         q: Joint values [m] or [rad], shape (m, n).
-        force: On the robot [N], shape (m, 3).
+        force: Force on the robot [N], shape (m, 3).
         moved: Displacements of the reflectors [m], shape (m, t, 3).
         points: Reflectors in the flange frame [m], shape (t, 3).
         load: Load point in the flange frame [m], shape (3,).
@@ -39,7 +40,7 @@ class Pulls:
 
 
 def rows(path: Path) -> list[dict[str, str]]:
-    """A CSV file by column."""
+    """Rows of a CSV file, by title."""
     with path.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
@@ -59,7 +60,7 @@ def joint_values(path: Path, arm: arms.Arm) -> dict[int, np.ndarray]:
 
 
 def from_tracker(folder: Path, arm: arms.Arm) -> Pulls:
-    """Pulls of tracker.csv and loads.csv, whose groups are named pose01_rep2_loaded."""
+    """Pulls of tracker.csv and loads.csv, with groups named pose01_rep2_loaded."""
     said = tomllib.loads((folder / "campaign.toml").read_text("utf-8"))
     at: dict[str, dict[str, list[np.ndarray]]] = {}
     for row in rows(folder / "tracker.csv"):
@@ -97,7 +98,7 @@ def from_tracker(folder: Path, arm: arms.Arm) -> Pulls:
 
 
 def from_tables(folder: Path, arm: arms.Arm) -> Pulls:
-    """Pulls of displacements.csv and forces.csv, which are in F_b already."""
+    """Pulls of displacements.csv and forces.csv, which are already in F_b."""
     tool = tomllib.loads((folder / "campaign.toml").read_text("utf-8"))["tool"]
     q, moved = joint_values(folder / "joints.csv", arm), rows(folder / "displacements.csv")
     forces = rows(folder / "forces.csv")
@@ -148,7 +149,7 @@ def read(folder: Path, arm: arms.Arm) -> Pulls:
 
 
 def main(robot: str, train: str, test: str, out: str) -> None:
-    """Identify by one folder and predict the pulls of another."""
+    """Identify with one folder and predict the pulls of another."""
     arm = arms.read(Path(robot))
     x = compliances(arm, read(Path(train), arm))
     told = sensitivities(arm, read(Path(test), arm)) @ x

@@ -6,10 +6,10 @@ from bench.peers.arm import Arm
 
 
 def urdf(arm: Arm) -> str:
-    """The arm as a URDF with masses: a joint's origin is Rx(alpha) Tx(a) Tz(d).
+    """The arm as a URDF with masses; a joint's origin is Rx(alpha) Tx(a) Tz(d).
 
     Raises:
-        ValueError: A joint has an offset of theta, which an origin would have to turn.
+        ValueError: A joint slides or has an offset of theta, which an origin would have to rotate.
     """
     if arm.table[:, 2].any() or arm.slides.any():
         raise ValueError("only turning joints without an offset")

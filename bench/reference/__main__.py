@@ -1,4 +1,4 @@
-"""`python -m bench.reference`: in how many digits our answers agree with the certified ones."""
+"""`python -m bench.reference`: number of digits in which answers agree with certified ones."""
 
 from __future__ import annotations
 

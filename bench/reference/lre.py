@@ -1,4 +1,4 @@
-"""How many digits of ours agree with the certified ones."""
+"""Number of digits in which our values agree with the certified ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pipeline.system.estimate import identify
 
 CASES = Path(__file__).with_name("cases")
 MOST = 15.0
-"""Digits at most: the certified values are written with so many."""
+"""Maximum number of digits: that of the certified values."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,9 @@ class Agreement:
     """Digits in which one case agrees, LRE = -log10(|q - c| / |c|) (McCullough 1998).
 
     Attributes:
-        case: Its name.
-        value: Fewest digits of any parameter; of a rotation matrix and a shift, each as a whole.
+        case: Name of the case.
+        value: Fewest digits of any parameter; of a rotation matrix and a translation, each as a
+            whole.
         std: Fewest digits of any standard uncertainty.
         squares: Digits of the sum of squares.
     """
@@ -39,12 +40,12 @@ class Agreement:
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """What is compared: parts of which each has one size, value and uncertainty, and a sum.
+    """Numbers to be compared, in parts that each have one norm.
 
     Attributes:
         value: Parts of the estimates.
         std: Parts of the standard uncertainties.
-        squares: Sum of squares that was made smallest.
+        squares: Minimised sum of squares.
     """
 
     value: tuple[Array, ...]
@@ -53,7 +54,7 @@ class Numbers:
 
 
 def names() -> list[str]:
-    """The cases in their order of difficulty, as docs/reference.md has them."""
+    """The cases in order of difficulty, as in docs/reference.md."""
     order = "plain few floor scales drowned collinear zeros common weights poses soft placing"
     return order.split()
 
@@ -73,7 +74,7 @@ def agreement(case: str) -> Agreement:
 
 
 def compared(case: str, ours: Numbers) -> Agreement:
-    """Digits of some numbers of a case."""
+    """Digits in which numbers of a case agree."""
     true = certified(case)
     return Agreement(
         case,
@@ -84,13 +85,13 @@ def compared(case: str, ours: Numbers) -> Agreement:
 
 
 def _digits(ours: Array, true: Array) -> float:
-    """Log relative error of a part: largest difference over its length."""
+    """Log relative error of a part: largest difference over its norm."""
     off = float(np.abs(ours - true).max() / np.linalg.norm(true))
     return MOST if off < 10**-MOST else float(-np.log10(off))
 
 
 def certified(case: str) -> Numbers:
-    """The certified numbers of a case, each compliance a part of its own."""
+    """The certified numbers of a case; each compliance is a separate part."""
     said = json.loads((CASES / case / "certified.json").read_text("utf-8"))
     value = np.array([float(one["value"]) for one in said["parameters"]])
     std = [None if one["std"] is None else float(one["std"]) for one in said["parameters"]]
@@ -105,7 +106,7 @@ def certified(case: str) -> Numbers:
 
 
 def estimated(case: str) -> Numbers:
-    """What the estimator says, in the noise as stated and with c = B x and nothing beside it."""
+    """Values of the estimator, with noise as stated and c = B x alone."""
     raw = in_memory(content(case))
     return _placed(raw) if case == "placing" else _springs(raw)
 
@@ -125,17 +126,17 @@ def _placed(raw: Raw) -> Numbers:
     found = register(raw.settings, case.readings)
     x, y, z = found.t - found.centre
     arm = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])
-    move = np.hstack([arm, np.eye(3)])  # of t by (w, s): w x (t - centre) + s
+    move = np.hstack([arm, np.eye(3)])  # of t due to (w, s): w x (t - centre) + s
     std = np.sqrt(np.diag(found.cov)[:3]), np.sqrt(np.diag(move @ found.cov @ move.T))
     assert found.chi2 is not None  # the case states its noise
     return Numbers((found.R.ravel(), found.t), std, found.chi2)
 
 
 def away(case: str) -> float:
-    """How far the joint springs of result.json are from the certified values, in certified u.
+    """Largest difference of result.json's joint springs from the certified values [certified u].
 
-    They answer a larger question: noise found in the data, its tails and its wander are in the
-    weights, and so is what c = B x leaves out.
+    They answer a larger question: their weights include noise found in the data, its tails and its
+    wander, and what c = B x neglects.
     """
     said = answered(case, in_memory(content(case))).answer.as_json()["joint_springs"]
     ours = np.array([one["compliance"] for one in said["stiffness"]], dtype=float)

@@ -1,5 +1,5 @@
-"""Worlds outside of the simulator: noise, blunders, loads, payloads and instruments.
+"""Worlds beyond the simulator: noise, blunders, loads, payloads and instruments.
 
-The machine is the league's chain of matrices; the timetable, the noise, the blunders and the
-files are made here. Nothing shares a formula with the code under test.
+The machine is the league's chain of matrices; timetable, noise, blunders and files are made here.
+Nothing shares a formula with the code under test.
 """

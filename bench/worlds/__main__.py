@@ -1,4 +1,4 @@
-"""`python -m bench.worlds`: campaigns as they occur, not as our simulator makes them."""
+"""`python -m bench.worlds`: campaigns as they occur in practice, unlike those of our simulator."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def worlds(
 
 
 def chosen(text: str) -> list[str]:
-    """Names of worlds; an exam stands for all of its own, nothing for all.
+    """Names of worlds; an exam stands for all of its worlds, an empty text for all.
 
     Raises:
         UsageError: There is no such world.
@@ -78,7 +78,7 @@ def chosen(text: str) -> list[str]:
 
 
 def _write(page: Path, log: Path) -> None:
-    """All games of this code that are kept, in the order of the worlds."""
+    """Write all games of this code that are kept, in the order of the worlds."""
     from bench.league.page import between
     from bench.worlds.run import code, games
     from bench.worlds.table import failures, lines

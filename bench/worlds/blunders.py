@@ -1,4 +1,4 @@
-"""Mistakes of the measurement, in what the instrument records."""
+"""Blunders of the measurement, in what the instrument records."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ SIZES_M = (3e-4, 5.0)
 """Smallest and largest blunder [m]; log-uniform between."""
 
 DRIFT_M = (2e-4, 1e-3)
-"""How far the tracker moves over a campaign [m]."""
+"""Displacement of the tracker over a campaign [m]."""
 
 Spoil = Callable[[Sequence[Slot], Array, np.random.Generator], dict[int, Array]]
-"""Timetable and what was recorded, tracker's frame (r, 3) [m] -> what spoilt readings say."""
+"""Function of the timetable and the record, tracker's frame (r, 3) [m]; returns spoilt readings."""
 
 
 def displaced(record: Array, at: int, rng: np.random.Generator) -> Array:
-    """A reading that is off by s in a random direction."""
+    """A reading with an error of random direction and size."""
     way = rng.normal(size=3)
     size = np.exp(rng.uniform(*np.log(SIZES_M)))
     return np.asarray(record[at] + size * way / np.linalg.norm(way))
 
 
 def off(state: str) -> Spoil:
-    """One reading of a state is off."""
+    """One reading of a state is wrong."""
 
     def spoil(slots: Sequence[Slot], record: Array, rng: np.random.Generator) -> dict[int, Array]:
         at = int(rng.choice(indices(slots, state)))
@@ -37,7 +37,7 @@ def off(state: str) -> Spoil:
 
 
 def stale(slots: Sequence[Slot], record: Array, rng: np.random.Generator) -> dict[int, Array]:
-    """The instrument repeats the reading before."""
+    """The instrument repeats the previous reading."""
     at = int(rng.integers(1, len(slots)))
     return {at: record[at - 1].copy()}
 
@@ -48,7 +48,7 @@ def failed_lock(slots: Sequence[Slot], record: Array, rng: np.random.Generator) 
 
 
 def _any(at: int, record: Array, rng: np.random.Generator) -> Array:
-    """Half of the blunders are off, a quarter stale, a quarter failed locks."""
+    """Half of the blunders are displaced, a quarter stale, a quarter failed locks."""
     kind = rng.random()
     if kind < 0.5 or at == 0:
         return displaced(record, at, rng)
@@ -82,9 +82,10 @@ def nothing(slots: Sequence[Slot], record: Array, rng: np.random.Generator) -> d
 
 
 def tracker_moves(hours: Array, local: Array, rng: np.random.Generator) -> Array:
-    """Errors of a tracker that moves as a whole at a steady pace, shape (r, 3) [m].
+    """Errors of a tracker that moves as a whole at constant speed, shape (r, 3) [m].
 
-    d(t) = (t / t_end) (v + w x p): v of a size in `DRIFT_M`, w so that it does as much at 10 m.
+    d(t) = (t / t_end) (v + w x p), with v of a size in `DRIFT_M`, and w such that it has the same
+    effect at 10 m.
     """
     size = rng.uniform(*DRIFT_M)
     v, w = rng.normal(size=(2, 3))

@@ -1,4 +1,4 @@
-"""What one game measures: a machine, where the tracker stands, and when each reading is taken."""
+"""One game's measurement: a machine, the station of the tracker, and the time of each reading."""
 
 from __future__ import annotations
 
@@ -33,28 +33,29 @@ REFLECTORS = np.array(
         (1.4, 9.0, 0.35),
     ]
 )
-"""Places of the base reflectors, F_b [m]; the first three to five are used."""
+"""Positions of the base reflectors, F_b [m]; the first three to five are used."""
 
 READING_S = (10.0, 25.0)
-"""From one reading to the next [s]: the operator carries the reflector or turns the tracker."""
+"""Time from one reading to the next [s]: the operator carries the reflector or turns the
+tracker."""
 TIGHTEN_S = (30.0, 60.0)
-"""To the next load step [s]."""
+"""Time to the next load step [s]."""
 MOUNT_S = (240.0, 600.0)
-"""To the next payload [s]: a crane, and the bolts of the flange."""
+"""Time to the next payload [s]: a crane, and the bolts of the flange."""
 MOVE_S = (60.0, 150.0)
-"""To the next pose [s]: drive, hook the chain in, wait."""
+"""Time to the next pose [s]: drive, hook the chain in, wait."""
 ROUND_POSES = (3, 7)
-"""Poses between two rounds of the base reflectors, drawn once per campaign."""
+"""Number of poses between two rounds of the base reflectors, drawn once per campaign."""
 
 
 @dataclass(frozen=True)
 class Manner(Rules):
-    """How a game is measured, beyond the league's rules; the tracker scatters as stated.
+    """How a game is measured, beyond the league's rules; the tracker has its stated noise.
 
     Attributes:
-        hang: Weights at the load point instead of a chain and a scale.
-        targets: Reflectors on the tool that are read, the first of three.
-        at_once: All of them at the same moment, by an instrument that reads poses.
+        hang: Whether weights hang at the load point instead of a chain and a scale.
+        targets: Number of reflectors on the tool that are read, the first of three.
+        at_once: Whether all of them are read at the same moment, by an instrument that reads poses.
         carries: Payloads on the flange instead of chain and weights; as many load steps as
             payloads, or a single one: then each pose has one payload, in turn.
     """
@@ -71,11 +72,11 @@ class Slot:
     """One reading in the timetable.
 
     Attributes:
-        group: Its name in the export.
-        target: Likewise.
-        hours: Since the start.
+        group: Its group in the export.
+        target: Its target in the export.
+        hours: Time since the start [h].
         state: base, unloaded, loaded or chain.
-        pull: Row of the course that it belongs to; -1 for the base.
+        pull: Row of the course to which it belongs; -1 for the base.
         which: Number of the reflector within its state.
     """
 
@@ -89,7 +90,7 @@ class Slot:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """All that is true, before anything is read.
+    """The truth before anything is read.
 
     Attributes:
         robot: For the placements of its joints.
@@ -97,20 +98,20 @@ class Cell:
         rules: How it is measured.
         one: The machine with its secrets.
         tool: True load point and reflectors, flange frame, shape (4, 3) [m].
-        stiffness: True ones, shape (n,) [N/m] or [N m/rad].
+        stiffness: True stiffnesses, shape (n,) [N/m] or [N m/rad].
         base: Base reflectors, F_b, shape (b, 3) [m].
         origin: The tracker's station, F_b, shape (3,) [m].
         axes: Its axes as columns, F_b, shape (3, 3).
         slots: The readings in the order of time.
         course: The pulls.
-        scale: What the scale shows, shape (m,) [N].
-        points: Where each reading's reflector is, F_b, shape (r, 3) [m].
+        scale: Readings of the scale, shape (m,) [N].
+        points: Position of each reading's reflector, F_b, shape (r, 3) [m].
         test_q: Test pose, shape (n,) [m] or [rad].
         test_force: Force there, F_b, shape (3,) [N].
-        amplitudes: What was planted, as the league's judge wants it.
-        payloads: What is mounted; empty where nothing is.
+        amplitudes: Planted secrets, as required by the league's judge.
+        payloads: Mounted payloads; empty if there are none.
         which: Payload of each pull, shape (m,).
-        log: What the controller reads of the torques; None where nobody asks.
+        log: Joint torques read by the controller; None if they are not used.
     """
 
     robot: Robot
@@ -135,7 +136,7 @@ class Cell:
 
     @property
     def hours(self) -> Array:
-        """When each reading is taken, shape (r,)."""
+        """Time of each reading, shape (r,) [h]."""
         return np.array([slot.hours for slot in self.slots])
 
     @property
@@ -144,7 +145,7 @@ class Cell:
         return np.asarray((self.points - self.origin) @ self.axes)
 
     def deflection(self) -> Array:
-        """What the test force does to the reflectors, F_b, shape (t, 3) [m]."""
+        """Displacements of the reflectors due to the test force, F_b, shape (t, 3) [m]."""
         calm = setup(self.robot, self.stiffness).machine
         q = self.test_q[None]
         loaded, _ = calm.settle(q, self.tool[1:], self.tool[0], self.test_force[None])
@@ -159,14 +160,14 @@ def build(
     seed: int,
     secrets: Sequence[tuple[Secret, float]] = (),
 ) -> Cell:
-    """Set a cell up: the same machine, timetable and station for a seed, whatever it hides.
+    """Set up a cell: machine, timetable and station depend on the seed, not on the secrets.
 
     Args:
-        robot: Any.
+        robot: Any robot.
         plan: Where and with what.
         rules: How it is measured.
-        seed: Of everything that is drawn here.
-        secrets: What it hides, each with its size in typical sizes.
+        seed: Seed of everything that is drawn here.
+        secrets: The secrets, each with its size in typical sizes.
     """
     of_truth, of_clock, of_secrets, of_station, of_scale, of_test = np.random.default_rng(
         [seed, 1]
@@ -212,7 +213,7 @@ def build(
 
 
 def random_plan(robot: Robot, rules: Manner, seed: int) -> Plan:
-    """Random reachable poses, as in the league; a further payload hangs at the load point."""
+    """Random reachable poses, as in the league; with payloads, a further one at the load point."""
     plan = drawn(robot, np.random.default_rng([seed, 0]), rules)
     if rules.carries is None:
         return plan
@@ -242,7 +243,7 @@ class _Watch:
 def timetable(
     poses: int, reflectors: int, rules: Manner, rng: np.random.Generator
 ) -> tuple[Slot, ...]:
-    """When what is read: base, then pose by pose with rounds of the base between, then base."""
+    """Times of all readings: base, pose by pose with rounds of the base in between, then base."""
     watch, every = _Watch(rng), int(rng.integers(*ROUND_POSES))
     fixed = [f"B{k + 1}" for k in range(reflectors)]
     names, steps = NAMES[: rules.targets], len(rules.steps)
@@ -283,7 +284,7 @@ def _pulled(
     rules: Manner,
     rng: np.random.Generator,
 ) -> tuple[Array, Moves]:
-    """What the scale shows, and where everything then stands."""
+    """Readings of the scale, and the resulting positions of everything."""
     steps, m = np.array(rules.steps)[course.repeat], len(course.pose)
     nominal = np.round(rules.force_n * steps + (0 if rules.hang else rng.normal(0, 15.0, m)), 2)
     acts = nominal
@@ -301,7 +302,7 @@ def _pulled(
 def _mounted(
     one: Setup, course: Course, rules: Manner, rng: np.random.Generator
 ) -> tuple[tuple[Payload, ...], Ints, Log | None]:
-    """The payloads, which of them hangs at each pull, and the torques of it."""
+    """The payloads, which of them is mounted at each pull, and the torques due to it."""
     if rules.carries is None:
         return (), np.zeros(len(course.pose), int), None
     payloads = mounted(rules.carries, rng)
@@ -316,7 +317,7 @@ def _mounted(
 def _carried(
     one: Setup, course: Course, tool: Array, mass: Array, center: Array
 ) -> tuple[Array, Moves]:
-    """What the payloads weigh [N], and where everything then stands."""
+    """Weights of the payloads [N], and the resulting positions of everything."""
     down = np.tile([0.0, 0.0, -1.0], (len(mass), 1))
     weight = GRAVITY * mass
     moves = strained(one, course, tool, lambda _: down, weight, center)
@@ -326,14 +327,14 @@ def _carried(
 
 
 def _test_force(rules: Manner, rng: np.random.Generator) -> Array:
-    """Any force, mostly downwards, or the weight of a further payload, F_b, shape (3,) [N]."""
+    """A random force, mostly downwards, or the weight of a further payload, F_b, shape (3,) [N]."""
     if rules.carries:
         return np.array([0.0, 0.0, -GRAVITY * rules.carries.further_kg])
     return np.asarray(rng.normal(0, 300.0, 3) - np.array([0, 0, 300.0]))
 
 
 def _points(slots: Sequence[Slot], moves: Moves, base: Array, one: Setup) -> Array:
-    """Where each reading's reflector is when it is read."""
+    """Position of each reading's reflector at the time of reading."""
     stand = {"unloaded": moves.rest, "loaded": moves.loaded, "chain": moves.chain}
     rows = [base[s.which] if s.state == "base" else stand[s.state][s.pull, s.which] for s in slots]
     points = np.array(rows)
@@ -343,5 +344,5 @@ def _points(slots: Sequence[Slot], moves: Moves, base: Array, one: Setup) -> Arr
 
 
 def indices(slots: Sequence[Slot], state: str) -> Ints:
-    """Readings of one state."""
+    """Indices of the readings of one state."""
     return np.flatnonzero([slot.state == state for slot in slots])

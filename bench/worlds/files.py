@@ -1,4 +1,4 @@
-"""What the operator takes home: the raw files of a game."""
+"""The raw files of a game, as brought home by the operator."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def raw(
 
     Args:
         cell: What was measured.
-        record: What the tracker recorded, its own frame, shape (r, 3) [m].
+        record: Readings of the tracker, its own frame, shape (r, 3) [m].
         stated: Line on the noise in `[tracker]`, or empty.
-        instrument: Lines of `[instrument]`; none where nobody says.
-        factor: The log of the scale shows so many times the force.
-        timed: The export says when each reading was taken.
+        instrument: Lines of `[instrument]`; empty if not stated.
+        factor: Factor from the force to the log of the scale.
+        timed: Whether the export states the time of each reading.
     """
     lines = ["group,target,x_mm,y_mm,z_mm" + (",time" if timed else "")]
     for slot, at in zip(cell.slots, 1e3 * record, strict=True):
@@ -60,7 +60,7 @@ def _loads(cell: Cell, factor: float) -> str:
 
 
 def _with_torques(cell: Cell, log: Log, joints: str) -> str:
-    """joints.csv with what the controller reads: a row for each state, or one for each pose."""
+    """joints.csv with torques of the controller: a row for each state, or one for each pose."""
     names = [f"tau{j}_{'n' if s else 'nm'}" for j, s in enumerate(cell.robot.prismatic, 1)]
     titles, *rows = joints.splitlines()
     out = [",".join([titles, *(["repeat"] if log.by_state else []), *names])]
@@ -89,7 +89,7 @@ def _payload(one: Payload) -> list[str]:
 
 
 def line(reading: int) -> int:
-    """Line of a reading in tracker.csv, from 1, behind the titles."""
+    """Line of a reading in tracker.csv, from 1, after the titles."""
     return reading + 2
 
 

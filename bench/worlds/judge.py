@@ -1,4 +1,4 @@
-"""The judge: result.json beside the sealed truth, and nothing else."""
+"""Judge: compares result.json with the sealed truth, and uses nothing else."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ DATA = ("outlier", "label_swap", "unit_mixup", "sign_or_convention", "tool_point
 """Causes that are mistakes in the data."""
 
 MOVED = ("tracker_moved", "tracker_moved_or_knocked")
-"""Findings that say that the tracker did not stand still."""
+"""Findings that the tracker did not stand still."""
 
 LISTED = 0.01
-"""A rival less probable than this is not counted as one."""
+"""Probability below which a rival is not counted [1]."""
 
 CONTRADICTS = 1e-3
-"""Below this p-value a payload is to be called another one than stated (docs/causes.md)."""
+"""p-value below which a payload must be reported as different from stated [1] (docs/causes.md)."""
 
 WIDE = 1.959964
-"""Half a 95 % interval in standard uncertainties."""
+"""Half width of a 95 % interval in standard uncertainties [1]."""
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A truth beside what the answer says of it.
+    """A true value with the answer's estimate.
 
     Attributes:
-        name: Of the quantity.
-        true: Planted, SI.
-        value: Stated.
+        name: Name of the quantity.
+        true: Planted value [SI].
+        value: Estimate.
         std: Stated standard uncertainty.
-        low: Lower end of the 95 % interval; None is no limit.
+        low: Lower end of the 95 % interval; None if there is no limit.
         high: Upper end.
     """
 
@@ -54,18 +54,18 @@ class Interval:
 
     @property
     def covered(self) -> bool:
-        """Whether the interval holds the truth."""
+        """Whether the interval contains the truth."""
         above = self.low is None or self.low <= self.true
         return above and (self.high is None or self.true <= self.high)
 
     @property
     def pull(self) -> float:
-        """How many standard uncertainties the value is off."""
+        """Error of the estimate in standard uncertainties."""
         return (self.value - self.true) / self.std
 
     @property
     def width(self) -> float | None:
-        """Of the interval over the truth; None without limits."""
+        """Width of the interval relative to the truth; None without limits."""
         if self.low is None or self.high is None:
             return None
         return (self.high - self.low) / abs(self.true)
@@ -77,10 +77,10 @@ class Spoilt:
 
     Attributes:
         name: group/target.
-        line: In tracker.csv.
-        off_m: By how much.
-        visible_m: Smallest error of that reading, in that direction, that shows; None: none does.
-        companions: file:line of all that goes with it when its pull is left out.
+        line: Line in tracker.csv.
+        off_m: Size of the error [m].
+        visible_m: Smallest detectable error of that reading in that direction [m]; None if none is.
+        companions: file:line of everything that is left out with its pull.
     """
 
     name: str
@@ -90,28 +90,28 @@ class Spoilt:
     companions: tuple[str, ...] = ()
 
     def meant(self, where: object) -> bool:
-        """Whether a cause's place is this reading, or two ends of a chain with it among them."""
+        """Whether a cause's place is this reading, or two ends of a chain including it."""
         group, _, targets = str(where).partition("/")
         mine, _, target = self.name.partition("/")
         return group == mine and target in targets.split("-")
 
     def above(self, times: float) -> bool:
-        """Whether it is beyond so many times the smallest visible error."""
+        """Whether it exceeds a multiple of the smallest detectable error."""
         return self.visible_m is not None and self.off_m > times * self.visible_m
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What was sealed.
+    """The sealed truth.
 
     Attributes:
         stiffness: Shape (n,) [N/m] or [N m/rad].
-        deflection: At the test pose, shape (t, 3) [m], F_b; None where a hidden cause adds to it.
-        spoilt: What was spoilt.
+        deflection: At the test pose, shape (t, 3) [m], F_b; None if a hidden cause adds to it.
+        spoilt: Spoilt readings.
         secrets: Labels of hidden causes.
-        allowed: Names of causes that are right beside those of noise.
+        allowed: Names of causes that are right in addition to those of noise.
         family: Names of noise that are right.
-        payloads: What was mounted.
+        payloads: Mounted payloads.
     """
 
     stiffness: Sequence[float]
@@ -125,30 +125,30 @@ class Truth:
 
 @dataclass(frozen=True)
 class Judged:
-    """What came of one answer.
+    """Result of one answer.
 
     Attributes:
         outcome: answered, refused (InputError) or crashed.
-        message: Of the error.
+        message: Message of the error.
         verdict: The verdict.
         causes: Labels of all causes.
-        accused: Something is said to be wrong that is not: a cause that is neither noise nor
-            allowed nor hidden, or a verdict that leaves doubt.
-        family: A name of noise that is right was given.
-        springs: Stiffnesses that are called identifiable.
+        accused: Whether something is wrongly reported: a cause that is neither noise nor allowed
+            nor hidden, or a verdict that leaves doubt.
+        family: Whether a name of noise that is right was given.
+        springs: Stiffnesses that are reported as identifiable.
         deflections: At the test pose, each axis of each reflector.
-        combinations: What only a combination of compliances is said to be.
-        placed: For each spoilt reading, whether it is named in place or listed as rejected.
+        combinations: Combinations of compliances that are determined only together.
+        placed: For each spoilt reading, whether it is named at its place or listed as rejected.
         innocents: Readings accused that are not spoilt.
         false_causes: Causes of the machine that are neither allowed nor hidden.
-        drift_said: The tracker is said to have moved.
-        listed: All hidden causes are among causes and rivals.
-        weighed: Masses and centres by the joint torques.
-        contradicted: Payloads that are said not to be what is stated.
-        left_mm: What is left of each payload's rows with the springs of all others, rms.
-        measures: What the instrument is said to measure.
-        positions_mm: How far unloaded reflectors are from the table, and those of left-out poses
-            from the table as estimated, rms per coordinate; empty where that is not said.
+        drift_said: Whether the tracker is reported to have moved.
+        listed: Whether all hidden causes are among causes and rivals.
+        weighed: Masses and centres of mass according to the joint torques.
+        contradicted: Payloads reported as different from stated.
+        left_mm: Residuals of each payload's rows with the springs of all others, rms [mm].
+        measures: What the instrument is reported to measure.
+        positions_mm: Deviation of unloaded reflectors from nominal DH parameters, and of those at
+            left-out poses from estimated ones, rms per coordinate [mm]; empty if not stated.
     """
 
     outcome: str
@@ -179,7 +179,7 @@ def _positions(answer: Json) -> tuple[float, ...]:
 
 
 def judged(truth: Truth, answer: Json) -> Judged:
-    """Open the sealed truth beside result.json."""
+    """Compare result.json with the sealed truth."""
     said = answer["diagnosis"]
     every = said["causes"]
     names = {cause["name"] for cause in every}
@@ -256,7 +256,7 @@ def _deflections(answer: Json, true: Array | None) -> tuple[Interval, ...]:
 
 
 def _weighed(answer: Json, payloads: Sequence[Payload]) -> tuple[Interval, ...]:
-    """What the torques say of each payload, beside what it is."""
+    """Estimates of each payload from the torques, with the true values."""
     true = {one.name: one.true for one in payloads}
     out = []
     for row in answer.get("payloads", ()):
@@ -290,7 +290,7 @@ def _left(answer: Json) -> tuple[float, ...]:
 
 
 def _combinations(answer: Json, stiffness: Sequence[float]) -> tuple[Interval, ...]:
-    """Sums of weight times compliance; of geometry parameters nothing is known here."""
+    """Sums of weight times compliance; combinations with geometry parameters are skipped."""
     true = {row["name"]: 1 / stiffness[row["joint"] - 1] for row in answer["stiffness"]}
     out = []
     for one in answer.get("combinations") or []:
@@ -304,9 +304,9 @@ def _combinations(answer: Json, stiffness: Sequence[float]) -> tuple[Interval, .
 
 
 def shift(answer: Json, before: Json) -> tuple[float, float]:
-    """How far compliances and test-pose deflections moved, at most, in stds of `before`.
+    """Largest changes of compliances and test-pose deflections, in stds of `before`.
 
-    What was determined and no longer is has moved without end.
+    The change is infinite if a quantity is no longer determined.
     """
     return _moved(_compliances(before), _compliances(answer)), _moved(
         _predicted(before), _predicted(answer)
@@ -344,9 +344,9 @@ def _predicted(answer: Json) -> Values:
 
 
 def forces_doubted(answer: Json, before: Json) -> bool:
-    """Whether it is said that forces, or all stiffnesses, are many times what they should be.
+    """Whether forces, or all stiffnesses, are reported to be wrong by a large factor.
 
-    By a cause, or by the factor that the stiffnesses have in common and its sentence.
+    By a cause, or by the common factor of the stiffnesses and its sentence.
     """
     causes = {cause["name"] for cause in answer["diagnosis"]["causes"]}
     return bool(causes & set(FORCE)) or (_factor(answer) and not _factor(before))

@@ -1,4 +1,4 @@
-"""How readings scatter, each law as the instrument would have it: errors in the tracker's frame."""
+"""Laws of noise of readings, as errors in the tracker's frame."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from pipeline.base.arrays import Array
 
 SIGMA_M = 3e-5
-"""Standard uncertainty per axis of one reading [m], as campaign.toml states it."""
+"""Standard uncertainty per axis of one reading [m], as stated in campaign.toml."""
 
 Noise = Callable[[Array, Array, np.random.Generator], Array]
-"""Hours of the readings, shape (r,), and where they are [m], tracker's frame, shape (r, 3) -> their
-errors, shape (r, 3) [m], tracker's frame."""
+"""Function of the hours of the readings, shape (r,), and their positions, tracker's frame, shape
+(r, 3) [m]; returns errors, shape (r, 3) [m], tracker's frame."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,8 @@ class Student:
 
     Attributes:
         freedom: nu, above 2.
-        per_axis: Each axis has a scale of its own; else a reading has one for its three.
+        per_axis: Whether each axis has its own scale; otherwise the three axes of a reading share
+            one.
     """
 
     freedom: float
@@ -53,11 +54,11 @@ class Student:
 
 @dataclass(frozen=True)
 class Bursts:
-    """A part of the readings scatters more.
+    """A fraction of the readings has larger noise.
 
     Attributes:
-        share: Of the readings, drawn one by one.
-        times: So many times wider.
+        share: Fraction of the readings, drawn individually.
+        times: Factor of their noise.
     """
 
     share: float = 0.05
@@ -75,11 +76,11 @@ class Polar:
 
     Attributes:
         range_m: Standard uncertainty along the beam.
-        range_per_m: The same per metre of distance, added.
-        across_m: Across it, per axis.
-        across_per_m: The same per metre, added.
-        freedom: Of Student's t with that variance; normal where infinite.
-        wide: Part of the readings that is four times wider.
+        range_per_m: Added per metre of distance.
+        across_m: Standard uncertainty across the beam, per axis.
+        across_per_m: Added per metre of distance.
+        freedom: Degrees of freedom of Student's t with that variance; normal if infinite.
+        wide: Fraction of the readings with four times the noise.
     """
 
     range_m: float
@@ -104,10 +105,10 @@ class Polar:
 
 @dataclass(frozen=True)
 class Wander:
-    """White noise, and a slow common error: Ornstein and Uhlenbeck's, stationary.
+    """White noise plus a slow common error: a stationary Ornstein-Uhlenbeck process.
 
     d_0 ~ N(0, s^2), d_i = a d_{i-1} + s sqrt(1 - a^2) z_i with a = exp(-(t_i - t_{i-1}) / T),
-    each axis by itself, whatever reflector is read.
+    independently for each axis, whichever reflector is read.
 
     Attributes:
         times: s over sigma.
@@ -125,10 +126,10 @@ class Wander:
 
 @dataclass(frozen=True)
 class Turn:
-    """White noise, and a slow turn of the instrument: w x p, w as the d of `Wander`.
+    """White noise plus a slow rotation of the instrument: w x p, with w like d of `Wander`.
 
     Attributes:
-        times: What it moves per axis at the mean range of all readings, over sigma.
+        times: Displacement per axis at the mean range of all readings, over sigma.
         minutes: T.
     """
 
@@ -143,7 +144,7 @@ class Turn:
 
 
 def _walk(hours: Array, minutes: float, rng: np.random.Generator) -> Array:
-    """Ornstein and Uhlenbeck's process, stationary, of unit variance along three axes."""
+    """Stationary Ornstein-Uhlenbeck process of unit variance along three axes."""
     keeps = np.exp(-60 * np.diff(hours) / minutes)
     steps = rng.normal(size=(len(hours), 3))
     d = np.empty_like(steps)

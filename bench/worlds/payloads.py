@@ -1,4 +1,4 @@
-"""Bodies that are mounted on the flange, and the torques that hold the arm under them."""
+"""Bodies mounted on the flange, and the torques that hold the arm under them."""
 
 from __future__ import annotations
 
@@ -10,40 +10,41 @@ from bench.league.hidden_effect import Course, Setup
 from pipeline.base.arrays import Array, Ints
 
 GRAVITY = 9.81
-"""Free fall where the weights hang [m/s^2]."""
+"""Local gravity [m/s^2]."""
 
 MASS_SIGMA_KG = 0.3
-"""Standard uncertainty of a mass that campaign.toml states: a crane's scale [kg]."""
+"""Standard uncertainty of a mass stated in campaign.toml [kg]: that of a crane's scale."""
 CENTER_SIGMA_M = 2e-3
-"""Likewise of a centre, per axis: from a drawing [m]."""
+"""Standard uncertainty of a centre of mass, per axis [m]: from a drawing."""
 
 WRONG_MASS = (0.03, 0.15)
-"""A mass that is stated wrong is off by such a part, log-uniform: a plate that nobody counted."""
+"""Relative error of a wrongly stated mass [1], log-uniform: a plate that was not counted."""
 WRONG_CENTER_M = (0.015, 0.08)
-"""A centre that is stated wrong is off so far [m], log-uniform: from another face, other jaws."""
+"""Error of a wrongly stated centre [m], log-uniform: measured from another face, other jaws."""
 
 TORQUE_SHARE = 0.005
-"""Scatter of a torque's reading over the largest torque of its joint in the campaign."""
+"""Noise of a torque reading relative to the largest torque of its joint in the campaign [1]."""
 TORQUE_LEAST = 2.0
-"""Smallest scatter of such a reading [N m], of a sliding joint [N]."""
+"""Smallest noise of such a reading [N m], of a sliding joint [N]."""
 
 NUDGE = 1e-4
-"""Joints are moved so far, forth and back, to see what a mass rises [m] or [rad]."""
+"""Step of the joints, in both directions, for the rise of a mass [m or rad]."""
 
 CORNERS = np.vstack([np.zeros(3), np.eye(3)])
-"""Where a kilogram is hung to see what mass and centre do, flange frame [m]."""
+"""Points at which a kilogram is attached to find the effects of mass and centre, flange frame
+[m]."""
 
 ARM = {
     7: ((3, (0.6, 0.0, 0.0), 500.0), (5, (0.0, 0.0, -0.7), 400.0)),
     6: ((2, (0.5, 0.0, 0.0), 250.0), (4, (0.0, 0.0, -0.6), 200.0)),
 }
-"""What an arm of so many joints weighs: joint, place in its frame [m], mass [kg]. Its balancer and
-its controller take care of its sag; the torques show it with and without a payload."""
+"""Masses of an arm by its number of joints: joint, place in its frame [m], mass [kg]. Its balancer
+and its controller compensate its sag; the torques include it with and without a payload."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """A mass and where its centre is.
+    """A mass and its centre.
 
     Attributes:
         mass_kg: [kg].
@@ -64,10 +65,10 @@ class Payload:
     """A body on the flange.
 
     Attributes:
-        name: In campaign.toml and loads.csv.
-        stated: What campaign.toml says of it.
-        true: What it is.
-        wrong: What is stated wrong is meant: `mass` or `center`; empty for nothing.
+        name: Name in campaign.toml and loads.csv.
+        stated: As stated in campaign.toml.
+        true: The truth.
+        wrong: What is deliberately stated wrong, `mass` or `center`; empty for nothing.
     """
 
     name: str
@@ -78,15 +79,15 @@ class Payload:
 
 @dataclass(frozen=True)
 class Carrying:
-    """Which payloads a campaign mounts, and what is read of them.
+    """Payloads of a campaign, and what is read of them.
 
     Attributes:
-        masses_kg: About so heavy [kg], in the order of mounting.
+        masses_kg: Approximate masses [kg], in the order of mounting.
         further_kg: A payload that is not in the campaign: it hangs at the load point of the test
-            pose, and its deflection is predicted.
-        torques: `states`: the log has a row for each state, with all that the motors hold;
-            `load`: it has a row for each pose, with the load's torques alone; empty for none.
-        wrong: `mass` or `center`: one payload is not what is stated.
+            pose, and its deflection is predicted [kg].
+        torques: `states`: the log has a row for each state, with the whole motor torques; `load`:
+            it has a row for each pose, with the torques due to the load alone; empty for none.
+        wrong: `mass` or `center`: one payload differs from what is stated.
     """
 
     masses_kg: tuple[float, ...]
@@ -96,13 +97,13 @@ class Carrying:
 
 
 def drawn_center(rng: np.random.Generator) -> tuple[float, float, float]:
-    """Aside of the flange and before it, to the millimetre [m]."""
+    """Centre beside the flange and in front of it, to the millimetre [m]."""
     x, y = rng.uniform(-0.25, 0.25, 2)
     return round(float(x), 3), round(float(y), 3), round(float(rng.uniform(0.1, 0.4)), 3)
 
 
 def mounted(carries: Carrying, rng: np.random.Generator) -> tuple[Payload, ...]:
-    """The payloads: what is stated is off by the stated uncertainty, or one of them by far more."""
+    """The payloads; stated values err by the stated uncertainty, except one if `wrong`."""
     out = []
     for k, about in enumerate(carries.masses_kg):
         stated = Body(round(about * float(rng.uniform(0.9, 1.1)), 1), drawn_center(rng))
@@ -118,7 +119,7 @@ def mounted(carries: Carrying, rng: np.random.Generator) -> tuple[Payload, ...]:
 
 
 def _wrong(one: Payload, what: str, rng: np.random.Generator) -> Payload:
-    """The same payload, stated otherwise."""
+    """The same payload with a wrong statement."""
     if what == "mass":
         part = float(np.exp(rng.uniform(*np.log(WRONG_MASS))) * rng.choice([-1, 1]))
         stated = replace(one.stated, mass_kg=round(one.stated.mass_kg * (1 + part), 1))
@@ -136,13 +137,14 @@ def _moved(center: tuple[float, float, float], by: Array) -> tuple[float, float,
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Torques that the controller reads, in its own sense.
+    """Torques read by the controller, in its own sense.
 
     Attributes:
-        unloaded: Of the first pull of each pose, without it, shape (m, n) [N m] or [N].
+        unloaded: Before the first pull of each pose, for each pull, shape (m, n) [N m] or [N].
         loaded: Under every pull, shape (m, n).
-        scatter: Of one reading, shape (n,).
-        by_state: The log has a row for each state, not one of their difference for each pose.
+        scatter: Noise of one reading, shape (n,).
+        by_state: Whether the log has a row for each state, rather than one of their difference for
+            each pose.
     """
 
     unloaded: Array
@@ -159,15 +161,15 @@ def read_torques(
     by_state: bool,
     rng: np.random.Generator,
 ) -> Log:
-    """What the controller reads before and under each payload.
+    """Readings of the controller before and under each payload.
 
     Args:
         one: The machine.
-        course: How the measurement went.
-        mass: Of the payloads, shape (m,) [kg].
+        course: Course of the measurement.
+        mass: Masses of the payloads, shape (m,) [kg].
         center: Their centres, flange frame, shape (m, 3) [m].
-        by_state: The log has a row for each state.
-        rng: Of the readings' scatter, and of the sense in which they count.
+        by_state: Whether the log has a row for each state.
+        rng: Source of the noise of the readings, and of their sense.
     """
     rest = held(one, course, 0 * mass, center)
     under = held(one, course, mass, center)
@@ -183,10 +185,10 @@ def read_torques(
 
 
 def held(one: Setup, course: Course, mass: Array, center: Array, arm: bool = True) -> Array:
-    """Torques that hold the arm where it comes to rest, dU/dq, by moving each joint a little.
+    """Torques that hold the arm at rest, dU/dq, by small motions of each joint.
 
-    U is the potential energy of the payload and, where asked, of the arm; the springs keep what
-    they have given way.
+    U is the potential energy of the payload and, optionally, of the arm; the springs keep their
+    deflections.
 
     Returns:
         Shape (m, n) [N m], of a sliding joint [N].
@@ -206,7 +208,7 @@ def held(one: Setup, course: Course, mass: Array, center: Array, arm: bool = Tru
 
 
 def rows_of(payloads: tuple[Payload, ...], which: Ints) -> tuple[Array, Array]:
-    """True masses (m,) [kg] and centres (m, 3) [m] of what is mounted for each pull."""
+    """True masses (m,) [kg] and centres (m, 3) [m] of the payload mounted for each pull."""
     mass = np.array([one.true.mass_kg for one in payloads])
     center = np.array([one.true.center_m for one in payloads])
     return mass[which], center[which]
@@ -215,18 +217,18 @@ def rows_of(payloads: tuple[Payload, ...], which: Ints) -> tuple[Array, Array]:
 def departs(
     one: Setup, course: Course, log: Log, payload: Payload, which: Ints
 ) -> tuple[float, Array]:
-    """How far what is stated is from what is, by all that is known of it.
+    """Distance of the stated payload from the true one, in terms of all that is known of it.
 
-    Mass and mass times centre, x = (m, m c), stand linearly in the torques that the load adds,
-    with a covariance C; what is stated has one of its own, S. The distance is
-    sqrt(d' (C + S)^-1 d), d = stated - true.
+    The torques due to the load are linear in x = (m, m c), mass and mass times centre, which they
+    determine with a covariance C; the statement has its own, S. The distance is sqrt(d' (C + S)^-1
+    d), d = stated - true.
 
     Args:
         one: The machine.
-        course: How the measurement went.
-        log: With the scatter of the torques.
-        payload: The one in question.
-        which: Of the pulls, those under it.
+        course: Course of the measurement.
+        log: With the noise of the torques.
+        payload: The payload.
+        which: Indices of the pulls under it.
 
     Returns:
         The distance, and C, shape (4, 4) [kg], [kg m].

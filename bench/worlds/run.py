@@ -1,4 +1,4 @@
-"""Games of the worlds: drawn from their seeds, played over processes, kept as they end."""
+"""Games of the worlds: drawn from their seeds, played in several processes, kept as they finish."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ from pipeline.service.executor import Executor
 from pipeline.store.campaign import in_memory
 
 SEEDS = Path(__file__).with_name("seeds.txt")
-"""One whole number per game; game k of every world has the k-th."""
+"""One integer per game; game k of every world has the k-th."""
 
 SHELL = ("app", "report", "design")
-"""Folders of the package in which no answer is made."""
+"""Folders of the package that do not contribute to an answer."""
 
 SHOWN = ("__init__.py", "__main__.py", "table.py", "page.py", "figures.py", "contest.py")
-"""Files of the benches that show games and make none."""
+"""Files of the benches that display games and make none."""
 
 TIMES = 2.0
-"""Size of a hidden cause over the smallest identifiable one."""
+"""Size of a hidden cause over the smallest identifiable one [1]."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,10 @@ class Fixture:
     """One game before it is played.
 
     Attributes:
-        world: Its name.
-        number: Place of its seed in the file, from 0.
-        seed: Of everything.
-        cause: A cause of the league hides in it.
+        world: Name of the world.
+        number: Position of its seed in the file, from 0.
+        seed: Seed of everything.
+        cause: Whether a cause of the league is hidden.
     """
 
     world: str
@@ -74,25 +74,25 @@ class Fixture:
 
 @dataclass(frozen=True)
 class Played:
-    """A game with what came of it.
+    """A game with its result.
 
     Attributes:
         world: Kind of its fixture.
-        seed: Likewise.
+        seed: Seed of its fixture.
         code: Version of the code that played it.
-        judged: The judge's word.
+        judged: Result of the judge.
         spoilt: Readings that were spoilt.
-        cause: Label of what was hidden; empty for nothing.
-        size: Of it, in typical sizes.
-        named: It was named, and nothing else (twins as one).
-        sizes: True amplitudes beside those of the answer.
-        before: The judge's word on the same campaign without what is wrong in it.
-        moved: Compliances and deflections moved so far by it, in standard uncertainties.
+        cause: Label of the hidden cause; empty for none.
+        size: Its size, in typical sizes.
+        named: Whether it was named, and nothing else (twins as one).
+        sizes: True amplitudes with those of the answer.
+        before: Result of the judge for the same campaign without its errors.
+        moved: Changes of compliances and deflections due to the errors, in standard uncertainties.
         wrong: Payload that campaign.toml states wrong; empty for none.
-        apart: By how many standard uncertainties torques and statement contradict each other, on
-            average over the scatter; 0 without torques.
-        said: Of forces that are too large: something was said.
-        seconds: Of a processor, for the answer.
+        apart: Contradiction of torques and statement in standard uncertainties, expected over the
+            noise; 0 without torques.
+        said: For forces that are too large: whether something was reported.
+        seconds: CPU time of the answer.
     """
 
     __pydantic_config__: ClassVar = ConfigDict(ser_json_inf_nan="constants")
@@ -144,7 +144,7 @@ def fixtures(
 
 @cache
 def code() -> str:
-    """Hash of what makes an answer, and of the exam itself."""
+    """Hash of the code that makes an answer, and of the exam itself."""
     package, exam = Path(pipeline.__file__).parent, Path(__file__).parent
     inside = [
         path
@@ -159,13 +159,13 @@ def code() -> str:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """What the pipeline says of some files.
+    """Answer of the pipeline for some files.
 
     Attributes:
-        answer: result.json; None where there is none.
+        answer: result.json; None if there is none.
         outcome: answered, refused or crashed.
         message: Why there is none.
-        reliability: Table of that name, where there is one.
+        reliability: Table of that name, if there is one.
     """
 
     answer: dict[str, Any] | None
@@ -175,7 +175,7 @@ class Asked:
 
 
 def asked(content: Mapping[str, bytes]) -> Asked:
-    """What `pipeline run` says of these files, writing nothing."""
+    """Answer of `pipeline run` for these files, without writing."""
     kept: dict[str, pd.DataFrame] = {}
 
     def keep(name: str, table: Any, promise: Any) -> pd.DataFrame:
@@ -186,13 +186,13 @@ def asked(content: Mapping[str, bytes]) -> Asked:
         answer = answered("game", in_memory(content), keep).answer.as_json()
     except PipelineError as problem:
         return Asked(None, "refused", str(problem), None)
-    except Exception as problem:  # whatever ends the command with code 1 is a finding of the exam
+    except Exception as problem:  # whatever ends the command with code 1 is a finding
         return Asked(None, "crashed", f"{type(problem).__name__}: {problem}", None)
     return Asked(answer, "answered", "", kept.get("reliability"))
 
 
 def played(fixture: Fixture) -> Played:
-    """Play one game: the same in whatever process, order or company."""
+    """Play one game; the result does not depend on process or order."""
     world, seed = WORLDS[fixture.world], fixture.seed
     robot = load(world.robot)
     plan = world.plan(robot, seed)
@@ -230,7 +230,7 @@ def played(fixture: Fixture) -> Played:
 
 
 def _stated_wrong(cell: Cell) -> tuple[str, float]:
-    """The payload that is stated wrong, and how far that is from what the torques show."""
+    """The wrongly stated payload, and its distance from what the torques show."""
     for k, one in enumerate(cell.payloads):
         if one.wrong:
             under = np.flatnonzero(cell.which == k)
@@ -240,7 +240,7 @@ def _stated_wrong(cell: Cell) -> tuple[str, float]:
 
 
 def _recorded(cell: Cell, world: World, seed: int) -> tuple[Array, Array, float]:
-    """What the tracker records without and with blunders [m], and the factor of the forces."""
+    """Record of the tracker without and with blunders [m], and the factor of the forces."""
     rng = np.random.default_rng([seed, 3, crc32(world.name.encode())])
     for_noise, for_spoil, for_factor = rng.spawn(3)
     clean = np.round(cell.local + world.errors(cell, for_noise), 7)
@@ -255,7 +255,7 @@ def _files(cell: Cell, world: World, record: Array, factor: float) -> dict[str, 
 
 
 def _spoilt(cell: Cell, clean: Array, record: Array, other: Asked | None) -> tuple[Spoilt, ...]:
-    """The readings that differ, with the smallest error of each that shows."""
+    """The readings that differ, with the smallest detectable error of each."""
     at = np.flatnonzero((clean != record).any(axis=1))
     if not len(at):
         return ()
@@ -275,7 +275,7 @@ def _spoilt(cell: Cell, clean: Array, record: Array, other: Asked | None) -> tup
 
 
 def _companions(cell: Cell, reading: int) -> tuple[str, ...]:
-    """The reading, and where it belongs to a pull, all of that pull in both files."""
+    """The reading, or if it belongs to a pull, all of that pull in both files."""
     slot = cell.slots[reading]
     if slot.state not in ("loaded", "chain"):
         return (f"tracker.csv:{line(reading)}",)
@@ -284,7 +284,7 @@ def _companions(cell: Cell, reading: int) -> tuple[str, ...]:
 
 
 def _beside(game: Played, answer: Json, before: Json, truth: Truth) -> Played:
-    """With what the answer would be without what is wrong in the campaign."""
+    """Add the comparison with the answer for the same campaign without its errors."""
     calm = Truth(truth.stiffness, truth.deflection, allowed=truth.allowed)
     return replace(
         game,
@@ -297,7 +297,7 @@ def _beside(game: Played, answer: Json, before: Json, truth: Truth) -> Played:
 def _on_cause(
     game: Played, cell: Cell, answer: Json, world: World, hidden: tuple[Secret, float]
 ) -> Played:
-    """With what the league's judge says; what is right here is no name to him."""
+    """Add the score of the league's judge, with the world's allowed causes removed."""
     said = answer["diagnosis"]
     left = [cause for cause in said["causes"] if cause["name"] not in world.allowed]
     answer = {**answer, "diagnosis": {**said, "causes": left}}
@@ -309,7 +309,7 @@ def _on_cause(
 
 
 def _sized(cell: Cell, world: World, seed: int) -> tuple[Secret, float]:
-    """A cause at twice the size that the campaign, read with stated noise, could identify."""
+    """A cause at twice the size that the campaign, with stated noise, could identify."""
     rng = np.random.default_rng([seed, 4])
     record = cell.local + world.as_stated(cell, rng)
     known, most = shown_in(_files(cell, world, record, 1.0), rng), largest(cell.robot)
@@ -321,16 +321,17 @@ def _sized(cell: Cell, world: World, seed: int) -> tuple[Secret, float]:
 
 
 def contest(wanted: Sequence[Fixture], log: Path, executor: Executor) -> list[Played]:
-    """Play what is left of these games; the same games wherever they are played.
+    """Play what is left of these games; the games do not depend on where they are played.
 
     Args:
         wanted: The games.
-        log: One JSON line per finished game, of any code; none of this code is played again.
+        log: File with one JSON line per finished game, of any code; those of this code are not
+            played again.
         executor: Where games are played.
 
     Raises:
         Interrupted: With the number of games that are kept.
-        InputError: The code was changed while it was played.
+        InputError: The code was changed while games were played.
     """
     kept = {game.key: game for game in games(log)}
     left = [one for one in wanted if (one.kind, one.seed, code()) not in kept]
@@ -353,7 +354,7 @@ def contest(wanted: Sequence[Fixture], log: Path, executor: Executor) -> list[Pl
 
 
 def games(log: Path) -> list[Played]:
-    """Games of this code that are kept; a line that was cut off is taken away."""
+    """Games of this code that are kept; an incomplete last line is removed."""
     files.write(log, b"") if not log.exists() else None
     whole, _, cut = log.read_text("utf-8").rpartition("\n")
     if cut:
@@ -363,7 +364,7 @@ def games(log: Path) -> list[Played]:
 
 
 def _all(left: Sequence[Fixture], executor: Executor, log: Path) -> Iterable[Played]:
-    """Games in the order in which they end."""
+    """Games in the order in which they finish."""
     done = 0
     try:
         for game in executor.results(played, left):

@@ -1,4 +1,4 @@
-"""An instrument that reads poses: the targets of a state are one body's, and err as one."""
+"""An instrument that reads poses: the targets of a state belong to one body and share its error."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from bench.worlds.noise import SIGMA_M, White
 from pipeline.base.arrays import Array, Ints
 
 SIGMA_RAD = 8.7e-5
-"""Standard uncertainty of a rotation per axis [rad], as the world states it: 0.01 deg at k = 2."""
+"""Standard uncertainty of a rotation per axis [rad], as stated by the world: 0.01 deg at k = 2."""
 
 
 @dataclass(frozen=True)
 class Poses:
     """One 6D pose per state of the tool, points elsewhere (base, chain).
 
-    The targets of a pose are off by e + R(w) (p - o) - (p - o), e ~ N(0, sigma^2 I),
-    w ~ N(0, sigma_rad^2 I). The probe's origin o is the mean of the targets, or lies aside of it
-    along the normal of their plane.
+    The errors of the targets of a pose are e + R(w) (p - o) - (p - o), e ~ N(0, sigma^2 I), w ~
+    N(0, sigma_rad^2 I). The probe's origin o is the mean of the targets, or offset from it along
+    the normal of their plane.
 
     Attributes:
-        aside_m: So far [m].
+        aside_m: The offset [m].
     """
 
     aside_m: float = 0.0

@@ -1,4 +1,4 @@
-"""What the worlds say, counted: one table per exam, one row per world."""
+"""Counts of the worlds' results: one table per exam, one row per world."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from bench.worlds.tables import ENTRIES
 from bench.worlds.worlds import EXAMS, WORLDS
 
 CLEARLY = 1.5
-"""A blunder beyond so many times the smallest visible error is due to be named."""
+"""Multiple of the smallest detectable error from which a blunder must be named [1]."""
 
 SHOWN = 4.806
-"""Distance of torques and statement that is told in 80 % of the cases: root of the noncentrality
-at which a chi-square test of four quantities at 0.001 has a power of 0.80."""
+"""Distance of torques and statement that is detected in 80 % of the cases [1]: root of the
+noncentrality at which a chi-square test of four quantities at 0.001 has a power of 0.80."""
 
 ROW_MM = 1e3 * SIGMA_M * np.sqrt(1.5)
-"""Noise of a loaded reading less the mean of two unloaded ones [mm]."""
+"""Noise of a loaded reading minus the mean of two unloaded ones [mm]."""
 
 Games = Sequence[Played]
 Column = tuple[str, Callable[[Games], str]]
@@ -68,14 +68,14 @@ def _accused(games: Games) -> str:
 
 
 def _family(games: Games) -> str:
-    """The right family named; in a world without one, any family at all."""
+    """Fraction with the right family named; in a world without one, with any family."""
     if WORLDS[games[0].world.partition("+")[0]].family:
         return share(g.judged.family for g in games)
     return share(any(c in SCATTER for c in g.judged.causes) for g in games) + " falsely"
 
 
 def covered(intervals: Iterable[Interval]) -> str:
-    """Share of the intervals that hold the truth."""
+    """Fraction of the intervals that contain the truth."""
     return share(one.covered for one in intervals)
 
 
@@ -92,7 +92,7 @@ def _combinations(games: Games) -> str:
 
 
 def _width(games: Games) -> str:
-    """Width of the springs' intervals over the truth, median."""
+    """Median width of the springs' intervals relative to the truth."""
     wide = [one.width for g in games for one in g.judged.springs if one.width is not None]
     return f"{100 * np.median(wide):.2f} %" if wide else "-"
 
@@ -124,12 +124,12 @@ def _placed(clearly: bool) -> Callable[[Games], str]:
 
 
 def _hidden(game: Played) -> bool:
-    """Nothing that is wrong in it is due to be named."""
+    """Whether a game has errors, but none that must be named."""
     return bool(game.spoilt) and not any(one.above(CLEARLY) for one in game.spoilt)
 
 
 def _still(hidden: bool) -> Callable[[Games], str]:
-    """No compliance and no deflection moves by more than one standard uncertainty."""
+    """Fraction in which no compliance or deflection changes by more than one u."""
 
     def count(games: Games) -> str:
         mine = [g for g in games if g.spoilt and _hidden(g) == hidden]
@@ -147,7 +147,7 @@ def _false(games: Games) -> str:
 
 
 def _pulls(games: Games) -> str:
-    """Largest error of a spring in its standard uncertainties, 95 % of the games."""
+    """Largest error of a spring in its standard uncertainties, 95 % quantile of the games."""
     worst = [max(abs(one.pull) for one in g.judged.springs) for g in games if g.judged.springs]
     return f"{np.quantile(worst, 0.95):.1f}" if worst else "-"
 
@@ -157,7 +157,7 @@ def _drift(games: Games) -> str:
 
 
 def _both(games: Games) -> str:
-    """Of games with both, and a blunder that is clearly visible."""
+    """Fraction in which drift and blunder are reported, of games with a clearly visible blunder."""
     mine = [g for g in games if WORLDS[g.world].drifts and g.spoilt and not _hidden(g)]
     return share(
         g.judged.drift_said and bool(g.judged.placed) and all(g.judged.placed) for g in mine
@@ -165,7 +165,7 @@ def _both(games: Games) -> str:
 
 
 def _before(games: Games) -> str:
-    """Accused without what is wrong in it; a drift that is allowed is none."""
+    """Fraction accused without the errors; an allowed drift does not count."""
     return share(g.before.accused for g in games if g.before is not None)
 
 
@@ -196,7 +196,7 @@ def _mixed(games: Games) -> str:
 
 
 def _right(games: Games) -> str:
-    """Accused though all is as stated."""
+    """Fraction accused although everything is as stated."""
     return share(g.judged.accused for g in games if not g.wrong)
 
 
@@ -205,7 +205,7 @@ def _weighed(games: Games) -> str:
 
 
 def _told(clearly: bool) -> Callable[[Games], str]:
-    """The payload that is stated wrong is called so, where torques show it."""
+    """Fraction in which the wrongly stated payload is reported, where torques show it."""
 
     def count(games: Games) -> str:
         mine = [g for g in games if g.apart and (g.apart > CLEARLY * SHOWN) == clearly]
@@ -215,34 +215,34 @@ def _told(clearly: bool) -> Callable[[Games], str]:
 
 
 def _slandered(games: Games) -> str:
-    """Another payload is, of games whose torques tell."""
+    """Fraction in which another payload is reported, of games with torques."""
     return share(bool({*g.judged.contradicted} - {g.wrong}) for g in games if g.judged.weighed)
 
 
 def _doubted(games: Games) -> str:
-    """Anything at all is said where a payload is stated wrong."""
+    """Fraction in which anything is reported if a payload is stated wrong."""
     return share(g.judged.accused or bool(g.judged.contradicted) for g in games if g.wrong)
 
 
 def _from_others(games: Games) -> str:
-    """What is left of a payload's rows with the springs of the others, over the noise: median."""
+    """Median residual of a payload's rows with the springs of the others, over the noise."""
     left = [mm / ROW_MM for g in games for mm in g.judged.left_mm]
     return f"{np.median(left):.2f}" if left else "-"
 
 
 def _poses(games: Games) -> str:
-    """What came of one pose is taken for such."""
+    """Fraction in which readings of a pose are recognised as such."""
     mine = [g for g in _answered(games) if WORLDS[g.world.partition("+")[0]].reads]
     return share(g.judged.measures == "poses" for g in mine)
 
 
 def _wrong(games: Games) -> str:
-    """The entry that is off is named, and nothing else."""
+    """Fraction in which the wrong entry is named, and nothing else."""
     return share(g.named for g in games if g.cause != "table")
 
 
 def _blamed(games: Games) -> str:
-    """An entry is named where all are a little off."""
+    """Fraction in which an entry is named although all are slightly wrong."""
     return share(any(_is_entry(c) for c in g.judged.causes) for g in games if g.cause == "table")
 
 
@@ -251,7 +251,7 @@ def _is_entry(label: str) -> bool:
 
 
 def _far(games: Games) -> str:
-    """`adequate` with a stiffness that is off by more than five standard uncertainties."""
+    """Fraction `adequate` with a stiffness wrong by more than five standard uncertainties."""
     return share(
         g.judged.verdict == "adequate" and any(abs(one.pull) > 5 for one in g.judged.springs)
         for g in games
@@ -259,13 +259,14 @@ def _far(games: Games) -> str:
 
 
 def _nearer(games: Games) -> str:
-    """How much nearer left-out reflectors are to the estimated table than to the table: median."""
+    """Median ratio of held-out reflectors' deviations from nominal and estimated parameters."""
     ratios = [before / after for g in games for before, after in [g.judged.positions_mm or (0, 1)]]
     return f"{np.median(ratios):.1f}"
 
 
 ODD = ("axis_tilt", "link_turn")
-"""Entries that no world has wrong: Hayati's turn between parallel axes, the turn of the rail."""
+"""Entries that are wrong in no world: Hayati's rotation between parallel axes, and that of the
+rail."""
 
 
 CAUSE: tuple[Column, ...] = (
@@ -371,7 +372,7 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def spoken(games: Games) -> list[str]:
-    """All tables for a screen: a world at a time, a figure a line."""
+    """All tables for a screen: one world at a time, one figure per line."""
     out = []
     for exam, cause in _parts(games):
         titles, *rows = _rows(games, exam, cause)
@@ -383,7 +384,7 @@ def spoken(games: Games) -> list[str]:
 
 
 def failures(games: Games) -> list[str]:
-    """Games without an answer, each with its message, alike ones once."""
+    """Games without an answer, each with its message, identical ones once."""
     said = Counter(
         (g.world, g.judged.outcome, g.judged.message)
         for g in games

@@ -1,7 +1,7 @@
-"""Robots that are not as their table says: one entry far off, or all of them a little.
+"""Robots that differ from their DH parameters: one with a large error, or all with small ones.
 
-The chain of matrices is changed, entry by entry of modified Denavit-Hartenberg tables, which the
-KR500's is: Rot(x, alpha) Trans(x, d) Rot(z, theta) Trans(z, r).
+The chain of matrices is changed, entry by entry of modified Denavit-Hartenberg parameters, which
+the KR500 has: Rot(x, alpha) Trans(x, d) Rot(z, theta) Trans(z, r).
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ ENTRIES = {
     "link_twist": ("before", "turn", 0, (3, 4, 5, 6, 7)),
     "joint_offset": ("after", "turn", 2, (2, 3, 4, 5, 6)),
 }
-"""Side of the placement, kind, axis, and joints where an entry moves reflectors in its own way: the
-foot's offset and the rail's only say where F_b is, the flange's where the tool is."""
+"""Side of the placement, kind, axis, and joints for which an entry moves reflectors in its own way:
+the offsets of foot and rail only determine F_b, those of the flange the tool."""
 
 
 @dataclass(frozen=True)
 class Placed:
-    """Placements of a robot's joints, as the chain of matrices wants them."""
+    """Placements of a robot's joints, as required by the chain of matrices."""
 
     placement: tuple[Array, ...]
     flange: Array
@@ -34,11 +34,11 @@ class Placed:
 
     @classmethod
     def of(cls, robot: Robot) -> Placed:
-        """Those of the table."""
+        """Placements according to the robot file."""
         return cls(tuple(np.array(one) for one in robot.placement), robot.flange, robot.prismatic)
 
     def off(self, name: str, joint: int, size: float) -> Placed:
-        """With one entry off by a size [m] or [rad]."""
+        """Placements with an error in one entry [m] or [rad]."""
         side, kind, axis, _ = ENTRIES[name]
         step = _motion(kind, axis, size)
         places = list(self.placement)
@@ -60,13 +60,15 @@ def _motion(kind: str, axis: int, size: float) -> Array:
 
 @dataclass(frozen=True)
 class Table:
-    """How a robot differs from its table.
+    """How a robot differs from its DH parameters.
 
     Attributes:
-        name: Entry that is off, one of ENTRIES; empty for none.
-        size: By how much [m] or [rad], its sign drawn; NaN for one whose sign is wrong.
-        rough: Standard deviation of every entry, drawn log-uniform between these [mm], [mrad].
-        joints: The same of an error of each joint at each pose [mrad], half as much in mm on the
+        name: Entry that is wrong, one of ENTRIES; empty for none.
+        size: Size of the error [m] or [rad], with random sign; NaN for an entry with the wrong
+            sign.
+        rough: Standard deviation of the errors of all entries, log-uniform between these [mm],
+            [mrad].
+        joints: The same for an error of each joint at each pose [mrad], half as much in mm on the
             rail.
     """
 
@@ -76,12 +78,12 @@ class Table:
     joints: tuple[float, float] = (0.0, 0.0)
 
     def secrets(self, robot: Robot, seed: int) -> tuple[tuple[Secret, float], ...]:
-        """What is hidden in one game."""
+        """The secrets of one game."""
         rng = np.random.default_rng([seed, 7])
         every = tuple(self._every(rng))
         wrong = self._wrong(robot, rng)
         label = f"{wrong[0]}:{wrong[1]}" if wrong else ""
-        if np.isnan(self.size):  # a sign is what somebody mistyped, and is called that
+        if np.isnan(self.size):  # a wrong sign is a typing error, and is named so
             label = f"sign_or_convention:d_{label[-1]}"
 
         def plant(one: Setup, size: float, course: Course) -> None:

@@ -1,4 +1,4 @@
-"""The smallest error of a reading that shows: from the table, or by an adjustment of our own."""
+"""Smallest detectable error of a reading: from the table, or by an independent adjustment."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from bench.worlds.noise import SIGMA_M
 from pipeline.base.arrays import Array
 
 SHOWS = 17.0746
-"""(z_0.9995 + z_0.80)^2: noncentrality at which a two-sided test at 0.001 has a power of 0.80."""
+"""(z_0.9995 + z_0.80)^2 [1]: noncentrality at which a two-sided test at 0.001 has a power of
+0.80."""
 
 METRES = {"m": 1.0, "mm": 1e-3}
 
 
 def from_table(table: pd.DataFrame, line: int, way: Array) -> float | None:
-    """Smallest visible size of an error in a direction [m], from table `reliability`.
+    """Smallest detectable size of an error in a direction [m], from table `reliability`.
 
-    With v_k the smallest visible errors along the axes, 1 / sqrt(sum (way_k / v_k)^2), which
-    leaves out what the axes share. A row of a zero is one of the mean of its readings, and one
-    in radians of a direction: of these readings the table says nothing.
+    With v_k the smallest detectable errors along the axes, 1 / sqrt(sum (way_k / v_k)^2), which
+    neglects what the axes share. A row of a zero is one of the mean of its readings, and one in
+    radians of a direction: for these readings the table gives no value.
 
     Args:
         table: Its rows are error columns: source, file, line, axis, smallest_visible, unit.
-        line: Of the reading, in tracker.csv.
+        line: Line of the reading in tracker.csv.
         way: Unit vector in the axes of the table, shape (3,).
     """
     mine = table[(table["file"] == "tracker.csv") & (table["line"] == line)]
@@ -37,7 +38,7 @@ def from_table(table: pd.DataFrame, line: int, way: Array) -> float | None:
     size = (mine["smallest_visible"].astype(float) * mine["unit"].map(METRES)).to_numpy()
     if axes.isin(list("xyz")).all() and axes.is_unique:
         seen = float(np.linalg.norm(way[["xyz".index(axis) for axis in axes]] / size))
-    else:  # along directions of their own: what shows along none of them is not counted
+    else:  # along separate directions: a lower bound
         seen = float((1 / size).min())
     return 1 / seen if seen > 0 else None
 
@@ -45,20 +46,21 @@ def from_table(table: pd.DataFrame, line: int, way: Array) -> float | None:
 class Adjustment:
     """All readings of a campaign in one adjustment, linear about the truth, in F_b.
 
-    reading = point + t + w x point, where a base reflector is where the table says, an unloaded
-    one stands free, a loaded one stands off its zero by D x + F f (compliances x, force f), and
-    the chain is a rod of one length along the force. Unknown are t, w, x, the zeros, each pull's
-    force and where its chain hangs, and the rod's length; the scale's readings and 100 % of each
-    compliance are known beforehand.
+    reading = point + t + w x point, where a base reflector is where the table says, an unloaded one
+    is free, a loaded one differs from its zero by D x + F f (compliances x, force f), and the chain
+    is a rod of one length along the force. Unknowns are t, w, x, the zeros, each pull's force and
+    the position of its chain, and the rod's length; the scale's readings and 100 % of each
+    compliance are prior information.
 
     Args:
         cell: What was measured.
-        sigma_m: Of a reading, per axis [m].
-        scale_n: Of the scale [N].
+        sigma_m: Standard uncertainty of a reading, per axis [m].
+        scale_n: Standard uncertainty of the scale [N].
 
     Attributes:
-        range: Orthonormal basis of what the unknown do, rows of the readings, shape (3r, k).
-        beforehand: Likewise, rows of what is known beforehand.
+        range: Orthonormal basis of the effects of the unknowns, rows of the readings, shape (3r,
+            k).
+        beforehand: Likewise, rows of the prior information.
     """
 
     def __init__(self, cell: Cell, sigma_m: float = SIGMA_M, scale_n: float = 2.0) -> None:
@@ -70,18 +72,18 @@ class Adjustment:
         self.range, self.beforehand = np.split(u[:, s > 1e-10 * s[0]], [len(A)])
 
     def redundancy(self, reading: int, way: Array) -> float:
-        """W' (I - H_jj) w of an error in a direction, between 0 and 1."""
+        """Redundancy w' (I - H_jj) w of an error in a direction, between 0 and 1."""
         rows = self.range[3 * reading : 3 * reading + 3]
         return float(1 - np.sum((way @ rows) ** 2))
 
     def smallest(self, reading: int, way: Array) -> float | None:
-        """Smallest visible size of an error in a direction, F_b [m]; None: none shows."""
+        """Smallest detectable size of an error in a direction, F_b [m]; None if undetectable."""
         r = self.redundancy(reading, way)
         return float(self.sigma_m * np.sqrt(SHOWS / r)) if r > 1e-9 else None
 
 
 def _design(cell: Cell, scale_n: float, sigma_m: float) -> tuple[Array, Array]:
-    """Derivatives of readings (3r, k) over sigma, and what is known beforehand, likewise."""
+    """Derivatives of readings (3r, k) over sigma, and of the prior information, likewise."""
     n, m, t = cell.robot.n, len(cell.course.pose), cell.rules.targets
     zeros, pulls = 6 + n, 6 + n + 3 * t * len(cell.plan.q)
     total = pulls + 6 * m + 1
@@ -136,7 +138,7 @@ def _compliant(cell: Cell) -> tuple[Array, Array, Array]:
 
 
 def _across(u: Array) -> Array:
-    """Two unit vectors across one, as columns, shape (3, 2)."""
+    """Two unit vectors perpendicular to a given one, as columns, shape (3, 2)."""
     full, _, _ = np.linalg.svd(u[:, None])
     return np.asarray(full[:, 1:])
 

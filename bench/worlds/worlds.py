@@ -1,4 +1,4 @@
-"""The worlds, each a small class or an instance of one: what the exam holds."""
+"""The worlds of the exam, each a small class or an instance of one."""
 
 from __future__ import annotations
 
@@ -25,42 +25,42 @@ PULLED = Manner()
 """16 poses, 4 load steps, both branches, up to 3 kN."""
 
 STATED = "sigma_m = 3e-5"
-"""Noise of a reading, or of the position of a pose, as campaign.toml has it."""
+"""Noise of a reading, or of the position of a pose, as stated in campaign.toml."""
 
 HUNG = Manner(hang=True, scale_n=0.05)
 """The same with weights, known to 5 g."""
 
 
 DRIFT = ("tracker_drift",)
-"""What moves slowly enough is a drift by another name."""
+"""Cause by which slow motion may rightly be named."""
 
 FORCE = ("unit_mixup", "scale_gain", "sign_or_convention")
-"""Causes by which forces that are many times too large are called."""
+"""Causes by which forces that are too large by a factor may rightly be named."""
 
 PAYLOAD = ("payload_mass", "payload_center")
-"""Causes by which a payload is called that is not what campaign.toml says."""
+"""Causes by which a wrongly stated payload may rightly be named."""
 
 
 @dataclass(frozen=True)
 class World:
-    """A kind of campaign as it occurs.
+    """A kind of campaign as it occurs in practice.
 
     Attributes:
-        name: Of the command's option.
-        exam: noise, blunders, loads, payloads or instruments.
-        says: What it is, in a line.
-        robot: That is measured.
+        name: Name for the command's option.
+        exam: noise, blunders, loads, payloads, instruments or tables.
+        says: Description in a line.
+        robot: Robot that is measured.
         rules: How it is measured.
-        noise: How the tracker scatters.
-        family: Names of noise that are right here; empty where none is.
-        allowed: Names of causes that are right here beside those of noise.
-        spoil: What goes wrong in the record.
-        drifts: The tracker moves by a fifth to one millimetre, too.
-        factors: The scale's log shows so many times the force, drawn log-uniform in this range.
+        noise: Noise of the tracker.
+        family: Names of noise that are right here; empty if none is.
+        allowed: Names of causes that are right here in addition to those of noise.
+        spoil: Blunders in the record.
+        drifts: Whether the tracker also moves, by 0.2 to 1 mm.
+        factors: Range of the factor from force to the log of the scale, log-uniform.
         stated: Line on the noise in `[tracker]`.
         instrument: Lines of `[instrument]`.
-        reads: Poses instead of points; then the noise is theirs.
-        timed: The export says when each reading was taken.
+        reads: Poses instead of points, with their noise; None for points.
+        timed: Whether the export states the time of each reading.
         secrets: Hidden causes, with sizes in typical ones.
     """
 
@@ -83,7 +83,7 @@ class World:
 
     @property
     def compared(self) -> bool:
-        """Whether the same campaign is played without what is wrong in it."""
+        """Whether the same campaign is also played without its errors."""
         return self.exam == "blunders"
 
     def plan(self, robot: Robot, seed: int) -> Plan:
@@ -91,17 +91,17 @@ class World:
         return random_plan(robot, self.rules, seed)
 
     def hides(self, robot: Robot, seed: int) -> tuple[tuple[Secret, float], ...]:
-        """What one game hides."""
+        """Secrets of one game."""
         return self.secrets
 
     def errors(self, cell: Cell, rng: np.random.Generator) -> Array:
-        """What the tracker adds to the points, its own frame, shape (r, 3) [m]."""
+        """Errors that the tracker adds to the points, its own frame, shape (r, 3) [m]."""
         for_noise, for_drift = rng.spawn(2)
         noise = self._scatter(cell, self.noise, for_noise)
         return noise + tracker_moves(cell.hours, cell.local, for_drift) if self.drifts else noise
 
     def as_stated(self, cell: Cell, rng: np.random.Generator) -> Array:
-        """The same of a tracker that scatters as stated."""
+        """The same for a tracker with the stated noise."""
         return self._scatter(cell, White(), rng)
 
     def _scatter(self, cell: Cell, points: Noise, rng: np.random.Generator) -> Array:
@@ -112,7 +112,7 @@ class World:
 
 @dataclass(frozen=True)
 class TwoJoints(World):
-    """Many poses in which two joints move only."""
+    """Many poses in which only two joints move."""
 
     moving: tuple[int, int] = (2, 4)
     within_rad: float = 0.5
@@ -133,17 +133,17 @@ class TwoJoints(World):
 
 @dataclass(frozen=True)
 class OffTable(World):
-    """The robot is not as its table says."""
+    """The robot differs from its DH parameters."""
 
     table: Table = field(default_factory=Table)
 
     def hides(self, robot: Robot, seed: int) -> tuple[tuple[Secret, float], ...]:
-        """The table of one game, and what else is hidden."""
+        """The errors of the DH parameters in one game, and the other secrets."""
         return (*self.secrets, *self.table.secrets(robot, seed))
 
 
 def tilting(joint: int, compliance: float) -> Secret:
-    """A bearing of a floor robot that gives way about both cross axes [rad/(N m)]."""
+    """A bearing of a floor robot that yields about both cross axes [rad/(N m)]."""
 
     def plant(one: Setup, size: float, course: object) -> None:
         one.machine.springs += [
@@ -155,7 +155,8 @@ def tilting(joint: int, compliance: float) -> Secret:
 
 
 MEMORY_MIN = (2.0, 40.0)
-"""How fast a joint forgets [min], drawn log-uniform for each: from a load step to some poses."""
+"""Time constant with which a joint forgets [min], log-uniform for each: from a load step to some
+poses."""
 
 
 def _remembers(one: Setup, size: float, course: Course) -> None:
@@ -235,11 +236,11 @@ SHEETS = {
 """Laser trackers by the standard uncertainties of their data sheets."""
 
 _FAR_M = 8.5
-"""Distance at which the one figure of campaign.toml is that of an instrument [m]."""
+"""Distance at which the single figure of campaign.toml equals that of an instrument [m]."""
 
 
 def _sheet(name: str, sheet: Polar, rms: bool, says: str = "", *family: str) -> World:
-    """A tracker of a data sheet, of which one figure is stated: that of its angles, or the rms."""
+    """A tracker of a data sheet with one stated figure: that of its angles, or rms of all axes."""
     along = sheet.range_m + sheet.range_per_m * _FAR_M
     across = sheet.across_m + sheet.across_per_m * _FAR_M
     figure = np.sqrt((along**2 + 2 * across**2) / 3) if rms else across
@@ -349,14 +350,14 @@ LOADS = (
 
 
 def _mounting(what: Carrying, at_once: bool = False) -> Manner:
-    """16 poses; every payload at each of them, or, where a row has the load's torques, one."""
+    """16 poses with every payload at each, or with one if a row has the torques of the load."""
     most = max(what.masses_kg)
     steps = (1.0,) if what.torques == "load" else tuple(kg / most for kg in what.masses_kg)
     return Manner(steps=steps, at_once=at_once, carries=what)
 
 
 def _of_payloads(place: str, robot: str, kg: float, hides: tuple[Secret, float]) -> list[World]:
-    """Worlds of payloads of once, twice and three times a mass on one robot."""
+    """Worlds with payloads of once, twice and three times a mass on one robot."""
     two = Carrying((kg, 2 * kg), 3 * kg)
     weighed = replace(two, torques="states")
     kinds = (

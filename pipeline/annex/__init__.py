@@ -1,9 +1,10 @@
-"""Outbuilding: the figures behind the first page of a report, each in a file with its words.
+"""Outbuilding: what stands behind the first page of a report, parts and figures with their words.
 
-The report draws its certificate, the stiffnesses and the cell itself; what an engineer looks at
-when a number is doubted stands here: residuals, rivals, laws, cross-validation, where the robot was
-and what it would do elsewhere. Without this folder a report has its tables and sentences.
+The report has its certificate, the causes and the stiffnesses itself; what an engineer looks at
+when a number is doubted stands here: the cell in three dimensions, residuals, budget, registration,
+the robot's table, the method, rivals, laws, cross-validation, what it would do elsewhere.
 
-Door: `figures:PLOTS`; for the tables that they alone need `pictured:pictured`.
+Door: `sections:SECTIONS`, `figures:PLOTS`; for the tables they alone need `pictured:pictured` and
+`pictured:of_positions`.
 Tests: `tests/report/`, for whole pages.
 """

@@ -7,20 +7,48 @@ import pandas as pd
 
 from pipeline import tables
 from pipeline.annex.fewer_poses import enough
+from pipeline.annex.scene import scene, scene_of_positions
 from pipeline.annex.seen_laws import laws
 from pipeline.answer.findings import Findings
+from pipeline.answer.tables import covariance_table, models_table
 from pipeline.base.arrays import Ints
+from pipeline.geometry.study import Study
 from pipeline.machine.effect import Pulls
+from pipeline.prediction.workspace import arm_in_plane
 from pipeline.reduction.bring import Keep, Step
 
+_Tables = dict[str, pd.DataFrame]
 
-def pictured(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
-    """The worth of poses, and the laws of causes."""
-    values = found.told.values
+
+def pictured(found: Findings, keep: Keep, step: Step) -> _Tables:
+    """The scene, the models beside each other, the arm, the worth of poses, the laws of causes."""
+    values, right = found.told.values, found.right
+    nominal = np.array([1 / (joint.stiffness or np.nan) for joint in right.case.robot.joints])
+    left = values.first.estimate.residual
+    models = models_table(right.system, right.estimate, left, nominal)
+    arm = step(arm_in_plane)(right.case.cell, found.where)
     seen = step(laws)(values.first, values.fitted.data)
     return {
+        "covariance": covariance_table(values.parameters, values.found.cov),
+        "models": keep("46_models", models, tables.MODELS),
+        "arm": keep("63_arm", arm, tables.ARM),
+        **_kept(step(scene)(values), keep),
         "enough": keep("47_enough", _enough(found, step), tables.ENOUGH),
         "laws": keep("53_laws", seen, tables.LAWS),
+    }
+
+
+def of_positions(found: Study, keep: Keep, step: Step) -> _Tables:
+    """The scene of a campaign of positions."""
+    return _kept(step(scene_of_positions)(found), keep)
+
+
+def _kept(made: _Tables, keep: Keep) -> _Tables:
+    """The tables of a scene, checked and kept."""
+    return {
+        "scene": keep("70_scene", made["scene"], tables.SCENE),
+        "poses": keep("71_poses", made["poses"], tables.POSES),
+        "vectors": keep("72_vectors", made["vectors"], tables.VECTORS),
     }
 
 

@@ -64,20 +64,11 @@ def answer(found: Findings) -> Answer:
     values, springs = values_entry(found.told, where), values_entry(found.springs, where)
     stood = found.diagnosis.facts.unloaded
     values = with_positions(values, stood)
-    said = [joint.finding for joint in values.stiffness if joint.finding]
     factor = common_factor(raw.robot, values.stiffness)
-    text = raw.files["campaign.toml"].decode("utf-8", "replace")
-    stated = [
-        *overstated(raw.settings, found.right.noise),
-        *entry_findings(found.right.case, text),
-        *told_factor(factor),
-    ]
-    said += [*sheet_findings(raw.settings), *beside_the_beam(found.right.shape.beam)]
-    said += [*stated, *filter(None, map(enormous, found.diagnosis.causes))]
+    stated = _stated(found, factor)
     together = combination_entries(found.told.values)
     diagnosis = diagnosis_entry(found)
-    joint = joint_to_pull(found, diagnosis, values.stiffness)
-    best = best_pose(found.diagnosis, raw.robot, joint)
+    best = best_pose(found.diagnosis, raw.robot, joint_to_pull(found, diagnosis, values.stiffness))
     diagnosis = diagnosis.model_copy(update={"best_pose": best})
     parts = pose_budget(found.told.values, found.told.model, where.q, where.force, found.judged.at)
     pose = pose_entry(raw.robot, where, found.judged).model_copy(update={"budget": parts})
@@ -85,9 +76,7 @@ def answer(found: Findings) -> Answer:
     told_first = Stated(values, springs, together, diagnosis, pose, tolerance, stated)
     lines = first_screen(found, told_first)
     carried = carried_entries(found.carried, found.told.values)
-    of = {(effect.name, effect.where): effect for effect in found.told.values.first.effects}
-    causes = [one for one in carried if one.name is not None]
-    said += filter(None, (hangs_on(of[str(one.name), one.where], one) for one in causes))
+    said = [*_of_springs(found, values), *stated, *_of_causes(found, carried)]
     whole = Answer(
         format=1,
         campaign=found.campaign,
@@ -130,6 +119,31 @@ def answer(found: Findings) -> Answer:
         versions=versions(),
     )
     return whole.model_copy(update={"findings": tuple(_findings(found, whole, said))})
+
+
+def _stated(found: Findings, factor: contract.CommonFactor | None) -> list[str]:
+    """What the readings say against what was stated."""
+    text = found.raw.files["campaign.toml"].decode("utf-8", "replace")
+    return [
+        *overstated(found.raw.settings, found.right.noise),
+        *entry_findings(found.right.case, text),
+        *told_factor(factor),
+    ]
+
+
+def _of_springs(found: Findings, values: contract.Values) -> Iterator[str]:
+    """What is to be known of springs and data sheets."""
+    yield from (joint.finding for joint in values.stiffness if joint.finding)
+    yield from sheet_findings(found.raw.settings)
+    yield from beside_the_beam(found.right.shape.beam)
+
+
+def _of_causes(found: Findings, carried: Sequence[contract.Carried]) -> Iterator[str]:
+    """Which of them is larger than any that is known, and which hangs on a single pull."""
+    yield from filter(None, map(enormous, found.diagnosis.causes))
+    of = {(effect.name, effect.where): effect for effect in found.told.values.first.effects}
+    causes = [one for one in carried if one.name is not None]
+    yield from filter(None, (hangs_on(of[str(one.name), one.where], one) for one in causes))
 
 
 def _findings(found: Findings, whole: Answer, said: Sequence[str]) -> Iterator[str]:

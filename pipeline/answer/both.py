@@ -30,7 +30,7 @@ from pipeline.diagnosis.verdict import of_both, verdict
 from pipeline.geometry.stance import beside_pulls, elsewhere, lighter, opened, standing
 from pipeline.machine.stance import called_for, laws_of_gears
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.under_force import ByPulls
+from pipeline.prediction.standing import ByPulls
 from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.system import alarms

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -292,14 +291,6 @@ def best_pose(
         relative_std_after=after,
         determines=joint.value is not None or found.after < _DETERMINED,
     )
-
-
-def worst_known(stiffness: Sequence[contract.Stiffness]) -> contract.Stiffness | None:
-    """The first without a value, else the one with the largest relative uncertainty."""
-    lost = [joint for joint in stiffness if joint.value is None]
-    known = [joint for joint in stiffness if joint.relative_std is not None]
-    worst = max(known, key=lambda one: one.relative_std or 0.0, default=None)
-    return next(iter(lost), worst)
 
 
 _DETERMINED = 0.5

@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline import tables
 from pipeline.answer.findings import Findings, Told
-from pipeline.answer.pictures import pictured
+from pipeline.answer.posture import posture
 from pipeline.answer.recommended import ModelValues
 from pipeline.answer.tables import (
     covariance_table,
@@ -16,6 +16,7 @@ from pipeline.answer.tables import (
     residuals_table,
     system_table,
 )
+from pipeline.base import doors
 from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.validate import none as no_validation
@@ -27,6 +28,9 @@ from pipeline.reduction.pose_of_interest import Where
 
 _SEED = 20261103
 """Of its draws: another one moves numbers within what they say of their scatter."""
+
+_ANNEX = "pipeline.annex.pictured:pictured"
+"""Tables of the figures behind the first page."""
 
 _CORRECTED = (("22_forces", tables.FORCES), ("23_displacements", tables.DISPLACEMENTS))
 """Tables that a mistake in the data changes, and that the answer rests on."""
@@ -65,7 +69,10 @@ def kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
     soft = step(workspace)(mine, where)
     other = no_workspace() if found.mistakes or alone is mine else workspace(alone, where)
     checked = no_validation() if found.told.checked is None else found.told.checked
-    return pictured(found, keep, step) | {
+    posed = step(posture)(mine[0], where)
+    pictured = doors.found(_ANNEX)
+    return (pictured(found, keep, step) if pictured else {}) | {
+        "posture": keep("73_posture", posed, tables.POSTURE),
         "residuals": keep("42_residuals", residuals, tables.RESIDUALS),
         "reliability": keep("43_reliability", found.control, tables.RELIABILITY),
         "examined": keep("50_examined", examined, tables.examined(found.raw.robot)),

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from pipeline.answer.scene import TOOL_RADIUS
 from pipeline.base.arrays import Array, Ints
 from pipeline.machine import bodies
 from pipeline.machine.bodies import Bodies
@@ -21,6 +20,9 @@ from pipeline.reduction.pose_of_interest import Where
 
 JOINT, PLACE = "joint", "place"
 """Parts of POSTURE that are points: origins of joints, middles of links that a cause may be in."""
+
+TOOL_RADIUS = 0.35
+"""Radius of a rod of the effector over that of the last link."""
 
 
 def posture(model: ModelHypothesis, where: Where) -> pd.DataFrame:

@@ -25,20 +25,22 @@ from pipeline.answer.contract import (
     Values,
     Which,
 )
-from pipeline.answer.diagnosis import worst_known
 from pipeline.answer.findings import Findings
 from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.tolerated import expanded, largest_force, tolerated
 from pipeline.answer.words import (
     DO,
     HOLDS,
+    at_axis,
     capital,
     clear,
     correct,
     counted,
     listed,
+    loads,
     mistaken,
     noise_told,
+    worst_known,
     wrong,
 )
 from pipeline.base.quantities import (
@@ -156,8 +158,10 @@ _SPRINGS = (Reason.ADEQUATE, Reason.TOO_SMALL)
 
 def _of_reason(found: Findings) -> str:
     """Whether a model of more than springs holds."""
-    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
+    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.misdescribed:
         return "Joint springs explain the readings on a robot that is not as its file says."
+    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
+        return "Joint springs explain the readings on a robot that sags under its own weight."
     return HOLDS[found.row.reason]
 
 
@@ -247,10 +251,15 @@ def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
 
 def _do(found: Findings) -> str:
     """What to do with the values."""
-    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
+    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.misdescribed:
         return (
             "Check type and file of the robot first. The stiffnesses belong to the corrected "
             "geometry, which model.toml holds; correct the robot file."
+        )
+    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
+        return (
+            f"{DO[Reason.ADEQUATE]} Where absolute positions matter, the arm's own weight moves "
+            "them: a campaign of positions identifies how."
         )
     if found.facts.unloaded.corrects and found.row.reason in (Reason.ADEQUATE, Reason.TOO_SMALL):
         return (
@@ -451,11 +460,6 @@ def _stands_in(found: Findings) -> str:
     )
 
 
-def at_axis(value: float, unit: str) -> str:
-    """Where an axis stands."""
-    return f"{plain(value, 4)} m" if unit == "m" else f"{plain(value, 4)}°"
-
-
 def _changed(
     mine: Sequence[TargetDeflection], springs: Sequence[TargetDeflection], found: Findings
 ) -> Iterator[str]:
@@ -563,15 +567,6 @@ def _pulled(pose: ToMeasure) -> str:
     """Where the robot stands and how it is pulled there."""
     at = ", ".join(f"{axis.name} {at_axis(axis.value, axis.unit)}" for axis in pose.axes)
     return f"{at or _joints(pose)}, {loads(pose)}"
-
-
-def loads(pose: ToMeasure) -> str:
-    """`5 load steps up to 3012 N along (0.10, -0.99, 0.05) of F_b`."""
-    along = ", ".join(f"{part:.2f}" for part in pose.direction)
-    force = f"1 load step of {pose.force_n:.0f} N"
-    if pose.steps > 1:
-        force = f"{pose.steps} load steps up to {pose.force_n:.0f} N"
-    return f"{force} along ({along}) of F_b"
 
 
 def _joints(pose: ToMeasure) -> str:

@@ -12,10 +12,9 @@ import pandas as pd
 from pipeline import tables
 from pipeline.answer import positions
 from pipeline.answer.contract import Answer
-from pipeline.answer.pictures import kept_scene
 from pipeline.answer.positions import PositionsFound
 from pipeline.answer.posture import standing_posture
-from pipeline.answer.scene import scene_of_positions
+from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
 from pipeline.diagnosis.positions import UNLISTED
@@ -34,8 +33,7 @@ from pipeline.geometry.positioned import Positioned, as_read, usable
 from pipeline.geometry.study import Study, study
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
-from pipeline.prediction.standing import dumps, standing
-from pipeline.prediction.under_force import ByPulls
+from pipeline.prediction.standing import ByPulls, dumps, standing
 from pipeline.reduction.bring import Keep, Step
 from pipeline.store.campaign import Raw
 
@@ -44,6 +42,9 @@ _SEED = 20261123
 
 _MODEL = "positions.npz"
 """What `pipeline predict` reads."""
+
+_SCENE = "pipeline.annex.pictured:of_positions"
+"""Tables of the picture of the cell."""
 
 _ACROSS = 400
 """Points of a curve that is drawn."""
@@ -87,8 +88,9 @@ def stood(said: PositionsFound, keep: Keep, step: Step) -> _Stood:
     """The end of a campaign of nothing but positions."""
     found, given = said.found, positions.answer(said)
     laws = {"laws": keep("53_laws", law_table(found), tables.LAWS)}
-    scene = kept_scene(step(scene_of_positions)(found), keep)
-    drawn = {"posture": keep("73_posture", _posture(found), tables.POSTURE), **scene}
+    scene = doors.found(_SCENE)
+    drawn = scene(found, keep, step) if scene else {}
+    drawn["posture"] = keep("73_posture", _posture(found), tables.POSTURE)
     shown = {"rejected": said.rejected, **pictures(said, keep), **laws, **drawn}
     model = _model(said.campaign, found.final, given)
     return _Stood(given, shown, model, model_file(said))

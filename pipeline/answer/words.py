@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from pipeline.answer import contract
-from pipeline.answer.contract import About, Carried, Combination, Reason
+from pipeline.answer.contract import About, Carried, Combination, Reason, Stiffness, ToMeasure
 from pipeline.base.quantities import (
     common_prefix,
     p_value,
@@ -21,8 +21,8 @@ from pipeline.base.quantities import (
     with_std,
 )
 from pipeline.diagnosis.average import LIKELY
-from pipeline.diagnosis.facts import ROUGH, Drift, Facts, FoundCause, PossibleCause
-from pipeline.diagnosis.finding import Finding
+from pipeline.diagnosis.facts import Drift, Facts, FoundCause, PossibleCause
+from pipeline.diagnosis.finding import ROUGH, Finding
 from pipeline.diagnosis.joined import Excess
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.machine.effect import Effect, Table, in_place
@@ -183,10 +183,6 @@ def _identified(facts: Facts) -> str:
         f"{first}. With {names} in the model, {left:.1f} times the scatter of the readings is "
         "left, no more than the laws of the causes may be in error."
     )
-
-
-def _is(facts: Facts) -> str:
-    return "is" if len(facts.causes) == 1 else "are"
 
 
 def _predicts_worse(facts: Facts) -> str:
@@ -767,3 +763,25 @@ ABOUT: Mapping[About, str] = {
     About.NEXT: "What to measure next",
 }
 """What a line of the first screen is about."""
+
+
+def worst_known(stiffness: Sequence[Stiffness]) -> Stiffness | None:
+    """The first without a value, else the one with the largest relative uncertainty."""
+    lost = [joint for joint in stiffness if joint.value is None]
+    known = [joint for joint in stiffness if joint.relative_std is not None]
+    worst = max(known, key=lambda one: one.relative_std or 0.0, default=None)
+    return next(iter(lost), worst)
+
+
+def at_axis(value: float, unit: str) -> str:
+    """Where an axis stands."""
+    return f"{plain(value, 4)} m" if unit == "m" else f"{plain(value, 4)}°"
+
+
+def loads(pose: ToMeasure) -> str:
+    """`5 load steps up to 3012 N along (0.10, -0.99, 0.05) of F_b`."""
+    along = ", ".join(f"{part:.2f}" for part in pose.direction)
+    force = f"1 load step of {pose.force_n:.0f} N"
+    if pose.steps > 1:
+        force = f"{pose.steps} load steps up to {pose.force_n:.0f} N"
+    return f"{force} along ({along}) of F_b"

@@ -25,6 +25,7 @@ from pipeline.base.shown import typed
 from pipeline.base.toml import line_of
 from pipeline.check.of_positions import of_positions
 from pipeline.check.proven import proven
+from pipeline.check.remarks import remarks
 from pipeline.check.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
 from pipeline.check.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
 from pipeline.machine.effect import HUNG, MOUNTED
@@ -32,7 +33,6 @@ from pipeline.machine.robot import Robot, axes, configure
 from pipeline.machine.robot.axes import in_log_units
 from pipeline.prediction.path import Path, beside_pulls
 from pipeline.prediction.tolerance import asked
-from pipeline.readers import logs
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.expected import expected
@@ -272,7 +272,7 @@ def _remarks(raw: Raw, robot: Robot) -> list[str]:
         one
         for file, form, whose in both
         if file in files
-        for one in logs.remarks(file, files[file], form, whose)
+        for one in remarks(file, files[file], form, whose)
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pipeline.annex.words import from_twins
 from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SERIES, Drawing, drawn
 
 # svg.py imports Matplotlib, which must not read the settings of the current folder
@@ -10,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.annex.figures.marks import MARKERS, dots, legend_above, legend_below, title
 from pipeline.base.arrays import Array
 from pipeline.base.language import Say
 from pipeline.base.quantities import plain
@@ -19,7 +21,7 @@ from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem
 from pipeline.machine.robot import configure
 from pipeline.report import words
-from pipeline.report.figures.marks import MARKERS, Tips, dots, legend_above, legend_below, title
+from pipeline.report.figures.plot import Tips
 
 _AROUND_M = 1.0
 """Space around robot and anchor in the pictures [m]."""
@@ -120,7 +122,7 @@ def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor"
 def sight_chart(sights: list[Sight], axes_of: words.Axes, name: str = "sights") -> Drawing:
     """Size from which each cause is detected and named, in multiples of its typical size."""
     shown = sorted(sights, key=lambda sight: -min(sight.named_from, 1e6))
-    names = [words.from_twins(sight.name, axes_of) for sight in shown]
+    names = [from_twins(sight.name, axes_of) for sight in shown]
 
     def draw(canvas: Canvas) -> Tips:
         canvas.set_size_inches(5.6, 0.9 + 0.15 * len(shown))

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.annex.words import axes_of
 from pipeline.base.language import Language, Say, said, spoken
 from pipeline.base.quantities import MM
 from pipeline.design.control import controls
@@ -14,7 +15,6 @@ from pipeline.design.plan_book import book
 from pipeline.design.plan_figures import anchor_curve, pose_picture, sight_chart, size_curves
 from pipeline.design.plan_sheet import Extras, sheet
 from pipeline.design.propose import Proposal
-from pipeline.report import words
 from pipeline.report.render import page, pdf
 from pipeline.report.svg import Drawing
 
@@ -85,7 +85,7 @@ def _drawn(proposal: Proposal, extras: Extras, say: Say) -> dict[str, Drawing]:
         f"pose-{number + 1}": pose_picture(problem, measurement, number, say)
         for number in range(len(measurement.q))
     }
-    out["sights"] = sight_chart(extras.sights, words.axes_of(proposal.problem.robot))
+    out["sights"] = sight_chart(extras.sights, axes_of(proposal.problem.robot))
     scale, unit = (MM, " [mm]") if problem.criterion.unit == "m" else (1.0, "")
     label = f"{problem.criterion.meaning[0].upper()}{problem.criterion.meaning[1:]}{unit}"
     if extras.sizes is not None:

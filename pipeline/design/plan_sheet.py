@@ -9,6 +9,7 @@ from operator import itemgetter
 
 import numpy as np
 
+from pipeline.annex.words import axes_of, from_twins, size
 from pipeline.answer.contract import LEAST_CONTROLLED
 from pipeline.answer.words import capital
 from pipeline.base.arrays import Array
@@ -94,7 +95,7 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
                 *_pulling(problem, measurement),
                 _reading_only(proposal),
                 _telling(proposal, extras),
-                _seeing(extras.sights, words.axes_of(problem.robot)),
+                _seeing(extras.sights, axes_of(problem.robot)),
                 _controlling(problem, extras.controls),
                 _assumptions(problem),
                 _annex(problem, measurement),
@@ -409,10 +410,10 @@ def _curves(proposal: Proposal, extras: Extras) -> list[Block]:
 
 def _seeing(sights: list[Sight], axes: words.Axes) -> Section | None:
     columns: list[Cells[Sight]] = [
-        said("Cause", lambda sight: words.from_twins(sight.name, axes)),
+        said("Cause", lambda sight: from_twins(sight.name, axes)),
         (Column("Noticed from", numeric=True), lambda sight: _times(sight.detected_from)),
         (Column("Named from", numeric=True), lambda sight: _times(sight.named_from)),
-        said("Hardest to tell from", lambda sight: words.from_twins(sight.rival, axes)),
+        said("Hardest to tell from", lambda sight: from_twins(sight.rival, axes)),
         said("What would settle it", lambda sight: "" if sight.named_from <= 1 else sight.needs),
     ]
     table = table_of(
@@ -436,14 +437,14 @@ def _controlling(problem: Problem, controls: Sequence[Control]) -> Section | Non
     columns: list[Cells[Control]] = [
         said("Reading", _reading),
         number("Redundancy", lambda one: one.r, roughly),
-        said("Minimal detectable bias", lambda one: words.size(one.visible, _UNIT[one.source])),
+        said("Minimal detectable bias", lambda one: size(one.visible, _UNIT[one.source])),
         number("Moves by [σ]", lambda one: one.moves, roughly),
         said("Which", lambda one: f"k_{joints[one.most - 1].name}"),
     ]
     worst = max(controls, key=lambda one: one.moves)
     told = (
         f"An error that would go unnoticed does most harm in the {_reading(worst)}: up to "
-        f"{words.size(worst.visible, _UNIT[worst.source])} of it remains undetected and shifts "
+        f"{size(worst.visible, _UNIT[worst.source])} of it remains undetected and shifts "
         f"k_{joints[worst.most - 1].name} by {plain(worst.moves, 2)} standard uncertainties."
     )
     if not np.isfinite(worst.moves):

@@ -13,12 +13,14 @@ from pipeline.design import criteria
 from pipeline.design.arm import arm_alone, bodied
 from pipeline.design.criteria import Criterion
 from pipeline.design.information import Experiment
+from pipeline.design.pull import REFERENCE_PULL_N, round_pull, share
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.spec import Limits, NoiseSpec, ProblemFile, revised
+from pipeline.library import holds
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
-from pipeline.machine.robot import Joint, Robot, axes, configure, rating
+from pipeline.machine.robot import Joint, Robot, axes, configure
 from pipeline.machine.robot.axes import rounded
 from pipeline.machine.robot.configuration import velocity
 from pipeline.machine.room import Room, room_of, turns
@@ -124,7 +126,7 @@ def _pulled(spec: ProblemFile, robot: Robot, tool: Tool) -> ProblemFile:
     """The problem with a load step; where none is stated, one that suits the robot."""
     if spec.pull.steps_n:
         return spec
-    pull = rating.round_pull(rating.REFERENCE_PULL_N * rating.share(robot, tool.load_point))
+    pull = round_pull(REFERENCE_PULL_N * share(robot, tool.load_point))
     return revised(spec, {"pull": {"steps_n": [pull]}})
 
 
@@ -268,7 +270,7 @@ def _check_payload(spec: ProblemFile, robot: Robot) -> None:
             f"({payload * _G_N_PER_KG:.0f} N)",
             "pull less, or correct limits.payload_kg",
         )
-    rating.refuse_absurd(robot, pull, "state other load steps, or leave pull.steps_n out")
+    holds.refuse_absurd(robot, pull, "state other load steps, or leave pull.steps_n out")
 
 
 def _check_every_joint_turns(robot: Robot, tool: Tool, lower: Array, upper: Array) -> None:

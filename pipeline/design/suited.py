@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.design.pull import REFERENCE_PULL_N, round_pull, share
 from pipeline.design.singular import arm_m
 from pipeline.design.spec import ProblemFile
-from pipeline.machine.robot import Robot, configure, load, rating
+from pipeline.machine.robot import Robot, configure, load
 
 _STEP_M = 0.005
 """Rounding of the lengths of a tool [m], as people make them."""
@@ -32,7 +33,7 @@ def suited(spec: ProblemFile, robot: Robot) -> dict[str, Any]:
     arm = _arm_m(robot)
     size = arm / _arm_m(load(spec.robot))
     tool = {name: _to_size(size, at) for name, at in spec.tool.items()}
-    pull = rating.share(robot, np.array(tool["load_point"]))
+    pull = share(robot, np.array(tool["load_point"]))
     return {
         "name": robot.name,
         "assumptions": [
@@ -42,7 +43,7 @@ def suited(spec: ProblemFile, robot: Robot) -> dict[str, Any]:
             *spec.assumptions[-1:],
         ],
         "tool": tool,
-        "pull": {"steps_n": [rating.round_pull(rating.REFERENCE_PULL_N * pull)]},
+        "pull": {"steps_n": [round_pull(REFERENCE_PULL_N * pull)]},
         "anchor": {
             "x_m": [round(_NEAR * arm, 2), round(_FAR * arm, 2)],
             "y_m": round(_NEAR * arm, 2),
@@ -50,7 +51,7 @@ def suited(spec: ProblemFile, robot: Robot) -> dict[str, Any]:
         },
         "criterion": {
             "kind": "workspace",
-            "force_n": rating.round_pull(min(pull, 1.0) * spec.criterion.force_n),
+            "force_n": round_pull(min(pull, 1.0) * spec.criterion.force_n),
         },
         "test_pose": [],
     }

@@ -1,4 +1,4 @@
-"""Stage 7, diagnosis: detect what the model lacks, name it, extend the model, propose poses."""
+"""Detect what the model lacks, name it, extend the model, propose poses."""
 
 from __future__ import annotations
 
@@ -101,8 +101,7 @@ def diagnose(
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
-    hung = as_stiff(cell, estimate)
-    stood = standing(hung, data, case.certain_noise, whole)
+    stood = standing(as_stiff(cell, estimate), data, case.certain_noise, whole)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
@@ -130,8 +129,6 @@ def diagnose(
     held = (facts.causes if facts.helps else ()) + facts.scatter
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
-    every = by_label(case.suspects)
-    main = [forms[0] for forms in every.values()]
     single = _alone(found, worth, rng)
     proposed, joints = _to_measure(case, found, causes, worth, known, rng)
     return Diagnosed(
@@ -141,26 +138,42 @@ def diagnose(
         blind_spots=_blind_spots(whole, found, facts, known),
         next_poses=proposed,
         determining=joints,
-        refused=found.refused,
-        clues=clues(found),
-        threshold=found.threshold.p,
-        lack_of_fit=(found.lack_first.p_poses, found.lack_first.p_pulls),
-        remainder=(found.lack.p_poses, found.lack.p_pulls, found.left),
-        rough=found.rough if facts.helps else None,
-        misfits=misfits(found.first),
         scatter=spread,
         equilibrium=case.cell.equilibrium,
-        apart=separation(found.first.M, found.first.base, found.first.at[main]),
-        apart_labels=tuple(every),
-        apart_found=_apart_found(case, found, main, facts.helps),
         hypotheses=sets,
+        **_of_search(found, facts.helps),
+        **_told_apart(case, found, facts.helps),
         **_left_out(found, worth, facts.helps),
-        noise_floor_m=rms(found.first.spread),
-        seen=found.seen,
-        settled=found.explains or not found.detected,
         stood_off_m=(stood.miss_m, stood.left_m),
         too_small=() if sets else too_small(case, found),
     )
+
+
+def _of_search(found: Found, helps: bool) -> dict[str, Any]:
+    """What the search itself has to say."""
+    return {
+        "refused": found.refused,
+        "clues": clues(found),
+        "threshold": found.threshold.p,
+        "lack_of_fit": (found.lack_first.p_poses, found.lack_first.p_pulls),
+        "remainder": (found.lack.p_poses, found.lack.p_pulls, found.left),
+        "rough": found.rough if helps else None,
+        "misfits": misfits(found.first),
+        "noise_floor_m": rms(found.first.spread),
+        "seen": found.seen,
+        "settled": found.explains or not found.detected,
+    }
+
+
+def _told_apart(case: SearchCase, found: Found, helps: bool) -> dict[str, Any]:
+    """How far causes are from each other, by the first form of each."""
+    every = by_label(case.suspects)
+    main = [forms[0] for forms in every.values()]
+    return {
+        "apart": separation(found.first.M, found.first.base, found.first.at[main]),
+        "apart_labels": tuple(every),
+        "apart_found": _apart_found(case, found, main, helps),
+    }
 
 
 def _apart_found(case: SearchCase, found: Found, main: Sequence[int], helps: bool) -> Array:
@@ -220,7 +233,7 @@ def _blind_spots(
     return tuple(spot for spot in spots if spot.effect.label not in names)
 
 
-def _left_out(found: Found, worth: CrossValidation | None, helps: bool) -> dict[str, Array]:
+def _left_out(found: Found, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:
     """Cross-validation residuals of the joint springs and of the extended model."""
     before = worth.before if worth else _left_by_springs(found.first)
     after = worth.after if worth and helps else before

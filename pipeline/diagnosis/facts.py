@@ -15,14 +15,10 @@ from pipeline.diagnosis.bounds import Bounds
 from pipeline.diagnosis.joined import Agreement
 from pipeline.faults.mistake import Mistake
 from pipeline.geometry.roughness import Cells
-from pipeline.machine.effect import Effect, Observation
+from pipeline.machine.effect import Effect, Elastic, Observation
 from pipeline.readers.known import GROSS_M
 from pipeline.system.linearised import Linearised
 from pipeline.system.system import Estimate, ScatterRatio
-
-ROUGH = 1.6
-"""Remainder ratio from which on a law of the model must be wrong [1]."""
-
 
 APART = 4.6
 """Separation of two causes in standard deviations [1] at which the right one leads by 20 to 1 in 95
@@ -503,6 +499,18 @@ class Facts:
     bounds: Bounds = field(default_factory=Bounds)
     positions: Facts | None = None
     agreement: Agreement | None = None
+
+    @property
+    def misdescribed(self) -> tuple[FoundCause, ...]:
+        """Causes among `moved` that are errors of the robot's file or base frame.
+
+        What acts on the deflections too, the sag under the arm's weight, is the machine's own.
+        """
+        return tuple(
+            one
+            for one in self.moved
+            if not any(isinstance(facet, Elastic) for facet in one.effect.facets)
+        )
 
     @property
     def helps(self) -> bool:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from enum import StrEnum
 
+ROUGH = 1.6
+"""Remainder ratio from which on a law of the model must be wrong [1]."""
+
 
 class Verdict(StrEnum):
     """Verdict on a campaign, the most severe last."""

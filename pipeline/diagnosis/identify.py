@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.diagnosis.facts import ROUGH
+from pipeline.diagnosis.finding import ROUGH
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects.nameless import NAMELESS
@@ -449,7 +449,7 @@ def _likeliest(now: Scores) -> Ints:
 
 
 def _possible(case: SearchCase, now: Scores, suspect: int) -> bool:
-    """False if an estimate exceeds its bounds by more than two standard uncertainties.
+    """False if an estimate exceeds its bounds by more than two standard uncertainties and `_SLACK`.
 
     Bounds are physical, and those from the unloaded reflectors.
     """
@@ -458,9 +458,13 @@ def _possible(case: SearchCase, now: Scores, suspect: int) -> bool:
     most = case.refuted.get(case.suspects[suspect].label, np.inf)
     assert now.bounds is not None
     lower, upper = now.bounds[:, suspect, :k]
-    slack = 2 * std + 0.3
+    slack = 2 * std + _SLACK
     low, high = np.maximum(lower, -most) - slack, np.minimum(upper, most) + slack
     return bool(np.all((value > low) & (value < high)))
+
+
+_SLACK = 0.3
+"""Excess over a bound that says nothing, in typical sizes [1]: a law is known to such a part."""
 
 
 def _exchange(case: SearchCase, seen: Linearised, limit: float = 0.0) -> Linearised:

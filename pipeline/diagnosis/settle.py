@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.diagnosis.bounds import bounds
+from pipeline.diagnosis.bounded import bounds
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosed

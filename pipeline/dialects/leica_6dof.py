@@ -10,11 +10,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pipeline.dialects import _named, _tables, titled
+from pipeline.dialects._coordinates import raw
+from pipeline.dialects._export import EXPANDED, USUAL_FACTORS
 from pipeline.dialects.tracker_pilot import expanded
-from pipeline.readers import _named, _tables, plain
 from pipeline.readers._cells import text_of
-from pipeline.readers._coordinates import Meaning, raw
-from pipeline.readers._reader import EXPANDED, USUAL_FACTORS, Export, Reader, Readings, written
+from pipeline.readers._reader import Export, Meaning, Reader, Readings, written
 from pipeline.readers._text import Text
 from pipeline.readers.said import Hints
 
@@ -22,7 +23,7 @@ from pipeline.readers.said import Hints
 def _recognise(lines: Sequence[str]) -> bool:
     """A header names X, Y, Z and U(95)."""
     header = _named.find(lines)
-    return header is not None and expanded(header) and not plain.recognise(lines)
+    return header is not None and expanded(header) and not titled.recognise(lines)
 
 
 def read(text: Text, hints: Hints) -> Export:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers import _named, _tables
+from pipeline.dialects import _named, _tables
+from pipeline.dialects._named import Header, Named
 from pipeline.readers._cells import bare, is_plain
 from pipeline.readers._layout import delimiter_of
-from pipeline.readers._named import Header, Named
 from pipeline.readers._reader import Export
-from pipeline.readers._text import Text, squeezed, until
+from pipeline.readers._text import Text, squeezed
 from pipeline.readers.said import Columns, Hints
 
 _NAME = "table by [tracker.mapping]"
@@ -112,3 +112,9 @@ def _place(word: str, column: str | int, titles: list[str]) -> int:
             "correct [tracker.mapping.columns] of campaign.toml, numbers from 1 work too",
         )
     return fitting[0]
+
+
+def until(text: Text, last: int) -> Text:
+    """The text up to a line, that one included."""
+    starts = text.starts[: last + 1]
+    return Text(text.name, text.data[: starts[-1]], text.encoding, starts)

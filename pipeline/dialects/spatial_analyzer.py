@@ -17,24 +17,25 @@ from typing import TypeVar
 import numpy as np
 
 from pipeline.base.errors import InputError, at
-from pipeline.dialects import table
-from pipeline.readers import _named, _tables, _time, plain
-from pipeline.readers._cells import cells_or_none, is_number, is_plain, is_remark
-from pipeline.readers._circle import within_a_circle
-from pipeline.readers._coordinates import AXES, KIND_WORDS, Angles, Meaning, settled
-from pipeline.readers._delimited import rows
-from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, TypedRows
-from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
-from pipeline.readers._reader import (
-    Export,
-    Reader,
-    Readings,
-    export,
+from pipeline.dialects import _named, _tables, table, titled
+from pipeline.dialects._circle import within_a_circle
+from pipeline.dialects._coordinates import (
+    AXES,
+    KIND_WORDS,
+    Angles,
+    settled,
     settled_angles,
     settled_unit,
-    written,
 )
+from pipeline.dialects._export import export
+from pipeline.dialects._named import Header, Named
+from pipeline.readers import _time
+from pipeline.readers._cells import cells_or_none, is_number, is_plain, is_remark
+from pipeline.readers._delimited import rows
+from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, TypedRows
+from pipeline.readers._reader import Export, Meaning, Reader, Readings, written
 from pipeline.readers._text import SAMPLE_LINES, Text
+from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers.said import Hints
 
 _T = TypeVar("_T")
@@ -71,7 +72,7 @@ def _recognise(lines: Sequence[str]) -> bool:
     comments = [line for line in lines if is_remark(line, _COMMENT)]
     sample = [line for line in lines if is_plain(line, _COMMENT)]
     shape = _shape(sample, comments)
-    if shape is None or _named.find(sample) or plain.recognise(sample):  # rows under a header
+    if shape is None or _named.find(sample) or titled.recognise(sample):  # rows under a header
         return False
     return bool(comments) or shape.compound > 0
 

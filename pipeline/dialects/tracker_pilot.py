@@ -8,9 +8,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from pipeline.dialects import table
-from pipeline.readers import _named, plain
-from pipeline.readers._named import Header
+from pipeline.dialects import _named, table, titled
+from pipeline.dialects._named import Header
 from pipeline.readers._reader import Export, Reader, Readings, written
 from pipeline.readers._text import Text
 from pipeline.readers.said import Hints
@@ -31,7 +30,7 @@ def _turned(header: Header) -> bool:
 def _recognise(lines: Sequence[str]) -> bool:
     """A header names a point and X, Y, Z, and nothing of a six-degrees-of-freedom target."""
     header = _named.find(lines)
-    if header is None or plain.recognise(lines):
+    if header is None or titled.recognise(lines):
         return False
     return header.has("target") and not expanded(header) and not _turned(header)
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.dialects import table
-from pipeline.readers import _named
+from pipeline.dialects import _named, table
 from pipeline.readers._cells import cells_or_none, is_number
 from pipeline.readers._layout import JOINT
 from pipeline.readers._reader import Export, Reader, Readings, written

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
+from pipeline.annex.words import source
 from pipeline.answer.contract import Answer, Cause, TargetDeflection
 from pipeline.answer.words import ABOUT
 from pipeline.base.shown import printable
@@ -303,7 +304,7 @@ def _of_table(
 
 def _words_of(column: pd.Series) -> pa.Array:
     told = column.astype(object).where(column.notna(), None)
-    said = words.source if column.name == "source" else str
+    said = source if column.name == "source" else str
     return pa.array([None if one is None else printable(said(one)) for one in told], STR)
 
 

@@ -148,6 +148,4 @@ def _finding(
     )
 
 
-FAULT = Fault(
-    "label_swap", "swapped names of targets", lambda asked: base_names(asked.case), in_files=True
-)
+FAULT = Fault("label_swap", lambda asked: base_names(asked.case), in_files=True)

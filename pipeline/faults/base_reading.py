@@ -319,13 +319,11 @@ def _when(found: Sequence[Mistake], single: bool) -> list[Mistake]:
 
 ONE = Fault(
     "outlier",
-    "outlying reading",
     lambda asked: _when(_off(asked.reduced.registration, asked.spread[0]), True),
 )
 
 SEVERAL = Fault(
     "outlier",
-    "outlying reading",
     lambda asked: _when(_off(asked.reduced.registration, asked.spread[0]), False),
 )
 """Tested after a reflector that is off in every round, which is one mistake and not several."""

@@ -108,6 +108,5 @@ def _without_target(case: Case, name: str) -> Case:
 
 FAULT = Fault(
     "outlier",
-    "outlying reading",
     lambda asked: base_target(asked.case, asked.reduced.registration, asked.spread[0]),
 )

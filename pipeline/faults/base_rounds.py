@@ -80,6 +80,4 @@ def _finding(case: Case, pair: tuple[str, str], before: float, after: float) -> 
     )
 
 
-FAULT = Fault(
-    "exchanged", "entries in each other's place", lambda asked: base_rounds(asked.case), True
-)
+FAULT = Fault("exchanged", lambda asked: base_rounds(asked.case), True)

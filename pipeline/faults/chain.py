@@ -405,6 +405,6 @@ def _without_group(case: Case, group: str) -> Case:
     return replace(case, readings=rows[rows["group"] != group])
 
 
-GROSS = Fault("outlier", "outlying reading", lambda asked: chain_gross(asked.case))
+GROSS = Fault("outlier", lambda asked: chain_gross(asked.case))
 
-FAULT = Fault("outlier", "outlying reading", lambda asked: chain_outlier(asked.case))
+FAULT = Fault("outlier", lambda asked: chain_outlier(asked.case))

@@ -234,6 +234,26 @@ def pairs(case: Case, rows: pd.DataFrame) -> tuple[Array, Array, Ints]:
     return rows[XYZ].to_numpy(float), points[at, target], pd.factorize(rows["group"])[0]
 
 
+def aligned(case: Case) -> tuple[Array, Array] | None:
+    """Rigid motion from the table's F_b to the tracker's frame, None with too few poses."""
+    zeros = unloaded(case)
+    if zeros["pose"].nunique() < FEWEST_POSES:
+        return None
+    seen, expected, _ = pairs(case, zeros)
+    return robust(expected, seen)
+
+
+def robust(expected: Array, seen: Array) -> tuple[Array, Array]:
+    """Rigid motion of the expected points onto the readings, without those far off."""
+    good = np.ones(len(seen), dtype=bool)
+    R, t = rigid(expected, seen)
+    for _ in range(3):
+        off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
+        good = off < np.maximum(3 * np.median(off), 1e-3)
+        R, t = rigid(expected[good], seen[good])
+    return R, t
+
+
 def _moved_onto(seen: Array, expected: Array) -> Array:
     """The expected points after the best rigid motion onto those seen."""
     R, t = rigid(expected, seen)
@@ -391,7 +411,6 @@ def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
 
 FAULT = Fault(
     "sign_or_convention",
-    "wrong sign or axis convention",
     lambda asked: conventions(asked.case),
     in_files=True,
 )

@@ -225,7 +225,6 @@ def _beam(points: Array) -> Array:
 
 FAULT = Fault(
     "sign_or_convention",
-    "covariances stated in another frame or unit",
     misstated,
     in_files=True,
 )

@@ -204,4 +204,4 @@ def _one_pose(case: Case) -> list[Mistake]:
     return found
 
 
-FAULT = Fault("dead_sensor", "column that no sensor wrote", dead, in_files=True, in_forces=True)
+FAULT = Fault("dead_sensor", dead, in_files=True, in_forces=True)

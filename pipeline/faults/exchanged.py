@@ -18,9 +18,8 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said, standing
-from pipeline.faults.conventions import FEWEST_POSES, anchored
+from pipeline.faults.conventions import FEWEST_POSES, aligned, anchored
 from pipeline.faults.fault import Fault
-from pipeline.faults.labels import aligned
 from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.machine.robot import configure
 from pipeline.readers.known import GROSS_M
@@ -372,6 +371,4 @@ def told(
     )
 
 
-FAULT = Fault(
-    "exchanged", "exchanged groups or rows", lambda asked: exchanged(asked.case), in_files=True
-)
+FAULT = Fault("exchanged", lambda asked: exchanged(asked.case), in_files=True)

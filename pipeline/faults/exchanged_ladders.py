@@ -127,4 +127,4 @@ def _tried(moved: PullMoves, pose: Ints) -> list[Ints]:
     return out
 
 
-FAULT = Fault("exchanged", "exchanged groups or rows", ladders, in_files=True)
+FAULT = Fault("exchanged", ladders, in_files=True)

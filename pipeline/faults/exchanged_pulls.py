@@ -533,4 +533,4 @@ def _of_states(
     )
 
 
-FAULT = Fault("exchanged", "exchanged groups or rows", exchanged_pulls, in_files=True)
+FAULT = Fault("exchanged", exchanged_pulls, in_files=True)

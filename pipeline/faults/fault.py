@@ -102,14 +102,12 @@ class Fault:
 
     Attributes:
         name: Name of its findings in the list of causes; several faults may share one.
-        noun: The same as a noun that fits into any sentence.
         find: Finds such mistakes; empty for a clean campaign.
         in_files: Whether it affects whole files: tested once, before any estimate.
         in_forces: Whether it is possible in a campaign that is given as forces and displacements.
     """
 
     name: str
-    noun: str
     find: Callable[[Screening], list[Mistake]]
     in_files: bool = False
     in_forces: bool = False

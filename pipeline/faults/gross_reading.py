@@ -95,4 +95,4 @@ def _changed(rows: pd.DataFrame, names: list[str]) -> tuple[Bools, Bools, Array]
     return some[t, g], every[t, g], np.where(seen, off, 0.0).max(axis=0)[t, g]
 
 
-FAULT = Fault("outlier", "outlying reading", lambda asked: gross(asked.case))
+FAULT = Fault("outlier", lambda asked: gross(asked.case))

@@ -282,4 +282,4 @@ def without_poses(case: Case, poses: Sequence[int]) -> Case:
     )
 
 
-FAULT = Fault("outlier", "outlying reading", lambda asked: wrong_rows(asked.case), in_files=True)
+FAULT = Fault("outlier", lambda asked: wrong_rows(asked.case), in_files=True)

@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array, Bools
-from pipeline.base.linear import rigid
-from pipeline.faults.conventions import FEWEST_POSES, pairs, unloaded
+from pipeline.faults.conventions import FEWEST_POSES, pairs, robust, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, of_group
 from pipeline.machine.robot import configure
@@ -38,20 +37,9 @@ def labels(case: Case) -> list[Mistake]:
     if zeros["pose"].nunique() < FEWEST_POSES:
         return []
     seen, expected, _ = pairs(case, zeros)
-    R, t = _robust(expected, seen)
+    R, t = robust(expected, seen)
     usual = float(np.median(np.linalg.norm(seen - expected @ R.T - t, axis=1)))
     return [*_measured(case, R, t), *_chain(case, R, t, max(GROSS_M, 3 * usual))]
-
-
-def _robust(expected: Array, seen: Array) -> tuple[Array, Array]:
-    """Rigid motion of the expected points onto the readings, without those far off."""
-    good = np.ones(len(seen), dtype=bool)
-    R, t = rigid(expected, seen)
-    for _ in range(3):
-        off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
-        good = off < np.maximum(3 * np.median(off), 1e-3)
-        R, t = rigid(expected[good], seen[good])
-    return R, t
 
 
 def _measured(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
@@ -197,15 +185,6 @@ def unlike(case: Case) -> pd.DataFrame:
     return pd.DataFrame({"away": away, "gross": away > max(GROSS_M, _USUAL * away.median())})
 
 
-def aligned(case: Case) -> tuple[Array, Array] | None:
-    """Rigid motion from the table's F_b to the tracker's frame, None with too few poses."""
-    zeros = unloaded(case)
-    if zeros["pose"].nunique() < FEWEST_POSES:
-        return None
-    seen, expected, _ = pairs(case, zeros)
-    return _robust(expected, seen)
-
-
 def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
     """Exchanged names of the chain's ends.
 
@@ -254,6 +233,4 @@ def _hung_alike(table: pd.DataFrame, reversed_: Bools) -> Bools:
     return np.asarray(~gross.any(axis=1))
 
 
-FAULT = Fault(
-    "label_swap", "swapped names of targets", lambda asked: labels(asked.case), in_files=True
-)
+FAULT = Fault("label_swap", lambda asked: labels(asked.case), in_files=True)

@@ -76,7 +76,6 @@ def _placed(turn: Array, shift: Array, case: Case) -> Case:
 
 FAULT = Fault(
     "sign_or_convention",
-    "wrong sign or axis convention",
     lambda asked: placement(asked.case),
     in_files=True,
 )

@@ -165,4 +165,4 @@ def _finding(
     )
 
 
-FAULT = Fault("outlier", "outlying reading", moved)
+FAULT = Fault("outlier", moved)

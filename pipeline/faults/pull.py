@@ -10,8 +10,9 @@ import pyarrow as pa
 
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
+from pipeline.faults.conventions import aligned
 from pipeline.faults.fault import Fault
-from pipeline.faults.labels import aligned, chain_distances
+from pipeline.faults.labels import chain_distances
 from pipeline.faults.mistake import Mistake
 from pipeline.readers.logs import FORCE
 from pipeline.reduction.case import Case
@@ -85,7 +86,8 @@ def _turned_round(case: Case) -> Case:
     if _hangs(case):
         x, y, z = case.settings.gravity.direction
         up = case.settings.gravity.model_copy(update={"direction": (-x, -y, -z)})
-        return replace(case, settings=case.settings.model_copy(update={"gravity": up}))
+        settings = case.settings.model_copy(update={"gravity": up})
+        return replace(case, settings=settings, robot=case.robot.under(up.vector))
     chain = case.settings.naming.chain
     naming = case.settings.naming.model_copy(update={"chain": chain[::-1]})
     return replace(case, settings=case.settings.model_copy(update={"naming": naming}))
@@ -164,14 +166,12 @@ def _times(forces: pa.Table, factor: float) -> pa.Table:
 
 REVERSED = Fault(
     "sign_or_convention",
-    "wrong sign or axis convention",
     lambda asked: reversed_pull(asked.case, asked.estimate),
     in_forces=True,
 )
 
 UNIT = Fault(
     "unit_mixup",
-    "mixed-up unit",
     lambda asked: force_unit(asked.case, asked.estimate),
     in_forces=True,
 )

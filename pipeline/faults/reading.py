@@ -443,4 +443,4 @@ def _row(case: Case, reduced: Reduced, readings: TargetReadings, best: int) -> p
     return rows.iloc[readings.nth[best]]
 
 
-FAULT = Fault("outlier", "outlying reading", outliers)
+FAULT = Fault("outlier", outliers)

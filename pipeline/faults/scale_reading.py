@@ -326,7 +326,6 @@ def _meant(given: float, fits: float, std: float, unit: str) -> str:
 
 FAULT = Fault(
     "outlier",
-    "outlying reading",
     lambda asked: scale_outliers(
         asked.case, asked.cell, asked.reduced.data, asked.system, asked.estimate
     ),

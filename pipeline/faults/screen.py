@@ -1,4 +1,4 @@
-"""Stage 5b: mistakes in the data found and named, and the campaign without them."""
+"""Mistakes in the data found and named, and the campaign without them."""
 
 from __future__ import annotations
 

@@ -178,7 +178,6 @@ def _repeats(row: pd.Series, of: str, copy: str, p: float) -> Mistake:
 
 FAULT = Fault(
     "outlier",
-    "outlying reading",
     lambda asked: [*stale(asked.case), *repeated(asked)],
     in_files=True,
 )

@@ -54,4 +54,4 @@ def _moved(case: Case, name: str, place: Array) -> Case:
     return replace(case, settings=case.settings.model_copy(update={"tool": tool}))
 
 
-FAULT = Fault("tool_point", "wrong tool point", lambda asked: tool_point(asked.case), in_files=True)
+FAULT = Fault("tool_point", lambda asked: tool_point(asked.case), in_files=True)

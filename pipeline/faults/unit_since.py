@@ -195,4 +195,4 @@ def _finding(
     )
 
 
-FAULT = Fault("unit_mixup", "mixed-up unit", unit_since, in_files=True)
+FAULT = Fault("unit_mixup", unit_since, in_files=True)

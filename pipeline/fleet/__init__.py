@@ -1,6 +1,6 @@
-"""Outbuilding: all robots over all their campaigns; tables, wear, alarms, questions, priors.
+"""Outbuilding: all robots over all their campaigns; tables, wear, alarms, queries, priors.
 
-Door: `fleet.command` for the command line, `fleet.pages` for who has run a campaign: `refresh`
-brings the page over all of them up to date, `together` is what one page says of the others.
-Tests: `tests/fleet/`; bench/fleet plays careers.
+Door: `fleet.command` for the command line; `fleet.pages` for runs of campaigns: `refresh` updates
+the page over all campaigns, `together` is what one page states about the others.
+Tests: `tests/fleet/`; bench/fleet simulates robots over their service life.
 """

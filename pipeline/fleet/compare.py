@@ -1,4 +1,4 @@
-"""Two campaigns, or two models of one, side by side."""
+"""Comparison of two campaigns, or of two models of one."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ from pipeline.report.text import as_text
 from pipeline.store.campaign import CampaignFolder, find
 
 _COVARIANCES = {"recommended": "41_covariance", "joints": "41_covariance_joint_springs"}
-"""Models of a campaign that can be compared, with the tables of their covariance."""
+"""Models of a campaign that have a covariance, with the names of its tables."""
 
 _MODELS = (*_COVARIANCES, "extended")
 
 
 def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path | None]:
-    """Two campaigns or models beside each other, and the page of it, where one can be kept."""
+    """Compare two campaigns or models; return the outcome and its page, if that can be written."""
     said, content = compared(root, first, second)
     name = f"{first}--{second}"
     path = root / "reports" / f"{name}.html".replace(":", ".").replace("/", ".")
     done = Outcome(name, content | {"page": str(path)}, as_text(said))
     try:
         files.write(path, as_page(said, {}).encode())
-    except CannotWrite as problem:  # the answer itself needs no page
+    except CannotWrite as problem:  # the result itself needs no page
         content, complaints = content | {"page": None}, [str(problem)]
         code = problem.exit_code
         return replace(done, content=content, exit_code=code, complaints=complaints), None
@@ -56,14 +56,14 @@ def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path | None]:
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """One of two that are compared.
+    """One of the two sides of a comparison.
 
     Attributes:
-        asked: What was asked for, a campaign or `campaign:model`.
-        campaign: The campaign's name.
+        asked: Name as given, a campaign or `campaign:model`.
+        campaign: Name of the campaign.
         of: `recommended`, `joints` or `extended`.
-        answer: Its answer.
-        stiffness: The stiffnesses of the model.
+        answer: Answer of the campaign.
+        stiffness: Stiffnesses of the model.
         cov: Covariance of their compliances [SI], shape (n, n).
     """
 
@@ -76,30 +76,31 @@ class _Side:
 
     @property
     def whole(self) -> bool:
-        """Whether a campaign was asked for, not one of its models."""
+        """Whether a campaign was given rather than one of its models."""
         return self.asked == self.campaign
 
     @property
     def stood_for(self) -> bool:
-        """Whether the answer stands for these very values."""
+        """Whether these values are the ones that the answer recommends."""
         said = self.answer.recommended
         as_given = said.model is Which.JOINT_SPRINGS and said.data is Data.AS_GIVEN
         return {"joints": as_given, "extended": said.model is Which.EXTENDED}.get(self.of, True)
 
     @property
     def model(self) -> str:
-        """Which model's values these are, in words; nothing where what was asked for says it."""
+        """Model of these values, in words; empty if its name was given."""
         return words.values_of(self.answer) if self.whole else ""
 
 
 def compared(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any]]:
-    """Two campaigns, or two models of one: what is said, and the same as data.
+    """Compare two campaigns, or two models of one, as report and as data.
 
     Args:
         root: The project's root.
-        first: A campaign, whose answer's values are taken, or `campaign:joints` (the joint
-            springs alone on the data as given) or `campaign:extended` (the causes' own fit).
-        second: As before.
+        first: A campaign, for the values of its answer, or `campaign:joints` (the joint springs
+            alone on the data as given) or `campaign:extended` (springs and causes estimated
+            together).
+        second: Likewise.
 
     Raises:
         InputError: There is no such campaign.
@@ -132,7 +133,7 @@ def compared(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any
 
 
 def _not_tested(a: _Side, b: _Side) -> str | None:
-    """Why what two differ by is no matter of chance; None where it is."""
+    """Why the differences cannot be tested; None if they can."""
     if a.campaign == b.campaign:
         return SAME_READINGS
     if not alike(a.answer, b.answer):
@@ -145,7 +146,7 @@ def _not_tested(a: _Side, b: _Side) -> str | None:
 
 
 def _from_day_to_day(root: Path, a: _Side, b: _Side) -> dict[str, float]:
-    """By what stiffnesses of one robot differ between these two days [1], by name, if known."""
+    """Day-to-day scatter of the robot's stiffnesses [1], by name; empty if not applicable."""
     wear = of(a.answer.machine, fleet.wear(root))
     same = a.answer.machine == b.answer.machine and not of_one_day(a.answer, b.answer)
     if not same or wear is None or not wear.followed:
@@ -154,7 +155,7 @@ def _from_day_to_day(root: Path, a: _Side, b: _Side) -> dict[str, float]:
 
 
 def _any_day(side: _Side, daily: Mapping[str, float]) -> Array:
-    """Covariance of the compliances as they are on any day [SI], shape (n, n)."""
+    """Covariance of the compliances including the day-to-day scatter [SI], shape (n, n)."""
     x = [(joint.compliance or 0.0) * daily.get(joint.name, 0.0) for joint in side.stiffness]
     return np.asarray(side.cov + np.diag(np.square(x)))
 
@@ -162,7 +163,7 @@ def _any_day(side: _Side, daily: Mapping[str, float]) -> Array:
 def _all_together(
     a: _Side, b: _Side, independent: bool, daily: Mapping[str, float]
 ) -> dict[str, float | int | None]:
-    """The test of all joints together; nothing where two share errors or have other joints."""
+    """Chi-square test of all joints together; None if errors are shared or joints differ."""
     same = [joint.name for joint in a.stiffness] == [joint.name for joint in b.stiffness]
     if not (independent and same):
         return {"chi2": None, "dof": 0, "p_value": None}
@@ -171,7 +172,7 @@ def _all_together(
 
 
 def _side(root: Path, asked: str) -> _Side:
-    """What was asked for, with its covariance."""
+    """The campaign or model given, with its covariance."""
     one, model = _campaign_and_model(root, asked)
     name, answer = one.campaign.name, one.answer
     known = {"recommended": answer, "joints": answer.joint_springs, "extended": answer.extended}
@@ -183,7 +184,7 @@ def _side(root: Path, asked: str) -> _Side:
 
 
 def _covariance(campaign: CampaignFolder, model: str, stiffness: Sequence[Stiffness]) -> Array:
-    """Of the compliances of these joints [SI], from the table that the run kept if there is one."""
+    """Covariance of the compliances [SI], from the run's table; `extended`: variances only."""
     if model not in _COVARIANCES:
         std = [joint.compliance_std for joint in stiffness]
         return np.diag([np.nan if s is None else s**2 for s in std])

@@ -1,16 +1,17 @@
-"""Which causes are common and how large they are, learnt from finished campaigns, or guessed.
+"""Frequencies and sizes of causes, learnt from finished campaigns, or guessed.
 
-A robot keeps its causes, so robots are counted, not campaigns: y_c = sum over robots of the share
-of their campaigns that name cause c. The rates p_c of the causes come of one distribution,
+Causes belong to robots, so robots are counted, not campaigns: y_c is the sum over robots of the
+fraction of their campaigns that name cause c. The rates p_c of the causes have a common
+distribution,
 
     y_c ~ Binomial(R, p_c),   p_c ~ Beta(s m, s (1 - m)),
 
-s and m where the marginal likelihood is largest (empirical Bayes, beta-binomial), and sizes of
+with s and m that maximise the marginal likelihood (empirical Bayes, beta-binomial); for sizes,
 
     ln(size / typical) ~ N(mu_c, SPREAD^2),   mu_c ~ N(0, BETWEEN^2),
 
-so that a cause that few robots have keeps close to what is guessed: all causes equally likely, of
-typical size. Campaigns whose own answer rests on learnt priors teach nothing.
+so that a cause of few robots stays close to the guess: all causes equally likely, of typical size.
+Campaigns whose own answer uses learnt priors are not counted.
 """
 
 from __future__ import annotations
@@ -27,32 +28,33 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.finding import Verdict
 
 ROBOTS, CAMPAIGNS = 10, 20
-"""From so many robots and campaigns on, rates are learnt."""
+"""Minimum number of robots and of campaigns from which rates are learnt."""
 
 _SIZED = 3
-"""From so many robots with a cause on, its size is learnt."""
+"""Minimum number of robots with a cause from which its size is learnt."""
 
 _CERTAIN = 0.5
-"""Probability from which a cause counts as there."""
+"""Probability from which a cause counts as present [1]."""
 
 _SPREAD, _BETWEEN = 0.8, 0.6
-"""Of ln(size / typical): within a cause, and of their means."""
+"""Standard deviations of ln(size / typical) [1]: within a cause, and of the means of the causes."""
 
 _MOST_ODDS, _MOST_SIZE = 4.0, 3.0
-"""Learnt odds and sizes are bounded: no cause is certain (19 : 1) by being common (16 : 1)."""
+"""Bounds of learnt odds and sizes [1]: no cause becomes certain (19 : 1) by being common (16 :
+1)."""
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What is expected of one cause.
+    """Expectation of one cause.
 
     Attributes:
-        name: Of the cause.
-        robots: How many have it.
-        odds: Over a cause of the mean rate, bounded.
-        size: Over the typical size, bounded.
-        odds_learnt: False: guessed.
-        size_learnt: Likewise.
+        name: Name of the cause.
+        robots: Number of robots that have it, a sum of fractions.
+        odds: Odds relative to a cause of mean rate, bounded.
+        size: Size relative to the typical one, bounded.
+        odds_learnt: Whether the odds are learnt rather than guessed.
+        size_learnt: Likewise for the size.
     """
 
     name: str
@@ -68,9 +70,9 @@ class Experience:
     """What all campaigns teach.
 
     Attributes:
-        robots: How many robots they are of.
-        campaigns: How many count.
-        causes: All that may be, by name.
+        robots: Number of robots.
+        campaigns: Number of campaigns that count.
+        causes: All possible causes, by name.
     """
 
     robots: int
@@ -84,7 +86,7 @@ class Experience:
 
 
 def experience(answers: Iterable[Answer], names: Collection[str]) -> Experience:
-    """What finished campaigns teach of causes with these names."""
+    """Expectations of the causes with these names from finished campaigns."""
     by_robot = _by_robot(answers)
     seen = {name: list(_shares(by_robot.values(), name)) for name in sorted(names)}
     sizes = {name: [size for own in by_robot.values() for size in _size(own, name)]
@@ -102,10 +104,10 @@ def experience(answers: Iterable[Answer], names: Collection[str]) -> Experience:
 
 
 def _by_robot(answers: Iterable[Answer]) -> dict[str, list[Answer]]:
-    """Campaigns of each robot that teach something; those with priors repeat what was learnt.
+    """Campaigns of each robot that count; those with priors would repeat what was learnt.
 
-    Odds are those of causes beside pulls: what positions show under the arm's weight, they show by
-    another test.
+    Odds apply to causes found from pulls; campaigns of positions find causes by another test under
+    the arm's own weight, and do not count.
     """
     found: dict[str, list[Answer]] = {}
     for one in answers:
@@ -118,7 +120,7 @@ _TEACHES = (Verdict.ADEQUATE, Verdict.EXPLAINED, Verdict.AMBIGUOUS)
 
 
 def _shares(robots: Iterable[Sequence[Answer]], name: str) -> Iterator[float]:
-    """Part of each robot's campaigns that name a cause, of those that could have seen it."""
+    """Fraction of each robot's campaigns that name a cause, among those that could detect it."""
     for own in robots:
         told = [one for one in own if _names(one, name) or not _blind(one, name)]
         if told:
@@ -130,12 +132,12 @@ def _names(one: Answer, name: str) -> bool:
 
 
 def _blind(one: Answer, name: str) -> bool:
-    """Whether a cause of one place would have gone unnoticed there at its typical size."""
+    """Whether a cause with a single place would have been missed at its typical size."""
     return any(spot.name == name and spot.where is None for spot in one.diagnosis.blind_spots)
 
 
 def _size(own: Sequence[Answer], name: str) -> list[float]:
-    """Mean ln(size / typical) of a robot's cause; nothing where it has none."""
+    """Mean ln(size / typical) of a robot's cause; empty if it does not have it."""
     logs = [
         math.log(cause.times_typical)
         for one in own
@@ -146,7 +148,7 @@ def _size(own: Sequence[Answer], name: str) -> list[float]:
 
 
 def _expected_size(logs: Sequence[float]) -> float:
-    """Exp of the mean of mu_c, shrunk to ln 1; typical where too few tell."""
+    """Exp of the mean of mu_c, shrunk to ln 1; 1 if too few robots have the cause."""
     n = len(logs)
     if n < _SIZED:
         return 1.0
@@ -155,12 +157,12 @@ def _expected_size(logs: Sequence[float]) -> float:
 
 
 def _odds(total: Array, robots: Ints) -> Array:
-    """Posterior odds of each rate over their geometric mean, bounded, shape (n,)."""
+    """Posterior odds of each rate relative to their geometric mean, bounded, shape (n,)."""
 
     def loss(at: Array) -> float:
         a, b = np.exp(at)
         each = special.betaln(total + a, robots - total + b) - special.betaln(a, b)
-        # one robot's worth of prior on either, so that a fleet without causes has a rate, too
+        # weak prior on a and b, so that a fleet without causes has rates, too
         return float(-each.sum() + 0.5 * (at[0] ** 2 + (at[1] - 2.0) ** 2) / 2)
 
     a, b = np.exp(optimize.minimize(loss, np.array([0.0, 2.0]), method="Nelder-Mead").x)

@@ -1,4 +1,4 @@
-"""What is said over several campaigns: the page over all of them, and two beside each other."""
+"""Pages over several campaigns: the overview of all of them, and the comparison of two."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
     """The page over all campaigns: what needs action, their verdicts, each stiffness over time.
 
     Args:
-        answers: Those of every finished campaign.
-        wear: Every robot over its campaigns; one that is not followed has its campaigns compared.
+        answers: Answers of all finished campaigns.
+        wear: Every robot over its campaigns; for one that is not followed, campaigns are compared.
     """
     by_robot = robots(answers)
     followed = {one.machine: one for one in wear if one.followed}
@@ -88,20 +88,20 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
 def _sections(
     by_robot: Mapping[str, Sequence[Answer]], followed: Mapping[str, Robot]
 ) -> Iterator[Section | None]:
-    """One for each robot."""
+    """Yield one section per robot."""
     for place, (name, own) in enumerate(by_robot.items()):
         yield section_of(f"robot-{place}", name, _robot(place, name, own, followed.get(name)))
 
 
 def _raised(followed: Mapping[str, Robot], counts: Container[str]) -> Iterator[str]:
-    """The alarms of robots that stand in a hall."""
+    """Alarms of the robots in `counts`."""
     for name, one in followed.items():
         if one.alarm and name in counts:
             yield f"{name}: {alarm(one)}"
 
 
 def _unsaid(own: Sequence[Answer], followed: Robot | None) -> list[str]:
-    """Joints of a robot that have changed between two campaigns, and of which no alarm speaks."""
+    """Joints of a robot that changed between two campaigns and are not covered by an alarm."""
     called = _called(own)
     alarmed = [joint.called for joint in followed.changed] if followed else []
     changed = (called.get(one, one) for one in changed_of(own, followed))
@@ -111,7 +111,7 @@ def _unsaid(own: Sequence[Answer], followed: Robot | None) -> list[str]:
 def _standing_in_a_hall(
     by_robot: Mapping[str, Sequence[Answer]],
 ) -> Mapping[str, Sequence[Answer]]:
-    """Robots of which something was measured; where nothing was, those that were simulated."""
+    """The real robots; if there are none, the simulated ones."""
     real = {name: own for name, own in by_robot.items() if not own[0].simulated}
     return real or by_robot
 
@@ -125,7 +125,7 @@ def _virtual(simulated: int, of: int) -> str:
 
 
 def _of_all(changed: bool, several: bool) -> tuple[str, str]:
-    """The verdict on all campaigns, and its tone."""
+    """Verdict on all campaigns, and its tone."""
     if changed:
         return "A stiffness has changed", "attention"
     if several:
@@ -143,7 +143,7 @@ def _counted(number: int, noun: str) -> str:
 
 
 def _change_sentences(changed: Mapping[str, list[str]], several: bool, alarms: bool) -> list[str]:
-    """What has changed, robot by robot, or that nothing has; nothing more where alarms say it."""
+    """Sentences on what changed, by robot, or that nothing did; empty if alarms say it."""
     if any(changed.values()):
         return [
             f"{robot}: {', '.join(names)} changed by more than chance explains; "
@@ -187,7 +187,7 @@ def _left_out_mm(answer: Answer) -> float | None:
 
 
 def _who(cause: Cause) -> str:
-    """A cause, with those that it could as well be."""
+    """A cause, with its likely rivals."""
     rivals = [rival for rival in cause.rivals if rival.probability > LIKELY]
     return " or ".join(map(words.placed, (cause, *rivals)))
 
@@ -226,7 +226,7 @@ def _robot(
 
 
 def _called(answers: Sequence[Answer]) -> dict[str, str]:
-    """`A1 (k_theta2)` by `k_theta2`, as the last campaign that has the joint calls it."""
+    """`A1 (k_theta2)` by `k_theta2`, as named by the last campaign that has the joint."""
     return {joint.name: joint.called for one in answers for joint in one.stiffness}
 
 
@@ -292,7 +292,7 @@ NOT_STOOD_FOR = (
     "The answer does not stand for {}, so its uncertainties cannot tell whether a stiffness has "
     "changed: what its model leaves out may look like a change."
 )
-"""Why two lists of stiffnesses are shown beside each other and not tested."""
+"""Reasons why two lists of stiffnesses are shown side by side without a test."""
 _DAILY = (
     "The robot's campaigns tell what its stiffnesses differ by from day to day; that much counts "
     "as no difference, as in its wear."
@@ -300,7 +300,7 @@ _DAILY = (
 _OTHER_ROBOTS = "They are of different robots, {} and {}: what differs is no change of one."
 
 
-# --- two beside each other -----------------------------------------------------------------
+# --- comparison of two ----------------------------------------------------------------------
 
 
 def comparison(
@@ -313,19 +313,19 @@ def comparison(
     robots: tuple[str, str] = ("", ""),
     scatter: Mapping[str, float] = NO_SCATTER,
 ) -> Report:
-    """Two campaigns, or two models of one, joint by joint.
+    """Compare two campaigns, or two models of one, joint by joint.
 
     Args:
-        names: What they are called.
+        names: Their names.
         before: Stiffnesses of the first.
-        after: Of the second.
-        covariances: Of their compliances, when they are independent; without them, as for two
-            models of one campaign, nothing is tested.
-        not_tested: Why nothing is tested, where nothing is.
-        models: Which model's the values of each are, in words.
-        robots: Whose they are, where that is not the same.
-        scatter: What the robot's stiffnesses differ by from day to day [1], by name, where the
-            two are of different days and its campaigns tell it.
+        after: Stiffnesses of the second.
+        covariances: Covariances of their compliances if they are independent; None, as for two
+            models of one campaign, if nothing is to be tested.
+        not_tested: Why nothing is tested, if so.
+        models: Model of the values of each, in words.
+        robots: Robots of the two, if they differ.
+        scatter: Day-to-day scatter of the robot's stiffnesses [1], by name, if known and the two
+            are of different days.
     """
     found = changes(before, after, covariances is not None, scatter)
     called = {joint.name: joint.called for joint in after}
@@ -352,7 +352,7 @@ def comparison(
 
 
 def _differ(surely: Sequence[str]) -> tuple[str, str, str]:
-    """Verdict, tone and sentence on joints that surely differ."""
+    """Verdict, tone and sentence on the joints that differ with certainty."""
     if not surely:
         return "They agree", "good", "No stiffness differs by more than chance explains."
     differ = "differs" if len(surely) == 1 else "differ"
@@ -363,7 +363,7 @@ def _differ(surely: Sequence[str]) -> tuple[str, str, str]:
 def _together(
     before: Sequence[Stiffness], after: Sequence[Stiffness], covariances: tuple[Array, Array] | None
 ) -> Iterator[str]:
-    """The test of all joints together, where both have the same."""
+    """Test of all joints together, if both have the same joints."""
     if covariances is None or [j.name for j in before] != [j.name for j in after]:
         return
     chi2, dof = together(before, after, *covariances)
@@ -410,7 +410,7 @@ def _judged(change: Change) -> str:
 
 
 def render_overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> bytes:
-    """The page over all campaigns, from their answers and from what robots' campaigns say."""
+    """The page over all campaigns as HTML, from their answers and the wear of their robots."""
     report = overview(answers, wear)
     drawings = {figure.name: _draw_robot(figure.name, answers, wear) for figure in report.figures}
     return page(report, {name: drawing.inline for name, drawing in drawings.items()}).encode()
@@ -418,7 +418,7 @@ def render_overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> by
 
 def _draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Drawing:
     """Draw the history of one robot: `history-0` is that of the first of `robots`."""
-    # matplotlib imports for half a second
+    # importing matplotlib takes half a second
     from pipeline.annex.figures.history import draw_history
     from pipeline.report.svg import drawn
 

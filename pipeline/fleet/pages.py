@@ -1,4 +1,4 @@
-"""All finished campaigns together: the page over them, and what each says of the one before it."""
+"""Pages of all finished campaigns: the overview, and what each states about the previous ones."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _INDEX_MANIFEST = "index.json"
 
 
 def refresh(root: Path) -> Path | None:
-    """Bring page and tables over all campaigns up to date, and each report's change since the last.
+    """Update the overview and its tables, and in each report the change since the last campaign.
 
-    Nothing is drawn again whose content is still true; what a killed run left half-written goes,
-    and a campaign whose result no longer counts is left out, which is said.
+    Only outdated pages are drawn again; remains of killed runs are removed, and a campaign whose
+    result is outdated is left out, which is reported.
 
     Returns:
-        The page over all campaigns, None when there is no campaign.
+        The page over all campaigns, None if there is no campaign.
     """
     everyone = finished(root, _left_out)
     answers = [one.answer for one in everyone]
@@ -48,14 +48,14 @@ def refresh(root: Path) -> Path | None:
 
 
 def together(answer: Answer, root: Path) -> str | None:
-    """What a campaign's page says of its robot's campaigns together, of what is known by now."""
+    """What a campaign's page states about all campaigns of its robot, as known so far."""
     return told(answer, fleet.wear(root))
 
 
 def _wear(root: Path) -> tuple[Robot, ...]:
-    """Every robot over its campaigns, brought up to date; what is new of alarms is said."""
+    """Wear of all robots, updated; new alarms are printed."""
     before = _alarms(fleet.wear(root))
-    with suppress(CannotWrite):  # the next query makes what is missing, or says why not
+    with suppress(CannotWrite):  # the next query creates what is missing, or says why not
         fleet.refresh(root, preferences.load(root).fleet.scatter)
     wear = fleet.wear(root)
     for machine, words in _alarms(wear).items():
@@ -69,7 +69,7 @@ def _alarms(wear: Sequence[Robot]) -> dict[str, str]:
 
 
 def _says(manifest: Mapping[str, Any], stands: Mapping[str, str | None]) -> bool:
-    """Whether a report is of what stands now: the campaign before, and what all say together."""
+    """Whether a report agrees with the present previous campaign, wear and look."""
     return all(manifest.get(name) == value for name, value in stands.items())
 
 
@@ -78,24 +78,24 @@ def _left_out(why: str) -> None:
 
 
 def _tell(campaign: CampaignFolder, dress: Callable[[Mapping[str, Any], Facts], Look]) -> None:
-    """Write a campaign's report anew, with what has changed since the previous campaigns."""
+    """Write a campaign's report again, with the changes since previous campaigns."""
     from pipeline.report.render import render
 
     with campaign.locked():
         manifest, answer = campaign.manifest(), read(campaign)
-        before = earlier(campaign, answer)  # of what is there now that nobody else writes here
+        before = earlier(campaign, answer)  # as read under the lock
         wear = together(answer, campaign.root)
         look = look_of(dress, manifest or {}, answer)
         stands = {"previous": mark(before), "wear": wear, "look": look.key}
         if manifest is None or _says(manifest, stands):
-            return  # another run has been faster
+            return  # another run has done it
         took, beside = manifest.get("run_time_s"), campaign.answers(manifest)
         pages = render(answer, shown(campaign), took, before, beside, wear, look)
         campaign.publish(manifest | stands, pages)
 
 
 def _index(root: Path, everyone: Sequence[Finished], wear: Sequence[Robot]) -> Path:
-    """The page over these, drawn of those that are finished once no other run draws it."""
+    """The page over all campaigns, drawn under a lock from those finished by then."""
     from pipeline.fleet.overview import render_overview
 
     page, manifest = root / "reports" / "index.html", root / "data" / "processed" / _INDEX_MANIFEST

@@ -1,4 +1,4 @@
-"""What all campaigns teach of causes, as tables for campaign.toml."""
+"""What all campaigns teach about causes, as tables for campaign.toml."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pipeline.machine.robot import load
 
 
 def learnt(root: Path, robot: str) -> Experience:
-    """Of all finished campaigns, for the causes that a robot can have.
+    """Experience from all finished campaigns with the causes that a robot can have.
 
-    Simulated ones teach nothing: somebody chose their causes.
+    Simulated campaigns are not counted, since their causes were chosen.
 
     Raises:
         InputError: There is no such robot.
@@ -29,7 +29,7 @@ def learnt(root: Path, robot: str) -> Experience:
 
 
 def toml(said: Experience) -> str:
-    """Tables to append to campaign.toml; what is guessed is a comment that says so."""
+    """Tables to append to campaign.toml; guesses are stated as such in comments."""
     return "\n".join(_lines(said)) + "\n"
 
 

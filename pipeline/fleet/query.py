@@ -1,4 +1,4 @@
-"""SQL over all finished campaigns: DuckDB reads what tables.py keeps, and nothing else."""
+"""SQL over all finished campaigns: DuckDB reads the tables of tables.py, and nothing else."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ FORMATS = ("table", "csv", "json", "xlsx")
 
 @dataclass(frozen=True)
 class _Found:
-    """What a query gives.
+    """Result of a query.
 
     Attributes:
-        columns: Their names.
-        rows: Their values, plain Python ones.
+        columns: Names of the columns.
+        rows: Rows of plain Python values.
     """
 
     columns: list[str]
@@ -40,19 +40,19 @@ class _Found:
 
 
 def ask(root: Path, query: str) -> _Found:
-    """Carry out one query.
+    """Execute one query.
 
     Args:
         root: The project's root.
         query: One SELECT, in DuckDB's SQL.
 
     Raises:
-        UsageError: It is none, cannot be carried out, or there is nothing to ask.
+        UsageError: It is not one, cannot be executed, or no campaign is finished.
     """
     scatter = preferences.load(root).fleet.scatter
     try:
         fleet.refresh(root, scatter)
-    except CannotWrite:  # a project that is only read: as its last run left them
+    except CannotWrite:  # a read-only project: tables as left by the last run
         if not fleet.folder(root).is_dir():
             raise
     duckdb, place = _duckdb(), fleet.folder(root).resolve()
@@ -71,10 +71,10 @@ def ask(root: Path, query: str) -> _Found:
 
 
 def _answered(duckdb: Any, place: Path, query: str) -> _Found:
-    """What one query gives.
+    """Result of one query.
 
     Raises:
-        duckdb.Error: It cannot be carried out, or a table that it asks cannot be read.
+        duckdb.Error: It cannot be executed, or one of its tables cannot be read.
     """
     with duckdb.connect(":memory:") as base:
         _prepare(duckdb, base, place)
@@ -96,9 +96,9 @@ def _duckdb() -> Any:
 
 
 def _prepare(duckdb: Any, base: Any, place: Path) -> None:
-    """Views of the tables; then no other file can be read, and nothing of that changed.
+    """Create views of the tables; then deny access to any other file, and lock that setting.
 
-    A table that cannot be read is not there, which a query is told that asks for it.
+    A table that cannot be read has no view, so that a query of it fails.
     """
     for name, promise in fleet.VIEWS.items():
         columns = ", ".join(["robot", *(f'"{column}"' for column in promise.names)])
@@ -108,10 +108,10 @@ def _prepare(duckdb: Any, base: Any, place: Path) -> None:
             base.execute(
                 f"create view {name} as select {columns} from read_parquet({source}, {options})"
             )
-    base.execute("set temp_directory = ''")  # it is `.tmp` of the current folder, whoever made it
+    base.execute("set temp_directory = ''")  # its default is `.tmp` in the current folder
     base.execute(f"set allowed_directories = [{_quoted(f'{place}/')}]")
     base.execute("set enable_external_access = false")
-    base.execute("set python_enable_replacements = false")  # else a name may be a variable of ours
+    base.execute("set python_enable_replacements = false")  # or a name could mean a Python variable
     base.execute("set lock_configuration = true")
 
 
@@ -121,23 +121,23 @@ def _quoted(text: str) -> str:
 
 
 def _select(duckdb: Any, query: str) -> None:
-    """See that it reads and does nothing else."""
+    """Check that a query is a single SELECT."""
     asked = duckdb.extract_statements(query)
     if len(asked) != 1 or asked[0].type != duckdb.StatementType.SELECT:
         raise UsageError(f"a query is one SELECT, which changes nothing; {_SEE}")
 
 
 def _said(problem: Exception) -> str:
-    """DuckDB's words in one line, without the query and the arrow below it."""
+    """DuckDB's message in one line, without the query and the arrow below it."""
     words = str(problem).partition("\n\nLINE ")[0]
     return printable(" ".join(words.split()), 400).rstrip(" .")
 
 
-# --- shown ---------------------------------------------------------------------------------------
+# --- output --------------------------------------------------------------------------------------
 
 
 def written(found: _Found, form: str) -> bytes:
-    """The rows as a file of one of `FORMATS` but `table`."""
+    """The rows as content of a file in one of `FORMATS` except `table`."""
     return {"csv": _csv, "json": _json, "xlsx": _xlsx}[form](found)
 
 
@@ -151,7 +151,7 @@ def _csv(found: _Found) -> bytes:
 
 
 def _cells(values: Sequence[Any]) -> list[str]:
-    """A column as text, in which no words can pass for a formula, as in csv/ of a report."""
+    """A column as text, in which no string can act as a formula, as in csv/ of a report."""
     words = [None if isinstance(one, int | float | Decimal) else _word(one) for one in values]
     safe = harmless(pa.array(words, pa.string())).to_pylist()
     pairs = zip(values, safe, strict=True)
@@ -184,7 +184,7 @@ def _xlsx(found: _Found) -> bytes:
 
 
 def _word(value: Any) -> str:
-    """A value as text, nothing for none; what could steer a terminal is escaped."""
+    """A value as text, empty for None; control characters are escaped."""
     if value is None:
         return ""
     if isinstance(value, datetime | date):
@@ -193,7 +193,7 @@ def _word(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """A value that JSON knows."""
+    """A value that JSON can represent."""
     if isinstance(value, float | Decimal):
         return float(value) if math.isfinite(value) else None
     if value is None or isinstance(value, bool | int | str):
@@ -205,11 +205,11 @@ def _plain(value: Any) -> Any:
 
 
 _WIDEST = 10_000
-"""Letters of a line that no terminal breaks."""
+"""Width of a table that is not for a terminal [character], so that no line is broken."""
 
 
 def show(found: _Found) -> None:
-    """The rows as a table on stdout."""
+    """Print the rows as a table on stdout."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -225,7 +225,7 @@ def show(found: _Found) -> None:
 
 
 def _shown(value: Any) -> str:
-    """Four digits of a number: a table is to be read, the other formats have them all."""
+    """Four digits of a number, for legibility; the other formats have all digits."""
     return f"{value:.4g}" if isinstance(value, float | Decimal) else _word(value)
 
 
@@ -245,9 +245,9 @@ def _about(field: Any) -> tuple[str, str]:
 
 
 def save(found: _Found, form: str, path: Path) -> None:
-    """The rows in a file.
+    """Write the rows to a file.
 
     Raises:
-        CannotWrite: The disk refuses.
+        CannotWrite: The disk cannot be written.
     """
     files.write(path, written(found, form))

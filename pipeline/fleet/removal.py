@@ -1,4 +1,4 @@
-"""`remove`: a campaign out of every page and table, its measurements kept aside."""
+"""`remove`: take a campaign out of all pages and tables, and keep its measurements aside."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ REMOVED = "removed"
 
 
 def remove(root: Path, name: str) -> Path | None:
-    """Delete what was computed of a campaign and move what was measured aside.
+    """Delete the results of a campaign and move its measurements aside.
 
     Args:
         root: The project's root.
-        name: Of the campaign, whose folder in data/raw may be gone.
+        name: Name of the campaign, whose folder in data/raw may be gone.
 
     Returns:
-        Where its folder is kept; None where there was none in data/raw.
+        Where its folder is kept; None if there was none in data/raw.
 
     Raises:
         UsageError: There is no such campaign.
-        CannotWrite: The disk refuses.
+        CannotWrite: The disk cannot be written.
     """
     campaign = CampaignFolder(root, root / "data" / "raw" / Path(name).name)
     there = [one for one in (campaign.folder, campaign.processed, campaign.reports) if one.is_dir()]
@@ -41,13 +41,13 @@ def remove(root: Path, name: str) -> Path | None:
         shutil.rmtree(campaign.reports, ignore_errors=True)
     with files.writing(campaign.processed):
         shutil.rmtree(campaign.processed, ignore_errors=True)
-    if pages.refresh(root) is None:  # it was the last
+    if pages.refresh(root) is None:  # it was the last one
         (root / "reports" / "index.html").unlink(missing_ok=True)
     return kept
 
 
 def _vacant(path: Path) -> Path:
-    """The path, with a number behind it where something is there already."""
+    """The path, with a number appended if it exists already."""
     number = 1
     free = path
     while free.exists():

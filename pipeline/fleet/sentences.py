@@ -15,14 +15,14 @@ from pipeline.report.columns import Cells, measured, number, said, table_of
 from pipeline.report.record import Column, ReportTable, TableEntry, entry
 
 _AS_ONE = 3
-"""So many joints that change alike, all there are, may be the scale."""
+"""Minimum number of joints that change alike, if they are all joints, to suspect the scale."""
 
 
 def told(answer: Answer, wear: Sequence[Robot]) -> str | None:
-    """What a campaign's page says of its robot's campaigns together.
+    """What a campaign's page states about all campaigns of its robot.
 
-    None where they are too few, so that the page compares with the one before; nothing where all
-    is well, or where a later campaign says it.
+    None if they are too few, so that the page compares with the previous one; empty if there is no
+    alarm, or if a later campaign states it.
     """
     own = of(answer.machine, wear)
     if own is None or not own.followed:
@@ -31,14 +31,15 @@ def told(answer: Answer, wear: Sequence[Robot]) -> str | None:
 
 
 def of(machine: str, wear: Sequence[Robot]) -> Robot | None:
-    """One robot among all."""
+    """The robot of this name; None if there is none."""
     return next((one for one in wear if one.machine == machine), None)
 
 
 def changed_of(answers: Sequence[Answer], wear: Robot | None) -> list[str]:
     """Names of the stiffnesses of one robot that have changed.
 
-    Wear is told by days; what differs between campaigns of one day is asked as `compare` does.
+    Wear is estimated from day to day; differences between campaigns of one day are tested as by
+    `compare`.
     """
     if wear is not None and wear.followed:
         worn = [joint.name for joint in wear.changed]
@@ -104,13 +105,13 @@ def robots_tables(
     last: Mapping[str, Answer],
     changed: Mapping[str, Sequence[str]],
 ) -> list[ReportTable | None]:
-    """One table for each type, those first that need something done.
+    """One table for each type of robot, those that need action first.
 
     Args:
         wear: All robots.
         places: Number of each robot's section on the page, by machine.
         last: The newest answer of each, whether or not it counts.
-        changed: What has changed of each, as it is called.
+        changed: Joints of each that have changed, as displayed.
     """
     types = dict.fromkeys(one.robot for one in wear)
     return [
@@ -178,7 +179,7 @@ def _chance(p: float | None) -> str:
 
 
 def _urgency(one: Robot, changed: Sequence[str]) -> int:
-    """Rank of what is to be done, 0 first."""
+    """Rank of the action needed, 0 first."""
     if one.alarm is not None:
         return 0 if one.alarm.confirmed else 1
     if changed:

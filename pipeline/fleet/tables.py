@@ -1,10 +1,10 @@
-"""Tables across all finished campaigns: data/processed/fleet, for questions that span them.
+"""Tables across all finished campaigns: data/processed/fleet, for queries over all of them.
 
-Partitioned by robot as `<table>/robot=<robot>/<part>.parquet`; a part holds the campaigns whose
-name has its digit, so that few files are written for a new answer and few are opened for a query.
-Nothing here is first-hand: a part is made from result.json and the campaign's own tables, and what
-is missing, old or of a campaign that is gone is made anew. `wear` is made of the others, once for
-all robots of a type.
+Partitioned by robot as `<table>/robot=<robot>/<part>.parquet`; a part contains the campaigns whose
+name has its hash digit, so that a new answer changes few files and a query opens few. All content
+is derived: a part is made from result.json and the campaigns' own tables, and what is missing,
+outdated or of a removed campaign is made again. `wear` is made from the others, once for all robots
+of a type.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ _CAUSES = pa.schema(
 
 
 def _of(promise: pa.Schema) -> pa.Schema:
-    """A campaign's own table with the campaign in front, its words written out."""
+    """Schema of a campaign's own table preceded by the campaign, with plain strings."""
     columns = [
         column(field.name, _plain(field.type), *(field.metadata[k].decode() for k in _ABOUT))
         for field in promise
@@ -150,40 +150,40 @@ _PROMISED = {
     "residuals": _of(tables.RESIDUALS),
     "reliability": _of(tables.RELIABILITY),
 }
-"""The tables by name; every row has the `robot` of its partition besides."""
+"""Schemas of the tables by name; every row also has the `robot` of its partition."""
 
 VIEWS = _PROMISED | {"wear": worn.WEAR}
-"""The same, with the one that is made of them."""
+"""The same, with the table that is made from them."""
 
 _OWN = {"residuals": "42_residuals", "reliability": "43_reliability"}
-"""Tables that a campaign keeps itself."""
+"""Tables that each campaign keeps itself."""
 
 
 def folder(root: Path) -> Path:
-    """Where they are."""
+    """Folder of these tables."""
     return root / "data" / "processed" / FLEET
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """What is known of a campaign in the tables: hash of its manifest, and its robot."""
+    """Entry of a campaign in the index: hash of its manifest, and its robot."""
 
     mark: str
     robot: str
 
 
 def refresh(root: Path, scatter: float | None = None) -> bool:
-    """Bring the tables up to date with the campaigns that are finished.
+    """Update the tables with the campaigns that are finished.
 
     Args:
         root: The project's root.
-        scatter: What a stiffness is expected to differ by from day to day [1], where stated.
+        scatter: Expected day-to-day scatter of a stiffness [1], if stated.
 
     Returns:
         Whether anything was written.
 
     Raises:
-        CannotWrite: The disk refuses.
+        CannotWrite: The disk cannot be written.
     """
     place, there = folder(root), _marks(root)
     known = _known(place, scatter)
@@ -197,17 +197,17 @@ def refresh(root: Path, scatter: float | None = None) -> bool:
 
 
 def mend(root: Path, scatter: float | None = None) -> list[Path]:
-    """Make tables again that cannot be read.
+    """Recreate tables that cannot be read.
 
     Args:
         root: The project's root.
         scatter: As for `refresh`.
 
     Returns:
-        Those that could not.
+        Tables that could not be read.
 
     Raises:
-        CannotWrite: The disk refuses.
+        CannotWrite: The disk cannot be written.
     """
     damaged = [path for path in sorted(folder(root).glob("*/*/*.parquet")) if not _readable(path)]
     for path in damaged:
@@ -227,10 +227,10 @@ def _readable(path: Path) -> bool:
 
 
 def _marks(root: Path) -> dict[str, tuple[CampaignFolder, str]]:
-    """Campaigns with a result that counts, and the hashes of their manifests, by name."""
+    """Campaigns with a valid result, and the hashes of their manifests, by name."""
     found, processed, reports = {}, root / "data" / "processed", root / "reports"
     for name in sorted(os.listdir(processed)) if processed.is_dir() else []:
-        with suppress(FileNotFoundError, NotADirectoryError):  # plain names: a thousand are usual
+        with suppress(FileNotFoundError, NotADirectoryError):  # plain strings, as there are many
             if os.path.isfile(f"{reports}/{name}/result.json"):
                 with open(f"{processed}/{name}/{MANIFEST}", "rb") as manifest:
                     mark = files.sha256(manifest.read())
@@ -253,7 +253,7 @@ def _bring_up_to_date(
         campaign, mark = there[name]
         try:
             answer = archive.read(campaign)
-        except UsageError:  # of an earlier version, as the page over all campaigns says
+        except UsageError:  # of an earlier version, as reported with the page over all campaigns
             continue
         entries[name] = _Entry(mark, answer.kind)
         new.setdefault((answer.kind, _part(name)), []).append(_rows(campaign, answer))
@@ -267,7 +267,7 @@ def _bring_up_to_date(
 
 
 def _write_wear(place: Path, robot: str, scatter: float | None) -> None:
-    """Wear of all robots of a type; no file where none has a campaign."""
+    """Write the wear of all robots of a type; remove the file if none has a campaign."""
     path = _path(place, "wear", robot, "wear")
     held = worn.History(*(_held(place, name, robot) for name in worn.READ))
     if not held.campaigns:
@@ -285,7 +285,7 @@ def _held(place: Path, name: str, robot: str) -> list[dict[str, Any]]:
 
 
 def wear(root: Path) -> tuple[worn.Robot, ...]:
-    """What the table says of every robot, as it was left; nothing where there is none."""
+    """Wear of every robot as in the tables; empty if there are none."""
     place = folder(root)
     found = []
     for path in sorted((place / "wear").glob("robot=*/wear.parquet")):
@@ -303,7 +303,7 @@ def _stale(
 
 
 def _known(place: Path, scatter: float | None) -> dict[str, _Entry]:
-    """What the tables hold: nothing where other code wrote them, none of a part that is lost."""
+    """Index of the tables; empty if written by other code, and without parts that are lost."""
     try:
         index = recalled(place / _INDEX)
         entries = {name: _Entry(*entry) for name, entry in index["campaigns"].items()}
@@ -325,7 +325,7 @@ def _clear(place: Path) -> None:
 
 
 def _part(campaign: str) -> str:
-    """One of sixteen."""
+    """One of sixteen parts."""
     return files.sha256(campaign.encode("utf-8", "surrogateescape"))[0]
 
 
@@ -371,7 +371,7 @@ def _rows(campaign: CampaignFolder, answer: Answer) -> dict[str, pa.Table]:
 
 
 def _own(campaign: CampaignFolder, name: str) -> pa.Table:
-    """One of a campaign's own tables; empty where it has none."""
+    """One of a campaign's own tables; empty if there is none."""
     path, promise = campaign.processed / f"{_OWN[name]}.parquet", _PROMISED[name]
     if not path.is_file():
         return promise.empty_table()
@@ -405,7 +405,7 @@ def _campaign(answer: Answer) -> dict[str, Any]:
 
 
 def _covariance(campaign: CampaignFolder) -> list[dict[str, Any]]:
-    """Of the compliances of the recommended model, row by row; nothing where a run kept none."""
+    """Covariance of the compliances of the recommended model, row by row; empty if not kept."""
     path = campaign.processed / "41_covariance.parquet"
     if not path.is_file():
         return []
@@ -427,7 +427,7 @@ def _repairs(answer: Answer) -> Iterator[dict[str, Any]]:
 
 
 def _moment(measured: str | None) -> datetime | None:
-    """A date, or a date and time; with an offset it becomes UTC."""
+    """A date, or date and time; with an offset it is converted to UTC."""
     if measured is None:
         return None
     said = datetime.fromisoformat(measured)

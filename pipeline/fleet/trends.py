@@ -1,4 +1,4 @@
-"""Whether the campaigns of one robot agree: those too few or undated for `wear` to say."""
+"""Whether campaigns of one robot agree, if they are too few or undated for an estimate of wear."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ class Trend:
 
     Attributes:
         name: `k_theta2`.
-        campaigns: How many determine it.
-        first_to_last: Change from the first to the last in percent of the first.
-        first_to_last_std: Its standard uncertainty.
-        p_value: Chance of as much scatter between the campaigns if nothing changed, chi-square.
-        sure: More than chance explains, all joints considered.
+        campaigns: Number of campaigns that determine it.
+        first_to_last: Change from the first to the last [% of the first].
+        first_to_last_std: Its standard uncertainty [%].
+        p_value: Probability of at least this scatter between the campaigns without any change, by
+            chi-square.
+        sure: Whether it is significant, with all joints taken into account.
     """
 
     name: str
@@ -36,7 +37,7 @@ class Trend:
 
 
 def robots(answers: Sequence[Answer]) -> dict[str, list[Answer]]:
-    """Campaigns in order, by machine: two of one type have stiffnesses of their own."""
+    """Campaigns in order, by machine: robots of one type have different stiffnesses."""
     out: dict[str, list[Answer]] = {}
     for one in ordered(answers):
         out.setdefault(one.machine, []).append(one)
@@ -44,9 +45,9 @@ def robots(answers: Sequence[Answer]) -> dict[str, list[Answer]]:
 
 
 def within_a_day(answers: Sequence[Answer]) -> list[str]:
-    """Names of the stiffnesses in which campaigns of one robot and day differ, for certain.
+    """Names of the stiffnesses that differ significantly between campaigns of one robot and day.
 
-    A repair may lie between them; wear and its scatter from day to day do not.
+    A repair may be the reason; wear and day-to-day scatter are not.
     """
     days: dict[str, list[Answer]] = {}
     for one in answers:
@@ -64,9 +65,9 @@ def together(
 
     Args:
         before: Stiffnesses of all joints.
-        after: As before, of another campaign.
+        after: Likewise, of another campaign.
         cov_before: Covariance of the compliances of `before` [SI], shape (n, n).
-        cov_after: As before.
+        cov_after: Likewise of `after`.
     """
     both = [(compliance(a), compliance(b)) for a, b in zip(before, after, strict=True)]
     found = {i: b[0] - a[0] for i, (a, b) in enumerate(both) if a and b}
@@ -80,13 +81,13 @@ def together(
 
 
 def chance(chi2: float, dof: int) -> float | None:
-    """Probability of a chi-square this large or larger."""
+    """Probability of a chi-square this large or larger; None without degrees of freedom."""
     return float(special.chdtrc(dof, chi2)) if dof > 0 else None
 
 
 @dataclass(frozen=True)
 class _Point:
-    """The compliance of one joint in one campaign, SI."""
+    """Compliance of one joint in one campaign [SI]."""
 
     x: float
     std: float
@@ -95,8 +96,8 @@ class _Point:
 def trends(answers: Sequence[Answer], among: int = 1) -> list[Trend]:
     """Whether the campaigns of one robot, in order, agree on each stiffness.
 
-    Those count that are trusted, and of the kind of the last of them. The chance of a difference
-    is multiplied by the number of stiffnesses, and of such lists `among` which it is asked.
+    Campaigns count if they are trusted and of the same kind as the last such campaign. The test is
+    corrected for the number of stiffnesses, and for the number `among` of such lists tested.
 
     This is for campaigns that are too few, or undated, for `pipeline.fleet.wear`.
     """
@@ -109,7 +110,7 @@ def trends(answers: Sequence[Answer], among: int = 1) -> list[Trend]:
 
 
 def _series(answers: Sequence[Answer], name: str) -> Iterator[_Point]:
-    """A joint in the campaigns that determine it."""
+    """Compliances of a joint in the campaigns that determine it."""
     for one in answers:
         for joint in one.stiffness:
             here = compliance(joint) if joint.name == name else None
@@ -135,7 +136,7 @@ def _trend(name: str, points: Sequence[_Point], tested: int) -> Trend:
 
 
 def _first_to_last(x: Array, std: Array) -> tuple[float | None, float | None]:
-    """Change of the stiffness [%] and its standard uncertainty; none of a negative compliance."""
+    """Change of the stiffness [%] and its standard uncertainty; None for a negative compliance."""
     if min(x[0], x[-1]) <= 0:
         return None, None
     ratio = float(x[0] / x[-1])

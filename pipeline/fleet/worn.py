@@ -1,8 +1,8 @@
-"""The table `wear`: what the campaigns of all robots of one type say of each of its joints.
+"""The table `wear`: changes of each joint, from the campaigns of all robots of one type.
 
-Only campaigns count whose recommended model explains the readings as they were given, and which
-are dated. Two of a robot that begin at the same second are the same readings computed twice: the
-one whose name comes last counts.
+Campaigns count only if their recommended model explains the readings as given, and if they are
+dated. Two campaigns of a robot that begin at the same second are the same readings computed twice:
+the one whose name comes last counts.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from pipeline.fleet.wear.standing import fleet as fleet_of
 _F64, _STR, _INT = pa.float64(), pa.string(), pa.int64()
 _COUNTS = (Verdict.ADEQUATE, Verdict.EXPLAINED, Verdict.AMBIGUOUS)
 _MOST = 60
-"""Newest campaigns of a robot that are followed."""
+"""Maximum number of campaigns of a robot that are used, the newest ones."""
 
 _EPOCH = date(1970, 1, 1)
 _YEAR = 365.25
-"""Days."""
+"""Length of a year [d]."""
 
 
 def column(name: str, kind: pa.DataType, unit: str, meaning: str) -> pa.Field:
-    """One column; any may be null, where an answer does not have it."""
+    """One column; values may be null if an answer does not have them."""
     return pa.field(name, kind, True, {"unit": unit, "meaning": meaning})
 
 
@@ -73,7 +73,7 @@ WEAR = pa.schema(
 )
 
 READ = ("campaigns", "stiffness", "covariance", "repairs")
-"""Tables that it is made of, in the order of `History`."""
+"""Tables from which it is made, in the order of `History`."""
 
 _Rows = Sequence[Mapping[str, Any]]
 
@@ -93,7 +93,7 @@ class History:
 
 @dataclass(frozen=True)
 class Joint:
-    """One joint of a robot, as its row has it [%/year], scatter [%]; negative is softer."""
+    """One joint of a robot, from its row [%/year], scatter [%]; negative is softer."""
 
     name: str
     percent_a_year: float | None
@@ -114,13 +114,13 @@ class Joint:
 
 @dataclass(frozen=True)
 class _Alarm:
-    """What a robot's campaigns raised.
+    """Alarm of a robot.
 
     Attributes:
         kind: trend or step.
-        raised: The campaign that raised it.
-        after: The campaign after which a step came.
-        confirmed: The newest campaigns still speak for it.
+        raised: Campaign that raised it.
+        after: Campaign after which a step occurred.
+        confirmed: Whether the newest campaigns still support it.
     """
 
     kind: str
@@ -131,18 +131,19 @@ class _Alarm:
 
 @dataclass(frozen=True)
 class Robot:
-    """One robot over its campaigns, as the table has it.
+    """One robot over its campaigns, from the table.
 
     Attributes:
-        robot: Its type.
-        serial: Its serial number; None where nobody says.
+        robot: Type of the robot.
+        serial: Its serial number; None if not stated.
         campaign: The last campaign that counts.
-        campaigns: How many count.
+        campaigns: Number of campaigns that count.
         last: Day of the last one.
-        joints: Each with its wear.
-        alarm: None where all is well.
-        p_value: Of change in all joints together; None where the campaigns are too few.
-        robots: How many of its type there are.
+        joints: Wear of each joint.
+        alarm: Alarm; None if there is none.
+        p_value: Probability of the change of all joints together by chance; None if the campaigns
+            are too few.
+        robots: Number of robots of its type.
     """
 
     robot: str
@@ -157,22 +158,22 @@ class Robot:
 
     @property
     def machine(self) -> str:
-        """As `Answer.machine`."""
+        """Name as of `Answer.machine`."""
         return f"{self.robot}, serial number {self.serial}" if self.serial else self.robot
 
     @property
     def followed(self) -> bool:
-        """Enough campaigns tell trends from what differs day by day."""
+        """Whether there are enough campaigns to separate trends from day-to-day scatter."""
         return self.p_value is not None
 
     @property
     def changed(self) -> tuple[Joint, ...]:
-        """Joints that the alarm is about."""
+        """Joints concerned by the alarm."""
         return tuple(one for one in self.joints if one.changed)
 
 
 def robots(robot: str, found: _Rows) -> list[Robot]:
-    """What the rows of one type say, robot by robot."""
+    """Robots from the rows of one type."""
     by_serial: dict[str | None, list[Mapping[str, Any]]] = {}
     for row in found:
         by_serial.setdefault(row["robot_serial"], []).append(row)
@@ -192,15 +193,15 @@ def _robot(robot: str, own: Sequence[Mapping[str, Any]]) -> Robot:
     return Robot(robot=robot, serial=one["robot_serial"], joints=joints, alarm=alarm, **rest)
 
 
-# --- made ------------------------------------------------------------------------------------
+# --- making the table ------------------------------------------------------------------------
 
 
 def rows(history: History, scatter: float | None = None) -> list[dict[str, Any]]:
-    """One row for each joint of each robot that has a campaign that counts.
+    """One row for each joint of each robot with a campaign that counts.
 
     Args:
         history: All campaigns of the type.
-        scatter: Expected day-to-day scatter of a stiffness [1], where stated.
+        scatter: Expected day-to-day scatter of a stiffness [1], if stated.
     """
     names, axes = _names(history), _axes(history)
     known = _Known.of(history, names)
@@ -221,7 +222,7 @@ def rows(history: History, scatter: float | None = None) -> list[dict[str, Any]]
 
 
 def _followed(history: History, known: _Known) -> dict[str | None, dict[object, Mapping[str, Any]]]:
-    """Campaigns that count and have a day, of each robot; of the same readings the last by name."""
+    """Dated campaigns that count, by robot; of the same readings only the last by name."""
     out: dict[str | None, dict[object, Mapping[str, Any]]] = {}
     for row in sorted(history.campaigns, key=lambda row: str(row["campaign"])):
         if row["verdict"] in _COUNTS and row["measured"] and row["campaign"] in known.cov:
@@ -230,30 +231,30 @@ def _followed(history: History, known: _Known) -> dict[str | None, dict[object, 
 
 
 def _newest(own: Mapping[object, Mapping[str, Any]]) -> dict[object, Mapping[str, Any]]:
-    """Those of a robot that are followed; the cost grows with the square of their number."""
+    """The newest campaigns of a robot; the cost grows with the square of their number."""
     return dict(sorted(own.items(), key=lambda item: item[1]["measured"])[-_MOST:])
 
 
 def _readings(row: Mapping[str, Any]) -> object:
-    """What two computations of the same readings have in common; a mere day says nothing."""
+    """Key that repeated computations of the same readings share; a mere date identifies nothing."""
     at: datetime = row["measured"]
     return row["campaign"] if at.time() == time() else at
 
 
 def _names(history: History) -> list[str]:
-    """Of the joints in their order."""
+    """Names of the stiffnesses in the order of the joints."""
     order = {row["joint"]: row["name"] for row in history.stiffness}
     return [order[joint] for joint in sorted(order)]
 
 
 def _axes(history: History) -> dict[str, str | None]:
-    """Of the controller by name of the stiffness, as the campaign with the last name has them."""
+    """Axis of the controller by name of the stiffness, from the campaign with the last name."""
     rows = sorted(history.stiffness, key=lambda row: str(row["campaign"]))
     return {row["name"]: row["axis"] for row in rows}
 
 
 def _compliances(rows: _Rows, n: int) -> dict[str, Array]:
-    """Of each campaign what its recommended model determines, else NaN, shape (n,)."""
+    """Compliances of each campaign by its recommended model, NaN if not determined, shape (n,)."""
     found: dict[str, Array] = {}
     for row in rows:
         if row["model"] == "recommended" and row["identifiable"]:
@@ -263,7 +264,7 @@ def _compliances(rows: _Rows, n: int) -> dict[str, Array]:
 
 
 def _covariances(rows: _Rows, names: Sequence[str]) -> dict[str, Array]:
-    """Of the compliances of each campaign, NaN where it states none, shape (n, n)."""
+    """Covariance of the compliances of each campaign, NaN if not stated, shape (n, n)."""
     place, n = {name.removeprefix("k_"): k for k, name in enumerate(names)}, len(names)
     found: dict[str, Array] = {}
     for row in rows:
@@ -275,14 +276,14 @@ def _covariances(rows: _Rows, names: Sequence[str]) -> dict[str, Array]:
 
 @dataclass(frozen=True)
 class _Known:
-    """What campaigns say of compliances, by their names."""
+    """Compliances of campaigns and their covariances, by name of the campaign."""
 
     x: Mapping[str, Array]
     cov: Mapping[str, Array]
 
     @classmethod
     def of(cls, history: History, names: Sequence[str]) -> _Known:
-        """Sorted by campaign; a campaign without its covariance is in none."""
+        """Collect both; campaigns without a covariance are omitted from `cov`."""
         x = _compliances(history.stiffness, len(names))
         cov = _covariances([row for row in history.covariance if row["campaign"] in x], names)
         for campaign, own in cov.items():
@@ -290,7 +291,7 @@ class _Known:
         return cls(x, cov)
 
     def machine(self, serial: str | None, own: _Rows, told: Iterable[_Repaired]) -> Machine:
-        """One robot with the repairs that its campaigns tell."""
+        """One robot with the repairs that its campaigns state."""
         n = len(self.x[own[0]["campaign"]])
         repairs = [
             Repair(_year(day), tuple(range(n)) if joint is None else (joint - 1,))
@@ -310,7 +311,7 @@ class _Known:
 
 
 def _repairs(history: History) -> dict[str | None, set[_Repaired]]:
-    """Of each robot; what several campaigns tell, which need not count, is one."""
+    """Repairs of each robot; the same repair stated by several campaigns, valid or not, is one."""
     serials = {row["campaign"]: row["robot_serial"] for row in history.campaigns}
     found: dict[str | None, set[_Repaired]] = {}
     for row in history.repairs:

@@ -49,15 +49,6 @@ Rejected = list[tuple[str, int | None, str]]
 """File, line and reason of rows that were left out."""
 
 
-def positioned(settings: Settings, robot: Robot, raw: Mapping[str, bytes]) -> Positioned:
-    """Read a campaign of positions.
-
-    Raises:
-        InputError: A file is missing or cannot be trusted, or too little is left.
-    """
-    return usable(settings, robot, *as_read(settings, robot, raw))
-
-
 def as_read(
     settings: Settings, robot: Robot, raw: Mapping[str, bytes]
 ) -> tuple[pd.DataFrame, Rejected]:

@@ -20,7 +20,7 @@ from pipeline.house.line import Line, line
 
 _FILE = "house.toml"
 _LOGO_BYTES = 200_000
-"""Maximum size of a logo [byte], which is embedded in page and PDF."""
+"""Maximum size of a logo [B], which is embedded in page and PDF."""
 _MOST_FIELDS = 8
 """Maximum number of additional lines that fit beside the drawing."""
 _WAY_OUT = "correct it as docs/house.md describes"

@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools
+from pipeline.dialects._named import Named
 from pipeline.intake._contents import Content, values
 from pipeline.intake._sheet import Sheet
-from pipeline.readers._named import Named
 
 Why = Literal["title", "words", "names", "numbers", "time", "matrix", "faces", "rigid", "range",
               "order", "stated", "empty", "untold", "untimed"]  # fmt: skip

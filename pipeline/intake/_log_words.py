@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
-from pipeline.readers._named import IN_BRACKETS
-from pipeline.readers._titles import titled, triples
+from pipeline.dialects._titles import titled, triples
+from pipeline.readers._cells import IN_BRACKETS
 
 Cells = Callable[[], Mapping[str, Sequence[str]]]
 """Returns the cells of each column by title, of the rows that have one cell per title."""
@@ -193,8 +193,7 @@ def of_joints(
         As for `of_loads`.
     """
     turn = [name for name, length in zip(axes, lengths, strict=True) if not length]
-    called = {f"axis {k}": name for k, name in enumerate(turn, 1)}
-    called |= dict(zip(["rail"], (name for name in axes if name not in turn), strict=False))
+    called = _roles(axes, turn)
     others = ("rail", f"axis {len(turn) + 1}")  # of another robot, where this one has none
     wanted = {role: units[role != "rail"] for role in (*called, *others)}
     found = _first(titles, {"pose": (), **wanted}, turn)
@@ -205,6 +204,12 @@ def of_joints(
             return None
         found["pose"] = counter, ()
     return _ours({called.get(role, role): said for role, said in found.items()})
+
+
+def _roles(axes: Sequence[str], turn: Sequence[str]) -> dict[str, str]:
+    """Our names of the axes by their roles: those that turn are numbered, one slides as a rail."""
+    called = {f"axis {k}": name for k, name in enumerate(turn, 1)}
+    return called | dict(zip(["rail"], (n for n in axes if n not in turn), strict=False))
 
 
 def _counter(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> str | None:

@@ -14,17 +14,11 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.tails import chi2_beyond
-from pipeline.readers._circle import FACE, FULL, circles
-from pipeline.readers._coordinates import (
-    PACKED,
-    USUAL_UNITS,
-    ZEROS,
-    Meaning,
-    cartesian,
-    may_be_packed,
-    metres,
-)
-from pipeline.readers._kinds import NEAR
+from pipeline.dialects._circle import FACE, FULL, circles
+from pipeline.dialects._coordinates import PACKED, ZEROS, cartesian, may_be_packed
+from pipeline.dialects._kinds import NEAR
+from pipeline.readers._reader import Meaning
+from pipeline.readers._units import USUAL_UNITS, metres
 
 _NEAREST_M, _FARTHEST_M = 0.05, 2000.0
 """Range of distances of an instrument with two angles [m]: from a T-Mac's cover to a total

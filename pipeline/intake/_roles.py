@@ -15,16 +15,9 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
-from pipeline.intake import _polar
-from pipeline.intake._beside import Role, Table, Why, roles_beside, roles_of_words, tells_apart
-from pipeline.intake._contents import Content
-from pipeline.intake._polar import Polar
-from pipeline.intake._sheet import Sheet, cells_of
-from pipeline.readers._cells import is_number
-from pipeline.readers._coordinates import AXES, VERTICALS, ZEROS
-from pipeline.readers._layout import JOINT
-from pipeline.readers._named import COVARIANCE
-from pipeline.readers._titles import (
+from pipeline.dialects._coordinates import AXES, VERTICALS, ZEROS
+from pipeline.dialects._named import COVARIANCE
+from pipeline.dialects._titles import (
     Triple,
     is_quantity,
     no_level_range,
@@ -32,6 +25,13 @@ from pipeline.readers._titles import (
     triples,
     uncertainties,
 )
+from pipeline.intake import _polar
+from pipeline.intake._beside import Role, Table, Why, roles_beside, roles_of_words, tells_apart
+from pipeline.intake._contents import Content
+from pipeline.intake._polar import Polar
+from pipeline.intake._sheet import Sheet, cells_of
+from pipeline.readers._cells import is_number
+from pipeline.readers._layout import JOINT
 
 _INSTRUMENT = re.compile(r"(instrument|station|tracker|stn|standpunkt)[ _:-]*\w*", re.IGNORECASE)
 _MATRIX = 9

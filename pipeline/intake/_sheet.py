@@ -11,10 +11,10 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from pipeline.dialects._titles import name_a_place, titled
 from pipeline.readers._cells import MARKS, bare, cells_or_none, is_number, is_plain, is_remark
-from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._text import Text
-from pipeline.readers._titles import name_a_place, titled
+from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _SEPARATORS = (";", "\t", "|", ",", " ")
 """Possible separators of cells; of two that cut a file alike the first is taken, which is the rarer

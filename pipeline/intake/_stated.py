@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pipeline.base.errors import InputError
+from pipeline.dialects._coordinates import KIND_WORDS
+from pipeline.dialects._named import UNIT_LINE, WORD, said_units
 from pipeline.intake._sheet import Sheet
-from pipeline.readers._coordinates import KIND_WORDS
-from pipeline.readers._named import ANGLE_WORDS, UNIT_LINE, UNIT_WORDS, WORD, said_units
+from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 
 @dataclass(frozen=True)

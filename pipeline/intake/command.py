@@ -185,7 +185,7 @@ def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
     """
     from pipeline.intake.blank import log_columns
     from pipeline.machine.instrument import sheet
-    from pipeline.readers._coordinates import USUAL_UNITS
+    from pipeline.readers._units import USUAL_UNITS
     from pipeline.readers.logs import LENGTH
 
     unit = None
@@ -412,7 +412,7 @@ def inspect(
     whatever the file leaves open.
     """
     from pipeline.intake import asking, look
-    from pipeline.readers._coordinates import USUAL_UNITS
+    from pipeline.readers._units import USUAL_UNITS
 
     said = {
         "unit": _known("unit", unit, USUAL_UNITS),

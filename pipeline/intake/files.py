@@ -22,6 +22,7 @@ from pipeline.intake import log_columns
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._separators import LOOKED_AT, separators
 from pipeline.intake.offer import Offer, as_table, offer
+from pipeline.intake.question import Column
 from pipeline.intake.which_logs import Logs, propose_logs, unsure
 from pipeline.readers import Columns, Export, Hints, logs
 from pipeline.readers._names import split
@@ -167,12 +168,7 @@ def _offered(files: Mapping[str, bytes], found: _Exports, hints: Hints) -> _Expo
 
     Of several it is the one whose groups can be read.
     """
-    offers: dict[str, tuple[Offer, Export]] = {}
-    books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
-    for name in (*found.refused, *books):
-        with contextlib.suppress(InputError):
-            if one := offer(name, files[name], hints):
-                offers[name] = one, readers.read(name, files[name], one.hints)
+    offers = _offers(files, found, hints)
     told = {name: one for name, one in offers.items() if _tells(one[1])}
     offers = told if len(told) == 1 else offers
     if len(offers) != 1:
@@ -184,6 +180,19 @@ def _offered(files: Mapping[str, bytes], found: _Exports, hints: Hints) -> _Expo
     unsaid = any(question.about == "unit" for question in one.questions)
     refused = {other: why for other, why in found.refused.items() if other != name}
     return _Exports({name: export}, (largest,) if unsaid else (), refused, one)
+
+
+def _offers(
+    files: Mapping[str, bytes], found: _Exports, hints: Hints
+) -> dict[str, tuple[Offer, Export]]:
+    """What is to be said of files that are refused, or of workbooks, and how they are read then."""
+    offers: dict[str, tuple[Offer, Export]] = {}
+    books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
+    for name in (*found.refused, *books):
+        with contextlib.suppress(InputError):
+            if one := offer(name, files[name], hints):
+                offers[name] = one, readers.read(name, files[name], one.hints)
+    return offers
 
 
 def _tells(export: Export) -> bool:
@@ -230,15 +239,20 @@ def _parts(one: Offer) -> list[dict[str, str]]:
 
     A state is a word, the others are numbers; a pose column precedes that of the pulls.
     """
-    mapping = one.hints.mapping.columns if one.hints.mapping else {}
-    taken = {mapping.get(role) for role in ("target", "x", "y", "z", "time", "date")}
-    left = [c for c in one.columns if c.title and c.title not in taken]
+    left = _untaken(one)
     numbers = [c.title for c in left if c.example.isdecimal()]
     words = [c.title for c in left if c.title not in numbers]
     alone = [{"group": c.title} for c in left]
     pairs = [{"pose": pose, "state": state} for state in words for pose in numbers]
     three = [{**two, "repeat": last} for two in pairs for last in numbers if last != two["pose"]]
     return [*alone, *three, *pairs]
+
+
+def _untaken(one: Offer) -> list[Column]:
+    """The columns with a title that hold neither names of targets, coordinates nor times."""
+    mapping = one.hints.mapping.columns if one.hints.mapping else {}
+    taken = {mapping.get(role) for role in ("target", "x", "y", "z", "time", "date")}
+    return [c for c in one.columns if c.title and c.title not in taken]
 
 
 def _sets_apart(export: Export, told: Mapping[str, str]) -> bool:

@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 from pipeline import tables
 from pipeline.base.quantities import plain
 from pipeline.base.shown import in_toml
+from pipeline.dialects._coordinates import angles
 from pipeline.intake._separators import separators
 from pipeline.intake.known import rounds
 from pipeline.intake.offer import Offer, offer
@@ -195,7 +196,7 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> _Inspection:
     names = separators([export])
     if len(names) == 1:
         export = split(export, names[0])
-    meaning, angles = export.meaning, export.meaning.angles
+    meaning, turned = export.meaning, angles(export.meaning)
     span = pc.min_max(export.time).as_py()
     first, last = (None if span[end] is None else span[end].isoformat() for end in ("min", "max"))
     return _Inspection(
@@ -204,9 +205,9 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> _Inspection:
         encoding=export.encoding,
         unit=meaning.unit,
         coordinates=meaning.kind,
-        angle=angles.unit,
-        vertical=angles.vertical,
-        horizontal=angles.horizontal,
+        angle=turned.unit,
+        vertical=turned.vertical,
+        horizontal=turned.horizontal,
         readings=len(export.line),
         groups=None if export.group is None else len(pc.unique(export.group)),
         targets=None if export.target is None else _targets(export.target),

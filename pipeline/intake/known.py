@@ -16,10 +16,10 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
 from pipeline.base.linear import rigid
 from pipeline.base.quantities import plain
+from pipeline.dialects.mapped import until
 from pipeline.intake.offer import proposal
 from pipeline.intake.question import Proposal
 from pipeline.readers import Export, Hints, opened_as_text, read
-from pipeline.readers._text import until
 from pipeline.readers.known import BETTER, GROSS_M, ReflectorSet
 
 _LOOKED_AT = 1000

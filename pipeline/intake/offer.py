@@ -11,11 +11,12 @@ import pyarrow as pa
 from pipeline.base.errors import InputError, at
 from pipeline.base.quantities import MM
 from pipeline.base.shown import in_toml
+from pipeline.dialects._circle import FULL
+from pipeline.dialects._coordinates import AXES, SENSES, ZEROS
 from pipeline.intake.proposal import propose
 from pipeline.intake.question import Answer, Column, Proposal, Question
 from pipeline.readers import TABLE, Columns, Export, Hints, Text, opened_as_text, read, recognise
-from pipeline.readers._circle import FULL
-from pipeline.readers._coordinates import AXES, SENSES, USUAL_UNITS, ZEROS
+from pipeline.readers._units import USUAL_UNITS
 
 _FIRST = 5
 """Number of rows of a preview."""

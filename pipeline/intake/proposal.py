@@ -16,6 +16,24 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, at, listed
+from pipeline.dialects import _kinds
+from pipeline.dialects._circle import FULL
+from pipeline.dialects._coordinates import (
+    ANGULAR,
+    AXES,
+    PACKED,
+    ZEROS,
+    may_be_packed,
+    seem_packed,
+    settled,
+    settled_angle,
+    settled_horizontal,
+    settled_unit,
+    settled_vertical,
+    steeper_than_not,
+)
+from pipeline.dialects._named import is_unit_title, known_units
+from pipeline.dialects._titles import horizontal, titled
 from pipeline.intake import _roles
 from pipeline.intake._beside import Role, Table
 from pipeline.intake._contents import contents, mark_of
@@ -24,34 +42,11 @@ from pipeline.intake._roles import Reading
 from pipeline.intake._sheet import Sheet, cells_of, sheet
 from pipeline.intake._stated import Stated
 from pipeline.intake.question import About, Answer, Column, Proposal, Question
-from pipeline.readers import _kinds
 from pipeline.readers._cells import is_number, is_turn
-from pipeline.readers._circle import FULL
-from pipeline.readers._coordinates import (
-    ANGULAR,
-    AXES,
-    PACKED,
-    USUAL_UNITS,
-    ZEROS,
-    may_be_packed,
-    seem_packed,
-    settled,
-    settled_angle,
-    settled_horizontal,
-    settled_vertical,
-    steeper_than_not,
-)
 from pipeline.readers._layout import JOINT
-from pipeline.readers._named import (
-    ANGLE_WORDS,
-    UNIT_WORDS,
-    is_unit_title,
-    known_units,
-)
-from pipeline.readers._reader import settled_unit
 from pipeline.readers._text import Text
 from pipeline.readers._time import ISO
-from pipeline.readers._titles import horizontal, titled
+from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS, USUAL_UNITS
 from pipeline.readers.said import Columns, Hints
 
 _COORDINATES = 'coordinates = "cartesian" (or "spherical", "cylindrical")'

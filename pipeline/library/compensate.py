@@ -9,13 +9,14 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.library import holds
 from pipeline.library.each_way import Ways, along, each_way
-from pipeline.machine.robot import Robot, configure, rating
+from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.configuration import velocity
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import ARM_M, Path, beside_pulls
 
-_FURTHEST = rating.TWIST_RAD
+_FURTHEST = holds.TWIST_RAD
 """Maximum joint rotation for a correction [rad]; tool motions that need more are left uncorrected,
 as the arm is near a singularity."""
 
@@ -124,7 +125,7 @@ def compensate(
     """
     tip = model.tool.load_point if tip is None else np.asarray(tip, float)
     points = tip + ARM_M * np.vstack([np.zeros(3), np.eye(3)])
-    rating.refuse_unheld(model.robot, path.q, path.force, tip, path.file, path.line)
+    holds.refuse_unheld(model.robot, path.q, path.force, tip, path.file, path.line)
     before = model.positions(path.q, path.force, points)
     offset = np.zeros_like(path.q)
     soft = np.sqrt(model.robot.nominal_compliance)

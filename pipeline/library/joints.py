@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, listed
-from pipeline.machine.robot import Joint, Robot, rating
+from pipeline.library import holds
+from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.axes import LIMIT_SLACK
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ def loaded(robot: Robot, q: npt.ArrayLike, force_n: npt.ArrayLike) -> tuple[Arra
             "give one force for all poses, or one for each",
         )
     hardest = float(np.linalg.norm(forces, axis=1).max())
-    rating.refuse_absurd(robot, hardest, "forces are in N")
+    holds.refuse_absurd(robot, hardest, "forces are in N")
     return np.broadcast_to(rows, (m, robot.n)), np.broadcast_to(forces, (m, 3))
 
 

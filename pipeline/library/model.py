@@ -12,12 +12,11 @@ from pipeline.base import files
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError, listed
 from pipeline.library import compensate as offsets
-from pipeline.library import compliance
+from pipeline.library import compliance, standing
 from pipeline.library.compensate import Compensation
 from pipeline.library.compliance import CartesianStiffness
 from pipeline.library.joints import as_asked, loaded, point
 from pipeline.machine.robot import Robot
-from pipeline.prediction import standing
 from pipeline.prediction.model import IdentifiedModel as Identified
 from pipeline.prediction.path import Path as JointPath
 from pipeline.prediction.standing import Standing

@@ -1,8 +1,9 @@
-"""New poses beside a search that stands: their rows join the system, and no cause is sought.
+"""New poses with an earlier search for causes: their rows are added, but no causes are sought.
 
-A search for causes costs seconds, an estimate of the springs milliseconds. Where what was found
-explains all that is read, new readings are held against it by the tests that `run` makes of single
-readings, and the springs are estimated again from all rows; whoever contradicts calls the search.
+A search for causes takes seconds, an estimate of the springs milliseconds. If the causes found
+explain all readings, new readings are tested against that model by the tests that `run` applies to
+single readings, and the springs are estimated again from all rows; a contradiction triggers a new
+search.
 """
 
 from __future__ import annotations
@@ -30,24 +31,26 @@ from pipeline.system.estimate import MISFIT_P, identify
 from pipeline.system.system import Estimate
 
 _SAME = 0.1
-"""Standard uncertainties by which an estimate may miss that of the search, and share by which its
-uncertainty may: the search weighs readings by what it saw of their noise as well."""
+"""Largest difference from the values of the search in standard uncertainties, and largest relative
+difference of the uncertainties [1]; the search also weights readings by the noise that it found."""
 
 _LEADING = 0.8
-"""Weight of the likeliest hypothesis from which its rivals follow it until the next search."""
+"""Smallest weight of the likeliest hypothesis with which its rivals are updated like it until the
+next search [1]."""
 
 _FURTHER = 4
-"""When a quarter of the poses has come since, causes are sought again: what fewer poses could not
-show is found so, and the searches of a campaign cost together as much as some of the last."""
+"""Causes are sought again once the number of poses has grown by one part in this many [1]: this
+finds what fewer poses could not show, and all searches of a campaign together cost as much as some
+of the last."""
 
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """A search whose model explains all that was read.
+    """A search for causes whose model explains all readings.
 
     Attributes:
-        result: What it found.
-        case: The campaign as it was read.
+        result: Result of the search.
+        case: The campaign as read.
         model: Springs and causes with their values.
         known: Which of them are determined, shape (k,).
     """
@@ -59,10 +62,10 @@ class Standing:
 
     @classmethod
     def of(cls, campaign: Campaign, result: Result) -> Standing | None:
-        """A search, if new rows beside it give what it would.
+        """The search, if an estimate without a new search reproduces its result; else None.
 
-        None where it has mistakes, or rivals that a pose may make the likelier ones, or weighs its
-        rows by more than is stated of them.
+        It does not if there are mistakes, rivals that a pose may make the most likely, positions,
+        or rows weighted by more than their stated noise.
         """
         model = result.model.identified.hypotheses[0]
         if model.weight < _LEADING or campaign.raw.settings.positions is not None:
@@ -79,10 +82,11 @@ class Standing:
         return cls(result, case, model, again.identifiable) if same else None
 
     def beside(self, campaign: Campaign) -> Result | tuple[Mistake, ...]:
-        """What further poses say; where something contradicts, and the search must run, what.
+        """Result with further poses; if they contradict the model, the mistakes found instead.
 
-        A reading that is the first of its kind stands against what was known before it; the search
-        also asks what else would explain it, and may have to wait for the next one to tell.
+        An empty tuple also calls for a new search. A reading that is the first of its kind is
+        tested against what was known before it; the search also considers other explanations, and
+        may need the next reading to decide.
 
         Raises:
             InputError: The data cannot be trusted.
@@ -102,9 +106,9 @@ class Standing:
             return self._with(campaign, case, reduced, estimate)
 
     def _grown(self, case: Case) -> bool:
-        """Whether all is as it was, but for further readings of poses, and not many poses.
+        """Whether the only change is further readings, of a limited number of new poses.
 
-        Rows of loads and joints that nothing was read of are poses to come.
+        Rows of loads and joints without readings are poses still to be measured.
         """
         old = self.case
         same = old.settings == case.settings and old.robot.text == case.robot.text
@@ -117,7 +121,7 @@ class Standing:
         return bool((fresh["pose"] > 0).all()) and are - were <= max(1, were // _FURTHER)
 
     def _with(self, campaign: Campaign, case: Case, reduced: Reduced, found: Estimate) -> Result:
-        """The answer with the values that all rows give."""
+        """Result with the values estimated from all rows."""
         before = self.result.model.identified
         model = replace(self.model, value=found.value, cov=found.cov)
         rivals = [self._followed(one, found) for one in before.hypotheses[1:]]
@@ -129,7 +133,7 @@ class Standing:
         return Result(answer, Model(told), tables)
 
     def _followed(self, rival: ModelHypothesis, found: Estimate) -> ModelHypothesis:
-        """A rival whose springs move, and are known better, as those of the leading one."""
+        """A rival whose springs change, in value and uncertainty, as the leading one's do."""
         n, old = self.case.robot.n, self.model
         value, ratio = rival.value.copy(), np.ones(len(rival.value))
         value[:n] += (found.value - old.value)[:n]
@@ -139,7 +143,7 @@ class Standing:
 
 
 def _estimated(model: ModelHypothesis, reduced: Reduced) -> Estimate | None:
-    """Springs and causes of a model from all rows; None where they do not fit as stated."""
+    """Springs and causes of a model from all rows; None if they do not fit the stated noise."""
     data = replace(reduced.data, bends=True)
     if not data.noise_stated:
         return None
@@ -157,14 +161,14 @@ def _tables(case: Case) -> tuple[pd.DataFrame, ...]:
 
 
 def _holds(old: pd.DataFrame, new: pd.DataFrame) -> bool:
-    """Whether every row of a table is still there."""
+    """Whether a table still contains every row of the old one."""
     return len(old.merge(new.drop_duplicates())) >= len(old)
 
 
 def _updated(
     answer: Answer, told: IdentifiedModel, campaign: Campaign, case: Case, reduced: Reduced
 ) -> Answer:
-    """An answer with the stiffnesses of a model, and what it predicts where the user asked."""
+    """An answer with the stiffnesses of a model, and its predictions at test pose and path."""
     settings, pulls = case.settings, reduced.data.pulls
     where = place_of_interest(settings.test_pose, case.robot, pulls)
     shown = Shown(told.held_out_m, pulls.range_n[1])

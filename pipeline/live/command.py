@@ -1,4 +1,4 @@
-"""`pipeline watch --live`: a campaign told pose by pose, as sentences or as lines of JSON."""
+"""`pipeline watch --live`: a campaign judged pose by pose, as sentences or as lines of JSON."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from pipeline.live.judged import Update
 from pipeline.live.watching import live as updates
 
 _LISTED = 3
-"""Planned poses that the terminal lists."""
+"""Maximum number of planned poses that the terminal lists."""
 
 
 def live(name: str, root: Path, every_s: float, as_json: bool) -> None:
     """Judge a campaign while it is measured, until Ctrl-C.
 
     Args:
-        name: Of its folder below data/raw, or its path.
-        root: The project.
-        every_s: How often to look [s].
-        as_json: One JSON object a line in place of sentences.
+        name: Name of its folder below data/raw, or its path.
+        root: Root of the project.
+        every_s: Interval between two looks [s].
+        as_json: Whether to print one JSON object per line instead of sentences.
 
     Raises:
         InputError: There is no such folder with a campaign.toml.
@@ -46,7 +46,7 @@ def live(name: str, root: Path, every_s: float, as_json: bool) -> None:
 
 
 def sentences(update: Update) -> Iterator[str]:
-    """An update as an engineer beside the robot reads it."""
+    """Sentences of an update, for an engineer at the robot."""
     if update.why is not None:
         yield f"Nothing to say yet: {update.why}"
         return
@@ -66,7 +66,7 @@ def sentences(update: Update) -> Iterator[str]:
 
 
 def _known(update: Update) -> str:
-    """The stiffnesses in a line."""
+    """The stiffnesses in one line."""
     found = []
     for one in update.stiffness:
         if one.value is None or one.std is None:

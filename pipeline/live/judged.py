@@ -1,4 +1,4 @@
-"""What is known of a campaign after each pose: who is suspected, what is open, when to stop."""
+"""What is known of a campaign after each pose: suspected readings, next poses, when to stop."""
 
 from __future__ import annotations
 
@@ -19,14 +19,16 @@ from pipeline.machine.robot import Robot, axes
 from pipeline.readers import logs
 
 _CERTAIN = 3.0
-"""Standard uncertainties between the predicted deflection and the tolerance from which to stop: a
-decision is looked at after each of some ten poses, each time wrong by chance in 1.4 of 1000."""
+"""Distance of the predicted deflection from the tolerance that is required to stop, in standard
+uncertainties [1]: the decision is examined after each of some ten poses, with a probability of
+1.4e-3 of a chance error each time."""
 
 _FEWEST = 4
-"""Poses before the end is proposed: three determine six joints, the fourth checks them."""
+"""Number of poses before which measuring is never stopped: three determine six joints, the fourth
+checks them."""
 
 _LIKELY = 0.5
-"""Probability from which a cause is told while measuring."""
+"""Probability from which a cause is reported while measuring [1]."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,8 @@ class _Suspect:
     Attributes:
         name: Kind of mistake, as in `diagnosis.causes`.
         where: Reading, pose or target.
-        readings: `file:line` of all that it concerns.
-        text: What is wrong with it, and what to do.
+        readings: `file:line` of all readings concerned.
+        text: What is wrong, and what to do.
     """
 
     name: str
@@ -48,7 +50,7 @@ class _Suspect:
 
 @dataclass(frozen=True)
 class _Open:
-    """How far a stiffness is known; value and std in `unit`, None where not determined."""
+    """Estimate of one stiffness so far; value and std in `unit`, None if not determined."""
 
     name: str
     axis: str
@@ -63,11 +65,11 @@ class _Next:
     """A pose to measure next.
 
     Attributes:
-        pose: Its number in the joint log where it is planned, None where it is proposed.
-        axes: What to type: axis of the controller, value, unit.
-        worth: What it tells, in bits: log2 of how much the volume of what is unknown shrinks; None
-            where it determines a joint that nothing has determined.
-        text: Why.
+        pose: Its number in the joint log if it is planned, None if it is proposed.
+        axes: Axis of the controller, value and unit, as to be typed.
+        worth: Expected information [bit]: log2 of the ratio by which the volume of uncertainty
+            shrinks; None if it determines a joint that is not determined so far.
+        text: Reason.
     """
 
     pose: int | None
@@ -90,19 +92,19 @@ class Update:
     """What is known after a pose.
 
     Attributes:
-        pose: Number of the pose that is told, None before the first.
-        poses: How many have readings.
-        accepted: Nothing of that pose is suspected.
-        complete: It is measured; else it is being measured.
-        suspects: All that are suspected now, of any pose.
-        stiffness: Of each joint.
-        warnings: Causes that are likely, as sentences: a tracker that wanders, warmth, a scale.
-        next: The planned poses that are left, the most telling first, or one that is proposed.
+        pose: Number of the pose that is judged, None before the first.
+        poses: Number of poses with readings.
+        accepted: Whether nothing of that pose is suspected.
+        complete: Whether it has been measured completely.
+        suspects: All present suspects, of any pose.
+        stiffness: Stiffness of each joint.
+        warnings: Likely causes, as sentences: tracker drift, temperature, a wrong scale.
+        next: Planned poses that remain, the most informative first, or a proposed one.
         stop: Whether to stop.
-        verdict: Of what is there.
-        searched: Causes were sought with it as `run` does; else its readings were held against the
-            last search, and the stiffnesses estimated from all.
-        why: In place of all that, why nothing can be said yet.
+        verdict: Verdict on the data so far.
+        searched: Whether causes were sought as by `run`; otherwise readings were tested against the
+            last search, and the stiffnesses estimated from all of them.
+        why: Why nothing can be said yet; then the other attributes are empty.
     """
 
     pose: int | None
@@ -119,21 +121,20 @@ class Update:
     why: str | None = None
 
     def as_json(self) -> str:
-        """It as one line."""
+        """The update as one line of JSON."""
         return json.dumps(asdict(self), ensure_ascii=False, allow_nan=False)
 
 
 def judged(
     campaign: Campaign, result: Result, pose: int | None = None, doubted: Sequence[Mistake] = ()
 ) -> Update:
-    """What is known of a campaign as far as it is measured.
+    """Judge a campaign as far as it is measured.
 
     Args:
-        campaign: Its files.
-        result: What they say.
-        pose: That is measured and to be told; None: the one that is being measured.
-        doubted: What contradicts what was known before; told where nothing is found that explains
-            it.
+        campaign: The files so far.
+        result: Result of identification from them.
+        pose: Completely measured pose to be judged; None for the one that is being measured.
+        doubted: What contradicts the earlier model; reported if no suspect explains it.
     """
     answer, readings = result.answer, result.tables["readings"]
     poses = list(dict.fromkeys(measured(result)))
@@ -158,20 +159,23 @@ def judged(
 
 
 def measured(result: Result) -> list[int]:
-    """The pose of each reading that belongs to one, in the order in which they came."""
+    """Pose number of each reading that belongs to a pose, in the order of reading."""
     pose = result.tables["readings"]["pose"].to_numpy(dtype=float)
     return [int(one) for one in pose if np.isfinite(one) and one > 0]
 
 
 class _Of:
-    """The readings of a pose: what is suspected of it has one of its groups, or of its lines."""
+    """Groups and lines of the readings of one pose, to find which suspects concern it."""
 
     def __init__(self, readings: pd.DataFrame) -> None:
         self._groups = set(readings["group"].astype(str))
         self._lines = set(readings["file"].astype(str) + ":" + readings["line"].astype(str))
 
     def concerned(self, one: _Suspect) -> bool:
-        """Readings that are left out are in no table; their groups are, with other targets."""
+        """Whether a suspect concerns the pose.
+
+        Rejected readings are in no table, but other targets of their group are.
+        """
         return one.where.rpartition("/")[0] in self._groups or bool(self._lines & {*one.readings})
 
 
@@ -201,10 +205,10 @@ _ADVICE = {
     "force_noise": "read the scale when the chain hangs still",
     "heavy_tails": "see that every reflector sits well and nothing cuts the beam",
 }
-"""What to do beside the robot, by cause; what is of the robot itself stays as it is."""
+"""What to do at the robot, by cause; causes in the robot itself need no action."""
 
 _OF_THE_ROBOT = ("rail", "joint", "link", "tool", "shoulder", "wrist")
-"""Where in the cell such a cause acts."""
+"""Places of causes in the robot itself."""
 
 
 def _warnings(answer: Answer, robot: Robot) -> Iterator[str]:
@@ -213,7 +217,7 @@ def _warnings(answer: Answer, robot: Robot) -> Iterator[str]:
         if one.evidence is None and (one.probability or 0.0) >= _LIKELY:
             at = f" ({one.where})" if one.where is not None else ""
             what = str(one.name).replace("_", " ")
-            of_scale = one.where == "scale"  # a law of it that nobody listed
+            of_scale = one.where == "scale"  # a law of the scale that is not in the catalogue
             done = _ADVICE.get("scale_zero" if of_scale else str(one.name))
             then = f": {done}" if done else ", of the robot itself" if one.name in own else ""
             yield f"{what[:1].upper()}{what[1:]}{at}, probability {one.probability:.2f}{then}."
@@ -225,11 +229,11 @@ def _stiffness(answer: Answer) -> Iterator[_Open]:
         yield _Open(one.name, axis, one.value, one.std, one.unit, one.relative_std)
 
 
-# --- what comes next ------------------------------------------------------------------------------
+# --- next poses -----------------------------------------------------------------------------------
 
 
 def _left(campaign: Campaign, result: Result, done: Sequence[int]) -> list[_Next]:
-    """Planned poses that nothing was read of, the most telling first."""
+    """Planned poses without readings, the most informative first."""
     log = campaign.raw.settings.joints
     if log.file not in campaign.files or not len(result.tables.get("forces", ())):
         return []
@@ -255,16 +259,16 @@ def _left(campaign: Campaign, result: Result, done: Sequence[int]) -> list[_Next
 
 
 def _first(worth: Array) -> Ints:
-    """The most telling first; those that determine a joint before all others."""
+    """Order of poses by information, those that determine a further joint first."""
     return np.argsort(-np.where(np.isfinite(worth), worth, np.inf), kind="stable")
 
 
 def _worth(result: Result, q: Array) -> Array:
-    """What a pull in each pose would tell, shape (m,) [bit].
+    """Expected information of a pull in each pose, shape (m,) [bit].
 
-    I = sum over three directions of 1/2 log2 det(1 + C / s^2), C the covariance of the deflection
-    that is predicted under the hardest pull so far, s the noise of a coordinate: nobody knows yet
-    which way the chain will lead. Infinite where a joint acts that nothing has determined.
+    I = sum over three directions of 1/2 log2 det(1 + C / s^2), where C is the covariance of the
+    deflection predicted under the largest force so far and s the noise of a coordinate; the
+    direction of the chain is not yet known. Infinite if a joint acts that is not determined so far.
     """
     force = result.tables["forces"][["fx_n", "fy_n", "fz_n"]].to_numpy(dtype=float)
     most = float(np.linalg.norm(force, axis=1).max())
@@ -280,7 +284,7 @@ def _worth(result: Result, q: Array) -> Array:
 
 
 def _axes(campaign: Campaign, q: Array) -> tuple[tuple[str, float, str], ...]:
-    """Joint values as the controller shows them."""
+    """Joint values as the controller displays them."""
     of = axes.of(campaign.robot)
     values = of.values(q[None])[0]
     return tuple(
@@ -290,7 +294,7 @@ def _axes(campaign: Campaign, q: Array) -> tuple[tuple[str, float, str], ...]:
 
 
 def _proposed(answer: Answer) -> Iterator[_Next]:
-    """Poses that the answer proposes where no plan is left."""
+    """Poses proposed by the answer, if no planned ones remain."""
     for one in answer.diagnosis.next_poses:
         if not one.axes:
             continue
@@ -309,7 +313,7 @@ def _proposed(answer: Answer) -> Iterator[_Next]:
 
 
 def _stop(answer: Answer, poses: int, left: int, suspected: bool) -> _Stop:
-    """Whether the decision by the tolerance would stay the same."""
+    """Whether the decision about the tolerance is certain, so that measuring can stop."""
     asked = answer.tolerance
     if asked is None or asked.worst is None:
         return _Stop(now=False, text="campaign.toml states no tolerance: measure as planned")
@@ -327,7 +331,7 @@ def _stop(answer: Answer, poses: int, left: int, suspected: bool) -> _Stop:
 
 
 def _decided(answer: Answer, asked: Tolerance) -> str | None:
-    """Pass where d + 3 u <= T wherever it is asked, fail where d - 3 u > T anywhere, else None."""
+    """Pass if d + 3 u <= T at every place asked, fail if d - 3 u > T at any place, else None."""
     tips: list[Tip] = [*asked.path.stretches] if asked.path else []
     if asked.test_pose and answer.test_pose:
         tips.append(answer.test_pose)

@@ -1,4 +1,4 @@
-"""A campaign looked at again and again: told after every pose, and at once where one is suspect."""
+"""Repeated looks at a growing campaign: an update after every pose, and at once for a suspect."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from pipeline.live.growing import snapshot
 from pipeline.live.judged import Update, judged, measured
 
 QUIET_S = 180.0
-"""After so long without a reading something is said of a pose that is not whole [s], taste: some
-minutes go by where somebody tightens a chain."""
+"""Time without a reading after which an incomplete pose is reported [s], a matter of taste:
+tightening a chain takes some minutes."""
 
 _REFUSED_S = 20.0
-"""After so long without a reading it is told why there is nothing to say [s]: a tracker takes some
-eight seconds for one."""
+"""Time without a reading after which it is reported why there is no result [s]: a tracker takes
+some eight seconds per reading."""
 
 
 @dataclass
 class Live:
-    """What has been told of a campaign so far.
+    """State of the live judgement of a campaign.
 
     Attributes:
-        name: Of the campaign.
-        files: What was there when it was last looked at.
+        name: Name of the campaign.
+        files: Files at the last look.
         told: The last update.
-        poses: Those that have been told.
+        poses: Poses already reported.
     """
 
     name: str
@@ -45,16 +45,17 @@ class Live:
     _unsearched: Campaign | None = None
 
     def look(self, files: Mapping[str, bytes], now: float) -> Update | None:
-        """What is to be told of files as they are now; None where nothing is.
+        """Update due for the present files; None if there is none.
 
-        A pose is told when the next one begins, or when it has as many readings as others had; as
-        one that is still being measured when none has come for `QUIET_S`. Suspects are told at
-        once, a refusal when it stays. Causes are sought anew with what contradicts the last search,
-        before the end is proposed, when no planned pose is left, and when it gets quiet.
+        A pose is reported when the next one begins, or when it has as many readings as any before;
+        if there is no reading for `QUIET_S`, as one that is still being measured. Suspects are
+        reported at once, an input error when it persists. Causes are sought again when readings
+        contradict the last search, before it is proposed to stop, when no planned pose is left, and
+        after a quiet time.
 
         Args:
-            files: Content by name, whole lines.
-            now: By a clock that never goes back [s].
+            files: Content by name, complete lines.
+            now: Time by a monotonic clock [s].
         """
         if dict(files) == dict(self.files):
             return self._when_quiet(now - self._since)
@@ -62,7 +63,7 @@ class Live:
         return self._tried(lambda: self._looked(load_campaign(files, name=self.name)))
 
     def _tried(self, look: Callable[[], Update | None]) -> Update | None:
-        """What a look tells; that it cannot tell anything is told when it stays so."""
+        """Update of a look; an input error is kept and reported if it persists."""
         try:
             return look()
         except InputError as problem:
@@ -71,7 +72,7 @@ class Live:
             return None
 
     def _looked(self, campaign: Campaign) -> Update | None:
-        """What is to be told, of the last search where that stands."""
+        """Update, from the last search if no new one is needed."""
         found = self._search.beside(campaign) if self._search else ()
         if isinstance(found, Result) and not (self.told and self.told.suspects):
             update = self._judged(campaign, found)
@@ -81,17 +82,17 @@ class Live:
         return self._heard(*self._sought(campaign, () if isinstance(found, Result) else found))
 
     def _may_end(self, update: Update) -> bool:
-        """Whether it may be the last: to stop is proposed anew, or no planned pose is left."""
+        """Whether it may be the last: it newly proposes to stop, or no planned pose is left."""
         said = self.told is not None and self.told.stop.now
         return update.stop.now > said or not any(one.pose is not None for one in update.next)
 
     def _sought(
         self, campaign: Campaign, doubted: tuple[Mistake, ...] = ()
     ) -> tuple[Update, Result]:
-        """Where causes are sought anew, from the usual starts, as `run` does.
+        """Update and result of a new search for causes, from the usual starts, as by `run`.
 
         Args:
-            campaign: As it is now.
+            campaign: The campaign so far.
             doubted: What contradicts the last search.
         """
         result = identify(campaign)
@@ -102,12 +103,12 @@ class Live:
     def _judged(
         self, campaign: Campaign, result: Result, doubted: tuple[Mistake, ...] = ()
     ) -> Update:
-        """Of the newest pose that is measured and not told yet, or of the one being measured."""
+        """Judge the newest complete pose not yet reported, or else the one being measured."""
         new = [one for one in _ended(result) if one not in self.poses]
         return judged(campaign, result, new[-1] if new else None, doubted)
 
     def _heard(self, update: Update, result: Result) -> Update | None:
-        """It, where it is to be told."""
+        """The update if it is to be reported now; otherwise it is kept."""
         self.poses |= {*_ended(result)}
         if update.complete or self._differs(update):
             return self._tell(update)
@@ -115,7 +116,7 @@ class Live:
         return None
 
     def _when_quiet(self, quiet_s: float) -> Update | None:
-        """What is owed and was held back, when nothing has changed for so long [s]."""
+        """Update that was kept, or of a new search, if it has been quiet long enough [s]."""
         owed, open_ = self._owed, self._unsearched
         refused = owed is not None and owed.why is not None
         if quiet_s < (_REFUSED_S if refused else QUIET_S):
@@ -125,7 +126,7 @@ class Live:
         return self._tried(lambda: self._tell(self._sought(open_)[0]))
 
     def _differs(self, update: Update) -> bool:
-        """Whether others are suspected than before."""
+        """Whether the suspects differ from those reported last."""
         before = self.told.suspects if self.told else ()
         one, other = ({(s.name, s.where) for s in of} for of in (update.suspects, before))
         return one != other
@@ -136,9 +137,9 @@ class Live:
 
 
 def _ended(result: Result) -> list[int]:
-    """Poses that are measured, in the order of measuring.
+    """Completely measured poses, in the order of measurement.
 
-    All but the last, and that one where it has as many readings as any other.
+    All but the last, and the last if it has as many readings as any other.
     """
     readings = Counter(measured(result))
     *before, last = readings or {0: 0}
@@ -149,12 +150,12 @@ def _ended(result: Result) -> list[int]:
 def live(
     folder: Path, every_s: float, sleep: Callable[[float], None] = time.sleep
 ) -> Iterator[Update]:
-    """Updates of a campaign for as long as somebody wants them.
+    """Yield updates of a campaign until the caller stops.
 
     Args:
-        folder: Where its files grow.
-        every_s: How often to look [s].
-        sleep: Waits; another one in tests.
+        folder: Folder of its growing files.
+        every_s: Interval between two looks [s].
+        sleep: Waits; replaced in tests.
     """
     state = Live(folder.resolve().name)
     while True:

@@ -1,10 +1,10 @@
 """`pipeline page`: from files to the report in a browser, without a terminal.
 
-Five pages of a campaign (files, setup, check, run, answer) on an address of this machine.
+Five pages of a campaign (files, setup, check, run, answer) at an address of this machine.
 
 Door: `command.page`. Each page shows what `init`, `inspect`, `check`, `run` and `compensate` print
-as JSON, run as processes of their own, and writes campaign.toml line by line; there is no rule here
-that a command does not have. Of the core it imports `base` and `machine` only.
+as JSON, which run as separate processes, and edits campaign.toml line by line; there is no rule
+here that a command does not have. Of the core it imports `base` and `machine` only.
 
 Tests: `tests/page/`: the text of campaign.toml (entries), files and archives (desk), commands
 (jobs), doors and stages of the server, and whole campaigns in Chromium.

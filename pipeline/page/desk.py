@@ -1,4 +1,4 @@
-"""The folder of a campaign: files that are dropped, archives, and what has changed since."""
+"""The folder of a campaign: dropped files, archives, and detection of changes."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from pipeline.base.errors import UsageError
 TOML = "campaign.toml"
 
 MOST_BYTES = 256 * 2**20
-"""Of one file, and of all files of an archive together."""
+"""Maximum size of one file, and of all files of an archive together [B]."""
 
 _MOST_FILES = 500
-"""Of an archive."""
+"""Maximum number of files of an archive."""
 
 _PART = 2**20
-"""Bytes that are read at once."""
+"""Number of bytes read at once."""
 
 _NAME = re.compile(r"(?![.-])[^/\\\x00-\x1f\x7f<>:\"|?*]{1,120}(?<![. ])")
-"""Names that every system can have, none that is hidden or reads like an option."""
+"""File names valid on every system, neither hidden nor similar to a command-line option."""
 
 
 def named(name: str, what: str = "file") -> str:
-    """The same name, if it is one.
+    """The name, if it is valid.
 
     Raises:
-        UsageError: It is no name of a file or folder.
+        UsageError: It is not a valid name of a file or folder.
     """
     if not _NAME.fullmatch(name) or not name.isprintable():
         shown = name if name.isprintable() else name.encode("unicode_escape").decode()
@@ -47,8 +47,8 @@ class Desk:
     """One campaign's folder.
 
     Attributes:
-        root: Of the project.
-        name: Of the campaign.
+        root: Root of the project.
+        name: Name of the campaign.
     """
 
     root: Path
@@ -56,16 +56,16 @@ class Desk:
 
     @property
     def folder(self) -> Path:
-        """Where its files lie."""
+        """Folder of its files."""
         return self.root / "data" / "raw" / named(self.name, "campaign")
 
     @property
     def reports(self) -> Path:
-        """Where its report is."""
+        """Folder of its report."""
         return self.root / "reports" / named(self.name, "campaign")
 
     def names(self) -> list[str]:
-        """Files of the campaign, campaign.toml among them."""
+        """Names of the campaign's files, including campaign.toml."""
         if not self.folder.is_dir():
             return []
         return sorted(
@@ -75,29 +75,29 @@ class Desk:
         )
 
     def file(self, name: str) -> Path:
-        """One of its files.
+        """Path of one of its files.
 
         Raises:
-            UsageError: There is none.
+            UsageError: There is no such file.
         """
         if named(name) not in self.names():
             raise UsageError(f"there is no file {name} in this campaign: it may have been removed")
         return self.folder / name
 
     def text(self) -> str | None:
-        """campaign.toml; None where there is none yet."""
+        """Text of campaign.toml; None if there is none yet."""
         path = self.folder / TOML
         return path.read_text("utf-8", "replace") if TOML in self.names() else None
 
     def written(self, text: str, seen: str) -> None:
-        """Put campaign.toml in its place, if it is still the one that was seen.
+        """Replace campaign.toml, unless it has been changed since it was read.
 
         Args:
-            text: The new one.
-            seen: Digest of the old one.
+            text: The new text.
+            seen: Digest of the text that was read.
 
         Raises:
-            UsageError: Somebody else has changed it.
+            UsageError: It was changed elsewhere.
         """
         if seen != self.digest(TOML):
             raise UsageError(
@@ -106,7 +106,7 @@ class Desk:
         files.write(self.folder / TOML, text.encode())
 
     def digest(self, *only: str) -> str:
-        """Tells whether any file, or one of some, has changed."""
+        """Digest of all files or of some, to detect changes."""
         found = hashlib.sha256()
         for name in only or self.names():
             path = self.folder / name
@@ -115,10 +115,10 @@ class Desk:
         return found.hexdigest()
 
     def taken(self, name: str, data: bytes, instead: bool = False) -> list[str]:
-        """Put a file into the folder, an archive's files one by one; the names that are new.
+        """Store a file, or the files of an archive; return the names that are new or changed.
 
         Raises:
-            UsageError: It is too large, no file name, or another one of that name is there.
+            UsageError: It is too large, has an invalid name, or another file of that name exists.
         """
         if name.lower().endswith(".zip"):
             inside = list(_unpacked(data))
@@ -143,26 +143,26 @@ class Desk:
         return not same
 
     def copied(self, other: Desk) -> None:
-        """Put the same files, campaign.toml apart, into another folder, where nothing is kept."""
+        """Copy all files except campaign.toml to another folder, which must not exist yet."""
         other.folder.mkdir(parents=True)
         for name in self.names():
             if name != TOML:
                 shutil.copyfile(self.folder / name, other.folder / name)
 
     def removed(self, name: str) -> None:
-        """Take a file away.
+        """Delete a file.
 
         Raises:
-            UsageError: There is none.
+            UsageError: There is no such file.
         """
         self.file(name).unlink()
 
 
 def _unpacked(data: bytes) -> Iterator[tuple[str, bytes]]:
-    """Files of an archive by their last names, within bounds whatever it says of their sizes.
+    """Files of an archive by name without folder, within limits whatever sizes it declares.
 
     Raises:
-        UsageError: It is none, or holds too much.
+        UsageError: It is not a valid archive, or contains too much.
     """
     import io
 
@@ -187,7 +187,7 @@ def _unpacked(data: bytes) -> Iterator[tuple[str, bytes]]:
 
 
 def _wanted(one: zipfile.ZipInfo) -> bool:
-    """Not what systems add of their own, and no archive in an archive."""
+    """Whether a file is neither a system's own nor an archive within the archive."""
     path = PurePosixPath(one.filename.replace("\\", "/"))
     own = any(part.startswith((".", "__MACOSX")) for part in path.parts)
     return not own and path.suffix.lower() != ".zip"

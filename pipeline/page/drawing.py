@@ -1,4 +1,4 @@
-"""The cell as it is filled in, seen from the side and from above: a wrong axis or unit shows."""
+"""The cell as entered, from the side and from above, which reveals a wrong axis or unit."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from pipeline.base.errors import InputError
 from pipeline.machine.robot import Robot, configure, load
 
 _WIDE, _HIGH, _MARGIN = 520, 380, 34
-"""Of one view, in pixels."""
+"""Width, height and margin of one view [pixel]."""
 
 _VIEWS = (("from the side", 0, 2, "x", "z"), ("from above", 0, 1, "x", "y"))
-"""Title, and which axes of F_b run to the right and up."""
+"""Title of each view, and the axes of F_b that point right and up."""
 
 
 class _Mark(NamedTuple):
-    """A point with its name and kind: `joint`, `tool` or `base`."""
+    """A point with its name, kind (`joint`, `tool` or `base`) and position [m]."""
 
     name: str
     kind: str
@@ -33,13 +33,13 @@ def cell(
     robot: str, folder: Path, q: Sequence[float] | None, tool: Mapping[str, Sequence[float]],
     base: Mapping[str, Sequence[float]],
 ) -> str:  # fmt: skip
-    """Two views as SVG; empty where the robot cannot be read.
+    """Two views as SVG; empty if the robot cannot be read.
 
     Args:
         robot: A robot that ships, or a robot file in the folder.
-        folder: Of the campaign.
-        q: Joint values [m] or [rad]; None: zero, or the middle of its range where a joint
-            cannot stand at zero.
+        folder: Folder of the campaign.
+        q: Joint values [m] or [rad]; if None, zero, or the middle of its range for a joint whose
+            range does not include zero.
         tool: Points in the flange frame [m] by name.
         base: Reflectors in F_b [m] by name.
     """
@@ -53,7 +53,7 @@ def cell(
 
 
 def _usual(robot: Robot) -> Array:
-    """A posture that shows the arm: zero where that is allowed, else the middle."""
+    """Posture that shows the arm: zero where that is within the range, else the middle."""
     zero = np.zeros(robot.n)
     middle = (np.maximum(robot.lower, -10.0) + np.minimum(robot.upper, 10.0)) / 2
     return np.where((robot.lower <= 0) & (robot.upper >= 0), zero, middle)
@@ -74,7 +74,7 @@ def _places(
 def _view(
     title: str, right: int, up: int, x: str, y: str, marks: Sequence[_Mark], arm: Sequence[_Mark]
 ) -> str:
-    """One view of all points, the arm as a line through its joints."""
+    """One view of all points, with the arm as a line through its joints."""
     flat = np.array([[one.at[right], one.at[up]] for one in marks] + [[0.0, 0.0]])
     low, size = flat.min(axis=0), np.ptp(flat, axis=0)
     scale = min(
@@ -108,7 +108,7 @@ def _dot(name: str, kind: str, at: str) -> str:
 
 
 def _ruler(scale: float) -> str:
-    """A length of one, two or five metres or tenths, below."""
+    """Scale bar of one, two or five times a power of ten in metres, at the bottom."""
     steps = [m * 10.0**e for e in (-2, -1, 0, 1) for m in (1, 2, 5)]
     length = max((one for one in steps if one * scale <= _WIDE / 3), default=steps[0])
     end = _MARGIN + length * scale
@@ -118,19 +118,19 @@ def _ruler(scale: float) -> str:
     )
 
 
-# --- while it is measured -------------------------------------------------------------------------
+# --- during the measurement -----------------------------------------------------------------------
 
 _PER_CENT = (0.1, 1, 10, 100)
-"""Lines of the scale."""
+"""Grid lines of the logarithmic scale [%]."""
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555")
-"""Told apart with every kind of colour vision (Okabe and Ito), and by their names at the end."""
+"""Distinguishable with every kind of colour vision (Okabe and Ito), and by labels at the end."""
 
 
 def _known(
     told: Mapping[int, Mapping[str, Any]], most: int
 ) -> dict[str, list[tuple[float, float]]]:
-    """Points of the curve of each axis, of what is told by the number of poses."""
+    """Points of the curve of each axis, from the updates by number of poses."""
     known: dict[str, list[tuple[float, float]]] = {}
     for poses, one in sorted(told.items()):
         for joint in one["stiffness"]:
@@ -141,7 +141,7 @@ def _known(
 
 
 def curves(updates: Sequence[Mapping[str, Any]]) -> str:
-    """Relative standard uncertainty of each stiffness over the poses measured, as SVG.
+    """Relative standard uncertainty of each stiffness over the number of poses measured, as SVG.
 
     Args:
         updates: Lines of `pipeline watch --live --json`.
@@ -169,7 +169,7 @@ def curves(updates: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _spread(heights: Sequence[float]) -> Array:
-    """Heights of labels, so far apart that each can be read, from the lowest up."""
+    """Heights of labels, shifted upwards where necessary so that they do not overlap."""
     out = np.array(heights, dtype=float)
     for before, here in pairwise(np.argsort(-out)):
         out[here] = min(out[here], out[before] - _LETTER)
@@ -177,7 +177,7 @@ def _spread(heights: Sequence[float]) -> Array:
 
 
 _LETTER = 14.0
-"""Height of a line of letters, in pixels."""
+"""Height of a line of text [pixel]."""
 
 
 def _across(poses: int, most: int) -> float:
@@ -185,7 +185,7 @@ def _across(poses: int, most: int) -> float:
 
 
 def _up(per_cent: float) -> float:
-    """Height on a logarithmic scale from `_PER_CENT`'s first to its last."""
+    """Vertical position of a percentage, on a logarithmic scale with the range of `_PER_CENT`."""
     low, high = np.log10([_PER_CENT[0], _PER_CENT[-1]])
     share = np.clip((np.log10(max(per_cent, 1e-9)) - low) / (high - low), 0.0, 1.0)
     return round(float(_HIGH - _MARGIN - share * (_HIGH - 2 * _MARGIN)), 1)

@@ -1,8 +1,8 @@
-"""campaign.toml as fields: what it says, what it leaves open, and one line changed at a time.
+"""campaign.toml as fields: what it states, what it leaves open, and changes line by line.
 
-`init` leaves a line `# key = ?   # what goes there` for each open question, and `# key =` for what
-may be said. A field that is filled in takes the place of its line; all other lines, comments and
-their order stay as they are.
+`init` writes a line `# key = ?   # what goes there` for each open question, and `# key =` for each
+optional entry. A field that is filled in replaces its line; all other lines, comments and their
+order stay unchanged.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pipeline.base.errors import UsageError
 from pipeline.base.shown import in_toml
 
 _LENGTHS = {"m": 1.0, "mm": 1e-3, "in": 0.0254}
-"""Units of a place, in metres."""
+"""Units of coordinates [m]."""
 
 _KEY = r"""([\w-]+|"[^"\n]*")"""
 _TABLE = re.compile(rf"^(#\s*)?\[\s*{_KEY}(?:\s*\.\s*{_KEY})?\s*\]\s*(?:#.*)?$")
@@ -26,21 +26,21 @@ _WORD = re.compile(r'"([^"\n]+)"')
 _MORE = re.compile(r"^#\s{3,}(.*)$")
 _PLACES = ("tool", "base_frame")
 _WORDS = ("name", "robot", "operator", "model", "serial", "certificate", "unit", "file", "path")
-"""Entries that are words also where they look like numbers: a serial number 0123 is none."""
+"""Keys whose values are strings even if they look like numbers, such as a serial number 0123."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A line of campaign.toml that says something, or may.
+    """A line of campaign.toml that contains an entry, or may be filled in.
 
     Attributes:
-        line: From 1.
-        table: Of the entry; empty for the first lines of the file.
-        key: As written.
-        value: TOML behind the key; None where it is not said.
-        needed: Whether the campaign cannot be read without.
-        about: What the comment beside it says.
-        words: Words in quotes in that comment, which are the answers that fit.
+        line: Line number, from 1.
+        table: Table of the entry; empty for the first lines of the file.
+        key: Key as written.
+        value: TOML behind the key; None if it is not stated.
+        needed: Whether the campaign cannot be read without it.
+        about: Text of the comment behind it.
+        words: Words in quotes in that comment, which are the possible answers.
         whole: Whether its value ends in this line.
     """
 
@@ -60,12 +60,12 @@ class Entry:
 
     @property
     def confirmable(self) -> bool:
-        """Whether it asks for something below to be looked at: taking it away is the answer."""
+        """Whether it asks for something below to be confirmed, by removing the line."""
         return self.needed and "remove this line" in self.about
 
     @property
     def coordinates(self) -> tuple[float, float, float] | None:
-        """The point, in metres; None where it is open."""
+        """The point [m]; None if it is open."""
         known = self.value and self.whole and _is_toml(self.value)
         read = tomllib.loads(f"x = {self.value}")["x"] if known else None
         if not isinstance(read, list) or len(read) != 3:
@@ -75,7 +75,7 @@ class Entry:
 
 
 def entries(text: str) -> list[Entry]:
-    """Every line that says something or may, in their order."""
+    """All lines that contain an entry or may be filled in, in their order."""
     lines = text.splitlines()
     found: list[Entry] = []
     table, skip = "", 0
@@ -96,18 +96,18 @@ def entries(text: str) -> list[Entry]:
 
 
 def _called(head: re.Match[str]) -> str:
-    """The name of a table."""
+    """Name of a table."""
     return ".".join(one.strip('"') for one in head.groups()[1:] if one)
 
 
 def _with_more(last: Entry, more: str) -> Entry:
-    """An entry whose remark goes on in the next line."""
+    """An entry whose comment continues in the next line."""
     words = (*last.words, *_WORD.findall(more))
     return replace(last, about=f"{last.about} {more}".strip(), words=words)
 
 
 def _entry(number: int, table: str, found: re.Match[str]) -> Entry | None:
-    """An entry, or None for a comment that only looks like one."""
+    """An entry, or None for a comment that only resembles one."""
     silent, key, rest = found.groups()
     value, about = _parted(rest)
     needed = bool(silent) and value == "?"
@@ -119,12 +119,12 @@ def _entry(number: int, table: str, found: re.Match[str]) -> Entry | None:
 
 
 def _follows(last: Entry, number: int, lines: Sequence[str]) -> bool:
-    """Whether only lines of its comment lie between an entry and a line."""
+    """Whether only lines of its comment are between an entry and a line."""
     return all(_MORE.match(one) for one in lines[last.line : number - 1])
 
 
 def _parted(rest: str) -> tuple[str, str]:
-    """A value and the comment behind it; a # within a string is none."""
+    """A value and the comment behind it; a # within a string does not begin one."""
     bare = re.sub(r'"(?:\\.|[^"\\])*"|\'[^\']*\'', lambda one: "s" * len(one[0]), rest)
     at = bare.find("#")
     if at < 0:
@@ -133,7 +133,7 @@ def _parted(rest: str) -> tuple[str, str]:
 
 
 def _length(lines: Sequence[str]) -> int:
-    """Lines that the value beginning in the first one takes."""
+    """Number of lines of the value that begins in the first line."""
     for count in range(1, len(lines) + 1):
         if _is_toml("\n".join([_LINE.sub(r"x = \3", lines[0]), *lines[1:count]])[4:]):
             return count
@@ -141,7 +141,7 @@ def _length(lines: Sequence[str]) -> int:
 
 
 def _is_toml(value: str) -> bool:
-    """Whether it is one value, which does not end its line and begin another."""
+    """Whether it is exactly one value, without a further entry."""
     try:
         return tomllib.loads(f"x = {value}").keys() == {"x"}
     except (ValueError, RecursionError):
@@ -149,15 +149,15 @@ def _is_toml(value: str) -> bool:
 
 
 def filled(text: str, line: int, said: str) -> str:
-    """The text with something said in a line; as it was left open where nothing is.
+    """The text with a value filled in at a line, or the line open again if the value is empty.
 
     Args:
         text: campaign.toml.
-        line: Of an entry.
-        said: TOML of its value; empty takes it away.
+        line: Line of an entry.
+        said: TOML of its value; empty to remove it.
 
     Raises:
-        UsageError: The line holds no entry, or the text would be no TOML any more.
+        UsageError: The line contains no entry, or the text would no longer be valid TOML.
     """
     one = next((each for each in entries(text) if each.line == line), None)
     if one is None or not one.whole:
@@ -180,10 +180,10 @@ def filled(text: str, line: int, said: str) -> str:
 
 
 def confirmed(text: str, line: int) -> str:
-    """The text without a question that is answered by taking it away, and what it says below.
+    """The text without a question that is answered by removing it, and without its comment.
 
     Raises:
-        UsageError: The line holds no such question.
+        UsageError: The line contains no such question.
     """
     one = next((each for each in entries(text) if each.line == line), None)
     if one is None or not one.confirmable:
@@ -196,7 +196,7 @@ def confirmed(text: str, line: int) -> str:
 
 
 def _uncover(lines: list[str], line: int) -> None:
-    """Take the comment mark off the title of the table that a line stands in."""
+    """Uncomment the heading of the table that contains a line."""
     for k in range(line - 2, -1, -1):
         if head := _TABLE.match(lines[k].rstrip("\r\n")):
             if head[1]:
@@ -205,10 +205,10 @@ def _uncover(lines: list[str], line: int) -> None:
 
 
 def sound(text: str) -> str:
-    """The same text, if it is TOML.
+    """The text, if it is valid TOML.
 
     Raises:
-        UsageError: With the line where it is none.
+        UsageError: It is not; the message states the line.
     """
     try:
         tomllib.loads(text)
@@ -218,10 +218,10 @@ def sound(text: str) -> str:
 
 
 def number(typed: str) -> float:
-    """A number as people type it: a decimal comma is as good as a point.
+    """A number as typed, with a decimal point or a decimal comma.
 
     Raises:
-        UsageError: It is none.
+        UsageError: It is not a finite number, or the comma is ambiguous.
     """
     plain = typed.strip().replace("\u2212", "-")
     if re.fullmatch(r"[-+]?[1-9]\d{0,2},\d{3}", plain):
@@ -238,10 +238,10 @@ def number(typed: str) -> float:
 
 
 def point(typed: Sequence[str], unit: str) -> str:
-    """TOML of three coordinates in metres; nothing where all are empty.
+    """TOML of three coordinates in metres; empty if all are empty.
 
     Raises:
-        UsageError: They are no numbers, or not three.
+        UsageError: They are not numbers, or not three.
     """
     if not any(one.strip() for one in typed):
         return ""
@@ -251,7 +251,7 @@ def point(typed: Sequence[str], unit: str) -> str:
 
 
 def value(typed: str, words: Sequence[str] = (), key: str = "") -> str:
-    """TOML of what is typed for an entry: a value of TOML as it is, a number, else a word."""
+    """TOML of a typed value: valid TOML unchanged, a number, else a string."""
     plain = typed.strip()
     quoted = plain[:1] in ("'", '"') and _is_toml(plain)
     if not plain or plain in words or (key in _WORDS and not quoted):
@@ -265,16 +265,16 @@ def value(typed: str, words: Sequence[str] = (), key: str = "") -> str:
 
 
 def _said_anew(new: str, place: tuple[str, str], value: str) -> str:
-    """A campaign.toml with a value in the place of an entry, where it has one that stands whole."""
+    """A campaign.toml with a value put into an entry, if it has this entry on one line."""
     there = next((one for one in entries(new) if (one.table, one.key) == place), None)
     return filled(new, there.line, value) if there is not None and there.whole else new
 
 
 def carried_over(old: str, new: str) -> str:
-    """A new campaign.toml with what an old one says wherever both can say it.
+    """A new campaign.toml with all values of an old one that have an entry in it.
 
-    What somebody filled in is worth more than what the files propose; which files there are is
-    said by the new one. What has no place in it stands as comments at its end.
+    What was filled in takes precedence over what the files suggest; only the names of the files
+    come from the new one. Values without an entry are appended as comments.
     """
     said = {(one.table, one.key): one for one in entries(old) if one.value is not None}
     for place, mine in said.items():
@@ -286,9 +286,9 @@ def carried_over(old: str, new: str) -> str:
 
 
 def with_table(text: str, new: str, name: str) -> str:
-    """A campaign.toml with one of its tables as another one has it: changed, gone, or come.
+    """A campaign.toml with one table replaced by that of another: changed, removed, or added.
 
-    One that comes stands behind the table that it is a part of.
+    An added table is placed behind the table that contains it.
     """
     lines, (first, last), (begin, end) = text.splitlines(), _span(text, name), _span(new, name)
     block = new.splitlines()[begin:end]
@@ -299,7 +299,7 @@ def with_table(text: str, new: str, name: str) -> str:
 
 
 def _span(text: str, name: str) -> tuple[int, int]:
-    """Lines of a table with its head, up to what stands before the next one; none: two alike."""
+    """Start and end of a table with its heading, up to its last entry; (0, 0) if absent."""
     lines = text.splitlines()
     heads = [k for k, line in enumerate(lines) if _TABLE.match(line)]
     for k, after in zip(heads, [*heads[1:], len(lines)], strict=True):
@@ -321,4 +321,4 @@ def _set_aside(old: str, lost: Sequence[Entry]) -> str:
 
 
 _OF_FILES = (("", "format"), ("tracker", "files"), ("scale", "file"), ("joints", "file"))
-"""What the files that lie there now say better than an old campaign.toml."""
+"""Entries about files, for which the new campaign.toml is right."""

@@ -1,4 +1,4 @@
-"""Commands that the page runs: each a process of its own, in a folder that is nobody's."""
+"""Commands that the page runs, each in its own process and in a neutral folder."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from pipeline.base.environment import NOBODYS
 from pipeline.base.errors import InputError
 
 _LONGEST_S = 120.0
-"""A command that only looks at files takes no longer."""
+"""Time limit of a command that only reads [s]."""
 
 _MOST_WORDS = 20_000
-"""Letters of what a command says beside its answer that are kept."""
+"""Maximum number of characters kept of a command's stderr."""
 
 
 _LONGEST_LINE = 2**22
-"""Bytes of a line of records."""
+"""Maximum length of a line of output [B]."""
 
 
 @dataclass(frozen=True)
 class Said:
-    """What a command said.
+    """Output of a command.
 
     Attributes:
-        code: Its exit code; negative if a signal ended it.
-        content: The JSON on its output; empty where there was none.
-        output: Its output as it is.
-        words: What it said beside it, line by line.
+        code: Exit code; negative if ended by a signal.
+        content: Last JSON object on stdout; empty if there is none.
+        output: stdout, unchanged.
+        words: Lines of stderr.
     """
 
     code: int
@@ -46,24 +46,24 @@ class Said:
 
     @property
     def records(self) -> list[dict[str, Any]]:
-        """Every line of its output that is a record."""
+        """All lines of stdout that are JSON objects."""
         return [found for line in self.output.splitlines() if (found := _content(line))]
 
     @property
     def runs_next(self) -> bool:
-        """Of `check`: whether it says to run the campaign next, whatever else it notes."""
+        """For `check`: whether the campaign can be run next, whatever else is noted."""
         words = str(self.content.get("next", "")).split()
         return self.accepted and not self.content.get("wrong") and words[:2] == ["pipeline", "run"]
 
     @property
     def accepted(self) -> bool:
-        """Whether it did what it was asked, perhaps with rows left out."""
+        """Whether the command succeeded, perhaps with rows rejected."""
         known = bool(self.content) and "error" not in self.content
         return known and self.code in (0, InputError.exit_code)
 
 
 async def begun(*words: str | Path) -> asyncio.subprocess.Process:
-    """A command of ours, running; it and its children end together."""
+    """Start a command of this project; it and its children are ended together."""
     return await asyncio.create_subprocess_exec(
         sys.executable,
         *("-P", "-m", "pipeline", *map(str, words)),
@@ -78,13 +78,13 @@ async def begun(*words: str | Path) -> asyncio.subprocess.Process:
 
 
 def _stopped(process: asyncio.subprocess.Process, how: int = signal.SIGINT) -> None:
-    """Stop a command and all that it has started."""
+    """Stop a command and all its children."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, how)
 
 
 async def ended(process: asyncio.subprocess.Process, longest_s: float | None = None) -> Said:
-    """What a command says until it ends."""
+    """Wait for a command to end; return its output."""
     try:
         output, words = await asyncio.wait_for(process.communicate(), longest_s)
     except (TimeoutError, asyncio.CancelledError):
@@ -97,7 +97,7 @@ async def ended(process: asyncio.subprocess.Process, longest_s: float | None = N
 
 
 def _content(output: bytes) -> dict[str, Any]:
-    """The last line of an output that is a record."""
+    """The last line of an output that is a JSON object."""
     for line in reversed(output.splitlines()):
         with contextlib.suppress(ValueError):
             if isinstance(found := json.loads(line), dict):
@@ -106,19 +106,20 @@ def _content(output: bytes) -> dict[str, Any]:
 
 
 async def command(*words: str | Path) -> Said:
-    """What a command says that only looks."""
+    """Run a command that only reads; return its output."""
     return await ended(await begun(*words), _LONGEST_S)
 
 
 @dataclass
 class _Run:
-    """One campaign that is being computed, or was.
+    """The run of one campaign, active or finished.
 
     Attributes:
         process: The command.
-        began: When, by the monotonic clock.
-        said: What it said in the end; None while it runs.
-        cancelled: Whether somebody stopped it.
+        began: Start, by the monotonic clock [s].
+        said: Its output; None while it runs.
+        cancelled: Whether the user stopped it.
+        took_s: Duration of a finished run [s].
     """
 
     process: asyncio.subprocess.Process
@@ -128,19 +129,19 @@ class _Run:
     took_s: float = 0.0
 
     async def follow(self) -> None:
-        """Until it ends."""
+        """Wait until it ends."""
         self.said = await ended(self.process)
         self.took_s = time.monotonic() - self.began
 
     @property
     def seconds(self) -> float:
-        """How long it takes, or took."""
+        """Duration so far, or in total [s]."""
         return self.took_s if self.said else time.monotonic() - self.began
 
 
 @dataclass
 class Runs:
-    """All campaigns that this page has begun to compute, by name."""
+    """All runs and live judgements started by this page, by campaign."""
 
     of: dict[str, _Run] = field(default_factory=dict)
     live: dict[str, Live] = field(default_factory=dict)
@@ -148,7 +149,7 @@ class Runs:
     _tasks: set[asyncio.Task[None]] = field(default_factory=set)
 
     async def begin(self, root: Path, name: str) -> _Run:
-        """Compute a campaign; one that is running already goes on."""
+        """Start the run of a campaign, unless it is already running."""
         async with self._one:
             there = self.of.get(name)
             if there is not None and there.said is None:
@@ -168,7 +169,7 @@ class Runs:
             return run
 
     async def look_on(self, root: Path, name: str) -> None:
-        """Judge a campaign while it is measured; one that is judged already goes on."""
+        """Start judging a campaign while it is measured, unless that is already running."""
         async with self._one:
             there = self.live.get(name)
             if there is None or not there.running:
@@ -177,7 +178,7 @@ class Runs:
                 self._followed(live.follow())
 
     def look_away(self, name: str) -> None:
-        """No longer."""
+        """Stop judging a campaign."""
         if (live := self.live.get(name)) is not None and live.running:
             _stopped(live.process)
 
@@ -187,7 +188,7 @@ class Runs:
         task.add_done_callback(self._tasks.discard)
 
     def cancel(self, name: str) -> None:
-        """Stop one; what it has not finished is discarded, as after Ctrl-C."""
+        """Stop a run; unfinished output is discarded, as after Ctrl-C."""
         run = self.of.get(name)
         if run is not None and run.said is None:
             run.cancelled = True
@@ -205,12 +206,12 @@ class Runs:
 
 @dataclass
 class Live:
-    """One campaign that is judged while it is measured.
+    """Live judgement of a campaign while it is measured.
 
     Attributes:
         process: `pipeline watch --live --json`.
-        updates: What it has told so far.
-        words: What it said beside, once it has ended.
+        updates: Updates so far.
+        words: Lines of stderr, once it has ended.
     """
 
     process: asyncio.subprocess.Process
@@ -218,7 +219,7 @@ class Live:
     words: tuple[str, ...] | None = None
 
     async def follow(self) -> None:
-        """Until it ends."""
+        """Collect updates until it ends."""
         assert self.process.stdout is not None
         assert self.process.stderr is not None
         async for line in self.process.stdout:
@@ -230,16 +231,16 @@ class Live:
 
     @property
     def running(self) -> bool:
-        """Whether it still looks."""
+        """Whether it is still running."""
         return self.words is None
 
 
 def stage(processed: Path, since: float) -> str:
-    """Which table of the campaign was written last, by its number and name.
+    """Name of the table of the campaign that was written last.
 
     Args:
         processed: Folder of its tables.
-        since: Time of the day when the run began [s].
+        since: When the run began, wall-clock time [s].
     """
     if not processed.is_dir():
         return ""

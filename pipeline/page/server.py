@@ -1,4 +1,4 @@
-"""The pages of `pipeline page`, on an address of this machine, for whoever has its token."""
+"""The pages of `pipeline page`, on an address of this machine, for holders of its token."""
 
 from __future__ import annotations
 
@@ -53,14 +53,15 @@ _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Of our own pages: nothing from outside, no script or style in the text."""
+"""Content security policy of our own pages: nothing external, no inline script or style."""
 
 _OF_REPORTS = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: "
     "'self'; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; "
     "sandbox allow-scripts allow-downloads allow-popups allow-popups-to-escape-sandbox"
 )
-"""Of a report, which has scripts of its own: an origin of its own, and none of our rights."""
+"""Content security policy of a report, which has its own scripts: a separate origin without our
+rights."""
 
 _HEADERS = {
     "x-content-type-options": "nosniff",
@@ -71,29 +72,29 @@ _HEADERS = {
 }
 
 _MOST_ROWS = 500
-"""Lines of a corrected program that are shown beside the old ones."""
+"""Maximum number of lines of a corrected program shown beside the old ones."""
 
 _OF_ROBOT = ("joints.columns",)
-"""Tables of campaign.toml that another robot makes others: joints have their names by it."""
+"""Tables of campaign.toml that depend on the robot: its joints name the columns."""
 
 _MOST_TYPED = 2**20
-"""Bytes of what a page sends that is no file."""
+"""Maximum size of a request that is not a file [B]."""
 
 
 class _Door:
-    """An application behind a token, which the first address brings and a cookie keeps.
+    """An application behind a token, passed in the first address and then kept in a cookie.
 
-    Other hosts' names (DNS rebinding), other origins and whoever has no token are turned away.
+    Requests with other host names (DNS rebinding), other origins or without the token are rejected.
     """
 
     def __init__(self, app: ASGIApp, port: int, token: str) -> None:
-        """Of an application that answers at a port of this machine."""
+        """Guard an application that answers at a port of this machine."""
         self._app, self._token = app, token
         self._cookie = f"page{port}"
         self._hosts = {f"{HERE}:{port}", f"localhost:{port}"}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or turn away."""
+        """Answer the request, or reject it."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
@@ -105,8 +106,8 @@ class _Door:
         elif request.url.path == "/enter" and self._is(request.query_params.get("token", "")):
             way_in = RedirectResponse("/", 303)
             way_in.set_cookie(self._cookie, self._token, httponly=True, samesite="lax", path="/")
-            # lax: a report has an origin of its own, and its links come from there; what changes
-            # anything is asked by our own origin alone
+            # lax: links of a report come from its own separate origin; requests that change
+            # anything are accepted from our own origin only
             await way_in(scope, receive, send)
         elif self._is(request.cookies.get(self._cookie, "")):
             await self._app(scope, receive, send)
@@ -128,14 +129,15 @@ class _Door:
 
 @dataclass
 class _State:
-    """What the pages know beside the files.
+    """State of the pages apart from the files.
 
     Attributes:
-        root: Of the project.
-        runs: Campaigns that are being computed.
-        checked: Digest of the files and what `check` said of them, by campaign.
-        looked: What `inspect` said of a file, by its digest.
-        stands: Campaigns whose report is of their files as they are, and a mark of both.
+        root: Root of the project.
+        runs: Campaigns being computed.
+        checked: Digest of the files and output of `check` for them, by campaign.
+        looked: Output of `inspect`, by file and digest.
+        stands: By campaign, a mark of files and report, and whether the report is up to date.
+        busy: Limits the number of commands that run at the same time.
     """
 
     root: Path
@@ -146,10 +148,10 @@ class _State:
     busy: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
 
     def desk(self, request: Request) -> Desk:
-        """The campaign that an address names.
+        """The campaign named in an address.
 
         Raises:
-            UsageError: There is none.
+            UsageError: There is no such campaign.
         """
         desk = Desk(self.root, named(request.path_params["name"], "campaign"))
         if not desk.folder.is_dir():
@@ -157,12 +159,12 @@ class _State:
         return desk
 
     def passed(self, desk: Desk) -> bool:
-        """Whether `check` accepted the campaign as it is now."""
+        """Whether `check` accepted the campaign with its present files."""
         digest, said = self.checked.get(desk.name, ("", None))
         return said is not None and said.runs_next and digest == desk.digest()
 
     async def asked(self, *desks: Desk) -> None:
-        """Ask `status` which reports are of the files as they are, where anything has changed."""
+        """Ask `status` which reports are up to date, if anything has changed."""
         marks = {desk.name: await asyncio.to_thread(_mark, desk) for desk in desks}
         if all(self.stands.get(name, ("",))[0] == mark for name, mark in marks.items()):
             return
@@ -171,11 +173,11 @@ class _State:
         self.stands |= {name: (mark, name in done) for name, mark in marks.items()}
 
     def done(self, desk: Desk) -> bool:
-        """Whether there is a report of the files as they are."""
+        """Whether the report is up to date with the files."""
         return self.stands.get(desk.name, ("", False))[1]
 
     def reached(self, desk: Desk) -> dict[str, str]:
-        """What each stage waits for; empty where it is done."""
+        """What each stage waits for; empty if it is done."""
         text, run, done = desk.text(), self.runs.of.get(desk.name), self.done(desk)
         setup = _left(text) if text else "files"
         return {
@@ -187,7 +189,7 @@ class _State:
         }
 
     def answer(self, desk: Desk) -> dict[str, Any] | None:
-        """What result.json says; None where there is none."""
+        """Content of result.json; None if there is none."""
         import json
 
         with contextlib.suppress(OSError, ValueError):
@@ -196,13 +198,13 @@ class _State:
         return None
 
     async def look(self, *words: str | Path) -> Said:
-        """What a command says that only looks; two at a time."""
+        """Output of a command that only reads; two run at a time."""
         async with self.busy:
             return await command(*words)
 
 
 def _stiffness(one: Mapping[str, Any]) -> str:
-    """`3.80 MN·m/rad`, of an update."""
+    """`3.80 MN·m/rad`, from an update."""
     factor, letter = common_prefix([one["value"]])
     return f"{plain(one['value'] / factor, 4)} {prefixed(one['unit'], letter)}"
 
@@ -222,7 +224,7 @@ _Handler = Callable[[_State, Request], Awaitable[Response]]
 
 
 def _mark(desk: Desk) -> str:
-    """Tells whether files or report are others."""
+    """Mark that changes with the files or the report."""
     report = desk.reports / "result.json"
     when = report.stat().st_mtime_ns if report.is_file() else 0
     return f"{desk.digest()} {when}"
@@ -241,7 +243,7 @@ async def _page(
 
 
 async def home(state: _State, request: Request) -> Response:
-    """All campaigns, and a new one."""
+    """Page of all campaigns, with a form for a new one."""
     found = [Desk(state.root, name) for name in campaigns(state.root)]
     await state.asked(*found)
     rows = [(one.name, state.reached(one)) for one in found]
@@ -249,14 +251,14 @@ async def home(state: _State, request: Request) -> Response:
 
 
 async def files_page(state: _State, request: Request) -> Response:
-    """The files of a campaign and what each was taken for."""
+    """Page of the files of a campaign, with the format detected for each."""
     desk = state.desk(request)
     names = [name for name in desk.names() if name != TOML]
     return await _page(request, state, "files", desk, names=names, has_toml=desk.text() is not None)
 
 
 async def look(state: _State, request: Request) -> Response:
-    """What one file was taken for."""
+    """The detected format of one file."""
     desk = state.desk(request)
     path = desk.file(request.path_params["file"])
     key = f"{desk.name}/{path.name}:{desk.digest(path.name, TOML)}"
@@ -274,7 +276,7 @@ async def look(state: _State, request: Request) -> Response:
 
 
 async def put(state: _State, request: Request) -> Response:
-    """Take a file that was dropped."""
+    """Store a dropped file."""
     desk = state.desk(request)
     data = await _body(request, MOST_BYTES)
     instead = request.query_params.get("instead") == "1"
@@ -283,13 +285,13 @@ async def put(state: _State, request: Request) -> Response:
 
 
 async def remove(state: _State, request: Request) -> Response:
-    """Take a file away."""
+    """Delete a file."""
     state.desk(request).removed(request.path_params["file"])
     return _told()
 
 
 async def create(state: _State, request: Request) -> Response:
-    """Begin a campaign."""
+    """Create a campaign."""
     typed = await _typed(request)
     desk = Desk(state.root, named(str(typed.get("name", "")).strip(), "campaign"))
     desk.folder.mkdir(parents=True, exist_ok=True)
@@ -297,7 +299,7 @@ async def create(state: _State, request: Request) -> Response:
 
 
 async def set_up(state: _State, request: Request) -> Response:
-    """Have campaign.toml written for the files; what an old one says is kept."""
+    """Have campaign.toml written for the files; entries of an old one are kept."""
     desk = state.desk(request)
     old, seen = desk.text(), desk.digest(TOML)
     new, words = await _proposed(state, desk, _robot(old or ""))
@@ -308,7 +310,7 @@ async def set_up(state: _State, request: Request) -> Response:
 
 
 async def _proposed(state: _State, desk: Desk, robot: str) -> tuple[str | None, str]:
-    """campaign.toml as `init` writes it for the files, or what it says instead."""
+    """campaign.toml as `init` writes it for the files, and the last line of its messages."""
     with tempfile.TemporaryDirectory(dir=state.root) as folder:
         beside = Desk(Path(folder), desk.name)
         await asyncio.to_thread(desk.copied, beside)
@@ -318,14 +320,14 @@ async def _proposed(state: _State, desk: Desk, robot: str) -> tuple[str | None, 
 
 
 def _robot(text: str) -> str:
-    """The robot that a campaign.toml names; empty where it names none."""
+    """The robot named in a campaign.toml; empty if there is none."""
     with contextlib.suppress(ValueError):
         return str(tomllib.loads(text).get("robot", ""))
     return ""
 
 
 async def setup_page(state: _State, request: Request) -> Response:
-    """campaign.toml as fields, and the cell as it is filled in."""
+    """Page of campaign.toml as fields, with the cell as entered."""
     desk = state.desk(request)
     text = desk.text()
     if text is None:
@@ -348,8 +350,8 @@ async def setup_page(state: _State, request: Request) -> Response:
 
 
 def _picture(desk: Desk, text: str) -> str:
-    """The cell, as far as campaign.toml says it."""
-    with contextlib.suppress(ValueError, TypeError, KeyError):  # what is not said yet is not drawn
+    """The cell as far as campaign.toml states it."""
+    with contextlib.suppress(ValueError, TypeError, KeyError):  # not stated yet: not drawn
         said = tomllib.loads(text)
         points = {
             table: {
@@ -367,7 +369,7 @@ def _picture(desk: Desk, text: str) -> str:
 
 
 async def fill(state: _State, request: Request) -> Response:
-    """Write one line of campaign.toml."""
+    """Change one line of campaign.toml."""
     desk, typed = state.desk(request), await _typed(request)
     text = desk.text() or ""
     line, said = int(typed.get("line", 0)), typed.get("said", "")
@@ -390,14 +392,14 @@ async def fill(state: _State, request: Request) -> Response:
 
 
 async def rewrite(state: _State, request: Request) -> Response:
-    """Write campaign.toml as a whole."""
+    """Replace the whole campaign.toml."""
     desk, typed = state.desk(request), await _typed(request)
     desk.written(entries.sound(str(typed.get("text", ""))), str(typed.get("seen", "")))
     return _told(seen=desk.digest(TOML))
 
 
 async def check_page(state: _State, request: Request) -> Response:
-    """What `check` says, each line beside the one of campaign.toml that it is about."""
+    """Page of the output of `check`, with the lines of campaign.toml concerned."""
     desk = state.desk(request)
     digest, said = state.checked.get(desk.name, ("", None))
     lines = (desk.text() or "").splitlines()
@@ -408,7 +410,7 @@ async def check_page(state: _State, request: Request) -> Response:
 
 
 async def check(state: _State, request: Request) -> Response:
-    """Check the campaign as it is now."""
+    """Check the campaign with its present files."""
     desk = state.desk(request)
     digest = await asyncio.to_thread(desk.digest)
     state.checked[desk.name] = (
@@ -419,7 +421,7 @@ async def check(state: _State, request: Request) -> Response:
 
 
 async def run_page(state: _State, request: Request) -> Response:
-    """Run, how far it is, and cancel."""
+    """Page to run the campaign, with progress and cancellation."""
     desk = state.desk(request)
     return await _page(
         request, state, "run", desk, run=state.runs.of.get(desk.name), passed=state.passed(desk)
@@ -427,7 +429,7 @@ async def run_page(state: _State, request: Request) -> Response:
 
 
 async def run(state: _State, request: Request) -> Response:
-    """Compute the campaign, if `check` accepted it as it is now."""
+    """Compute the campaign, if `check` accepted it with its present files."""
     desk = state.desk(request)
     if not await asyncio.to_thread(state.passed, desk):
         raise UsageError("the files have changed since they were checked, or were not: check first")
@@ -436,13 +438,13 @@ async def run(state: _State, request: Request) -> Response:
 
 
 async def cancel(state: _State, request: Request) -> Response:
-    """Stop computing it."""
+    """Cancel the run."""
     state.runs.cancel(state.desk(request).name)
     return _told()
 
 
 async def progress(state: _State, request: Request) -> Response:
-    """How far a run is."""
+    """Progress of a run."""
     desk = state.desk(request)
     one = state.runs.of.get(desk.name)
     if one is None:
@@ -459,7 +461,7 @@ async def progress(state: _State, request: Request) -> Response:
 
 
 async def live_page(state: _State, request: Request) -> Response:
-    """The campaign while it is measured."""
+    """Page of the campaign while it is measured."""
     desk = state.desk(request)
     live = state.runs.live.get(desk.name)
     running = live is not None and live.running
@@ -467,7 +469,7 @@ async def live_page(state: _State, request: Request) -> Response:
 
 
 async def live_now(state: _State, request: Request) -> Response:
-    """What was told last, how many updates there were, and how many are suspected."""
+    """The latest update, the number of updates, and the number of suspected readings."""
     desk = state.desk(request)
     live = state.runs.live.get(desk.name)
     told = live.updates if live else []
@@ -487,19 +489,19 @@ def _live(desk: Desk, live: Live | None) -> str:
 
 
 async def look_on(state: _State, request: Request) -> Response:
-    """Judge the campaign from now on."""
+    """Start live judgement of the campaign."""
     await state.runs.look_on(state.root, state.desk(request).name)
     return _told()
 
 
 async def look_away(state: _State, request: Request) -> Response:
-    """No longer."""
+    """Stop live judgement."""
     state.runs.look_away(state.desk(request).name)
     return _told()
 
 
 async def answer_page(state: _State, request: Request) -> Response:
-    """The first sentences, the report, downloads, and a program to correct."""
+    """Page with the first sentences, the report, downloads, and a form to correct a program."""
     desk = state.desk(request)
     await state.asked(desk)
     found = state.answer(desk)
@@ -524,10 +526,10 @@ async def report(state: _State, request: Request) -> Response:
 
 
 async def correct(state: _State, request: Request) -> Response:
-    """A program that was dropped, corrected: both, line by line, and what was not.
+    """Correct a dropped program; return the lines that differ, and what was not corrected.
 
-    Behind its bytes those of `beside` may follow, the file of the same program that is read with
-    it: the .dat of a .src.
+    Its content may be followed by that of `beside`, the companion file that is read with it: the
+    .dat of a .src.
     """
     desk = state.desk(request)
     name, other = named(request.path_params["file"]), request.query_params.get("beside", "")
@@ -557,12 +559,13 @@ async def correct(state: _State, request: Request) -> Response:
 
 
 def _side_by_side(old: list[str], new: list[str]) -> Iterator[dict[str, Any]]:
-    """The lines that differ, each with its number in the old program; what is new stands alone.
+    """Lines that differ, with their number in the old program; an inserted line has no old text.
 
-    A correction changes lines and puts in some at one place: where the fewest others then differ.
+    A correction changes lines and inserts some at one place: the one for which the fewest other
+    lines differ.
     """
     more = max(len(new) - len(old), 0)
-    before = accumulate(map(_unlike, old, new), initial=0)  # where they come behind
+    before = accumulate(map(_unlike, old, new), initial=0)  # differences before an insertion
     behind = [*accumulate(map(_unlike, reversed(old), reversed(new)), initial=0)][::-1]
     at = min(enumerate(map(add, before, behind)), key=itemgetter(1))[0] if more else len(old)
     apart = [*old[:at], *[""] * more, *old[at:]]
@@ -572,15 +575,15 @@ def _side_by_side(old: list[str], new: list[str]) -> Iterator[dict[str, Any]]:
 
 
 def _unlike(old: str, new: str) -> int:
-    """How far a line is another: a motion with other coordinates still begins with its word."""
+    """Degree to which two lines differ; a motion with new coordinates keeps its first word."""
     return (old != new) + (old.split(None, 1)[:1] != new.split(None, 1)[:1])
 
 
 async def _body(request: Request, most: int) -> bytes:
-    """What was sent, if it is no more than that.
+    """Body of a request, limited in size.
 
     Raises:
-        UsageError: It is more.
+        UsageError: It is larger.
     """
     parts, size = [], 0
     async for part in request.stream():
@@ -637,7 +640,7 @@ _ROUTES: tuple[tuple[str, str, _Handler], ...] = (
 
 
 def _answering(state: _State, handler: _Handler) -> Callable[[Request], Awaitable[Response]]:
-    """A handler whose refusals are sentences."""
+    """A handler that turns errors into sentences."""
 
     async def answered(request: Request) -> Response:
         try:
@@ -650,7 +653,7 @@ def _answering(state: _State, handler: _Handler) -> Callable[[Request], Awaitabl
             )
         except (OSError, ValueError) as problem:
             return await _said(state, request, f"this did not work: {printable(str(problem), 200)}")
-        except Exception as problem:  # the last net: the page goes on, the terminal has the rest
+        except Exception as problem:  # last resort: the terminal shows the traceback
             sys.stderr.write("".join(traceback.format_exception(problem)))
             kind = type(problem).__name__
             return await _said(
@@ -669,7 +672,7 @@ async def _said(state: _State, request: Request, problem: str) -> Response:
 
 
 def application(root: Path, port: int, token: str) -> ASGIApp:
-    """The pages of a project at a port of this machine, for whoever has a token."""
+    """The pages of a project at a port of this machine, for holders of the token."""
     state = _State(root)
 
     @contextlib.asynccontextmanager
@@ -716,6 +719,6 @@ def serve(root: Path, port: int, say: Callable[[str], object], opened: bool) -> 
 
 
 def _left(text: str) -> str:
-    """What is still open in a campaign.toml."""
+    """Number of open questions in a campaign.toml, in words; empty if there are none."""
     left = sum(one.needed for one in entries.entries(text))
     return f"{left} open" if left else ""

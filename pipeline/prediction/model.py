@@ -15,7 +15,7 @@ from pipeline.base import linear, toml
 from pipeline.base.arrays import Array, Bools, Locked, Parameter
 from pipeline.base.errors import InputError, first_wrong
 from pipeline.base.files import words
-from pipeline.base.strict import Numbers
+from pipeline.base.strict import STANDARD_GRAVITY, Numbers
 from pipeline.diagnosis.average import average
 from pipeline.machine import sides
 from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
@@ -418,6 +418,7 @@ def dumps(handed: IdentifiedModel) -> str:
         ],
         "hypothesis": [_hypothesis(one, tool) for one in handed.hypotheses],
         "tool": _points(tool),
+        "gravity_m_s2": robot.gravity.tolist(),
     }
     return HEAD + toml.dumps(content | {"robot": toml.loads(robot.text, robot.name)})
 
@@ -504,6 +505,7 @@ class _File(Numbers):
     parameter: list[_Parameter]
     hypothesis: Annotated[list[_Hypothesis], Field(min_length=1)]
     tool: dict[str, tuple[float, float, float]]
+    gravity_m_s2: tuple[float, float, float] = (0.0, 0.0, -STANDARD_GRAVITY)
     robot: dict[str, Any]
 
 
@@ -519,6 +521,7 @@ def parse(text: str, file: str = "model.toml") -> IdentifiedModel:
         path, said = first_wrong(problem)
         raise InputError(f"is no model ({'.'.join(path)}: {said})", _ANEW, file=file) from problem
     robot = parse_robot(toml.dumps(content.robot), file)
+    robot = robot.under(np.array(content.gravity_m_s2))
     springs = paper_cell(robot, Tool.of(content.tool))
     return IdentifiedModel(
         content.campaign,
@@ -541,7 +544,7 @@ def _pose(said: _TestPose | None, robot: Robot, file: str) -> tuple[Array, Array
 
 
 _LARGEST = 2**26
-"""Maximum size of a model.toml [byte]; the covariances of many hypotheses are long."""
+"""Maximum size of a model.toml [B]; the covariances of many hypotheses are long."""
 _ANEW = "write it anew with `pipeline run`"
 
 

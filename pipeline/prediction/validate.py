@@ -1,4 +1,4 @@
-"""Stage 8: uncertainty of deflections due to the uncertainty of x, Eqs. (22), (23)."""
+"""Uncertainty of deflections due to the uncertainty of x, Eqs. (22), (23)."""
 
 from __future__ import annotations
 

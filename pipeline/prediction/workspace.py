@@ -1,4 +1,4 @@
-"""Stage 9: compliance map, deflection per newton over the plane that the arm sweeps."""
+"""Compliance map, deflection per newton over the plane that the arm sweeps."""
 
 from __future__ import annotations
 

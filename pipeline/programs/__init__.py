@@ -1,8 +1,9 @@
-"""Outbuilding: paths and robot programs, written again with other coordinates, all else unchanged.
+"""Outbuilding: correct paths and robot programs; only the coordinates of targets change.
 
-Their targets (`program.py`), how controllers write poses (`notation.py`), where the robot stands at
-them (`aim.py`, `inverse.py`), and one file per language. The offsets are `prediction`'s.
-A table of joint values is a path as well, of which `predict` says where the targets stand.
+The targets of a program (`program.py`), how controllers write poses (`notation.py`), the joint
+values at the targets (`aim.py`, `inverse.py`), and one file per language. The offsets come from
+`prediction`. A table of joint values is also a path; for it, `predict` states the positions of the
+targets.
 
 Door: `programs.command:compensate`, `programs.predict:predict`; `programs.judged:read`, the path
 that [tolerance] names.
@@ -22,27 +23,28 @@ _DIALECTS = (krl, rapid, tp, urscript)
 
 
 def dialect(file: str) -> bool:
-    """Whether a file is a program, by the end of its name."""
+    """Whether a file is a robot program, judged by its suffix."""
     return file.lower().endswith(tuple(end for one in _DIALECTS for end in one.SUFFIXES))
 
 
 def other_suffix(file: str) -> str | None:
-    """How the name of the file ends that belongs to this one; None where it stands alone."""
+    """Suffix of the companion file (.src or .dat); None if the program is a single file."""
     low = file.lower()
     both = dict(zip(krl.SUFFIXES, reversed(krl.SUFFIXES), strict=True))
     return next((other for end, other in both.items() if low.endswith(end)), None)
 
 
 def read(file: str, data: bytes, other: tuple[str, bytes] | None = None) -> Program:
-    """A program in the language that its name says.
+    """Read a program in the language given by its suffix.
 
     Args:
-        file: Its name.
-        data: Its content.
-        other: Name and content of the file that belongs to it.
+        file: Name of the file.
+        data: Content of the file.
+        other: Name and content of its companion file.
 
     Raises:
-        InputError: It is no text, has no target that can be corrected, or is corrected already.
+        InputError: It is not text, has no target that can be corrected, or has already been
+            corrected.
     """
     one = next(one for one in _DIALECTS if file.lower().endswith(one.SUFFIXES))
     beside = None if other is None else (other[0], letters(*other))
@@ -56,7 +58,7 @@ def read(file: str, data: bytes, other: tuple[str, bytes] | None = None) -> Prog
 
 
 def _nothing(program: Program, other: str | None) -> InputError:
-    """Why there is nothing to correct in a file."""
+    """Explain why a file has nothing to correct."""
     elsewhere = f"correct {other}, which has targets" if program.targets and other else None
     if not program.left:
         thing = "contains no motion to a target with coordinates"

@@ -1,7 +1,7 @@
-"""What holds where a motion stands: the tool, the frame, a displacement, whatever branches come.
+"""State in force at each motion (tool, frame, displacement), on whatever branch it is reached.
 
-A program is a sequence of steps in the order of its text. Where two ways lead to the same place
-with different values, nobody knows which holds there; then it is said, and nothing is corrected.
+A program is a sequence of steps in the order of its text. Where two branches lead to the same place
+with different values, the state there is unknown; this is then reported, and nothing is corrected.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from typing import Literal, NamedTuple
 Kind = Literal[
     "set", "open", "loop", "branch", "else", "scope", "routine", "close", "call", "label"
 ]
-"""`open`, `loop`, `scope` and `routine` begin a block, `branch` and `else` another way through it.
-A `scope` gives back at its end what held before it; a `call` is of another routine of the text."""
+"""Kind of a step. `open`, `loop`, `scope` and `routine` begin a block, `branch` and `else` an
+alternative within it. At its end, a `scope` restores the state before it; a `call` is that of
+another routine of the text."""
 
 
 _BEGIN = ("open", "loop", "scope", "routine")
@@ -25,27 +26,27 @@ _BEGIN = ("open", "loop", "scope", "routine")
 
 @dataclass(frozen=True)
 class Unsure:
-    """Nobody knows what holds.
+    """The state is unknown.
 
     Attributes:
-        why: In words for a sentence.
+        why: Reason, worded to be part of a sentence.
     """
 
     why: str
 
 
 Held = str | Unsure
-"""The name of what holds."""
+"""The state in force, by name."""
 
 
 class Step(NamedTuple):
     """One step of a program.
 
     Attributes:
-        at: Its letter in the text.
-        kind: What it is.
-        line: Its line, from 1.
-        value: What it sets, if it does.
+        at: Index of its first character in the text.
+        kind: Kind of step.
+        line: Line number, from 1.
+        value: State that it sets, for a step of kind `set`.
     """
 
     at: int
@@ -56,13 +57,13 @@ class Step(NamedTuple):
 
 @dataclass
 class _Block:
-    """A block that is not closed yet.
+    """A block that is not yet closed.
 
     Attributes:
         begun: Its first step.
-        entry: What held before it.
-        ends: What holds at the end of each way through it so far.
-        every: One of its ways is always taken.
+        entry: State before it.
+        ends: State at the end of each branch so far.
+        every: Whether one of its branches is always taken (it has an `else`).
     """
 
     begun: Step
@@ -72,12 +73,12 @@ class _Block:
 
 
 def holding(steps: Sequence[Step], first: str, thing: str) -> Callable[[int], Held]:
-    """What holds at a place of the text.
+    """Return a function that gives the state in force at a place of the text.
 
     Args:
         steps: In the order of the text.
-        first: What holds before any of them.
-        thing: What it is, for a sentence.
+        first: State before the first step.
+        thing: What the state is, as a noun for messages.
     """
     flow = _Flow(steps, first, thing)
     marks = [(0, flow.now)]
@@ -89,18 +90,18 @@ def holding(steps: Sequence[Step], first: str, thing: str) -> Callable[[int], He
 
 
 def interrupted(steps: Sequence[Step], motions: Iterable[tuple[int, int]]) -> list[Step]:
-    """The steps where another routine may run before each motion, by an interrupt or beside it.
+    """Add a `call` step at each motion: an interrupt or a parallel routine may run there.
 
     Args:
-        steps: Without that.
-        motions: Letter and line of each.
+        steps: Steps without those calls.
+        motions: Place and line of each motion.
     """
     calls = [Step(at, "call", line) for at, line in motions]
     return sorted([*steps, *calls], key=lambda one: one.at)
 
 
 def _within(steps: Iterable[Step]) -> dict[int, set[Held]]:
-    """What is set within each block, by the place where it begins; -1 is for the whole text."""
+    """States set within each block, by the place where it begins; -1 stands for the whole text."""
     found: dict[int, set[Held]] = {-1: set()}
     open_: list[tuple[int, Kind]] = [(-1, "routine")]
     for step in steps:
@@ -118,7 +119,7 @@ def _within(steps: Iterable[Step]) -> dict[int, set[Held]]:
 
 
 class _Flow:
-    """What holds while one step after the other is taken."""
+    """The state in force as steps are processed one by one."""
 
     def __init__(self, steps: Sequence[Step], first: str, thing: str) -> None:
         self.within, self.first, self.thing = _within(steps), first, thing
@@ -131,7 +132,7 @@ class _Flow:
         self.sure: set[Held] = set()
 
     def take(self, step: Step) -> None:
-        """The next step."""
+        """Process the next step."""
         match step.kind:
             case "set":
                 self._set(step.value)
@@ -162,7 +163,7 @@ class _Flow:
             self.now = self._depends(step)
 
     def _entered(self, step: Step) -> Held:
-        """What holds where a routine begins: the first is the program, others are called by it."""
+        """State where a routine begins; the first is the program, which calls the others."""
         self.routines += 1
         everywhere = self.within[-1]
         if self.routines == 1 or not everywhere:
@@ -173,7 +174,7 @@ class _Flow:
         return Unsure(why)
 
     def _elsewhere(self) -> set[Held]:
-        """All that is set in other routines than this."""
+        """All states set in routines other than the current one."""
         mine = {one.begun.at for one in self.blocks if one.begun.kind == "routine"}
         key = max(mine, default=-1)
         if key not in self.others:
@@ -197,7 +198,7 @@ class _Flow:
             self.now = block.entry
             return
         ends = {*block.ends, self.now, *(() if block.every else (block.entry,))}
-        if block.begun.kind == "loop":  # it may be left at any place
+        if block.begun.kind == "loop":  # a loop may be left at any place
             ends |= self.within[block.begun.at]
         if len(ends) > 1:
             self.now = self._depends(block.begun)

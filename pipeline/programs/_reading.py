@@ -1,8 +1,9 @@
-"""What is read of a program of any language, and the rule that nothing of it is overlooked.
+"""Result of reading a program in any language, and a check that nothing in it is overlooked.
 
-A language says what it understood: motions, points, and the stretches of text it accounts for. A
-second look, which knows words only and no grammar, then finds every word like a motion and every
-mention of a taught point. What the language did not account for is left, with its line.
+The reader of a language reports what it understood: motions, points, and the stretches of text it
+accounts for. A second pass, which knows words but no grammar, then finds every word that looks like
+a motion and every mention of a taught point. Whatever the reader did not account for is listed as
+not corrected, with its line.
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ from pipeline.programs.program import Left, Program, Target, Use, gathered
 
 @dataclass(frozen=True)
 class Lexicon:
-    """Words of a language, wherever they stand.
+    """Words of a language, independent of grammar.
 
     Attributes:
-        motion: Every word like a motion.
-        literal: How coordinates begin that are written into the text.
-        reading: Functions that read a point, and neither change it nor move to it.
-        end: What ends a statement.
-        statements: A word without brackets may be a call: its arguments stand behind it.
-        cased: Small letters are not capital ones.
+        motion: Matches every word that looks like a motion.
+        literal: Matches the beginning of coordinates written into the text.
+        reading: Functions that read a point but neither change it nor move to it.
+        end: End of a statement.
+        statements: Whether a word without brackets may be a call, with its arguments behind it.
+        cased: Whether names are case-sensitive.
     """
 
     motion: re.Pattern[str]
@@ -39,28 +40,28 @@ class Lexicon:
     cased: bool = False
 
     def key(self, name: str) -> str:
-        """A name as it is looked up."""
+        """A name in the form used for look-up."""
         return name if self.cased else name.lower()
 
 
 @dataclass
 class Reading:
-    """What was read so far; names as they are looked up.
+    """What has been read so far; names are in the form used for look-up.
 
     Attributes:
         sources: The files.
         lexicon: Words of the language.
-        points: Taught points; what is left of those that cannot be corrected.
-        changed: Why points or frames of these names are not as taught when they are used.
-        named: Points that motions name.
-        read: Points that something else is computed from.
+        points: Taught points; a `Left` for each that cannot be corrected.
+        changed: Why points or frames of these names may not be as taught when they are used.
+        named: Points named by motions.
+        read: Points from which something else is computed.
         uses: The motions.
-        last: The place of the point that the last motion went to.
+        last: Place of the target of the last motion.
         left: What is not corrected.
-        following: Motions by a distance, and the place of the point before them.
-        tools: Frames by name, each (4, 4).
-        bases: Likewise.
-        steady: Names of points that no motion needs: frames.
+        following: Relative motions, and the place of the point before each.
+        tools: Tool frames by name, each (4, 4).
+        bases: Base frames by name, each (4, 4).
+        steady: Names of frames, which need no motion to them.
         framed: Names of points that also serve as a tool or a frame.
     """
 
@@ -82,7 +83,7 @@ class Reading:
     _known: dict[str, bytearray] = field(default_factory=dict)
 
     def account(self, source: Source, start: int, end: int) -> None:
-        """Say that the language has understood a stretch of text."""
+        """Record that the reader of the language has understood a stretch of text."""
         mask = self._mask(source)
         mask[start:end] = b"\1" * (min(end, len(mask)) - start)
 
@@ -92,34 +93,34 @@ class Reading:
         return self._known[source.file]
 
     def change(self, name: str, source: Source, at: int) -> None:
-        """Note that the program itself gives a point or a frame another value."""
+        """Record that the program itself assigns another value to a point or a frame."""
         self.unsettle(name, f"is changed at run time on line {source.line(at)}")
 
     def unsettle(self, name: str, why: str) -> None:
-        """Note why a name does not mean what is taught; an element that is computed may be any."""
+        """Record why a name may not mean what was taught; a computed index means the array."""
         self.changed.setdefault(name if constant(name) else array(name), why)
 
     def unsettled(self, name: str) -> str | None:
-        """Why a name, or the array that it is an element of, does not mean what is taught."""
+        """Why a name, or the array it is an element of, may not have its taught value; or None."""
         return self.changed.get(name) or self.changed.get(array(name))
 
     def enclose(self, name: str, source: Source, start: int, end: int) -> None:
-        """Note coordinates in a value of another kind: who gets it may move to them."""
+        """Record coordinates in a value of another kind; who gets it may move to them."""
         if self.lexicon.literal.search(source.plain, start, end):
             why = f"{name} has coordinates in a value that is no point"
             self.points.setdefault(name, []).append(Left(source.file, source.line(start), why))
 
     def leave(self, source: Source, at: int, why: str) -> None:
-        """Note what is not corrected."""
+        """Record something that is not corrected."""
         self.left.append(Left(source.file, source.line(at), why))
 
     def use(self, points: Sequence[Target | Left], tool: Held, base: Held) -> str | None:
-        """Note a motion to a point, or to any of several; why not, where it cannot be corrected.
+        """Record a motion to a point or any of several; return why it cannot be corrected.
 
         Args:
-            points: They.
-            tool: What holds, or that nobody knows.
-            base: Likewise; axes stand in no frame.
+            points: The points.
+            tool: Tool in force, or that it is unknown.
+            base: Frame in force, likewise; joint targets need none.
         """
         unfit = next((one.why for one in points if isinstance(one, Left)), None)
         targets = [one for one in points if isinstance(one, Target)]
@@ -133,7 +134,7 @@ class Reading:
         return None
 
     def note(self, use: Use) -> None:
-        """Note a motion, of those that are alike the first."""
+        """Record a motion, unless one to this target with its tool and frame was recorded."""
         self.last = use.target.place
         alike = (*use.target.place, use.tool, use.base)
         if alike not in self._met:
@@ -142,21 +143,21 @@ class Reading:
 
 
 _CONSTANT = re.compile(r"(?:(?:\d+|#\w+)(?:,(?:\d+|#\w+))*\])?")
-"""The index of an element that the text names."""
+"""Matches an index that is written out, as opposed to computed."""
 
 
 def array(name: str) -> str:
-    """The array of an element; other names as they are."""
+    """The array of an element; other names unchanged."""
     return name.partition("[")[0]
 
 
 def constant(name: str) -> bool:
-    """Whether a name is no element whose index is computed."""
+    """Whether a name is not an element with a computed index."""
     return _CONSTANT.fullmatch(name.partition("[")[2]) is not None
 
 
 def finished(found: Reading, file: str, text: str, notation: Notation) -> Program:
-    """The program, with all that the language did not account for among what is left."""
+    """Return the program; everything that its reader did not account for is listed as left."""
     for source in found.sources:
         _hand_over(found, source)
         _overlooked(found, source)
@@ -181,7 +182,7 @@ _FRAMED = "is a frame of other points, which would move with it"
 
 
 def _steady(found: Reading) -> Iterator[Use]:
-    """Motions whose tool and frame are as declared; the others are left."""
+    """Yield the motions whose tool and frame are as declared; the others are recorded as left."""
     for use in found.uses:
         frames = (use.tool, use.base)
         moved = next((one for one in frames if found.unsettled(one)), None)
@@ -193,7 +194,7 @@ def _steady(found: Reading) -> Iterator[Use]:
 
 
 def _overlooked(found: Reading, source: Source) -> None:
-    """Words like motions that the language has not understood."""
+    """Record words that look like motions but that the reader did not understand."""
     known = found._mask(source)
     for word in found.lexicon.motion.finditer(source.plain):
         at = word.start(word.lastindex or 0)
@@ -203,7 +204,7 @@ def _overlooked(found: Reading, source: Source) -> None:
 
 
 def _hand_over(found: Reading, source: Source) -> None:
-    """Points, frames and coordinates that other routines get: they may be changed or moved to."""
+    """Record points, frames and coordinates passed to routines, which may change or use them."""
     names = {*found.points, *found.tools, *found.bases}
     known, names = found._mask(source), (names | {array(name) for name in names}) - {""}
     for at, name, to in _mentions(source, found.lexicon, names):
@@ -233,7 +234,7 @@ _NO_CALL = _STARTS | {"if", "elif", "elseif", "while", "until", "and", "or", "no
 def _mentions(
     source: Source, lexicon: Lexicon, names: set[str]
 ) -> Iterator[tuple[int, str, str | None]]:
-    """Where names stand, and what gets them: a routine, an assignment, or what only reads them.
+    """Yield place, name and receiver of each mention: a routine, `:=`, or None if it is only read.
 
     Coordinates have an empty name.
     """
@@ -251,14 +252,14 @@ def _mentions(
 
 @dataclass
 class _Statement:
-    """What stands of a statement before a token.
+    """The part of a statement before a token.
 
     Attributes:
-        lexicon: Of its language.
-        calls: What each open bracket is of, innermost last: a routine, empty where there is none.
-        head: Its first word.
-        before: The word just before.
-        assigned: Whether it assigns.
+        lexicon: Words of its language.
+        calls: Routine called at each open bracket, innermost last; empty if there is none.
+        head: First word of the statement.
+        before: Word just before the token.
+        assigned: Whether the statement assigns.
         optional: Whether the name of an optional argument is just before.
     """
 
@@ -270,7 +271,7 @@ class _Statement:
     optional: bool = False
 
     def follow(self, token: re.Match[str]) -> None:
-        """Go on behind a token."""
+        """Advance past a token."""
         word, sign = token["name"] or "", token["sign"]
         if sign == self.lexicon.end and not (self.calls and self.lexicon.cased):
             self.calls, self.head, self.assigned = [], "", False
@@ -291,7 +292,7 @@ class _Statement:
             self.calls.pop()
 
     def getter(self, source: Source, token: re.Match[str]) -> str | None:
-        """What gets a name: a routine, an assignment (`:=`); None for what only reads it."""
+        """Receiver of a name: a routine or an assignment (`:=`); None if it is only read."""
         called = self.calls[-1] if self.calls else ""
         if called:
             return None if called.lower() in self.lexicon.reading else called
@@ -301,7 +302,7 @@ class _Statement:
 
 
 def _spare(found: Reading) -> Iterator[Left]:
-    """Points that no motion names: they count where something else does."""
+    """Points that no motion names; they count if the program changes them or computes from them."""
     for name, several in found.points.items():
         if name in found.named | found.steady | found.framed:
             continue

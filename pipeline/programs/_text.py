@@ -1,4 +1,4 @@
-"""Text of programs: lines, what is said in comments, lists within lists, words between commas."""
+"""Text of programs: lines, comments and strings, nested lists, entries between commas."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from pipeline.base.errors import InputError
 from pipeline.programs.program import NUMBER, Number, number
 
 LARGEST = 2**26
-"""Bytes of a program; milling programs of 100 000 points have a tenth of it."""
+"""Maximum size of a program [B]; milling programs of 100 000 points have a tenth of it."""
 
 _MARK = "\xef\xbb\xbf"
-"""Byte order mark of UTF-8, as letters: editors put it before the first word of a file, which may
-then be copied behind another."""
+"""Byte order mark of UTF-8, read as Latin-1: editors put it before the first word of a file, which
+may then be copied behind another."""
 _PLAIN = re.compile(rf"\s*({NUMBER})\s*")
 
 
@@ -26,9 +26,9 @@ class Source:
     """A file of a program.
 
     Attributes:
-        file: Its name.
-        text: Its letters, one for each byte.
-        silent: What comments and strings look like, each within a line.
+        file: Name of the file.
+        text: Its characters, one per byte.
+        silent: Matches comments and strings, each within a line.
     """
 
     file: str
@@ -37,16 +37,16 @@ class Source:
 
     @cached_property
     def plain(self) -> str:
-        """The text with blanks for comments and strings; every letter stands where it stood.
+        """The text with comments and strings blanked; every other character keeps its place.
 
-        Lines end with a line feed, also those of a carriage return alone.
+        Lines end with a line feed, also those that ended with a carriage return alone.
         """
         begun = re.sub(r"\r(?!\n)", "\n", self.text).replace(_MARK, " " * len(_MARK))
         return self.silent.sub(lambda found: " " * len(found[0]), begun)
 
     @cached_property
     def closing(self) -> dict[int, int]:
-        """The bracket that closes each one that is closed, by their places."""
+        """Place of the closing bracket for each opening one that is closed."""
         pairs, open_ = {}, []
         for found in _BRACKET.finditer(self.plain):
             if found[0] in _OPENING:
@@ -62,24 +62,24 @@ class Source:
         return [found.end() for found in re.finditer(r"\r\n|\r|\n", self.text)]
 
     def line(self, at: int) -> int:
-        """Line of a letter, from 1."""
+        """Line of a character, from 1."""
         return bisect_right(self._ends, at) + 1
 
     @property
     def lines(self) -> Iterator[tuple[int, str]]:
-        """Where each line begins, and what it says apart from comments and strings."""
+        """Yield where each line begins, and its text without comments and strings."""
         starts = [0, *self._ends]
         for start, end in zip(starts, [*self._ends, len(self.plain)], strict=True):
             yield start, self.plain[start:end].rstrip("\r\n")
 
 
 def letters(file: str, data: bytes) -> str:
-    """The bytes of a program as letters, one for each, whatever its encoding.
+    """Decode a program to one character per byte, whatever its encoding.
 
-    All words of the languages are ASCII, which every encoding of them has in common.
+    All keywords of the languages are ASCII, on which all these encodings agree.
 
     Raises:
-        InputError: It is UTF-16 or no text.
+        InputError: It is UTF-16 or not text.
     """
     if b"\0" in data:
         raise InputError("is UTF-16 or no text", "save it as plain text", file=file)
@@ -88,12 +88,12 @@ def letters(file: str, data: bytes) -> str:
 
 @dataclass(frozen=True)
 class Entry:
-    """What stands between two commas.
+    """Text between two commas.
 
     Attributes:
-        start: Its first letter, blanks included.
-        end: Behind its last letter.
-        text: Without the blanks around it.
+        start: Index of its first character that is not blank.
+        end: Index behind its last character, blanks included.
+        text: The text without the blanks around it.
     """
 
     start: int
@@ -102,7 +102,7 @@ class Entry:
 
     @property
     def number(self) -> Number | None:
-        """The number that it is, if it is one."""
+        """The entry as a number; None if it is not one."""
         found = _PLAIN.fullmatch(self.text)
         return None if found is None else number(self.start, found[1])
 
@@ -113,7 +113,7 @@ _BRACKET = re.compile(r"[\[\](){}]")
 
 
 def entries(plain: str, start: int, end: int) -> list[Entry]:
-    """What stands between the commas of a stretch of text, brackets unopened."""
+    """Split a stretch of text at its commas, except those within brackets."""
     commas, depth = [], 0
     for found in _SIGN.finditer(plain, start, end):
         depth += (found[0] in _OPENING) - (found[0] in _CLOSING)
@@ -127,7 +127,7 @@ def entries(plain: str, start: int, end: int) -> list[Entry]:
 
 
 def inner(source: Source, entry: Entry, opening: str = "[") -> list[Entry] | None:
-    """The entries of a list; None where it is none."""
+    """Entries of a list; None if the entry is not a list."""
     if not entry.text.startswith(opening):
         return None
     last = source.closing.get(entry.start)
@@ -137,7 +137,7 @@ def inner(source: Source, entry: Entry, opening: str = "[") -> list[Entry] | Non
 
 
 def numbers(found: Sequence[Entry] | None) -> tuple[Number, ...] | None:
-    """The numbers that all entries are; None where one of them is none."""
+    """All entries as numbers; None if one of them is not a number."""
     if found is None:
         return None
     read = [entry.number for entry in found]

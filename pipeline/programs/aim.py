@@ -1,4 +1,4 @@
-"""Where the robot stands at the targets of a program: joint values for its poses."""
+"""Joint values of the robot at the targets of a program, also of those given as poses."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from pipeline.programs.notation import Notation
 from pipeline.programs.program import Program, Target
 
 _BEYOND = 1e-3
-"""[rad] or [m]: how far a joint may seem beyond its limit; programs have three decimals."""
+"""Tolerance on joint limits [rad or m]; coordinates in programs have three decimals."""
 
 
 @dataclass(frozen=True, eq=False)
 class Setting(Locked):
-    """What a program or a path does not say of itself.
+    """Settings that a program or a path does not contain.
 
     Attributes:
-        tools: Tools in the flange frame by name in small letters, each (4, 4); "" for any other.
-        bases: Frames in the controller's world, likewise.
-        world: World of the controller in F_b, shape (4, 4).
-        flange: Flange of the controller in that of the robot file, shape (4, 4).
-        tip: Where the force acts, flange frame of the robot file [m], (3,); the tool's origin where
-            not given, and without a tool the campaign's load point.
-        start: Axes of the controller before the first motion [m] or [rad], in their order.
-        in_tool: Forces are in the tool frame, not in F_b.
+        tools: Tools in the flange frame by name in lower case, each (4, 4); "" for any other.
+        bases: Frames in the controller's world frame, likewise.
+        world: World frame of the controller in F_b, shape (4, 4).
+        flange: Flange frame of the controller in that of the robot file, shape (4, 4).
+        tip: Point where the force acts, flange frame of the robot file [m], shape (3,); if None,
+            the tool's origin, and without a tool the campaign's load point.
+        start: Axis values of the controller before the first motion [m] or [rad], in its order.
+        in_tool: Whether forces are given in the tool frame rather than in F_b.
     """
 
     tools: Mapping[str, Array] = field(default_factory=dict)
@@ -46,13 +46,13 @@ class Setting(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Aimed(Locked):
-    """Targets of which the joint values are known.
+    """Targets with their joint values.
 
     Attributes:
         q: Joint values [m] or [rad], shape (m, n).
-        world: Frames that their coordinates stand in, in F_b, shape (m, 4, 4).
-        tool: Their tools in the flange frame of the robot file, shape (m, 4, 4).
-        tip: Where the force acts, in the same [m], shape (m, 3).
+        world: Frames of the coordinates of the targets, in F_b, shape (m, 4, 4).
+        tool: Tools of the targets in the flange frame of the robot file, shape (m, 4, 4).
+        tip: Point where the force acts, in the same frame [m], shape (m, 3).
     """
 
     q: Array
@@ -62,10 +62,10 @@ class Aimed(Locked):
 
 
 class Refused(InputError):
-    """Targets at which the robot cannot be, or not as corrected.
+    """Some targets cannot be reached or cannot be corrected.
 
     Attributes:
-        others: What is wrong with those before the last, which the error itself is about.
+        others: The errors of all but the last such target; that of the last is this error itself.
     """
 
     def __init__(self, wrong: Sequence[InputError]) -> None:
@@ -81,17 +81,17 @@ def aim(
     setting: Setting,
     known: Program | None = None,
 ) -> Aimed:
-    """Joint values of targets, each looked for from the one before it.
+    """Joint values of targets, each searched for from the previous one.
 
     Args:
-        model: Whose robot it is, and whose load point.
+        model: Model with the robot and its load point.
         notation: How the targets are written.
         targets: In the order of the motions.
         setting: Frames and start.
         known: The program, for the frames that it defines.
 
     Raises:
-        Refused: The robot cannot reach some of them, or nothing says where.
+        Refused: Some targets cannot be reached, or a frame or the position of the rail is unknown.
     """
     aiming = _Aiming(model, notation, setting, known)
     found = [aiming.next(target) for target in targets]
@@ -102,7 +102,7 @@ def aim(
 
 
 class _Aiming:
-    """Where the robot stands while one target after the other is looked for."""
+    """State of the robot while the targets are processed one by one."""
 
     def __init__(
         self, model: IdentifiedModel, notation: Notation, setting: Setting, program: Program | None
@@ -121,7 +121,7 @@ class _Aiming:
             self.q = self.axes.joints(np.atleast_2d(setting.start))[0]
 
     def next(self, target: Target) -> tuple[Array, Array, Array, Array]:
-        """Joint values, frame, tool and tip of a target; what is wrong with it is noted."""
+        """Joint values, frame, tool and tip of a target; an error is recorded in `rejected`."""
         world = tool = np.eye(4)
         tip = self.load_point if self.setting.tip is None else self.setting.tip
         try:
@@ -141,7 +141,7 @@ class _Aiming:
         return self.q, world, tool, tip
 
     def _frames(self, target: Target) -> tuple[Array, Array | None]:
-        """What the coordinates of a target stand in, and its tool; None where none is needed."""
+        """Frame of a target's coordinates in F_b, and its tool (None if unknown, for axes only)."""
         given, program = self.setting, self.program
         if target.kind == "joint":
             named = _frame(target.tool, given.tools, program.tools if program else {})
@@ -159,14 +159,14 @@ class _Aiming:
         return given.world @ base, tool
 
     def _unknown(self, word: str, option: str, target: Target, name: str) -> InputError:
-        """What is said of a tool or frame that nobody gives."""
+        """Error for a tool or frame that is not defined."""
         which = f"{word} {name}" if name else f"its {word}"
         equals = f"{name}=" if name and " " not in name else ""
         way_out = f"give it as {option} {equals}{self.notation.letters}"
         return wrong(target, f"{which} is not defined", way_out)
 
     def _rail(self, target: Target) -> None:
-        """Put the sliding joints where the target has them, or leave them where they are."""
+        """Move the sliding joints to the position that the target states, if it does."""
         slides = self.axes.slides
         count = int(slides.sum())
         if count and len(target.external) >= count:
@@ -189,7 +189,7 @@ class _Aiming:
         self.q = q
 
     def _joints(self, target: Target, values: Sequence[float]) -> Array:
-        """Joint values of the arm's axes as a program writes them; the others as they stand."""
+        """Joint values for the arm's axis values of a program; the other joints keep theirs."""
         turning = np.flatnonzero(~self.axes.slides)
         if len(values) != len(turning):
             raise UsageError(
@@ -215,23 +215,23 @@ class _Aiming:
         self.q = found.q
 
     def _within(self, target: Target, q: Array, only: Bools) -> None:
-        """Refuse joint values beyond the limits."""
+        """Reject joint values beyond the limits, of the joints in `only`."""
         if said := beyond(self.robot, np.where(only, q, np.nan)):
             raise wrong(target, said, "correct the target")
 
 
 def _frame(name: str, given: Mapping[str, Array], own: Mapping[str, Array]) -> Array | None:
-    """A frame by its name: as given, as the program defines it, or the one for all others."""
+    """Frame by name: from the options, from the program, or the default of the options."""
     return given.get(name.lower(), own.get(name, given.get("")))
 
 
 def wrong(target: Target, thing: str, way_out: str) -> InputError:
-    """What is wrong with a target, with its line."""
+    """Error about a target, with its line."""
     return InputError(f"{target.name}: {thing}", way_out, file=target.file, line=target.line)
 
 
 def beyond(robot: Robot, q: Array) -> str | None:
-    """Which joint is furthest beyond its limits, in words; NaN is not looked at."""
+    """Describe the joint furthest beyond its limits; None if there is none. NaN is ignored."""
     over = np.nan_to_num(np.maximum(robot.lower - q, q - robot.upper), nan=-np.inf)
     j = int(over.argmax())
     if over[j] <= _BEYOND:
@@ -242,10 +242,10 @@ def beyond(robot: Robot, q: Array) -> str | None:
 
 
 def with_start(setting: Setting, robot: Robot, values: Sequence[float]) -> Setting:
-    """A setting with the axes before the first motion, in degrees and mm as controllers show them.
+    """A setting with the axis values before the first motion, in degrees and mm as displayed.
 
     Raises:
-        UsageError: There are not as many as the robot has axes.
+        UsageError: Their number is not that of the robot's axes.
     """
     of = axes.of(robot)
     if len(values) != len(of.names):

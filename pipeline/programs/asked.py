@@ -1,4 +1,4 @@
-"""Rows that are to be predicted, and what is said of them, as CSV."""
+"""Rows of joint values to be predicted, and the predictions as CSV."""
 
 from __future__ import annotations
 
@@ -11,11 +11,19 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.base.errors import InputError, listed
+from pipeline.library.standing import PredictedTargets
 from pipeline.machine.robot import Robot, configure
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.standing import PredictedTargets
-from pipeline.readers import positions
-from pipeline.readers.logs import FORCE, joint_values
+from pipeline.readers.logs import FORCE, Quantity, joint_values
+from pipeline.readers.positions import AXES, TEMPERATURE, with_joints
+from pipeline.readers.said import OURS
+
+_FURTHER = [
+    *(Quantity(f"f{axis}", FORCE, needed=False) for axis in AXES),
+    Quantity("temperature", TEMPERATURE, needed=False),
+    Quantity("payload", {}, "name", needed=False),
+]
+"""Columns that rows to be predicted may have beside their joint values."""
 
 
 def asked(
@@ -23,16 +31,18 @@ def asked(
 ) -> tuple[Array, Array, Ints, Array]:
     """Joint values (m, n), force [N] (m, 3), payload (m,) and temperature [degC] (m,).
 
+    Payload 0 is none; others are numbered from 1 in the order of `payloads`.
+
     Raises:
-        InputError: A row cannot be read, or names a payload that the campaign does not know.
+        InputError: A row cannot be read, or names a payload that the campaign does not contain.
     """
-    log = positions.asked(name, data, robot, FORCE)
+    log = with_joints(name, data, robot, OURS, _FURTHER)
     for _, line, reason in log.rejected:
         thing, _, way_out = reason.partition("; ")
         raise InputError(thing, way_out or "correct the row", file=name, line=line)
     m = len(log.line)
     nothing = np.zeros(m)
-    force = [np.nan_to_num(log.number.get(f"f{axis}", nothing)) for axis in positions.AXES]
+    force = [np.nan_to_num(log.number.get(f"f{axis}", nothing)) for axis in AXES]
     words = log.word.get("payload", np.full(m, "", dtype=object))
     number = {"": 0, **{one: k for k, one in enumerate(payloads, 1)}}
     for word, line in zip(words, log.line, strict=True):
@@ -52,13 +62,13 @@ def asked(
 
 
 def under_pulls(model: IdentifiedModel, q: Array, force: Array) -> PredictedTargets:
-    """Where targets are under a force at the load point, by the model of a campaign of pulls.
+    """Positions of targets under a force at the load point, by a model estimated from pulls.
 
-    The uncertainty is that of the deflection: where the robot stands unloaded is taken from the
-    table that the model holds.
+    The uncertainty is that of the deflection; the unloaded position follows from the DH parameters
+    of the model and is taken as exact.
 
     Args:
-        model: Of a campaign of pulls.
+        model: Model of a campaign of pulls.
         q: Joint values [m] or [rad], shape (m, n).
         force: Force on the robot [N], F_b, shape (m, 3).
     """
@@ -73,7 +83,7 @@ def under_pulls(model: IdentifiedModel, q: Array, force: Array) -> PredictedTarg
 
 
 def as_csv(targets: Strings, six: Bools, found: PredictedTargets) -> str:
-    """`row,target,x_m,y_m,z_m,std_x_m,...` with orientation where a target has one."""
+    """CSV `row,target,x_m,y_m,z_m,std_x_m,...`, with orientation for targets that have one."""
     m, t = found.at.shape[:2]
     std = found.std.reshape(m * t, 6)
     table = {
@@ -92,9 +102,9 @@ def as_csv(targets: Strings, six: Bools, found: PredictedTargets) -> str:
 
 
 def _written(values: Array) -> Iterator[str]:
-    """Each row with a comma before every value, nanometres its last digit; NaN is left empty.
+    """Rows with a comma before every value, in m or rad with nine decimals; NaN is left empty.
 
-    pandas writes such a table five times as slowly.
+    pandas takes five times as long to write such a table.
     """
     form = ",%.9f" * values.shape[1]
     for row in values.tolist():
@@ -108,4 +118,4 @@ def _quoted(name: str) -> str:
 
 
 def _columns(name: str, values: Array) -> dict[str, Array]:
-    return {name.format(axis): values[:, k] for k, axis in enumerate(positions.AXES)}
+    return {name.format(axis): values[:, k] for k, axis in enumerate(AXES)}

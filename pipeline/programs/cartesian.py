@@ -32,11 +32,11 @@ class _Poses(Locked):
 
     Attributes:
         pose: Number of each point, shape (m,).
-        targets: The points; their numbers are in m and rad, and stand nowhere in the text.
-        notation: Of the numbers.
+        targets: The points; their numbers are in m and rad and have no place in a text.
+        notation: Notation of these numbers.
         force: Force on the robot at the tip [N], shape (m, 3).
-        titles: Of the columns with coordinates.
-        units: In m, rad or 1, shape (6,) or (7,).
+        titles: Titles of the columns with coordinates.
+        units: Their units in m, rad or 1, shape (6,) or (7,).
     """
 
     pose: Ints
@@ -48,7 +48,7 @@ class _Poses(Locked):
 
 
 def form(name: str, data: bytes) -> Form | None:
-    """How a path writes poses; None where it has joint values alone."""
+    """Notation of the orientations of a path; None if it has only joint values."""
     titles = logs.columns(name, data)
     if not all(_title(titles, one) for one in _XYZ):
         return None
@@ -63,7 +63,7 @@ def form(name: str, data: bytes) -> Form | None:
 
 
 def _title(titles: Sequence[str], q: Quantity) -> str | None:
-    """The column of a quantity."""
+    """The column of a quantity; None if there is none."""
     names = [f"{q.stem}_{unit}".lower() for unit in q.units] or [q.stem.lower()]
     return next((title for title in titles if title in names), None)
 
@@ -71,19 +71,19 @@ def _title(titles: Sequence[str], q: Quantity) -> str | None:
 def read(
     name: str, data: bytes, robot: Robot, letters: Form, constant: Array | None = None
 ) -> _Poses:
-    """A path of poses: pose, x, y, z, a turn, and the rail where the robot has one.
+    """Read a path of poses: pose, x, y, z, an orientation, and the rail if the robot has one.
 
-    Joint values beside them say which arm configuration is meant.
+    Additional joint values determine the arm configuration.
 
     Args:
         name: Name of the file.
-        data: Its content.
-        robot: Whose path it is.
-        letters: How it writes turns.
-        constant: The force of every point [N], shape (3,); columns of the file where not given.
+        data: Content of the file.
+        robot: Robot that runs the path.
+        letters: Notation of orientations.
+        constant: Force at every point [N], shape (3,); if None, from columns of the file.
 
     Raises:
-        InputError: Any row or column is not as it should be: a path with a hole is no path.
+        InputError: A row or column is invalid; a path must be complete.
     """
     titles = logs.columns(name, data)
     said, known = _axes(titles, robot)
@@ -105,7 +105,7 @@ def read(
 
 
 def _axes(titles: Sequence[str], robot: Robot) -> tuple[axes.Axes, bool]:
-    """The axes that have columns, and whether all of them have; else those whose rail has one."""
+    """Axes (controller's or joints) that all have columns, and True; else those of the rail."""
     kinds = axes.of(robot), axes.joints(robot)
     for one in kinds:
         if all(_title(titles, q) for q in _quantities(one)):
@@ -114,7 +114,7 @@ def _axes(titles: Sequence[str], robot: Robot) -> tuple[axes.Axes, bool]:
 
 
 def _unit(q: Quantity, title: str) -> float:
-    """The unit in a title [SI]."""
+    """The unit in the title of a column [SI]."""
     return q.units[title.rpartition("_")[2]] if q.units else 1.0
 
 
@@ -125,10 +125,10 @@ def _targets(
 
     Args:
         log: The table.
-        coordinates: Its columns that make a pose.
+        coordinates: Its columns that form a pose.
         said: Axes that may have columns in it.
         of: Axes of the controller.
-        known: All of them have.
+        known: Whether all axes have columns.
     """
     none = np.zeros(len(log.line))
     given = np.column_stack([log.number.get(q.stem, none) for q in _quantities(said)])
@@ -159,7 +159,7 @@ def _has_rail(titles: Sequence[str], of: axes.Axes) -> bool:
 
 
 def table(robot: Robot, path: _Poses, values: Sequence[Array], found: Compensation) -> bytes:
-    """The corrected coordinates under the titles of the path, then what they differ by."""
+    """The corrected coordinates under the titles of the path, followed by the offsets."""
     head, body = columns(axes.joints(robot), found)
     coordinates = np.array(values) / path.units
     rows = pd.DataFrame(

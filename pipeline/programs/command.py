@@ -1,4 +1,4 @@
-"""`pipeline compensate`: a campaign's model and a path or a robot program in, corrected out."""
+"""`pipeline compensate`: correct a path or a robot program by the model of a campaign."""
 
 from __future__ import annotations
 
@@ -26,90 +26,98 @@ from pipeline.programs.corrected import (
 _NAMED = "[NAME=]X,Y,Z,A,B,C, as the program writes poses"
 
 
+_Program = Annotated[
+    Path,
+    Argument(
+        metavar="PATH",
+        help="A robot program, or a folder of them: .src or .dat (KUKA), .mod (ABB), .ls "
+        "(FANUC), .script (UR). "
+        "Or a CSV: pose, and joint values or x_mm,y_mm,z_mm with qw,qx,qy,qz, "
+        "A_deg,B_deg,C_deg or W_deg,P_deg,R_deg per row, and fx_n,fy_n,fz_n.",
+    ),
+]
+_Force = Annotated[
+    str | None,
+    Option(metavar="FX,FY,FZ", help="Force on the robot at the tip [N], the same at every point."),
+]
+_Forces = Annotated[
+    Path | None,
+    Option(
+        metavar="CSV",
+        help="Force at each target of a program: target (or line), fx_n, fy_n, fz_n; none at "
+        "what is not in it. Remarks FORCE and CUT in the program say the same.",
+    ),
+]
+_Picture = Annotated[
+    Path | None,
+    Option(metavar="SVG", help="Draw the deflection before and after, along the program."),
+]
+_ToolFrame = Annotated[
+    list[str] | None, Option(metavar="FRAME", help=f"Tool in the flange frame: {_NAMED}.")
+]
+_BaseFrame = Annotated[
+    list[str] | None,
+    Option(metavar="FRAME", help=f"Frame in which the program gives its coordinates: {_NAMED}."),
+]
+_World = Annotated[
+    str | None,
+    Option(metavar="FRAME", help="World frame of the controller in F_b; F_b itself if omitted."),
+]
+_Flange = Annotated[
+    str | None,
+    Option(
+        metavar="FRAME",
+        help="Flange frame of the controller in the flange frame of the robot file.",
+    ),
+]
+_Start = Annotated[
+    str | None,
+    Option(
+        metavar="AXES",
+        help="Axis values before the first motion [deg], [mm], separated by commas.",
+    ),
+]
+_Tip = Annotated[
+    tuple[float, float, float] | None,
+    Option(
+        help="Point where the force acts, flange frame [m]; by default the tool's origin, or "
+        "the campaign's load point if there is no tool."
+    ),
+]
+_Output = Annotated[
+    Path | None,
+    Option(
+        help="Output file; by default a path goes to the report's folder, a program to stdout. "
+        "Never in data/raw."
+    ),
+]
+_Partial = Annotated[
+    bool,
+    Option(
+        "--partial",
+        help="Write a program although motions or points of it cannot be corrected; each is "
+        "listed with its line.",
+    ),
+]
+
+
 def compensate(
     campaign: Named,
-    path: Annotated[
-        Path,
-        Argument(
-            metavar="PATH",
-            help="A robot program, or a folder of them: .src or .dat (KUKA), .mod (ABB), .ls "
-            "(FANUC), .script (UR). "
-            "Or a CSV: pose, and joint values or x_mm,y_mm,z_mm with qw,qx,qy,qz, "
-            "A_deg,B_deg,C_deg or W_deg,P_deg,R_deg per row, and fx_n,fy_n,fz_n.",
-        ),
-    ],
-    force: Annotated[
-        str | None,
-        Option(
-            metavar="FX,FY,FZ", help="Force on the robot at the tip [N], the same at every point."
-        ),
-    ] = None,
-    forces: Annotated[
-        Path | None,
-        Option(
-            metavar="CSV",
-            help="Force at each target of a program: target (or line), fx_n, fy_n, fz_n; none at "
-            "what is not in it. Remarks FORCE and CUT in the program say the same.",
-        ),
-    ] = None,
-    picture: Annotated[
-        Path | None,
-        Option(metavar="SVG", help="Draw the deflection before and after, along the program."),
-    ] = None,
+    path: _Program,
+    force: _Force = None,
+    forces: _Forces = None,
+    picture: _Picture = None,
     force_frame: Annotated[
         Frame, Option(help="Frame in which forces are given: base (F_b) or tool.")
     ] = Frame.BASE,
-    tool: Annotated[
-        list[str] | None, Option(metavar="FRAME", help=f"Tool in the flange frame: {_NAMED}.")
-    ] = None,
-    base: Annotated[
-        list[str] | None,
-        Option(
-            metavar="FRAME", help=f"Frame in which the program gives its coordinates: {_NAMED}."
-        ),
-    ] = None,
-    world: Annotated[
-        str | None,
-        Option(
-            metavar="FRAME", help="World frame of the controller in F_b; F_b itself if omitted."
-        ),
-    ] = None,
-    flange: Annotated[
-        str | None,
-        Option(
-            metavar="FRAME",
-            help="Flange frame of the controller in the flange frame of the robot file.",
-        ),
-    ] = None,
-    start: Annotated[
-        str | None,
-        Option(
-            metavar="AXES",
-            help="Axis values before the first motion [deg], [mm], separated by commas.",
-        ),
-    ] = None,
-    tip: Annotated[
-        tuple[float, float, float] | None,
-        Option(
-            help="Point where the force acts, flange frame [m]; by default the tool's origin, or "
-            "the campaign's load point if there is no tool."
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        Option(
-            help="Output file; by default a path goes to the report's folder, a program to stdout. "
-            "Never in data/raw."
-        ),
-    ] = None,
-    partial: Annotated[
-        bool,
-        Option(
-            "--partial",
-            help="Write a program although motions or points of it cannot be corrected; each is "
-            "listed with its line.",
-        ),
-    ] = False,
+    tool: _ToolFrame = None,
+    base: _BaseFrame = None,
+    world: _World = None,
+    flange: _Flange = None,
+    start: _Start = None,
+    tip: _Tip = None,
+    output: _Output = None,
+    partial: _Partial = False,
     root: Root = Path(),
 ) -> None:
     """Correct a path or a robot program for the deflection under load.
@@ -139,7 +147,7 @@ def compensate(
 def _one(
     root: Path, campaign: str, path: Path, output: Path | None, given: Given, picture: Path | None
 ) -> list[str]:
-    """Correct one file; what to know about it."""
+    """Correct one file; return remarks on the result."""
     from pipeline.programs import dialect
     from pipeline.store.campaign import outside_raw
 
@@ -160,7 +168,7 @@ def _one(
 
 
 def _may_take(output: Path, programs: Path) -> bool:
-    """Whether a folder is new, or another one than that of the programs."""
+    """Whether a folder is new, or a different one from that of the programs."""
     return not output.exists() or (output.is_dir() and not output.samefile(programs))
 
 
@@ -168,7 +176,7 @@ def _folder(root: Path, campaign: str, path: Path, output: Path | None, given: G
     """Correct every program of a folder into another one, each with its picture.
 
     Raises:
-        InputError: Some were refused; the others are written.
+        InputError: Some programs were rejected; the others are written.
     """
     from pipeline.programs import dialect
 
@@ -189,7 +197,7 @@ def _tell(line: str) -> None:
 
 
 def _put(data: bytes, output: Path | None) -> None:
-    """A program to its file, whole or not at all, or to stdout as it is."""
+    """Write a program to its file, completely or not at all, or to stdout unchanged."""
     if output is None:
         typer.echo(data, nl=False)
     else:
@@ -201,7 +209,7 @@ _NOTHING = "contains no motion to a target with coordinates"
 
 
 def _within(root: Path, campaign: str, one: Path, output: Path, given: Given) -> bool:
-    """Correct one program into a folder; whether it is written."""
+    """Correct one program into a folder; return whether it is written."""
     try:
         shown = output / f"{one.name}.svg"
         for line in _one(root, campaign, one, output / one.name, given, shown):
@@ -210,6 +218,6 @@ def _within(root: Path, campaign: str, one: Path, output: Path, given: Given) ->
         if problem.thing != _NOTHING or not beside(one):
             _tell(str(problem))
             return False
-        _tell(f"{one.name} {_NOTHING}: copied as it is.")  # its other file has the targets
+        _tell(f"{one.name} {_NOTHING}: copied as it is.")  # its companion file has the targets
         files.write(output / one.name, files.read(one, one.name, LARGEST))
     return True

@@ -1,4 +1,4 @@
-"""Targets of a path or of a program, in joint values and corrected for the load on the tool."""
+"""Correct the targets of a path or a program for the load on the tool."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from pipeline.programs.notation import Notation
 from pipeline.programs.program import Left, Program, Target
 
 _LEFT = 0.01
-"""Part of a deflection that may be left [1]: Newton's steps leave a millionth, stiffnesses are
-known to some per cent. More is left only where the joints cannot move the tool in its direction."""
+"""Part of a deflection that may remain [1]. Newton's iteration leaves 1e-6, and stiffnesses are
+known to some per cent; more remains only where the joints cannot move the tool in its direction."""
 _LEAST_M = 1e-6
-"""[m]: what is left below it no tracker sees."""
+"""Deflection that may remain in any case [m]; no tracker resolves less."""
 
 
 @dataclass(frozen=True, eq=False)
 class Corrected(Locked):
-    """A program with other coordinates.
+    """A program with corrected coordinates.
 
     Attributes:
-        program: It.
-        found: What its targets are moved by.
-        rounding: How far the digits of the program leave the tip from where it should be [m].
-        singular: Targets whose deflection the joints cannot cancel, and what is left of it [m].
-        tips: Where the force acts at each of its targets, F_b [m], shape (m, 3).
+        program: The corrected program.
+        found: Offsets of its targets.
+        rounding: Largest position error of the tip due to the digits of the program [m].
+        singular: Targets whose deflection the joints cannot cancel, with what remains of it [m].
+        tips: Point where the force acts at each of its targets, F_b [m], shape (m, 3).
     """
 
     program: Program
@@ -53,19 +53,19 @@ def correct(
     force: Array | Forces,
     partial: bool = False,
 ) -> Corrected:
-    """The same program for the loaded robot, whole or not at all.
+    """Correct a program for the load, completely or not at all.
 
-    Sliding joints stay where the program puts them: the arm alone corrects.
+    Sliding joints stay where the program puts them; only the arm corrects.
 
     Args:
         model: The identified model.
         program: The program.
-        setting: What it does not say.
-        force: Force on the robot at the tip [N], shape (3,), or what acts at each target.
-        partial: Correct what can be corrected while something else is left where it was taught.
+        setting: Frames and start that the program does not contain.
+        force: Force on the robot at the tip [N], shape (3,), or that at each target.
+        partial: Whether to correct what can be corrected while other motions stay as taught.
 
     Raises:
-        Refused: Some targets cannot be reached or corrected, or some motions are left.
+        Refused: Some targets cannot be reached or corrected, or some motions would stay as taught.
     """
     if (standing := [_left(one) for one in _left_standing(program)]) and not partial:
         raise Refused(standing)
@@ -93,14 +93,14 @@ def correct(
 def _uncorrected(
     targets: Sequence[Target], found: Compensation, own: Sequence[int]
 ) -> list[tuple[Target, float]]:
-    """Targets in axes whose deflection the joints cannot cancel, and what is left of it [m]."""
+    """Joint targets whose deflection the joints cannot cancel, and what remains of it [m]."""
     stuck = _stuck(found)
     joint = [k for k in own if targets[k].kind == "joint" and stuck[k]]
     return [(targets[k], float(found.left[k])) for k in joint]
 
 
 def _left_standing(program: Program) -> list[Left]:
-    """What moves the tool to where it was taught, while corrected points are elsewhere."""
+    """Motions that go to where they were taught although corrected points are elsewhere."""
     return [one for one in (*program.left, *program.elsewhere) if one.counts]
 
 
@@ -108,12 +108,12 @@ _PARTIAL = "teach a point with coordinates, or accept that it stays as it is wit
 
 
 def _left(one: Left) -> InputError:
-    """What is said of a motion that would stay where it was taught."""
+    """Error for a motion that would stay as taught."""
     return InputError(f"{one.why}; it cannot be corrected", _PARTIAL, file=one.file, line=one.line)
 
 
 def _stretched(target: Target, left: float) -> InputError:
-    """What is said of axes that cannot take the deflection back."""
+    """Error for a joint target whose deflection the joints cannot cancel."""
     thing = f"the robot is at a singularity, and {1e3 * left:.3f} mm of the deflection would remain"
     return wrong(target, thing, "teach it elsewhere, or accept that with --partial")
 
@@ -126,15 +126,15 @@ def corrected(
     force: Array,
     in_tool: bool,
 ) -> tuple[Compensation, list[Array]]:
-    """What corrects targets while the sliding joints stand still, and their new numbers.
+    """Offsets that correct targets while the sliding joints keep their values, and the new numbers.
 
     Args:
         model: The identified model.
         notation: How the targets are written.
-        targets: They.
-        aimed: Where the robot stands at them.
+        targets: The targets.
+        aimed: Their joint values, frames and tools.
         force: Forces on the robot [N], shape (m, 3).
-        in_tool: They are in the tool frames, not in F_b.
+        in_tool: Whether forces are in the tool frames rather than in F_b.
 
     Raises:
         Refused: Some of them cannot be corrected.
@@ -166,7 +166,7 @@ def _held(
 
 
 def _stuck(found: Compensation) -> Bools:
-    """Where the joints cannot cancel the deflection, shape (m,)."""
+    """Whether more of the deflection remains than is allowed, shape (m,)."""
     least = np.maximum(_LEFT * found.deflection, _LEAST_M)
     return np.asarray(found.left > least)
 
@@ -174,7 +174,7 @@ def _stuck(found: Compensation) -> Bools:
 def _refused(
     robot: Robot, targets: Sequence[Target], aimed: Aimed, found: Compensation
 ) -> list[InputError]:
-    """What is wrong with targets once corrected: singular poses, joints at their limits."""
+    """Errors of corrected targets: singular poses, joints beyond their limits."""
     out = []
     stuck = _stuck(found)
     for k, target in enumerate(targets):
@@ -224,7 +224,7 @@ def _flanges(robot: Robot, q: Array) -> Array:
 def _rounding(
     robot: Robot, program: Program, aimed: Aimed, values: Sequence[Array], own: Sequence[int]
 ) -> float:
-    """How far the tip is off by the digits that are written, at most [m]."""
+    """Largest position error of the tip due to the digits that are written [m]."""
     of, worst = axes.of(robot), 0.0
     for k in own:
         target = program.targets[k]

@@ -1,4 +1,4 @@
-"""Paths and robot programs corrected by a campaign's model, as the command line asks for it."""
+"""Correct paths and robot programs by a campaign's model, with the options of the command line."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from pipeline.programs.notation import Form, Notation
 
 _SHOWN = 20
-"""Lines of a program that are listed of one kind."""
+"""Maximum number of lines of a program listed for each kind of remark."""
 
 
 class Frame(StrEnum):
-    """The frame of a force."""
+    """The frame in which a force is given."""
 
     BASE = "base"
     TOOL = "tool"
@@ -38,19 +38,19 @@ class Frame(StrEnum):
 
 @dataclass(frozen=True)
 class Given:
-    """Options, as typed.
+    """Options as typed.
 
     Attributes:
-        tip: Where the force acts, flange frame [m].
+        tip: Point where the force acts, flange frame [m].
         force: Force on the robot [N], three numbers.
-        frame: What the forces are in.
-        tool: Tools, in the letters of the program.
+        frame: Frame of the forces.
+        tool: Tools, in the notation of the program.
         base: Frames of coordinates, likewise.
-        world: World of the controller in F_b, likewise.
-        flange: Flange of the controller in that of the robot file, likewise.
-        start: Axes before the first motion [deg], [mm].
-        partial: Write a program although motions of it are left as taught.
-        forces: A table of the force at each target of a program.
+        world: World frame of the controller in F_b, likewise.
+        flange: Flange frame of the controller in that of the robot file, likewise.
+        start: Axis values before the first motion [deg], [mm].
+        partial: Whether to write a program although some of its motions stay as taught.
+        forces: Table of the force at each target of a program.
     """
 
     tip: tuple[float, float, float] | None = None
@@ -73,11 +73,11 @@ def write(
     output: Path | None = None,
     given: Given | None = None,
 ) -> tuple[Path, list[str]]:
-    """Offsets for a path of poses and forces: the file, and what to know about it.
+    """Write the offsets of a path of poses and forces; return the file and remarks on it.
 
     Raises:
-        UsageError: The campaign has no model yet, the path is not there, or an option is no good.
-        InputError: The path cannot be read, or a pose of it cannot be reached.
+        UsageError: The campaign has no model yet, the path does not exist, or an option is invalid.
+        InputError: The path cannot be read, or one of its poses cannot be reached.
     """
     from pipeline.programs import cartesian
     from pipeline.store import campaign as campaigns
@@ -98,17 +98,18 @@ def write(
 
 
 def program(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, list[str]]:
-    """A robot program with corrected coordinates, and what to know about it; see `drawn`."""
+    """A robot program with corrected coordinates, and remarks on it; see `drawn`."""
     data, remarks, _ = drawn(root, name, path, given)
     return data, remarks
 
 
 def drawn(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, list[str], str]:
-    """A robot program with corrected coordinates, what to know about it, and its picture (SVG).
+    """A robot program with corrected coordinates, remarks on it, and its picture (SVG).
 
     Raises:
-        UsageError: The campaign has no model yet, the program is not there, an option is no good.
-        InputError: The program cannot be read, or targets of it cannot be reached or corrected.
+        UsageError: The campaign has no model yet, the program does not exist, or an option is
+            invalid.
+        InputError: The program cannot be read, or some targets cannot be reached or corrected.
     """
     from pipeline.programs import read, stamp
     from pipeline.programs.correct import correct
@@ -132,10 +133,10 @@ def drawn(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, list[
 
 
 def _acting(given: Given, read_: Program, other: tuple[str, bytes] | None) -> Array | Forces:
-    """The force of the command line, else that of a table or of the program's own remarks.
+    """Force from the command line, else from a table or from the program's own remarks.
 
     Raises:
-        UsageError: There is none, or there are two.
+        UsageError: No force is given, it is given twice, or cuts are combined with the tool frame.
     """
     from pipeline.programs._text import letters
     from pipeline.programs.forces import stated, tabled
@@ -159,7 +160,7 @@ def _acting(given: Given, read_: Program, other: tuple[str, bytes] | None) -> Ar
 
 
 def beside_input(path: Path, output: Path) -> None:
-    """Refuse to write over what is corrected, or over the other file of a program.
+    """Refuse to overwrite the original, or the companion file of a program.
 
     Raises:
         InputError: `output` is one of them, by whatever name.
@@ -171,7 +172,7 @@ def beside_input(path: Path, output: Path) -> None:
 
 
 def _stamp(root: Path, name: str, given: Given, text: str) -> str:
-    """What the corrected text says of itself."""
+    """Text of the stamp in a corrected program or table."""
     from pipeline.base.version import __version__
     from pipeline.programs import LARGEST, stamp
 
@@ -182,21 +183,21 @@ def _stamp(root: Path, name: str, given: Given, text: str) -> str:
 
 
 _STAMPED = "corrected"
-"""Title of the column in which the answer to a path says what it is from."""
+"""Title of the column with the stamp in the table of offsets of a path."""
 
 
 def _with_stamp(table: bytes, said: str) -> bytes:
-    """A table with one more column, the same in each row; words that need no quotes."""
+    """A table with the stamp as one more column, the same in each row; no quotes are needed."""
     head, *rows = table.decode().splitlines()
     lines = [f"{head},{_STAMPED}", *(f"{row},{said.replace(',', ';')}" for row in rows)]
     return "".join(f"{line}\n" for line in lines).encode()
 
 
 def _refuse_answer(file: str, data: bytes) -> None:
-    """Refuse a path that is itself the answer to one.
+    """Reject a path that is itself a table of offsets.
 
     Raises:
-        InputError: Its columns say so.
+        InputError: Its columns show that.
     """
     from pipeline.readers import logs
 
@@ -206,7 +207,7 @@ def _refuse_answer(file: str, data: bytes) -> None:
 
 
 def _remarks(program: Program, found: Corrected) -> list[str]:
-    """What to know about a corrected program."""
+    """Remarks on a corrected program."""
     remarks = found.found.remarks
     if found.rounding > FINE_M:
         remarks.append(f"The digits of the program leave up to {1e3 * found.rounding:.4f} mm.")
@@ -230,7 +231,7 @@ def _remarks(program: Program, found: Corrected) -> list[str]:
 
 
 def _kept(root: Path, name: str) -> Path:
-    """Where a campaign's model is."""
+    """File of a campaign's model."""
     from pipeline.store import campaign as campaigns
 
     return campaigns.find(root, name).reports / "model.toml"
@@ -254,7 +255,7 @@ def _content(path: Path) -> bytes:
 
 
 def beside(path: Path) -> Path | None:
-    """The other file of a program, where there is one."""
+    """The companion file of a program; None if there is none."""
     from pipeline.programs import other_suffix
 
     suffix = other_suffix(path.name) or ""
@@ -263,7 +264,7 @@ def beside(path: Path) -> Path | None:
 
 
 def _misfit(model: IdentifiedModel) -> list[str]:
-    """A warning where the campaign's model does not hold for its own readings."""
+    """A warning if the campaign's model does not fit its own readings."""
     from pipeline.answer.contract import Reason
 
     if Reason(model.recommended["reason"]).holds_for_its_readings:
@@ -277,7 +278,7 @@ def _misfit(model: IdentifiedModel) -> list[str]:
 def _joints(
     model: IdentifiedModel, path: Path, data: bytes, given: Given
 ) -> tuple[bytes, list[str]]:
-    """Offsets of a path of joint values."""
+    """Offsets of a path of joint values, and remarks."""
     import numpy as np
 
     from pipeline.library.compensate import compensate
@@ -298,7 +299,7 @@ def _joints(
 def _poses(
     model: IdentifiedModel, path: Path, data: bytes, given: Given, letters: Form
 ) -> tuple[bytes, list[str]]:
-    """Corrected coordinates and offsets of a path of poses."""
+    """Corrected coordinates and offsets of a path of poses, and remarks."""
     from pipeline.programs import cartesian
     from pipeline.programs.aim import aim
     from pipeline.programs.correct import corrected
@@ -314,15 +315,15 @@ def _poses(
 
 
 def _force(given: Given) -> Array | None:
-    """The force of every point [N], shape (3,); None where each has its own."""
+    """Force at every point [N], shape (3,); None if each point has its own."""
     return None if given.force is None else _newtons(given.force)
 
 
 def _newtons(text: str) -> Array:
-    """A force [N], shape (3,); in kN where that stands behind it.
+    """A force [N], shape (3,), from three numbers and an optional unit, N or kN.
 
     Raises:
-        UsageError: It is no three numbers, or in another unit.
+        UsageError: It is not three numbers, or has another unit.
     """
     import numpy as np
 
@@ -337,7 +338,7 @@ def _newtons(text: str) -> Array:
 
 
 def listed_lines(lines: list[str]) -> list[str]:
-    """Not more lines than somebody reads."""
+    """The first lines of many, with the number of the others."""
     more = len(lines) - _SHOWN
     return lines if more <= 1 else [*lines[:_SHOWN], f"... and {more} lines more of this kind."]
 
@@ -345,13 +346,14 @@ def listed_lines(lines: list[str]) -> list[str]:
 def _setting(
     given: Given, notation: Notation, model: IdentifiedModel, path: bool = False
 ) -> Setting:
-    """Options in SI.
+    """The options in SI units.
 
     Args:
-        given: As typed.
+        given: Options as typed.
         notation: How frames are written.
-        model: Whose axes `--start` has, and the load point that is the tool of a path without one.
-        path: A table is corrected, whose coordinates stand in F_b where nothing is said.
+        model: Model whose robot has the axes of `--start`, and whose load point is the default tool
+            of a path.
+        path: Whether a table is corrected; by default, its coordinates are in F_b.
     """
     import numpy as np
 
@@ -375,7 +377,7 @@ def _setting(
 
 
 def _frames(option: str, given: Sequence[str], notation: Notation) -> dict[str, Array]:
-    """Frames by name, in small letters."""
+    """Frames by name, in lower case."""
     out = {}
     for one in given:
         name, _, numbers = one.rpartition("=")
@@ -387,7 +389,7 @@ def _pose(option: str, text: str, notation: Notation) -> Array:
     """A frame from its numbers.
 
     Raises:
-        UsageError: They are none, not as many, or a quaternion of no length.
+        UsageError: They are not numbers, their count is wrong, or a quaternion has zero length.
     """
     try:
         return notation.frame(_numbers(option, text, notation.count))
@@ -396,10 +398,10 @@ def _pose(option: str, text: str, notation: Notation) -> Array:
 
 
 def _numbers(option: str, text: str, count: int | None) -> list[float]:
-    """Numbers between commas.
+    """Numbers separated by commas.
 
     Raises:
-        UsageError: They are none, or not as many.
+        UsageError: They are not finite numbers, or their count is wrong.
     """
     try:
         found = [float(word) for word in text.split(",")]

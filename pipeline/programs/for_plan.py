@@ -1,8 +1,9 @@
-"""A program that drives a plan: to each pose, and a stop with the group's name at each reading.
+"""Robot program that drives a plan and stops at each reading with the name of its group.
 
-Joint motions only, in the controller's axes: nothing of a tool, a base or a configuration has to be
-known. On a rail the carriage first goes beside the pose, so that it arrives from the side that the
-plan says. KUKA (.src and .dat), ABB (.mod), FANUC (.ls) and UR (.script).
+It has only joint motions, in the controller's axes, so that neither tool nor base nor arm
+configuration needs to be known. On a rail, the carriage first goes to one side of the pose, so that
+it arrives from the side that the plan states. KUKA (.src and .dat), ABB (.mod), FANUC (.ls) and UR
+(.script).
 """
 
 from __future__ import annotations
@@ -17,13 +18,14 @@ from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.machine.robot import Robot, axes
 
 _ARM = 6
-"""Axes of an arm that these languages can write."""
+"""Number of arm axes that these languages can write."""
 
 _BESIDE_MM = 100.0
-"""How far beside its pose the carriage first goes [mm]: many times the backlash of any rack."""
+"""Distance beside its pose to which the carriage first goes [mm]; many times the backlash of any
+rack."""
 
 _SPEED = 10
-"""Per cent of the speed of the joints, at every motion: somebody stands there with a chain."""
+"""Joint speed of every motion [%]; low because a person stands there with a chain."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class _Stop:
 
     Attributes:
         group: Name of the group in the tracker.
-        todo: What to do there, in few words of plain letters.
+        todo: What to do there, in a few words of ASCII letters.
     """
 
     group: str
@@ -40,24 +42,25 @@ class _Stop:
 
 
 NO_CELL = _Stop("NOT CHECKED", "floor, walls, chain: go slowly")
-"""What is said first where nobody has described the cell."""
+"""Warning at the start if the cell is not described."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Drive(Locked):
-    """What a plan drives.
+    """Motions and stops of a plan.
 
     Attributes:
-        name: Of the plan.
-        axes: Axes of each pose as the controller shows them, arm first [deg], external axes after
-            it [mm] or [deg], shape (p, 6 + e).
-        rail: Which of them are lengths, shape (6 + e,).
-        approach: Which way the carriage arrives, 1 or -1; 0 where that does not matter, shape (p,).
-        stops: Of each pose.
-        lower: Limits of the axes, shape (6 + e,).
-        upper: Likewise.
-        via: Points on the way to each pose, as `axes`, shape (k, 6 + e) each.
-        first: What is said before anything moves.
+        name: Name of the plan.
+        axes: Axis values of each pose as displayed by the controller, arm first [deg], then
+            external axes [mm] or [deg], shape (p, 6 + e).
+        rail: Which axes are lengths, shape (6 + e,).
+        approach: Direction from which the carriage arrives, 1 or -1; 0 where it does not matter,
+            shape (p,).
+        stops: Stops at each pose.
+        lower: Lower limits of the axes, shape (6 + e,).
+        upper: Upper limits, likewise.
+        via: Points on the way to each pose, in units of `axes`, shape (k, 6 + e) each.
+        first: Warnings shown before anything moves.
     """
 
     name: str
@@ -71,13 +74,13 @@ class _Drive(Locked):
     first: tuple[_Stop, ...] = ()
 
     def beside(self, pose: int) -> Array | None:
-        """Where the carriage goes first; None without a rail, or where no room is left."""
+        """Where the carriage goes first; None without a rail or if there is no room."""
         shift = -_BESIDE_MM * self.approach[pose] * np.where(self.rail, 1.0, 0.0)
         at = np.clip(self.axes[pose] + shift, self.lower, self.upper)
         return at if np.abs(at - self.axes[pose]).max() > 0 else None
 
     def points(self) -> Iterator[tuple[str, Array, tuple[_Stop, ...]]]:
-        """Name, axes and stops of each point in the order of driving."""
+        """Name, axis values and stops of each point in the order of driving."""
         for k, (at, stops) in enumerate(zip(self.axes, self.stops, strict=True)):
             for place, point in enumerate(self.via[k] if self.via else (), 1):
                 yield f"v{k + 1:02d}_{place}", point, ()
@@ -87,11 +90,11 @@ class _Drive(Locked):
 
 
 def programs(drive: _Drive, brand: str | None = None) -> dict[str, bytes]:
-    """The programs of a plan by file name; none where the arm has not six axes.
+    """Programs of a plan by file name; none if the arm has fewer than six axes.
 
     Args:
-        drive: What is driven.
-        brand: kuka, abb, fanuc or ur; all that can hold the robot where nobody says.
+        drive: Motions and stops.
+        brand: kuka, abb, fanuc or ur; if None, all that can hold the axes of the robot.
     """
     count = drive.axes.shape[1]
     if count < _ARM:
@@ -105,7 +108,7 @@ def programs(drive: _Drive, brand: str | None = None) -> dict[str, bytes]:
 
 
 def brand_of(description: str) -> str | None:
-    """Whose robot it is by its description; None where that is no word of it."""
+    """Maker of a robot according to its description; None unless exactly one is named."""
     low = description.lower()
     words = {"kuka": "kuka", "abb": "abb", "fanuc": "fanuc", "universal robots": "ur"}
     found = {brand for word, brand in words.items() if re.search(rf"\b{word}\b", low)}
@@ -113,13 +116,13 @@ def brand_of(description: str) -> str | None:
 
 
 def _plain(name: str) -> str:
-    """A name that all four languages take: letters, digits, underscores, a letter first."""
+    """A name valid in all four languages: letters, digits, underscores, first a letter."""
     word = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "plan"
     return (word if word[0].isalpha() else f"p_{word}")[:24]
 
 
 def _number(value: float, decimals: int = 6) -> str:
-    """With at least one decimal and no zeros beyond it."""
+    """A decimal number with at least one decimal and no further trailing zeros."""
     text = f"{value:.{decimals}f}".rstrip("0")
     text = f"{text}0" if text.endswith(".") else text
     return text.removeprefix("-") if float(text) == 0 else text
@@ -174,7 +177,7 @@ def _rapid_stops(stops: Sequence[_Stop]) -> Iterator[str]:
 
 
 _SHORT = 24
-"""Letters of a message of a teach pendant program."""
+"""Maximum number of characters of a message in a teach pendant program."""
 
 
 def _tp(name: str, drive: _Drive) -> dict[str, str]:
@@ -226,7 +229,7 @@ _WRITERS: dict[str, tuple[Callable[[str, _Drive], dict[str, str]], int]] = {
     "fanuc": (_tp, _ARM + 3),
     "ur": (_urscript, _ARM),
 }
-"""How each maker's controllers write it, and how many axes they know."""
+"""Function that writes a program for each maker, and its maximum number of axes."""
 
 
 def drive(
@@ -240,19 +243,19 @@ def drive(
     lost: Collection[int] = (),
     first: tuple[_Stop, ...] = (),
 ) -> _Drive | None:
-    """What a plan drives, in the controller's axes; None where they are not six and external ones.
+    """Motions and stops of a plan in the controller's axes; None if the arm has not six axes.
 
     Args:
-        name: Of the plan.
-        robot: Its robot.
+        name: Name of the plan.
+        robot: Robot of the plan.
         q: Joint values [m] or [rad], shape (p, n), those without a pull last.
-        approach: Which way the carriage arrives, 1 or -1, shape (p,).
-        steps: Load steps of each pose [N]; none of a pose that is read without a pull.
+        approach: Direction from which the carriage arrives, 1 or -1, shape (p,).
+        steps: Load steps of each pose [N]; empty for a pose that is read without a pull.
         zero_after: Whether the unloaded state is read again after the steps.
-        via: Joint values of points on the way to each pose, shape (k, n) each; straight where not
+        via: Joint values of points on the way to each pose, shape (k, n) each; straight if not
             given.
-        lost: Numbers of poses on whose way the chain or a beam is crossed, from 1.
-        first: What is said before anything moves.
+        lost: Numbers, from 1, of poses on whose way the chain or a beam is crossed.
+        first: Warnings shown before anything moves.
     """
     mapped = axes.of(robot)
     order = np.argsort(_external(mapped), kind="stable")
@@ -274,13 +277,13 @@ def drive(
 
 
 def _external(mapped: axes.Axes) -> Bools:
-    """Axes that are none of the arm: what slides, and what is called E1, EX or the like."""
+    """Which axes do not belong to the arm: sliding ones, and those named E1, EX or the like."""
     called = [re.fullmatch(r"(?i)e(x|xt|ax)?_?\d+", name) is not None for name in mapped.names]
     return np.asarray(mapped.slides | np.array(called))
 
 
 def _limits(robot: Robot, mapped: axes.Axes) -> tuple[Array, Array]:
-    """Limits of the axes as shown; none where an axis moves several joints."""
+    """Limits of the axes as displayed; infinite for an axis that moves several joints."""
     k = len(mapped.names)
     lower, upper = np.full(k, -np.inf), np.full(k, np.inf)
     for joint in range(robot.n):
@@ -297,15 +300,15 @@ def _limits(robot: Robot, mapped: axes.Axes) -> tuple[Array, Array]:
 def stops(
     pose: int, steps: Sequence[float], zero_after: bool, wide: int = 2, lost: bool = False
 ) -> tuple[_Stop, ...]:
-    """What is read at a pose, in the names of groups that the sheet has.
+    """Readings at a pose, with the group names of the measurement sheet.
 
     Args:
-        pose: Its number, from 1.
-        steps: Its load steps [N]; negative where the turnbuckle is slackened to the step; none
-            where the pose is read without a load only.
+        pose: Number of the pose, from 1.
+        steps: Its load steps [N]; negative where the turnbuckle is slackened to the step; empty if
+            the pose is only read unloaded.
         zero_after: Whether the unloaded state is read again after the steps.
-        wide: Digits of the pose in the name of a group.
-        lost: The chain or a beam was crossed on the way.
+        wide: Number of digits of the pose number in the name of a group.
+        lost: Whether the chain or a beam was crossed on the way.
     """
     group = f"pose{pose:0{wide}d}_rep"
     first = "clear chain and beam, read all" if lost else "chain slack: read all"

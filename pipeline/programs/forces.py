@@ -1,14 +1,15 @@
-"""The force at each target of a program: said in its remarks, section by section, or in a table.
+"""The force at each target of a program, from its remarks, section by section, or from a table.
 
-A remark in the manner of the language (`;` KRL, `!` RAPID and TP, `#` URScript) holds from its line
-to the next one; before the first, no force acts:
+A remark with the comment sign of the language (`;` KRL, `!` RAPID and TP, `#` URScript) applies
+from its line to the next such remark; before the first, no force acts:
 
     ; FORCE 0, 0, -800                            N, as --force
     ; CUT kc=1100 depth=2 feed=0.15 axial=0.3     N/mm2, mm, mm per tooth or turn
     ; FORCE OFF                                   entry, exit, ways
 
-A cutting force is F = k_c a f against the motion of the tool, and `axial` times as much pushes the
-tool back along its axis; k_c the specific cutting force (Kienzle), a depth, f feed.
+A cutting force is F = k_c a f opposite to the motion of the tool, and `axial` times as much pushes
+the tool back along its axis; k_c is the specific cutting force (Kienzle), a the depth and f the
+feed.
 """
 
 from __future__ import annotations
@@ -33,17 +34,17 @@ _SIGNS = {".src": ";", ".dat": ";", ".sub": ";", ".mod": "!", ".modx": "!", ".pr
 _WORDS = ("kc", "depth", "feed", "axial")
 _MEANT = "write FORCE fx, fy, fz in N, FORCE OFF, or CUT kc=.. depth=.. feed=.. axial=.."
 _TOWARDS = 1e-6
-"""Points nearer than this [m] give no direction of a motion."""
+"""Smallest distance of points that defines a direction of motion [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Section(Locked):
-    """What acts from a remark on.
+    """Force or cut that applies from a remark on.
 
     Attributes:
-        line: Of the remark; 0 before the first.
-        force: On the robot [N], shape (3,); of a cut none.
-        cut: Size of the force against the motion, and that along the tool's axis [N].
+        line: Line of the remark; 0 before the first.
+        force: Force on the robot [N], shape (3,); zero for a cut.
+        cut: Magnitudes of the force against the motion and of that along the tool's axis [N].
     """
 
     line: int
@@ -51,27 +52,27 @@ class _Section(Locked):
     cut: tuple[float, float] | None = None
 
     def same(self, other: _Section) -> bool:
-        """Whether the same acts."""
+        """Whether force and cut are the same."""
         return self.cut == other.cut and bool(np.array_equal(self.force, other.force))
 
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """What acts at each target, in the order of the targets."""
+    """Force or cut at each target, in the order of the targets."""
 
     each: tuple[_Section, ...]
 
     @property
     def cuts(self) -> bool:
-        """Whether some depend on the direction of the motion."""
+        """Whether some forces depend on the direction of motion."""
         return any(one.cut is not None for one in self.each)
 
     def at(self, robot: Robot, aimed: Aimed) -> Array:
-        """Forces on the robot [N], shape (m, 3), as given, and of cuts in F_b.
+        """Forces on the robot [N], shape (m, 3), as given; those of cuts are in F_b.
 
         Args:
             robot: The robot.
-            aimed: Where it stands at the targets, in the order of the motions.
+            aimed: Its joint values at the targets, in the order of the motions.
         """
         out = np.array([one.force for one in self.each])
         if not self.cuts:
@@ -84,7 +85,7 @@ class Forces:
         return out
 
     def _ahead(self, tips: Array, k: int) -> Array:
-        """Direction of the motion: from the target before to the next one of its section."""
+        """Direction of motion: from the previous target to the next one of the same section."""
         here, last = self.each[k], len(tips) - 1
         first = max(k - 1, 0)
         after = k + 1 if k < last and self.each[k + 1].same(here) else k
@@ -97,14 +98,14 @@ _NONE = _Section(0, np.zeros(3))
 
 
 def tips_of(robot: Robot, aimed: Aimed) -> tuple[Array, Array]:
-    """Where the force acts at each target in F_b [m], (m, 3), and how the tools turn, (m, 3, 3)."""
+    """Points where the force acts in F_b [m], (m, 3), and orientations of the tools, (m, 3, 3)."""
     at = configure(robot, aimed.q)
     tips = at.flange_origin + np.einsum("mij,mj->mi", at.flange_axes, aimed.tip)
     return tips, at.flange_axes @ aimed.tool[:, :3, :3]
 
 
 def stated(sources: Mapping[str, str], targets: Sequence[Target]) -> Forces | None:
-    """What the remarks of a program say; None where they say nothing of forces.
+    """Forces from the remarks of a program; None if no remark states a force.
 
     Args:
         sources: Text of its files by name.
@@ -123,7 +124,7 @@ def stated(sources: Mapping[str, str], targets: Sequence[Target]) -> Forces | No
 def _of(
     target: Target, found: Mapping[str, list[_Section]], uses: Mapping[str, list[str]]
 ) -> _Section:
-    """What acts at a target: by the lines that name it, without such by its own."""
+    """Force at a target: at the lines that name it, or if there are none, at its own line."""
     word = re.compile(_mention(target.name))
     at = [
         (file, number)
@@ -146,7 +147,7 @@ def _of(
 
 
 def _mention(name: str) -> str:
-    """How a point is named where it is used; of TP by its number."""
+    """Pattern of a point's name where it is used; in TP, of its number."""
     numbered = re.fullmatch(r"P\s*\[\s*(\d+).*\]?", name, re.IGNORECASE)
     if numbered:
         return rf"(?i)\bP\s*\[\s*{numbered[1]}(?!\d)"
@@ -158,7 +159,7 @@ def _acting(sections: Sequence[_Section], line: int) -> _Section:
 
 
 def _lines(text: str) -> list[str]:
-    """Lines of a program; what stands below /POS moves nothing."""
+    """Lines of a program; those below /POS contain no motion."""
     return re.split(r"(?im)^/POS\b", text)[0].splitlines()
 
 
@@ -173,7 +174,7 @@ def _sections(file: str, text: str) -> list[_Section]:
 
 
 def _cut(said: str) -> tuple[float, float] | None:
-    """Tangential and axial force of a cut [N]; None where its words do not make one."""
+    """Tangential and axial force of a cut [N]; None if its words do not define one."""
     pairs = dict(re.findall(rf"(\w+)\s*=\s*({NUMBER})", said.lower()))
     if not {*_WORDS[:3]} <= {*pairs} <= {*_WORDS}:
         return None
@@ -185,10 +186,10 @@ def _cut(said: str) -> tuple[float, float] | None:
 
 
 def _section(file: str, line: int, word: str, said: str) -> _Section:
-    """One remark.
+    """Read one remark.
 
     Raises:
-        InputError: It says something else.
+        InputError: It is neither a force nor a cut.
     """
     if word == "CUT":
         if (force := _cut(said)) is not None:
@@ -206,12 +207,12 @@ _LINE, _TARGET = logs.Quantity("line", {}), logs.Quantity("target", {}, "name")
 
 
 def tabled(name: str, data: bytes, targets: Sequence[Target]) -> Forces:
-    """What a table says: target (or line), fx_n, fy_n, fz_n; no force at what is not in it.
+    """Forces from a table: target (or line), fx_n, fy_n, fz_n; none at targets not listed.
 
     Args:
         name: Name of the table.
-        data: Its content.
-        targets: Those of the program.
+        data: Content of the table.
+        targets: Targets of the program.
 
     Raises:
         InputError: A row cannot be read, or names no target.
@@ -234,5 +235,5 @@ def tabled(name: str, data: bytes, targets: Sequence[Target]) -> Forces:
 
 
 def _plain(name: str) -> str:
-    """A name as it is compared: P[3:"a"] is P[3], XP3 is xp3."""
+    """A name in the form used for comparison: P[3:"a"] is P[3], XP3 is xp3."""
     return re.sub(r"\s|:.*(?=\])", "", name.lower())

@@ -1,7 +1,8 @@
-"""Joint values that bring the flange to a pose: numerically, whatever the arm looks like.
+"""Inverse kinematics: joint values that bring the flange to a pose, for an arm of any structure.
 
-Levenberg-Marquardt with the squared error as damping (Sugihara, IEEE Trans. Robotics 27, 2011):
-the steps are Newton's near a solution and stay finite at singularities and out of reach.
+Levenberg-Marquardt with the squared error as damping (Sugihara, IEEE Trans. Robotics 27, 2011): the
+steps are those of Newton's method near a solution and stay finite at singularities and out of
+reach.
 """
 
 from __future__ import annotations
@@ -19,36 +20,37 @@ from pipeline.machine.robot.mdh import Robot
 from pipeline.prediction.path import ARM_M
 
 _REACHED_M = 1e-7
-"""[m]: errors below it are a hundredth of what a program's last digit says."""
+"""Largest error of a solution [m]; a hundredth of the last digit of a program."""
 _ROUNDS = 60
-"""Newton steps; from anywhere in the workspace thirty are usual."""
+"""Maximum number of iterations; from anywhere in the workspace thirty are usual."""
 _LONGEST = 0.5
-"""[rad]: longest step; a linear model of the arm says nothing beyond it. A pose that is no more
-than this from the last one in every joint is taken to be of the same arm configuration."""
+"""Longest step of a joint [rad]; beyond it the linearised model of the arm is not valid. A pose
+within this of the last one in every joint is assumed to have the same arm configuration."""
 _STARTS = 256
-"""From how many places the arm is tried; each configuration of a six-axis arm attracts some per
-cent of them."""
+"""Number of random starting points; each configuration of a six-axis arm attracts some per cent of
+them."""
 _SAME = 1e-3
-"""[rad]: solutions that differ less are one; Newton's agree to 1e-7."""
+"""Largest joint difference of solutions that are considered equal [rad]; converged ones agree to
+1e-7."""
 _SLACK = 1e-3
-"""[rad]: how far an axis may seem beyond its range: coordinates have three decimals, which an arm
-near a singularity magnifies."""
+"""Tolerance on the range of an axis [rad]: coordinates have three decimals, and near a singularity
+their rounding is magnified."""
 _LEVEL = 1e-9
-"""Sine of an angle that is rounding [1]."""
+"""Sine of an angle that is treated as zero [1]."""
 _TURNS = 2 * np.pi * np.arange(-2.0, 3.0)
-"""[rad]: what may be added to an angle; wrists turn no more than twice."""
+"""Whole turns that may be added to an angle [rad]; wrists turn by no more than two."""
 
 Range = tuple[float, float] | None
-"""Lowest and highest value of an axis [rad]; None where nothing is said."""
+"""Smallest and largest value of an axis [rad]; None if it is not restricted."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Reached(Locked):
-    """Whether, and how, a pose can be reached.
+    """Result of the inverse kinematics of one pose.
 
     Attributes:
-        q: Joint values [m] or [rad], shape (n,); of the nearest pose where it cannot.
-        why_not: What is wrong with it, in words, and what to do about it; None where nothing is.
+        q: Joint values [m] or [rad], shape (n,); those of the nearest pose if it cannot be reached.
+        why_not: Problem and remedy, in words; None if there is no problem.
     """
 
     q: Array
@@ -57,11 +59,11 @@ class _Reached(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Arm(Locked):
-    """A robot whose sliding joints stand still while it looks for a pose.
+    """A robot whose sliding joints are fixed during inverse kinematics.
 
     Attributes:
         robot: The robot.
-        axes: The axes in which configurations are stated.
+        axes: Axes in which arm configurations are stated.
     """
 
     robot: Robot
@@ -72,14 +74,14 @@ class Arm(Locked):
     ) -> _Reached:
         """Joint values for a pose of the flange.
 
-        Of several arm configurations it is the one that `ranges` leaves, else the nearest to
+        Of several arm configurations, the one within `ranges` is taken, else the nearest to
         `start`.
 
         Args:
             flange: Pose of the flange in F_b, shape (4, 4).
-            start: Joint values to start from; of sliding joints the ones to keep, shape (n,).
-            known: Whether the robot is known to come from there.
-            ranges: What is said of each axis, in the order of those that turn.
+            start: Joint values to start from, which sliding joints keep, shape (n,).
+            known: Whether the robot is known to come from `start`.
+            ranges: Range of each turning axis, in the order of the axes.
         """
         within = self._within(ranges)
         if known and (near := self._near(flange, start, within, ranges)) is not None:
@@ -99,9 +101,9 @@ class Arm(Locked):
     def _near(
         self, flange: Array, start: Array, within: Sequence[Range], ranges: Sequence[Range]
     ) -> Array | None:
-        """The solution that Newton's steps find from `start`, where nothing else can be meant.
+        """The solution near `start`, if the configuration is not ambiguous; else None.
 
-        That is, where all axes are stated, or the robot hardly moves.
+        It is not if the ranges of all axes are stated, or if the robot hardly moves.
         """
         found, left = self._solved(flange, start[None])
         near = self._turned(found[0], start, within)
@@ -111,7 +113,7 @@ class Arm(Locked):
         return near if stated or np.abs(near - start).max() < _LONGEST else None
 
     def _within(self, ranges: Sequence[Range]) -> list[Range]:
-        """What is said of each joint that one axis alone turns."""
+        """Range of each joint that is moved by one axis alone."""
         turning = np.flatnonzero(~self.axes.slides).tolist()
         said = dict(zip(turning, ranges, strict=False))
         out: list[Range] = []
@@ -123,14 +125,14 @@ class Arm(Locked):
         return out
 
     def _starts(self, start: Array) -> Array:
-        """Places all over the workspace, always the same, shape (`_STARTS`, n)."""
+        """Random joint values all over the workspace, always the same, shape (`_STARTS`, n)."""
         robot = self.robot
         low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
         q = np.random.default_rng(0).uniform(low, np.maximum(low, high), (_STARTS, robot.n))
         return np.where(robot.prismatic, start, q)
 
     def _solved(self, flange: Array, q: Array) -> tuple[Array, Array]:
-        """Joint values (m, n) from each start, and what is left of the error [m], (m,)."""
+        """Joint values (m, n) from each start, and the remaining error [m], shape (m,)."""
         free = ~self.robot.prismatic
         for _ in range(_ROUNDS):
             at = configure(self.robot, q)
@@ -146,7 +148,7 @@ class Arm(Locked):
         return q, np.linalg.norm(_off(configure(self.robot, q), flange), axis=1)
 
     def _turned(self, q: Array, near: Array, within: Sequence[Range]) -> Array | None:
-        """The same pose with every joint in its limits and ranges, nearest to another; or None."""
+        """The same pose with every joint within limits and ranges, nearest to `near`; or None."""
         out = q.copy()
         for j in np.flatnonzero(~self.robot.prismatic).tolist():
             turns = q[j] + _TURNS
@@ -160,7 +162,7 @@ class Arm(Locked):
         return out
 
     def _unreachable(self, flange: Array, q: Array) -> tuple[str, str]:
-        """What is said of a pose that no configuration reaches."""
+        """Problem and remedy for a pose that no arm configuration reaches."""
         at = configure(self.robot, q[None])
         off, turn = np.split(_off(at, flange)[0], 2)
         away = f"{1e3 * np.linalg.norm(off):.0f} mm"
@@ -171,7 +173,7 @@ class Arm(Locked):
         )
 
     def _outside(self, found: Array, start: Array, ranges: Sequence[Range]) -> tuple[str, str]:
-        """What is said of a pose that configurations reach, but not these."""
+        """Problem and remedy for a pose reached only by configurations other than those allowed."""
         none: list[Range] = [None] * self.robot.n
         turned = [self._turned(q, start, none) for q in found] if ranges else []
         if ways := [self._in_words(q) for q in turned if q is not None]:
@@ -189,7 +191,7 @@ class Arm(Locked):
         )
 
     def _in_words(self, q: Array) -> str:
-        """Axes of a configuration [deg], and as KUKA's T: the bits of the negative ones."""
+        """Axis values of a configuration [deg], and KUKA's T: bits of the negative ones."""
         turning = ~self.axes.slides
         values = np.rad2deg(self.axes.values(q[None])[0])[turning]
         names = [name for name, turns in zip(self.axes.names, turning, strict=True) if turns]
@@ -198,7 +200,7 @@ class Arm(Locked):
         return f"{said} (T {bits})" if names[0] == "A1" else said
 
     def _beyond(self, q: Array) -> tuple[int, float]:
-        """The joint that is furthest beyond its limits, and how far [rad]."""
+        """The joint furthest beyond its limits, and by how much [rad]."""
         turns = q[:, None] + _TURNS
         over = np.maximum(self.robot.lower[:, None] - turns, turns - self.robot.upper[:, None])
         least = np.where(self.robot.prismatic, 0.0, over.min(axis=1))
@@ -206,11 +208,11 @@ class Arm(Locked):
 
 
 _SAID = 4
-"""Configurations that are said where a target states none of them."""
+"""Maximum number of configurations listed if the stated one does not reach the pose."""
 
 
 def _distinct(found: Sequence[Array]) -> list[Array]:
-    """Solutions without repetitions."""
+    """Solutions without duplicates."""
     out: list[Array] = []
     for q in found:
         if all(np.abs(q - other).max() > _SAME for other in out):
@@ -226,14 +228,14 @@ def _several(count: int) -> tuple[str, str]:
 
 
 def _off(at: Configuration, flange: Array) -> Array:
-    """How far flanges are from a pose: place, and turn times `ARM_M` [m], F_b, shape (m, 6)."""
+    """Pose error of the flanges: position, and rotation times `ARM_M` [m], F_b, shape (m, 6)."""
     turn = flange[:3, :3] @ np.swapaxes(at.flange_axes, 1, 2)
     away = flange[:3, 3] - at.flange_origin
     return np.hstack([away, ARM_M * _vector(turn)])
 
 
 def _vector(turn: Array) -> Array:
-    """Rotation vectors [rad], (m, 3), of turns (m, 3, 3); half turns count as turns about x."""
+    """Rotation vectors [rad], (m, 3), of rotations (m, 3, 3); half turns are taken about x."""
     twice = turn[:, [2, 0, 1], [1, 2, 0]] - turn[:, [1, 2, 0], [2, 0, 1]]
     sine = np.sqrt(np.einsum("mi,mi->m", twice, twice)) / 2
     angle = np.arctan2(sine, (np.einsum("mii->m", turn) - 1) / 2)
@@ -245,6 +247,6 @@ def _vector(turn: Array) -> Array:
 
 
 def _jacobian(at: Configuration) -> Array:
-    """Derivative of place and turn of the flange by the joints, shape (m, 6, n)."""
+    """Jacobian of position [m] and rotation times `ARM_M` of the flange, shape (m, 6, n)."""
     moved = velocity(at.twists, at.flange_origin[:, None])[:, 0]
     return np.swapaxes(np.concatenate([moved, ARM_M * at.twists[..., :3]], axis=-1), 1, 2)

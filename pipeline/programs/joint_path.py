@@ -14,16 +14,16 @@ from pipeline.readers import logs
 
 
 def read(name: str, data: bytes, robot: Robot, constant: Array | None = None) -> Path:
-    """A path: pose, the columns of joints.csv, and fx_n, fy_n, fz_n in F_b.
+    """Read a path: pose, the columns of joints.csv, and fx_n, fy_n, fz_n in F_b.
 
     Args:
         name: Name of the file.
-        data: Its content.
-        robot: Whose path it is.
-        constant: The force of every point [N], shape (3,); columns of the file where not given.
+        data: Content of the file.
+        robot: Robot that runs the path.
+        constant: Force at every point [N], shape (3,); if None, from columns of the file.
 
     Raises:
-        InputError: Any row or column is not as it should be: a path with a hole is no path.
+        InputError: A row or column is invalid; a path must be complete.
     """
     log = whole(logs.joints(name, data, robot, section=None))
     own = {f"{joint.name}_{unit}" for joint in robot.joints for unit in ("m", "mm", "deg", "rad")}
@@ -38,7 +38,7 @@ def read(name: str, data: bytes, robot: Robot, constant: Array | None = None) ->
 
 
 def whole(log: logs.Log) -> logs.Log:
-    """A log without a hole.
+    """The log itself if it is complete.
 
     Raises:
         InputError: A row cannot be read, or there is none.
@@ -55,10 +55,10 @@ FORCES = tuple(logs.Quantity(axis, logs.FORCE) for axis in ("fx", "fy", "fz"))
 
 
 def forces(name: str, data: bytes, count: int, constant: Array | None) -> Array:
-    """Forces of the points of a path [N], shape (m, 3): its columns, or one for all.
+    """Forces at the points of a path [N], shape (m, 3): from its columns, or the same for all.
 
     Raises:
-        InputError: It has none, or both are given.
+        InputError: There are none, or both are given.
     """
     if constant is None:
         force = whole(logs.table(name, data, [logs.POSE, *FORCES]))
@@ -69,27 +69,27 @@ def forces(name: str, data: bytes, count: int, constant: Array | None) -> Array:
 
 
 def in_base(robot: Robot, q: Array, tool: Array, force: Array) -> Array:
-    """Forces [N], (m, 3), in F_b, from those in the frames of tools.
+    """Forces in F_b [N], shape (m, 3), from forces in tool frames.
 
     Args:
         robot: The robot.
         q: Joint values [m] or [rad], shape (m, n).
         tool: Tools in the flange frame, shape (m, 4, 4) or (4, 4).
-        force: [N], shape (m, 3).
+        force: Forces in the tool frames [N], shape (m, 3).
     """
     turned = configure(robot, q).flange_axes @ tool[..., :3, :3]
     return np.asarray(np.einsum("mij,mj->mi", turned, force))
 
 
 def table(robot: Robot, path: Path, found: Compensation) -> bytes:
-    """The offsets as CSV: joint offsets in the units of joints.csv, the rest in mm and degrees."""
+    """Offsets as CSV: of joints in m and degrees, all others in mm and degrees."""
     head, body = columns(axes.of(robot) if path.controller else axes.joints(robot), found)
     rows = pd.DataFrame(body, pd.Index(path.pose, name="pose"), head)
     return rows.to_csv(float_format="%.7f", na_rep="nan", lineterminator="\n").encode()
 
 
 def columns(of: axes.Axes, found: Compensation) -> tuple[list[str], Array]:
-    """Titles and columns of offsets: of these axes in m and degrees, the rest in mm and degrees."""
+    """Titles and columns of offsets: of these axes in m and degrees, others in mm and degrees."""
     joints = of.moved(found.joints)
     head = [f"d_{name}_{'m' if s else 'deg'}" for name, s in zip(of.names, of.slides, strict=True)]
     head += [*(f"d{a}_mm" for a in "xyz"), *(f"r{a}_deg" for a in "xyz")]

@@ -1,10 +1,10 @@
-"""A path that is held against a tolerance, in a form that `pipeline compensate` reads, too."""
+"""Path that is compared with a tolerance, in a format that `pipeline compensate` also reads."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from pipeline.machine.robot import rating
+from pipeline.library import holds
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path
 from pipeline.programs import cartesian, joint_path
@@ -12,15 +12,15 @@ from pipeline.programs.aim import Setting, aim
 
 
 def read(name: str, data: bytes, model: IdentifiedModel) -> Path:
-    """A path with forces as `pipeline compensate` reads it; poses are those of the load point.
+    """Read a path with forces as `pipeline compensate` does; poses are those of the load point.
 
     Args:
         name: Name of the file.
-        data: Its content.
-        model: Whose robot and load point.
+        data: Content of the file.
+        model: Model with the robot and its load point.
 
     Raises:
-        InputError: A row or column is not as it should be, or the robot cannot reach a pose.
+        InputError: A row or column is invalid, or the robot cannot reach a pose or hold its force.
     """
     letters, point = cartesian.form(name, data), model.tool.load_point
     if letters is None:
@@ -32,5 +32,5 @@ def read(name: str, data: bytes, model: IdentifiedModel) -> Path:
         aimed = aim(model, poses.notation, poses.targets, Setting({"": tool}, {"": np.eye(4)}))
         lines = tuple(target.line for target in poses.targets)
         path = Path(poses.pose, aimed.q, poses.force, file=name, line=lines)
-    rating.refuse_unheld(model.robot, path.q, path.force, point, name, path.line)
+    holds.refuse_unheld(model.robot, path.q, path.force, point, name, path.line)
     return path

@@ -1,4 +1,4 @@
-"""KUKA KRL: motions in .src, points beside them or in the .dat of the same name.
+"""KUKA KRL: motions in .src, points in the same file or in the .dat of the same name.
 
 DECL E6POS XP1={X 1200.0,Y 0.0,Z 800.0,A 0.0,B 90.0,C 0.0,S 2,T 10,E1 350.0}
 PTP XP1
@@ -43,17 +43,17 @@ _COMPONENT = re.compile(
 )
 _BAS = re.compile(r"\s*BAS\s*\(\s*#(\w+)\s*(?:,\s*([^)]*))?\)", re.IGNORECASE)
 _OF_FORM = ("frames", "ptp_params", "cp_params")
-"""What BAS takes tool and base from FDAT_ACT for."""
+"""Arguments with which BAS takes tool and base from FDAT_ACT."""
 _NO_FRAME = re.compile(r"(?:vel|acc)_(?:ptp|cp)|(?:ptp|cp)_dat|out_a?sync|group")
-"""What BAS leaves tool and base alone for."""
+"""Arguments with which BAS does not change tool or base."""
 _SETTING = re.compile(
     r"(\$(?:TOOL|BASE|IPO_MODE|ROBROOT|WORLD)|FDAT_ACT)\s*(?:\.[\w\s.]*)?=(?!=)|\b(BAS)\s*\("
     r"|\w\s*+\([^()]*?(\$TOOL|\$BASE|FDAT_ACT)\b",
     re.IGNORECASE,
 )
-"""What sets a tool or a frame, wherever it stands; a routine may that gets it."""
+"""Matches what sets a tool or a frame, wherever it stands; a routine that gets one may set it."""
 _LENT = re.compile(r"\w\s*+\([^()\n]*?\b((?:TOOL|BASE)_DATA)\b", re.IGNORECASE)
-"""Frames that a routine gets."""
+"""Matches frames passed to a routine."""
 _DECLARATION = re.compile(
     r"\s*(?:(?:GLOBAL|DECL|CONST)\s+)*(?:DECL\s+\w+|(?:E[36])?(?:POS|AXIS)|FRAME)\s+\w[^=]*$", re.I
 )
@@ -69,11 +69,11 @@ _NULL = ("$nullframe", "$world")
 _MODES = {"$tool": "tool", "$base": "base", "$ipo_mode": "mode"}
 _THINGS = {"tool": "tool", "base": "frame", "mode": "interpolation"}
 _HOME = re.compile(r"xhome\d?")
-"""Home positions of $config.dat, clear of any workpiece."""
+"""Home positions of $config.dat, away from any workpiece."""
 _STANDING = ("$pos_act", "$axis_act")
-"""Where the robot stands: a motion there moves nothing."""
+"""Present position of the robot; a motion to it moves nothing."""
 _ASIDE = re.compile(r"^[ \t]*(?:GLOBAL[ \t]+)?(?:INTERRUPT|TRIGGER)\b[^\r\n]*\bDO\b", re.I | re.M)
-"""What carries a routine out while the robot moves."""
+"""Matches what executes a routine while the robot moves."""
 _ROUTINE = re.compile(
     r"\s*(?:GLOBAL\s+)?DEF(?:FCT\s+\w+(?:\s*\[[^\]]*\])?)?\s+(\w+)\s*\(([^)]*)", re.IGNORECASE
 )
@@ -103,15 +103,15 @@ _LEXICON = Lexicon(
 
 @dataclass(frozen=True)
 class _Aggregate:
-    """What stands between braces, by the names of its components in small letters.
+    """Aggregate in braces, by the names of its components in lower case.
 
     Attributes:
         source: The file.
-        start: Its opening brace.
-        end: Behind its closing one.
-        names: Its components.
-        count: How many it has, those that are there twice twice.
-        numbers: Those that are numbers.
+        start: Place of its opening brace.
+        end: Place behind its closing brace.
+        names: Names of its components.
+        count: Number of its components, repetitions included.
+        numbers: Components that are numbers.
     """
 
     source: Source
@@ -123,17 +123,17 @@ class _Aggregate:
 
     @property
     def complete(self) -> bool:
-        """Each of its components is one number, and they are of one kind."""
+        """Whether every component is one number, and all are of one kind."""
         both = not self.names.isdisjoint(_POSE) and not self.names.isdisjoint(_AXES)
         return len(self.numbers) == self.count and not both
 
     @property
     def taught(self) -> bool:
-        """It is a place or a part of one, not a load or what somebody else made of it."""
+        """Whether it is a position or part of one, not a load or other data."""
         return not self.names.isdisjoint((*_POSE, *_AXES))
 
     def target(self, name: str) -> Target | Left:
-        """The point that it is, or why it is none that can be corrected."""
+        """The point, or why it cannot be corrected."""
         joint = "a1" in self.numbers
         wanted = _AXES if joint else _POSE
         line = self.source.line(self.start)
@@ -153,7 +153,7 @@ class _Aggregate:
         )
 
     def _ranges(self) -> tuple[Range, ...]:
-        """What T says of the axes: bit k is set where axis k + 1 is below zero."""
+        """Ranges of the axes according to T: bit k is set where axis k + 1 is negative."""
         if "t" not in self.numbers:
             return ()
         turn = int(self.numbers["t"].value)
@@ -161,19 +161,20 @@ class _Aggregate:
 
     @property
     def frame(self) -> Array | None:
-        """The frame that it is."""
+        """The frame with these components; None if it is not a complete pose."""
         known = self.complete and all(word in self.numbers for word in _POSE)
         return KUKA.frame([self.numbers[word].value for word in _POSE]) if known else None
 
 
 @dataclass
 class _Krl(Reading):
-    """What was read so far of a program in KRL.
+    """What has been read so far of a KRL program.
 
     Attributes:
-        lines: What the data of inline forms say: tool, base, and how it is interpolated.
-        frames: What frames are set to, by their names in small letters.
-        parts: Elements of arrays by the name of these.
+        lines: Data of inline forms: tool, base, and interpolation mode.
+        frames: Values of frames, by their names in lower case.
+        parts: Names of array elements, by the name of the array.
+        moved: Whether a motion to a point has occurred in the current routine.
     """
 
     lines: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -186,14 +187,14 @@ _Frames = Mapping[str, Callable[[int], Held]]
 
 
 def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
-    """The points of a program.
+    """Read the points of a program.
 
-    Without its other file all points of a .dat are taken for targets.
+    Without its companion file, all points of a .dat are taken as targets.
 
     Args:
         file: Name of the file to be corrected.
         text: Its text.
-        other: Name and text of its .src or .dat, where there is one.
+        other: Name and text of its .src or .dat, if there is one.
     """
     both = [(file, text), *([other] if other else [])]
     both.sort(key=lambda one: not one[0].lower().endswith(".dat"))
@@ -210,7 +211,7 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
 
 
 def _carry_out(found: _Krl, source: Source) -> None:
-    """The motions of a file, each with what holds there."""
+    """Record the motions of a file, each with the state in force there."""
     steps = _steps(found, source)
     if _ASIDE.search(source.plain):
         motions = [(at, source.line(at)) for at, line in source.lines if _MOTION.match(line)]
@@ -221,7 +222,7 @@ def _carry_out(found: _Krl, source: Source) -> None:
 
 
 def _all(found: _Krl) -> None:
-    """Take every point for a target but frames."""
+    """Take every point except frames as a target."""
     for name, points in found.points.items():
         if name not in found.steady:
             found.named.add(name)
@@ -229,11 +230,11 @@ def _all(found: _Krl) -> None:
             found.left += [one for one in points if isinstance(one, Left)]
 
 
-# --- what is declared -----------------------------------------------------------------------------
+# --- declarations ---------------------------------------------------------------------------------
 
 
 def _define(found: _Krl, source: Source) -> None:
-    """Points, frames and the data of inline forms, wherever they are declared."""
+    """Record points, frames and data of inline forms, wherever they are declared."""
     depth = 0
     for lent in _LENT.finditer(source.plain):
         found.change(lent[1].lower(), source, lent.start(1))
@@ -260,7 +261,7 @@ def _define(found: _Krl, source: Source) -> None:
 
 
 def _enclose(found: _Krl, source: Source, kind: str, key: str, aggregate: _Aggregate) -> None:
-    """What has numbers and is no point; the mass that hangs on the flange moves none."""
+    """Record coordinates that are not a point; load data are ignored, as they move nothing."""
     if kind != "load" and not key.startswith("load_data"):
         found.enclose(key, source, aggregate.start, aggregate.end)
 
@@ -268,7 +269,15 @@ def _enclose(found: _Krl, source: Source, kind: str, key: str, aggregate: _Aggre
 def _declare(
     found: _Krl, source: Source, start: int, assigned: re.Match[str], decided: bool
 ) -> None:
-    """What a name that is no variable of the system is set to, in a branch or in any case."""
+    """Record an assignment to a variable that is not a system variable.
+
+    Args:
+        found: What has been read so far.
+        source: The file.
+        start: Place of the line.
+        assigned: Match of the assignment.
+        decided: Whether it is inside a branch or a loop.
+    """
     kind, key, value = (assigned[1] or "").lower(), _key(assigned[2]), assigned[3]
     aggregate = _aggregate(source, start + assigned.start(3), value)
     if aggregate is not None:
@@ -292,7 +301,7 @@ _OF_DATA = re.compile(r"(?:tool|base)_data\[")
 
 
 def _declare_data(found: _Krl, start: int, key: str, aggregate: _Aggregate, decided: bool) -> None:
-    """An element of TOOL_DATA or BASE_DATA; one that nobody can name may be any of them."""
+    """Record an element of TOOL_DATA or BASE_DATA; a computed index may mean any element."""
     known = _NUMBERED.fullmatch(key)
     if decided or key in found.frames or not known:
         found.change(key, aggregate.source, start)
@@ -301,7 +310,7 @@ def _declare_data(found: _Krl, start: int, key: str, aggregate: _Aggregate, deci
 
 
 def _declare_point(found: _Krl, start: int, kind: str, key: str, aggregate: _Aggregate) -> None:
-    """A point, or a frame, which is no target."""
+    """Record a point, or a frame, which is not a target."""
     if kind == "frame":
         found.steady.add(key)
     elif key in found.steady:
@@ -315,7 +324,7 @@ def _declare_point(found: _Krl, start: int, kind: str, key: str, aggregate: _Agg
 
 
 def _account_value(found: _Krl, source: Source, start: int, value: str) -> None:
-    """A frame between braces that a variable of the system is set to."""
+    """Account for a frame in braces that is assigned to a system variable."""
     if (aggregate := _aggregate(source, start, value)) is not None:
         found.account(source, start, aggregate.end)
 
@@ -325,7 +334,7 @@ def _number(key: str) -> str:
 
 
 def _said(value: str) -> dict[str, str]:
-    """What the data of an inline form say."""
+    """Tool, base and interpolation mode according to the data of an inline form."""
     said = {k.lower().removesuffix("_no"): n for k, n in _LINE_SAID.findall(value)}
     return said | ({"mode": "outside"} if _OUTSIDE.search(value) else {"mode": ""})
 
@@ -341,7 +350,7 @@ def _key(name: str) -> str:
 
 
 def _aggregate(source: Source, start: int, value: str) -> _Aggregate | None:
-    """What stands in braces at `start`, within `value`; None where nothing does."""
+    """The aggregate that begins at `start`, within `value`; None if there is none."""
     if not value.startswith("{"):
         return None
     last = source.closing.get(start, -1)
@@ -357,7 +366,7 @@ def _aggregate(source: Source, start: int, value: str) -> _Aggregate | None:
 
 
 def _component(entry: Entry) -> tuple[str, Number] | None:
-    """A component by its name in small letters; None where its value is no number."""
+    """A component with its name in lower case; None if its value is not a number."""
     part = _COMPONENT.fullmatch(entry.text)
     if part is None:
         return None
@@ -371,16 +380,16 @@ def _component(entry: Entry) -> tuple[str, Number] | None:
     return None if read is None else (name.lower(), read)
 
 
-# --- what holds -----------------------------------------------------------------------------------
+# --- state in force -------------------------------------------------------------------------------
 
 
 def _block(line: str) -> Kind | None:
-    """What a line is to the order in which lines are carried out."""
+    """Role of a line in the control flow; None if it has none."""
     return next((kind for kind, pattern in _BLOCKS if pattern.match(line)), None)
 
 
 def _steps(found: _Krl, source: Source) -> dict[str, list[Step]]:
-    """The steps that set the tool, the base and the interpolation, each with all blocks."""
+    """Steps that set tool, base and interpolation mode, each with those of the control flow."""
     routines = {
         one[1].lower() for _, line in source.lines if (one := _ROUTINE.match(line)) is not None
     }
@@ -399,7 +408,7 @@ _CALL = re.compile(r"(?<!\w)(\w++)\s*+\(")
 
 
 def _kinds(line: str, routines: Set[str]) -> Iterator[Kind]:
-    """What a line does to the order: it calls a routine of the file, opens or closes a block."""
+    """Roles of a line in the control flow: a call of a routine of the file, or part of a block."""
     kind = _block(line)
     if kind != "routine" and {one[1].lower() for one in _CALL.finditer(line)} & routines:
         yield "call"
@@ -410,7 +419,7 @@ def _kinds(line: str, routines: Set[str]) -> Iterator[Kind]:
 def _settings(
     found: _Krl, source: Source, start: int, line: str, form: Held
 ) -> Iterator[tuple[str, Held]]:
-    """What a line sets for those that follow it, the inline form before it being given."""
+    """States that a line sets for those that follow it, given the inline form in force."""
     at = source.line(start)
     assigned = _ASSIGNED.match(line)
     if bas := _BAS.match(line):
@@ -426,14 +435,14 @@ def _settings(
 
 
 def _unsure(word: str, at: int) -> Iterator[tuple[str, Held]]:
-    """What a word may have set: nobody knows."""
+    """Unknown states due to a setting that cannot be interpreted."""
     only = "base" if word in ("$ROBROOT", "$WORLD") else _MODES.get(word.lower())
     for which in (only,) if only else _THINGS:
         yield which, Unsure(f"what line {at} sets by {word} is not known")
 
 
 def _bas(found: _Krl, which: str, value: str, form: Held, at: int) -> Iterator[tuple[str, Held]]:
-    """What BAS(#TOOL, n) and its like set."""
+    """States set by BAS(#TOOL, n) and similar calls."""
     if which == "initmov":
         yield "tool", ""
         yield "base", ""
@@ -449,7 +458,7 @@ def _bas(found: _Krl, which: str, value: str, form: Held, at: int) -> Iterator[t
 
 
 def _form(found: _Krl, key: str, at: int) -> Iterator[tuple[str, Held]]:
-    """What the data of an inline form set."""
+    """States set by the data of an inline form."""
     said = _said(key) if key.startswith("{") else found.lines.get(key)
     for which in _THINGS:
         if said is None or key in found.changed:
@@ -459,7 +468,7 @@ def _form(found: _Krl, key: str, at: int) -> Iterator[tuple[str, Held]]:
 
 
 def _with(found: _Krl, source: Source, start: int, words: str) -> Iterator[tuple[str, Held]]:
-    """What WITH sets for one motion."""
+    """States that WITH sets for one motion."""
     for entry in entries(source.plain, start, start + len(words)):
         name, _, value = entry.text.partition("=")
         which = _MODES.get(_key(name))
@@ -471,7 +480,7 @@ def _with(found: _Krl, source: Source, start: int, words: str) -> Iterator[tuple
 
 
 def _frame(found: _Krl, source: Source, start: int, which: str, value: str) -> Held:
-    """What the frame is called that is assigned; it is kept if it is known."""
+    """Name of the frame that is assigned; the frame is stored if known."""
     key, at = _key(value), source.line(start)
     if selected := _SELECTED.fullmatch(key):
         return dict(_form(found, selected[selected.lastindex or 1], at))[which]
@@ -490,7 +499,7 @@ def _frame(found: _Krl, source: Source, start: int, which: str, value: str) -> H
 
 
 def _named_frame(found: _Krl, which: str, key: str, at: int) -> Held:
-    """A frame by the name of its variable."""
+    """Name of a frame given as a variable."""
     known = found.frames.get(key, [])
     if len(known) > 1 or not _PLAIN_NAME.fullmatch(key) or not constant(key):
         return Unsure(f"{key.upper()} of line {at} is computed or set more than once")
@@ -501,7 +510,7 @@ def _named_frame(found: _Krl, which: str, key: str, at: int) -> Held:
 
 
 def _data(found: _Krl, key: str, at: int) -> Held:
-    """TOOL_DATA and BASE_DATA by their numbers."""
+    """Number of an element of TOOL_DATA or BASE_DATA."""
     changed = found.unsettled(key)
     if not _NUMBERED.fullmatch(key):
         return Unsure(f"{key.upper()} of line {at} is not known")
@@ -512,7 +521,7 @@ def _data(found: _Krl, key: str, at: int) -> Held:
 
 
 def _follow(found: _Krl, source: Source, start: int, line: str, held: _Frames) -> None:
-    """A line as the robot carries it out, if it is a motion."""
+    """Process a line in execution order, if it is a motion."""
     if _ROUTINE.match(line):
         found.moved = False
     elif _SPLINE.match(line):
@@ -523,7 +532,7 @@ def _follow(found: _Krl, source: Source, start: int, line: str, held: _Frames) -
 
 
 def _move(found: _Krl, source: Source, start: int, motion: re.Match[str], held: _Frames) -> None:
-    """The points of a motion."""
+    """Record the targets of a motion."""
     kind, words = motion[1].upper(), motion[3]
     now = {which: at(start) for which, at in held.items()}
     if found_with := _WITH.fullmatch(words):
@@ -544,7 +553,7 @@ def _move(found: _Krl, source: Source, start: int, motion: re.Match[str], held: 
 
 
 def _by_distance(found: _Krl, line: int, file: str, word: str) -> None:
-    """A motion that ends a distance from the point before it, and goes wherever that does."""
+    """Record a relative motion, whose end moves with the point before it."""
     one = Left(file, line, f"{word} moves by a distance")
     found.following.append((one, found.last if found.moved else None))
 
@@ -552,7 +561,7 @@ def _by_distance(found: _Krl, line: int, file: str, word: str) -> None:
 def _go(
     found: _Krl, source: Source, entry: Entry, now: Mapping[str, Held], by_axes: bool
 ) -> Left | None:
-    """Note a motion to a point; what is left, where it cannot be corrected."""
+    """Record a motion to a point; return a `Left` if it cannot be corrected."""
     line, key = source.line(entry.start), _key(entry.text)
     point = _POINT.fullmatch(entry.text)
     mode, why, counts = now["mode"], None, True
@@ -574,9 +583,9 @@ def _go(
 def _use(
     found: _Krl, source: Source, start: int, word: str, now: Mapping[str, Held], by_axes: bool
 ) -> str | None:
-    """Note a motion to a point; why not, where it cannot be corrected.
+    """Record a motion to a point; return why it cannot be corrected, or None.
 
-    S and T of a point hold for PTP; other motions keep the configuration that they come from.
+    S and T of a point apply to PTP; other motions keep the arm configuration from which they start.
     """
     points: Sequence[Target | Left]
     if word.startswith("{"):
@@ -595,7 +604,7 @@ def _use(
 
 
 def _named(found: _Krl, key: str) -> Sequence[Target | Left]:
-    """The points of a name; all elements of an array where the index is computed."""
+    """The points of a name; all elements of an array if the index is computed."""
     if key in found.points or not key.endswith("]"):
         found.named.add(key)
         return found.points.get(key, [])

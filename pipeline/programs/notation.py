@@ -1,4 +1,4 @@
-"""How controllers write poses: numbers in, frames out, and back near what stood there."""
+"""How controllers write poses: numbers to frames, and back to the nearest equivalent numbers."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from pipeline.base.arrays import Array
 from pipeline.prediction.path import ARM_M
 
 Form = Literal["abc", "wpr", "quaternion", "vector"]
-"""Letters of a turn: A, B, C about z, y', x'' (KUKA); W, P, R about the fixed x, y, z (FANUC), the
-same turn from the other end; the quaternion, scalar first (ABB); the rotation vector (UR)."""
+"""Notation of orientations: A, B, C about z, y', x'' (KUKA); W, P, R about the fixed x, y, z
+(FANUC), the same rotation in reverse order; quaternion, scalar first (ABB); rotation vector
+(UR)."""
 
 _LEVEL = 1e-9
-"""Cosine of the angle about y from which on the two others turn about one axis [1]."""
+"""Cosine of the angle about y below which the two other rotations are about one axis [1]."""
 _REACH_M = 1.0
-"""[m]: how far the tip is from a joint's axis, in order of magnitude."""
+"""Distance of the tip from a joint's axis, order of magnitude [m]."""
 
 
 @dataclass(frozen=True)
 class Notation:
-    """Units and letters of a program.
+    """Units and notation of a program.
 
     Attributes:
-        form: Of turns.
-        length: Metres in a unit of length.
-        angle: Radians in a unit of angle.
+        form: Notation of orientations.
+        length: Unit of length [m].
+        angle: Unit of angle [rad].
     """
 
     form: Form
@@ -38,19 +39,19 @@ class Notation:
 
     @property
     def count(self) -> int:
-        """Numbers of a pose."""
+        """Number of numbers of a pose."""
         return 7 if self.form == "quaternion" else 6
 
     @property
     def letters(self) -> str:
-        """What the numbers of a pose are called."""
+        """Names of the numbers of a pose."""
         return f"X,Y,Z,{_LETTERS[self.form]}"
 
     def frame(self, values: Sequence[float]) -> Array:
-        """A pose [m] as matrix, shape (4, 4), from its numbers.
+        """A pose as matrix [m], shape (4, 4), from its numbers.
 
         Raises:
-            ValueError: A quaternion of no length.
+            ValueError: A quaternion has zero length.
         """
         frame = np.eye(4)
         frame[:3, :3] = self._rotation(np.array(values[3:], float)).as_matrix()
@@ -65,7 +66,7 @@ class Notation:
         return Rotation.from_euler("ZYX", self.angle * self._zyx(turn))
 
     def values(self, frame: Array, near: Sequence[float]) -> Array:
-        """The numbers of a pose (4, 4), of all that mean the same those nearest to others."""
+        """Numbers of a pose (4, 4); of all equivalent ones, those nearest to `near`."""
         turn, before = Rotation.from_matrix(frame[:3, :3]), np.array(near[3:], float)
         if self.form == "quaternion":
             found = turn.as_quat()[[3, 0, 1, 2]] * np.linalg.norm(before)
@@ -82,13 +83,13 @@ class Notation:
 
     @property
     def worth_of_pose(self) -> Array:
-        """How far a unit of each number of a pose moves the tool [m], shape (6,) or (7,)."""
+        """Displacement of the tool per unit of each number of a pose [m], shape (6,) or (7,)."""
         turn = 2 * ARM_M if self.form == "quaternion" else self.angle * ARM_M
         return np.array([self.length] * 3 + [turn] * (self.count - 3))
 
     @property
     def worth_of_joint(self) -> float:
-        """How far a unit of a joint's angle moves the tip [m]."""
+        """Displacement of the tip per unit of a joint's angle [m]."""
         return self.angle * _REACH_M
 
 
@@ -104,7 +105,7 @@ def _angles(R: Array, near: Array) -> Array:
     """Angles about z, y', x'' [rad], nearest to others, shape (3,)."""
     level = float(np.hypot(R[0, 0], R[1, 0]))
     b = float(np.arctan2(-R[2, 0], level))
-    if level < _LEVEL:  # a and c turn about one axis: c stays
+    if level < _LEVEL:  # a and c are about one axis: c is kept
         c = near[2]
         a = np.arctan2(-R[0, 1], R[1, 1]) + np.sign(b) * c
         return _whole_turns(np.array([a, b, c]), near)
@@ -118,7 +119,7 @@ def _whole_turns(found: Array, near: Array) -> Array:
 
 
 def _vector(found: Array, near: Array) -> Array:
-    """The rotation vector of the same turn that is nearest to another [rad], shape (3,)."""
+    """Rotation vector of the same rotation that is nearest to another [rad], shape (3,)."""
     size = float(np.linalg.norm(found))
     if size < _LEVEL:
         return found

@@ -1,4 +1,4 @@
-"""A program before and after its correction, along the part: one SVG, drawn without a library."""
+"""Picture of a program before and after its correction: one SVG, drawn without a library."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from pipeline.library.compensate import Compensation
 _WIDE, _HIGH, _EDGE = 760, 250, 60
 _TAUGHT, _BEFORE, _AFTER = "#6b7280", "#c2410c", "#0f766e"
 _SHARE = 0.08
-"""Of the size of the part [1], as which the largest deflection is drawn."""
+"""Size of the largest deflection as drawn, relative to the size of the part [1]."""
 
 
 def picture(name: str, tips: Array, found: Compensation) -> str:
-    """Deflection along the way before and after, and the part with the deflection enlarged.
+    """Deflection along the path before and after, and the part with the deflection enlarged.
 
     Args:
-        name: Of the program.
-        tips: Where the force acts at each target, F_b [m], shape (m, 3).
-        found: What the targets are moved by.
+        name: Name of the program.
+        tips: Point where the force acts at each target, F_b [m], shape (m, 3).
+        found: Offsets of the targets.
     """
     steps = np.linalg.norm(np.diff(tips, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -42,7 +42,7 @@ def picture(name: str, tips: Array, found: Compensation) -> str:
 
 
 def _curves(along: Array, before: Array, after: Array) -> Iterator[str]:
-    """Deflection [mm] over the way [m]."""
+    """Curves of the deflection [mm] over the distance travelled [m]."""
     far, most = max(float(along[-1]), 1e-9), max(float(before.max()), 1e-9)
     x = _EDGE + along / far * (_WIDE - 2 * _EDGE)
     floor, height = _HIGH - 45, _HIGH - 90
@@ -60,7 +60,7 @@ def _curves(along: Array, before: Array, after: Array) -> Iterator[str]:
 
 
 def _part(tips: Array, shift: Array) -> Iterator[str]:
-    """The targets from where most of them is seen, and where the load takes them, enlarged."""
+    """The targets in their plane of largest extent, and their positions under load, enlarged."""
     middle = tips.mean(axis=0)
     plane = linear.principal(tips - middle)[2][:2]
     wide, high = np.maximum(np.abs((tips - middle) @ plane.T).max(axis=0), 1e-6)

@@ -1,4 +1,4 @@
-"""`pipeline predict`: where the targets of a campaign stand at other joint values."""
+"""`pipeline predict`: positions of a campaign's targets at other joint values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.base.shown import typed
 
 
 class Of(StrEnum):
-    """Which model predicts."""
+    """The model used for prediction."""
 
     RECOMMENDED = "recommended"
     JOINT_SPRINGS = "joint_springs"
@@ -48,15 +48,15 @@ def predict(
 
 
 def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> str:
-    """Rows of `row,target,x_m,...`, as docs/campaign.md has them.
+    """Predictions as CSV, rows of `row,target,x_m,...` as in docs/campaign.md.
 
     Raises:
-        UsageError: The campaign has no such model yet, or the file is not there.
-        InputError: The file cannot be read, or a row of it is not as it should be.
+        UsageError: The campaign has no such model yet, or the file cannot be read.
+        InputError: The content of the file or one of its rows is invalid.
     """
     import numpy as np
 
-    from pipeline.prediction import standing
+    from pipeline.library import standing
     from pipeline.prediction.model import IdentifiedModel
     from pipeline.programs.asked import as_csv, asked, under_pulls
     from pipeline.store import campaign as campaigns
@@ -74,7 +74,8 @@ def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> 
     if kept.is_file():
         missing = InputError("there is no such file", "run the campaign again", file=str(kept))
         one = standing.loads(files.read(kept, str(kept), standing.LARGEST, missing), str(kept))
-        chosen = {Of.NOMINAL: one.nominal, Of.JOINT_SPRINGS: one.springs}.get(model, lambda: one)()
+        as_asked = {Of.NOMINAL: standing.nominal, Of.JOINT_SPRINGS: standing.springs}
+        chosen = as_asked.get(model, lambda same: same)(one)
         rows = asked(file.name, data, chosen.mechanism.table, chosen.payloads)
         return as_csv(chosen.targets, chosen.six, standing.predict(chosen, *rows))
     if model is not Of.RECOMMENDED:

@@ -1,4 +1,4 @@
-"""A robot program as text with targets in it: what is read of it, and how it is written again."""
+"""A robot program as text with targets in it, and how corrected numbers are written into it."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ _Kind = Literal["joint", "cartesian"]
 NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?"
 _PARTS = re.compile(r"([-+]?)(\d*)(?:\.(\d*))?(?:([eE])([-+]?)(\d+))?")
 _LARGEST = 1e10
-"""Of all numbers of a target, whatever their unit; ABB writes 9E9 for an axis that there is not."""
+"""Limit for all numbers of a target, whatever their unit; ABB writes 9E9 for an absent axis."""
 FINE_M = 1e-6
-"""[m]: a last digit that is worth more gets others behind it. No tracker resolves less."""
+"""Resolution to which numbers are written [m]; no tracker resolves less. If the last digit is worth
+more, decimals are added."""
 _WHOLE = 1e-9
-"""Of a number of digits [1]: what rounding adds to a whole one."""
+"""Rounding error that is ignored in a number of digits [1]."""
 
 
 class Number(NamedTuple):
-    """A number where it stands in a text.
+    """A number and its place in a text.
 
     Attributes:
-        start: Its first letter.
-        end: Behind its last letter.
+        start: Index of its first character.
+        end: Index behind its last character.
         value: As written, in the unit of the program.
     """
 
@@ -41,19 +42,20 @@ class Number(NamedTuple):
 
 
 def number(start: int, text: str) -> Number | None:
-    """A number of a robot, written from `start` on; None for one that no robot has."""
+    """A number written from `start` on; None if it is too large for any robot."""
     value = float(text)
     return Number(start, start + len(text), value) if abs(value) < _LARGEST else None
 
 
 class Left(NamedTuple):
-    """What is not corrected, and why.
+    """Something that is not corrected, and why.
 
     Attributes:
-        file: Where it stands.
-        line: In that file, from 1.
-        why: In words.
-        counts: It moves the tool to where it was taught while corrected points are elsewhere.
+        file: Name of its file.
+        line: Line in that file, from 1.
+        why: Reason in words.
+        counts: Whether it moves the tool to where it was taught while corrected points are
+            elsewhere.
     """
 
     file: str
@@ -67,16 +69,16 @@ class Target:
     """A taught point.
 
     Attributes:
-        name: What the program calls it.
-        file: Where it stands.
-        line: In that file, from 1.
-        kind: Axes or a pose.
-        numbers: Six axes, or the numbers of a pose, in the order of the notation.
-        external: Further axes as written, mm or degrees, those that are given.
+        name: Name in the program.
+        file: Name of its file.
+        line: Line in that file, from 1.
+        kind: Axis values or a pose.
+        numbers: Six axis values, or the numbers of a pose, in the order of the notation.
+        external: Values of external axes as written, mm or degrees, those that are given.
         tool: Name of its tool; empty for the one that the options give.
-        base: Name of the frame it stands in; likewise.
-        ranges: What is said of each axis of the arm.
-        near: Values of the axes near it, in the unit of the program, where it says so.
+        base: Name of the frame of its coordinates; likewise.
+        ranges: Range of each axis of the arm.
+        near: Axis values near it, in the unit of the program, if stated.
     """
 
     name: str
@@ -92,12 +94,12 @@ class Target:
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Its numbers."""
+        """Values of its numbers."""
         return tuple(number.value for number in self.numbers)
 
     @property
     def place(self) -> tuple[str, int]:
-        """What tells it from others: file and first letter."""
+        """Identifies it: file, and place of its first number."""
         return self.file, self.numbers[0].start
 
 
@@ -106,14 +108,14 @@ class Program:
     """A program.
 
     Attributes:
-        file: Its name.
-        text: Its letters; each stands for one byte.
+        file: Name of the file.
+        text: Its characters, one per byte.
         notation: How it writes poses.
-        targets: Its points, and those of its other file, in the order of the motions to them.
-        left: What is not corrected of it.
-        elsewhere: What is not corrected of its other file.
+        targets: Its points, and those of its companion file, in the order of the motions to them.
+        left: What is not corrected in it.
+        elsewhere: What is not corrected in its companion file.
         tools: Tool frames that it defines, in the flange frame, by name, each (4, 4).
-        bases: Frames that it defines, in the world of the controller, by name, each (4, 4).
+        bases: Frames that it defines, in the controller's world frame, by name, each (4, 4).
     """
 
     file: str
@@ -127,11 +129,11 @@ class Program:
 
     @property
     def own(self) -> tuple[Target, ...]:
-        """The targets that stand in this file."""
+        """The targets in this file."""
         return tuple(target for target in self.targets if target.file == self.file)
 
     def written(self, values: Mapping[tuple[str, int], Sequence[float]]) -> Program:
-        """The same program with other numbers, in the digits that it has or as many as it takes.
+        """The same program with other numbers, in their number of decimals or more if needed.
 
         Args:
             values: New numbers of targets, in the unit of the program, by their places.
@@ -151,7 +153,7 @@ class Program:
         return replace(self, text="".join([*pieces, self.text[at:]]))
 
     def rounded(self, target: Target, values: Sequence[float]) -> list[float]:
-        """What is left of new numbers of a target when they are written."""
+        """New numbers of a target as they are rounded when written."""
         return [
             float(_rewritten(self.text[number.start : number.end], float(value), float(worth)))
             for number, value, worth in zip(
@@ -166,12 +168,12 @@ class Program:
 
 
 def _rewritten(old: str, value: float, worth: float) -> str:
-    """A number in the manner of another one.
+    """A number in the format of another one.
 
     Args:
-        old: The other one, as it stands.
+        old: The other one, as written.
         value: The number.
-        worth: How far a unit of it moves the tool [m].
+        worth: Displacement of the tool per unit of the number [m].
     """
     found = _PARTS.fullmatch(_decimal(old))
     if found is None:
@@ -191,7 +193,7 @@ def _rewritten(old: str, value: float, worth: float) -> str:
 
 
 def _decimal(text: str) -> str:
-    """A number that KUKA writes in bits, 'H9C0' or 'B010', in decimal digits."""
+    """Decimal digits of a number that KUKA writes in binary or hexadecimal, 'B010' or 'H9C0'."""
     if not text.startswith("'"):
         return text
     word = text.strip("'").strip()
@@ -199,19 +201,19 @@ def _decimal(text: str) -> str:
 
 
 def _without_zero(new: str, value: float) -> str:
-    """`.5` for `0.5` and `-.5` for `-0.5`; others as they are."""
+    """`.5` for `0.5` and `-.5` for `-0.5`; others unchanged."""
     return new.replace("0.", ".", 1) if abs(value) < 1 else new
 
 
 def _with_exponent(new: str, letter: str, sign: str, digits: int) -> str:
-    """A number with its exponent in the manner of another one: letter, sign and leading zeros."""
+    """A number with its exponent in the format of another: letter, sign and number of digits."""
     mantissa, _, exponent = new.partition("e")
     own = "-" if exponent.startswith("-") else "+" if sign else ""
     return f"{mantissa}{letter}{own}{exponent.lstrip('+-').zfill(digits)}"
 
 
 class Use(NamedTuple):
-    """A motion to a point."""
+    """A motion to a point, with the tool and frame in force."""
 
     target: Target
     tool: str
@@ -221,11 +223,13 @@ class Use(NamedTuple):
 def gathered(
     uses: Iterable[Use], changed: Mapping[tuple[str, int], str]
 ) -> tuple[list[Target], list[Left]]:
-    """Each point once, in the order of the motions to it, with the frames it stands in.
+    """Each point once, in the order of the motions to it, with its tool and frame.
+
+    A point that is changed, or used with several tools or frames, is listed as not corrected.
 
     Args:
         uses: The motions.
-        changed: Places of points that are not as taught when the robot comes to them, and why.
+        changed: Places of points that may not be as taught when the robot moves to them, and why.
     """
     frames: dict[tuple[str, int], dict[tuple[str, str], Target]] = {}
     for target, tool, base in uses:

@@ -1,9 +1,9 @@
-r"""ABB RAPID: points declared, assigned or written into the motions.
+r"""ABB RAPID: points declared, assigned or written in the motion instructions.
 
     CONST robtarget p10:=[[1200,0,800],[0,0,1,0],[0,0,-1,0],[350,9E9,9E9,9E9,9E9,9E9]];
     MoveL p10,v100,z10,tGripper\WObj:=wobj1;
 
-Tool and frame are those of the motions to a point.
+The tool and the frame of a point are those of the motions to it.
 """
 
 from __future__ import annotations
@@ -71,9 +71,9 @@ _POINT = re.compile(r"(\w+)\s*(?:\{\s*(\w+)\s*\})?$")
 _SWITCHES = re.compile(r"(?<!\s)(?:\s*\\\s*\w+(?:\s*:=\s*[^\\,]+)?)+$")
 _WOBJ = re.compile(r"\\\s*WObj\s*(?::=)?\s*([^\\,]*)", re.IGNORECASE)
 _BY_NAME = re.compile(r"(?<![\w\\.])Set(?:All)?DataVal\b", re.IGNORECASE)
-"""What sets data whose name is a string."""
+"""Matches what sets data whose name is given as a string."""
 _UNUSED = 1e9
-"""An external axis of 9E9 is none."""
+"""Value from which an external axis is unused: RAPID writes 9E9."""
 
 _MOTIONS: dict[str, tuple[tuple[int, ...], int]] = {
     "movel": ((0,), 3),
@@ -93,20 +93,20 @@ _MOTIONS: dict[str, tuple[tuple[int, ...], int]] = {
     "searchl": ((2,), 4),
     "searchc": ((2, 3), 5),
 }
-"""Which arguments of a motion are points, and which is the tool."""
+"""Indices of the arguments of a motion that are points, and of the one that is the tool."""
 _NO_MOTION = re.compile(r"trigg(?:checkio|data\w+|equip|int|io|rampao|speed|stopproc)")
-"""What only prepares a motion."""
+"""Matches instructions that only prepare a motion."""
 _FRAMES = ("tooldata", "wobjdata")
 _MORE = ("do", "sync")
-"""What has two more arguments behind the tool."""
+"""Endings of motions that may have two more arguments after the tool."""
 _SEARCH = ("searchl", "searchc")
-"""What writes into its second argument where it found something."""
+"""Motions that write the position found into their second argument."""
 _DISPLACED = {
     "pdispset": "on", "pdispon": "on", "eoffsset": "on", "eoffson": "on",
     "pdispoff": "", "eoffsoff": "",
 }  # fmt: skip
 _CHECKED = ("confl", "confj")
-"""What says whether the configurations of points hold, in linear motions and in others."""
+"""Instructions that switch the checking of configurations, for linear and for other motions."""
 _BY_AXES = ("movej", "triggj")
 _BLOCKS: dict[str, Kind] = {
     "if": "open", "test": "open", "for": "loop", "while": "loop", "proc": "routine",
@@ -120,12 +120,12 @@ _TOKEN = re.compile(r"(?<![\w.\\])(\w++)(\s*+:(?!=))?|;|%[^%;]*%")
 
 @dataclass
 class _Rapid(Reading):
-    """What was read so far of a module.
+    """A module as far as it was read.
 
     Attributes:
         routines: Names of its routines.
-        ends: Where statements end.
-        unchecked: Kinds of motions whose configurations do not hold.
+        ends: Indices of the ends of statements.
+        unchecked: Instructions of `_CHECKED` that switched the checking off.
     """
 
     routines: set[str] = field(default_factory=set)
@@ -138,7 +138,7 @@ class _Rapid(Reading):
         return self.sources[0]
 
     def check(self, word: str, on: bool) -> None:
-        """From here on configurations are checked, or not."""
+        """Switch the checking of configurations on or off from here on."""
         self.unchecked.discard(word)
         if not on:
             self.unchecked.add(word)
@@ -148,18 +148,18 @@ class _Rapid(Reading):
         return word not in self.unchecked
 
     def end(self, start: int) -> int:
-        """Where the statement ends; one without an end says nothing."""
+        """Index of the end of a statement; `start` if it has no end."""
         k = bisect_left(self.ends, start)
         return self.ends[k] if k < len(self.ends) else start
 
 
 def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
-    """The points of a module.
+    """Points of a module.
 
     Args:
-        file: Its name.
-        text: Its text.
-        other: Nothing: a module stands alone.
+        file: Name of the file.
+        text: Text of the file.
+        other: Not used: a module has no companion file.
     """
     source = Source(file, text, _SILENT)
     found = _Rapid([source], _LEXICON)
@@ -167,7 +167,7 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     found.ends = [one.start() for one in re.finditer(";", source.plain)]
     _define(found)
     _carry_out(found)
-    if not (found.uses or found.left):  # a module of data alone
+    if not (found.uses or found.left):  # a module of data only
         found.named |= {*found.points}
         points = (one for all_ in found.points.values() for one in all_)
         found.uses = [Use(one, "", "") for one in points if isinstance(one, Target)]
@@ -175,7 +175,7 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
 
 
 def _carry_out(found: _Rapid) -> None:
-    """The motions of the module, each with what displaces it."""
+    """Process the motions of the module, each with the displacement in force."""
     source = found.source
     motions = list(_MOTION.finditer(source.plain))
     steps = list(_steps(found))
@@ -189,7 +189,7 @@ def _carry_out(found: _Rapid) -> None:
 
 
 def _routines(found: _Rapid) -> None:
-    """The routines of a program; what their callers give is not known."""
+    """Record the routines of a program; the values of their parameters are unknown."""
     for routine in _ROUTINE.finditer(found.source.plain):
         found.routines.add(routine[1].lower())
         found.account(found.source, *routine.span())
@@ -200,7 +200,7 @@ def _routines(found: _Rapid) -> None:
 
 
 def _define(found: _Rapid) -> None:
-    """Points and frames, and what the program itself assigns to them."""
+    """Record points and frames, and the assignments of the program to them."""
     plain, declared, behind = found.source.plain, set(), 0
     _routines(found)
     for one in _DECLARED.finditer(plain):
@@ -219,7 +219,7 @@ def _define(found: _Rapid) -> None:
 
 
 def _literal(found: _Rapid, start: int) -> Entry | None:
-    """The list at a place, where a whole statement ends with it."""
+    """List that begins at an index, if the statement ends with it; otherwise None."""
     last = found.source.closing.get(start)
     plain = found.source.plain
     if last is None or plain[start] != "[" or plain[last + 1 : found.end(last)].strip():
@@ -228,7 +228,7 @@ def _literal(found: _Rapid, start: int) -> Entry | None:
 
 
 def _declare_frame(found: _Rapid, kind: str, name: str, value: Entry | None, again: bool) -> None:
-    """A tool or a work object; what is declared more than once is not known."""
+    """Record a tool or a work object; one that is declared more than once is unknown."""
     frames = found.tools if kind == "tooldata" else found.bases
     frame, why = _framed(found.source, kind, value)
     if name in frames or again:
@@ -240,7 +240,7 @@ def _declare_frame(found: _Rapid, kind: str, name: str, value: Entry | None, aga
 
 
 def _declare(found: _Rapid, one: re.Match[str]) -> int:
-    """A point or a frame; where its value ends."""
+    """Record a declared point or frame; return the index of the end of its value."""
     kind, name = one[1].lower(), one[2].lower()
     value = _literal(found, one.end())
     end = one.end() if value is None else value.end
@@ -257,7 +257,7 @@ def _declare(found: _Rapid, one: re.Match[str]) -> int:
 
 
 def _assign(found: _Rapid, one: re.Match[str]) -> int:
-    """A point, a part of one or a frame that the program sets itself; where its value ends."""
+    """Record an assignment to a point, a part of one or a frame; return the index of its end."""
     name = one[1].lower()
     found.account(found.source, *one.span(1))
     value = None if one[2] or one[3] else _literal(found, one.end())
@@ -272,7 +272,7 @@ def _assign(found: _Rapid, one: re.Match[str]) -> int:
 def _points(
     found: _Rapid, name: str, value: Sequence[Entry], dimensions: int = 3
 ) -> Iterator[Target | Left]:
-    """The points of a value, several in an array; why not, where one cannot be corrected."""
+    """Yield the points of a value, several for an array, or why one cannot be corrected."""
     for entry in value:
         line = found.source.line(entry.start)
         parts = inner(found.source, entry)
@@ -289,7 +289,7 @@ def _points(
 
 
 def _point(found: _Rapid, name: str, entry: Entry, parts: Sequence[Entry]) -> Target | Left:
-    """A robtarget of four lists, or a jointtarget of two."""
+    """Point of a robtarget (four lists) or a jointtarget (two lists)."""
     read = [numbers(inner(found.source, part)) or () for part in parts]
     place = name, found.source.file, found.source.line(entry.start)
     external = tuple(n.value for n in read[-1] if abs(n.value) < _UNUSED)
@@ -304,7 +304,7 @@ def _point(found: _Rapid, name: str, entry: Entry, parts: Sequence[Entry]) -> Ta
 
 
 def _ranges(configuration: Sequence[Number]) -> tuple[Range, ...]:
-    """Quarter turns of axes 1, 4 and 6, and the sign of axis 5: it is negative where cfx is odd."""
+    """Ranges of the axes [rad]: quarter turns of 1, 4 and 6; axis 5 is negative for odd cfx."""
     cf1, cf4, cf6, cfx = (number.value for number in configuration)
     quarter = np.pi / 2
     first, fourth, sixth = ((cf * quarter, (cf + 1) * quarter) for cf in (cf1, cf4, cf6))
@@ -313,11 +313,11 @@ def _ranges(configuration: Sequence[Number]) -> tuple[Range, ...]:
 
 
 _Framed = tuple[Array | None, str | None]
-"""A frame, or why it is none that stands still."""
+"""Frame, None if it cannot be read, and why it is not fixed, None if it is."""
 
 
 def _framed(source: Source, kind: str, value: Entry | None) -> _Framed:
-    """The frame of tooldata or wobjdata, or why it is none that stands still."""
+    """Frame of tooldata or wobjdata, and why it is not fixed to the robot or to the cell."""
     parts = (None if value is None else inner(source, value)) or []
     said = [part.text.upper() for part in parts]
     return (_tool if kind == "tooldata" else _work_object)(source, said, parts)
@@ -352,7 +352,7 @@ def _pose(source: Source, entry: Entry) -> Array | None:
 
 
 def _steps(found: _Rapid) -> Iterator[Step]:
-    """What displaces points, and the blocks that it stands in; an IF without THEN is a block."""
+    """Yield displacement changes and the blocks around them; an IF without THEN is a block."""
     plain, compact, before = found.source.plain, False, ""
     jumps = {*map(str.lower, re.findall(r"\bGOTO\s+(\w+)", plain, re.IGNORECASE))}
     for token in _TOKEN.finditer(plain):
@@ -373,7 +373,7 @@ _ENDS_IF = ("", "then")
 
 
 def _kind(found: _Rapid, word: str, before: str, label: bool) -> Kind | None:
-    """What a word does to the order in which statements are carried out."""
+    """Kind of step that a word makes, or None."""
     if word in _DISPLACED:
         return "set"
     if word in _BLOCKS:
@@ -387,7 +387,7 @@ def _kind(found: _Rapid, word: str, before: str, label: bool) -> Kind | None:
 def _follow(
     found: _Rapid, motion: re.Match[str], following: int, displaced: Callable[[int], Held]
 ) -> None:
-    """An instruction as the robot carries it out."""
+    """Process one instruction, in the order of the text."""
     plain, word = found.source.plain, motion[motion.lastindex or 0]
     name, start, after = word.lower(), motion.start(motion.lastindex or 0), motion.end()
     end = found.end(after)
@@ -411,17 +411,17 @@ def _follow(
 
 
 def _switch(entry: Entry) -> bool:
-    """Whether an argument is an optional one."""
+    """Whether an argument is optional."""
     return entry.text.startswith("\\")
 
 
 def _moves_nothing(name: str) -> bool:
-    """Whether a word that begins as motions do is none."""
+    """Whether an instruction named like a motion moves nothing."""
     return _NO_MOTION.fullmatch(name) is not None
 
 
 def _move(found: _Rapid, name: str, start: int, given: Sequence[Entry], displaced: Held) -> None:
-    """The points of a motion with its tool and its frame."""
+    """Record the points of a motion with its tool and its frame."""
     which, tool_at = _MOTIONS[name]
     plain = sum(not _switch(one) for one in given)
     if not tool_at < plain <= tool_at + (3 if name.endswith(_MORE) else 1):
@@ -438,27 +438,27 @@ def _move(found: _Rapid, name: str, start: int, given: Sequence[Entry], displace
 
 
 def _displaced(entry: Entry, displaced: Held) -> str | None:
-    """Why a point is not where it was taught, where the program displaces points."""
+    """Why a point is not where it was taught, if the program displaces points."""
     if isinstance(displaced, Unsure):
         return displaced.why
     return f"{entry.text} is displaced by the program" if displaced else None
 
 
 def _named_frame(text: str) -> Held:
-    """The name of a tool or a work object."""
+    """Name of a tool or a work object, in lower case."""
     text = text.strip()
     word = _WORD.fullmatch(text)
     return word[1].lower() if word else Unsure(f"{text} is computed at run time")
 
 
 def _use(found: _Rapid, entry: Entry, frames: tuple[Held, Held], checked: bool) -> str | None:
-    """Note a motion to a point; why not, where it cannot be corrected.
+    """Record a motion to a point; return why, if it cannot be corrected.
 
     Args:
-        found: What was read so far.
+        found: Module as far as it was read.
         entry: The point.
         frames: Tool and work object.
-        checked: The configuration that it states holds.
+        checked: Whether the stated configuration is kept.
     """
     text = _SWITCHES.sub("", entry.text)
     points: Sequence[Target | Left]
@@ -479,7 +479,7 @@ def _use(found: _Rapid, entry: Entry, frames: tuple[Held, Held], checked: bool) 
 
 
 def _named(found: _Rapid, name: str, index: str | None) -> Sequence[Target | Left]:
-    """The points of a name; all elements of an array where the index is computed."""
+    """Points of a name; all elements of an array if the index is computed."""
     points = found.points.get(name, [])
     found.named.add(name)
     single = len({one.name for one in points if isinstance(one, Target)}) == len(points)

@@ -1,9 +1,9 @@
-"""What a corrected program says of itself, so that nobody corrects it twice.
+"""Stamp of a corrected program, which prevents it from being corrected twice.
 
-The remark stands where the controller of the language takes one and where it changes nothing: below
-the head of a KRL, RAPID or URScript routine or module (KRL wants its `&` lines first, RAPID its
-`%%%` header), and behind the last line of a TP program, where no line gets another number. TP's
-COMMENT has 16 letters and is the author's.
+The remark stands where the controller accepts one and where it changes nothing: below the head of a
+KRL, RAPID or URScript routine or module (KRL wants its `&` lines first, RAPID its `%%%` header),
+and behind the last line of a TP program, so that no line number changes. TP's COMMENT has only 16
+characters and belongs to the author.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ _MARK = "Corrected for the load by pipeline"
 _FOUND = re.compile(r"[;!#|][ \t]*Corrected for the load by(?: |\s*;\s*\d+:\s*!\|)pipeline\b")
 _BEGUN = "!|"
 _WIDTH = 30
-"""Letters of a remark in TP [1], without `!|`; the pendant takes 32."""
+"""Number of characters of a remark in TP, without `!|`; the pendant takes 32."""
 _DIGITS = 12
-"""Letters of a digest [1]: enough to tell texts apart."""
+"""Number of characters of a digest; enough to distinguish texts."""
 _EOL = r"[^\r\n]*(?:\r\n|\r|\n)"
 _HEADS = {
     ".src": rf"^[ \t]*(?:GLOBAL[ \t]+)?DEF(?:FCT)?\b{_EOL}",
@@ -34,20 +34,20 @@ _TOP = re.compile(rf"(?:\xef\xbb\xbf)?(?:&{_EOL}|%%%{_EOL}(?:(?!%%%){_EOL})*%%%{
 
 
 def _digest(data: bytes) -> str:
-    """What tells contents apart, short enough to be compared by eye."""
+    """Digest of a content, short enough to be compared by eye."""
     return hashlib.sha256(data).hexdigest()[:_DIGITS]
 
 
 def words(version: str, campaign: str, model: bytes, force: str, date: str, text: str) -> str:
-    """What a corrected program or table says of itself.
+    """Text of the stamp of a corrected program or table.
 
     Args:
-        version: Of this software.
-        campaign: Whose model corrected it.
-        model: That model.
-        force: As given, with its frame.
-        date: Of the correction.
-        text: The corrected text, without this.
+        version: Version of this software.
+        campaign: Campaign whose model was used.
+        model: Content of that model's file.
+        force: Force as given, with its frame.
+        date: Date of the correction.
+        text: The corrected text, without the stamp.
     """
     said = (
         f"{_MARK} {version}: campaign {campaign}, model {_digest(model)}, force {force}, {date}, "
@@ -57,10 +57,10 @@ def words(version: str, campaign: str, model: bytes, force: str, date: str, text
 
 
 def refuse(file: str, text: str) -> None:
-    """Refuse a program that was corrected before, by whichever campaign.
+    """Reject a program that has been corrected before, by whichever campaign.
 
     Raises:
-        InputError: It says so.
+        InputError: It contains a stamp.
     """
     found = _FOUND.search(text)
     if found is not None:
@@ -70,7 +70,7 @@ def refuse(file: str, text: str) -> None:
 
 
 def stamped(file: str, text: str, said: str) -> str:
-    """The text with a remark in the manner of its language, in the file's own line ends."""
+    """The text with a remark in its language, with the line ends of the file."""
     suffix = file.lower()[file.rindex(".") :]
     suffix = _ALIKE.get(suffix, suffix)
     end = "\r\n" if "\r\n" in text else "\r" if "\r" in text and "\n" not in text else "\n"
@@ -83,7 +83,7 @@ def stamped(file: str, text: str, said: str) -> str:
 
 
 def _below_motions(text: str, said: str, end: str) -> str:
-    """A TP program with remarks behind its last line; its attributes count them."""
+    """A TP program with remarks behind its last line, and LINE_COUNT increased accordingly."""
     positions = re.search(r"^/POS\b", text, re.MULTILINE | re.IGNORECASE)
     place = len(text) if positions is None else positions.start()
     numbers = re.findall(r"^[ \t]*(\d{1,6})[ \t]*:", text[:place], re.MULTILINE)

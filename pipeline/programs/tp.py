@@ -10,7 +10,7 @@
         W = 180.000 deg, P = .000 deg, R = .000 deg, E1 = 350.000 mm
     };
 
-The frames are numbers; what they are, only the controller knows.
+Frames are given by number; their values are known to the controller only.
 """
 
 from __future__ import annotations
@@ -58,9 +58,9 @@ _SELECTED = re.compile(
     re.IGNORECASE,
 )
 _CURRENT = "f"
-"""The frame of a point that is taught in whichever is chosen."""
+"""Frame of a point that was taught in whichever frame is selected."""
 _SHIFTS = re.compile(r"\s*(Touch[ _]?Offset|Track)\b(?!\s*End)", re.IGNORECASE)
-"""What moves the points of all motions behind it."""
+"""Matches what shifts the points of all following motions."""
 _POSE, _AXES = ("x", "y", "z", "w", "p", "r"), tuple(f"j{k}" for k in range(1, 7))
 _EXTERNAL = tuple(f"e{k}" for k in range(1, 10))
 _LEXICON = Lexicon(
@@ -75,11 +75,11 @@ _LEXICON = Lexicon(
 
 @dataclass
 class _Tp(Reading):
-    """What was read so far of a TP program; points by their numbers.
+    """What has been read so far of a TP program; points are named by their numbers.
 
     Attributes:
-        tools_set: Why tools are not those of the points, by their numbers; "" is for all.
-        bases_set: Likewise.
+        tools_set: Why tools may not be those of the points, by their numbers; "" stands for all.
+        bases_set: Likewise for frames.
     """
 
     tools_set: dict[str, str] = field(default_factory=dict)
@@ -87,12 +87,12 @@ class _Tp(Reading):
 
 
 def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
-    """The points of a program.
+    """Read the points of a program.
 
     Args:
-        file: Its name.
+        file: Name of the file.
         text: Its text.
-        other: Nothing: a program stands alone.
+        other: Not used: a TP program is a single file.
     """
     source = Source(file, text, _SILENT)
     positions = _POSITIONS.search(source.plain)
@@ -103,7 +103,7 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
         found.account(source, *one.span())
         found.points.setdefault(_number(one[1]), []).append(_point(source, one))
     _motions(found, end)
-    if not (found.uses or found.left or found.following):  # without motions all are meant
+    if not (found.uses or found.left or found.following):  # without motions, all points are targets
         found.named |= {*found.points}
         for several in found.points.values():
             _note(found, several, source, several[0].line)
@@ -115,7 +115,7 @@ def _number(label: str) -> str:
 
 
 def _motions(found: _Tp, end: int) -> None:
-    """Frames that the program sets, then its motions."""
+    """Record the frames that the program sets, then its motions."""
     source = found.sources[0]
     first = _MOTIONS.search(source.plain)
     start = first.end() if first else 0
@@ -131,7 +131,7 @@ def _motions(found: _Tp, end: int) -> None:
 
 
 def _select(found: _Tp, line: int, selected: re.Match[str]) -> None:
-    """A frame that gets other numbers, or a choice of one that is known at run time only."""
+    """Record that a frame is redefined, or that its selection is known at run time only."""
     frames = found.tools_set if "TOOL" in selected[1].upper() else found.bases_set
     index, value = selected[3] or "", selected[4].strip()
     if not selected[2]:
@@ -145,7 +145,7 @@ def _select(found: _Tp, line: int, selected: re.Match[str]) -> None:
 
 
 def _other(found: _Tp, source: Source, one: re.Match[str]) -> None:
-    """What is no motion: registers are computed from points, points from anything."""
+    """Process a statement that is no motion: an assignment of points or registers, or a shift."""
     sides = one[1].partition("=")
     if shift := _SHIFTS.match(one[1]):
         found.leave(source, one.start(1), f"{shift[1]} moves the points behind it")
@@ -157,11 +157,11 @@ def _other(found: _Tp, source: Source, one: re.Match[str]) -> None:
         named = _NAMED.match(set_[0])
         found.change(_number(named[1]) if named else "P[?]", source, one.start(1))
     elif not _NAMED.search(one[1]) and not re.match(r"\s*[JLCAS]\s", one[1], re.IGNORECASE):
-        found.account(source, one.start(), one.end())  # a register by itself moves nothing
+        found.account(source, one.start(), one.end())  # registers alone move nothing
 
 
 def _move(found: _Tp, source: Source, one: re.Match[str]) -> None:
-    """The points of a motion."""
+    """Record the points of a motion."""
     named = [_number(label) for label in _NAMED.findall(one[1])]
     found.named |= {*named}
     line = source.line(one.start(1))
@@ -181,7 +181,7 @@ def _move(found: _Tp, source: Source, one: re.Match[str]) -> None:
 
 
 def _note(found: _Tp, points: Sequence[Target | Left], source: Source, line: int) -> None:
-    """Note a motion to a point, or what is left of it."""
+    """Record a motion to each of these points, or why it cannot be corrected."""
     for point in points:
         if isinstance(point, Left):
             found.left.append(point)
@@ -194,7 +194,7 @@ def _note(found: _Tp, points: Sequence[Target | Left], source: Source, line: int
 
 
 def _unsteady(found: _Tp, point: Target) -> str | None:
-    """Why the frames of a point are not those that it was taught in."""
+    """Why the frames of a point may not be those in which it was taught; None if they are."""
     pairs = [(found.tools_set, point.tool)]
     pairs += [(found.bases_set, point.base)] if point.kind == "cartesian" else []
     whys = (frames.get(name, frames.get("")) for frames, name in pairs)
@@ -202,7 +202,7 @@ def _unsteady(found: _Tp, point: Target) -> str | None:
 
 
 def _computed(words: str, named: Sequence[str]) -> str | None:
-    """Why the point of a motion is known at run time only; None where it is taught."""
+    """Why the target of a motion is known at run time only; None if it is a taught point."""
     computed = {one.upper(): one for one in _COMPUTED.findall(words)}
     if "INC" in computed:
         return f"{named[0]} {_DISTANCE}" if named else f"its point {_DISTANCE}"
@@ -220,7 +220,7 @@ _DISTANCE = "is a distance"
 
 
 def _point(source: Source, found: re.Match[str]) -> Target | Left:
-    """A point of /POS; why not, where it cannot be corrected."""
+    """A point of /POS, or why it cannot be corrected."""
     name, line = _number(found[1]), source.line(found.start(1))
     start, end = _first_group(source.plain, *found.span(2))
     values = _values(source.plain, start, end)
@@ -240,7 +240,7 @@ def _point(source: Source, found: re.Match[str]) -> Target | Left:
 
 
 def _first_group(plain: str, start: int, end: int) -> tuple[int, int]:
-    """Where the arm's part of a point begins and ends; the others are of positioners."""
+    """Start and end of the arm's part of a point (group 1); other groups are positioners."""
     groups = list(_GROUP.finditer(plain, start, end))
     first = next((k for k, one in enumerate(groups) if one[1] == "1"), None)
     if first is None:
@@ -249,7 +249,7 @@ def _first_group(plain: str, start: int, end: int) -> tuple[int, int]:
 
 
 def _values(plain: str, start: int, end: int) -> dict[str, Number]:
-    """Axes and coordinates by their names in small letters."""
+    """Axis values and coordinates by their names in lower case."""
     values = {}
     for one in _VALUE.finditer(plain, start, end):
         if read := number(one.start(2), one[2]):
@@ -258,7 +258,7 @@ def _values(plain: str, start: int, end: int) -> dict[str, Number]:
 
 
 def _frames(words: str) -> Mapping[str, Any]:
-    """Tool, frame and turns of a point."""
+    """Tool, frame and axis ranges of a point."""
     said = {key.upper(): value.lower() for key, value in _FRAMES.findall(words)}
     turns = _TURNS.search(words)
     ranges: tuple[Range, ...] = ()
@@ -269,5 +269,5 @@ def _frames(words: str) -> Mapping[str, Any]:
 
 
 def _turn(count: int) -> Range:
-    """What a turn number says of its axis: 0 is up to half a turn either way."""
+    """Range of an axis according to its turn number: 0 is up to half a turn either way."""
     return (2 * count - 1) * np.pi, (2 * count + 1) * np.pi

@@ -1,10 +1,10 @@
-"""URScript: poses p[...] in metres and rotation vectors, lists of six joints in radians.
+"""URScript: poses p[...] in metres and rotation vectors, lists of six joint values in radians.
 
     wp = p[-0.412, 0.210, 0.350, 0.0, 3.1416, 0.0]
     movel(wp, a=1.2, v=0.25)
     movej([0.0, -1.57, 1.57, -1.57, -1.57, 0.0])
 
-The tool is that of the last set_tcp in the text.
+The tool is that of the set_tcp in force.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ _ARGUMENT = re.compile(r"(?:pose|q|pose_via|pose_to|p)\s*=\s*(?!=)")
 _INVERSE = re.compile(r"get_inverse_kin\s*(?=\()")
 _TCP = re.compile(r"tcp\w*\s*=")
 _PLAIN = 3
-"""Arguments of get_inverse_kin behind the pose that do not name another tool: joints near it, and
-how exactly it is solved."""
+"""Maximum number of arguments of get_inverse_kin behind the pose that do not name another tool:
+joint values near it, and tolerances."""
 _NEAR = re.compile(r"(?:qnear\s*=\s*)?")
 _NAMED = re.compile(r"(\w+)\s*(?:\[\s*(\w+)\s*\])?$")
 _OPENING, _EOL = re.compile(r"p?\s*\["), re.compile(r"[\r\n]|\Z")
@@ -71,7 +71,7 @@ _LEXICON = Lexicon(
 
 @dataclass
 class _Script(Reading):
-    """What was read so far of a script."""
+    """What has been read so far of a script."""
 
     @property
     def source(self) -> Source:
@@ -80,12 +80,12 @@ class _Script(Reading):
 
 
 def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
-    """The points of a script.
+    """Read the points of a script.
 
     Args:
-        file: Its name.
+        file: Name of the file.
         text: Its text.
-        other: Nothing: a script stands alone.
+        other: Not used: a script is a single file.
     """
     source = Source(file, text, _SILENT)
     found = _Script([source], _LEXICON)
@@ -103,7 +103,7 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
 
 
 def _define(found: _Script) -> None:
-    """What routines get, and what variables are set to."""
+    """Record the parameters of routines, and the values of variables."""
     source, behind = found.source, 0
     for routine in _ROUTINE.finditer(source.plain):
         found.account(source, *routine.span())
@@ -118,7 +118,7 @@ def _define(found: _Script) -> None:
 
 
 def _assign(found: _Script, assigned: re.Match[str]) -> int:
-    """What a variable is set to; where that ends."""
+    """Record the value assigned to a variable; return where it ends."""
     name, source = assigned[1], found.source
     value = _value(source, assigned.end())
     points = [] if assigned[2] or assigned[3] else list(_points(found, name, value))
@@ -132,7 +132,7 @@ def _assign(found: _Script, assigned: re.Match[str]) -> int:
 
 
 def _value(source: Source, start: int) -> Entry:
-    """What stands behind an equals sign: a list over several lines, or the rest of one."""
+    """Text behind an equals sign: a list over several lines, or the rest of the line."""
     plain = source.plain
     opening = _OPENING.match(plain, start)
     last = source.closing.get(opening.end() - 1) if opening else None
@@ -144,7 +144,7 @@ def _value(source: Source, start: int) -> Entry:
 def _points(
     found: _Script, name: str, value: Entry, several: bool = True
 ) -> Iterator[Target | Left]:
-    """The points of a value, several in a list of them; why not, where one cannot be corrected."""
+    """The points of a value, several if it is a list of them, or why one cannot be corrected."""
     source, pose = found.source, value.text.startswith("p")
     shift = len(value.text) - len(value.text[1:].lstrip()) if pose else 0
     listed = Entry(value.start + shift, value.end, value.text[shift:])
@@ -163,7 +163,7 @@ def _points(
 
 
 def _steps(found: _Script, calls: Sequence[re.Match[str]]) -> Iterator[Step]:
-    """What sets the tool, and the blocks that it stands in."""
+    """Steps that set the tool, and those of the control flow."""
     source = found.source
     for block in _BLOCK.finditer(source.plain):
         yield Step(block.start(1), _BLOCKS[block[1]], source.line(block.start(1)))
@@ -178,13 +178,13 @@ def _steps(found: _Script, calls: Sequence[re.Match[str]]) -> Iterator[Step]:
 
 
 def _arguments(found: _Script, call: re.Match[str]) -> list[Entry] | None:
-    """What stands between the brackets of a call; None where these have no end."""
+    """Arguments of a call; None if its brackets are not closed."""
     last = found.source.closing.get(call.end())
     return None if last is None else entries(found.source.plain, call.end() + 1, last)
 
 
 def _follow(found: _Script, call: re.Match[str], tool: Callable[[int], Held]) -> None:
-    """A motion as the robot carries it out."""
+    """Process a call in execution order: record the targets of a motion."""
     source, name = found.source, call[1]
     given = _arguments(found, call)
     found.account(source, call.start(), call.end() if given is None else given[-1].end + 1)
@@ -199,7 +199,7 @@ def _follow(found: _Script, call: re.Match[str], tool: Callable[[int], Held]) ->
 
 
 def _tool(found: _Script, call: re.Match[str], line: int) -> str:
-    """The tool that holds from here on; it is kept if it is known."""
+    """Name of the tool that is set; the tool is stored if known."""
     name = f"line {line}"
     given = _arguments(found, call) or [Entry(call.end(), call.end(), "")]
     said = _without(given[0], _ARGUMENT)
@@ -214,7 +214,7 @@ def _tool(found: _Script, call: re.Match[str], line: int) -> str:
 
 
 def _use(found: _Script, entry: Entry, tool: Held) -> str | None:
-    """Note a motion to a point; why not, where it cannot be corrected."""
+    """Record a motion to a point; return why it cannot be corrected, or None."""
     entry, near = _inside(found, _without(entry, _ARGUMENT))
     points: Sequence[Target | Left]
     if entry.text.startswith("[") or re.match(r"p\s*\[", entry.text):
@@ -230,7 +230,7 @@ def _use(found: _Script, entry: Entry, tool: Held) -> str | None:
 
 
 def _without(entry: Entry, prefix: re.Pattern[str]) -> Entry:
-    """An argument without its name."""
+    """An argument without its keyword."""
     named = prefix.match(entry.text)
     if named is None:
         return entry
@@ -238,7 +238,7 @@ def _without(entry: Entry, prefix: re.Pattern[str]) -> Entry:
 
 
 def _inside(found: _Script, entry: Entry) -> tuple[Entry, tuple[float, ...]]:
-    """The pose within get_inverse_kin(pose, qnear), and the joints near which it is looked for."""
+    """The pose within get_inverse_kin(pose, qnear), and the joint values near it."""
     source, call = found.source, _INVERSE.match(entry.text)
     if call is None:
         return entry, ()
@@ -259,9 +259,10 @@ def _inside(found: _Script, entry: Entry) -> tuple[Entry, tuple[float, ...]]:
 
 
 def _named(found: _Script, name: str, index: str | None) -> Sequence[Target | Left]:
-    """The points of a name; all elements of a list where the index is computed."""
+    """The points of a name; all of a list whose index is computed or that is assigned again."""
     points = found.points.get(name, [])
     found.named.add(name)
-    if index and index.isdecimal() and len({one.line for one in points}) <= 1 + len(points):
+    once = len({one.name for one in points if isinstance(one, Target)}) == len(points)
+    if index and index.isdecimal() and once:
         return points[int(index[:9]) : int(index[:9]) + 1]
     return points

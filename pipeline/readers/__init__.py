@@ -9,11 +9,9 @@ from pipeline.base import doors
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import plain
 from pipeline.readers._cells import text_of
-from pipeline.readers._faces import Faces
-from pipeline.readers._named import find
 from pipeline.readers._names import split
 from pipeline.readers._opened import opened
-from pipeline.readers._reader import TABLE, Export, Reader, Readings
+from pipeline.readers._reader import TABLE, Export, Faces, Reader, Readings
 from pipeline.readers._text import Text, largest, refuse_other_programs, text
 from pipeline.readers.said import Columns, Hints
 
@@ -41,13 +39,14 @@ __all__ = [
 
 _DIALECTS, _MAPPED = "pipeline.dialects:DIALECTS", "pipeline.dialects.mapped:read"
 _HOLDS = "pipeline.intake.table:holds_one"
+_NAMED = "pipeline.dialects._named:find"
 """What files of others are, where those that say it are there."""
 
 
 @functools.cache
 def catalogue() -> dict[str, Reader]:
     """Every reader by its key: of our own CSV, of other programs' dialects, of any other table."""
-    return {"plain": plain.READER, **(doors.found(_DIALECTS) or {})}
+    return {"plain": plain.READER} | (doors.found(_DIALECTS) or {})
 
 
 def writers() -> dict[str, Reader]:
@@ -119,7 +118,7 @@ def _fits(sheet: Text, hints: Hints) -> int:
     try:
         return 3 if len(_read(sheet, hints).line) else 0
     except InputError:
-        return int(_holds_one(sheet)) and 1 + (find(sheet.sample()) is not None)
+        return int(_holds_one(sheet)) and 1 + (doors.opened(_NAMED)(sheet.sample()) is not None)
 
 
 def _holds_one(file: Text) -> bool:

@@ -29,6 +29,8 @@ ODD = "[ '’\u00a0\u202f\u2009−°dD]|,.*\\.|\\..*,|[0-9]-[0-9]"
 _IS_ODD = re.compile(ODD)
 _MINUTES = 60
 """In a degree, as seconds in a minute."""
+IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]")
+"""What stands in brackets in a title, mostly its unit, with the blanks before."""
 MARKS = ("//", "#", "%", "!")
 """How remarks begin."""
 

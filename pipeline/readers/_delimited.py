@@ -21,8 +21,8 @@ from pipeline.readers import _time
 from pipeline.readers._cells import NUMBER, ODD, bare_number, cut_off, is_turn, shown
 from pipeline.readers._cut import cut
 from pipeline.readers._layout import Field, Layout, TypedRows
-from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._text import Text
+from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _GROUPED = r"^[+-]?[1-9][0-9]{0,2}(,[0-9]{3})+$"
 """Commas that may stand between thousands, or one for a decimal point; none begins with 0."""

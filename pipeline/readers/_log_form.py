@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 from pipeline.base.doors import found
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers._cells import MARKS, above, bare, is_number, is_plain
+from pipeline.readers._cells import IN_BRACKETS, MARKS, above, bare, is_number, is_plain
 from pipeline.readers._layout import delimiter_of
-from pipeline.readers._named import IN_BRACKETS
 from pipeline.readers._opened import opened as opened_text
 from pipeline.readers._text import (
     SAMPLE_LINES,

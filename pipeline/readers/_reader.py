@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
@@ -11,45 +11,16 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
-from pipeline.base.errors import InputError
-from pipeline.readers import _faces
 from pipeline.readers._cells import text_of
-from pipeline.readers._coordinates import (
-    Angles,
-    Meaning,
-    cartesian,
-    covariance,
-    raw,
-    second_face,
-    settled,
-    settled_angle,
-    settled_horizontal,
-    settled_vertical,
-)
-from pipeline.readers._faces import Faces
 from pipeline.readers._layout import TypedRows
 from pipeline.readers._text import Text
+from pipeline.readers._units import in_unit
 from pipeline.readers.said import Hints
 
 TABLE = "table"
 """What `inspect` calls a file of no dialect."""
-EXPANDED, STANDARD, A_PRIORI, RMS = "expanded", "standard", "a-priori", "rms"
-_PREFERRED = (A_PRIORI, STANDARD, EXPANDED)
-"""Which covariance is used where a file has several. A-priori comes first: the scatter within one
-reading (standard) leaves out what does not change during it, calibration and slow air, and rms
-is a scatter too, of one number for three axes: it is used only when campaign.toml asks for it."""
-
-
 _FARTHEST_M = 1e6
 """No tracker reads so far [m], whatever unit was mistaken for whatever other."""
-_VAGUEST_M2 = 1e6
-"""Nor is one so uncertain in an axis [m^2]: a metre, mistaken for a thousand."""
-_ROUNDED = 1.05
-"""Square of a correlation that rounding in a file may leave."""
-_NO_UNCERTAINTY = (
-    "its uncertainty is none (a variance below zero or a correlation above one); export it again, "
-    'or set covariance = "none" in [tracker]'
-)
 _STATISTICS = {
     "mean", "mean value", "average", "avg", "median", "min", "max", "minimum", "maximum", "range",
     "count", "rms", "centroid", "std", "std dev", "stddev", "std deviation", "standard deviation",
@@ -63,13 +34,45 @@ _NINES = re.compile(r"999+(\.9+)?")
 _NOTHING = (
     "its three numbers are those that stand for no reading; measure it again or remove the row"
 )
-_TOO_VAGUE = "its uncertainty is larger than 1 km; measure it again or remove the row"
 _TOO_FAR = (
     f"the coordinates are farther than {_FARTHEST_M / 1e3:_.0f} km; ".replace("_", " ")
     + "measure it again or remove the row"
 )
-USUAL_FACTORS = {STANDARD: 1.0, EXPANDED: 2.0}
-"""k of uncertainties where campaign.toml does not say; 2 is 95 % (GUM 6.3.3, Leica's U(95))."""
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """How the three numbers of a reading are to be read.
+
+    Attributes:
+        unit: Unit of length, `mm`, `m`, `in`, `um`, `cm`, `ft` or `ftUS`.
+        kind: `cartesian` x, y, z; `spherical` range, azimuth, vertical angle; `cylindrical`
+            radius, azimuth, z.
+        angle: Unit of angles, `deg`, `rad`, `gon` or `dms`; None for Cartesian coordinates.
+        vertical: Vertical angle from `zenith` (z up is 0) or as `elevation` (horizontal is 0).
+        horizontal: Azimuths grow `counter-clockwise`, from x towards y, or `clockwise`.
+    """
+
+    unit: str
+    kind: str = "cartesian"
+    angle: str | None = None
+    vertical: str = "zenith"
+    horizontal: str = "counter-clockwise"
+
+
+@dataclass(frozen=True)
+class Faces:
+    """What two faces said of an instrument.
+
+    Attributes:
+        pairs: Targets read in both, each now one reading.
+        largest_m: Largest distance between the two [m].
+        single: Readings in the second face that have none in the first.
+    """
+
+    pairs: int
+    largest_m: float
+    single: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +120,7 @@ class Export(Locked):
     settled: tuple[str, ...] = ()
 
 
-_OF_EACH = ("group", "target", "position", "covariance", "time", "line", "order")
+OF_EACH = ("group", "target", "position", "covariance", "time", "line", "order")
 """What of an `Export` has one row for each reading."""
 
 
@@ -172,45 +175,34 @@ class Reader:
 
 def export(
     text: Text,
-    hints: Hints,
     dialect: str,
     rows: TypedRows,
     meaning: Meaning,
-    axes: Sequence[str],
-    covariances: Mapping[str, Array] | None = None,
+    position: Array,
     unused: Sequence[str] = (),
 ) -> Export:
-    """Readings in SI of what a dialect found in a file.
+    """All readings that a dialect found in a file, in SI.
 
     Args:
         text: The file.
-        hints: What campaign.toml adds.
         dialect: Its name.
         rows: The typed rows; of the columns `group`, `target` (or `reflector`) and `time` those
             that the file has.
         meaning: Of the three numbers.
-        axes: Names of the columns with the three numbers.
-        covariances: Six numbers in the units of the file by kind, each shape (n, 6).
+        position: Cartesian coordinates [m], shape (n, 3).
         unused: Columns that were not looked at.
     """
     columns, n = rows.columns, len(rows.line)
-    numbers = [np.asarray(columns[axis]) for axis in axes]
-    kind = _chosen(covariances or {}, hints)
-    C = (
-        covariance(covariances[kind], np.array(numbers).T, meaning)
-        if covariances and kind
-        else None
-    )
-    everything = Export(
+    return Export(
         file=text.name,
         dialect=dialect,
         encoding=text.encoding,
         meaning=meaning,
         group=columns.get("group"),
         target=columns.get("target", columns.get("reflector")),
-        position=cartesian(numbers, meaning),
-        covariance=C,
-        covariance_kind=kind,
+        position=position,
+        covariance=None,
+        covariance_kind=None,
         time=columns.get("time", pa.nulls(n, pa.timestamp("us"))),
         line=rows.line,
         order=rows.order,
@@ -218,17 +210,21 @@ def export(
         unused=tuple(unused),
         rejected=rows.rejected,
     )
-    statistic = _statistics(everything.target)
+
+
+def of_targets(readings: Export, numbers: Sequence[Array]) -> Export:
+    """The readings that are some: no statistics, and no numbers that stand for nothing.
+
+    Args:
+        readings: All of a file.
+        numbers: What it holds of each, in its units, three of shape (n,).
+    """
+    statistic = _statistics(readings.target)
     if statistic.any():
-        everything = kept(everything, ~statistic, _STATISTIC)
+        readings = kept(readings, ~statistic, _STATISTIC)
         numbers = [column[~statistic] for column in numbers]
     nothing = _nothing(numbers)
-    if nothing.any():
-        everything = kept(everything, ~nothing, _NOTHING)
-        numbers = [column[~nothing] for column in numbers]
-    if meaning.kind == "spherical":
-        everything = _one_face(everything, second_face(numbers[2], meaning))
-    return _possible(everything)
+    return kept(readings, ~nothing, _NOTHING) if nothing.any() else readings
 
 
 def _statistics(target: pa.DictionaryArray | None) -> Bools:
@@ -251,118 +247,25 @@ def _nothing(numbers: Sequence[Array]) -> Bools:
     return np.asarray(alike & np.isin(np.abs(x), nines))
 
 
-def _one_face(readings: Export, second: Bools) -> Export:
-    """Targets read in both faces as one reading each, their mean in the place of the first."""
-    if not second.any() or readings.target is None:
-        return readings
-    columns = [c.to_pylist() for c in (readings.group, readings.target) if c is not None]
-    found = _faces.pairs(list(zip(*columns, strict=True)), second, readings.position)
-    told = _faces.summary(readings.position, found, second)
-    position, C = _faces.mean(readings.position, readings.covariance, found)
-    keep = np.ones(len(second), dtype=bool)
-    keep[found[:, 1]] = False
-    averaged = replace(readings, position=position, covariance=C, faces=told)
-    of_each = sifted({name: getattr(averaged, name) for name in _OF_EACH}, keep)
-    return replace(averaged, **of_each)
-
-
-def _possible(everything: Export) -> Export:
-    """The readings that can be: no farther off, and no vaguer, than anything in a hall."""
-    C = everything.covariance
-    if C is not None:
-        vague = ~(np.nanmax(np.abs(C), axis=1, initial=0) <= _VAGUEST_M2)
-        everything = kept(everything, ~vague, _TOO_VAGUE) if vague.any() else everything
-        odd = _is_none(everything.covariance)
-        everything = kept(everything, ~odd, _NO_UNCERTAINTY) if odd.any() else everything
-    xyz = everything.position.T
+def in_a_hall(readings: Export) -> Export:
+    """The readings that are no farther off than anything in a hall."""
+    xyz = readings.position.T
     if all(x.min(initial=0) >= -_FARTHEST_M and x.max(initial=0) <= _FARTHEST_M for x in xyz):
-        return everything
+        return readings
     near = np.logical_and.reduce([np.abs(x) <= _FARTHEST_M for x in xyz])
-    return kept(everything, near, _TOO_FAR)
-
-
-def _is_none(C: Array | None) -> Bools:
-    """Where six numbers are no covariance: a variance below zero, a correlation above one."""
-    assert C is not None
-    xx, xy, xz, yy, yz, zz = C.T
-    with np.errstate(invalid="ignore"):  # NaN where the file has none
-        negative = np.minimum(np.minimum(xx, yy), zz) < 0
-        pairs = ((xy, xx, yy), (xz, xx, zz), (yz, yy, zz))
-        tied = [c**2 > _ROUNDED * a * b for c, a, b in pairs]
-    return np.asarray(np.logical_or.reduce([negative, *tied]))
+    return kept(readings, near, _TOO_FAR)
 
 
 def kept(readings: Export, keep: Bools, why_not: str) -> Export:
     """The readings to keep; the others are rejected for one reason."""
-    of_each = sifted({name: getattr(readings, name) for name in _OF_EACH}, keep)
+    of_each = sifted({name: getattr(readings, name) for name in OF_EACH}, keep)
     left_out = tuple((int(line), why_not) for line in readings.line[~keep])
     return replace(readings, **of_each, rejected=(*readings.rejected, *left_out))
-
-
-def _chosen(kinds: Collection[str], hints: Hints) -> str | None:
-    """Which of the covariances of a file is used.
-
-    Raises:
-        InputError: campaign.toml asks for one that the file does not have.
-    """
-    if hints.covariance == "none":
-        return None
-    if hints.covariance is None:
-        return next((kind for kind in _PREFERRED if kind in kinds), None)
-    if kinds and hints.covariance not in kinds:
-        raise InputError(
-            f"the export has no {hints.covariance} covariance, only {', '.join(kinds)}",
-            "correct covariance in [tracker] of campaign.toml",
-        )
-    return hints.covariance if kinds else None
-
-
-def settled_unit(stated: str | None, hints: Hints) -> str:
-    """The unit of length of an export: what it says itself, else what campaign.toml says.
-
-    Raises:
-        InputError: Nobody says, or the two contradict each other.
-    """
-    return settled(stated, hints.unit, "unit of length", 'unit = "mm" (or "m", "in")')
-
-
-def settled_angles(
-    meaning: Meaning,
-    stated: Angles,
-    third: Array,
-    hints: Hints,
-) -> Meaning:
-    """The same with unit, zero and sense of angles, where coordinates of its kind have some.
-
-    Args:
-        meaning: Unit and kind of coordinates.
-        stated: What the export says of its angles.
-        third: The third column of numbers, which may say where vertical angles begin.
-        hints: What campaign.toml says.
-
-    Raises:
-        InputError: Nobody says, or the two contradict each other.
-    """
-    if meaning.kind == "cartesian":
-        return meaning
-    angle = settled_angle(stated.unit, hints.angle)
-    meaning = replace(meaning, angle=angle)
-    if meaning.kind == "spherical":
-        vertical = settled_vertical(stated.vertical, hints.vertical, third, angle)
-        meaning = replace(meaning, vertical=vertical)
-    return replace(meaning, horizontal=settled_horizontal(stated.horizontal, hints.horizontal))
 
 
 def written(
     readings: Readings, unit: str, digits: int | None
 ) -> Iterator[tuple[str, str, list[str], datetime]]:
     """Group, target, Cartesian coordinates as text and time of each reading, for the writers."""
-    numbers = text_of(raw(readings.position, Meaning(unit)), digits)
+    numbers = text_of(in_unit(readings.position, unit), digits)
     return zip(readings.group, readings.target, numbers, readings.time, strict=True)
-
-
-def diagonal(std: Sequence[Array], factor: float = 1.0) -> Array:
-    """Six numbers of uncorrelated standard uncertainties, each shape (n,), divided by a factor."""
-    x, y, z = (s / factor * np.abs(s / factor) for s in std)  # one below zero stays one
-    none = np.zeros_like(x)
-    return np.column_stack([x, none, none, y, none, z])

@@ -214,9 +214,3 @@ def squeezed(text: Text) -> Text:
     data = re.sub(rb"[ \t]+", b" ", text.data)
     data = re.sub(rb"^ | (?=\r?$)", b"", data, flags=re.MULTILINE)
     return Text(text.name, data, text.encoding, _starts(data))
-
-
-def until(text: Text, last: int) -> Text:
-    """The text up to a line, that one included."""
-    starts = text.starts[: last + 1]
-    return Text(text.name, text.data[: starts[-1]], text.encoding, starts)

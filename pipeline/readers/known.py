@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pipeline.readers._faces import GROSS_M as GROSS_M
-
+GROSS_M = 0.03
+"""So far [m] from where its reflector should be nothing is a reading of that reflector; taste: no
+robot in use is this far off its own table, and no reflector off its place."""
 BETTER = 3.0
 """How many times nearer an answer, or a correction, must bring the reflectors than any other."""
 

@@ -54,7 +54,6 @@ __all__ = [
     "of_loads",
     "of_poses",
     "once",
-    "remarks",
     "table",
 ]
 
@@ -90,7 +89,7 @@ POSE = Quantity("pose", {})
 REPEAT = Quantity("repeat", {})
 _TIME = Quantity("time", {}, "name", needed=False)
 """When a row was taken: `check` holds it against the readings."""
-_REMARK = Quantity("remark", {}, "name", needed=False)
+REMARK = Quantity("remark", {}, "name", needed=False)
 """What somebody has to say of a row; `check` says it again."""
 
 
@@ -118,7 +117,7 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     needed = not any(suffixed(file.titles, q) for q in other[:3])
     wanted[0] = replace(POSE, filled=not named)
     wanted[2] = replace(force, needed=needed, filled=not named)
-    known_columns(said, "scale", [*wanted, _TIME, _REMARK])
+    known_columns(said, "scale", [*wanted, _TIME, REMARK])
     log = _one_load(_pulls(typed(file, wanted, said, "scale")))
     if "branch" in log.word:
         own = np.array(
@@ -139,32 +138,6 @@ def group_name(name: str) -> str:
 def has_load(titles: Sequence[str]) -> bool:
     """Whether columns are those of a log of loads."""
     return any(suffixed(titles, q) for q in of_loads()[2:6])
-
-
-def remarks(name: str, data: bytes, said: LogForm, robot: Robot | None = None) -> list[str]:
-    """What the column `remark` of a log says, each with its line, pose and pull.
-
-    Args:
-        name: Name of the file.
-        data: Its content.
-        said: [scale] or [joints] of campaign.toml.
-        robot: Whose joint log it is; None for a log of loads.
-
-    Raises:
-        InputError: The file cannot be read.
-    """
-    holds = has_load if robot is None else partial(_has_joints, robot)
-    section = "scale" if robot is None else "joints"
-    file = opened(name, data, said, section, POSE.stem, holds)
-    pose, repeat = replace(POSE, filled=False), replace(REPEAT, needed=False)
-    log = typed(file, [pose, repeat, _REMARK], said, section)
-    out = []
-    for k in np.flatnonzero(log.word.get("remark", np.array([])) != ""):
-        where = [f"{what} {log.number[what][k]:.0f}" for what in ("pose", "repeat")
-                 if what in log.number and np.isfinite(log.number[what][k])]  # fmt: skip
-        said_of = f", {' '.join(where)}" if where else ""
-        out.append(f"{name}, line {log.line[k]}{said_of}: {log.word['remark'][k]}")
-    return out
 
 
 def of_loads() -> list[Quantity]:
@@ -285,7 +258,7 @@ def joints(
         InputError: A joint is missing; the file cannot be read.
     """
     own, axes = own_joints(robot), controller_axes(robot)
-    file = opened(name, data, said, "joints", POSE.stem, partial(_has_joints, robot))
+    file = opened(name, data, said, "joints", POSE.stem, partial(has_joints, robot))
     from_controller = bool(axes) and not _has(file.titles, own) and _has(file.titles, axes)
     wanted = axes if from_controller else own
     approach = Quantity("approach", {}, needed=False)
@@ -293,7 +266,7 @@ def joints(
                for j, q in enumerate(wanted, 1)]  # fmt: skip
     repeat = replace(REPEAT, needed=False)
     others = [approach, repeat, *torques]
-    known_columns(said, "joints", [POSE, _TIME, _REMARK, *own, *axes, *others])
+    known_columns(said, "joints", [POSE, _TIME, REMARK, *own, *axes, *others])
     log = whole_numbers(typed(file, [POSE, *wanted, *others], said, section))
     reason = "approach is neither 1 nor -1; correct it or leave it empty"
     log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
@@ -345,7 +318,7 @@ def controller_axes(robot: Robot) -> list[Quantity]:
     return [Quantity(axis, LENGTH if slide else ANGLE) for axis, slide in axes]
 
 
-def _has_joints(robot: Robot, titles: Sequence[str]) -> bool:
+def has_joints(robot: Robot, titles: Sequence[str]) -> bool:
     """Whether columns are all joints of a robot, or all axes of its controller."""
     return any(_has(titles, one) for one in (own_joints(robot), controller_axes(robot)) if one)
 

@@ -1,52 +1,72 @@
-"""The plain CSV: group, target, x_mm, y_mm, z_mm and, where known, time.
+"""Our own CSV: `group,target,x_mm,y_mm,z_mm`, and `time` where it is known; m or inches, too.
 
-Coordinates may be in m, mm or inches, said in the column names; standard uncertainties may stand
-in std_x_mm, std_y_mm, std_z_mm. Other columns are not looked at.
+Every row is a reading and every time is ISO 8601. A file of other titles, or with a row that is no
+reading, is for the dialects to read, which say what is wrong with it.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
-from pipeline.base.errors import InputError, listed
-from pipeline.readers import _named, _tables
-from pipeline.readers._reader import Export, Reader, Readings, written
+import numpy as np
+
+from pipeline.base import doors
+from pipeline.readers._delimited import rows
+from pipeline.readers._layout import Field, Layout
+from pipeline.readers._reader import (
+    Export,
+    Meaning,
+    Reader,
+    Readings,
+    export,
+    in_a_hall,
+    of_targets,
+    written,
+)
 from pipeline.readers._text import Text
-from pipeline.readers._titles import titled
+from pipeline.readers._units import metres
 from pipeline.readers.said import Hints
 
-_NEEDED = ("group", "target", "x", "y", "z")
-_ENOUGH = 3
-"""Of these columns tell the dialect; what is missing is asked for then."""
+_TITLES = re.compile(r"group,target,x_(mm|m|in),y_\1,z_\1(,time)?\s*")
+_OF_OURS = {"names", "sheet"}
+"""What campaign.toml may say of our own CSV that changes nothing in it."""
+_TITLED = "pipeline.dialects.titled:read"
+"""Any table whose titles are much like ours."""
 
 
 def recognise(lines: Sequence[str]) -> bool:
-    """The first line that is not blank has three of the five columns, `group` among them."""
-    header = _named.header(next((line for line in lines if line.strip()), ""), 1)
-    exact = {column.title.lower() for column in header.columns}
-    there = sum(header.has(role) for role in _NEEDED)
-    other = any(column.role == "target" for column in titled([c.title for c in header.columns]))
-    return there >= _ENOUGH and "group" in exact and ("target" in exact or not other)
+    """The first line has our titles and no others."""
+    return bool(lines and _TITLES.fullmatch(lines[0]))
 
 
 def read(text: Text, hints: Hints) -> Export:
     """Readings of a plain CSV.
 
     Raises:
-        InputError: A column or the unit is missing.
+        UsageError: It has other titles, or campaign.toml describes them, without the dialects.
+        InputError: It cannot be trusted as a whole.
     """
-    line, first = text.first()
-    header = _named.header(first, line)
-    lacking = [role for role in _NEEDED if not header.has(role)]
-    if lacking:
-        titles = [f"{role}_mm" if role in "xyz" else role for role in lacking]
-        raise InputError(
-            f"there is no column {listed(titles)}",
-            "add it to the header and to every row",
-            line=line,
-        )
-    remark = _named.remark(text, header)
-    return _tables.read(text, hints, header, READER.name, remark)
+    said = [key for key in Hints.model_fields if getattr(hints, key) is not None]
+    titles = None if {*said} - _OF_OURS else _TITLES.fullmatch(text.line(1))
+    readings = _own(text, *titles.groups()) if titles else None
+    if readings is None or (readings.rejected and doors.is_there(_TITLED)):
+        found: Export = doors.opened(_TITLED)(text, hints)
+        return found
+    return readings
+
+
+def _own(text: Text, unit: str, timed: str | None) -> Export:
+    """Readings of a file with our titles."""
+    names, axes = ("group", "target"), (f"x_{unit}", f"y_{unit}", f"z_{unit}")
+    fields = [*(Field(name, "name") for name in names), *(Field(axis, "number") for axis in axes)]
+    time = [Field("time", "time", needed=False)] if timed else []
+    found = rows(text, Layout((*fields, *time), ",", 2))
+    numbers = [np.asarray(found.columns[axis]) for axis in axes]
+    position = np.empty((len(found.line), 3), order="F")  # whole columns are what is wanted later
+    for k, column in enumerate(numbers):
+        position[:, k] = metres(column, unit)
+    return in_a_hall(of_targets(export(text, READER.name, found, Meaning(unit), position), numbers))
 
 
 def write(readings: Readings, unit: str, digits: int | None) -> bytes:

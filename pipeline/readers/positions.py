@@ -15,7 +15,8 @@ AXES, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 TARGET = "T"
 """Name of the only target of a table that names none."""
 
-_TEMPERATURE = {"c": 1.0}
+TEMPERATURE = {"c": 1.0}
+"""Units of temperature [degC]."""
 
 
 def positions(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
@@ -37,37 +38,15 @@ def positions(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log
     places = [Quantity(axis, LENGTH) for axis in AXES]
     turns = [Quantity(turn, ANGLE, needed=False) for turn in TURNS]
     others = [*turns, Quantity("pose", {}, needed=False),
-              Quantity("temperature", _TEMPERATURE, needed=False),
+              Quantity("temperature", TEMPERATURE, needed=False),
               *(Quantity(word, {}, "name", needed=False) for word in _WORDS)]  # fmt: skip
-    return _with_joints(name, data, robot, said, [*places, *others])
+    return with_joints(name, data, robot, said, [*places, *others])
 
 
 _WORDS = ("series", "target", "payload")
 
 
-def asked(name: str, data: bytes, robot: Robot, force: dict[str, float]) -> Log:
-    """A table of joint values to be predicted, with forces and payload where it has them.
-
-    Args:
-        name: Name of the file.
-        data: Its content.
-        robot: Whose joints they are.
-        force: Units of force [N].
-
-    Raises:
-        InputError: A joint is missing; the file cannot be read.
-    """
-    others = [
-        *(Quantity(f"f{axis}", force, needed=False) for axis in AXES),
-        Quantity("temperature", _TEMPERATURE, needed=False),
-        Quantity("payload", {}, "name", needed=False),
-    ]
-    return _with_joints(name, data, robot, OURS, others)
-
-
-def _with_joints(
-    name: str, data: bytes, robot: Robot, said: LogForm, others: list[Quantity]
-) -> Log:
+def with_joints(name: str, data: bytes, robot: Robot, said: LogForm, others: list[Quantity]) -> Log:
     """Joint values, by the robot's names or its controller's, and further columns.
 
     Raises:

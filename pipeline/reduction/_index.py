@@ -13,7 +13,7 @@ import pandas as pd
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import each
-from pipeline.readers.logs import BEYOND
+from pipeline.readers._log_table import BEYOND
 
 
 def places(column: pd.Series[str], words: Sequence[str]) -> Ints:

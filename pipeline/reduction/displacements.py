@@ -1,4 +1,4 @@
-"""Stage 4: displacements, loaded minus unloaded; the pulls of a pose share its zero."""
+"""Displacements, loaded minus unloaded; the pulls of a pose share its zero."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import pandas as pd
 from pipeline.base import covariance
 from pipeline.base.arrays import Array, Ints
 from pipeline.reduction._index import means, numbered, places, pull_number, taken
-from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Settings
+from pipeline.tables import XYZ
 
 
 def displacements(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""Stage 3: force vectors from chain reflectors and spring-scale readings, Eqs. (10), (11).
+"""Force vectors from chain reflectors and spring-scale readings, Eqs. (10), (11).
 
 Rows of the loads that are weights or payloads need neither.
 """
@@ -12,9 +12,9 @@ from pipeline.base import covariance
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.reduction._index import found, means, places, pull_numbers, run
 from pipeline.reduction.digits import division
-from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Scale, Settings
 from pipeline.reduction.weights import PULL, Weights
+from pipeline.tables import XYZ
 
 _COUNTS = 1e-3
 """Fraction of a variance below which a contribution is neglected [1]."""

@@ -18,8 +18,8 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Robot
 from pipeline.reduction.displacements import zeros
-from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Settings
+from pipeline.tables import XYZ
 
 
 @dataclass(frozen=True, eq=False)

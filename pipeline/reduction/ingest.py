@@ -1,4 +1,4 @@
-"""Stage 1: raw files to readings, loads and joint values, with everything wrong named.
+"""Raw files to readings, loads and joint values, with everything wrong named.
 
 A file that cannot be trusted as a whole stops the campaign. A row whose loss leaves the rest valid
 is left out and listed with its reason.

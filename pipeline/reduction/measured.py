@@ -19,7 +19,7 @@ from pipeline.machine.robot import Robot, configure
 from pipeline.machine.stance import Stance
 from pipeline.readers.known import GROSS_M
 from pipeline.reduction._index import coded, found, numbered, places, pull_numbers
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.reduction.idle import Idle, idle
 from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Instrument, Scale, Settings
@@ -240,21 +240,8 @@ def measured(
     rows, pull, target = rows.iloc[order], pull[order], target[order]
     zero_time = rows.groupby(pull)["zero_time_s"].mean().reindex(range(len(pulls))).to_numpy()
     loaded_cov, zero_cov, stated = _covariances(rows)
-    values = [tables.joint_column(j.name, j.prismatic) for j in robot.joints]
     data = Measured(
-        pulls=Pulls(
-            pose=pulls["pose"].to_numpy(np.int64),
-            repeat=pulls["repeat"].to_numpy(np.int64),
-            q=_side_by_side(pulls, values),
-            force=_side_by_side(pulls, _FORCE),
-            branch=pulls["branch"].to_numpy(float),
-            approach=pulls["approach"].to_numpy(float),
-            time=pulls["time_s"].to_numpy(float),
-            time_zero=zero_time,
-            by=pulls["by"].to_numpy(np.int64),
-            acts_at=_side_by_side(pulls, _AT),
-            body=_payloads(settings, pulls),
-        ),
+        pulls=_pulls(settings, robot, pulls, zero_time),
         pull=pull,
         target=target,
         name=rows["target"].to_numpy(object),
@@ -286,6 +273,24 @@ def measured(
         alone = idle(settings, robot, joints, placed, pulled[:0] if effector.six else pulled)
         data = replace(data, idle=alone if len(alone) else None)
     return _in_poses(data, robot, effector, settings.instrument) if effector.six else data
+
+
+def _pulls(settings: Settings, robot: Robot, pulls: pd.DataFrame, zero_time: Array) -> Pulls:
+    """What loads the robot, and where it stands."""
+    values = [tables.joint_column(j.name, j.prismatic) for j in robot.joints]
+    return Pulls(
+        pose=pulls["pose"].to_numpy(np.int64),
+        repeat=pulls["repeat"].to_numpy(np.int64),
+        q=_side_by_side(pulls, values),
+        force=_side_by_side(pulls, _FORCE),
+        branch=pulls["branch"].to_numpy(float),
+        approach=pulls["approach"].to_numpy(float),
+        time=pulls["time_s"].to_numpy(float),
+        time_zero=zero_time,
+        by=pulls["by"].to_numpy(np.int64),
+        acts_at=_side_by_side(pulls, _AT),
+        body=_payloads(settings, pulls),
+    )
 
 
 def _side_by_side(table: pd.DataFrame, names: Sequence[str]) -> Array:

@@ -1,4 +1,4 @@
-"""Stage 2: register the tracker in F_b from readings of base reflectors, and place all readings."""
+"""Register the tracker in F_b from readings of base reflectors, and place all readings."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from pipeline.readers.known import GROSS_M
 from pipeline.reduction._index import run
 from pipeline.reduction.growth import BaseGrowth, by_temperature, with_reflectors
 from pipeline.reduction.settings import BASE_REFLECTORS, ONE_LINE, Settings
+from pipeline.tables import XYZ as XYZ
 
-XYZ = ["x_m", "y_m", "z_m"]
 _OFF = ["dx_m", "dy_m", "dz_m"]
 
 _STEPS = 20

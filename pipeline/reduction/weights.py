@@ -1,4 +1,4 @@
-"""Stage 3: forces exerted by weights at the load point and by payloads on the flange."""
+"""Forces exerted by weights at the load point and by payloads on the flange."""
 
 from __future__ import annotations
 

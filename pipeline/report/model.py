@@ -9,29 +9,23 @@ from collections.abc import Collection
 
 from pipeline.answer.contract import Answer
 from pipeline.answer.words import ABOUT
+from pipeline.base import doors
 from pipeline.base.language import said, spoken
 from pipeline.base.look import PLAIN, Look
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.certificate import certificate, enterable
 from pipeline.report.record import Frame, Headline, Item, Report, Section, present, unlabelled
-from pipeline.report.sections.cell import cell
 from pipeline.report.sections.diagnosis import diagnosis
-from pipeline.report.sections.enough import enough
 from pipeline.report.sections.files import files
-from pipeline.report.sections.geometry import geometry, laws, letters
 from pipeline.report.sections.identity import identity
-from pipeline.report.sections.method import method
 from pipeline.report.sections.prediction import test_pose, validation
-from pipeline.report.sections.readings import (
-    budget,
-    registration,
-    rejected,
-    reliability,
-    residuals,
-)
+from pipeline.report.sections.rejected import rejected
 from pipeline.report.sections.stiffness import stiffness
 from pipeline.report.summaries import Tables
+
+_ANNEX = "pipeline.annex.sections:SECTIONS"
+"""Parts behind the first page."""
 
 
 def compose(
@@ -57,26 +51,12 @@ def compose(
     """
     say = spoken(look.language)
     title, tone = _verdict(answer)
-    sections = (
-        _of_positions(answer, tables)
-        if answer.of_positions
-        else [
-            validation(answer, tables),
-            diagnosis(answer, tables),
-            test_pose(answer, tables),
-            stiffness(answer, previous, wear),
-            cell(answer, tables),
-            residuals(answer, tables),
-            budget(answer),
-            enough(answer, tables),
-            registration(answer, tables),
-            reliability(answer, tables),
-            *((geometry(answer, tables), laws(answer, tables)) if answer.position_steps else ()),
-            letters(answer),
-            rejected(answer),
-        ]
-    )
-    sections += [files(beside, previous), identity(answer), method(answer)]
+    sections = [
+        *(_of_positions if answer.of_positions else _of_pulls)(answer, tables, previous, wear),
+        files(beside, previous),
+        identity(answer),
+        *_more(answer, tables, "method"),
+    ]
     return Report(
         kicker=f"{say(_about(answer))} · {say(answer.machine)}",
         heading=answer.campaign,
@@ -140,13 +120,36 @@ def _about(answer: Answer) -> str:
     return f"Joint stiffness{' and where the robot stands' if answer.position_steps else ''}"
 
 
-def _of_positions(answer: Answer, tables: Tables) -> list[Section | None]:
-    """What there is to say of absolute positions."""
+def _of_pulls(
+    answer: Answer, tables: Tables, previous: Answer | None, wear: str | None
+) -> list[Section | None]:
+    """What there is to say of a campaign of pulls."""
+    of_both = ("geometry", "laws") if answer.position_steps else ()
     return [
-        geometry(answer, tables),
-        laws(answer, tables),
-        cell(answer, tables),
-        stiffness(answer, None),
-        letters(answer),
+        validation(answer, tables),
+        diagnosis(answer, tables),
+        test_pose(answer, tables),
+        stiffness(answer, previous, wear),
+        *_more(answer, tables, "cell", "residuals", "budget", "enough"),
+        *_more(answer, tables, "registration", "reliability"),
+        *_more(answer, tables, *of_both, "letters"),
         rejected(answer),
     ]
+
+
+def _of_positions(
+    answer: Answer, tables: Tables, previous: Answer | None, wear: str | None
+) -> list[Section | None]:
+    """What there is to say of absolute positions, which are held against no other campaign."""
+    return [
+        *_more(answer, tables, "geometry", "laws", "cell"),
+        stiffness(answer, None),
+        *_more(answer, tables, "letters"),
+        rejected(answer),
+    ]
+
+
+def _more(answer: Answer, tables: Tables, *names: str) -> list[Section | None]:
+    """What stands behind the first page, where this installation has it."""
+    there = doors.found(_ANNEX) or {}
+    return [there[name](answer, tables) for name in names if name in there]

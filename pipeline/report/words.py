@@ -7,51 +7,32 @@ from functools import cache
 
 from pipeline.answer.contract import Answer, Data, Placed, Values, Which
 from pipeline.base.language import Say
-from pipeline.base.quantities import known, plain
 from pipeline.machine.effect import in_place
-from pipeline.machine.robot import Robot
-from pipeline.machine.robot.axes import alone
 from pipeline.prediction.decision import Decision
 
 
 @cache
 def nouns() -> dict[str, str]:
     """Each cause as a noun, so that it fits into any sentence."""
-    from pipeline.faults import FAULTS
     from pipeline.machine.effects import catalogue, payload, table, unlisted
     from pipeline.machine.robot import SHIPPED, load
 
     kinds = {tuple(j.prismatic for j in robot.joints): robot for robot in map(load, SHIPPED)}
     known = {e.name: e.noun for robot in kinds.values() for e in catalogue(robot)}
     known |= payload.NOUNS | table.NOUNS | {unlisted.NAME: "law outside the catalogue"}
-    return known | {fault.name: fault.noun for fault in FAULTS}
+    return known | _MISTAKES
 
 
-SOURCES = {
-    "tracker": "tracker readings",
-    "zero": "unloaded readings of each pose",
-    "force_reading": "scale readings",
-    "force_gain": "calibration of the scale (ISO 376)",
-    "force_zero": "zero of the scale",
-    "payload_mass": "mass of weights and payloads",
-    "payload_center": "centre of mass of the payloads",
-    "law": "laws of the identified causes",
-    "second_order": "deflected geometry, which c = B x leaves out",
-    "tracker_scale": "calibration of the tracker (ISO 10360-10)",
-    "day": "day-to-day scatter",
-    "wander": "slow drift common to all targets",
-    "which_cause": "which cause is true",
-    "along_beam": "tracker readings along the beam",
-    "across_beam": "tracker readings across the beam",
-    "direction": "direction of the chain",
-    "registration": "registration into the base frame",
-    "geometry": "geometry of robot and tool",
-    "base": "reading of a base reflector",
-    "held_out": "cross-validation error beyond the other lines",
+_MISTAKES = {
+    "outlier": "outlying reading",
+    "unit_mixup": "mixed-up unit",
+    "label_swap": "swapped names of targets",
+    "exchanged": "exchanged groups or rows",
+    "dead_sensor": "column that no sensor wrote",
+    "tool_point": "wrong tool point",
+    "sign_or_convention": "wrong sign or axis convention",
 }
-
-_SHOWN_IN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "N": (1.0, "N"), "1": (1.0, "σ")}
-"""In which unit the size of an error is read."""
+"""Mistakes in the data as nouns, by their names in result.json."""
 
 VERDICTS = {
     "adequate": ("The model fits", "good"),
@@ -126,11 +107,6 @@ Axes = Mapping[int, str]
 """Axis of the controller by number of the joint; empty where the robot file maps none."""
 
 
-def axes_of(robot: Robot) -> Axes:
-    """Those of a robot that no answer is about yet."""
-    return {joint: axis for joint, axis in enumerate(alone(robot), 1) if axis}
-
-
 def from_label(text: str, axes: Axes) -> str:
     """A cause in words from its label, `joint_tilt:2` or `joint_tilt`."""
     name, _, where = text.partition(":")
@@ -140,23 +116,6 @@ def from_label(text: str, axes: Axes) -> str:
 def at(name: str, where: int | str | None, axes: Axes) -> str:
     """A cause in words with its place, which has the controller's name where there is one."""
     return cause(name, where, axes.get(where) if isinstance(where, int) else None)
-
-
-def from_twins(text: str, axes: Axes) -> str:
-    """Causes that nothing tells apart, `joint_tilt:7 = tool_flex`, in words."""
-    return " = ".join(from_label(label, axes) for label in text.split(" = "))
-
-
-def parameter(answer: Answer, name: str) -> str:
-    """`A1 (k_theta2)` for `k_theta2`, `A1 (c_theta2)` for `c_theta2`; others as they are."""
-    _, _, joint = name.partition("_")
-    axis = next((one.axis for one in answer.stiffness if one.joint_name == joint), None)
-    return f"{axis} ({name})" if axis else name
-
-
-def source(name: str) -> str:
-    """A source of uncertainty in words."""
-    return SOURCES.get(name, name.replace("_", " "))
 
 
 def values_of(answer: Answer) -> str:
@@ -174,9 +133,3 @@ def beside(answer: Answer) -> tuple[str, Values] | None:
     names = ["joint springs alone"] if said.model != Which.JOINT_SPRINGS else []
     names += ["data as given"] if said.data == Data.CORRECTED else []
     return (", ".join(names), answer.joint_springs) if names else None
-
-
-def size(value: float, unit: str) -> str:
-    """The size of an error in the unit that people read it in."""
-    factor, shown = _SHOWN_IN[unit]
-    return f"{plain(factor * value)} {shown}" if known(value) else "none"

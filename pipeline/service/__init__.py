@@ -1,4 +1,4 @@
-"""Outbuilding: campaigns that run by themselves, on this machine, a team's or a cluster.
+"""Outbuilding: campaigns processed automatically, on this machine, for a team or on a cluster.
 
 Door: `service.command` for the command line; for `pipeline run` `service.engine` (Prefect),
 `service.cluster` (Dask) and `service.sync` (object storage).

@@ -1,4 +1,4 @@
-"""Work on the workers of a Dask cluster that runs already."""
+"""Execution of work on the workers of a Dask cluster that is already running."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ S = TypeVar("S")
 T = TypeVar("T")
 
 _REACHED_S = 10.0
-"""How long a scheduler may take to answer [s]."""
+"""Time allowed for a scheduler to answer [s]."""
 
 _DESERTED_S = 60.0
 """A cluster without a worker for so long gets none [s]."""
@@ -27,23 +27,23 @@ _DESERTED_S = 60.0
 
 @dataclass(frozen=True)
 class Cluster:
-    """On the workers of a Dask cluster, as `executor.Executor`.
+    """Executor on the workers of a Dask cluster, as `executor.Executor`.
 
-    They have the same project installed. How often an item is begun again whose worker is lost is
-    the scheduler's to say (`distributed.scheduler.allowed-failures`).
+    They must have the same project installed. The scheduler decides how often an item is restarted
+    whose worker was lost (`distributed.scheduler.allowed-failures`).
 
     Attributes:
-        address: Of its scheduler, `tcp://host:port`.
+        address: Address of its scheduler, `tcp://host:port`.
     """
 
     address: str
     near: ClassVar[bool] = False
 
     def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
-        """As they end.
+        """Yield results in the order in which they finish.
 
         Raises:
-            UsageError: Nobody answers there, or no worker is there.
+            UsageError: No scheduler answers, or it has no workers.
             Unfinished: The scheduler is gone, or has had no worker for a while.
         """
         with _connected(self.address) as client:
@@ -70,7 +70,7 @@ class Cluster:
                 raise Unfinished(thing, "start some and run it again to go on")
 
     def _threads(self, client: Any) -> int:
-        """How many items it can work on at a time."""
+        """Number of items that the cluster can work on at the same time."""
         try:
             return sum(client.nthreads().values())
         except OSError:
@@ -81,21 +81,21 @@ class Cluster:
         return Unfinished(thing, "start it and run it again to go on")
 
     def _done(self, item: S, future: Any) -> Done[S, T]:
-        """What has become of an item."""
+        """Result of an item."""
         try:
             return Done(item, *future.result())
         except _dask().KilledWorker:
             return Done(item, None, Unfinished("its worker was lost again and again", SEE))
         except _dask().CancelledError:
             raise self._lost() from None
-        except Exception as problem:  # of sending or reading it: `tried` keeps those of the work
+        except Exception as problem:  # of transfer: `tried` catches those of the work
             words = printable(f"{type(problem).__name__}: {problem}", 200)
             thing = f"what its worker has made of it cannot be read here ({words})"
             return Done(item, None, Unfinished(thing, SEE))
 
 
 _ALONE = threading.Lock()
-"""Held by the item at work: a worker with several threads draws one report at a time."""
+"""Held during the work on an item: a worker with several threads draws one report at a time."""
 
 
 def _one_at_a_time(work: Callable[[S], T], item: S) -> Sent[T]:
@@ -105,8 +105,8 @@ def _one_at_a_time(work: Callable[[S], T], item: S) -> Sent[T]:
 
 @contextlib.contextmanager
 def _connected(address: str) -> Iterator[Any]:
-    """A client of the scheduler, which has workers."""
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # one sentence of ours instead
+    """Connect a client to the scheduler, which must have workers."""
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # our own sentence instead
     try:
         client = _dask().Client(address, timeout=_REACHED_S, set_as_default=False)
     except (OSError, ValueError) as problem:

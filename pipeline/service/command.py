@@ -1,4 +1,4 @@
-"""Commands for campaigns that run by themselves, and for the machine they run on."""
+"""Commands that process campaigns automatically, and that check the machine."""
 
 from __future__ import annotations
 
@@ -75,7 +75,8 @@ def watch(
 
 
 _LIVE_S = 1.0
-"""Between two looks at a folder that grows [s], taste: readings come every few seconds."""
+"""Interval between two looks at a growing folder [s], a matter of taste: a reading takes some
+seconds."""
 
 
 def deploy(
@@ -91,10 +92,10 @@ def deploy(
     wanted = _preferred(root, interval_s=interval, cron=cron)
     service.join(root)
     with elsewhere():
-        from pipeline.service import flow  # after Prefect's settings are made
+        from pipeline.service import flow  # only after Prefect's settings are in the environment
 
         flow.deploy(pool, wanted.service)
-    place = f"cd {NOBODYS} && {processes.ROOT}={root.resolve()}"  # as elsewhere() has it
+    place = f"cd {NOBODYS} && {processes.ROOT}={root.resolve()}"  # as in elsewhere()
     typer.echo(f"{place} prefect worker start --pool {pool} --limit 2")
 
 
@@ -115,7 +116,7 @@ def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
 
 
 def _preferred(root: Path, **said: Any) -> Preferences:
-    """What pipeline.toml says, and the command line otherwise."""
+    """Preferences from pipeline.toml, overridden by the command line."""
     from pipeline.base import preferences
 
     if not root.is_dir():

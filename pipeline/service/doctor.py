@@ -1,4 +1,4 @@
-"""What is missing on this machine or wrong with a running service, and the way out."""
+"""What is missing on this machine or wrong with a running service, and the remedy."""
 
 from __future__ import annotations
 
@@ -23,20 +23,21 @@ from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import recalled
 
 _PYTHONS = ((3, 11), (3, 14))
-"""Oldest and newest Python that it runs on; the Makefile looks for the same."""
+"""Oldest and newest Python supported; the Makefile looks for the same."""
 _ROOM_BYTES = 2**30
-"""A gibibyte: more than tables and reports of many campaigns take."""
+"""Disk space that is required [B]: a gibibyte, more than tables and reports of many campaigns
+take."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """Result of one check.
 
     Attributes:
-        what: The thing.
-        good: It is as it should be.
-        said: What was found; where it is not good, what is wrong and the way out.
-        needed: `run` cannot do without it.
+        what: What was checked.
+        good: Whether it is in order.
+        said: What was found; if it is not in order, the problem and the remedy.
+        needed: Whether `run` needs it.
     """
 
     what: str
@@ -46,7 +47,7 @@ class Finding:
 
 
 def examine(root: Path) -> Iterator[Finding]:
-    """Look at everything that `run`, `serve` and the report need."""
+    """Check everything that `run`, `serve` and the report need."""
     yield _python()
     yield from _libraries()
     for folder in ("data/processed", "reports"):
@@ -71,7 +72,7 @@ def _dotted(version: tuple[int, ...]) -> str:
 
 
 def _libraries() -> Iterator[Finding]:
-    """Every library the project asks for, in a version that it can work with."""
+    """Check that every required library is installed in a supported version."""
     from packaging.requirements import Requirement
 
     try:
@@ -120,7 +121,7 @@ def _raw(root: Path) -> Finding:
 
 
 def _preferences(root: Path) -> Iterator[Finding]:
-    """pipeline.toml, and the object storage that it names."""
+    """Check pipeline.toml, and the object storage that it names."""
     there = (root / preferences.FILE).is_file()
     said, what = "is valid" if there else "not found (optional)", preferences.FILE
     try:
@@ -134,7 +135,7 @@ def _preferences(root: Path) -> Iterator[Finding]:
 
 
 def _service(root: Path) -> Iterator[Finding]:
-    """Whether a service runs, what is wrong with it, and what it could not do."""
+    """Check whether a service runs, its scans, and the campaigns it could not finish."""
     yield _server(root)
     running = service.Running.of(root)
     if running is None or not alive(running.process):
@@ -146,7 +147,7 @@ def _service(root: Path) -> Iterator[Finding]:
 
 
 def _wanted(root: Path) -> Preferences:
-    """What pipeline.toml says; nothing where it is wrong, which is said elsewhere."""
+    """Preferences from pipeline.toml; defaults if it is invalid, which is reported elsewhere."""
     try:
         return preferences.load(root)
     except InputError:
@@ -154,7 +155,7 @@ def _wanted(root: Path) -> Preferences:
 
 
 def looks(root: Path, running: service.Running) -> Finding:
-    """When data/raw was last looked at, and whether that is as it should be."""
+    """Check when data/raw was last scanned, and whether that is as scheduled."""
     wanted, look, now = _wanted(root).service, service.Looked.of(root), time.time()
     if look is None:
         return Finding("looks", True, "none yet", needed=False)
@@ -173,7 +174,7 @@ def looks(root: Path, running: service.Running) -> Finding:
 
 
 def _waiting(root: Path, webhook: str | None) -> Iterator[Finding]:
-    """Campaigns that are tried again, and verdicts that a webhook did not take."""
+    """Report campaigns that will be tried again, and verdicts that the webhook did not accept."""
     for campaign in campaigns.every(root):
         seen = watch.recall(campaign)
         if seen.verdict == "failed":

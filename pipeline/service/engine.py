@@ -1,4 +1,4 @@
-"""One campaign through Prefect, for `pipeline run`."""
+"""Run one campaign through Prefect, for `pipeline run`."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from pipeline.service import server
 from pipeline.service.processes import sheltered
 from pipeline.store.campaign import CampaignFolder
 
-if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
+if TYPE_CHECKING:  # these types import the numerical libraries, which takes a second
     from pipeline.answer.contract import Answer
 
 
 def through_prefect(campaign: CampaignFolder, force: bool, tell: Tell) -> Answer:
-    """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
-    if campaign.current() and not force:  # also says what no engine can read
+    """Bring a campaign up to date as a Prefect flow, unless it is current."""
+    if campaign.current() and not force:  # also reports input that no engine can read
         from pipeline.answer.archive import read
 
         return read(campaign)

@@ -1,7 +1,7 @@
-"""Where work is carried out: in this process or in several; service/cluster.py has a Dask cluster.
+"""Executors of work: in this process or in several; service/cluster.py has a Dask cluster.
 
-The work is a function that can be pickled and that depends on its item alone, so that results are
-the same wherever they come from; only their order is that in which they end.
+The work is a function that can be pickled and that depends on its item alone, so that results do
+not depend on where they are computed; results are returned in the order in which they finish.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ S = TypeVar("S")
 T = TypeVar("T")
 
 Sent = tuple[T | None, Exception | None]
-"""What travels back: the value of an item, or why there is none."""
+"""What a worker sends back: the value of an item, or why there is none."""
 
 _AGAIN = 2
-"""How often an item is begun again whose process was lost."""
+"""Maximum number of restarts of an item whose process was lost."""
 
 _GRACE_S = 5.0
-"""How long a process whose line broke may take to end by itself [s]."""
+"""Time allowed for a process whose connection broke to end by itself [s]."""
 
 SEE = "see whether it is computed alone, and how much memory it needs"
 
 
 @dataclass(frozen=True)
 class Done(Generic[S, T]):
-    """What became of one item.
+    """Result of one item.
 
     Attributes:
-        item: What the work was done on.
-        value: What it gave; None where it failed.
-        problem: Why it failed; None where it did not.
+        item: Item of the work.
+        value: Value returned; None if the work failed.
+        problem: Exception raised; None if there was none.
     """
 
     item: S
@@ -55,38 +55,38 @@ class Done(Generic[S, T]):
 
     @property
     def result(self) -> T:
-        """What the work gave.
+        """Value returned by the work.
 
         Raises:
-            Exception: What the work has raised.
-            Unfinished: Its process was lost again and again.
+            Exception: The exception raised by the work.
+            Unfinished: Its process was lost repeatedly.
         """
         if self.problem is not None:
             raise self.problem
-        return self.value  # type: ignore[return-value]  # None only where the work gives it
+        return self.value  # type: ignore[return-value]  # None only if the work returns it
 
 
 class Executor(Protocol):
-    """Carries out work on many items.
+    """Executes work on many items.
 
     Attributes:
-        near: Whether the work sees the folders of this machine.
+        near: Whether the work has access to the folders of this machine.
     """
 
     near: ClassVar[bool]
 
     def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
-        """What becomes of each item, as it ends; items are taken when there is room for them.
+        """Yield the result of each item as it finishes; items are consumed as capacity allows.
 
-        Who stops listening stops the work.
+        Closing the iterator stops the work.
         """
 
 
 def in_order(executor: Executor, work: Callable[[S], T], items: Iterable[S]) -> list[T]:
-    """What the work gives for each item, in their order.
+    """Values of all items, in their order.
 
     Raises:
-        Exception: Of the first item that fails.
+        Exception: That of the first item that fails.
     """
     found = executor.results(partial(_numbered, work), enumerate(items))
     return [value for _, value in sorted((one.item[0], one.result) for one in found)]
@@ -97,7 +97,7 @@ def _numbered(work: Callable[[S], T], numbered: tuple[int, S]) -> T:
 
 
 def tried(work: Callable[[S], T], item: S) -> Sent[T]:
-    """What the work gives, or why it fails, as something that can travel."""
+    """Value of the work or its exception, in a form that can be pickled."""
     try:
         return work(item), None
     except Exception as problem:
@@ -105,8 +105,8 @@ def tried(work: Callable[[S], T], item: S) -> Sent[T]:
 
 
 def _portable(problem: Exception) -> Exception:
-    """The problem where it can be pickled, else its words; a note says where it has happened."""
-    if isinstance(problem, PipelineError):  # a sentence, which says all
+    """The exception if it can be pickled, else its text; a note contains the traceback."""
+    if isinstance(problem, PipelineError):  # its message says everything
         return problem
     problem.add_note("".join(traceback.format_exception(problem)).rstrip())
     try:
@@ -120,12 +120,12 @@ def _portable(problem: Exception) -> Exception:
 
 @dataclass(frozen=True)
 class Here:
-    """In this process, one after another."""
+    """In this process, one item after another."""
 
     near: ClassVar[bool] = True
 
     def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
-        """In the order of the items."""
+        """Yield results in the order of the items."""
         for item in items:
             try:
                 done = Done[S, T](item, work(item))
@@ -136,18 +136,18 @@ class Here:
 
 @dataclass(frozen=True)
 class Processes:
-    """In so many processes of this machine.
+    """In several processes of this machine.
 
     Attributes:
-        number: How many; as many as there are cores when not given.
+        number: Number of processes; by default that of the cores.
     """
 
     number: int = field(default_factory=lambda: os.cpu_count() or 1)
     near: ClassVar[bool] = True
 
     def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
-        """As they end; an item whose process is lost is begun again in another, at most twice."""
-        os.environ |= OURS  # which they inherit
+        """Yield results as they finish; an item is restarted twice if its process is lost."""
+        os.environ |= OURS  # inherited by the processes
         left = iter(items)
         workers: list[_Worker[S, T]] = []
         try:
@@ -169,7 +169,7 @@ class Processes:
 
 
 class _Worker(Generic[S, T]):
-    """A process and the item that it is at; another process when it is lost."""
+    """A process and its current item; the process is replaced when it is lost."""
 
     item: S
     line: connection.Connection
@@ -187,16 +187,16 @@ class _Worker(Generic[S, T]):
         theirs.close()
 
     def give(self, item: S) -> None:
-        """Have an item worked on."""
+        """Start work on an item."""
         self.item, self._lost = item, 0
         self._send()
 
     def _send(self) -> None:
-        with contextlib.suppress(OSError):  # it is gone, which shows when it is listened to
+        with contextlib.suppress(OSError):  # it has ended, which the next read shows
             self.line.send(self.item)
 
     def given_next(self, left: Iterator[S]) -> bool:
-        """Have the next item worked on, or end where there is none."""
+        """Start work on the next item, or end the process if there is none."""
         for item in left:
             self.give(item)
             return True
@@ -204,7 +204,7 @@ class _Worker(Generic[S, T]):
         return False
 
     def heard(self) -> Done[S, T] | None:
-        """What has become of the item; None where it is begun again."""
+        """Result of the item; None if it is restarted."""
         try:
             return Done(self.item, *self.line.recv())
         except (EOFError, OSError):
@@ -218,7 +218,7 @@ class _Worker(Generic[S, T]):
         return None
 
     def end(self) -> int | None:
-        """End the process; its exit code."""
+        """End the process; return its exit code."""
         self.line.close()
         self._process.kill()
         self._process.join()
@@ -226,12 +226,12 @@ class _Worker(Generic[S, T]):
 
 
 def _listen(line: connection.Connection, work: Callable[[S], T]) -> None:
-    """Work on what comes over the line until it is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches all: no traceback of this one
+    """Work on items received from the connection until it is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches all: avoids a traceback from here
     parent = parent_process()
     assert parent is not None
     threading.Thread(target=_follow, args=(parent,), daemon=True).start()
-    with contextlib.suppress(EOFError, OSError):  # nobody is there any more
+    with contextlib.suppress(EOFError, OSError):  # the other end is closed
         while True:
             _answer(line, tried(work, line.recv()))
 
@@ -241,17 +241,17 @@ def _answer(line: connection.Connection, made: Sent[Any]) -> None:
         line.send(made)
     except OSError:
         raise
-    except Exception as problem:  # it cannot be pickled, of which nothing was sent yet
+    except Exception as problem:  # it cannot be pickled; nothing has been sent yet
         line.send((None, _portable(problem)))
 
 
 def _follow(parent: BaseProcess) -> None:
     parent.join()
-    os._exit(1)  # files are written whole or not at all, locks end with the process
+    os._exit(1)  # files are written completely or not at all, and locks end with the process
 
 
 def gone(code: int | None) -> str:
-    """How a process ended that had work to do, from its exit code."""
+    """Describe how a process ended before its work was done, from its exit code."""
     if code == -signal.SIGKILL:
         return "its process was killed, by the system when memory was short or by somebody"
     if code is not None and code < 0:

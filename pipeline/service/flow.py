@@ -1,7 +1,7 @@
-"""The stages of run.py as a Prefect flow: one task per stage, artifacts at the end.
+"""The stages of run.py as a Prefect flow: one task per stage, with artifacts at the end.
 
-With gate.py the only file that imports Prefect, which takes seconds; `service.settle` comes before
-it, because Prefect reads its settings when it is imported.
+This file and gate.py are the only ones that import Prefect, which takes seconds. `service.settle`
+must be called before the import, since Prefect then reads its settings.
 """
 
 from __future__ import annotations
@@ -49,13 +49,14 @@ from pipeline.service.processes import PARENT, REPORTS_URL, ROOT, follow, log
 from pipeline.store.campaign import CampaignFolder, every, find
 
 TAG = "campaign"
-"""Of the task that computes: a limit of Prefect's for `tag:campaign` is one for the whole team."""
+"""Tag of the task that computes: a Prefect limit for `tag:campaign` holds for the whole team."""
 
 _DEPLOYED = "data-raw"
 _ATTEND = f"run-campaign/{_DEPLOYED}"
 
 _SETTLES_S = 30.0
-"""A flow that runs for so long holds its campaign, or has left it [s]; clocks may differ a bit."""
+"""Age from which a running flow either holds its campaign or has abandoned it [s]; allows for
+differences between clocks."""
 
 
 def _named() -> str:
@@ -64,11 +65,11 @@ def _named() -> str:
 
 @flow(name="identify-stiffness", flow_run_name=_named, persist_result=False)
 def identify(root: str, campaign: str, force: bool = False) -> Answer:
-    """Run every stage of one campaign as a Prefect task and give its answer."""
+    """Run every stage of one campaign as a Prefect task and return its answer."""
     found = find(Path(root), campaign)
     try:
         answer = run(found, step=_as_task, force=force)
-    except PipelineError as problem:  # a sentence, which needs no traceback
+    except PipelineError as problem:  # a one-sentence message, which needs no traceback
         refused: Any = _refused(problem)
         return refused
     _publish(found, answer)
@@ -105,7 +106,7 @@ def scan(hand_out: bool = False) -> None:
 
 
 def _root() -> Path:
-    """Where the project is, which this process's environment alone says.
+    """Root of the project, taken from the environment of this process only.
 
     Whoever can reach Prefect's API can choose the parameters of a flow.
     """
@@ -117,10 +118,10 @@ def _root() -> Path:
 def _scanned(root: Path, hand_out: bool) -> Iterator[Outcome]:
     try:
         preferences = load(root)
-    except InputError as problem:  # somebody has edited it meanwhile
+    except InputError as problem:  # somebody has edited it in the meantime
         yield from watch.told_once(root, [failed(watch.SERVICE, problem)])
         return
-    if hand_out := hand_out and preferences.storage.raw is None:  # copies are this worker's alone
+    if hand_out := hand_out and preferences.storage.raw is None:  # only this one has copies
         _take_up(root)
     with Guard(root, "prefect", preferences.service) as guard:
         yield from watch.scan(root, preferences, _Pool(guard) if hand_out else guard)
@@ -141,7 +142,7 @@ def _take_up(root: Path) -> None:
 
 
 def _left(state: State[Any], campaign: CampaignFolder | None) -> bool:
-    """Whether nobody is at a run that has begun; the campaign is None where it is gone."""
+    """Whether a run that has begun was abandoned; the campaign is None if it no longer exists."""
     patience_s = _SETTLES_S if state.type == StateType.RUNNING else service.PATIENCE_S
     age_s = (datetime.now(UTC) - state.timestamp).total_seconds()
     return age_s > patience_s and (campaign is None or not watch.attended(campaign))
@@ -149,17 +150,17 @@ def _left(state: State[Any], campaign: CampaignFolder | None) -> bool:
 
 @dataclass(frozen=True)
 class _Pool:
-    """Has campaigns brought up to date by the workers of a pool, one flow run for each.
+    """Hands campaigns out to the workers of a pool, one flow run for each.
 
-    A run is known by what it was handed out for: the files of its campaign, the code, and how often
-    these have failed. So nothing is handed out twice; where a run has ended and there is something
-    to do still, such as a report that somebody has removed, it begins once more.
+    A run is identified by what it was handed out for: the files of its campaign, the code, and the
+    number of failures with these. So nothing is handed out twice; if a run has ended and something
+    remains to be done, such as a report that somebody has removed, the run is started once more.
     """
 
     guard: Guard
 
     def campaign(self, campaign: CampaignFolder) -> None:
-        """Hand one out, unless it is."""
+        """Hand out one campaign, unless this was done before."""
         seen, before = watch.fingerprint(campaign.folder), watch.recall(campaign)
         failures = before.attempts if before.print == seen else 0
         known = files.sha256(f"{campaign.name}\n{seen}\n{failures}".encode())
@@ -172,22 +173,22 @@ class _Pool:
             timeout=0,
             as_subflow=False,
         )
-        if run.state.is_final() and run.state.type != StateType.CANCELLED:  # which somebody wants
+        if run.state.is_final() and run.state.type != StateType.CANCELLED:  # the user's wish
             with get_client(sync_client=True) as client:
                 client.set_flow_run_state(run.id, Scheduled(name="Again"), force=True)
 
     def pages(self) -> Outcome | None:
-        """The page over all campaigns, which this worker draws."""
+        """Update the page over all campaigns, which this worker draws."""
         return self.guard.pages()
 
 
 @flow(name="run-campaign", flow_run_name=_named, persist_result=False)
 def attend(campaign: str, seen: str) -> Any:
-    """Bring a campaign of this project up to date that was handed out, within the limits.
+    """Bring a campaign up to date that was handed out, within the limits of time and memory.
 
     Args:
-        campaign: Its name under data/raw.
-        seen: The fingerprint that it was handed out with.
+        campaign: Name under data/raw.
+        seen: Fingerprint with which it was handed out.
     """
     root = _root()
     found = {one.name: one for one in every(root)}.get(campaign)
@@ -206,12 +207,12 @@ def attend(campaign: str, seen: str) -> Any:
 
 @dataclass(frozen=True)
 class _Slot:
-    """Works at a campaign while it holds one of the slots of `TAG`, where these are limited."""
+    """Works on a campaign while it holds one of the slots of `TAG`, if these are limited."""
 
     guard: Guard
 
     def campaign(self, campaign: CampaignFolder) -> Outcome:
-        """One campaign, as a task."""
+        """Process one campaign as a task."""
         carried_out = task(name="compute", cache_policy=NO_CACHE, persist_result=False)(
             self.guard.campaign
         )
@@ -219,24 +220,24 @@ class _Slot:
         return made
 
     def pages(self) -> None:
-        """Left to the scan."""
+        """Do nothing: the scan updates the page."""
 
 
 def within(campaign: CampaignFolder) -> Answer:
-    """One campaign as a flow of its own, unless its last run still stands."""
-    campaign.fit()  # what has no name that can be shown is no run
-    with contextlib.suppress(InputError):  # one that cannot be read is a run to be seen, too
+    """Answer of a campaign, by a flow of its own unless its last run is still current."""
+    campaign.fit()  # a campaign whose name cannot be shown gets no run
+    with contextlib.suppress(InputError):  # an unreadable one gets a visible run, too
         if campaign.current():
             return read(campaign)
     return identified(campaign)
 
 
 def identified(campaign: CampaignFolder, force: bool = False) -> Answer:
-    """The answer of a campaign, by a run that Prefect shows.
+    """Answer of a campaign, by a run that Prefect shows.
 
     Raises:
-        PipelineError: As `run` does.
-        CannotWrite: Prefect's server cannot keep the run.
+        PipelineError: As in `run`.
+        CannotWrite: Prefect's server cannot store the run.
     """
     try:
         answer: Answer = _result(identify(str(campaign.root), str(campaign.folder), force))
@@ -252,12 +253,12 @@ def identified(campaign: CampaignFolder, force: bool = False) -> Answer:
 
 
 def _result(made: Any) -> Any:
-    """What a flow or a task has given; Prefect hands on the state where that was one."""
+    """Result of a flow or a task; Prefect passes on a state that was returned as it is."""
     return made.result() if isinstance(made, State) else made
 
 
 def _crashed(made: Outcome) -> None:
-    """Say to Prefect's server what the process that it was could not."""
+    """Mark on Prefect's server the run as crashed whose process could not report it."""
     ended: State[Any] = Crashed(message=made.complaints[0])
     running = FlowRunFilter.model_validate(
         {"state": {"type": {"any_": [StateType.RUNNING]}}, "name": {"any_": [made.campaign]}}
@@ -268,7 +269,7 @@ def _crashed(made: Outcome) -> None:
 
 
 def _drop_late() -> None:
-    """Forget the scans that should have begun while this one is at work: the next sees it all."""
+    """Delete scans that were due while this one is at work: the next one covers them."""
     late = FlowRunFilter.model_validate(
         {
             "state": {"type": {"any_": [StateType.SCHEDULED]}},
@@ -276,7 +277,7 @@ def _drop_late() -> None:
         }
     )
     own = FlowFilter.model_validate({"name": {"any_": [scan.name]}})
-    # what is not dropped now is dropped next time
+    # what is not deleted now is deleted next time
     with contextlib.suppress(httpx.HTTPError, ObjectNotFound), get_client(sync_client=True) as api:
         while found := api.read_flow_runs(flow_filter=own, flow_run_filter=late, limit=200):
             for run in found:
@@ -292,7 +293,7 @@ def _summary(outcomes: list[Outcome]) -> str:
 
 
 def _cell(text: str) -> str:
-    """Text of others in a table of Markdown, as it stands there."""
+    """Foreign text for a Markdown table, with special characters made harmless."""
     plain = printable(text).replace("|", "/").replace("`", "'")
     return f"`{plain}`" if plain else " "
 
@@ -300,7 +301,7 @@ def _cell(text: str) -> str:
 def serve(wanted: Service) -> None:
     """Scan on a schedule, one scan at a time, until this process is told to stop."""
     clear()
-    with warnings.catch_warnings():  # Prefect's way to stop on SIGTERM forgets an await
+    with warnings.catch_warnings():  # Prefect misses an await when it stops on SIGTERM
         warnings.filterwarnings("ignore", "coroutine 'Runner.astop' was never awaited")
         scan.serve(
             limit=1,
@@ -311,7 +312,7 @@ def serve(wanted: Service) -> None:
 
 
 def deploy(pool: str, wanted: Service) -> None:
-    """Put the scan on the server of PREFECT_API_URL, for the workers of a pool to carry out."""
+    """Register the scan on the server of PREFECT_API_URL, to be run by the workers of a pool."""
     with get_client(sync_client=True) as client, contextlib.suppress(ObjectAlreadyExists):
         client.create_work_pool(WorkPoolCreate(name=pool, type="process"))
     place: Any = {"entrypoint_type": EntrypointType.MODULE_PATH, "work_pool_name": pool}
@@ -324,14 +325,14 @@ def deploy(pool: str, wanted: Service) -> None:
 
 
 def _planned(wanted: Service) -> dict[str, Any]:
-    """What the scan is called, and when it runs."""
-    if wanted.cron:  # by the clock on the wall, summer time and all; Prefect alone means UTC
+    """Name and schedule of the scan."""
+    if wanted.cron:  # local time including daylight saving; Prefect would use UTC
         return {"name": _DEPLOYED, "schedule": Cron(wanted.cron, timezone=_zone())}
     return {"name": _DEPLOYED, "interval": wanted.interval_s}
 
 
 def _zone() -> str:
-    """The name of this machine's time zone; UTC where it has none."""
+    """Name of this machine's time zone; UTC if it has none."""
     here = os.path.realpath("/etc/localtime").rpartition("/zoneinfo/")[2]
     for name in (os.environ.get("TZ", "").removeprefix(":"), here):
         with contextlib.suppress(ZoneInfoNotFoundError, ValueError, OSError):
@@ -340,7 +341,7 @@ def _zone() -> str:
 
 
 def clear() -> None:
-    """Mark what a killed service left running as crashed, and drop the scans that it missed."""
+    """Mark runs that a killed service left as crashed, and delete the scans that it missed."""
     open_states = [StateType.RUNNING, StateType.PENDING, StateType.SCHEDULED, StateType.CANCELLING]
     left = FlowRunFilter.model_validate({"state": {"type": {"any_": open_states}}})
     with get_client(sync_client=True) as client:
@@ -357,7 +358,7 @@ _LISTENER: ContextVar[Tell] = ContextVar("listener", default=str)
 
 @contextlib.contextmanager
 def telling(tell: Tell) -> Iterator[None]:
-    """Within the block, `tell` hears of every stage; what a flow is given goes to the server."""
+    """Report every stage to `tell` in the block; a flow's arguments would go to the server."""
     before = _LISTENER.set(tell)
     try:
         yield
@@ -366,7 +367,7 @@ def telling(tell: Tell) -> Iterator[None]:
 
 
 def _as_task(stage: Callable[..., Any]) -> Callable[..., Any]:
-    """One stage as a task; Prefect's own cache is off, our manifest decides what is current."""
+    """One stage as a task; Prefect's cache is off, as our manifest decides what is current."""
     reading = stage.__name__ == "read"  # a share that was away for a moment; nothing else heals
 
     @functools.wraps(stage)
@@ -395,7 +396,7 @@ def _may_heal(task: Any, run: Any, state: Any) -> bool:
 
 
 def _publish(campaign: CampaignFolder, answer: Answer) -> None:
-    """Result table and report link as Prefect artifacts."""
+    """Publish the result table and a link to the report as Prefect artifacts."""
     key = "".join(c if c.isascii() and c.isalnum() else "-" for c in campaign.name.lower())
     artifacts.create_table_artifact(
         key=f"{key}-stiffness",

@@ -1,10 +1,10 @@
-"""What this machine shows of itself: Prefect's server and the reports, to its own browser alone.
+"""Prefect's server and the reports, served to browsers of this machine only.
 
 `python -m pipeline.service.gate REPORTS PORT` serves Prefect's page and API at PORT and the folder
-REPORTS one port further. A page of another origin is turned away at the door, and so is a request
-for a host of another name, which is how a foreign page gets around the rule of origins. The first
-page of the reports says how every campaign stands. A link that is printed where the service was
-started lets its browser into Prefect's page, once.
+REPORTS at the next port. Requests from pages of another origin are rejected, and so are requests
+for a host of another name, by which a foreign page could evade the same-origin policy. The first
+page of the reports shows the state of every campaign. A link printed where the service was started
+admits its browser to Prefect's page, once.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from pipeline.service.processes import PARENT, follow
 from pipeline.service.server import ENTER, HERE, HOME, KEY, PASSWORD, known_password
 
 _OWN_SITE = (b"same-origin", b"none")
-"""What a browser says of a request from our own page, or from its address bar."""
+"""Values of Sec-Fetch-Site for a request from our own page, or from the address bar."""
 
 _HEADERS = (
     (b"x-content-type-options", b"nosniff"),
@@ -41,29 +41,29 @@ _HEADERS = (
     (b"cross-origin-resource-policy", b"same-origin"),
     (b"referrer-policy", b"same-origin"),
 )
-"""So that no other page frames, embeds or reads ours."""
+"""Headers that prevent other pages from framing, embedding or reading ours."""
 
 
 class Gate:
-    """An ASGI application behind a check of who asks."""
+    """ASGI application behind a check of host and origin."""
 
     def __init__(self, app: ASGIApp, port: int) -> None:
-        """Of an application that answers at a port of this machine."""
+        """Guard an application that answers at a port of this machine."""
         self._app = app
         self._hosts = {f"{name}:{port}".encode() for name in (HERE, "localhost")}
         self._origins = {b"http://" + host for host in self._hosts}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or turn away."""
+        """Answer the request, or reject it."""
         if scope["type"] == "lifespan" or not (why := self._refused(scope)):
             await self._app(scope, receive, _hardened(send))
         elif scope["type"] == "http":
             await PlainTextResponse(f"{why}\n", 403)(scope, receive, _hardened(send))
-        else:  # a websocket that is closed before it is accepted is answered with 403
+        else:  # a websocket closed before it is accepted is answered with 403
             await send({"type": "websocket.close", "code": 1008, "reason": why})
 
     def _refused(self, scope: Scope) -> str:
-        """Why nothing is answered; empty for one's own browser and programs."""
+        """Why a request is rejected; empty for the local browser and local programs."""
         headers = list(scope["headers"])
         if _of(headers, b"host") not in [[host] for host in self._hosts]:
             return "this server answers to 127.0.0.1 and localhost only"
@@ -80,7 +80,7 @@ def _of(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[bytes]:
 
 
 def _followed(scope: Scope, headers: Iterable[tuple[bytes, bytes]]) -> bool:
-    """A link somebody clicked: the browser shows our page itself, and nobody else sees it."""
+    """Whether a link was followed: our page is then shown, and no other page can read it."""
     document = _of(headers, b"sec-fetch-mode") == [b"navigate"]
     document = document and _of(headers, b"sec-fetch-dest") == [b"document"]
     return document and scope.get("method") == "GET"
@@ -98,15 +98,15 @@ def _hardened(send: Send) -> Send:
 class Door:
     """Prefect's application, and a link by which its owner's browser learns the password, once.
 
-    The key lies in a file that its owner alone can read, and goes with the first who shows it.
+    The key is in a file that only its owner can read; it is deleted at first use.
     """
 
     def __init__(self, app: ASGIApp, root: Path) -> None:
-        """Of a project."""
+        """Guard Prefect's application for a project."""
         self._app, self._root = app, root
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer the link, or let the application answer."""
+        """Answer the link, or pass the request on to the application."""
         asked = scope["type"] == "http" and scope["path"].startswith(ENTER)
         await (self._entered(scope) if asked else self._app)(scope, receive, send)
 
@@ -116,7 +116,7 @@ class Door:
             why = f"this link is used up; Prefect's page asks for the line in {self._password}\n"
             return PlainTextResponse(why, 403, _UNKEPT)
         mark = secrets.token_urlsafe(16)
-        known = base64.b64encode(password.encode()).decode()  # as Prefect's page keeps it
+        known = base64.b64encode(password.encode()).decode()  # encoded as Prefect's page stores it
         words = f"localStorage.setItem('prefect-password', {json.dumps(known)})"
         script = f"<script nonce='{mark}'>{words}; location.replace('/')</script>"
         policy = f"default-src 'none'; script-src 'nonce-{mark}'"
@@ -128,7 +128,7 @@ class Door:
         return self._root / HOME / PASSWORD
 
     def _taken(self, given: str) -> bool:
-        """Whether this is the key; whoever removes it has it, and nobody after."""
+        """Whether this is the key; the file is removed, so that only one request succeeds."""
         path = self._root / HOME / KEY
         try:
             right = secrets.compare_digest(path.read_bytes(), given.encode("utf-8", "replace"))
@@ -143,10 +143,10 @@ _UNKEPT = {"cache-control": "no-store"}
 
 
 def reports(folder: str) -> ASGIApp:
-    """The reports of a project; what lies elsewhere stays there, whatever links to it."""
+    """The reports of a project; links to files elsewhere are not followed."""
 
     def first(_: Request) -> Response:
-        from pipeline.service.standing import now  # pandas, which takes a second
+        from pipeline.service.standing import now  # imports pandas, which takes a second
 
         return HTMLResponse(now(Path(folder).parent), headers={**_UNKEPT, "refresh": "10"})
 
@@ -183,11 +183,12 @@ async def _served(apps: dict[int, Any]) -> None:
 
 
 _CONNECTIONS = 2**16
-"""Open at a time at most, where the system allows so many: all that one address can begin."""
+"""Maximum number of open connections, if the system allows as many: all that one address can
+open."""
 
 
 def _with_room() -> None:
-    """Take all connections that one may have: who asks nothing cannot use up the usual 1024."""
+    """Raise the limit of open files, so that idle connections cannot exhaust the usual 1024."""
     few, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = _CONNECTIONS if most == resource.RLIM_INFINITY else min(most, _CONNECTIONS)
     if few != resource.RLIM_INFINITY and few < wanted:

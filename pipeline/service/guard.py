@@ -1,8 +1,8 @@
-"""A guard around whatever a service does with a campaign: limits of time and memory, a process.
+"""Guard for the work on campaigns: limits of time and memory, in a separate process.
 
-The campaign is worked at in a process of its own (worker.py), which takes a few of them and is then
-replaced, so that memory stays as it is however many there are. One that hangs, grows without end or
-crashes costs its own result and nothing else.
+Campaigns are computed in a process of their own (worker.py), which is replaced after a few of them,
+so that memory does not grow with their number. One that hangs, grows without bound or crashes loses
+only its own result.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from pipeline.service.processes import PYTHON
 from pipeline.store.campaign import CampaignFolder
 
 _TAKES = 8
-"""Campaigns per process: importing the libraries takes as long as computing one small campaign."""
+"""Number of campaigns per process: importing the libraries takes as long as one small campaign."""
 
 _GRACE_S = 20.0
-"""How long a process may take to send its last logs and end [s]."""
+"""Time allowed for a process to send its last logs and end [s]."""
 
 PAGES = "overview"
-"""In place of a campaign's name, where the page over all of them is drawn."""
+"""Name used instead of a campaign's for the page over all campaigns."""
 
 
 @dataclass
 class _Worker:
-    """A process and the line to it; `taken` jobs so far."""
+    """A process, the connection to it, and the number of jobs given to it so far."""
 
     process: subprocess.Popen[bytes]
     line: Connection
@@ -46,10 +46,10 @@ class _Worker:
 
 
 class Guard:
-    """Works at campaigns in other processes; what goes wrong there is an outcome here."""
+    """Computes campaigns in other processes; failures there are returned as outcomes."""
 
     def __init__(self, root: Path, engine: str, limits: Service) -> None:
-        """Start nothing yet.
+        """Initialise, without starting a process.
 
         Args:
             root: The project's root.
@@ -60,7 +60,7 @@ class Guard:
         self._worker: _Worker | None = None
 
     def __enter__(self) -> Guard:
-        """Ready."""
+        """Return itself."""
         return self
 
     def __exit__(
@@ -69,7 +69,7 @@ class Guard:
         problem: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End the process; nobody waits for a campaign that is not wanted any more."""
+        """End the process; at once after an exception."""
         self._end(at_once=kind is not None)
 
     def campaign(self, campaign: CampaignFolder) -> Outcome:
@@ -77,12 +77,12 @@ class Guard:
         return self._asked(campaign.name, {"folder": os.fspath(campaign.folder)})
 
     def pages(self) -> Outcome | None:
-        """Bring the page over all campaigns up to date; what went wrong, if anything did."""
+        """Bring the page over all campaigns up to date; return the failure, if any."""
         made = self._asked(PAGES, {"pages": True})
         return made if made.exit_code else None
 
     def _asked(self, name: str, job: Mapping[str, Any]) -> Outcome:
-        """What became of a job, the end of its process included."""
+        """Outcome of a job, also if its process ends or is too slow."""
         try:
             worker = self._worker or self._start()
             worker.taken += 1
@@ -91,7 +91,7 @@ class Guard:
                 self._end(at_once=True)
                 return failed(name, self._too_slow())
             made = Outcome(**json.loads(worker.line.recv_bytes()))
-        except (EOFError, OSError):  # the line broke: the process is gone
+        except (EOFError, OSError):  # the connection broke: the process has ended
             return failed(name, self._gone())
         if worker.taken >= _TAKES:
             self._end()
@@ -105,7 +105,7 @@ class Guard:
             [*PYTHON, "pipeline.service.worker", *map(str, words)],
             stdin=subprocess.DEVNULL,
             pass_fds=[theirs.fileno()],
-            start_new_session=True,  # Ctrl-C is for the service, which ends its workers
+            start_new_session=True,  # Ctrl-C is meant for the service, which ends its workers
         )
         theirs.close()
         self._worker = _Worker(process, ours)
@@ -124,14 +124,14 @@ class Guard:
         )
 
     def _end(self, at_once: bool = False) -> int | None:
-        """End the process; its exit code."""
+        """End the process; return its exit code."""
         worker, self._worker = self._worker, None
         if worker is None:
             return None
-        worker.line.close()  # which it takes for the end of its work
+        worker.line.close()  # which tells it that its work is over
         process = worker.process
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(1.0 if at_once else _GRACE_S)
-        with contextlib.suppress(ProcessLookupError):  # and whatever it has started
+        with contextlib.suppress(ProcessLookupError):  # and any process that it started
             os.killpg(process.pid, signal.SIGKILL)
         return process.wait()

@@ -1,8 +1,7 @@
-"""Many campaigns at a time: in processes of this machine, or on one that does not see the folder.
+"""Many campaigns in parallel: in processes of this machine, or on one without access to the folder.
 
-Where the folder is seen, a process locks, computes and writes its campaign as a plain run does.
-Elsewhere the campaign's bytes travel there and what was made of them back; this process alone holds
-the locks and writes.
+With access, a process locks, computes and writes its campaign as a plain run does. Without, the
+campaign's bytes are sent there and its results back; only this process holds the locks and writes.
 """
 
 from __future__ import annotations
@@ -23,12 +22,12 @@ from pipeline.base.errors import Unfinished, UsageError
 from pipeline.service.executor import Done, Executor, Processes
 from pipeline.store.campaign import MANIFEST, CampaignFolder, find, label
 
-if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
+if TYPE_CHECKING:  # these types import the numerical libraries, which takes a second
     from pipeline.answer.contract import Answer
 
 
 def executor(jobs: int | None, on: str | None) -> Executor | None:
-    """Where many things are worked on; None where nobody says."""
+    """The executor that the options ask for; None if they ask for none."""
     if on is None:
         return Processes(jobs) if jobs else None
     from pipeline.service.cluster import Cluster
@@ -37,14 +36,14 @@ def executor(jobs: int | None, on: str | None) -> Executor | None:
 
 
 def several(jobs: int | None, on: str | None) -> Several:
-    """What works on many campaigns: so many processes of this machine, or a cluster."""
+    """Function that processes many campaigns: in processes of this machine, or on a cluster."""
     return partial(outcomes, executor(jobs, on) or Processes())
 
 
 def outcomes(
     executor: Executor, root: Path, everyone: Iterable[Meant], force: bool = False
 ) -> Iterator[Outcome]:
-    """What becomes of campaigns, as they end; one that fails stops none of the others."""
+    """Yield the outcomes of campaigns as they finish; a failure does not stop the others."""
     if not executor.near:
         yield from _Abroad(root, executor, force).outcomes(everyone)
         return
@@ -63,17 +62,17 @@ def _name(one: Meant) -> str:
 
 
 def _problem(done: Done[Meant, Outcome]) -> Exception:
-    assert done.problem is not None  # an outcome is never nothing
+    assert done.problem is not None  # an outcome is always truthy
     return done.problem
 
 
 @dataclass(frozen=True)
 class Parcel:
-    """A campaign on its way.
+    """A campaign as sent to another machine.
 
     Attributes:
-        name: Of the campaign.
-        key: Of its files, the code and the libraries here.
+        name: Name of the campaign.
+        key: Hash of its files, the code and the libraries here.
         files: Name relative to its folder -> bytes, of everything that campaign.toml names.
     """
 
@@ -84,18 +83,18 @@ class Parcel:
 
 @dataclass(frozen=True)
 class _Made:
-    """What was made of it: bytes by name, of its tables with the manifest, and of its answers."""
+    """Results of a parcel: content by file name, of tables with manifest, and of answers."""
 
     processed: Mapping[str, bytes]
     reports: Mapping[str, bytes]
 
 
 def computed(parcel: Parcel) -> _Made:
-    """A campaign computed in a project of its own, which goes again.
+    """Compute a campaign in a temporary project.
 
     Raises:
-        PipelineError: As `run` does.
-        UsageError: Code or libraries are not those of where it came from.
+        PipelineError: As for `run`.
+        UsageError: Code or libraries differ from those of the sender.
     """
     from pipeline.run import run
 
@@ -114,13 +113,13 @@ def computed(parcel: Parcel) -> _Made:
 
 
 def _within(folder: Path) -> dict[str, bytes]:
-    """All files of a folder; its lock stays behind."""
+    """All files of a folder except hidden ones, such as its lock."""
     paths = [path for path in folder.rglob("*") if path.is_file() and path.name[0] != "."]
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
 class _Abroad:
-    """Campaigns that are computed elsewhere, each held until its answer is here."""
+    """Campaigns computed elsewhere, each locked until its answer is here."""
 
     def __init__(self, root: Path, executor: Executor, force: bool) -> None:
         self._root, self._executor, self._force = root, executor, force
@@ -129,7 +128,7 @@ class _Abroad:
         self._later: list[Meant] = []
 
     def outcomes(self, everyone: Iterable[Meant]) -> Iterator[Outcome]:
-        """As they end; those with nothing to compute in between."""
+        """Yield outcomes as they finish, and those with nothing to compute in between."""
         try:
             for done in self._executor.results(computed, self._parcels(everyone)):
                 campaign, held = self._held.pop(done.item.name)
@@ -149,9 +148,9 @@ class _Abroad:
         return known
 
     def _parcels(self, everyone: Iterable[Meant]) -> Iterator[Parcel]:
-        """What is to be computed, locked as it leaves."""
+        """Yield the campaigns to be computed, each locked when it is sent."""
         for one in everyone:
-            if _name(one) in self._held:  # its own lock would keep it waiting for ever
+            if _name(one) in self._held:  # its own lock would block it forever
                 self._later.append(one)
                 continue
             try:
@@ -163,7 +162,7 @@ class _Abroad:
                 yield parcel
 
     def _parcel(self, campaign: CampaignFolder) -> Parcel | None:
-        """A campaign packed; None, and what is known of it told, where nothing is computed."""
+        """A campaign as parcel; None if nothing is to be computed, with its outcome recorded."""
         from pipeline.answer.archive import read
 
         try:
@@ -176,16 +175,16 @@ class _Abroad:
         return parcel
 
     def _packed(self, campaign: CampaignFolder) -> Parcel | None:
-        """A campaign read and locked; None where its last run still stands.
+        """A campaign read and locked; None if its last run is still valid.
 
         Raises:
             PipelineError: It cannot be read or locked.
         """
         raw = campaign.read()
-        if not self._force and campaign.done(raw.key):  # before any lock, as `run` does
+        if not self._force and campaign.done(raw.key):  # before any lock, as in `run`
             return None
         with ExitStack() as stack:
-            if stack.enter_context(campaign.locked()):  # the other run may have done it
+            if stack.enter_context(campaign.locked()):  # the other run may have computed it
                 raw = campaign.read()
                 if not self._force and campaign.done(raw.key):
                     return None
@@ -198,7 +197,7 @@ def _refused(problem: Exception, campaign: CampaignFolder) -> Answer:
 
 
 def _received(done: Done[Parcel, _Made], campaign: CampaignFolder) -> Answer:
-    """The answer that came back, on disk; the caller holds the lock."""
+    """Write the results received and return the answer; the caller holds the lock."""
     from pipeline.answer.archive import read
 
     with campaign.remembering(done.item.key):
@@ -211,10 +210,10 @@ def _received(done: Done[Parcel, _Made], campaign: CampaignFolder) -> Answer:
 
 
 def _whole(made: _Made, parcel: Parcel) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """The manifest and tables that came back, if they are of this parcel and as they were made.
+    """Manifest and tables received, if they belong to this parcel and are intact.
 
     Raises:
-        Unfinished: They are of another one, or were changed or cut on their way.
+        Unfinished: They belong to another parcel, or were changed or truncated in transit.
     """
     try:
         tables = dict(made.processed)

@@ -1,4 +1,4 @@
-"""Telling others: a webhook that a verdict has changed, systemd that the service is alive."""
+"""Notifications: to a webhook that a verdict has changed, to systemd that the service is alive."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from collections.abc import Mapping
 from typing import Any
 
 _PATIENCE_S = 10.0
-"""How long a webhook may take to answer [s]."""
+"""Timeout of a webhook [s]."""
 
 
 class _Stay(urllib.request.HTTPRedirectHandler):
-    """Follows no redirect: a login page is no delivery, and nobody is told another address."""
+    """Follows no redirect: a login page is no delivery, and content goes to no other address."""
 
     def redirect_request(self, *_: Any) -> None:
-        """None to follow."""
+        """Return None: no redirect is followed."""
 
 
 def posted(address: str, content: Mapping[str, str | None]) -> bool:
-    """Whether a webhook has taken a message; whatever it answers, this ends.
+    """Post a message to a webhook; return whether it was accepted. Ends whatever it answers.
 
     Args:
-        address: Of the webhook, http or https.
-        content: What it gets, as JSON.
+        address: Address of the webhook, http or https.
+        content: Message, sent as JSON.
     """
     taken: list[bool] = []
-    # a thread, because an answer that comes byte by byte keeps below every timeout of a socket
+    # a thread, because an answer that arrives byte by byte never reaches a socket's timeout
     post = threading.Thread(target=lambda: taken.append(_post(address, content)), daemon=True)
     post.start()
     post.join(2 * _PATIENCE_S)
@@ -51,11 +51,11 @@ def _post(address: str, content: Mapping[str, str | None]) -> bool:
 
 
 def systemd(said: str) -> None:
-    """Tell systemd how the service is, such as `READY=1`; nothing where it did not start us."""
+    """Send a state such as `READY=1` to systemd; does nothing if it did not start this process."""
     address = os.environ.get("NOTIFY_SOCKET")
     if not address:
         return
-    if address.startswith("@"):  # Linux's sockets without a file
+    if address.startswith("@"):  # abstract sockets of Linux, which have no file
         address = "\0" + address[1:]
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line:
         line.sendto(said.encode(), address)

@@ -1,4 +1,4 @@
-"""Processes that start each other: whom Ctrl-C reaches, and who ends with whom."""
+"""Processes that start each other: which of them Ctrl-C reaches, and which end together."""
 
 from __future__ import annotations
 
@@ -14,38 +14,39 @@ from collections.abc import Iterator
 from pipeline.base.shown import say
 
 PYTHON = (sys.executable, "-P", "-m")
-"""Runs a module of ours; never one that lies in the current folder, where anybody may write."""
+"""Command that runs a module of ours; never one in the current folder, which anybody may write
+to."""
 
 PARENT = "PIPELINE_SERVE_PID"
-"""The process of `pipeline serve`, for the processes that it starts."""
+"""Variable with the number of the process `pipeline serve`, for the processes that it starts."""
 
 ROOT = "PIPELINE_ROOT"
-"""The project's root, for the scan: the only thing that says where it looks and writes."""
+"""Variable with the project's root; it alone says where the scan reads and writes."""
 
 REPORTS_URL = "PIPELINE_REPORTS_URL"
-"""Where the folder reports/ is on the web; links in Prefect's page begin with it."""
+"""Variable with the web address of the folder reports/; links on Prefect's page begin with it."""
 
 
 def stop_on_sigterm() -> None:
-    """End as an ordinary exit on SIGTERM, so that everything is put away."""
+    """End with an ordinary exit on SIGTERM, so that everything is cleaned up."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
 
 
 @contextlib.contextmanager
 def sheltered(end: int) -> Iterator[None]:
-    """Ctrl-C reaches every process of a terminal; within the block it is for this one alone.
+    """Let Ctrl-C reach only this process within the block, not every process of the terminal.
 
-    What is started here inherits the blocked signal, so that Prefect's processes end when they are
-    told to and print no tracebacks. A thread takes it, through the wakeup file because some library
-    may have a thread that gets it first, and sends `end` to this process.
+    Processes started here inherit the blocked signal, so that Prefect's processes end when they are
+    told to and print no tracebacks. A thread receives the signal and sends `end` to this process;
+    it uses the wakeup file descriptor, since a thread of some library may get the signal first.
 
     Args:
-        end: The signal that ends the work in the block, such as SIGTERM; a KeyboardInterrupt, as
-            long as nobody else in the block handles it.
+        end: Signal that ends the work in the block, such as SIGTERM; it raises KeyboardInterrupt
+            unless the block installs another handler.
 
     Raises:
-        KeyboardInterrupt: After the block, when it was Ctrl-C that ended it: Prefect's runner, told
-            to stop, calls that a good end.
+        KeyboardInterrupt: After the block, if Ctrl-C ended it: Prefect's runner, told to stop,
+            treats that as success.
     """
     if threading.current_thread() is not threading.main_thread():  # which gets all signals
         yield
@@ -87,28 +88,28 @@ def sheltered(end: int) -> Iterator[None]:
 
 
 def log(line: str) -> None:
-    """One line on stdout with its time, for what runs by itself: it is read the next morning."""
+    """Print a line with its time, for unattended processes: it is read the next morning."""
     say(f"{datetime.datetime.now():%Y-%m-%d %H:%M:%S} {line}")
 
 
 def follow(parent: int) -> None:
     """End this process when `parent` is gone: a run that outlives its service blocks the next."""
-    direct = os.getppid() == parent  # then the number cannot be another process's by now
+    direct = os.getppid() == parent  # then the number cannot belong to another process
 
     def look() -> None:
         while os.getppid() == parent if direct else alive(parent):
             time.sleep(1)
-        os._exit(1)  # files are written whole or not at all, locks end with the process
+        os._exit(1)  # files are written whole or not at all; locks end with the process
 
     threading.Thread(target=look, daemon=True).start()
 
 
 def alive(process: int) -> bool:
-    """Whether there is a process of this number."""
+    """Whether a process with this number exists."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except PermissionError:  # there is, of somebody else
+    except PermissionError:  # it exists, and belongs to another user
         return True
     return True

@@ -1,4 +1,4 @@
-"""`python -m pipeline.service.schedule SERVICE`: scans when it is time, until told to stop."""
+"""`python -m pipeline.service.schedule SERVICE`: scan at the scheduled times until told to stop."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pipeline.service.processes import PARENT, follow
 
 
 def main(wanted: str) -> None:
-    """Serve the scan through Prefect, whose settings stand in the environment.
+    """Serve the scan through Prefect, whose settings are in the environment.
 
     Args:
         wanted: preferences.Service, as JSON.

@@ -1,4 +1,4 @@
-"""Which Prefect server is spoken to, and what must stand in the environment before Prefect is.
+"""Choice of the Prefect server, and the environment that must be set before Prefect is imported.
 
 Nothing here imports Prefect, which takes seconds.
 """
@@ -29,19 +29,19 @@ from pipeline.service.processes import REPORTS_URL
 from pipeline.store.campaign import recalled
 
 HERE = "127.0.0.1"
-"""Only this machine sees the pages."""
+"""Address for pages that only this machine can see."""
 
 HOME = ".prefect"
-"""Prefect's own files, under the project's root."""
+"""Folder of Prefect's own files, under the project's root."""
 _DATABASE = "prefect.db"
 PASSWORD, KEY, SERVING = "password", "key", "serving.json"
-"""Files in HOME: Prefect's runs; what the API asks for, as user:password; what lets a browser in
-without it, once; where we are served."""
+"""Files in HOME: login of the API, as user:password; one-time key that lets a browser in without
+it; addresses at which the project is served."""
 ENTER = "/enter/"
-"""Where that key is shown to the server of Prefect's page."""
+"""Path at which that key is shown to the server of Prefect's page."""
 
 PATIENCE_S = 120.0
-"""How long Prefect's server may take to start [s]; on a busy machine it can need a minute."""
+"""Time allowed for Prefect's server to start [s]; on a busy machine it can need a minute."""
 
 RUNNING, LOOKED = "service.json", "look.json"
 """Files in data/processed: who serves this project, and when data/raw was last looked at."""
@@ -50,25 +50,27 @@ LOCK = ".service.lock"
 """Beside them, held by who serves; no campaign's own folder begins with a dot."""
 
 _LATE = 3
-"""A look that is so many intervals late will not come."""
+"""Delay, in intervals, after which a scan is considered overdue [1]."""
 SLOW_S = 120.0
-"""Nor one so long after it was due [s], however short the interval."""
+"""Minimum delay after which a scan is considered overdue [s], however short the interval."""
 _STEP_S = 3600.0
-"""How long a step of a look may take beside a campaign: the first copy of an object storage [s]."""
+"""Maximum time of a step of a scan in addition to a campaign [s]: the first copy of an object
+storage."""
 
 _ROOM = 2**25
-"""Bytes that Prefect's database and its journal take in the first runs, and as much again."""
+"""Minimum free space for Prefect's database [B]: its size and its journal's in the first runs,
+twice."""
 
 _KEPT_S = 30 * 86400
-"""How long Prefect remembers a run [s]; the results are not Prefect's and stay."""
+"""Time for which Prefect keeps a run [s]; the results are not Prefect's and stay."""
 
 
 class Running(Strict):
-    """Who serves a project.
+    """Service at work for a project.
 
     Attributes:
-        process: `pipeline serve` or `watch`.
-        every_s: From one look to the next [s]; None where a cron line says when.
+        process: Process number of `pipeline serve` or `watch`.
+        every_s: Interval between scans [s]; None if a cron line sets the times.
     """
 
     process: int
@@ -76,19 +78,19 @@ class Running(Strict):
 
     @classmethod
     def of(cls, root: Path) -> Running | None:
-        """As noted; None where nobody serves it."""
+        """Read the service of a project; None if there is none."""
         return _noted(cls, root / "data" / "processed" / RUNNING)
 
 
 class Looked(Strict):
-    """When data/raw was last looked at, by this machine's clock [s].
+    """Times of the last scan of data/raw, by this machine's clock [s].
 
     Attributes:
-        began: The beginning of the look.
-        alive: The beginning of the last step in it, a campaign or less.
-        ended: Its end; None while it is at work, or when it was killed.
-        campaign: The one that is at work in that step, as it is shown; empty where none is.
-        drawn: The page over all campaigns is of what there was at its end.
+        began: Beginning of the scan.
+        alive: Beginning of its last step, which is one campaign or less.
+        ended: End of the scan; None while it is at work, or if it was killed.
+        campaign: Campaign of that step, as it is shown; empty if there is none.
+        drawn: Whether the page over all campaigns was up to date at its end.
     """
 
     began: float
@@ -98,18 +100,18 @@ class Looked(Strict):
     drawn: bool = False
 
     def hangs(self, now: float, limit_s: float) -> bool:
-        """Whether one step takes longer than any may, where a campaign may take `limit_s`."""
+        """Whether a step takes longer than any may, if a campaign may take `limit_s`."""
         return self.ended is None and now - max(self.began, self.alive) > limit_s + _STEP_S
 
     def overdue(self, now: float, every_s: float | None) -> bool:
-        """Whether the next look should have begun long ago; nobody knows where cron says when."""
+        """Whether the next scan should have begun long ago; False if a cron line sets the times."""
         if every_s is None or self.ended is None:
             return False
         return now - self.ended > max(_LATE * every_s, SLOW_S)
 
     @classmethod
     def of(cls, root: Path) -> Looked | None:
-        """As noted; None before the first."""
+        """Read the last scan of a project; None before the first."""
         return _noted(cls, root / "data" / "processed" / LOOKED)
 
 
@@ -124,7 +126,7 @@ def _noted(kind: type[_Note], path: Path) -> _Note | None:
 
 
 def has_room(home: Path) -> None:
-    """See that Prefect's database can grow, instead of waiting for a server that never starts.
+    """Check that Prefect's database can grow, instead of waiting for a server that never starts.
 
     Raises:
         CannotWrite: It cannot.
@@ -138,10 +140,10 @@ def has_room(home: Path) -> None:
 
 
 def join(root: Path) -> None:
-    """Make the Prefect server of PREFECT_API_URL the one that is spoken to.
+    """Use the Prefect server of PREFECT_API_URL.
 
     Raises:
-        UsageError: PREFECT_API_URL is not set, or nobody answers there.
+        UsageError: PREFECT_API_URL is not set, or no server answers there.
     """
     api = os.environ.get("PREFECT_API_URL", "").rstrip("/")
     if not api:
@@ -157,12 +159,12 @@ def join(root: Path) -> None:
 
 
 def settle(root: Path) -> None:
-    """Settings that must stand in the environment before Prefect is imported.
+    """Set the environment variables that Prefect reads when it is imported.
 
-    What the user has set already stays: with PREFECT_API_URL the flow runs on that server, else on
-    the one of `pipeline serve` where it runs, else on one of its own, which ends with it. The last
-    two are closed to other origins, and to whoever does not know the password. Logs go to Prefect's
-    page in full; on the screen they would bury the one sentence that matters.
+    Values set by the user are kept: with PREFECT_API_URL the flow runs on that server, otherwise on
+    the one of `pipeline serve` if that is running, otherwise on a temporary one. The last two are
+    closed to other origins, and to whoever does not know the password. Logs go to Prefect's page in
+    full; on the screen they would bury the one message that matters.
 
     Raises:
         UsageError: The environment names a proxy that Prefect cannot work with.
@@ -194,7 +196,7 @@ def settle(root: Path) -> None:
 
 
 def _see_proxies() -> None:
-    """Prefect's client has a connection for each proxy, also where none of them is asked."""
+    """Check the proxies: Prefect's client opens a connection for each, even if unused."""
     if {*urllib.request.getproxies()} <= {"no"}:
         return
     import httpx
@@ -209,15 +211,15 @@ def _see_proxies() -> None:
 
 
 def _logging() -> str:
-    """Prefect's own settings of its logs, else it takes a file of its home, which can run code."""
-    package = importlib.util.find_spec("prefect")  # which imports nothing
+    """Prefect's own log settings; otherwise it reads a file of its home, which can run code."""
+    package = importlib.util.find_spec("prefect")  # imports nothing
     assert package is not None
     assert package.origin is not None
     return str(Path(package.origin).parent / "logging" / "logging.yml")
 
 
 def known_password(root: Path) -> str | None:
-    """The password of this project's server; None for those who may not read it."""
+    """Password of this project's server; None for those who may not read it."""
     try:
         return (root / HOME / PASSWORD).read_text()
     except (OSError, ValueError):
@@ -225,7 +227,7 @@ def known_password(root: Path) -> str | None:
 
 
 def answers(api: str) -> bool:
-    """Whether a Prefect server answers at this address, .../api."""
+    """Whether a Prefect server answers at this address, which ends in /api."""
     try:
         with urllib.request.urlopen(f"{api.rstrip('/')}/health", timeout=2) as answer:
             return bool(answer.status == 200)
@@ -234,7 +236,7 @@ def answers(api: str) -> bool:
 
 
 def works(api: str) -> bool:
-    """Whether a Prefect server answers, also what it has to look up; a slow disk is no failure."""
+    """Whether a Prefect server answers, including from its database; slowness is not a failure."""
     try:
         _asked(f"{api}/deployments/count")
     except urllib.error.HTTPError as refused:
@@ -254,7 +256,7 @@ def paused(api: str) -> bool:
 
 
 def _asked(address: str) -> Any:
-    """What this project's server answers to a question of its API."""
+    """Answer of this project's server to a request to its API."""
     key = base64.b64encode(os.environ.get("PREFECT_API_AUTH_STRING", "").encode()).decode()
     head = {"Content-Type": "application/json", "Authorization": f"Basic {key}"}
     with urllib.request.urlopen(urllib.request.Request(address, b"{}", head), timeout=5) as answer:
@@ -262,10 +264,10 @@ def _asked(address: str) -> Any:
 
 
 def mended(root: Path) -> str:
-    """Move a database aside that Prefect cannot read; what to say of it, empty where it is sound.
+    """Move a database away that Prefect cannot read; return a message, empty if it is sound.
 
-    Prefect would neither start on it nor make another. It only has what the pages of earlier runs
-    show: answers and reports are not in it.
+    Prefect would neither start with it nor create a new one. It contains only what the pages of
+    earlier runs show: answers and reports are not in it.
 
     Raises:
         CannotWrite: It cannot be moved.
@@ -285,7 +287,7 @@ def mended(root: Path) -> str:
 
 
 def _damage(base: Path) -> str:
-    """What is wrong with a database; empty where it is sound, not there, or held by somebody."""
+    """What is wrong with a database; empty if it is sound, missing or locked."""
     if not base.exists():
         return ""
     if not base.is_file():
@@ -305,7 +307,7 @@ def _damage(base: Path) -> str:
 
 
 def serving(root: Path) -> dict[str, str] | None:
-    """Where this project is served now; None where it is not."""
+    """Addresses at which this project is served now; None if it is not."""
     urls = recalled(root / HOME / SERVING)
     if not isinstance(urls, dict) or not {"page", "api", "reports"} <= {*urls}:
         return None

@@ -1,7 +1,7 @@
-"""How every campaign stands with a service: the first page of the reports, made as it is asked for.
+"""State of every campaign of a service: the first page of the reports, made for each request.
 
-The page over all campaigns (`fleet`) has what is finished. Here is what is not: at work, waiting,
-tried again later, rejected, without campaign.toml; and when data/raw was last looked at.
+The page over all campaigns (`fleet`) shows what is finished. This one shows what is not: running,
+waiting, to be tried again, rejected, without campaign.toml; and when data/raw was last scanned.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from pipeline.store.campaign import CampaignFolder
 
 
 class State(StrEnum):
-    """What a service does with a campaign, what calls for somebody first."""
+    """What a service does with a campaign; those that need attention come first."""
 
     REJECTED = "rejected"
     FAILED = "tried again"
@@ -44,14 +44,14 @@ _TONES = {State.REJECTED: "bad", State.FAILED: "bad", State.INCOMPLETE: "attenti
 
 @dataclass(frozen=True)
 class Standing:
-    """One folder of data/raw.
+    """State of one folder of data/raw.
 
     Attributes:
-        name: Of the folder.
+        name: Name of the folder.
         state: What the service does with it.
-        at: Since when, or when it was tried last [s]; None where nobody knows.
+        at: Since when, or time of the last attempt [s]; None if unknown.
         said: Its verdict, or why there is none.
-        reported: Its folder in reports/, as an address; empty where there is no report.
+        reported: Its folder in reports/, as an address; empty if there is no report.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Standing:
 
 
 def standings(root: Path) -> list[Standing]:
-    """Every folder of data/raw, what calls for somebody first."""
+    """All folders of data/raw, those that need attention first."""
     look, every = service.Looked.of(root), campaigns.every(root)
     found = [_of(campaign, look) for campaign in every]
     found += _incomplete(root, {campaign.folder.name for campaign in every})
@@ -91,13 +91,13 @@ def _of(campaign: CampaignFolder, look: service.Looked | None) -> Standing:
 
 
 def _alive(look: service.Looked | None, name: str) -> float | None:
-    """When the look that is at a campaign was last alive; None where none is."""
+    """When the scan that works on a campaign last reported; None if none does."""
     at_it = look is not None and look.ended is None and look.campaign == name
     return look.alive if look is not None and at_it else None
 
 
 def _incomplete(root: Path, known: set[str]) -> Iterator[Standing]:
-    """Folders that nobody takes, because nothing says what is in them."""
+    """Folders that are not processed because they have no campaign.toml."""
     with suppress(OSError):
         for entry in os.scandir(root / "data" / "raw"):
             if entry.name not in known and entry.name[0] != "." and entry.is_dir():
@@ -107,7 +107,7 @@ def _incomplete(root: Path, known: set[str]) -> Iterator[Standing]:
 
 
 def _clock(at: float | None) -> str:
-    """A time of this machine, to the second; the day where it is another one."""
+    """Local time to the second, or on another day, date and minutes."""
     if at is None:
         return ""
     when = datetime.fromtimestamp(at)
@@ -135,7 +135,7 @@ def now(root: Path) -> bytes:
 
 
 def _verdict(found: Sequence[Standing]) -> tuple[str, str]:
-    """How many of each state, and the tone of the first of them."""
+    """Number of campaigns in each state, and the tone of the first of them."""
     if not found:
         return "No campaign yet", "neutral"
     counts = Counter(one.state for one in found)
@@ -144,7 +144,7 @@ def _verdict(found: Sequence[Standing]) -> tuple[str, str]:
 
 
 def _looked(root: Path) -> Iterator[str]:
-    """When data/raw was looked at, and when it will be again."""
+    """When data/raw was last scanned, and how often that happens."""
     running = service.Running.of(root)
     if running is not None:
         yield f"Looks at data/raw: {doctor.looks(root, running).said}."

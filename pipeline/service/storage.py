@@ -1,7 +1,6 @@
-"""A folder on object storage, as named bytes; what it refuses is said in one sentence.
+"""A folder on object storage, read and written as named bytes, with one-sentence messages.
 
-S3, Google's and Azure's storage are spoken to by pyarrow, every other address by fsspec and the
-driver it asks for.
+pyarrow accesses the storage of S3, Google and Azure; fsspec with its drivers all other addresses.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ _REFUSALS = (
         "check the network, and AWS_ENDPOINT_URL for a server of your own",
     ),
 )
-"""What a storage says, what that means, and the way out."""
+"""Pattern of a driver's message, what it means, and the remedy."""
 
 
 @dataclass(frozen=True)
@@ -45,14 +44,14 @@ class Store:
     """A folder on object storage.
 
     Attributes:
-        url: Its address, such as s3://bucket/folder.
+        url: Address, such as s3://bucket/folder.
     """
 
     url: str
 
     @property
     def shown(self) -> str:
-        """The address without what may be secret in it."""
+        """Address without credentials."""
         parts = urlsplit(self.url)
         return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
 
@@ -94,12 +93,12 @@ class Store:
         """Content of one object.
 
         Args:
-            name: Its name from here.
-            mark: Its size and time, as `marks` has them.
+            name: Name relative to the folder.
+            mark: Its size and time, as returned by `marks`.
 
         Raises:
-            InputError: It cannot be read, or is given as it was before its last change: storage
-                may be of several machines, of which one is behind.
+            InputError: It cannot be read, or is served as it was before its last change: one of the
+                machines of the storage may be behind.
         """
         with self._reading():
             files, folder = self._place
@@ -114,7 +113,7 @@ class Store:
         return data
 
     def write(self, name: str, data: bytes) -> None:
-        """Put an object there, in place of an older one.
+        """Write an object, replacing an older one.
 
         Raises:
             CannotWrite: The storage refuses.
@@ -122,7 +121,7 @@ class Store:
         try:
             files, folder = self._place
             path = f"{folder.rstrip('/')}/{name}"
-            if files.type_name not in ("s3", "gcs", "abfs"):  # which know no folders
+            if files.type_name not in ("s3", "gcs", "abfs"):  # which have no folders
                 files.create_dir(path.rpartition("/")[0], recursive=True)
             with files.open_output_stream(path) as sink:
                 sink.write(data)
@@ -137,7 +136,7 @@ class Store:
             yield
         except (
             FileNotFoundError
-        ) as problem:  # taken out meanwhile, or one of its machines is behind
+        ) as problem:  # removed in the meantime, or one of its machines is behind
             thing = f"{self.shown} lists what is not there"
             raise InputError(thing, "run it again in a moment", passing=True) from problem
         except (OSError, ValueError, ImportError) as problem:
@@ -148,7 +147,7 @@ class Store:
 
 
 def _put(said: Mapping[bytes | str, bytes | str] | None) -> float | None:
-    """When an object was put there that is just given [s since 1970]; None where nobody says."""
+    """Time at which an object just read was stored [s since 1970]; None if it is not given."""
     told = {_text(word): _text(value) for word, value in (said or {}).items()}
     with contextlib.suppress(KeyError, ValueError):
         return datetime.fromisoformat(told["Last-Modified"]).timestamp()
@@ -160,11 +159,11 @@ def _text(word: bytes | str) -> str:
 
 
 _WHOLE_S = 1.0
-"""A listing tells fractions of a second, an object whole ones [s]."""
+"""Tolerance of times [s]: a listing gives fractions of a second, an object whole seconds."""
 
 
 def _said(problem: Exception) -> tuple[str, str]:
-    """What is wrong and the way out, from what a driver says."""
+    """Problem and remedy, from the message of a driver."""
     words = str(problem)
     for pattern, thing, way_out in _REFUSALS:
         if re.search(pattern, words.upper()):

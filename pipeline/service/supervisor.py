@@ -1,7 +1,7 @@
-"""`pipeline serve`: keeps Prefect's server, the reports and the schedule alive, and does no more.
+"""`pipeline serve`: keep Prefect's server, the reports and the schedule running.
 
-Each is a process of its own that is started again when it ends or no longer answers. This one knows
-nothing of Prefect and works at no campaign, so that there is little in it to go wrong.
+Each is a process of its own that is restarted when it ends or no longer answers. The supervisor
+itself uses neither Prefect nor any campaign, so that little in it can fail.
 """
 
 from __future__ import annotations
@@ -32,36 +32,37 @@ from pipeline.service.processes import PARENT, PYTHON, REPORTS_URL, ROOT
 from pipeline.store.campaign import dump
 
 _LOOK_S = 1.0
-"""From one look at the processes to the next [s]."""
+"""Interval between two checks of the processes [s]."""
 _SILENT_S = 60.0
-"""A server that has not answered for so long is started again [s]."""
+"""Time without an answer after which a server is restarted [s]."""
 _GRACE_S = 10.0
-"""How long a process may take to end when it is told to, before it is killed [s]."""
+"""Time allowed for a process to end on request before it is killed [s]."""
 _LONGEST_S = 60.0
-"""The longest pause before something that ends again and again is started again [s]."""
+"""Maximum pause before a process that ends repeatedly is restarted [s]."""
 _STEADY_S = 600.0
-"""What has run for so long is sound: when it ends, it is started again at once [s]."""
+"""Run time after which a process counts as sound, so that it is restarted without a pause [s]."""
 _SET_BACK_S = 30.0
-"""A clock that falls behind by so much was set; smaller steps are those of a time server [s]."""
+"""Lag of the clock from which it counts as set back [s]; smaller steps are those of a time
+server."""
 _LOG_BYTES = 2**24
-"""A log that has grown larger begins anew."""
+"""Size from which a log is truncated [B]."""
 
 _Tell = Callable[[str], object]
-"""Hears one line per event."""
+"""Receives one line per event."""
 
 
 @dataclass
 class _Child:
-    """A process that is to be there.
+    """A process to be kept running.
 
     Attributes:
-        what: What it is called.
-        command: How it is started.
-        log: Where its complaints go.
-        answers: Whether it still does what it is there for.
-        shown: What it says is for the screen.
-        before: What is seen to before it is started.
-        since: When it was started, by the clock on the wall [s].
+        what: Its name in messages.
+        command: Command that starts it.
+        log: File for its error output.
+        answers: Whether it still works.
+        shown: Whether its output goes to the screen.
+        before: Called before it is started.
+        since: When it was started, wall-clock time [s].
     """
 
     what: str
@@ -77,7 +78,7 @@ class _Child:
     _heard: float = 0.0
 
     def start(self) -> None:
-        """Start it, with a new log."""
+        """Start it, with an empty log."""
         self.before()
         files.write(self.log, b"")
         with self.log.open("ab") as log:
@@ -87,7 +88,7 @@ class _Child:
                 stdout=None if self.shown else log,
                 stderr=log,
                 cwd=NOBODYS,
-                start_new_session=True,  # Ctrl-C is for this process, which ends the others
+                start_new_session=True,  # Ctrl-C is meant for this process, which ends the others
             )
         self._began = self._heard = time.monotonic()
         self.since = time.time()
@@ -98,7 +99,7 @@ class _Child:
         return None if self._process is None else self._process.poll()
 
     def look(self, tell: _Tell) -> None:
-        """Start it again if that is needed."""
+        """Restart it if necessary."""
         now = time.monotonic()
         if self._process is None:
             if now - self._began > min(2.0**self._fails, _LONGEST_S):
@@ -122,7 +123,7 @@ class _Child:
                 os.truncate(self.log, 0)
 
     def stop(self) -> None:
-        """End it and whatever it has started."""
+        """End it and every process that it started."""
         process, self._process = self._process, None
         if process is None:
             return
@@ -139,10 +140,10 @@ def serve(root: Path, preferences: Preferences, tell: _Tell) -> None:
     Args:
         root: The project's root.
         preferences: Port and schedule.
-        tell: Hears where the pages are, and what had to be started again.
+        tell: Receives the addresses of the pages, and every restart.
 
     Raises:
-        UsageError: It is served already, the port is taken, or Prefect's server does not start.
+        UsageError: It is already served, a port is taken, or Prefect's server does not start.
         KeyboardInterrupt: Ctrl-C.
     """
     port = preferences.service.port
@@ -168,7 +169,7 @@ def serve(root: Path, preferences: Preferences, tell: _Tell) -> None:
             with _recorded(root, urls):
                 tell(f"{urls['page']}  Prefect's page: runs, results, logs")
                 tell(f"{root / service.HOME / service.PASSWORD}  what it asks for")
-                if sys.stdout.isatty():  # a journal is read by others
+                if sys.stdout.isatty():  # a journal may be read by others
                     tell(f"{urls['page']}{service.ENTER}{key(root)}  or, once, this link to it")
                 tell(f"{urls['reports']}  the reports, and how every campaign stands")
                 notify.systemd("READY=1")
@@ -177,7 +178,7 @@ def serve(root: Path, preferences: Preferences, tell: _Tell) -> None:
                     if ahead - _ahead_s() > _SET_BACK_S:
                         tell("The clock was set back; whatever waits for a moment begins anew.")
                         schedule.stop()
-                        server.stop()  # its own services wait for moments far away now
+                        server.stop()  # its own services now wait for times far in the future
                     ahead = _ahead_s()
                     for child in (server, schedule):
                         _looked(child, tell)
@@ -189,14 +190,14 @@ def serve(root: Path, preferences: Preferences, tell: _Tell) -> None:
 
 
 def _mended(root: Path, schedule: _Child, tell: _Tell) -> None:
-    """Go on without a damaged database; the schedule, which was in it, begins anew."""
+    """Replace a damaged database; the schedule, which was stored in it, is restarted."""
     if said := service.mended(root):
         tell(said)
         schedule.stop()
 
 
 def _stuck(root: Path, wanted: Service, since: float, api: str) -> bool:
-    """Whether a look that began since then gets no further, or the next one does not come."""
+    """Whether a scan begun since then hangs, or the next one is overdue."""
     look, now = service.Looked.of(root), time.time()
     if look is None or look.began < since:
         look = service.Looked(began=since, ended=since)
@@ -206,14 +207,14 @@ def _stuck(root: Path, wanted: Service, since: float, api: str) -> bool:
 
 
 def _ahead_s() -> float:
-    """How far the clock on the wall is ahead of one that nobody sets [s]."""
+    """Lead of the wall clock over the monotonic clock [s]."""
     return time.time() - time.monotonic()
 
 
 def _looked(child: _Child, tell: _Tell) -> None:
     try:
         child.look(tell)
-    except Exception as problem:  # a full disk, no more processes: the next look may do better
+    except Exception as problem:  # full disk, no more processes: the next check may succeed
         tell(f"{child.what} cannot be supervised ({problem}); tried again.")
         time.sleep(_LOOK_S)
 
@@ -231,15 +232,15 @@ def _started(server: _Child, asked: threading.Event) -> None:
 
 @contextlib.contextmanager
 def alone(root: Path, wanted: Service) -> Iterator[None]:
-    """One service for a project: a second one would take the same campaigns.
+    """Ensure that a project has one service only: a second one would process the same campaigns.
 
     Args:
         root: The project's root.
-        wanted: What is said of it to `doctor`.
+        wanted: Schedule, recorded for `doctor`.
 
     Raises:
-        UsageError: There is another.
-        CannotWrite: The disk refuses.
+        UsageError: There is another service.
+        CannotWrite: The disk cannot be written.
     """
     note = root / "data" / "processed" / service.RUNNING
     with files.writing(note):
@@ -263,7 +264,7 @@ def alone(root: Path, wanted: Service) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _asked_to_stop() -> Iterator[threading.Event]:
-    """Set on SIGTERM and Ctrl-C; the second is raised again once everything is put away."""
+    """Event set on SIGTERM and Ctrl-C; after clean-up, Ctrl-C raises KeyboardInterrupt."""
     asked, by = threading.Event(), []
 
     def ask(number: int, _: object) -> None:
@@ -281,7 +282,7 @@ def _asked_to_stop() -> Iterator[threading.Event]:
 
 
 def settled(root: Path, port: int) -> dict[str, str]:
-    """The environment of the processes to come; the addresses `page`, `api` and `reports`."""
+    """Set the environment of processes to come; return addresses `page`, `api`, `reports`."""
     page = f"http://{service.HERE}:{port}"
     urls = {"page": page, "api": f"{page}/api", "reports": f"http://{service.HERE}:{port + 1}"}
     _free(port)
@@ -303,7 +304,7 @@ def settled(root: Path, port: int) -> dict[str, str]:
 
 
 def _password(root: Path) -> str:
-    """The same as ever, so that a browser keeps it; for the owner's eyes only."""
+    """The password, kept so that browsers need not ask again, in a file only its owner can read."""
     known = service.known_password(root)
     path, new = root / service.HOME / service.PASSWORD, f"pipeline:{secrets.token_urlsafe(16)}"
     with files.writing(path):
@@ -311,11 +312,11 @@ def _password(root: Path) -> str:
         if known and re.fullmatch(r"[!-~]+:[!-~]+", known):
             path.chmod(0o600)
             return known
-        return _secret(path, new)  # in place of half a password, of a full disk
+        return _secret(path, new)  # also replaces half a password, from a full disk
 
 
 def key(root: Path) -> str:
-    """A new key to Prefect's page, for the owner's eyes only, which is good for one visit."""
+    """A new key to Prefect's page, valid once, in a file that only its owner can read."""
     return _secret(root / service.HOME / service.KEY, secrets.token_urlsafe(32))
 
 
@@ -327,7 +328,7 @@ def _secret(path: Path, words: str) -> str:
 
 
 def _free(port: int, patience_s: float = 20.0) -> None:
-    """Wait for a port; a server that was stopped a moment ago may still hold it."""
+    """Wait until a port is free; a server stopped a moment ago may still hold it."""
     until = time.monotonic() + patience_s
     while time.monotonic() < until:
         try:
@@ -340,7 +341,7 @@ def _free(port: int, patience_s: float = 20.0) -> None:
 
 @contextlib.contextmanager
 def _recorded(root: Path, urls: dict[str, str]) -> Iterator[None]:
-    """A note of where this project is served, for `run` and for `doctor`."""
+    """Record where this project is served, for `run` and `doctor`."""
     note = root / service.HOME / service.SERVING
     files.write(note, dump(urls))
     try:

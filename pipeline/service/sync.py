@@ -1,7 +1,7 @@
-"""Campaigns that live on object storage: a copy under data/raw before the work, answers back after.
+"""Campaigns on object storage: copied to data/raw before the work, answers copied back afterwards.
 
-What was copied is remembered, so that only changed objects travel and nothing that somebody made
-here is ever replaced or removed.
+Copies are recorded, so that only changed objects are transferred and no file made here is ever
+replaced or removed.
 """
 
 from __future__ import annotations
@@ -26,20 +26,21 @@ from pipeline.store.campaign import MOST_ENTRIES, dump, recalled, unfit
 
 _NOTE = "storage.json"
 _HERE = "storage"
-"""In place of a campaign's name, where the storage itself is in trouble."""
+"""Name used instead of a campaign's for errors of the storage itself."""
 
 _FRESH_S = 3.0
-"""Storage tells times in seconds: an object this young may still change without a sign of it."""
+"""Age below which an object may still change unnoticed [s]: storage states times in whole
+seconds."""
 
 
 @dataclass
 class _Note:
-    """What is known of the storage, kept beside the tables.
+    """Record of the synchronisation, kept beside the tables.
 
     Attributes:
         copied: Object -> size, time and hash of what was copied here.
-        put: File of ours -> size and time of what was put there.
-        told: Complaints that `watch` and `serve` have made.
+        put: Local file -> size and time of what was copied to the storage.
+        told: Complaints already reported by `watch` and `serve`.
     """
 
     copied: dict[str, tuple[int, float | None, str]] = field(default_factory=dict)
@@ -48,14 +49,14 @@ class _Note:
 
     @staticmethod
     def of(root: Path) -> _Note:
-        """As it was left, or an empty one."""
+        """The record as saved, or an empty one."""
         try:
             return TypeAdapter(_Note).validate_python(recalled(_processed(root) / _NOTE))
         except (OSError, ValueError):  # ValidationError is one
             return _Note()
 
     def keep(self, root: Path) -> None:
-        """Leave it for the next time."""
+        """Save the record."""
         files.write(_processed(root) / _NOTE, dump(asdict(self)))
 
 
@@ -64,7 +65,7 @@ def _processed(root: Path) -> Path:
 
 
 def fetch(root: Path, storage: Storage) -> list[Outcome]:
-    """Copy what is new or changed in the storage to data/raw; what was refused, and why."""
+    """Copy new and changed objects to data/raw; return what was rejected, and why."""
     if storage.raw is None:
         return []
     store, note = Store(storage.raw), _Note.of(root)
@@ -86,10 +87,10 @@ _Marks = Mapping[str, tuple[int, float]]
 def _left_out(
     raw: Path, store: Store, campaign: str, marks: _Marks, note: _Note
 ) -> PipelineError | None:
-    """Bring one campaign's copy up to date; why that is not done, None where it is.
+    """Bring the copy of one campaign up to date; return why this failed, or None.
 
     Raises:
-        PipelineError: The storage or the disk refuses, as it would refuse the others.
+        PipelineError: Storage or disk fail in a way that affects all campaigns.
     """
     try:
         _refuse_odd(campaign, marks)
@@ -100,7 +101,7 @@ def _left_out(
         return problem
     except InputError as problem:
         if problem.passing:
-            store.marks()  # fails where it is the storage that is away, and not one object
+            store.marks()  # raises if the storage is unreachable, not only this object
         return problem
     except (OSError, ValueError) as problem:
         return InputError(f"it cannot be copied ({printable(str(problem), 200)})", _RENAME)
@@ -108,22 +109,24 @@ def _left_out(
 
 
 _OF_THE_DISK = (*files.FULL, errno.EROFS)
-"""What the disk says to every file, not to those of one campaign."""
+"""Errors of the disk that concern every file, not only those of one campaign."""
 
 _RENAME = "rename it in the storage, or take it out"
 
 _LONGEST = 240
-"""Bytes in the name of a file or folder: file systems allow 255, half-written ones have 10 more."""
+"""Maximum number of bytes in the name of a file or folder: file systems allow 255, and temporary
+names have 10 more."""
 
 _MOST_BYTES = 2**32
-"""Of the objects of a campaign together: two of the largest files that are read [B]."""
+"""Maximum size of the objects of a campaign together [B]: two of the largest files that are
+read."""
 
 
 def _refuse_odd(campaign: str, marks: _Marks) -> None:
-    """See that all objects of a campaign can be files of one folder, before one is read.
+    """Check, before any is read, that all objects of a campaign can be files of one folder.
 
     Raises:
-        InputError: They cannot, whatever the operating system would make of them.
+        InputError: They cannot, on any operating system, or there are too many.
     """
     if why := unfit(campaign):
         raise InputError(why, _RENAME)
@@ -139,7 +142,7 @@ def _refuse_odd(campaign: str, marks: _Marks) -> None:
 
 
 def _odd(name: str) -> str:
-    """Why an object can be no file; empty where it can."""
+    """Why an object cannot be a file; empty if it can."""
     if {"", ".", ".."} & {*name.split("/")}:
         return "has an empty or dotted part in its name"
     if "\\" in name or any(unicodedata.category(letter) in ("Cc", "Cs") for letter in name):
@@ -149,12 +152,12 @@ def _odd(name: str) -> str:
 
 
 def _above(name: str) -> set[str]:
-    """The folders that a file of this name is in."""
+    """The folders that contain a file of this name."""
     return {str(one) for one in PurePosixPath(name).parents}
 
 
 def _campaigns(marks: _Marks) -> dict[str, dict[str, tuple[int, float]]]:
-    """Objects by campaign: folders one level down that hold a campaign.toml."""
+    """Objects by campaign: folders one level down that contain a campaign.toml."""
     found: dict[str, dict[str, tuple[int, float]]] = {}
     for name, mark in marks.items():
         campaign, _, inner = name.partition("/")
@@ -164,10 +167,10 @@ def _campaigns(marks: _Marks) -> dict[str, dict[str, tuple[int, float]]]:
 
 
 def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: _Note) -> None:
-    """Bring one campaign's copy up to date: all of it, or with a complaint nothing.
+    """Bring the copy of one campaign up to date, completely or not at all.
 
     Raises:
-        InputError: It cannot be read, or there is something else in its place.
+        InputError: It cannot be read, or another file is in its place.
     """
     now, copied = time.time(), note.copied
     new = {
@@ -182,7 +185,7 @@ def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: _Note) ->
                 f"{raw / name} is not what was copied from {store.shown}",
                 "move it or its folder away, or rename the campaign there",
             )
-    for name in sorted(new, key=lambda name: name.endswith("/campaign.toml")):  # which makes it one
+    for name in sorted(new, key=lambda name: name.endswith("/campaign.toml")):  # it comes last
         _put_here(raw / name, new[name])
         size, put = marks[name]
         settled = now - put > _FRESH_S
@@ -194,13 +197,13 @@ def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: _Note) ->
 
 
 def _put_here(path: Path, data: bytes) -> None:
-    """Write a copy, unless it is here; a new time would be a new campaign."""
+    """Write a copy unless it is there already; a new time would look like a changed campaign."""
     if not path.is_file() or path.read_bytes() != data:
         files.write(path, data)
 
 
 def _ours_to_change(path: Path, copied: tuple[Any, ...] | None, data: bytes | None) -> bool:
-    """Nothing is there, or our own copy, or what is to be there anyway."""
+    """Whether nothing is there, or our own copy, or already the new content."""
     if not path.is_file():
         return not path.exists()
     here = path.read_bytes()
@@ -208,7 +211,7 @@ def _ours_to_change(path: Path, copied: tuple[Any, ...] | None, data: bytes | No
 
 
 def untold(root: Path, refused: list[Outcome]) -> list[Outcome]:
-    """Those that were not there at the last look, so that a lasting trouble is told once."""
+    """Complaints not reported at the last scan, so that a lasting problem is reported once."""
     note = _Note.of(root)
     told = sorted(line for outcome in refused for line in outcome.complaints)
     new = [outcome for outcome in refused if not set(outcome.complaints) <= set(note.told)]
@@ -219,7 +222,7 @@ def untold(root: Path, refused: list[Outcome]) -> list[Outcome]:
 
 
 def publish(root: Path, storage: Storage) -> list[Outcome]:
-    """Put changed reports and tables into the storage; what was refused, and why."""
+    """Copy changed reports and tables to the storage; return what was rejected, and why."""
     folders = ((root / "reports", storage.reports), (_processed(root), storage.processed))
     wanted = [(folder, Store(url)) for folder, url in folders if url is not None]
     if not wanted:
@@ -246,7 +249,7 @@ def _put(root: Path, folder: Path, store: Store, note: _Note) -> None:
 
 
 def _public(path: Path) -> bool:
-    """Answers and tables, not locks, notes or what is true of a virtual campaign."""
+    """Whether a file is an answer or a table, not a lock, a record or a virtual truth."""
     if path.name.startswith("."):
         return False
     return path.suffix != ".json" or path.name in ("result.json", "manifest.json")

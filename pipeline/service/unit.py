@@ -1,4 +1,4 @@
-"""The unit with which systemd runs `pipeline serve`, for this project and whoever asks for it."""
+"""The systemd unit that runs `pipeline serve` for this project and the current user."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from pipeline.base.errors import UsageError
 
 
 def unit(root: Path) -> str:
-    """The text of the unit file.
+    """Text of the unit file.
 
     Raises:
-        UsageError: systemd cannot name the folder.
+        UsageError: The path of the project or of Python is not allowed in a unit file.
     """
     paths = {"root": str(root.resolve()), "python": sys.executable}
     for path in paths.values():

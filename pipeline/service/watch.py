@@ -1,8 +1,8 @@
-"""By itself: find campaigns that are new or changed and complete, run them, tell who wants to know.
+"""Automatic processing: find campaigns that are new or changed and complete, run them, notify.
 
-What was made of a campaign is remembered beside its tables, so that neither a restart nor a
-campaign that cannot be read makes a run happen twice. Nothing that a folder holds, and nothing that
-goes wrong with it, keeps the others from being run.
+The outcome of a campaign is remembered beside its tables, so that neither a restart nor a campaign
+that cannot be read causes a second run. Nothing in a folder, and no error in it, keeps the other
+campaigns from being run.
 """
 
 from __future__ import annotations
@@ -33,25 +33,26 @@ from pipeline.store.campaign import CampaignFolder, dump, recalled
 
 MEMORY = "seen.json"
 SERVICE = "service"
-"""In place of a campaign's name, where none is to blame."""
+"""Name used instead of a campaign's where none is at fault."""
 _TOLD_AFTER = 3
-"""Attempts after which a run that broke for reasons of its own is told to the webhook."""
+"""Number of attempts after which a run that failed for internal reasons is reported to the
+webhook."""
 _PAUSE_S, _GROWTH, _LONGEST_S = 60.0, 4.0, 86400.0
-"""Pause before the second attempt; what each further pause is times the last; the longest."""
+"""Pause before the second attempt [s], factor of each further pause [1], and longest pause [s]."""
 _ENTRIES = 100_000
-"""Of a folder, at most so many are looked at: a campaign has ten."""
+"""Maximum number of entries of a folder that are examined; a campaign has ten."""
 
 
 class Seen(Strict):
-    """What was made of a campaign, as `watch` and `serve` remember it.
+    """Outcome of a campaign as `watch` and `serve` remember it.
 
     Attributes:
         print: Fingerprint of the folder and the code.
         verdict: Its verdict, `rejected`, or `failed`; None before the first run.
         said: Its verdict in a sentence, or why there is none.
-        attempts: How often it was tried since the folder changed.
-        tried: When that was last, by this machine's clock [s].
-        told: The verdict that was last told; None before the first.
+        attempts: Number of attempts since the folder changed.
+        tried: Time of the last attempt, by this machine's clock [s].
+        told: The verdict last reported; None before the first.
     """
 
     print: str = ""
@@ -63,14 +64,14 @@ class Seen(Strict):
 
     @property
     def pause_s(self) -> float:
-        """How long to wait before it is tried again; endless where that helps nothing."""
+        """Pause before the next attempt [s]; infinite if another attempt would not help."""
         if self.verdict != "failed":
             return float("inf")
         return float(min(_PAUSE_S * _GROWTH ** (min(self.attempts, 99) - 1), _LONGEST_S))
 
     @property
     def settled(self) -> bool:
-        """What is known of it is worth telling."""
+        """Whether the outcome is final enough to be reported."""
         return self.verdict is not None and (
             self.verdict != "failed" or self.attempts >= _TOLD_AFTER
         )
@@ -78,11 +79,11 @@ class Seen(Strict):
 
 @dataclass(frozen=True)
 class Clock:
-    """Time; another one in tests.
+    """Source of time; replaced in tests.
 
     Attributes:
         now: Seconds since 1970, by a clock that may be set back.
-        pause: Waits for so many seconds.
+        pause: Waits for a number of seconds.
     """
 
     now: Callable[[], float] = time.time
@@ -90,17 +91,17 @@ class Clock:
 
 
 class Work(Protocol):
-    """Who brings campaigns up to date: guard.Guard, or a pool of Prefect's workers."""
+    """Brings campaigns up to date: guard.Guard, or a pool of Prefect's workers."""
 
     def campaign(self, campaign: CampaignFolder) -> Outcome | None:
-        """One campaign; None where somebody else is at it."""
+        """Process one campaign; None if another process works on it."""
 
     def pages(self) -> Outcome | None:
-        """The page over all of them; what went wrong, if anything did."""
+        """Update the page over all campaigns; return the failure, if any."""
 
 
 def fingerprint(folder: Path) -> str:
-    """Names, sizes and times of everything in a folder, and the code; cheap, reads no content."""
+    """Hash of names, sizes and times of all files, and of the code; reads no content."""
     found = [campaigns.code_version().encode()]
     found += [
         b"%b:%d:%d" % (os.fsencode(name), size, time_ns) for name, size, time_ns in _in(folder)
@@ -109,7 +110,7 @@ def fingerprint(folder: Path) -> str:
 
 
 def _in(folder: Path) -> Iterator[tuple[str, int, int]]:
-    """Name, size and time of everything in a folder; links are not followed."""
+    """Name, size and time [ns] of everything in a folder; links are not followed."""
     waiting, left = [os.fspath(folder)], _ENTRIES
     while waiting and left > 0:
         here = waiting.pop()
@@ -121,7 +122,7 @@ def _in(folder: Path) -> Iterator[tuple[str, int, int]]:
                     yield entry.path, stat.st_size, stat.st_mtime_ns
                     if entry.is_dir(follow_symlinks=False):
                         waiting.append(entry.path)
-        except OSError as problem:  # a copy in progress renames its files; a folder may be closed
+        except OSError as problem:  # a copy in progress renames files; a folder may be unreadable
             yield here, -1, problem.errno or 0
 
 
@@ -130,7 +131,7 @@ def _some(entries: Iterator[os.DirEntry[str]], most: int) -> list[os.DirEntry[st
 
 
 def recall(campaign: CampaignFolder) -> Seen:
-    """What is remembered of a campaign."""
+    """Remembered outcome of a campaign."""
     try:
         return Seen.model_validate(recalled(campaign.processed / MEMORY))
     except ValidationError:
@@ -138,25 +139,25 @@ def recall(campaign: CampaignFolder) -> Seen:
 
 
 def _remember(campaign: CampaignFolder, seen: Seen) -> None:
-    """Keep it beside the tables."""
+    """Save the outcome beside the tables."""
     files.write(campaign.processed / MEMORY, dump(seen.model_dump()))
 
 
 def _waiting(root: Path, now: float) -> dict[CampaignFolder, str]:
-    """Campaigns that changed since they were last looked at, with their fingerprints."""
+    """Campaigns that are new, changed or to be tried again, with their fingerprints."""
     prints = {campaign: fingerprint(campaign.folder) for campaign in campaigns.every(root)}
     return {campaign: seen for campaign, seen in prints.items() if _due(campaign, seen, now)}
 
 
 def _due(campaign: CampaignFolder, seen: str, now: float) -> bool:
-    """Whether there is something to do: new files, a lost report, a pause that is over."""
+    """Whether a campaign is to be run: new files, a lost report, or the end of a pause."""
     before = recall(campaign)
     if before.print != seen:
         return True
     answered = before.verdict not in (None, "rejected", "failed")
     if answered and not (campaign.reports / "result.json").is_file():
         return True
-    # a clock that was set back must not make the pause a year
+    # absolute value: a clock that was set back must not prolong the pause to a year
     return abs(now - before.tried) >= before.pause_s
 
 
@@ -166,18 +167,18 @@ def scan(
     work: Work,
     clock: Clock = Clock(),
 ) -> Iterator[Outcome]:
-    """Run what is new or changed and has stopped growing; one that fails stops none of the others.
+    """Run campaigns that are new or changed and no longer grow; a failure does not stop the others.
 
     Args:
         root: The project's root.
-        preferences: How long a folder must stay as it is, where campaigns live, whom to tell.
+        preferences: How long a folder must remain unchanged, storage, and webhook.
         work: How campaigns are brought up to date.
-        clock: Of this machine.
+        clock: Clock of this machine.
     """
     last = service.Looked.of(root)
     look = service.Looked(began=clock.now())
     trouble = _noted(root, look)
-    drawn = last is not None and last.drawn  # else it was killed, or could not
+    drawn = last is not None and last.drawn  # otherwise it was killed or could not draw
 
     def at(name: str = "") -> None:
         nonlocal look
@@ -195,10 +196,10 @@ def scan(
                 yield made
         if not drawn:
             wrong = work.pages()
-            drawn = wrong is None and not elsewhere  # what ends there is drawn after the next look
+            drawn = wrong is None and not elsewhere  # results from elsewhere: next scan
             trouble += [wrong] if wrong else []
         trouble += sync.publish(root, preferences.storage)
-    except Exception as problem:  # the next look comes, whatever this one has met
+    except Exception as problem:  # scanning continues, whatever the error
         trouble.append(failed(SERVICE, problem))
     for campaign in campaigns.every(root):
         trouble += _wrong(campaign.name, partial(_tell, campaign, preferences.notify))
@@ -208,7 +209,7 @@ def scan(
 
 
 def _noted(root: Path, look: service.Looked) -> list[Outcome]:
-    """What went wrong when a look was noted for `doctor`."""
+    """Record a scan for `doctor`; return what failed."""
     path = root / "data" / "processed" / service.LOOKED
     return _wrong(SERVICE, partial(files.write, path, dump(look.model_dump())))
 
@@ -221,19 +222,19 @@ def _scan(
     trouble: list[Outcome],
     at: Callable[[str], None],
 ) -> Iterator[Outcome | None]:
-    """As `scan`; what went wrong beside the campaigns themselves is left in `trouble`.
+    """Run campaigns as `scan` does; failures apart from the campaigns themselves go to `trouble`.
 
-    `at` hears of each campaign before it is begun.
+    `at` is called with the name of each campaign before it is begun.
     """
     storage = preferences.storage
     refused = sync.fetch(root, storage)
     before = _waiting(root, clock.now())
     if before:
         clock.pause(preferences.service.quiet_s)
-        refused = sync.fetch(root, storage)  # what still grows there grows here, too
+        refused = sync.fetch(root, storage)  # also copies what is still growing there
     trouble += refused
     for campaign, seen in before.items():
-        if fingerprint(campaign.folder) != seen:  # still being copied: the next look will take it
+        if fingerprint(campaign.folder) != seen:  # still being copied: left to the next scan
             continue
         at(campaign.name)
         made = work.campaign(campaign)
@@ -243,10 +244,10 @@ def _scan(
 
 
 def attend(campaign: CampaignFolder, seen: str, work: Work) -> Outcome | None:
-    """Bring one campaign up to date that a look has handed out, with the fingerprint it had then.
+    """Bring one campaign up to date that a scan has handed out, with its fingerprint at that time.
 
     Returns:
-        None where it has changed since, which the next look sees, or somebody has been faster.
+        None if it has changed since, which the next scan notices, or was done by another process.
     """
     with _attending(campaign):
         if fingerprint(campaign.folder) != seen or not _due(campaign, seen, time.time()):
@@ -259,11 +260,11 @@ def attend(campaign: CampaignFolder, seen: str, work: Work) -> Outcome | None:
 
 @contextmanager
 def _attending(campaign: CampaignFolder, patience_s: float = -1.0) -> Iterator[None]:
-    """Hold a campaign that was handed out, from the first moment of its run to the last.
+    """Hold a campaign that was handed out during the whole of its run.
 
     Raises:
-        Timeout: Somebody else holds it.
-        CannotWrite: The disk refuses.
+        Timeout: Another process holds it.
+        CannotWrite: The disk cannot be written.
     """
     lock = FileLock(campaign.processed / ".attended")
     with files.writing(campaign.processed):
@@ -273,7 +274,7 @@ def _attending(campaign: CampaignFolder, patience_s: float = -1.0) -> Iterator[N
 
 
 def attended(campaign: CampaignFolder) -> bool:
-    """Whether somebody works at a campaign that was handed out."""
+    """Whether a process works on a campaign that was handed out."""
     try:
         with _attending(campaign, 0.0):
             return False
@@ -282,7 +283,7 @@ def attended(campaign: CampaignFolder) -> bool:
 
 
 def _wrong(name: str, work: Callable[[], object]) -> list[Outcome]:
-    """What goes wrong where something is remembered or told of a campaign: a full disk, say."""
+    """Call `work`; return its failure as outcome, such as a full disk."""
     try:
         work()
     except Exception as problem:
@@ -291,7 +292,7 @@ def _wrong(name: str, work: Callable[[], object]) -> list[Outcome]:
 
 
 def told_once(root: Path, trouble: list[Outcome]) -> list[Outcome]:
-    """What was not told at the last look; all of it where that cannot be remembered."""
+    """What was not reported at the last scan; everything if that cannot be remembered."""
     try:
         return sync.untold(root, trouble)
     except CannotWrite as problem:
@@ -311,7 +312,7 @@ def _learn(campaign: CampaignFolder, seen: str, made: Outcome, now: float) -> No
 
 
 def verdict_of(made: Outcome) -> str:
-    """The verdict, `rejected` when the input was, or `failed` when trying again may help."""
+    """The verdict, `rejected` if the input was, or `failed` if another attempt may help."""
     if made.verdict is not None:
         return made.verdict
     lasting = made.exit_code == InputError.exit_code and not made.passing
@@ -319,18 +320,18 @@ def verdict_of(made: Outcome) -> str:
 
 
 def _said_of(made: Outcome) -> str:
-    """What became of a campaign, in words: its verdict, or why there is none."""
+    """Verdict of a campaign in words, or why there is none."""
     error = made.content.get("error")
     return str(error["message"]) if error else _brief(made.content)
 
 
 def _brief(content: Mapping[str, Any]) -> str:
-    """The verdict and what to do, of all that the first screen says."""
+    """The verdict and what to do, from the sentences of the first screen."""
     return " ".join(content.get("verdict_sentence", [])[:2])
 
 
 def _tell(campaign: CampaignFolder, whom: Notify) -> None:
-    """Tell a changed verdict once; what could not be delivered is tried again next time."""
+    """Report a changed verdict once; a failed delivery is repeated at the next scan."""
     seen = recall(campaign)
     if seen.verdict == seen.told or not seen.settled:
         return
@@ -339,7 +340,7 @@ def _tell(campaign: CampaignFolder, whom: Notify) -> None:
 
 
 def message(campaign: CampaignFolder, seen: Seen) -> dict[str, str | None]:
-    """What a webhook gets; `text` is the word that chats show."""
+    """Message for a webhook; `text` is the key that chat programs display."""
     news = f"{seen.told} -> {seen.verdict}" if seen.told else str(seen.verdict)
     return {
         "text": f"{campaign.name}: {news}. {seen.said}".rstrip(),
@@ -351,7 +352,7 @@ def message(campaign: CampaignFolder, seen: Seen) -> dict[str, str | None]:
 
 
 def watch(root: Path, preferences: Preferences) -> Iterator[Outcome]:
-    """Look at data/raw again and again, without Prefect; ends with the process."""
+    """Scan data/raw repeatedly, without Prefect, until the process ends."""
     wanted = preferences.service
     with Guard(root, "local", wanted) as guard:
         while True:

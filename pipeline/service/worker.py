@@ -1,4 +1,4 @@
-"""The process in which a service works at campaigns, one after another; its parent is guard.py."""
+"""Process in which a service computes campaigns, one after another; its parent is guard.py."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from pipeline.store.campaign import CampaignFolder
 
 
 def main(root: str, engine: str, line: str, parent: str, memory: str) -> None:
-    """Carry out what comes over the line until it is closed.
+    """Carry out the jobs received over the connection until it is closed.
 
     Args:
-        root: The project's root.
+        root: Root of the project.
         engine: `local` or `prefect`.
         line: File descriptor of the connection to the parent.
-        parent: Process without which this one has no work.
-        memory: What a campaign may take [bytes].
+        parent: Process whose end also ends this one.
+        memory: Maximum memory of a campaign [bytes].
     """
     follow(int(parent))
     os.dup2(2, 1)  # whatever some library prints is no data
     _at_most(int(memory))
     with Connection(int(line)) as jobs:
         compute = _engine(engine)
-        with contextlib.suppress(EOFError, OSError):  # nobody is there any more
+        with contextlib.suppress(EOFError, OSError):  # the parent is gone
             while True:
                 made = _done(Path(root), json.loads(jobs.recv_bytes()), compute)
                 jobs.send_bytes(json.dumps(asdict(made)).encode())

@@ -13,50 +13,54 @@ from pipeline.base import files
 from pipeline.base.errors import UsageError
 from pipeline.base.shown import typed
 
+_PlanFile = Annotated[
+    Path | None,
+    Argument(metavar="PLAN", help="Plan file; without it the plan of the demo."),
+]
+_Load = Annotated[str | None, Option(help="How loads are applied: chain, weights or payloads.")]
+_Noise = Annotated[
+    str | None,
+    Option(help="Tracker noise: paper, instrument, or a standard deviation per axis [m]."),
+]
+_NoiseScale = Annotated[float | None, Option(help="Ratio of true to stated tracker noise.")]
+_Exact = Annotated[bool, Option("--exact", help="No noise, and all digits in the export.")]
+_Spread = Annotated[
+    float | None,
+    Option(help="Largest relative deviation of the true stiffnesses from nominal."),
+]
+_Effects = Annotated[
+    list[str] | None,
+    Option(
+        help="Hidden cause, NAME[:where][=size], with the size in SI units or as a multiple of "
+        "its typical magnitude, such as 2x; repeat the option for more."
+    ),
+]
+_Dialect = Annotated[str | None, Option(help="Format of the tracker export.")]
+_Truth = Annotated[
+    Path | None,
+    Option(help="Where to write the true values; data/processed/NAME.truth.json if omitted."),
+]
+
 
 def simulate(
-    plan: Annotated[
-        Path | None,
-        Argument(metavar="PLAN", help="Plan file; without it the plan of the demo."),
-    ] = None,
+    plan: _PlanFile = None,
     plan_file: Annotated[Path | None, Option("--plan", help="The same, as an option.")] = None,
     name: Annotated[str | None, Option(help="Name of the campaign.")] = None,
     robot: Annotated[str | None, Option(help="Name of a built-in robot, or a robot file.")] = None,
     seed: Annotated[int | None, Option(help="Seed of all random draws.")] = None,
     poses: Annotated[int | None, Option(help="Number of feasible poses to draw.")] = None,
-    load: Annotated[
-        str | None, Option(help="How loads are applied: chain, weights or payloads.")
-    ] = None,
+    load: _Load = None,
     step: Steps = None,
     repeats: Annotated[int | None, Option(help="Number of runs through the load steps.")] = None,
-    noise: Annotated[
-        str | None,
-        Option(help="Tracker noise: paper, instrument, or a standard deviation per axis [m]."),
-    ] = None,
-    noise_scale: Annotated[
-        float | None, Option(help="Ratio of true to stated tracker noise.")
-    ] = None,
-    exact: Annotated[
-        bool, Option("--exact", help="No noise, and all digits in the export.")
-    ] = False,
-    spread: Annotated[
-        float | None,
-        Option(help="Largest relative deviation of the true stiffnesses from nominal."),
-    ] = None,
-    effect: Annotated[
-        list[str] | None,
-        Option(
-            help="Hidden cause, NAME[:where][=size], with the size in SI units or as a multiple of "
-            "its typical magnitude, such as 2x; repeat the option for more."
-        ),
-    ] = None,
-    dialect: Annotated[str | None, Option(help="Format of the tracker export.")] = None,
+    noise: _Noise = None,
+    noise_scale: _NoiseScale = None,
+    exact: _Exact = False,
+    spread: _Spread = None,
+    effect: _Effects = None,
+    dialect: _Dialect = None,
     unit: Annotated[str | None, Option(help="Unit of length in the export: mm, m or in.")] = None,
     digits: Annotated[str | None, Option(help="Number of decimals in the export, or full.")] = None,
-    truth: Annotated[
-        Path | None,
-        Option(help="Where to write the true values; data/processed/NAME.truth.json if omitted."),
-    ] = None,
+    truth: _Truth = None,
     force: Annotated[bool, Option("--force", help="Replace an existing campaign.")] = False,
     root: Root = Path(),
 ) -> None:

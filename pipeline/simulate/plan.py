@@ -29,10 +29,12 @@ from pipeline.base.strict import (
 )
 from pipeline.base.strict import Pull as PullForce
 from pipeline.base.toml import loads, merged
+from pipeline.design.pull import round_pull, share
+from pipeline.library import holds
 from pipeline.machine.instrument import InstrumentNoise
-from pipeline.machine.robot import Robot, rating
+from pipeline.machine.robot import Robot
 from pipeline.machine.surroundings import Surrounded
-from pipeline.readers._coordinates import Usual
+from pipeline.readers._units import Usual
 from pipeline.reduction.settings import AskedPose, PayloadSettings, Point, Scale
 from pipeline.store.campaign import unfit
 
@@ -315,17 +317,17 @@ def fitted(plan: Plan, robot: Robot) -> Plan:
     Raises:
         InputError: A load is more than any such robot can hold.
     """
-    size = rating.share(robot, np.array(plan.tool["load_point"]))
+    size = share(robot, np.array(plan.tool["load_point"]))
     if size != 1.0:
         plan = revised(plan, _unstated(plan, size))
     way_out = "state others in the plan, or leave them out"
-    rating.refuse_absurd(robot, _hardest(plan), way_out, "plan")
+    holds.refuse_absurd(robot, _hardest(plan), way_out, "plan")
     return plan
 
 
 def _unstated(plan: Plan, size: float) -> dict[str, Any]:
     """Loads that the plan does not state, `size` times those of the reference set-up."""
-    pulls, scale, one = plan.pulls, plan.scale, rating.round_pull
+    pulls, scale, one = plan.pulls, plan.scale, round_pull
     changed: dict[str, Any] = {
         "steps_n": [one(size * step) for step in pulls.steps_n],
         "masses_kg": [one(size * mass) for mass in pulls.masses_kg],

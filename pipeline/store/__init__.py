@@ -1,1 +1,1 @@
-"""A campaign on disk, and the tables that are promised there."""
+"""A campaign on disk, and the tables kept there."""

@@ -1,7 +1,7 @@
-"""A campaign on disk: where its files are, how they are read, kept and recognised again.
+"""A campaign on disk: where its files are, how they are read and kept, when they are current.
 
-Raw files are only ever read. Tables go to data/processed/<campaign>, answers to
-reports/<campaign>, and the manifest, written last, says from which inputs and code they came.
+Raw files are only ever read. Tables go to data/processed/<campaign>, answers to reports/<campaign>,
+and the manifest, written last, states from which inputs and code they were made.
 """
 
 from __future__ import annotations
@@ -42,19 +42,19 @@ _LIBRARIES = (
 )
 MANIFEST = "manifest.json"
 FLEET = "fleet"
-"""The folder of tables across campaigns, beside those of each."""
+"""Folder of the tables across campaigns, beside those of each campaign."""
 _REJECTION = "rejection.json"
 
 
 @dataclass(frozen=True, eq=False)
 class Raw:
-    """What a campaign folder holds.
+    """Content of a campaign folder.
 
     Attributes:
-        settings: campaign.toml, checked.
-        robot: Its robot.
+        settings: campaign.toml, validated.
+        robot: The robot of the campaign.
         files: Name relative to the folder -> bytes, of everything that campaign.toml names.
-        key: Hash over all of it and over the code; equal keys give equal results.
+        key: Hash of all of it and of the code; equal keys give equal results.
     """
 
     settings: Settings
@@ -63,7 +63,7 @@ class Raw:
     key: str
 
     def placing(self) -> AbstractContextManager[None]:
-        """Errors about an entry of campaign.toml get its line; those of no file are about it."""
+        """Add the line to errors about campaign.toml; errors without a file are about it."""
         said = self.files["campaign.toml"].decode("utf-8", "replace")
         return toml.placed("campaign.toml", said)
 
@@ -73,7 +73,7 @@ class CampaignFolder:
     """One campaign folder.
 
     Attributes:
-        root: The project's root, where data/processed and reports are.
+        root: The project's root, which contains data/processed and reports.
         folder: The folder with campaign.toml.
     """
 
@@ -82,32 +82,32 @@ class CampaignFolder:
 
     @property
     def name(self) -> str:
-        """The folder's name; tables and reports carry it."""
+        """Name of the folder, also used for its tables and reports."""
         return self.folder.name
 
     @property
     def processed(self) -> Path:
-        """Where its tables are."""
+        """Folder of its tables."""
         return self.root / "data" / "processed" / self._slot
 
     @property
     def reports(self) -> Path:
-        """Where its answers are."""
+        """Folder of its answers."""
         return self.root / "reports" / self._slot
 
     @property
     def _slot(self) -> str:
-        """What its own folders are called; no campaign's own name begins with a dot."""
+        """Name of its folders for tables and answers; no valid campaign name begins with a dot."""
         if self._unfit is None:
             return self.name
         return f".odd-{files.sha256(os.fsencode(self.name))[:16]}"
 
     @cached_property
     def _unfit(self) -> tuple[str, str] | None:
-        """Why nothing can be made of its folder, and the way out; None where all is well."""
+        """Why the folder cannot be processed, and the remedy; None if it can."""
         if why := unfit(self.name):
             return why, "rename the folder"
-        if self.folder.is_symlink():  # the other ones are resolved
+        if self.folder.is_symlink():  # other links are resolved beforehand
             thing = f"{self.name} is a link that leads out of data/raw"
             return thing, "put a copy of the folder there, or run it by its own path"
         return None
@@ -117,7 +117,7 @@ class CampaignFolder:
 
         Raises:
             InputError: A file is missing, unreadable, too large, or changes while it is read; or
-                its folder has a name that none can have.
+                the folder has an invalid name.
         """
         self.fit()
         said = self.content("campaign.toml")
@@ -127,24 +127,24 @@ class CampaignFolder:
         return _raw(settings, {"campaign.toml": said, **others})
 
     def fit(self) -> None:
-        """Its folder is one that something can be made of.
+        """Check that the folder can be processed.
 
         Raises:
-            InputError: It has a name that none can have, or leads out of data/raw.
+            InputError: It has an invalid name, or leads out of data/raw.
         """
         if self._unfit is not None:
             raise InputError(*self._unfit, file="campaign.toml")
 
     def settings(self) -> Settings:
-        """Its campaign.toml, checked.
+        """Its campaign.toml, validated.
 
         Raises:
-            InputError: It cannot be read, or has a word or value it cannot have.
+            InputError: It cannot be read, or has an invalid key or value.
         """
         return _settings(self.content("campaign.toml"))
 
     def _named(self, settings: Settings) -> list[str]:
-        """Names of the files that campaign.toml names, relative to the folder."""
+        """Files that campaign.toml names, relative to the folder."""
         own = None if settings.robot in SHIPPED else settings.robot
         path = settings.tolerance.path if settings.tolerance else None
         if own is not None and not (own.endswith(".toml") and os.path.exists(self.folder / own)):
@@ -156,17 +156,17 @@ class CampaignFolder:
             given = settings.displacements
             others = [given.file, given.forces, settings.joints.file, own, path]
             return [*stood, *filter(None, others)]
-        assert settings.tracker is not None  # Settings sees to that
+        assert settings.tracker is not None  # guaranteed by Settings
         names = self._matching(settings.tracker.files)
         settings.tracker.none_missing(names)
         others = [settings.tracker.assignment, settings.loads_file, settings.joints.file, own, path]
         return list(dict.fromkeys([*names, *stood, *filter(None, others)]))
 
     def _matching(self, patterns: Sequence[str]) -> list[str]:
-        """Files that are asked for by name and are there, and those that fit a glob, in order.
+        """Existing files that are given by name, and those that match a glob, in order.
 
         Raises:
-            InputError: The folder holds more than a campaign has.
+            InputError: The folder contains too many files.
         """
         deepest = max((depth(one, _DEEPEST) for one in patterns if is_glob(one)), default=0)
         there = sorted(_within(self.folder, deepest))
@@ -203,17 +203,17 @@ class CampaignFolder:
     def keep(
         self, name: str, table: pd.DataFrame | pa.Table | None, promise: pa.Schema
     ) -> pd.DataFrame:
-        """Check a table against its promise, write it as Parquet, and give it on as promised."""
+        """Check a table against its schema, write it as Parquet, and return it as in the schema."""
         kept = tables.conform(table, promise)
         parquet.write(self.processed / f"{name}.parquet", kept)
         return tables.frame(kept)
 
     @contextmanager
     def locked(self) -> Iterator[bool]:
-        """Hold the campaign for one run; a second run says so and waits, and then gets True.
+        """Lock the campaign for one run; yield whether another run had to be waited for.
 
         Raises:
-            CannotWrite: The disk refuses.
+            CannotWrite: The disk cannot be written.
             InputError: The results here are those of another folder of the same name.
         """
         lock = FileLock(self.processed / ".lock")
@@ -230,9 +230,9 @@ class CampaignFolder:
             lock.release()
 
     def tidy(self) -> None:
-        """Remove what a killed run left behind, also where nothing has to be computed.
+        """Remove what a killed run left behind, also if nothing has to be computed.
 
-        A run at work cleans up after itself, and a disk that cannot be written stays as it is.
+        A running process cleans up after itself, and a read-only disk is left unchanged.
         """
         folders = (self.processed, self.reports)
         if not any(files.leftovers(folder) for folder in folders):
@@ -253,7 +253,7 @@ class CampaignFolder:
         return False
 
     def _claim(self) -> None:
-        """Never replace what another folder of the same name has made, as long as it is there."""
+        """Refuse to replace results of another existing folder of the same name."""
         source = (self.manifest() or {}).get("source", self.source)
         if source == self.source:
             return
@@ -266,7 +266,7 @@ class CampaignFolder:
 
     @property
     def source(self) -> str:
-        """Its folder for the manifest: relative to the root where it lies in it."""
+        """Its folder for the manifest: relative to the root if it is inside."""
         folder, root = self.folder.resolve(), self.root.resolve()
         return (folder.relative_to(root) if folder.is_relative_to(root) else folder).as_posix()
 
@@ -298,7 +298,7 @@ class CampaignFolder:
 
     @contextmanager
     def remembering(self, key: str) -> Iterator[None]:
-        """Keep why an input is rejected while it is computed; a result makes it forgotten."""
+        """Store why the block rejects an input; a block without error removes that record."""
         path = self.processed / _REJECTION
         try:
             yield
@@ -310,7 +310,7 @@ class CampaignFolder:
             path.unlink(missing_ok=True)
 
     def rejection(self, key: str) -> InputError | None:
-        """Why the last run rejected the input with this key; None where it did not."""
+        """Why the last run rejected the input with this key; None if it did not."""
         try:
             kept = recalled(self.processed / _REJECTION)
             return InputError(**kept["why"]) if kept["key"] == key else None
@@ -318,7 +318,7 @@ class CampaignFolder:
             return None
 
     def manifest(self) -> dict[str, Any] | None:
-        """What the last finished run was made from; None when there is none, or an odd one."""
+        """Manifest of the last finished run; None if there is none, or an invalid one."""
         found = recalled(self.processed / MANIFEST)
         if not isinstance(found, dict) or not isinstance(found.get("outputs"), dict):
             return None
@@ -344,7 +344,7 @@ class CampaignFolder:
         return path.read_bytes()
 
     def finish(self, key: str, answers: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
-        """Write the answers, then the manifest that makes them count, with `about` in it."""
+        """Write the answers, then the manifest that validates them, including `about`."""
         kept = sorted(self.processed.glob("*.parquet"))
         outputs = {self._output(path): files.sha256(path.read_bytes()) for path in kept}
         manifest = {"key": key, "source": self.source, "outputs": outputs}
@@ -352,7 +352,7 @@ class CampaignFolder:
         self.publish(manifest | dict(about), answers)
 
     def publish(self, manifest: dict[str, Any], answers: Mapping[str, bytes]) -> None:
-        """Write answers; nothing counts until the manifest is there again, which knows them."""
+        """Write answers; they are invalid until the manifest that lists them is written again."""
         with files.writing(self.processed):
             (self.processed / MANIFEST).unlink(missing_ok=True)
         for name, data in answers.items():
@@ -361,7 +361,7 @@ class CampaignFolder:
         files.write(self.processed / MANIFEST, dump(manifest))
 
     def answers(self, manifest: Mapping[str, Any]) -> list[str]:
-        """Names of the answers that a manifest knows, relative to the folder of its reports."""
+        """Names of the answers listed in a manifest, relative to the folder of its reports."""
         folder = f"{self._output(self.reports)}/"
         return [
             name.removeprefix(folder) for name in manifest["outputs"] if name.startswith(folder)
@@ -372,12 +372,12 @@ class CampaignFolder:
 
 
 def dump(content: object) -> bytes:
-    """JSON as we write it: no NaN, UTF-8, one final newline."""
+    """JSON as written by this project: no NaN, UTF-8, one final newline."""
     return (in_json(content, indent=2) + "\n").encode()
 
 
 def recalled(path: Path) -> Any:
-    """What `dump` has left in a file; None where there is none, or one that cannot be read."""
+    """Content of a file written by `dump`; None if it is missing or cannot be read."""
     try:
         return json.loads(files.read(path, path.name, largest(path.name)))
     except (InputError, ValueError, RecursionError):
@@ -385,7 +385,7 @@ def recalled(path: Path) -> Any:
 
 
 def in_memory(content: Mapping[str, bytes]) -> Raw:
-    """A campaign from the bytes of its files, its own robot's among them."""
+    """A campaign from the bytes of its files, including those of its own robot."""
     return _raw(_settings(content["campaign.toml"]), content)
 
 
@@ -394,6 +394,7 @@ def _raw(settings: Settings, content: Mapping[str, bytes]) -> Raw:
         robot = parse_robot(files.text(content[settings.robot], settings.robot), settings.robot)
     else:
         robot = load_robot(settings.robot)
+    robot = robot.under(settings.gravity.vector)
     return Raw(settings, robot, content, _key(content, robot))
 
 
@@ -405,7 +406,8 @@ def find(root: Path, name: str) -> CampaignFolder:
     """A campaign by its name under data/raw, or by path.
 
     Raises:
-        InputError: There is no such folder, or no campaign.toml in it; lists those there are.
+        InputError: There is no such folder, or no campaign.toml in it; the message lists those that
+            exist.
     """
     if not name.strip():
         raise InputError(
@@ -425,17 +427,17 @@ def find(root: Path, name: str) -> CampaignFolder:
 
 
 def _at(root: Path, folder: Path) -> CampaignFolder:
-    """The campaign in a folder, which has one name only; a link in data/raw has to stay there."""
+    """The campaign in a folder, with links resolved, except one that leads out of data/raw."""
     real, raw = Path(os.path.realpath(folder)), Path(os.path.realpath(root / "data" / "raw"))
     here = Path(os.path.realpath(folder.parent)) == raw
     return CampaignFolder(root, folder if here and not real.is_relative_to(raw) else real)
 
 
 def outside_raw(root: Path, output: Path) -> Path:
-    """A file that somebody asks us to write, which is no measurement.
+    """An output file given by the user, if it is outside the measurements.
 
     Raises:
-        UsageError: It would lie under data/raw.
+        UsageError: It is under data/raw.
     """
     raw = os.path.realpath(root / "data" / "raw")
     if Path(os.path.realpath(output)).is_relative_to(raw):
@@ -447,12 +449,12 @@ def outside_raw(root: Path, output: Path) -> Path:
 
 
 def label(name: str) -> str:
-    """The name of the folder that somebody means by a name or a path, there or not."""
+    """Name of the folder meant by a name or a path, whether it exists or not."""
     return os.path.basename(os.path.realpath(name.replace("\0", ""))) if name.strip() else name
 
 
 def every(root: Path) -> list[CampaignFolder]:
-    """All campaigns under data/raw, by name; a hidden folder is none."""
+    """All campaigns under data/raw, by name, without hidden folders."""
     raw = root / "data" / "raw"
     try:
         names = sorted(os.listdir(raw))
@@ -464,7 +466,7 @@ def every(root: Path) -> list[CampaignFolder]:
 
 
 def _has_settings(folder: Path) -> bool:
-    """Whether a folder is a campaign's; one that does not let us see counts, and is told."""
+    """Whether a folder is a campaign's; an unreadable one counts, so that it is reported."""
     try:
         os.stat(folder / "campaign.toml")
     except (FileNotFoundError, NotADirectoryError):
@@ -475,13 +477,13 @@ def _has_settings(folder: Path) -> bool:
 
 
 _OURS = re.compile(rf"plans|{FLEET}|.*\.(html|json)", re.IGNORECASE | re.DOTALL)
-"""What we call files and folders of our own, beside those of the campaigns."""
+"""Names of our own files and folders beside those of the campaigns."""
 _LONGEST = 120
-"""Bytes of a name: file systems allow 255, and what we put behind it needs some."""
+"""Maximum number of bytes of a name: file systems allow 255, and suffixes need some of them."""
 
 
 def unfit(name: str) -> str | None:
-    """Why a folder of this name can be no campaign; None where it can."""
+    """Why a folder of this name cannot be a campaign; None if it can."""
     if not is_printable(name):
         return "the name of its folder contains characters that cannot be displayed"
     if not name.strip() or name[0] in ".-" or "/" in name or "\\" in name:
@@ -492,11 +494,11 @@ def unfit(name: str) -> str | None:
 
 
 MOST_ENTRIES, _DEEPEST = 20_000, 16
-"""Files and folders of a campaign, and how deep they are looked for."""
+"""Maximum number of files and folders of a campaign, and depth to which they are searched."""
 
 
 def _within(folder: Path, deepest: int) -> Iterator[str]:
-    """Names of all files of a folder, relative to it; a linked folder is not entered.
+    """Names of all files of a folder, relative to it; linked folders are not entered.
 
     Raises:
         InputError: There are too many, or it cannot be listed.
@@ -523,7 +525,7 @@ def _within(folder: Path, deepest: int) -> Iterator[str]:
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of the libraries that numbers and pages depend on."""
+    """Versions of the libraries on which numbers and pages depend."""
     from pipeline.base.version import __version__
 
     return {"pipeline": __version__} | {name: metadata.version(name) for name in _LIBRARIES}
@@ -531,7 +533,7 @@ def versions() -> dict[str, str]:
 
 @cache
 def code_version() -> str:
-    """Hash of every file of the package, so that changed code never meets an old result."""
+    """Hash of every file of the package, so that a result of other code is never reused."""
     package = Path(__file__).parents[1]
     inside = (path.relative_to(package) for path in sorted(package.rglob("*")) if path.is_file())
     sources = [path for path in inside if "__pycache__" not in path.parts]

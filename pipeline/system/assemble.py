@@ -1,4 +1,4 @@
-"""Stage 5: assemble c = B x + G e from joint values, forces and displacements; Eqs. (19), (20)."""
+"""Assemble c = B x + G e from joint values, forces and displacements; Eqs. (19), (20)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stage 6c: the contribution of each source of error to each parameter's uncertainty (GUM, 5.1)."""
+"""The contribution of each source of error to each parameter's uncertainty (GUM, 5.1)."""
 
 from __future__ import annotations
 

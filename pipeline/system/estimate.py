@@ -1,4 +1,4 @@
-"""Stage 6: estimate x and its uncertainty from c = B x + G e by generalised least squares."""
+"""Estimate x and its uncertainty from c = B x + G e by generalised least squares."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stage 6: the joint springs of one campaign, with the noise that its data show."""
+"""The joint springs of one campaign, with the noise that its data show."""
 
 from __future__ import annotations
 

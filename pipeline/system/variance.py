@@ -1,4 +1,4 @@
-"""Stage 6b: size of the noise from the data, variance components by restricted likelihood.
+"""Size of the noise from the data, variance components by restricted likelihood.
 
 V = sum_s scale_s^2 G_s G_s' + the rest as stated, shape (M, M) [m^2]; the scales minimise
 

@@ -8,7 +8,8 @@ import pytest
 from scipy import stats
 from small_case import asked, moved, small, where
 
-from pipeline.diagnosis.bounds import FAULTY, bounds
+from pipeline.diagnosis.bounded import bounds
+from pipeline.diagnosis.bounds import FAULTY
 from pipeline.faults.base_reading import astray
 from pipeline.reduction.bring import bring
 from pipeline.reduction.register import XYZ

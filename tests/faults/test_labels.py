@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.faults.labels import aligned, chain_distances, labels
+from pipeline.faults.conventions import aligned
+from pipeline.faults.labels import chain_distances, labels
 from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate

@@ -63,7 +63,7 @@ def tests(monkeypatch):
                 return [mistake(w) for w in found[: more.get("at_once", 1)]]
 
             return Fault(
-                letter, letter, find,
+                letter, find,
                 in_files=letter.isupper(),
                 in_forces=letter in more.get("forces", ""),
             )  # fmt: skip

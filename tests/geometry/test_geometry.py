@@ -13,8 +13,9 @@ from pipeline.geometry.mechanism import ArmWeights, Payloads, layout, linearised
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.study import Step, study
 from pipeline.geometry.worth import Parting
+from pipeline.library.standing import loads, predict
 from pipeline.machine.robot import load
-from pipeline.prediction.standing import dumps, loads, predict, standing
+from pipeline.prediction.standing import dumps, standing
 
 # a UR10 as its maker's table has it (distal DH), and what its links weigh
 D = [0.1273, 0.0, 0.0, 0.163941, 0.1157, 0.0922]

@@ -23,10 +23,11 @@ from pipeline.geometry.mistaken import corrected
 from pipeline.geometry.study import Step, study
 from pipeline.geometry.worth import Parting
 from pipeline.geometry.yielding import sizes, usual, yielding
+from pipeline.library.standing import loads, predict
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.variants import counted_back, turned
 from pipeline.machine.robot.weight import carried, work
-from pipeline.prediction.standing import dumps, loads, predict, standing
+from pipeline.prediction.standing import dumps, standing
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 NOTHING = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))

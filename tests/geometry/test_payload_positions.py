@@ -16,9 +16,10 @@ from pipeline.geometry.identify import Wanted, identify
 from pipeline.geometry.mechanism import ArmWeights, Payloads, layout
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import PoseScatter
+from pipeline.library.standing import loads, predict
 from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
-from pipeline.prediction.standing import dumps, loads, predict, standing
+from pipeline.prediction.standing import dumps, standing
 
 # a UR10 as its maker's table has it (distal DH)
 TABLE = list(

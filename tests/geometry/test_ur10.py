@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from pipeline.geometry import search
-from pipeline.geometry.positioned import positioned
+from pipeline.geometry.positioned import as_read, usable
 from pipeline.geometry.study import study
-from pipeline.prediction.standing import predict, standing
+from pipeline.library.standing import predict
+from pipeline.prediction.standing import standing
 from pipeline.store.campaign import find
 from pipeline.system import alarms
 
@@ -19,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def campaign():
     raw = find(ROOT, "ur10_ipa").read()
-    return raw, positioned(raw.settings, raw.robot, raw.files)
+    return raw, usable(raw.settings, raw.robot, *as_read(raw.settings, raw.robot, raw.files))
 
 
 def taught(campaign, which):

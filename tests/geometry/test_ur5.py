@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.geometry.positioned import positioned
+from pipeline.geometry.positioned import as_read, usable
 from pipeline.geometry.study import study
-from pipeline.prediction.standing import predict, standing
+from pipeline.library.standing import predict
+from pipeline.prediction.standing import standing
 from pipeline.store.campaign import find
 
 ROOT = Path(__file__).parents[2]
@@ -16,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.mark.slow
 def test_every_fifth_pose_of_the_grid_is_predicted_to_six_hundredths_of_a_millimetre():
     raw = find(ROOT, "ur5_tsinghua").read()
-    read = positioned(raw.settings, raw.robot, raw.files)
+    read = usable(raw.settings, raw.robot, *as_read(raw.settings, raw.robot, raw.files))
     out = np.arange(len(read.readings)) % 5 == 0
     rows = np.flatnonzero(~out)
     found = study(

@@ -278,9 +278,14 @@ def test_a_bending_link_is_a_clamped_beam(bench, where, near, far):
     np.testing.assert_allclose(turned * tau, 1000 * c * length / 2, rtol=1e-9)
 
 
-def test_gravity_stiffens_as_the_potential_energy_says(bench):
-    """Sag and its change under load are the derivatives of the energy of two hanging masses."""
-    sag = next(e for e in EFFECTS if e.name == "gravity_sag")
+@pytest.mark.parametrize("up", [(0, 0, 1), (0, 0, -1), (0.6, 0, 0.8)])
+def test_gravity_stiffens_as_the_potential_energy_says(bench, up):
+    """Sag and its change under load are the derivatives of the energy of two hanging masses.
+
+    On a floor, on a ceiling and on a slope.
+    """
+    robot = KR500.under(-9.80665 * np.array(up, float))
+    sag = next(e for e in catalogue(robot) if e.name == "gravity_sag")
     cell, pulls, x = bench
     masses = np.array([420.0, 310.0])
     geometry = next(f for f in sag.facets if isinstance(f, Geometry))
@@ -289,7 +294,7 @@ def test_gravity_stiffens_as_the_potential_energy_says(bench):
     def energy(q):
         frames = _frames(KR500, q)
         heights = [
-            (frames[a].translation + frames[b].translation)[2] / 2 for a, b in ((2, 3), (3, 5))
+            (frames[a].translation + frames[b].translation) @ up / 2 for a, b in ((2, 3), (3, 5))
         ]
         return 9.80665 * masses @ heights
 
@@ -552,18 +557,20 @@ def test_a_hinge_between_parallel_joints_moves_as_their_cross_talk():
     ("form", "at"),
     [("scale at the robot", 0.0), ("scale amid the chain", 0.5), ("scale at the anchor", 1.0)],
 )
-def test_a_hanging_chain_pulls_as_statics_says(bench, form, at):
+@pytest.mark.parametrize("up", [(0, 0, 1), (0, -1, 0)])
+def test_a_hanging_chain_pulls_as_statics_says(bench, form, at, up):
     """A rope of many heavy links hangs in equilibrium and is read by a scale somewhere along it."""
-    heavy = next(e for e in EFFECTS if (e.name, e.form) == ("chain_weight", form))
+    robot = KR500.under(-9.80665 * np.array(up, float))
+    heavy = next(e for e in catalogue(robot) if (e.name, e.form) == ("chain_weight", form))
     cell, pulls, x = bench
     loaded = forward.load(cell, pulls, x)
     size = np.linalg.norm(loaded.force, axis=1)
     strong = loaded.force[:, None] * (3000 / size)[:, None, None]  # at the robot, shape (m, 1, 3)
 
     weight, links = 60.0, np.arange(0.5, 1000) / 1000
-    tension = strong + weight * links[:, None] * [0, 0, 1]
+    tension = strong + weight * links[:, None] * up
     chord = np.mean(tension / np.linalg.norm(tension, axis=2, keepdims=True), axis=1)
-    read = np.linalg.norm(strong[:, 0] + weight * at * np.array([0, 0, 1]), axis=1)
+    read = np.linalg.norm(strong[:, 0] + weight * at * np.array(up), axis=1)
     u = chord / np.linalg.norm(chord, axis=1, keepdims=True)
     _, acts = heavy.wrench(replace(loaded, force=read[:, None] * u), np.array([weight]))
 

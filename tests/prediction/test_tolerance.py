@@ -11,13 +11,14 @@ import pytest
 
 from pipeline.base.errors import InputError
 from pipeline.check.look import check
-from pipeline.machine.robot import load, rating
+from pipeline.library import holds
+from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse as robot_of
 from pipeline.prediction.decision import Decision, decide
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path
 from pipeline.prediction.tolerance import Shown, nominal, stretches, table, tip
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import parse
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
@@ -264,6 +265,6 @@ def test_a_robot_of_unknown_payload_is_held_by_its_joints():
     q, force = _pose(1000.0)
     point = np.array([0.15, 0.0, 0.25])
 
-    rating.refuse_unheld(silent, q[None], 5 * force[None], point, "part.csv", [2])
+    holds.refuse_unheld(silent, q[None], 5 * force[None], point, "part.csv", [2])
     with pytest.raises(InputError, match=r"^part.csv:2: .* by more than 10 mrad"):
-        rating.refuse_unheld(silent, q[None], 100 * force[None], point, "part.csv", [2])
+        holds.refuse_unheld(silent, q[None], 100 * force[None], point, "part.csv", [2])

@@ -31,7 +31,8 @@ from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path as JointPath
 from pipeline.programs import joint_path
 from pipeline.programs.corrected import Given, program, write
-from pipeline.run import run, tool
+from pipeline.reduction.effector import tool
+from pipeline.run import run
 from pipeline.simulate import parse, simulate
 from pipeline.store.campaign import find, in_memory
 from pipeline.system.estimate import identify
@@ -264,6 +265,21 @@ def test_named_effects_travel_and_those_of_the_measurement_stay(demo):
     assert [p.name for p in handed.cell.parameters][-1] == "c_roll"
     assert handed.value.tolist() == [1, 2, 3, 4, 5, 6, 7, 9]
     assert handed.std.tolist() == [1, 2, 3, 4, 5, 6, 7, 9]
+
+
+def test_a_robot_on_the_ceiling_hangs_there_in_the_model_too():
+    """What `[gravity]` says reaches the effects of the campaign and those of the model file."""
+    files = dict(simulate(parse(DEMO_PLAN)).files)
+    files["campaign.toml"] += b"\n[gravity]\ndirection = [0, 0, 2]\nm_s2 = 9.81\n"
+    raw = in_memory(files)
+
+    class Certain:
+        value, cov = raw.robot.nominal_compliance, np.eye(raw.robot.n)
+
+    made = whole(paper_cell(raw.robot, tool(raw.settings)), Certain)
+
+    assert raw.robot.gravity.tolist() == [0, 0, 9.81]
+    assert handover.parse(handover.dumps(made)).robot.gravity.tolist() == [0, 0, 9.81]
 
 
 def test_an_undetermined_spring_makes_predictions_uncertain_where_it_acts(demo):

@@ -253,6 +253,14 @@ def test_a_point_that_nothing_goes_to_is_told_and_one_that_is_computed_with_coun
     assert [(one.line, one.counts) for one in found.elsewhere] == [(2, False), (3, True)]
 
 
+def test_a_list_that_is_assigned_again_is_moved_to_as_a_whole():
+    """Which of both `a[1]` is, depends on when: each point of either counts as its target."""
+    other = U.replace("0.4", "0.5", 1)
+    text = script(f"  a=[{U},{U}]", "  movel(a[1])", f"  a=[{other},{other}]", "  movel(a[1])")
+
+    assert [one.line for one in read("p.script", text.encode()).targets] == [2, 3, 3, 5, 5]
+
+
 def test_a_form_of_spline_motions_names_its_tool_and_base():
     """What KSS writes behind WITH is understood, and holds for this motion alone."""
     dat = "DECL FDAT F={TOOL_NO 3,BASE_NO 4,IPO_FRAME #BASE}\n"

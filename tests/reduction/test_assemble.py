@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import conformed
+from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import Scale
-from pipeline.run import reduce, tool
+from pipeline.run import reduce
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble, by_force, second_order

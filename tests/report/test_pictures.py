@@ -12,10 +12,10 @@ from small_case import PLAN, small
 
 from bench.as_pinocchio import model
 from pipeline.annex.fewer_poses import enough
+from pipeline.annex.scene import MOST, scene
 from pipeline.annex.seen_laws import laws
 from pipeline.answer.posture import posture
 from pipeline.answer.recommended import joint_springs
-from pipeline.answer.scene import MOST, scene
 from pipeline.answer.tables import models_table
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine import bodies

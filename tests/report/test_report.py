@@ -19,6 +19,7 @@ from pdf_text import filled, pages_of
 from pydantic import BaseModel
 from pypdf.generic import DictionaryObject
 
+from pipeline.annex.summaries import courses
 from pipeline.answer.contract import Answer, Odd, Remark, Stiffness
 from pipeline.base import quantities as numbers
 from pipeline.report.certificate import digest
@@ -36,7 +37,7 @@ from pipeline.report.record import (
 )
 from pipeline.report.render import pdf, render
 from pipeline.report.sections.stiffness import stiffness
-from pipeline.report.summaries import courses, has
+from pipeline.report.summaries import has
 from pipeline.report.svg import STYLE, drawn
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate

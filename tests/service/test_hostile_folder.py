@@ -96,7 +96,7 @@ def test_matplotlib_takes_nothing_from_there(trap, script, tmp_path):
     assert marks(tmp_path) == []
 
 
-@pytest.mark.parametrize("module", ["svg", "figures.marks"])
+@pytest.mark.parametrize("module", ["svg", "figures.plot"])
 def test_a_matplotlibrc_there_is_not_opened(tmp_path, module):
     """Whatever it says, and also where it cannot be read."""
     (tmp_path / "matplotlibrc").write_bytes(b"\xff\xfe")

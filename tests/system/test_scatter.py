@@ -9,7 +9,8 @@ import pytest
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.machine.cell import paper_cell
 from pipeline.reduction.bring import conformed
-from pipeline.run import answered, reduce, tool
+from pipeline.reduction.effector import tool
+from pipeline.run import answered, reduce
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
 from pipeline.store import campaign

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.annex.sections.method import method
 from pipeline.base.errors import InputError
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.torques import weighed as weighed_by_torques
-from pipeline.report.sections.method import method
 from pipeline.run import answered, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -237,7 +237,7 @@ def test_a_campaign_of_weights_has_an_answer_without_suspects_of_chain_and_scale
     assert not answer.stiffness[0].identifiable
     assert not any(name.startswith(("chain", "scale")) for name in names | spots)
     assert "force_noise" not in names
-    written = str(method(answer))
+    written = str(method(answer, {}))
     assert "chain" not in written
     assert "weight of what hangs" in written
 

@@ -18,7 +18,7 @@ command = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
 class Solver(StrEnum):
-    """Which of them; `ours` is `pipeline run` without report and tables on disk."""
+    """The solver; `ours` is `pipeline run` without report and tables on disk."""
 
     OURS = "ours"
     LEAST_SQUARES = "least-squares"

@@ -1,4 +1,4 @@
-"""What a solver says, as the part of result.json that the open league scores."""
+"""Answer of a solver, as the part of result.json that the open league scores."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def answer(
     """result.json of an estimate of springs and some columns of Z.
 
     Args:
-        given: What was solved.
+        given: The problem.
         verdict: `adequate`, `explained` or `unexplained`.
         x: Compliances, then parameters, shape (n + k,).
         cov: Their covariance.
-        dof: Degrees of freedom of Student's t; 0 where the noise is stated.
-        named: Causes that are said to be there.
+        dof: Degrees of freedom of Student's t; 0 if the noise is stated.
+        named: Causes that are named.
         columns: Columns of Z that were estimated, shape (k,).
     """
     half = float(stats.t.ppf(0.975, dof) if dof else stats.norm.ppf(0.975))
@@ -51,7 +51,7 @@ def answer(
 
 
 def _stiffness(name: str, c: float, std: float, half: float) -> Json:
-    """Value and interval of 1 / c; an end at which c is not positive is infinite, that is null."""
+    """Value and interval of 1 / c; an end at which c is not positive is infinite, that is, null."""
     low, high = c - half * std, c + half * std
     return {
         "name": name,

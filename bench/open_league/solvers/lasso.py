@@ -5,10 +5,10 @@ min over x, z of  |y - B x - Z z|^2 / (2 M) + lambda |z|_1
 with whitened rows and the columns of Z, once B is projected out of them, of unit length times
 sqrt(M) (Tibshirani, J. R. Statist. Soc. B 58, 1996), by scikit-learn's coordinate descent
 (Friedman, Hastie and Tibshirani, J. Statist. Software 33, 2010). lambda is the largest whose
-cross-validation error over
-left-out poses is within one standard error of the smallest (Breiman et al., Classification and
-Regression Trees, 1984). What is selected is estimated once more by least squares (Belloni and
-Chernozhukov, Bernoulli 19, 2013); intervals ignore the selection, as they mostly do in practice.
+cross-validation error over left-out poses is within one standard error of the smallest (Breiman et
+al., Classification and Regression Trees, 1984). What is selected is estimated once more by least
+squares (Belloni and Chernozhukov, Bernoulli 19, 2013); intervals ignore the selection, as is usual
+in practice.
 """
 
 from __future__ import annotations
@@ -26,26 +26,28 @@ from bench.open_league.solvers.problem import Problem, Suspect
 from pipeline.base.arrays import Array, Bools, Ints
 
 PATH, SMALLEST = 60, 1e-2
-"""Penalties that are tried, evenly by their ratio, down to this part of the largest."""
+"""Number of penalties, evenly spaced on a log scale, and the smallest relative to the largest."""
 
 FOLDS = 8
-"""Parts of the poses that are left out in turn."""
+"""Number of parts of the poses that are left out in turn."""
 
 STILL, ROUNDS = 1e-4, 2000
-"""Duality gap over y'y at which a descent ends, scikit-learn's own, and its rounds at most."""
+"""Duality gap over y'y at which a descent ends, scikit-learn's default, and maximum number of
+iterations."""
 
 ALIKE = 1e-6
-"""What the springs leave of a column, over the column: below it is one of theirs."""
+"""Norm of a column after projection of the springs, relative to the column, below which it is a
+combination of theirs [1]."""
 
 
 def solve(given: Problem) -> Json:
-    """Causes with a selected column, and the springs estimated beside those columns."""
+    """Causes with a selected column, and the springs estimated together with those columns."""
     W = given.root
     y, B, Z = W @ given.c, W @ given.B, W @ given.Z
     columns = _selected(y, B, Z, given.pose)
     x, cov, rest = ordinary(np.hstack([B, Z[:, columns]]), y)
     named: dict[str, Suspect] = {}
-    for one in given.suspects:  # forms of one cause are one name
+    for one in given.suspects:  # forms of one cause have one name
         if np.isin(one.columns, columns).any():
             named.setdefault(one.label, one)
     verdict = "explained" if named else "adequate"
@@ -54,7 +56,7 @@ def solve(given: Problem) -> Json:
 
 
 def _selected(y: Array, B: Array, Z: Array, pose: Ints) -> Ints:
-    """Columns of Z with a coefficient at the penalty that cross-validation chooses."""
+    """Columns of Z with a coefficient at the penalty that cross-validation selects."""
     whole = _Path.of(y, B, Z)
     penalties = whole.largest * np.geomspace(1, SMALLEST, PATH)
     squares = np.zeros((PATH, FOLDS))
@@ -77,7 +79,7 @@ def _folds(pose: Ints) -> list[Bools]:
 
 
 def _independent(B: Array, Z: Array, columns: Ints) -> Ints:
-    """Without columns that the springs and the columns before hold already."""
+    """The columns that are independent of the springs and of the previous columns."""
     kept: list[int] = []
     A = B / np.linalg.norm(B, axis=0)
     for k in columns.tolist():
@@ -91,13 +93,13 @@ def _independent(B: Array, Z: Array, columns: Ints) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class _Path:
-    """The LASSO of some rows along falling penalties.
+    """The LASSO of some rows along decreasing penalties.
 
     Attributes:
-        X: What the springs leave of Z, scaled, without columns that are theirs, shape (M, k).
-        y: What they leave of y, shape (M,).
-        scale: What a coefficient of X is multiplied by to be one of Z, shape (k,).
-        seen: Columns of Z that X has, shape (k,).
+        X: Z with the springs projected out, scaled, without dependent columns, shape (M, k).
+        y: The observations with the springs projected out, shape (M,).
+        scale: Factors from coefficients of X to those of Z, shape (k,).
+        seen: Columns of Z that are in X, shape (k,).
         width: K.
     """
 
@@ -109,7 +111,7 @@ class _Path:
 
     @classmethod
     def of(cls, y: Array, B: Array, Z: Array) -> _Path:
-        """With the springs projected out."""
+        """Project out the springs."""
         Q = np.linalg.qr(B / np.linalg.norm(B, axis=0))[0]
         left = Z - Q @ (Q.T @ Z)
         size, whole = np.linalg.norm(left, axis=0), np.linalg.norm(Z, axis=0)
@@ -123,9 +125,9 @@ class _Path:
         return float(np.abs(self.X.T @ self.y).max() / len(self.y))
 
     def follow(self, penalties: Array) -> Array:
-        """Coefficients of Z, unscaled, at each penalty, shape (PATH, K)."""
+        """Coefficients of Z, unscaled, at each penalty, shape (penalties, K)."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ConvergenceWarning)  # of columns that are nearly alike
+            warnings.simplefilter("ignore", ConvergenceWarning)  # due to nearly collinear columns
             found = lasso_path(
                 np.asfortranarray(self.X), self.y, alphas=penalties, tol=STILL, max_iter=ROUNDS
             )[1]

@@ -1,9 +1,9 @@
-"""Plain least squares, as in the paper: joint springs, all rows alike, nothing else looked for.
+"""Plain least squares, as in the paper: joint springs, equal weights, no search for causes.
 
 x = (B'B)^-1 B' c,    cov(x) = s^2 (B'B)^-1,    s^2 = r'r / (M - n),  r = c - B x.
 
-Guerin, Caro, Garnier, Girin, Eqs. (19), (20). Only the misfit is judged: `unexplained` where
-r' V^-1 r of the weighted fit exceeds the 99 % quantile of chi-square.
+Guerin, Caro, Garnier, Girin, Eqs. (19), (20). Only the misfit is tested: `unexplained` if r' V^-1 r
+of the weighted fit exceeds the 99 % quantile of chi-square.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def solve(given: Problem) -> Json:
 
 
 def ordinary(A: Array, y: Array) -> tuple[Array, Array, float]:
-    """x, (A'A)^-1 and r'r by QR of columns of unit length; raises where A has not full rank."""
+    """x, (A'A)^-1 and r'r by QR with columns of unit length; raises if A is rank deficient."""
     size = np.linalg.norm(A, axis=0)
     Q, R = np.linalg.qr(A / size)
     inverse = np.linalg.inv(R) / size[:, None]

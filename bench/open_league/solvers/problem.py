@@ -1,4 +1,4 @@
-"""What a solver gets: c = B x + Z z + e of one campaign, and the same columns at its test pose."""
+"""Input of a solver: c = B x + Z z + e of one campaign, and the same columns at its test pose."""
 
 from __future__ import annotations
 
@@ -27,8 +27,9 @@ class Suspect:
         name: As in the list of causes.
         where: Its place, as there.
         parameters: Names of its parameters.
-        columns: Where they stand in Z, shape (k,).
-        moves: The machine gives way, so that predictions have it, too; else something misreads.
+        columns: Their columns in Z, shape (k,).
+        moves: Whether the machine deflects, so that predictions include it; otherwise it is an
+            error of measurement.
     """
 
     name: str
@@ -51,13 +52,13 @@ class Problem:
         springs: Names of the stiffnesses (`k_theta2`).
         targets: Names of the targets.
         c: Displacements, shape (M,) [m].
-        B: Derivative by the compliances, shape (M, n).
-        Z: Derivative by the catalogue's parameters, shape (M, K).
+        B: Derivative with respect to the compliances, shape (M, n).
+        Z: Derivative with respect to the catalogue's parameters, shape (M, K).
         pose: Pose of each row, shape (M,).
         root: L^-1 with L L' the stated covariance of c, shape (M, M) [1/m].
-        suspects: Whose columns Z has.
+        suspects: Causes with columns in Z.
         B_there: B at the test pose, shape (3 t, n).
-        Z_there: Z at the test pose, zero for what moves nothing, shape (3 t, K).
+        Z_there: Z at the test pose, zero for errors of measurement, shape (3 t, K).
     """
 
     springs: tuple[str, ...]
@@ -73,7 +74,7 @@ class Problem:
 
 
 def problem(folder: Path) -> Problem:
-    """The problem of a campaign, about the springs that plain least squares finds."""
+    """The problem of a campaign, linearised about the springs of plain least squares."""
     case = ingested(in_memory(content(folder)), conformed, plain)
     data, cell, robot = bring(case).data, case.cell, case.robot
     first = assemble(cell, data, robot.nominal_compliance)
@@ -120,7 +121,7 @@ def _suspects(effects: tuple[Effect, ...]) -> tuple[Suspect, ...]:
 
 
 def _there(stated: object, cell: Cell, x: Array, effects: tuple[Effect, ...]) -> Array:
-    """B and Z at the stated test pose, tightened; no row where campaign.toml states none."""
+    """B and Z at the stated test pose, tightening; no rows if campaign.toml states none."""
     width = len(x) + sum(len(e.parameters) for e in effects)
     if stated is None:
         return np.zeros((0, width))

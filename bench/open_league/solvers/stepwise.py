@@ -1,10 +1,10 @@
-"""Stepwise regression by F tests: the likeliest cause enters as long as its test is significant.
+"""Stepwise regression by F tests: the most significant cause enters as long as it is significant.
 
-F = ((S_0 - S_1) / k) / (S_1 / (M - p)) for a cause of k parameters beside a model of p in all, S
-the sums of squares of whitened rows; after each entry whoever has lost its significance leaves
-(Efroymson, in Ralston and Wilf, Mathematical Methods for Digital Computers, 1960; Draper and
-Smith, Applied Regression Analysis, ch. 15). With Bonferroni's inequality a cause enters below
-0.05 over the number of suspects, else below 0.05.
+F = ((S_0 - S_1) / k) / (S_1 / (M - p)) for a cause of k parameters added to a model, p parameters
+in all, with S the sums of squares of whitened rows; after each entry, causes that are no longer
+significant leave (Efroymson, in Ralston and Wilf, Mathematical Methods for Digital Computers, 1960;
+Draper and Smith, Applied Regression Analysis, ch. 15). With Bonferroni's inequality, a cause enters
+below 0.05 over the number of suspects, otherwise below 0.05.
 """
 
 from __future__ import annotations
@@ -21,21 +21,23 @@ from bench.open_league.solvers.problem import Problem, Suspect
 from pipeline.base.arrays import Array
 
 ENTER = 0.05
-"""Significance at which a cause enters."""
+"""Significance level at which a cause enters [1]."""
 
 LEAVE = 2.0
-"""It leaves above so many times that: were it the same, one could enter and leave for ever."""
+"""Factor to the level above which a cause leaves [1]; with equal levels, one could enter and leave
+forever."""
 
 MOST = 8
-"""Causes at most; nobody believes more."""
+"""Maximum number of causes; more would not be credible."""
 
 NOTHING = 1e-6
-"""A column of which less than this part is beside the model is a mix of what is in it."""
+"""Independent fraction of a column below which it counts as a combination of those in the model
+[1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Whitened rows, the suspects, and the significance at which one enters."""
+    """Whitened rows, the columns of the suspects, and the level at which one enters."""
 
     y: Array
     B: Array
@@ -46,7 +48,7 @@ class _Rows:
         return np.hstack([self.B, *(self.Z[:, one.columns] for one in causes)])
 
     def p_value(self, one: Suspect, beside: Sequence[Suspect]) -> float:
-        """Of the F test of one cause beside others; 1 where they hold it already."""
+        """P-value of the F test of one cause added to others; 1 if they span it already."""
         A = self.with_(beside)
         Q = np.linalg.qr(A / np.linalg.norm(A, axis=0))[0]
         new = self.Z[:, one.columns]
@@ -64,7 +66,7 @@ class _Rows:
 
 
 def solve(given: Problem, bonferroni: bool) -> Json:
-    """Causes that enter, and the springs estimated beside them."""
+    """Causes that enter, and the springs estimated together with them."""
     labels = {one.label for one in given.suspects}
     enter = ENTER / len(labels) if bonferroni else ENTER
     W = given.root
@@ -93,7 +95,7 @@ def _chosen(rows: _Rows, suspects: Sequence[Suspect]) -> list[Suspect]:
 
 
 def _without_idle(rows: _Rows, causes: list[Suspect]) -> list[Suspect]:
-    """Those that stay significant beside the others, the idlest leaving first."""
+    """Causes that remain significant given the others; the least significant leaves first."""
     while len(causes) > 1:
         p = [rows.p_value(one, [o for o in causes if o is not one]) for one in causes]
         worst = int(np.argmax(p))

@@ -1,6 +1,6 @@
-"""FIGAROH on a trial, as its documentation has it: python figaroh_run.py FOLDER OUT [springs].
+"""FIGAROH on a trial, as in its documentation: python figaroh_run.py FOLDER OUT [springs].
 
-Runs in an environment of its own (figaroh.txt); imports nothing of the project.
+Runs in its own environment (figaroh.txt); imports nothing of the project.
 """
 
 import sys
@@ -12,10 +12,10 @@ from figaroh.tools.robot import load_robot
 
 
 class Arm(BaseCalibration):
-    """Its example for this make of robots has the same weights of metres and radians."""
+    """Calibration with the weights of metres and radians of its example for this make of robots."""
 
     def cost_function(self, var):
-        """What is to be made small."""
+        """Weighted residuals to be minimised."""
         told = calc_updated_fkm(self.model, self.data, var, self.q_measured, self.calib_config)
         off = self._compute_logmap_residuals(self.PEE_measured, told)
         return self.apply_measurement_weighting(off, pos_weight=1.0, orient_weight=0.5)

@@ -1,6 +1,6 @@
-"""Frames of pybotics at some joint values: python pybotics_fk.py TABLE.csv JOINTS.csv OUT.csv.
+"""Frames of pybotics at given joint values: python pybotics_fk.py TABLE.csv JOINTS.csv OUT.csv.
 
-Runs in an environment of its own (pybotics.txt); imports nothing of the project.
+Runs in its own environment (pybotics.txt); imports nothing of the project.
 """
 
 import sys

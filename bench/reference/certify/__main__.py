@@ -1,4 +1,4 @@
-"""`python -m bench.reference.certify [CASE ...]`: the certified values anew, from the files."""
+"""`python -m bench.reference.certify [CASE ...]`: compute the certified values from the files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bench.reference.certify.campaign import load
 from bench.reference.certify.make import CASES, DRAWN
 
 DIGITS = 15
-"""Digits that are written; ten are certified."""
+"""Number of digits written; ten are certified."""
 
 
 def main() -> None:

@@ -1,10 +1,10 @@
 """Certified answers: least squares by definition, solved with 50 digits.
 
-Linear:      x = (B'V^-1 B)^-1 B'V^-1 c, cov(x) = (B'V^-1 B)^-1, V at x itself where errors of the
-             force enter through B x (fixed point).
+Linear:      x = (B'V^-1 B)^-1 B'V^-1 c, cov(x) = (B'V^-1 B)^-1, with V at x itself if errors of
+             the force enter through B x (fixed point).
 Unstated:    V = s^2 I with s^2 = r'r / (M - n).
-Deformed:    (c - d(x))' (c - d(x)) is smallest; cov(x) = s^2 (J'J)^-1, J = dd/dx at x.
-Placing:     sum e_i' C_i^-1 e_i is smallest, e_i = R'(n_i - t) - p_i.
+Deformed:    (c - d(x))' (c - d(x)) is minimal; cov(x) = s^2 (J'J)^-1, J = dd/dx at x.
+Placing:     sum e_i' C_i^-1 e_i is minimal, e_i = R'(n_i - t) - p_i.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ STILL = mpf(10) ** -35
 
 @dataclass
 class Certified:
-    """What a campaign says.
+    """Certified values of a campaign.
 
     Attributes:
-        names: Of the parameters.
-        units: Likewise.
+        names: Names of the parameters.
+        units: Their units.
         value: Estimates.
         std: Their standard uncertainties.
-        chi2: Sum of squares that was made smallest: weighted, or [m^2] where no noise is stated.
+        chi2: Minimised sum of squares: weighted, or [m^2] if no noise is stated.
         dof: Rows minus parameters.
-        checks: Further numbers by which a reader finds where he differs.
+        checks: Further numbers by which a reader can locate differences.
     """
 
     names: list[str]
@@ -142,7 +142,7 @@ def _forward(L: Any, right: Any) -> Any:
 
 
 def _readings(one: Campaign, keys: list[Key]) -> Any:
-    """Covariance of c by the readings: loaded ones, and zeros that pulls of a pose share."""
+    """Covariance of c due to the readings: loaded ones, and zeros shared by the pulls of a pose."""
     size = 3 * len(one.targets)
     V = matrix(size * len(keys))
     for a, key in enumerate(keys):
@@ -156,7 +156,7 @@ def _readings(one: Campaign, keys: list[Key]) -> Any:
 
 
 def _forces(one: Campaign, keys: list[Key], x: Vector) -> Any:
-    """Covariance of c by the forces: reading, direction, gain, zero of the scale, weights."""
+    """Covariance of c due to the forces: reading, direction, gain, zero of the scale, weights."""
     size, total = 3 * len(one.targets), 3 * len(one.targets) * len(keys)
     V, common = matrix(total), dict[str, Any]()
     for a, key in enumerate(keys):
@@ -172,7 +172,7 @@ def _forces(one: Campaign, keys: list[Key], x: Vector) -> Any:
 
 
 def _modes(one: Campaign, pull: Pull) -> dict[Any, Vector]:
-    """Independent errors of a force [N]: a word for those that pulls have in common."""
+    """Independent errors of a force [N]; those common to several pulls have a string as key."""
     size = mp.sqrt(dot(pull.force, pull.force))
     unit = [v / size for v in pull.force]
     if pull.weight is not None:
@@ -193,7 +193,7 @@ def _modes(one: Campaign, pull: Pull) -> dict[Any, Vector]:
 def _poses(
     one: Campaign, keys: list[Key], B: Any, c: Any
 ) -> tuple[Vector, Any, Any, int, Any, Any]:
-    """Position and rotation in place of targets: mean, and L N^-1 sum l x d."""
+    """Position and rotation instead of targets: mean, and L N^-1 sum l x d."""
     t = len(one.targets)
     middle = [sum(v) / t for v in zip(*(one.tool[n] for n in one.targets), strict=True)]
     arms = [less(one.tool[name], middle) for name in one.targets]
@@ -278,7 +278,7 @@ def _derivative(of: Callable[[Vector], Any], x: Vector) -> Any:
 
 
 def _placing(one: Campaign) -> Certified:
-    """Where the tracker stands: its frame in F_b from readings of the base reflectors."""
+    """Pose of the tracker: its frame in F_b from readings of the base reflectors."""
     noise = one.said["tracker"]["noise"]
     shots = [(name, p) for _, name, p in one.readings if name in one.base]
     read = [(one.base[name], p, _weight(p, noise)) for name, p in shots]
@@ -309,7 +309,7 @@ def _placing(one: Campaign) -> Certified:
 
 
 def _weight(p: Vector, noise: dict[str, Any]) -> Any:
-    """Inverse covariance of a reading: along the beam and across, each growing with the range."""
+    """Inverse covariance of a reading: uncertainties along and across the beam grow with range."""
     far = mp.sqrt(dot(p, p))
     along = noise["range_m"] + noise["range_per_m"] * far
     across = noise["transverse_m"] + noise["transverse_per_m"] * far
@@ -322,7 +322,7 @@ def _weight(p: Vector, noise: dict[str, Any]) -> Any:
 
 
 def _rough(read: list[tuple[Vector, Vector, Any]]) -> tuple[Any, Vector]:
-    """A first frame from three reflectors: their triangle's axes here and there."""
+    """Initial frame from three reflectors: axes of their triangle in both frames."""
     (a, p, _), (b, q, _), (c, r, _) = read[:3]
     here, there = _triangle(a, b, c), _triangle(p, q, r)
     R = here * there.T
@@ -338,7 +338,7 @@ def _triangle(a: Vector, b: Vector, c: Vector) -> Any:
 
 
 def _by_motion(R: Any, away: Vector) -> Any:
-    """Derivative of R'(n - t) by a turn of R in F_b and a shift of t, 3 x 6."""
+    """Derivative of R'(n - t) by a rotation of R in F_b and a translation of t, 3 x 6."""
     out = matrix(3, 6)
     for axis in range(3):
         unit = [mpf(int(axis == i)) for i in range(3)]
@@ -349,7 +349,7 @@ def _by_motion(R: Any, away: Vector) -> Any:
 
 
 def _turned(w: Vector) -> Any:
-    """A rotation by a small vector, to second order and exactly orthogonal."""
+    """A rotation by a small vector, to first order and exactly orthogonal."""
     return turn_z(w[2]) * _about_y(w[1]) * turn_x(w[0])
 
 

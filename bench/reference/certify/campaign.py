@@ -1,4 +1,4 @@
-"""The files of a reference campaign, every number exactly as its digits say."""
+"""The files of a reference campaign, with every number exactly as written."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mpmath import mpf
 from bench.reference.certify.kinematics import Robot, Vector, degrees, read
 
 ROBOTS = Path(__file__).parents[3] / "pipeline" / "machine" / "robot"
-"""Robot files, which are data; a case may bring its own."""
+"""Folder of the robot files, which are data; a case may have its own."""
 
 GROUP = re.compile(r"pose(\d+)_rep(\d+)_(unloaded|loaded)")
 GRAVITY = mpf("9.80665")
@@ -26,7 +26,7 @@ Key = tuple[int, int]
 
 @dataclass
 class Pull:
-    """One pull, with what is known of its force.
+    """One pull, with the uncertainty of its force.
 
     Attributes:
         force: F_b [N].
@@ -48,21 +48,21 @@ class Campaign:
     """A campaign as numbers.
 
     Attributes:
-        robot: Its table.
+        robot: DH parameters of its robot.
         q: Joint values of each pose [m] or [rad].
-        tool: Points in the flange frame [m], `load_point` among them.
-        targets: Names of the others.
+        tool: Points in the flange frame [m], including `load_point`.
+        targets: Names of the other points.
         pulls: By pose and repeat.
         moved: Displacement of each target in each pull, F_b [m].
-        zeros: How many unloaded readings each pose has; 0 where displacements were given.
-        sigma_m: Standard uncertainty per axis of a reading, or of a displacement; None where it is
-            to be found from the residuals.
+        zeros: Number of unloaded readings of each pose; 0 if displacements are given.
+        sigma_m: Standard uncertainty per axis of a reading, or of a displacement; None if it is to
+            be estimated from the residuals.
         gain: Relative standard uncertainty of the scale.
         zero_n: Standard uncertainty of the scale's zero [N].
-        deformed: Equilibrium of the deflected robot.
-        sigma_rad: Standard uncertainty of a pose's rotation; None where targets are measured.
-        readings: Of groups and targets [m], in the tracker's frame.
-        base: Nominal places of the base reflectors, F_b [m].
+        deformed: Whether equilibrium is that of the deflected robot.
+        sigma_rad: Standard uncertainty of a pose's rotation; None if targets are measured.
+        readings: Group, target and point [m], in the tracker's frame.
+        base: Nominal positions of the base reflectors, F_b [m].
         said: campaign.toml.
     """
 
@@ -140,7 +140,7 @@ def _reduced(folder: Path, one: Campaign) -> None:
 
 
 def _raw(folder: Path, one: Campaign) -> None:
-    """Readings that are in F_b already: loaded minus the mean of the zeros, chain and scale."""
+    """Readings already in F_b: loaded minus the mean of the zeros, chain and scale."""
     one.sigma_m = one.said["tracker"].get("sigma_m")
     for row in rows(folder / "tracker.csv"):
         point = [v / 1000 for v in _three(row, ("x_mm", "y_mm", "z_mm"))]

@@ -1,4 +1,4 @@
-"""A robot in 50-digit arithmetic: frames from its table, torques, and where it rests under load."""
+"""A robot in 50-digit arithmetic: frames by DH parameters, torques, equilibrium under load."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Frame = tuple[Any, Vector]
 
 @dataclass(frozen=True)
 class Row:
-    """A joint: Tx(a) Rx(alpha), then Rz(theta + q) Tz(d) or Rz(theta) Tz(d + q) where it slides."""
+    """A joint: Tx(a) Rx(alpha), then Rz(theta + q) Tz(d), or Rz(theta) Tz(d + q) if prismatic."""
 
     name: str
     slides: bool
@@ -31,13 +31,13 @@ class Row:
 
 @dataclass(frozen=True)
 class Robot:
-    """The rows from base to flange."""
+    """The joints from base to flange."""
 
     rows: tuple[Row, ...]
 
 
 def read(path: Path) -> Robot:
-    """A robot file in modified DH, in Khalil's or Craig's letters."""
+    """Read a robot file in modified DH, in Khalil's or Craig's letters."""
     said = tomllib.loads(path.read_text("utf-8"), parse_float=mpf)
     if said["convention"] not in ("khalil", "craig"):
         raise ValueError(f"{path}: {said['convention']} is not written here")
@@ -58,7 +58,7 @@ def read(path: Path) -> Robot:
 
 
 def degrees(angle: Any) -> Any:
-    """In radians."""
+    """An angle in radians."""
     return mpf(angle) * mp.pi / 180
 
 
@@ -118,12 +118,12 @@ def cross(a: Sequence[Any], b: Sequence[Any]) -> Vector:
 
 
 def at(flange: Frame, place: Sequence[Any]) -> Vector:
-    """A point of the flange's frame in F_b."""
+    """A point of the flange frame in F_b."""
     return add(flange[1], times(flange[0], place))
 
 
 def efforts(robot: Robot, chain: list[Frame], where: Vector, force: Vector) -> Vector:
-    """Force along or torque about every joint that a force at a point exerts."""
+    """Force along, or torque about, every joint due to a force at a point."""
     out = []
     for row, (R, p) in zip(robot.rows, chain, strict=True):
         z = [R[i, 2] for i in range(3)]
@@ -132,7 +132,7 @@ def efforts(robot: Robot, chain: list[Frame], where: Vector, force: Vector) -> V
 
 
 def motions(robot: Robot, chain: list[Frame], point: Vector) -> list[Vector]:
-    """How a point of the effector moves per unit of every joint."""
+    """Displacement of a point of the effector per unit of every joint."""
     out = []
     for row, (R, p) in zip(robot.rows, chain, strict=True):
         z = [R[i, 2] for i in range(3)]
@@ -143,10 +143,10 @@ def motions(robot: Robot, chain: list[Frame], point: Vector) -> list[Vector]:
 def at_rest(
     robot: Robot, q: Sequence[Any], x: Sequence[Any], load_point: Sequence[Any], force: Vector
 ) -> list[Frame]:
-    """The deflected robot: every joint gives way by its compliance times its effort there.
+    """Frames of the deflected robot: every joint yields by its compliance times its effort there.
 
-    The springs act about the joints' own axes, so that the deflected robot is the undeformed one
-    at q + delta with delta_j = x_j tau_j(q + delta), by fixed-point iteration.
+    The springs act about the joints' own axes, so that the deflected robot is the undeformed one at
+    q + delta with delta_j = x_j tau_j(q + delta), by fixed-point iteration.
     """
     delta = [mpf(0)] * len(q)
     for _ in range(200):

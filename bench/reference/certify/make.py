@@ -1,7 +1,7 @@
 """How the data of the reference campaigns were drawn: `python -m bench.reference.certify.make`.
 
-Kept as the record of where the files come from; drawing anew gives the same files. Seed k belongs
-to case k. What is drawn here does not enter the certified values, which rest on the files alone.
+Kept as a record of the origin of the files; drawing again gives the same files. Seed k belongs to
+case k. What is drawn here does not enter the certified values, which depend on the files alone.
 """
 
 from __future__ import annotations
@@ -29,33 +29,33 @@ RANGES = {
     KR500: ((1, 17), (-60, 60), (0, 90), (0, 120), (-150, 150), (-100, 100), (-150, 150)),
     FANUC: ((-90, 90), (-40, 40), (-50, 50), (-150, 150), (-100, 100), (-150, 150)),
 }
-"""Where joint values are drawn from, metres and degrees."""
+"""Ranges from which joint values are drawn, metres and degrees."""
 
 STIFF = {
     KR500: (8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5),
     FANUC: (1.1e6, 9.0e5, 8.0e5, 4.0e5, 3.0e5, 2.0e5),
 }
-"""True stiffnesses before they are spread by a quarter [N/m] and [N m/rad]."""
+"""True stiffnesses before they are varied by a quarter [N/m or N m/rad]."""
 
 TRACKER = '[tracker]\nfiles = ["tracker.csv"]\nsigma_m = 3e-5'
 CHAIN = (0.1, 0.5)
-"""Both reflectors of the chain, from the load point along it [m]."""
+"""Distance of both chain reflectors from the load point along the chain [m]."""
 
 
 @dataclass(frozen=True)
 class Draw:
-    """What is drawn for a case.
+    """Parameters of a case.
 
     Attributes:
-        robot: Its table.
-        poses: How many.
-        pulls: Of each pose.
-        noise_m: Of a reading, or of a displacement.
-        digits: Of a displacement in metres.
+        robot: Name of the robot file.
+        poses: Number of poses.
+        pulls: Number of pulls of each pose.
+        noise_m: Standard deviation of a reading, or of a displacement [m].
+        digits: Decimals of a displacement in metres.
         narrow: Half width of a joint's range about zero, by its number from 0 [deg].
-        force_n: Range of the force, log-uniform.
-        softer: Stiffnesses are divided by it.
-        spread: Powers of ten by which compliances are spread.
+        force_n: Range of the force, log-uniform [N].
+        softer: Divisor of the stiffnesses.
+        spread: Powers of ten by which compliances are varied.
     """
 
     robot: str = KR500
@@ -70,7 +70,7 @@ class Draw:
 
 
 class _Case:
-    """A machine and its campaign, drawn."""
+    """A random machine and its campaign."""
 
     def __init__(self, draw: Draw, seed: int) -> None:
         self.draw, self.rng = draw, np.random.default_rng(seed)
@@ -122,7 +122,7 @@ def _toml(name: str, robot: str, *parts: str) -> str:
 
 
 def reduced(name: str, draw: Draw, seed: int, *parts: str, stated: str = "") -> dict[str, str]:
-    """Displacements and forces."""
+    """Files with displacements and forces."""
     case = _Case(draw, seed)
     moved, forces = ["pose,repeat,target,dx_m,dy_m,dz_m"], ["pose,repeat,fx_n,fy_n,fz_n"]
     for pose in range(draw.poses):
@@ -145,7 +145,7 @@ def reduced(name: str, draw: Draw, seed: int, *parts: str, stated: str = "") -> 
 
 
 def read_in_base(name: str, draw: Draw, seed: int, scale: str, weights: bool) -> dict[str, str]:
-    """Readings in F_b and the log of the scale; every other load is a weight if there are any."""
+    """Files with readings in F_b and the scale's log; with weights, every other load is one."""
     case = _Case(draw, seed)
     tracker = ["group,target,x_mm,y_mm,z_mm"]
     loads = ["pose,repeat,force_n,branch" + (",mass_kg,mass_sigma_kg" if weights else "")]
@@ -257,11 +257,11 @@ DRAWN: dict[str, Callable[[str, int], dict[str, str]]] = {
     "soft": lambda n, k: reduced(n, Draw(poses=6, softer=30.0), k, DEFORMED),
     "placing": placing,
 }
-"""The cases in their order, each with how it is drawn."""
+"""The cases in order, each with the function that draws it."""
 
 
 def main() -> None:
-    """Draw all of them."""
+    """Draw all cases."""
     for k, (name, draw) in enumerate(DRAWN.items(), 1):
         for file, text in draw(name, k).items():
             path = CASES / name / file

@@ -13,12 +13,16 @@ from pipeline.annex.figures import (
     places,
     prediction,
     residuals,
+    scene,
+    stiffness,
     tolerance,
     workspace,
 )
 from pipeline.report.figures.plot import Plot
 
 PLOTS: tuple[Plot, ...] = (
+    stiffness.STIFFNESS,
+    scene.SCENE,
     heldout.HELD_OUT,
     prediction.PREDICTION,
     prediction.MEASURED,

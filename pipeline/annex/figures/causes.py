@@ -9,16 +9,16 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.annex.summaries import separability, suspects
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
 from pipeline.diagnosis.facts import APART, DETECTED
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
-from pipeline.report.figures.marks import Tips
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.figures.sheet import PixelSheet
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, separability, suspects
+from pipeline.report.summaries import Tables
 from pipeline.report.svg import APART_SHADES, BLUE, MUTED, RED
 
 _APART_STEPS = (1.0, 2.0, APART, 10.0)

@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.annex.figures.marks import MARKERS, dots, legend_above
+from pipeline.annex.words import parameter
 from pipeline.answer.contract import Answer
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import percent, plain
-from pipeline.report import words
-from pipeline.report.figures.marks import MARKERS, Tips, dots, legend_above
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, MUTED, RED, SERIES
@@ -25,7 +25,7 @@ def _curves(answer: Answer, tables: Tables) -> pd.DataFrame:
     wide = tables["enough"].pivot(index="poses", columns="parameter", values="relative_std")
     names = dict.fromkeys(tables["enough"]["parameter"])
     known = [name for name in names if np.isfinite(wide[name].to_numpy(float)).any()]
-    return wide[known].rename(columns=lambda name: words.parameter(answer, str(name)))
+    return wide[known].rename(columns=lambda name: parameter(answer, str(name)))
 
 
 def _draw_enough(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
@@ -95,7 +95,7 @@ def _correlation(answer: Answer, tables: Tables) -> tuple[list[str], Array]:
     cov = table[list(table["parameter"])].to_numpy(float)
     std = np.sqrt(np.diag(cov))
     kept = np.flatnonzero(np.isfinite(std) & (std > 0))
-    names = [words.parameter(answer, str(table["parameter"].iloc[k])) for k in kept]
+    names = [parameter(answer, str(table["parameter"].iloc[k])) for k in kept]
     return names, np.asarray(cov[np.ix_(kept, kept)] / np.outer(std[kept], std[kept]))
 
 

@@ -8,19 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.annex.figures.marks import cumulative, cumulative_axes, dots, title
+from pipeline.annex.summaries import finite
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import MM, plain
-from pipeline.report.figures.marks import (
-    Tips,
-    cumulative,
-    cumulative_axes,
-    dots,
-    each_row,
-    title,
-)
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, finite, has
+from pipeline.report.summaries import Tables, each_row, has
 from pipeline.report.svg import GRID, SERIES
 
 _BETWEEN = "every tenth pose"

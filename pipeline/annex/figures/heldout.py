@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from pipeline.annex.summaries import rms_of_poses
 from pipeline.answer.contract import Answer, Validation, Which
 from pipeline.answer.words import capital
+from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.base.quantities import known, plain
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot
-from pipeline.report.figures.sheet import PixelSheet, decades, placed
+from pipeline.report.figures.sheet import PixelSheet
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, has, rms_of_poses
+from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import BLUE, GREEN, GRID, MUTED, RED
 
 _WIDE, _LEFT, _RIGHT, _ROW, _TOP = 560.0, 16.0, 500.0, 56.0, 34.0
@@ -144,3 +147,17 @@ def _better(models: Sequence[Judged]) -> str:
 
 
 HELD_OUT = Plot("held-out", (), _write, by_hand=_draw)
+
+
+def decades(low: float, high: float) -> list[float]:
+    """Marks 1, 2, 5 times a power of ten between two values."""
+    powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    every = [m * 10.0**p for p in powers for m in (1, 2, 5)]
+    return [one for one in every if low * 0.999 <= one <= high * 1.001]
+
+
+def placed(values: Any, ends: tuple[float, float], pixels: tuple[float, float]) -> Array:
+    """Where values of a scale in decades stand [px], those beyond it at its ends."""
+    low, high = np.log10(ends)
+    share = (np.log10(np.clip(np.asarray(values, float), *ends)) - low) / (high - low)
+    return np.asarray(pixels[0] + share * (pixels[1] - pixels[0]))

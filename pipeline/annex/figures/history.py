@@ -12,8 +12,8 @@ from matplotlib.ticker import MaxNLocator
 from pipeline.answer.contract import Answer, Stiffness
 from pipeline.answer.history import trusted
 from pipeline.base.quantities import common_prefix, plain, prefixed
-from pipeline.report.figures.marks import Tips
-from pipeline.report.figures.stiffness import interval
+from pipeline.report.figures.plot import Tips
+from pipeline.report.summaries import interval
 from pipeline.report.svg import BLUE, RED
 
 _Points = Sequence[tuple[int, Answer, Stiffness]]

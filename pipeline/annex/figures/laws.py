@@ -10,14 +10,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.annex.figures.marks import dots, legend_below, title
+from pipeline.annex.summaries import MOST, thinned
 from pipeline.answer.contract import Answer
 from pipeline.answer.words import capital
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.report import words
-from pipeline.report.figures.marks import Tips, dots, each_row, legend_below, title
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import MOST, Tables, thinned
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import BLUE, MUTED, RED
 
 _MOST_LAWS = 4

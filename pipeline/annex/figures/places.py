@@ -11,12 +11,13 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
 
+from pipeline.annex.figures.marks import MARKERS, dots, legend_above, title
+from pipeline.annex.summaries import AXES, MOST, arrows, registration_by_target, thinned
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import MM, plain
-from pipeline.report.figures.marks import MARKERS, Tips, dots, each_row, legend_above, title
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import AXES, MOST, Tables, arrows, registration_by_target, thinned
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import INK, MUTED, RED, SERIES
 
 

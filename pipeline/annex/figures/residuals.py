@@ -8,16 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
-from pipeline.answer.contract import Answer
-from pipeline.answer.words import capital
-from pipeline.base.linear import rms
-from pipeline.base.quantities import percent, plain
-from pipeline.report.figures.marks import MARKERS, Tips, dots, each_row, integer_ticks, legend_above
-from pipeline.report.figures.plot import Plot
-from pipeline.report.record import Figure
-from pipeline.report.summaries import (
+from pipeline.annex.figures.marks import MARKERS, dots, integer_ticks, legend_above
+from pipeline.annex.summaries import (
     MOST,
-    Tables,
     courses,
     finite,
     pose_rms,
@@ -25,6 +18,13 @@ from pipeline.report.summaries import (
     thinned,
     whitened,
 )
+from pipeline.answer.contract import Answer
+from pipeline.answer.words import capital
+from pipeline.base.linear import rms
+from pipeline.base.quantities import percent, plain
+from pipeline.report.figures.plot import Plot, Tips
+from pipeline.report.record import Figure
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import BLUE, MUTED, RED, SERIES
 
 

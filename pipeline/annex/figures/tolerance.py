@@ -7,14 +7,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.annex.figures.marks import dots, legend_above, title
+from pipeline.annex.summaries import thinned
 from pipeline.answer.contract import Answer
 from pipeline.answer.tolerated import DECIDED
 from pipeline.base.quantities import MM, plain
 from pipeline.prediction.decision import Decision
-from pipeline.report.figures.marks import Tips, dots, each_row, legend_above, title
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, thinned
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED
 
 _STYLE = {

@@ -17,10 +17,9 @@ from pipeline.answer.contract import Answer
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain, with_std
 from pipeline.report import words
-from pipeline.report.figures.marks import Tips, each_row
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, has
+from pipeline.report.summaries import Tables, each_row, has
 from pipeline.report.svg import BODY, EDGE, GRID, INK, RED, SHADES
 
 

@@ -1,17 +1,19 @@
-"""Has a robot changed? One test of all joints at each campaign, false alarms limited by the year.
+"""Alarms: one test of all joints at each campaign, with a limited false-alarm rate per year.
 
-Alternatives are trends in one joint, in several alike or in all, all beside their levels, and steps
-between two campaigns. Each alternative d is tested by its own score, other joints at rest,
+Alternatives are trends in one joint, in several alike or in all, and steps between two campaigns;
+levels are estimated together with each. Each alternative d is tested by its own score, with the
+other joints unchanged,
 
     z_d = d's / (d' I d)^(1/2),
 
-which uses what the campaigns' covariances say of d: errors that joints share cancel. The p-values
-of softening and stiffening are put together by their weighted harmonic mean (Wilson, PNAS 116
-(2019) 1195), which needs no independence in the tail. Which joints, and whether a trend or a step:
-what the likelihoods exp(z_d^2 / 2) say together, each with the weight of its alternative.
+which uses the campaigns' covariances along d: errors that joints share cancel. The p-values of
+softening and stiffening are combined by their weighted harmonic mean (Wilson, PNAS 116 (2019)
+1195), which requires no independence in the tail. Which joints changed, and whether by a trend or a
+step, follows from the likelihoods exp(z_d^2 / 2), each weighted by its alternative.
 
-A look at a campaign may raise a false alarm with the part of `A_YEAR` that has passed since the
-look before (Lan and DeMets, Biometrika 70 (1983) 659), so that looks more often find no more.
+A look at a campaign may raise a false alarm with the fraction of `A_YEAR` that has passed since the
+previous look (Lan and DeMets, Biometrika 70 (1983) 659), so that more frequent looks do not raise
+the rate.
 """
 
 from __future__ import annotations
@@ -31,19 +33,19 @@ from pipeline.fleet.wear.machine import FEWEST, Machine
 from pipeline.fleet.wear.scatter import Scatter
 
 A_YEAR = 0.01
-"""Probability of a false alarm a year, of each robot."""
+"""Probability of a false alarm per year and robot [1]."""
 
 _ONE, _ALL = 0.5, 0.25
-"""Weights of a trend in one joint and in all; the rest is that of several."""
+"""Prior weights of a trend in one joint and in all [1]; the remainder is that of several."""
 
 _TREND = 0.8
-"""Weight of a trend, against a step between any two campaigns."""
+"""Prior weight of a trend [1], as opposed to a step between any two campaigns."""
 
 _SOFTENS = 0.9
-"""Weight of a joint that grows softer, as worn ones do."""
+"""Prior weight of a softening joint [1], as worn ones soften."""
 
 _MANY = 8
-"""Joints from which groups of more than two are no longer tried one by one."""
+"""Number of joints above which groups of more than two, except all, are not tried."""
 
 
 class Kind(StrEnum):
@@ -55,15 +57,15 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Look:
-    """What the campaigns up to one say.
+    """Test of the campaigns up to one of them.
 
     Attributes:
         campaign: The last of them.
-        p_value: Chance of as much change, or more, if there is none.
-        allowed: Raises an alarm below this.
+        p_value: Probability of at least this change by chance.
+        allowed: Limit of p below which an alarm is raised.
         kind: A trend, or a step.
-        joints: Indices of those that rather changed than not; none where that is open.
-        after: The campaign after which a step came; None for a trend.
+        joints: Indices of joints that changed with more than 50 % probability; may be empty.
+        after: The campaign after which a step occurred; None for a trend.
     """
 
     campaign: str
@@ -75,7 +77,7 @@ class Look:
 
     @property
     def alarm(self) -> bool:
-        """More than chance explains."""
+        """Whether an alarm is raised."""
         return self.p_value < self.allowed
 
 
@@ -84,10 +86,10 @@ class _Tried:
     """Alternatives: directions in the columns of trends and steps.
 
     Attributes:
-        along: Shape (m, D).
-        weight: Shape (D,).
+        along: Directions, shape (m, D).
+        weight: Prior weights, shape (D,).
         joints: Which joints each moves, shape (D, n).
-        gap: Campaign after which a step comes, -1 for a trend, shape (D,).
+        gap: Index of the campaign after which a step occurs, -1 for a trend, shape (D,).
     """
 
     along: Array
@@ -97,7 +99,7 @@ class _Tried:
 
 
 def looks(machine: Machine, scatter: Scatter) -> tuple[Look, ...]:
-    """One at each day with a campaign since the last repair, from the second day on."""
+    """One look per day with campaigns since the last repair, from the second day on."""
     t, W = machine.t, machine.weights(scatter.variance)
     begin = int(np.argmax(machine.present.all(axis=1))) if machine.present[-1].all() else len(t)
     out, before = [], float(t[begin - 1]) if begin >= FEWEST else 0.0
@@ -105,7 +107,7 @@ def looks(machine: Machine, scatter: Scatter) -> tuple[Look, ...]:
         if k < len(t) and t[k] == t[k - 1]:
             continue  # one look at all campaigns of a day
         if t[k - 1] == t[0]:
-            continue  # of one day: no time in which anything could have worn
+            continue  # all of one day: no time for wear
         allowed = A_YEAR * min(float(t[k - 1]) - before, 1.0)
         out.append(_look(machine, scatter, W, k, allowed))
         before = float(t[k - 1])
@@ -113,7 +115,7 @@ def looks(machine: Machine, scatter: Scatter) -> tuple[Look, ...]:
 
 
 def _look(machine: Machine, scatter: Scatter, W: Array, k: int, allowed: float) -> Look:
-    """At the first k campaigns."""
+    """Test the first k campaigns."""
     after = gaps(machine, k)
     Z = np.concatenate([machine.trend, steps(machine, after)], axis=-1)
     found = beside(machine, W, Z, k)
@@ -139,7 +141,7 @@ def _look(machine: Machine, scatter: Scatter, W: Array, k: int, allowed: float) 
 
 
 def _tried(told: Bools, after: list[int]) -> _Tried:
-    """All alternatives; `told` says which columns tell something, trends first, (1 + steps, n)."""
+    """All alternatives; `told` marks the columns with information, trends first, (1 + steps, n)."""
     rows = (-1, *after)
     blocks = [_groups(tuple(mine.tolist()), at < 0) for mine, at in zip(told, rows, strict=True)]
     share = [_TREND, *[(1 - _TREND) / max(len(after), 1)] * len(after)]
@@ -159,7 +161,7 @@ def _tried(told: Bools, after: list[int]) -> _Tried:
 
 @lru_cache(maxsize=256)
 def _groups(told: tuple[bool, ...], trend: bool) -> tuple[Bools, Array]:
-    """Joints that change together, (D, n), and their weights, (D,); of steps one or all."""
+    """Joints that change together, (D, n), and weights, (D,); for steps only one or all joints."""
     use, n = np.flatnonzero(told).tolist(), len(told)
     m = len(use)
     part = _parts(m, trend)
@@ -171,7 +173,7 @@ def _groups(told: tuple[bool, ...], trend: bool) -> tuple[Bools, Array]:
 
 
 def _parts(m: int, trend: bool) -> dict[int, float]:
-    """Weight of all groups of a size by that, of `m` joints: of one, of all, of those between."""
+    """Total weight of the groups of each size, of `m` joints: of one, of all, of those between."""
     if m == 0:
         return {}
     between = range(2, m) if m <= _MANY else range(2, 3)
@@ -183,7 +185,7 @@ def _parts(m: int, trend: bool) -> dict[int, float]:
 def _p_values(found: Beside, tried: _Tried, scatter: Scatter) -> tuple[Array, Array]:
     """Scores z, (D,), and p of softening and of stiffening along each alternative, (2, D).
 
-    Student's t, for the scatter from day to day is itself estimated.
+    By Student's t, since the day-to-day scatter is itself estimated.
     """
     along = tried.along
     size = np.sum(along * (found.N @ along), axis=0)
@@ -194,8 +196,8 @@ def _p_values(found: Beside, tried: _Tried, scatter: Scatter) -> tuple[Array, Ar
 
 
 def _together(odds: float, count: int) -> float:
-    """The p of a weighted mean of 1/p over `count` tests, which for independent ones is Landau's.
+    """p-value of a weighted mean of 1/p over `count` tests, which has a Landau distribution.
 
-    Its tail beyond x is 1 / (x - ln count - 1), to first order.
+    It has that for independent tests. Its tail beyond x is 1 / (x - ln count - 1), to first order.
     """
     return 1 / max(odds - math.log(count) - 1, 1.0)

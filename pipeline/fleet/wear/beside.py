@@ -1,6 +1,7 @@
-"""What columns add beside the levels of a robot: trends, steps.
+"""Information on columns estimated together with the levels of a robot: trends, steps.
 
-y = A a + Z b + e, e with the covariance of campaigns and days. Of any columns Z beside the levels A
+y = A a + Z b + e, where e has the covariance of campaigns and days. For columns Z, with the levels
+A eliminated,
 
     I = Z' P Z,   s = Z' P y,   P = V^-1 - V^-1 A (A' V^-1 A)^-1 A' V^-1.
 """
@@ -16,18 +17,19 @@ from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.fleet.wear.machine import Machine, products
 
 _NOTHING = 1e-6
-"""Part of the information on a column that is none, once the levels are estimated along [1]."""
+"""Fraction of the information on a column below which it is treated as zero once the levels are
+eliminated [1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Beside(Locked):
-    """Columns Z beside the levels, after the first k campaigns.
+    """Columns Z with the levels eliminated, for the first k campaigns.
 
     Attributes:
         N: I, shape (m, m).
         g: s, shape (m,).
         PZ: P Z, shape (k, n, m).
-        told: Columns of which something is left beside the levels, shape (m,).
+        told: Columns with information left after the levels are eliminated, shape (m,).
     """
 
     N: Array
@@ -36,10 +38,10 @@ class Beside(Locked):
     told: Bools
 
     def variance_of_variance(self, along: Array, uncertainty: Array) -> Array:
-        """How well the information along directions is known, that of the scatter being found.
+        """Variance of the information along directions, due to the estimated scatter.
 
-        dI/dv_j = -sum_i (P Z d)_ij^2, and for what all joints have in common the square of the
-        sum over joints; errors of the v_j are taken as independent.
+        dI/dv_j = -sum_i (P Z d)_ij^2, and for the common scatter of all joints the square of the
+        sum over joints; errors of the v_j are assumed independent.
 
         Args:
             along: Directions d in columns, shape (m, D).
@@ -55,13 +57,13 @@ class Beside(Locked):
 
 
 def beside(machine: Machine, W: Array, Z: Array, first: int | None = None) -> Beside:
-    """Columns Z (K, n, m) beside the levels, in the first campaigns or all.
+    """Eliminate the levels from columns Z (K, n, m), for the first campaigns or all.
 
     Args:
         machine: The robot.
         W: Its `weights`.
         Z: Columns.
-        first: How many campaigns.
+        first: Number of campaigns; None for all.
     """
     A, W, Z, y = machine.nuisance[:first], W[:first], Z[:first], machine.y[:first]
     WA, WZ = W @ A, W @ Z
@@ -74,7 +76,7 @@ def beside(machine: Machine, W: Array, Z: Array, first: int | None = None) -> Be
 
 
 def gaps(machine: Machine, first: int) -> list[int]:
-    """Campaigns that another day follows within the first."""
+    """Campaigns among the first that are followed by one of a later day."""
     return [g for g in range(first - 1) if machine.t[g + 1] > machine.t[g]]
 
 

@@ -1,9 +1,9 @@
-"""What the robots of a type have in common: mean level and trend, and how far specimens differ.
+"""Distribution of the robots of a type: mean level and trend, and variation between specimens.
 
-b_r = m + u_r,  u_r ~ N(0, blockdiag(D_level, D_trend)),  b_r known from its campaigns with
-information N_r: two stages that together are the one linear mixed model, the first being normal
-(Laird and Ware, Biometrics 38 (1982) 963). D by expectation and maximisation, with an inverse
-Wishart prior that holds it where few robots tell.
+b_r = m + u_r,  u_r ~ N(0, blockdiag(D_level, D_trend)), with b_r estimated from its campaigns with
+information N_r. These two stages are equivalent to one linear mixed model, as the first is normal
+(Laird and Ware, Biometrics 38 (1982) 963). D is found by expectation maximisation with an inverse
+Wishart prior, which stabilises it for few robots.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ from pipeline.fleet.wear.machine import Machine, products
 from pipeline.fleet.wear.scatter import Scatter
 
 FEWEST = 3
-"""Robots of a type from which they say how specimens differ; below it is guessed."""
+"""Minimum number of robots of a type from which variation between specimens is estimated; below, it
+is guessed."""
 
 _LEVEL, _TREND = 0.10, 0.01
-"""Guess: standard deviation between specimens of a compliance [1], and of its trend [1/year]."""
+"""Guessed standard deviation between specimens of a compliance [1], and of its trend [1/year]."""
 
 _ROUNDS = 40
-"""Of expectation and maximisation."""
+"""Number of iterations of expectation maximisation."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Told(Locked):
-    """What a robot's campaigns say of its present levels and trends b, (2 n,).
+    """Information of a robot's campaigns on its present levels and trends b, shape (2 n,).
 
     Attributes:
         N: Information, shape (2 n, 2 n).
@@ -46,12 +47,12 @@ class Type(Locked):
     """The robots of one type.
 
     Attributes:
-        robots: How many there are.
-        reference: Compliance that levels are relative to [SI], NaN where none is known, (n,).
-        mean: Mean level, ln of compliance over reference, and mean trend [1/year], (2 n,).
+        robots: Number of robots.
+        reference: Compliances to which levels are relative [SI], NaN if unknown, shape (n,).
+        mean: Mean level, ln of compliance over reference, and mean trend [1/year], shape (2 n,).
         cov: Its covariance, shape (2 n, 2 n).
         between: Covariance between specimens, shape (2 n, 2 n).
-        values: Level and trend of each robot, given its own campaigns and the others', (R, 2 n).
+        values: Level and trend of each robot, given its own campaigns and the others, (R, 2 n).
         covs: Their covariances, shape (R, 2 n, 2 n).
     """
 
@@ -65,12 +66,12 @@ class Type(Locked):
 
     @property
     def guessed(self) -> bool:
-        """Too few robots tell how specimens differ."""
+        """Whether the robots are too few to estimate the variation between specimens."""
         return self.robots < FEWEST
 
 
 def hierarchy(machines: Sequence[Machine], scatter: Scatter) -> Type:
-    """Mean, spread, and every robot's level and trend as its type lets expect them."""
+    """Mean, variation, and every robot's level and trend, given all robots of its type."""
     reference = _reference(machines)
     told = [_told(one, scatter, reference) for one in machines]
     N, g = np.array([one.N for one in told]), np.array([one.g for one in told])
@@ -87,7 +88,7 @@ def hierarchy(machines: Sequence[Machine], scatter: Scatter) -> Type:
 
 
 def _reference(machines: Sequence[Machine]) -> Array:
-    """Geometric mean of the robots' compliances; NaN where none is known, shape (n,)."""
+    """Geometric mean of the robots' compliances; NaN if unknown, shape (n,)."""
     known = np.array([np.where(m.reference > 0, m.reference, np.nan) for m in machines])
     count = np.isfinite(known).sum(axis=0)
     total = np.nansum(np.log(known), axis=0)
@@ -95,7 +96,10 @@ def _reference(machines: Sequence[Machine]) -> Array:
 
 
 def _told(machine: Machine, scatter: Scatter, reference: Array) -> _Told:
-    """Levels at the first campaign and trends, past lives eliminated; to first order in both."""
+    """Information on levels at the first campaign and on trends, earlier lives eliminated.
+
+    To first order in both.
+    """
     n, A = machine.joints, machine.nuisance
     mine = [_last_level(machine, j) for j in range(n)]
     others = [k for k in range(A.shape[-1]) if k not in mine]
@@ -114,13 +118,13 @@ def _told(machine: Machine, scatter: Scatter, reference: Array) -> _Told:
 def _last_level(machine: Machine, joint: int) -> int:
     """Column of `nuisance` that is the level of a joint's present life.
 
-    A past life has a level and a trend, the present one a level.
+    An earlier life has a level and a trend, the present one only a level.
     """
     return int(np.sum(2 * machine.last[:joint] + 1) + 2 * machine.last[joint])
 
 
 def _given(N: Array, g: Array, D: Array) -> tuple[Array, Array, Array, Array]:
-    """Mean with its covariance, and the robots' values with theirs, for a spread D."""
+    """Mean and its covariance, and values of the robots and theirs, for a variation D."""
     inner = linear.inverse(D)
     P = linear.regular_inverse(N + inner)
     K = N - N @ P @ N

@@ -12,21 +12,22 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 
 FEWEST = 2
-"""Campaigns from which a change can be told from the day-to-day scatter that is expected."""
+"""Minimum number of campaigns from which a change can be separated from the expected day-to-day
+scatter."""
 
 _FLAT = 10.0
-"""Prior standard deviation of a relative compliance, and of its trend per year, where nothing is
-known [1]: so wide that it moves nothing."""
+"""Prior standard deviation of a relative compliance [1], and of its trend [1/year]; so wide that it
+has no influence."""
 
 
 @dataclass(frozen=True, eq=False)
 class Visit(Locked):
-    """What one campaign says of a robot.
+    """Estimates of a robot from one campaign.
 
     Attributes:
-        campaign: Its name.
-        year: When it was measured, in years of 365.25 days.
-        x: Compliance of each joint [m/N] or [rad/(N m)], NaN where it is not determined, (n,).
+        campaign: Name of the campaign.
+        year: Day of measurement, in years of 365.25 days.
+        x: Compliance of each joint [m/N] or [rad/(N m)], NaN if not determined, shape (n,).
         cov: Their covariance [SI], shape (n, n).
     """
 
@@ -38,11 +39,11 @@ class Visit(Locked):
 
 @dataclass(frozen=True)
 class Repair:
-    """A day from which some joints are no longer what they were.
+    """Day from which some joints have new properties.
 
     Attributes:
-        year: As in `Visit`; campaigns of that day come after it.
-        joints: Indices from 0.
+        year: As in `Visit`; campaigns of that day are after the repair.
+        joints: Indices of the joints, from 0.
     """
 
     year: float
@@ -53,16 +54,17 @@ class Repair:
 class Machine(Locked):
     """One robot over time, relative to its mean compliances.
 
-    A repair begins a new life of its joints: a life's level and trend say nothing of the next one.
+    A repair begins a new life of its joints, whose level and trend are independent of those of the
+    life before.
 
     Attributes:
         name: Which robot.
         visits: Its campaigns by day.
-        reference: Mean compliance of each joint, weighted by its own uncertainty; NaN where no
-            campaign determines it, shape (n,).
+        reference: Mean compliance of each joint, weighted by its uncertainty; NaN if no campaign
+            determines it, shape (n,).
         t: Time since the first campaign [years], shape (K,).
-        y: x / reference - 1, zero where not seen, shape (K, n).
-        C: Covariance of y, zero where not seen, shape (K, n, n).
+        y: x / reference - 1, zero if not determined, shape (K, n).
+        C: Covariance of y, zero if not determined, shape (K, n, n).
         seen: Which joints a campaign determines, shape (K, n).
         life: Number of each joint's life, the present one last, shape (K, n).
         last: Number of the present life of each joint, shape (n,).
@@ -102,12 +104,12 @@ class Machine(Locked):
 
     @cached_property
     def present(self) -> Bools:
-        """Which values are of the present life, shape (K, n)."""
+        """Which values belong to the present life, shape (K, n)."""
         return np.asarray(self.life == self.last)
 
     @cached_property
     def nuisance(self) -> Array:
-        """Columns of every life's level, and of the trends of past lives, shape (K, n, p)."""
+        """Columns of the levels of all lives and the trends of earlier ones, shape (K, n, p)."""
         columns = []
         for j in range(self.joints):
             for one in range(int(self.last[j]) + 1):
@@ -126,10 +128,10 @@ class Machine(Locked):
         return np.asarray(np.eye(self.joints) * (self.present * self.t[:, None])[:, None, :])
 
     def weights(self, variance: Array) -> Array:
-        """V^-1 of each campaign, zero where not seen, shape (K, n, n).
+        """V^-1 of each campaign, zero if not determined, shape (K, n, n).
 
-        V = C + diag(variance[:n]) + variance[n] 1 1': the campaign's own covariance, and what a
-        stiffness differs by from day to day, in each joint and in all alike.
+        V = C + diag(variance[:n]) + variance[n] 1 1': the campaign's own covariance, and the
+        day-to-day scatter of each joint and of all joints alike.
         """
         n = self.joints
         both = self.seen[:, :, None] & self.seen[:, None, :]
@@ -139,7 +141,7 @@ class Machine(Locked):
 
 
 def _means(x: Array, variance: Array, seen: Bools) -> Array:
-    """Weighted means over campaigns, NaN where nothing is seen, shape (n,)."""
+    """Weighted means over campaigns, NaN if no campaign determines the joint, shape (n,)."""
     weight = np.divide(1.0, variance, out=np.zeros_like(x), where=seen)
     total = weight.sum(axis=0)
     mean = np.sum(weight * np.where(seen, x, 0.0), axis=0)
@@ -147,5 +149,5 @@ def _means(x: Array, variance: Array, seen: Bools) -> Array:
 
 
 def products(X: Array, WX: Array) -> Array:
-    """X' W X summed over campaigns, with the prior that stands for knowing nothing, (p, p)."""
+    """X' W X summed over campaigns, plus the uninformative prior, shape (p, p)."""
     return np.asarray(np.einsum("kip,kiq->pq", X, WX) + np.eye(X.shape[-1]) / _FLAT**2)

@@ -1,12 +1,12 @@
-"""What a stiffness differs by from day to day, beyond the uncertainty of its campaign.
+"""Day-to-day scatter of the stiffnesses, beyond the uncertainty of each campaign.
 
 y_i = A_i a + e_i + d_i,  e_i ~ N(0, C_i) as the campaign states,  d_i ~ N(0, diag(v) + v_c 1 1').
 
-v_j, of each joint, and v_c, which all joints have in common (temperature, the scale), are where the
-restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545) times their priors is
-largest, all robots of a type together, levels and trends of every robot estimated along. Each v_j
-varies about a value of the type, and that about the stated one. Joints that have changed at once
-are left out the second time.
+v_j, of each joint, and v_c, common to all joints (temperature, the scale), maximise the restricted
+likelihood (Patterson and Thompson, Biometrika 58 (1971) 545) times their priors, for all robots of
+a type together, with levels and trends of every robot estimated as well. Each v_j varies about a
+value of the type, and that value about the stated one. Joints with a sudden change are left out in
+a second pass.
 """
 
 from __future__ import annotations
@@ -22,22 +22,23 @@ from pipeline.fleet.wear.beside import beside, gaps, steps
 from pipeline.fleet.wear.machine import Machine, products
 
 STATED = 0.01
-"""Day-to-day scatter of a stiffness where campaigns do not tell it [1]."""
+"""Day-to-day scatter of a stiffness if campaigns cannot determine it [1]."""
 
 _COMMON = 0.003
-"""The same of all joints alike [1]."""
+"""Scatter common to all joints [1], likewise."""
 
 _WORTH, _WORTH_TYPE, _WORTH_COMMON = 20.0, 10.0, 4.0
-"""Degrees of freedom that prior values count for: a joint's about its type's, that about the stated
-one, and that of all joints alike."""
+"""Degrees of freedom of the priors: of a joint about its type, of the type about the stated value,
+and of the common scatter."""
 
 FEWEST = 3
-"""Campaigns of a robot from which they tell the scatter beside a trend."""
+"""Minimum number of campaigns of a robot from which scatter can be separated from a trend."""
 
 _ROUNDS, _SETTLED = 60, 1e-3
 
 _STEPPED = 3.5
-"""A joint that changes so many standard deviations between two campaigns tells no scatter [1]."""
+"""Size of a step between two campaigns, in standard deviations, from which a joint is left out of
+the scatter [1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +46,9 @@ class Scatter(Locked):
     """Variances from day to day.
 
     Attributes:
-        variance: Of each joint's relative compliance, then what all have in common, (n + 1,).
+        variance: Of each joint's relative compliance, then the common one of all joints, (n + 1,).
         uncertainty: Variance of each of these, shape (n + 1,).
-        campaigns: How many the robots have beyond what levels and trends take up; without any
+        campaigns: Number of campaigns beyond those that levels and trends require; if it is zero,
             the variances are the stated ones.
     """
 
@@ -62,13 +63,13 @@ class Scatter(Locked):
 
 
 def scatter(machines: Sequence[Machine], stated: float = STATED) -> Scatter:
-    """Of the robots of one type, by multiplicative steps that never lower the objective.
+    """Estimate the scatter of robots of one type by multiplicative, monotonic iterations.
 
     v <- v (sum of (P y)^2 over sum of P)^(1/2), P = V^-1 - V^-1 X (X' V^-1 X)^-1 X' V^-1, with the
     priors in both sums (Zhou, Hu, Qiao, Cho and Zhou, J. Comput. Graph. Stat. 28 (2019) 350).
 
     Args:
-        machines: At least one, all of as many joints.
+        machines: At least one, all with the same number of joints.
         stated: Expected day-to-day scatter of a joint [1].
     """
     telling = [one for one in machines if len(one.t) >= FEWEST]
@@ -86,7 +87,7 @@ def _worth(n: int) -> Array:
 
 
 def _settled(machines: Sequence[Machine], v: Array, stated: float) -> Array:
-    """The variances where the objective is largest, from a guess."""
+    """Variances that maximise the objective, starting from a guess."""
     n = len(v) - 1
     worth = _worth(n)
     for _ in range(_ROUNDS):
@@ -100,7 +101,7 @@ def _settled(machines: Sequence[Machine], v: Array, stated: float) -> Array:
 
 
 def _without_steps(machine: Machine, v: Array) -> Machine:
-    """A robot without the joints that have rather changed at once: that is no scatter of days."""
+    """The robot without the joints that changed suddenly, which is not day-to-day scatter."""
     after = gaps(machine, len(machine.t))
     found = beside(machine, machine.weights(v), steps(machine, after))
     z = np.where(found.told, found.g / np.sqrt(np.where(found.told, np.diag(found.N), 1.0)), 0.0)
@@ -109,13 +110,13 @@ def _without_steps(machine: Machine, v: Array) -> Machine:
 
 
 def _centre(v: Array, stated: float) -> float:
-    """What the variances of the joints vary about: v_j ~ centre nu / chi2(nu), and so its own."""
+    """Centre of the variances of the joints: v_j ~ centre nu / chi2(nu), likewise itself."""
     n = len(v)
     return float((_WORTH * n + _WORTH_TYPE) / (np.sum(_WORTH / v) + _WORTH_TYPE / stated))
 
 
 def _sums(machines: Sequence[Machine], v: Array) -> tuple[Array, Array, Array]:
-    """Of each variance y'P D P y, tr P D, and tr (P D)^2 within campaigns, shape (n + 1,) each."""
+    """For each variance y'P D P y, tr P D, and tr (P D)^2 within campaigns, shape (n + 1,) each."""
     out = np.zeros((3, len(v)))
     for one in machines:
         X = np.concatenate([one.nuisance, one.trend], axis=-1)

@@ -1,4 +1,4 @@
-"""Where the robots of a type stand: trends of their joints, alarms, and what their type adds."""
+"""State of the robots of a type: trends of joints, alarms, and estimates given the type."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ from pipeline.fleet.wear.scatter import STATED, Scatter, scatter
 from pipeline.fleet.wear.trend import Trends, trends
 
 _CONFIRMS = 0.05
-"""An alarm is confirmed as long as the newest look has a smaller p."""
+"""Limit of p in the newest look below which an alarm is confirmed [1]."""
 
 
 _CERTAIN = 3.0
-"""Standard uncertainties from zero at which a mean compliance is one [1]."""
+"""Smallest ratio of a mean compliance to its standard uncertainty for relative changes to be stated
+[1]."""
 
 
 @dataclass(frozen=True)
 class _Joint:
-    """Wear of one joint; numbers are of its stiffness, negative where it grows softer.
+    """Wear of one joint, in terms of its stiffness; negative is softer.
 
     Attributes:
-        change: Per year, relative to its mean [1/year]; None where it is not determined.
-        std: Its standard uncertainty.
-        low: Lower end of its 95 % interval.
-        high: Upper end.
-        expected: The same given the other robots of its type, too.
-        expected_std: Its standard uncertainty.
-        changed: The alarm is about this joint.
+        change: Relative change [1/year]; None if it is not determined.
+        std: Its standard uncertainty [1/year].
+        low: Lower end of its 95 % interval [1/year].
+        high: Upper end [1/year].
+        expected: Relative change given the other robots of its type as well [1/year].
+        expected_std: Its standard uncertainty [1/year].
+        changed: Whether the alarm concerns this joint.
     """
 
     change: float | None
@@ -47,13 +48,13 @@ class _Joint:
 
 @dataclass(frozen=True)
 class Standing:
-    """One robot.
+    """State of one robot.
 
     Attributes:
-        name: Which one.
-        campaigns: How many count, the last of them last.
-        joints: Wear of each.
-        look: What its campaigns say together; None where they are too few.
+        name: Which robot.
+        campaigns: Names of the campaigns that count, the last of them last.
+        joints: Wear of each joint.
+        look: Newest test of all joints together; None if campaigns are too few.
         raised: The look that raised the alarm, the first since the last repair; None without one.
     """
 
@@ -65,14 +66,14 @@ class Standing:
 
     @property
     def confirmed(self) -> bool:
-        """The newest campaigns still speak for the alarm."""
+        """Whether the newest campaigns still support the alarm."""
         return bool(self.raised and self.look and self.look.p_value < _CONFIRMS)
 
     @property
     def tells(self) -> Look | None:
-        """The look that says what the alarm is about; None without one.
+        """The look that determines what the alarm is about; None without an alarm.
 
-        The newest has seen most; where it sees nothing any more the first keeps its word.
+        The newest uses most data; if it is no longer significant, the first one remains.
         """
         if self.raised is None or self.look is None:
             return None
@@ -84,9 +85,9 @@ class Fleet:
     """All robots of one type.
 
     Attributes:
-        robots: In the order in which they came.
-        scatter: From day to day.
-        type: What they have in common.
+        robots: In the order given.
+        scatter: Day-to-day scatter.
+        type: Distribution over the robots.
     """
 
     robots: tuple[Standing, ...]
@@ -95,7 +96,7 @@ class Fleet:
 
 
 def fleet(machines: Sequence[Machine], stated: float = STATED) -> Fleet:
-    """All robots of a type, of which there is one at least.
+    """State of all robots of a type, at least one.
 
     Args:
         machines: The robots.
@@ -123,7 +124,7 @@ def _standing(machine: Machine, found: Scatter, value: Array, cov: Array) -> Sta
 
 
 def _sized(machine: Machine) -> Bools:
-    """Joints whose mean compliance is certain enough to be a hundred per cent, shape (n,)."""
+    """Joints whose mean compliance is certain enough to serve as 100 %, shape (n,)."""
     variance = np.array([np.diag(visit.cov) for visit in machine.visits])
     with np.errstate(divide="ignore", invalid="ignore"):
         weight = np.where(machine.seen, 1 / variance, 0.0).sum(axis=0)
@@ -131,7 +132,7 @@ def _sized(machine: Machine) -> Bools:
 
 
 def _blamed(look: Look | None, own: Trends) -> tuple[int, ...]:
-    """Which joints an alarm is about: of a group those whose own trend is certain, if any is."""
+    """Joints concerned by an alarm; for a trend, those whose own trend is significant, if any."""
     if look is None or look.kind is Kind.STEP:
         return look.joints if look else ()
     sure = tuple(j for j in look.joints if abs(own.value[j]) > own.half[j])
@@ -139,7 +140,7 @@ def _blamed(look: Look | None, own: Trends) -> tuple[int, ...]:
 
 
 def _joint(own: Trends, value: Array, cov: Array, j: int, enough: bool, changed: bool) -> _Joint:
-    """A compliance that grows is a stiffness that falls, to first order by the same part."""
+    """Wear of joint j; its stiffness and compliance change oppositely, to first order."""
     n = len(own.value)
     expected, spread = float(-value[n + j]), float(np.sqrt(cov[n + j, n + j]))
     if not (enough and np.isfinite(own.value[j])):

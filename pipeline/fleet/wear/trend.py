@@ -1,7 +1,7 @@
 """Trends of the present lives of a robot's joints, by generalised least squares.
 
-y = A a + B w + e: levels a, trends w of the relative compliances per year, e with the covariance
-of campaigns and days; w = I^-1 s with covariance I^-1, I and s of `beside`.
+y = A a + B w + e: levels a, trends w of the relative compliances per year, e with the covariance of
+campaigns and days; w = I^-1 s with covariance I^-1, I and s as in `beside`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Trends(Locked):
     """Change of each compliance per year, relative to the mean.
 
     Attributes:
-        value: [1/year], NaN where it is not determined, shape (n,).
+        value: [1/year], NaN if it is not determined, shape (n,).
         cov: Covariance, NaN likewise, shape (n, n).
         dof: Degrees of freedom of the uncertainty, shape (n,).
     """
@@ -44,7 +44,7 @@ class Trends(Locked):
 
 
 def trends(machine: Machine, scatter: Scatter) -> Trends:
-    """All trends of a robot's present lives, each beside all others."""
+    """All trends of a robot's present lives, estimated together."""
     n = machine.joints
     found = beside(machine, machine.weights(scatter.variance), machine.trend)
     value, cov, dof = np.full(n, np.nan), np.full((n, n), np.nan), np.full(n, np.nan)
@@ -57,9 +57,11 @@ def trends(machine: Machine, scatter: Scatter) -> Trends:
 
 
 def _dof(found: Beside, use: Ints, cov: Array, scatter: Scatter) -> Array:
-    """After Satterthwaite (Biometrics Bull. 2 (1946) 110): twice the square of a variance over its.
+    """Degrees of freedom after Satterthwaite (Biometrics Bull. 2 (1946) 110).
 
-    The variance of w_j is d' I d with d the column j of I^-1, and d of that by v moves as I does.
+    Twice the square of a variance over the variance of that variance. The variance of w_j is d' I
+    d, where d is column j of I^-1, and its derivative with respect to v is that of I, up to the
+    sign.
     """
     along = np.zeros((len(found.g), len(use)))
     along[use] = cov

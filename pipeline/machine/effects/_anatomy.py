@@ -8,7 +8,6 @@ from functools import lru_cache
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.effect import Loaded
 from pipeline.machine.robot import Configuration, Robot
 from pipeline.machine.robot.weight import gravity_torque
@@ -50,11 +49,7 @@ def rated_torque(robot: Robot, joint: int) -> float:
 def by_weight(robot: Robot, here: Configuration) -> Array:
     """Joint torques due to the weight of the links, before the pull [N m], shape (m, n)."""
     m = len(here.q)
-    return gravity_torque(robot, here, _GRAVITY, np.zeros(m), np.zeros((m, 3)))
-
-
-_GRAVITY = np.array([0.0, 0.0, -STANDARD_GRAVITY])
-"""Standard acceleration of gravity in F_b, whose z axis points up [m/s^2]."""
+    return gravity_torque(robot, here, robot.gravity, np.zeros(m), np.zeros((m, 3)))
 
 
 @lru_cache(maxsize=8)  # shared by all effects of the carriage for the same poses

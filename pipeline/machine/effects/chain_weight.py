@@ -8,8 +8,6 @@ depend on the place of the scale.
 
 from functools import partial
 
-import numpy as np
-
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import PULLED, Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
@@ -20,11 +18,10 @@ _SIDE = {"scale at the robot": 1.0, "scale amid the chain": 0.0, "scale at the a
 [1]."""
 
 
-def _wrench(loaded: Loaded, values: Array, side: float) -> tuple[Array, Array]:
+def _wrench(loaded: Loaded, values: Array, side: float, up: Array) -> tuple[Array, Array]:
     """Acting load point and force."""
     u = direction(loaded)
-    up = np.array([0.0, 0.0, 1.0])
-    weight = values[0] / 2 * (up - side * u * u[:, 2:])
+    weight = values[0] / 2 * (up - side * u * (u @ up)[:, None])
     return loaded.load_point, loaded.force - loaded.pulls.pulled * weight
 
 
@@ -41,7 +38,7 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             "scale and robot",
             needs="the weight of chain and scale, from any balance, and where the scale sits",
             source="catenary to first order; 50 to 100 N is an estimate",
-            wrench=partial(_wrench, side=side),
+            wrench=partial(_wrench, side=side, up=-robot.down),
             of=(PULLED,),
         )
         for form, side in _SIDE.items()

@@ -10,16 +10,12 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.effect import Compound, Elastic, Geometry, Loaded, Pulls
 from pipeline.machine.effects._anatomy import arm, turning
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque
 from pipeline.machine.robot.rating import relative
 from pipeline.machine.robot.weight import stiffening
-
-_WEIGHT_OF_1_KG = np.array([0.0, 0.0, -STANDARD_GRAVITY])
-"""Weight of 1 kg at the standard acceleration of gravity [N], F_b."""
 
 
 def effects(robot: Robot) -> tuple[Compound, ...]:
@@ -119,14 +115,14 @@ class _Link:
 
     def torque(self, configuration: Configuration, mass: float) -> Array:
         """Torques of the weight about the joints of the chain [N m], shape (m, k)."""
-        weight = np.broadcast_to(mass * _WEIGHT_OF_1_KG, (len(configuration.twists), 3))
+        weight = np.broadcast_to(mass * self.robot.gravity, (len(configuration.twists), 3))
         return torque(configuration.twists[:, self.at], self.middle(configuration), weight)
 
     def stiffening(self, configuration: Configuration) -> Array:
         """G = d tau_g / dq of 1 kg at r: F . (z_j x (z_k x (r - o_k))) for j <= k, (m, k, k)."""
         z, o = configuration.axes[..., 2][:, self.at], configuration.origin[:, self.at]
         inner = np.cross(z, self.middle(configuration)[:, None] - o)
-        full = np.cross(z[:, :, None], inner[:, None]) @ _WEIGHT_OF_1_KG
+        full = np.cross(z[:, :, None], inner[:, None]) @ self.robot.gravity
         return np.asarray(np.triu(full) + np.swapaxes(np.triu(full, 1), 1, 2))
 
 

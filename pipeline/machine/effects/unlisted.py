@@ -460,9 +460,6 @@ _SMOOTH = {
 }
 
 
-_Response = Callable[[Loaded, Array], Array]
-
-
 def _of_joint(robot: Robot, law: Law, joint: int) -> Effect:
     """A law of a joint's spring, bearing, gear or link."""
     made = _PARTS.get(law.part, _spring)

@@ -167,7 +167,7 @@ def changed(robot: Robot, wanted: Sequence[Letter], values: Array) -> Robot:
         said = float(np.rad2deg(value)) if letter.turns else float(value)
         row[letter.key] = float(row.get(letter.key) or 0.0) + said
     content = dict(_table(robot.text, robot.name)) | {"joint": rows}
-    return of_table(content, toml.dumps(content), robot.name)
+    return of_table(content, toml.dumps(content), robot.name).under(robot.gravity)
 
 
 def nominal(robot: Robot, wanted: Sequence[Letter]) -> Array:

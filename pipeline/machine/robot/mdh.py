@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cache, cached_property
 from importlib import resources
@@ -23,6 +23,7 @@ from pipeline.base import files, toml
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError, listed
 from pipeline.base.strict import (
+    STANDARD_GRAVITY,
     Degrees,
     Length,
     Mass,
@@ -85,15 +86,6 @@ SHIPPED = (
     "ur20",
     "ur30",
 )
-
-CONVENTIONS = {
-    "khalil": "Rx(alpha) Tx(d) Rz(theta) Tz(r): modified DH, letters of Khalil and Kleinfinger",
-    "craig": "Rx(alpha) Tx(a) Rz(theta) Tz(d): modified DH in the letters of Craig, rows i-1 | i",
-    "standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha): the classic (distal) DH table",
-}
-"""Meaning of the letters of a row; Khalil's d is Craig's a; Khalil's r is Craig's d. Between nearly
-parallel axes these letters diverge; a rotation Ry(beta) after Rx(alpha), Hayati and Mirmirani's
-fifth letter (J. Robotic Systems 2, 1985), keeps them small."""
 
 
 class Joint(Numbers):
@@ -222,7 +214,17 @@ class _Controller(Numbers):
 
 
 class RobotFile(Numbers):
-    """A robot file, as written by a person."""
+    """A robot file, as written by a person.
+
+    A row means, by the file's convention:
+
+        khalil     Rx(alpha) Tx(d) Rz(theta) Tz(r)   modified DH, letters of Khalil and Kleinfinger
+        craig      Rx(alpha) Tx(a) Rz(theta) Tz(d)   modified DH in Craig's letters, rows i-1 | i
+        standard   Rz(theta) Tz(d) Tx(a) Rx(alpha)   the classic (distal) DH table
+
+    Between nearly parallel axes these letters diverge; a rotation Ry(beta) after Rx(alpha), Hayati
+    and Mirmirani's fifth letter (J. Robotic Systems 2, 1985), keeps them small.
+    """
 
     model_config = ConfigDict(extra="forbid")
 
@@ -264,6 +266,7 @@ class Robot(Locked):
         text: Text of the file, for hashing and the report.
         roughness: Standard deviation of its lengths [m] and angles [rad] as delivered; NaN if the
             file does not state it.
+        gravity: Acceleration in F_b [m/s^2], shape (3,); upwards for a robot on a ceiling.
     """
 
     name: str
@@ -279,6 +282,16 @@ class Robot(Locked):
     capsules: Capsules
     text: str
     roughness: tuple[float, float] = (math.nan, math.nan)
+    gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -STANDARD_GRAVITY]))
+
+    def under(self, gravity: Array) -> Robot:
+        """The same robot where its base frame has gravity [m/s^2], shape (3,)."""
+        return self if np.array_equal(self.gravity, gravity) else replace(self, gravity=gravity)
+
+    @property
+    def down(self) -> Array:
+        """Unit vector of gravity in F_b, shape (3,)."""
+        return np.asarray(self.gravity / np.linalg.norm(self.gravity))
 
     @property
     def n(self) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 from pipeline.answer.contract import Answer
 from pipeline.base import doors
 from pipeline.base.language import Say
-from pipeline.report.figures import certificate, scene, stiffness
+from pipeline.report.figures import certificate
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure, present
 from pipeline.report.summaries import Tables, has
@@ -16,13 +16,7 @@ from pipeline.report.svg import Drawing, by_hand, drawn
 
 _ANNEX = "pipeline.annex.figures:PLOTS"
 """Figures behind the first page."""
-_OWN = (
-    certificate.CERTIFICATE,
-    certificate.GAUGE,
-    certificate.MOTION,
-    stiffness.STIFFNESS,
-    scene.SCENE,
-)
+_OWN = (certificate.CERTIFICATE, certificate.GAUGE, certificate.MOTION)
 CATALOGUE: tuple[Plot, ...] = (*_OWN, *(doors.found(_ANNEX) or ()))
 _PLOTS = {plot.name: plot for plot in CATALOGUE}
 

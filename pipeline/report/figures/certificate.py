@@ -10,18 +10,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.answer.contract import Answer, Placed, Stiffness
-from pipeline.answer.sentences import at_axis
+from pipeline.answer.contract import Answer, Placed, Stiffness, TestPose
 from pipeline.answer.tolerated import DECIDED
-from pipeline.answer.words import capital, listed
+from pipeline.answer.words import at_axis, capital, listed
 from pipeline.base.arrays import Array
 from pipeline.base.language import Say
 from pipeline.base.quantities import MISSING, MM, percent, plain, with_uncertainty
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot
-from pipeline.report.figures.scene import View, outlines
 from pipeline.report.figures.sheet import PixelSheet
+from pipeline.report.figures.view import View, outlines
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, BODY, EDGE, GREEN, GRID, INK, MUTED, PAPER, RED
@@ -323,10 +322,7 @@ def _write(answer: Answer, tables: Tables) -> Figure:
     seated = _seated(arm_of(tables, _HIGH, 0.0), answer)
     named = [f"{k} = {one}" for k, one in enumerate(seated, 1)]
     sits = f" The rings mark {listed(named)}." if named else ""
-    title, moves = "The robot", ""
-    if answer.test_pose is not None:
-        title = "The robot at the test pose"
-        moves = f" The arrow is the deflection, {plain(answer.test_pose.deflection_mm)} mm."
+    title, moves = _stands_at(answer.test_pose)
     nominal = any(joint.nominal for joint in answer.stiffness)
     what = "Share of the nominal stiffness" if nominal else "Relative uncertainty of the stiffness"
     known = _any(stands.items())
@@ -337,6 +333,14 @@ def _write(answer: Answer, tables: Tables) -> Figure:
         f"{what} of each joint{off}.{sits}" if known else f"Each joint by its name.{sits}",
         f"Drawing: {title}. {what}: {told}.{sits}{moves}",
     )
+
+
+def _stands_at(pose: TestPose | None) -> tuple[str, str]:
+    """The title, and what the arrow means where the load deflects the robot."""
+    if pose is None:
+        return "The robot", ""
+    arrow = f" The arrow is the deflection, {plain(pose.deflection_mm)} mm."
+    return "The robot at the test pose", arrow
 
 
 CERTIFICATE = Plot("certificate", ("posture",), _write, spoken=_draw)

@@ -10,9 +10,11 @@ from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
 from pipeline.base.language import Say
-from pipeline.report.figures.marks import Tips
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
+
+Tips = dict[str, list[str]]
+"""By id of an artist, the words of each of its marks in drawing order."""
 
 
 def _nothing(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.base.arrays import Array
 from pipeline.base.language import Say
 from pipeline.report.svg import INK, PAPER
 
@@ -69,17 +68,3 @@ class PixelSheet:
     def _add(self, kind: str, own: dict[str, str], style: dict[str, Any]) -> ET.Element:
         said = {name.replace("_", "-"): f"{value}" for name, value in style.items()}
         return ET.SubElement(self.root, kind, own | said)
-
-
-def decades(low: float, high: float) -> list[float]:
-    """Marks 1, 2, 5 times a power of ten between two values."""
-    powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    every = [m * 10.0**p for p in powers for m in (1, 2, 5)]
-    return [one for one in every if low * 0.999 <= one <= high * 1.001]
-
-
-def placed(values: Any, ends: tuple[float, float], pixels: tuple[float, float]) -> Array:
-    """Where values of a scale in decades stand [px], those beyond it at its ends."""
-    low, high = np.log10(ends)
-    share = (np.log10(np.clip(np.asarray(values, float), *ends)) - low) / (high - low)
-    return np.asarray(pixels[0] + share * (pixels[1] - pixels[0]))

@@ -17,19 +17,18 @@ from pipeline.answer.contract import (
     Unnamed,
 )
 from pipeline.answer.words import capital, listed
+from pipeline.base import doors
 from pipeline.base.quantities import p_value, percent, plain, probability
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Block, Paragraph, ReportTable, Section, present, section_of
-from pipeline.report.sections.unseen import (
-    best_pose,
-    blind_spots,
-    next_joint_values,
-    next_poses,
-)
+from pipeline.report.record import Block, Paragraph, ReportTable, Section, section_of
+from pipeline.report.sections.unseen import blind_spots
 from pipeline.report.summaries import Tables
+
+_TO_MEASURE = "pipeline.annex.sections.to_measure:to_measure"
+"""Poses that would tell more."""
 
 _WORTH_SAYING = 0.01
 """Probability from which it is said that a cause may be none of the known ones."""
@@ -49,7 +48,7 @@ _ALIKE = 3
 def diagnosis(answer: Answer, tables: Tables) -> Section | None:
     """The causes, what is gained, what to measure next and what stays unseen."""
     found = answer.diagnosis
-    shared = _shared_gain(found.causes)
+    shared, proposed = _shared_gain(found.causes), doors.found(_TO_MEASURE)
     blocks: list[Block | None] = [Paragraph(found.why)]
     for place, one in enumerate(found.causes, 1):
         blocks += _cause(place, one, answer.axes, with_gain=not shared)
@@ -57,9 +56,7 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
         _alone(found.alone),
         Paragraph(shared) if shared else None,
         *figures(("motion", "laws", "evidence", "separability"), answer, tables),
-        next_poses(found.next_poses, found.next_poses_in, answer.axes),
-        best_pose(found.best_pose, found.next_poses_in, answer.stiffness),
-        next_joint_values(found.next_poses or present([found.best_pose]), answer.stiffness),
+        *(proposed(answer) if proposed else ()),
         *blind_spots(found.blind_spots),
     ]
     return section_of("diagnosis", _TITLES[found.verdict], blocks)

@@ -8,14 +8,14 @@ from heavy_robot import TOOL
 
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, Payloads, layout
 from pipeline.geometry.yielding import other_forms, yielding
+from pipeline.library.standing import loads, nominal, predict
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.machine.robot.letters import letters
 from pipeline.machine.robot.weight import link_moments
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
-from pipeline.prediction.standing import Standing, dumps, loads, predict
-from pipeline.prediction.under_force import ByPulls
+from pipeline.prediction.standing import ByPulls, Standing, dumps
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 NOBODY = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
@@ -154,7 +154,7 @@ def test_the_file_holds_what_pulls_say():
 
     np.testing.assert_allclose(at(again).at, at(one).at, atol=1e-9)
     np.testing.assert_allclose(at(again).std, at(one).std, rtol=1e-5, atol=1e-12)
-    assert again.nominal().by_pulls is None
+    assert nominal(again).by_pulls is None
 
 
 def played(force):

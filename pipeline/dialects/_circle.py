@@ -8,8 +8,9 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
+from pipeline.dialects._coordinates import PACKED, angular, plain_angles
 from pipeline.readers._cells import shown
-from pipeline.readers._coordinates import PACKED, Meaning, plain_angles
+from pipeline.readers._reader import Meaning
 
 FULL = {"gon": 400.0, "deg": 360.0, "rad": 2.0 * np.pi, PACKED: 360.0}
 """A full circle in each unit of angles."""
@@ -45,7 +46,7 @@ def within_a_circle(
         InputError: An angle is beyond the circle of its unit, and within that of another one.
     """
     angle, out = str(meaning.angle), {}
-    for k in meaning.angular:
+    for k in angular(meaning):
         turns = np.abs(circles(numbers[k], angle))
         none = np.abs(numbers[k]) > (1.0 + FACE) * max(FULL.values())
         few = none.mean() < _MINORITY if len(none) else False

@@ -7,25 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.base.errors import InputError
-from pipeline.readers._cells import bare, shown
+from pipeline.readers._cells import IN_BRACKETS, bare, shown
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._text import Text
+from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
-UNIT_WORDS = {
-    "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
-    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
-    "in": "in", "inch": "in", "inches": "in",
-    "um": "um", "µm": "um", "μm": "um", "micron": "um", "microns": "um",
-    "ft": "ft", "foot": "ft", "feet": "ft", "cm": "cm", "centimeter": "cm", "centimeters": "cm",
-    "centimetre": "cm", "centimetres": "cm",
-    "ftus": "ftUS", "usft": "ftUS", "us ft": "ftUS", "ft us": "ftUS", "ft-us": "ftUS",
-    "us-ft": "ftUS", "sft": "ftUS", "us survey foot": "ftUS", "us survey feet": "ftUS",
-    "survey feet": "ftUS", "us feet": "ftUS",
-}  # fmt: skip
-ANGLE_WORDS = {
-    "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg",
-    "rad": "rad", "radian": "rad", "radians": "rad", "gon": "gon", "gons": "gon",
-}  # fmt: skip
 _UNIT_WORDS = UNIT_WORDS | ANGLE_WORDS
 
 _AXES = {
@@ -86,8 +72,6 @@ _SHORT = re.compile(
     r"(?:[:=(\[,/]|\bin)\s*(m|in)(?=\s*(?:$|[)\],;/|]|gon\b|deg|rad|mm\b))", re.IGNORECASE
 )
 """Units that are words of other meaning, where nothing but a unit stands."""
-IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]")
-"""What stands in brackets in a title, mostly its unit, with the blanks before."""
 
 
 @dataclass(frozen=True)

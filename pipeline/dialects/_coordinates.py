@@ -1,25 +1,19 @@
-"""What three numbers of a reading mean: unit, kind of coordinates, angles; and back."""
+"""What the angles of a reading mean, in Cartesian coordinates, and back."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.covariance import flat, symmetric
 from pipeline.base.errors import InputError
+from pipeline.readers._reader import Meaning
+from pipeline.readers._units import UNIT_WORDS, in_unit, metres
+from pipeline.readers.said import Hints
 
-Usual = Literal["mm", "m", "in"]
-USUAL_UNITS: tuple[str, ...] = get_args(Usual)
-"""Units of length that are asked for, and tried where nobody says one."""
-_LONG = {"in": 0.0254, "ft": 0.3048, "ftUS": 1200 / 3937}
-"""An inch, a foot and a foot of the US survey [m], by definition (1959; Mendenhall Order 1893): the
-latter makes 18 m of rail 36 um longer."""
-_IN_A_METRE = {"mm": 1e3, "cm": 1e2, "m": 1.0, "um": 1e6}
-"""How many of the other units of length there are in a metre."""
 PACKED = "dms"
 """Degrees with minutes and seconds behind the point: 123.4512 is 123 degrees, 45 minutes, 12
 seconds, as total stations and surveyors' calculators write."""
@@ -43,39 +37,6 @@ ANGULAR = {"cartesian": [], "spherical": [1, 2], "cylindrical": [1]}
 """Which of the three numbers are angles, by kind of coordinates."""
 
 
-@dataclass(frozen=True)
-class Meaning:
-    """How the three numbers of a reading are to be read.
-
-    Attributes:
-        unit: Unit of length, `mm`, `m`, `in`, `um`, `cm`, `ft` or `ftUS`.
-        kind: `cartesian` x, y, z; `spherical` range, azimuth, vertical angle; `cylindrical`
-            radius, azimuth, z.
-        angle: Unit of angles, `deg`, `rad`, `gon` or `dms`; None for Cartesian coordinates.
-        vertical: Vertical angle from `zenith` (z up is 0) or as `elevation` (horizontal is 0).
-        horizontal: Azimuths grow `counter-clockwise`, from x towards y, or `clockwise`.
-    """
-
-    unit: str
-    kind: str = "cartesian"
-    angle: str | None = None
-    vertical: str = "zenith"
-    horizontal: str = "counter-clockwise"
-
-    @property
-    def angular(self) -> list[int]:
-        """Which of the three numbers are angles."""
-        return ANGULAR[self.kind]
-
-    @property
-    def angles(self) -> Angles:
-        """Unit, zero and sense of its angles, each None where coordinates of its kind have none."""
-        if not self.angular:
-            return Angles()
-        zero = self.vertical if self.kind == "spherical" else None
-        return Angles(self.angle, zero, self.horizontal)
-
-
 SENSES = {"counter-clockwise": 1.0, "clockwise": -1.0}
 """Ways in which azimuths grow, seen from above, and the sign of a turn from x towards y."""
 
@@ -95,20 +56,23 @@ class Angles:
     horizontal: str | None = None
 
 
-def metres(values: Array, unit: str) -> Array:
-    """Lengths in metres; mm are divided by 1000, which rounds once, 0.001 would round twice."""
-    return values * _LONG[unit] if unit in _LONG else values / _IN_A_METRE[unit]
+def angular(meaning: Meaning) -> list[int]:
+    """Which of the three numbers are angles."""
+    return ANGULAR[meaning.kind]
+
+
+def angles(meaning: Meaning) -> Angles:
+    """Unit, zero and sense of its angles, each None where coordinates of its kind have none."""
+    if not angular(meaning):
+        return Angles()
+    zero = meaning.vertical if meaning.kind == "spherical" else None
+    return Angles(meaning.angle, zero, meaning.horizontal)
 
 
 def uncertainties(values: Array, stated: str | None, unit: str) -> Array:
     """Uncertainties of a column that may state another unit, in the unit of the coordinates."""
-    same = stated == unit or stated not in (*_LONG, *_IN_A_METRE)
-    return values if same else _in_unit(metres(values, str(stated)), unit)
-
-
-def _in_unit(values: Array, unit: str) -> Array:
-    """Lengths in metres in another unit."""
-    return values / _LONG[unit] if unit in _LONG else values * _IN_A_METRE[unit]
+    same = stated == unit or stated not in UNIT_WORDS.values()
+    return values if same else in_unit(metres(values, str(stated)), unit)
 
 
 def cartesian(numbers: Sequence[Array], meaning: Meaning) -> Array:
@@ -134,7 +98,7 @@ def cartesian(numbers: Sequence[Array], meaning: Meaning) -> Array:
 def raw(position: Array, meaning: Meaning) -> Array:
     """The numbers that a file would have for Cartesian coordinates [m], both shape (n, 3)."""
     if meaning.kind == "cartesian":
-        return _in_unit(position, meaning.unit)
+        return in_unit(position, meaning.unit)
     x, y, z = position.T
     reach, azimuth = np.hypot(x, y), np.arctan2(y, x)
     if meaning.kind == "cylindrical":
@@ -165,15 +129,15 @@ def covariance(six: Array, values: Array, meaning: Meaning) -> Array:
 
 def _si(values: Array, meaning: Meaning) -> Array:
     out = metres(values, meaning.unit)
-    out[:, meaning.angular] = plain_angles(values[:, meaning.angular], meaning.angle) * _radians(
+    out[:, angular(meaning)] = plain_angles(values[:, angular(meaning)], meaning.angle) * _radians(
         meaning
     )
     return out
 
 
 def _from_si(values: Array, meaning: Meaning) -> Array:
-    out = _in_unit(values, meaning.unit)
-    out[:, meaning.angular] = values[:, meaning.angular] / _radians(meaning)
+    out = in_unit(values, meaning.unit)
+    out[:, angular(meaning)] = values[:, angular(meaning)] / _radians(meaning)
     return out
 
 
@@ -225,7 +189,7 @@ _MAY_BE_BOTH, _BY_CHANCE = 0.6 * 0.6, 1e-3
 
 def _radians(meaning: Meaning) -> Array:
     """Of one unit of each angle [rad], azimuths that grow clockwise with a minus."""
-    signs = [SENSES[meaning.horizontal], 1.0][: len(meaning.angular)]
+    signs = [SENSES[meaning.horizontal], 1.0][: len(angular(meaning))]
     return _ANGLES[meaning.angle or "rad"] * np.array(signs)
 
 
@@ -275,6 +239,42 @@ def settled(stated: str | None, said: str | None, what: str, example: str) -> st
             f"remove {example.split(' =')[0]} from [tracker], it is for exports that do not say",
         )
     return stated or said or ""
+
+
+def settled_unit(stated: str | None, hints: Hints) -> str:
+    """The unit of length of an export: what it says itself, else what campaign.toml says.
+
+    Raises:
+        InputError: Nobody says, or the two contradict each other.
+    """
+    return settled(stated, hints.unit, "unit of length", 'unit = "mm" (or "m", "in")')
+
+
+def settled_angles(
+    meaning: Meaning,
+    stated: Angles,
+    third: Array,
+    hints: Hints,
+) -> Meaning:
+    """The same with unit, zero and sense of angles, where coordinates of its kind have some.
+
+    Args:
+        meaning: Unit and kind of coordinates.
+        stated: What the export says of its angles.
+        third: The third column of numbers, which may say where vertical angles begin.
+        hints: What campaign.toml says.
+
+    Raises:
+        InputError: Nobody says, or the two contradict each other.
+    """
+    if meaning.kind == "cartesian":
+        return meaning
+    angle = settled_angle(stated.unit, hints.angle)
+    meaning = replace(meaning, angle=angle)
+    if meaning.kind == "spherical":
+        vertical = settled_vertical(stated.vertical, hints.vertical, third, angle)
+        meaning = replace(meaning, vertical=vertical)
+    return replace(meaning, horizontal=settled_horizontal(stated.horizontal, hints.horizontal))
 
 
 def settled_angle(stated: str | None, said: str | None) -> str:

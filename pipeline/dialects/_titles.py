@@ -8,17 +8,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from pipeline.base.errors import InputError
-from pipeline.readers._cells import shown
-from pipeline.readers._coordinates import AXES, VERTICALS
-from pipeline.readers._named import (
-    ANGLE_WORDS,
-    DEVIATION,
-    IN_BRACKETS,
-    UNIT_WORDS,
-    Named,
-    in_context,
-    named,
-)
+from pipeline.dialects._coordinates import AXES, VERTICALS
+from pipeline.dialects._named import DEVIATION, Named, in_context, named
+from pipeline.readers._cells import IN_BRACKETS, shown
+from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _WORDS = re.compile(r"[^\W\d_]+|[0-9]+")

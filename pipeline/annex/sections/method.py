@@ -6,6 +6,7 @@ from pipeline.answer.contract import Answer, Equilibrium, Input, Which
 from pipeline.base.quantities import plain, typeset
 from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.record import Paragraph, ReportTable, Section, section_of
+from pipeline.report.summaries import Tables
 
 _LEFT_OUT = (
     " and is left out of c = B x; where the noise is stated or estimated from repeats, the "
@@ -50,7 +51,7 @@ _BOTH = {key: f"{one} {_WEIGHED[key]}" for key, one in _PULLED.items()} | {
 }
 
 
-def method(answer: Answer) -> Section | None:
+def method(answer: Answer, tables: Tables) -> Section | None:
     """How the stiffnesses were made, and from what."""
     blocks = [Paragraph(_told(answer)), _assumptions(answer), _inputs(answer), _versions(answer)]
     return section_of("method", "Method, assumptions, versions, inputs", blocks)

@@ -6,7 +6,6 @@ A still picture for paper and for a page without scripts; the page turns the sam
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,21 +14,18 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 
+from pipeline.annex.scene import MOST
 from pipeline.answer.contract import Answer, JointType
-from pipeline.answer.scene import MOST
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import MM, known, plain, typeset
-from pipeline.report.figures.marks import Tips, each_row
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
+from pipeline.report.figures.view import FROM, PITCH, TO, View, outlines
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import BLUE, BODY, EDGE, GRID, INK, RED
 
-_ASIDE, _PITCH = np.deg2rad(-28.0), np.deg2rad(22.0)
-"""From where the still is seen, and the page at first: aside of what is long, from above."""
-
-_FAR = 3.0
-"""Distance of the eye over the size of the cell."""
+_ASIDE = np.deg2rad(-28.0)
+"""From where the still is seen, and the page at first: aside of what is long."""
 
 _REACH = 0.12
 """How long the usual deflection vector is drawn, over the height of the arm's space."""
@@ -48,42 +44,15 @@ _SLIM = 0.55
 _LEAST_M = 0.006
 """Nothing is drawn thinner."""
 
-_FROM, _TO = ([f"{end}_{a}_m" for a in "xyz"] for end in ("from", "to"))
 _AT, _MOVED, _LEFT = ([f"{name}{a}_m" for a in "xyz"] for name in ("", "moved_", "left_"))
 _COV = [f"c{pair}_m2" for pair in ("xx", "xy", "xz", "yy", "yz", "zz")]
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """Where the cell is seen from: the eye circles about its middle and keeps z upright.
-
-    Attributes:
-        middle: What it circles about [m], shape (3,).
-        size: Radius of what is to be seen [m].
-        yaw: Direction of the eye from x of F_b about z [rad].
-    """
-
-    middle: Array
-    size: float
-    yaw: float
-
-    def __call__(self, points: Array) -> tuple[Array, Array, Array]:
-        """Points in F_b [m], (..., 3), as seen: to the right, upwards, and scale by nearness."""
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        d = points - self.middle
-        right = c * d[..., 1] - s * d[..., 0]
-        ahead = -(c * d[..., 0] + s * d[..., 1])
-        up = np.cos(_PITCH) * d[..., 2] + np.sin(_PITCH) * ahead
-        depth = np.cos(_PITCH) * ahead - np.sin(_PITCH) * d[..., 2]
-        scale = 1 / (1 + depth / (_FAR * self.size))
-        return scale * right, scale * up, scale
 
 
 def _view(tables: Tables) -> View:
     """About the robot at all its poses; what stands far off does not make it small."""
     rows = tables["scene"]
     seen = rows[rows["part"].isin(_SOLID)]
-    ends = np.concatenate([seen[_FROM].to_numpy(float), seen[_TO].to_numpy(float)])
+    ends = np.concatenate([seen[FROM].to_numpy(float), seen[TO].to_numpy(float)])
     low, high = ends.min(axis=0), ends.max(axis=0)
     across = 0.0 if high[1] - low[1] >= high[0] - low[0] else -np.pi / 2
     size = float(np.linalg.norm(high - low)) / 2
@@ -94,7 +63,7 @@ def magnified(tables: Tables) -> tuple[float, float]:
     """By how much deflections and residuals are magnified, 1, 2 or 5 times a power of ten each."""
     vectors = tables["vectors"]
     arm = tables["scene"][tables["scene"]["part"] == "arm"]
-    height = np.ptp(arm[[_FROM[2], _TO[2]]].to_numpy(float)) or 1.0
+    height = np.ptp(arm[[FROM[2], TO[2]]].to_numpy(float)) or 1.0
     return tuple(
         _round(_REACH * height / max(float(np.median(_size(vectors, columns))), 1e-9))
         for columns in (_MOVED, _LEFT)
@@ -155,24 +124,6 @@ def _names(answer: Answer) -> tuple[str, str]:
     return ("off the nominal robot" if answer.of_positions else "measured deflection", "residual")
 
 
-def outlines(view: View, rows: pd.DataFrame, radius: Array) -> tuple[Array, list[Array]]:
-    """Nearness and outline of capsules: two circles and what lies between them."""
-    x, y, scale = view(np.stack([rows[_FROM].to_numpy(float), rows[_TO].to_numpy(float)]))
-    r = scale * radius
-    along = np.arctan2(y[1] - y[0], x[1] - x[0])
-    apart = np.maximum(np.hypot(x[1] - x[0], y[1] - y[0]), 1e-9)
-    half = np.arccos(np.clip((r[0] - r[1]) / apart, -1, 1))
-    turn = np.linspace(0, 1, 7)[:, None]
-    back = along + half + turn * (2 * np.pi - 2 * half)
-    front = along - half + turn * 2 * half
-    parts = [
-        np.stack([x[k] + r[k] * np.cos(angle), y[k] + r[k] * np.sin(angle)], axis=-1)
-        for k, angle in ((0, back), (1, front))
-    ]
-    outline = np.concatenate(parts).transpose(1, 0, 2)
-    return scale.mean(axis=0), list(outline)
-
-
 def _slim(rows: pd.DataFrame) -> Array:
     """Radius as drawn [m]."""
     moves = rows["part"].isin(("arm", "tool")).to_numpy()
@@ -181,9 +132,9 @@ def _slim(rows: pd.DataFrame) -> Array:
 
 def _points(axes: Any, view: View, rows: pd.DataFrame) -> None:
     """Base reflectors as dots and the instrument as a triangle with its name, those near by."""
-    at = rows[_FROM].to_numpy(float)
+    at = rows[FROM].to_numpy(float)
     near = rows[np.linalg.norm(at - view.middle, axis=1) < _BESIDE * view.size]
-    x, y, _ = view(near[near["part"] == "reflector"][_FROM].to_numpy(float))
+    x, y, _ = view(near[near["part"] == "reflector"][FROM].to_numpy(float))
     axes.scatter(x, y, s=10, color=INK, linewidths=0, zorder=2)
     for one in each_row(near[near["part"] == "tracker"]):
         x, y, _ = view(np.array([one.from_x_m, one.from_y_m, one.from_z_m]))
@@ -215,7 +166,7 @@ def _live(answer: Answer, tables: Tables) -> dict[str, Any]:
         "view": {
             "beside": _BESIDE * view.size,
             "yaw": view.yaw,
-            "pitch": float(_PITCH),
+            "pitch": float(PITCH),
             "middle": _numbers(view.middle),
             "size": view.size,
         },
@@ -237,7 +188,7 @@ def _live(answer: Answer, tables: Tables) -> dict[str, Any]:
 
 def _parts(rows: pd.DataFrame) -> list[list[Any]]:
     """Part, name, both ends and radius of each capsule, 0 for points."""
-    numbers = rows.assign(slim=_slim(rows))[[*_FROM, *_TO, "slim"]].to_numpy(float)
+    numbers = rows.assign(slim=_slim(rows))[[*FROM, *TO, "slim"]].to_numpy(float)
     words = rows[["part", "name"]].to_numpy(object)
     return [[*said, *_numbers(row)] for said, row in zip(words, numbers, strict=True)]
 

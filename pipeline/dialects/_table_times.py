@@ -10,10 +10,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline.base.errors import InputError
+from pipeline.dialects._named import Header
 from pipeline.readers import _time
 from pipeline.readers._cells import cells_or_none, is_plain, shown
 from pipeline.readers._layout import TypedRows
-from pipeline.readers._named import Header
 from pipeline.readers._text import Text
 
 SEARCHED = 1000

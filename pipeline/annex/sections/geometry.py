@@ -45,7 +45,7 @@ def laws(answer: Answer, tables: Tables) -> Section | None:
     )
 
 
-def letters(answer: Answer) -> Section | None:
+def letters(answer: Answer, tables: Tables) -> Section | None:
     """The robot's table as delivered and as found."""
     return section_of(
         "table", "Geometric parameters of the robot", [_letters(answer), _together(answer)]

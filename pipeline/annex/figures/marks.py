@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.report.figures.plot import Tips
 from pipeline.report.svg import GRID
-
-Tips = dict[str, list[str]]
-"""By id of an artist, the words of each of its marks in drawing order."""
 
 _LONGEST = 100
 """Characters of a name in a legend."""
@@ -108,8 +105,3 @@ def title(axes: Axes, name: str) -> None:
     wide = max(int(_PER_INCH * canvas.get_size_inches()[0] / columns), 12)
     lines = [part for line in name.split("\n") for part in textwrap.wrap(line, wide)]
     axes.set_title("\n".join(lines), fontsize=8.5, loc="left", y=1.0, pad=4)
-
-
-def each_row(table: pd.DataFrame) -> Iterator[Any]:
-    """Rows with their columns as attributes."""
-    return table.itertuples()

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
+from pipeline.answer.posture import TOOL_RADIUS
 from pipeline.answer.recommended import ModelValues
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import PAIRS, PLACES
@@ -22,9 +23,6 @@ from pipeline.reduction.settings import Settings
 
 MOST = 40
 """Poses in one picture; of more, the worst and an even choice of the rest are drawn."""
-
-TOOL_RADIUS = 0.35
-"""Radius of a rod of the effector over that of the last link."""
 
 _Tables = dict[str, pd.DataFrame]
 

@@ -11,24 +11,22 @@ import pyarrow as pa
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers import _kinds
-from pipeline.readers._cells import above, cells_or_none, is_remark, shown
-from pipeline.readers._circle import within_a_circle
-from pipeline.readers._coordinates import (
+from pipeline.dialects import _kinds
+from pipeline.dialects._circle import within_a_circle
+from pipeline.dialects._coordinates import (
     ANGULAR,
     AXES,
     VERTICALS,
     ZEROS,
     Angles,
-    Meaning,
+    settled_angles,
+    settled_unit,
     uncertainties,
 )
-from pipeline.readers._delimited import rows
-from pipeline.readers._layout import Field, Kind, Layout, TypedRows
-from pipeline.readers._named import (
+from pipeline.dialects._export import EXPANDED, RMS, STANDARD, USUAL_FACTORS, diagonal, export
+from pipeline.dialects._named import (
     COVARIANCE,
     UNIT_LINE,
-    UNIT_WORDS,
     Header,
     Named,
     find,
@@ -36,20 +34,14 @@ from pipeline.readers._named import (
     one_unit,
     said_units,
 )
-from pipeline.readers._reader import (
-    EXPANDED,
-    RMS,
-    STANDARD,
-    USUAL_FACTORS,
-    Export,
-    diagonal,
-    export,
-    settled_angles,
-    settled_unit,
-)
-from pipeline.readers._table_times import SEARCHED, dated, form_of_times, sample, trusted_times
+from pipeline.dialects._table_times import SEARCHED, dated, form_of_times, sample, trusted_times
+from pipeline.dialects._titles import horizontal, name_a_place, no_level_range
+from pipeline.readers._cells import above, cells_or_none, is_remark, shown
+from pipeline.readers._delimited import rows
+from pipeline.readers._layout import Field, Kind, Layout, TypedRows
+from pipeline.readers._reader import Export, Meaning
 from pipeline.readers._text import Text
-from pipeline.readers._titles import horizontal, name_a_place, no_level_range
+from pipeline.readers._units import UNIT_WORDS
 from pipeline.readers.said import Hints
 
 _UNCERTAINTIES = {

@@ -1,4 +1,4 @@
-"""What the data look like: residuals, budget, registration, rejected rows."""
+"""What the data look like: residuals, budget, whether the poses are enough, registration."""
 
 from __future__ import annotations
 
@@ -10,35 +10,28 @@ from typing import Any
 
 import pandas as pd
 
+from pipeline.annex.summaries import registration_by_target
+from pipeline.annex.words import parameter, size, source
 from pipeline.answer.contract import (
     LEAST_CONTROLLED,
     Answer,
     BaseResiduals,
     Growth,
     NoiseComponent,
-    Rejected,
     Stiffness,
     TestPose,
 )
 from pipeline.answer.pose_budget import HELD_OUT
 from pipeline.base.quantities import known, p_value, percent, plain, with_std
-from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.figures.marks import each_row
 from pipeline.report.record import (
-    Column,
     Paragraph,
     ReportTable,
     Section,
-    TableEntry,
-    entry,
     section_of,
 )
-from pipeline.report.summaries import Tables, has, registration_by_target
-
-_MOST_ROWS = 400
-"""Rows of rejected readings shown; the rest is counted and stands in the tables."""
+from pipeline.report.summaries import Tables, each_row, has
 
 
 def residuals(answer: Answer, tables: Tables) -> Section | None:
@@ -47,7 +40,13 @@ def residuals(answer: Answer, tables: Tables) -> Section | None:
     return section_of("residuals", "Residuals", figures(names, answer, tables))
 
 
-def budget(answer: Answer) -> Section | None:
+def enough(answer: Answer, tables: Tables) -> Section | None:
+    """Whether more poses would pay: uncertainty over the number of poses, and correlation."""
+    names = ("enough", "correlation")
+    return section_of("enough", "Are the poses enough?", figures(names, answer, tables))
+
+
+def budget(answer: Answer, tables: Tables) -> Section | None:
     """Which error makes each stiffness uncertain, and the noise found beside the stated."""
     return section_of(
         "budget",
@@ -76,8 +75,7 @@ def _pose_table(pose: TestPose | None) -> ReportTable | None:
         return None
     u = pose.std_mm
     lines: list[_Line] = [
-        (words.source(part.source), part.std_mm, 100 * (part.std_mm / u) ** 2)
-        for part in pose.budget
+        (source(part.source), part.std_mm, 100 * (part.std_mm / u) ** 2) for part in pose.budget
     ]
     lines += [("combined standard uncertainty u", u, None)]
     lines += [("expanded uncertainty U (k = 2)", 2 * u, None)]
@@ -104,7 +102,7 @@ def _fixed(digits: int, value: float | None) -> str:
 
 def _budget_table(joints: Sequence[Stiffness]) -> ReportTable | None:
     columns: list[Cells[str]] = [
-        said("Source", words.source),
+        said("Source", source),
         *(_shares_of(joint) for joint in joints if joint.budget),
     ]
     sources = dict.fromkeys(part.source for joint in joints for part in joint.budget)
@@ -161,7 +159,7 @@ _CALIBRATED = (
 
 def _noise_table(found: Sequence[NoiseComponent]) -> ReportTable | None:
     columns: list[Cells[NoiseComponent]] = [
-        said("Noise of", lambda one: words.source(one.name)),
+        said("Noise of", lambda one: source(one.name)),
         measured("Estimated over stated", lambda one: (one.found_over_stated, one.std)),
         number("p-value", lambda one: one.p_value, p_value),
     ]
@@ -229,7 +227,7 @@ def reliability(answer: Answer, tables: Tables) -> Section | None:
     if not has(tables, "reliability"):
         return None
     single = tables["reliability"].dropna(subset=["reading"])
-    most = [words.parameter(answer, str(name)) for name in single["moves_most"]]
+    most = [parameter(answer, str(name)) for name in single["moves_most"]]
     single = single.assign(moves_most=most)
     return section_of("reliability", "Reliability of the readings", [_harm(single), _least(single)])
 
@@ -240,14 +238,14 @@ def _harm(single: pd.DataFrame) -> Paragraph | None:
         return None
     row = next(each_row(single.nlargest(1, "moves_sigmas")))
     who = f"{row.reading}{f' along {row.axis}' if known(row.axis) else ''}"
-    size = words.size(row.smallest_visible, row.unit)
+    bias = size(row.smallest_visible, row.unit)
     if not known(row.moves_sigmas):
         return Paragraph(
             f"{who} is an uncontrolled observation: no other reading checks it, and any error in "
             f"it shifts {row.moves_most}."
         )
     return Paragraph(
-        f"An undetected error does most harm in {who}: one of up to {size} may go unnoticed "
+        f"An undetected error does most harm in {who}: one of up to {bias} may go unnoticed "
         f"and shift {row.moves_most} by {plain(row.moves_sigmas, 2)} standard uncertainties."
     )
 
@@ -255,11 +253,11 @@ def _harm(single: pd.DataFrame) -> Paragraph | None:
 def _least(single: pd.DataFrame) -> ReportTable | None:
     columns: list[Cells[Any]] = [
         said("Reading", lambda row: row.reading),
-        said("Of", lambda row: words.source(row.source)),
+        said("Of", lambda row: source(row.source)),
         said("Along", lambda row: row.axis),
         number("Redundancy", lambda row: row.r, roughly),
         number("w", lambda row: row.w, roughly),
-        said("Minimal detectable bias", lambda row: words.size(row.smallest_visible, row.unit)),
+        said("Minimal detectable bias", lambda row: size(row.smallest_visible, row.unit)),
         number("Shifts by [σ]", lambda row: row.moves_sigmas, roughly),
         said("Which", lambda row: row.moves_most),
     ]
@@ -271,28 +269,3 @@ def _least(single: pd.DataFrame) -> ReportTable | None:
         'are in results.xlsx, sheet "reliability".'
     )
     return table_of("reliability", "Readings with the lowest redundancy", columns, rows, note)
-
-
-def rejected(answer: Answer) -> Section | None:
-    """Rows that were left out and why, at most _MOST_ROWS of them."""
-    given = answer.rejected
-    columns: list[Cells[Rejected]] = [
-        said("File", lambda row: row.file, code=True),
-        (Column("Line", numeric=True), _line),
-        said("Reason", lambda row: row.reason),
-    ]
-    more = len(given) - _MOST_ROWS
-    note = f"{more} more are in result.json." if more > 0 else ""
-    table = table_of("rejected", "Left out and why", columns, given[:_MOST_ROWS], note)
-    return section_of("rejected", "Rejected rows", [Paragraph(_left_out(len(given))), table])
-
-
-def _left_out(count: int) -> str:
-    if not count:
-        return "No row of the raw files was unreadable or incomplete."
-    rows = "1 row was" if count == 1 else f"{count} rows were"
-    return f"{rows} left out of the estimate; nothing was corrected silently."
-
-
-def _line(row: Rejected) -> TableEntry:
-    return TableEntry("whole file", 0) if row.line is None else entry(str(row.line), row.line)

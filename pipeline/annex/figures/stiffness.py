@@ -12,10 +12,9 @@ from pipeline.answer.contract import Answer, Stiffness
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import percent, plain
 from pipeline.report import words
-from pipeline.report.figures.marks import Tips
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables
+from pipeline.report.summaries import Tables, interval
 from pipeline.report.svg import BLUE, MUTED
 
 # --- beside the nominal values -------------------------------------------------------------
@@ -24,13 +23,6 @@ from pipeline.report.svg import BLUE, MUTED
 def _comparable(answer: Answer) -> list[Stiffness]:
     """The joints that have a value and a nominal one."""
     return [joint for joint in answer.stiffness if joint.value is not None and joint.nominal]
-
-
-def interval(joints: Sequence[Stiffness], unit: Array | float) -> Array:
-    """Values and 95 % limits in a unit, shape (3, n); a compliance may be zero: no upper limit."""
-    told = np.array([(joint.value, *joint.ci95) for joint in joints], dtype=float).reshape(-1, 3)
-    value, low, high = told.T / unit
-    return np.array([value, low, np.where(np.isnan(high), np.inf, high)])
 
 
 def _beside(answer: Answer, joints: Sequence[Stiffness]) -> Array:

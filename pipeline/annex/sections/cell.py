@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from pipeline.annex.figures.scene import joints_of, largest, readings_of
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
 from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.figures.marks import each_row
-from pipeline.report.figures.scene import joints_of, largest, readings_of
 from pipeline.report.record import ReportTable, Section, section_of
-from pipeline.report.summaries import Tables, has
+from pipeline.report.summaries import Tables, each_row, has
 
 
 def cell(answer: Answer, tables: Tables) -> Section | None:

@@ -28,20 +28,8 @@ from pipeline.machine.cell import Cell, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
 from pipeline.machine.effect import Effect, Pulls
 from pipeline.machine.stance import called_for, laws_of_gears
-from pipeline.prediction.model import NOTHING_M, IdentifiedModel, ModelHypothesis
-
-
-@dataclass(frozen=True, eq=False)
-class ByPulls(Locked):
-    """Model of the robot estimated from pulls.
-
-    Attributes:
-        model: The model.
-        joined: True if it was estimated jointly with the positions.
-    """
-
-    model: IdentifiedModel
-    joined: bool
+from pipeline.prediction.model import NOTHING_M, ModelHypothesis
+from pipeline.prediction.standing import ByPulls
 
 
 class UnderForce(NamedTuple):

@@ -6,31 +6,13 @@ Collimation and the tilt of its axes move the two readings apart and their mean 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints
-
-GROSS_M = 0.03
-"""So far [m] from where its reflector should be nothing is a reading of that reflector; taste: no
-robot in use is this far off its own table, and no reflector off its place."""
-
-
-@dataclass(frozen=True)
-class Faces:
-    """What two faces said of an instrument.
-
-    Attributes:
-        pairs: Targets read in both, each now one reading.
-        largest_m: Largest distance between the two [m].
-        single: Readings in the second face that have none in the first.
-    """
-
-    pairs: int
-    largest_m: float
-    single: int
+from pipeline.readers._reader import Faces
+from pipeline.readers.known import GROSS_M
 
 
 def pairs(names: Sequence[Any], second: Bools, position: Array) -> Ints:

@@ -1,0 +1,132 @@
+"""What a dialect found in a file as readings in SI: covariances, two faces, what is no reading."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Bools, sifted
+from pipeline.base.errors import InputError
+from pipeline.dialects import _faces
+from pipeline.dialects._coordinates import cartesian, covariance, second_face
+from pipeline.readers import _reader
+from pipeline.readers._layout import TypedRows
+from pipeline.readers._reader import OF_EACH, Export, Meaning, in_a_hall, kept, of_targets
+from pipeline.readers._text import Text
+from pipeline.readers.said import Hints
+
+EXPANDED, STANDARD, A_PRIORI, RMS = "expanded", "standard", "a-priori", "rms"
+_PREFERRED = (A_PRIORI, STANDARD, EXPANDED)
+"""Which covariance is used where a file has several. A-priori comes first: the scatter within one
+reading (standard) leaves out what does not change during it, calibration and slow air, and rms
+is a scatter too, of one number for three axes: it is used only when campaign.toml asks for it."""
+_VAGUEST_M2 = 1e6
+"""Nor is one so uncertain in an axis [m^2]: a metre, mistaken for a thousand."""
+_ROUNDED = 1.05
+"""Square of a correlation that rounding in a file may leave."""
+_NO_UNCERTAINTY = (
+    "its uncertainty is none (a variance below zero or a correlation above one); export it again, "
+    'or set covariance = "none" in [tracker]'
+)
+_TOO_VAGUE = "its uncertainty is larger than 1 km; measure it again or remove the row"
+USUAL_FACTORS = {STANDARD: 1.0, EXPANDED: 2.0}
+"""k of uncertainties where campaign.toml does not say; 2 is 95 % (GUM 6.3.3, Leica's U(95))."""
+
+
+def export(
+    text: Text,
+    hints: Hints,
+    dialect: str,
+    rows: TypedRows,
+    meaning: Meaning,
+    axes: Sequence[str],
+    covariances: Mapping[str, Array] | None = None,
+    unused: Sequence[str] = (),
+) -> Export:
+    """Readings in SI of what a dialect found in a file.
+
+    Args:
+        text: The file.
+        hints: What campaign.toml adds.
+        dialect: Its name.
+        rows: The typed rows; of the columns `group`, `target` (or `reflector`) and `time` those
+            that the file has.
+        meaning: Of the three numbers.
+        axes: Names of the columns with the three numbers.
+        covariances: Six numbers in the units of the file by kind, each shape (n, 6).
+        unused: Columns that were not looked at.
+    """
+    numbers = [np.asarray(rows.columns[axis]) for axis in axes]
+    kind = _chosen(covariances or {}, hints)
+    everything = _reader.export(text, dialect, rows, meaning, cartesian(numbers, meaning), unused)
+    if covariances and kind:
+        C = covariance(covariances[kind], np.array(numbers).T, meaning)
+        everything = replace(everything, covariance=C, covariance_kind=kind)
+    readings = of_targets(everything, numbers)
+    if meaning.kind == "spherical":
+        second = second_face(numbers[2], meaning)[np.isin(everything.line, readings.line)]
+        readings = _one_face(readings, second)
+    return in_a_hall(_certain(readings))
+
+
+def _one_face(readings: Export, second: Bools) -> Export:
+    """Targets read in both faces as one reading each, their mean in the place of the first."""
+    if not second.any() or readings.target is None:
+        return readings
+    columns = [c.to_pylist() for c in (readings.group, readings.target) if c is not None]
+    found = _faces.pairs(list(zip(*columns, strict=True)), second, readings.position)
+    told = _faces.summary(readings.position, found, second)
+    position, C = _faces.mean(readings.position, readings.covariance, found)
+    keep = np.ones(len(second), dtype=bool)
+    keep[found[:, 1]] = False
+    averaged = replace(readings, position=position, covariance=C, faces=told)
+    of_each = sifted({name: getattr(averaged, name) for name in OF_EACH}, keep)
+    return replace(averaged, **of_each)
+
+
+def _certain(readings: Export) -> Export:
+    """The readings that are no vaguer than anything in a hall, and whose covariance is one."""
+    if readings.covariance is None:
+        return readings
+    vague = ~(np.nanmax(np.abs(readings.covariance), axis=1, initial=0) <= _VAGUEST_M2)
+    readings = kept(readings, ~vague, _TOO_VAGUE) if vague.any() else readings
+    odd = _is_none(readings.covariance)
+    return kept(readings, ~odd, _NO_UNCERTAINTY) if odd.any() else readings
+
+
+def _is_none(C: Array | None) -> Bools:
+    """Where six numbers are no covariance: a variance below zero, a correlation above one."""
+    assert C is not None
+    xx, xy, xz, yy, yz, zz = C.T
+    with np.errstate(invalid="ignore"):  # NaN where the file has none
+        negative = np.minimum(np.minimum(xx, yy), zz) < 0
+        pairs = ((xy, xx, yy), (xz, xx, zz), (yz, yy, zz))
+        tied = [c**2 > _ROUNDED * a * b for c, a, b in pairs]
+    return np.asarray(np.logical_or.reduce([negative, *tied]))
+
+
+def _chosen(kinds: Collection[str], hints: Hints) -> str | None:
+    """Which of the covariances of a file is used.
+
+    Raises:
+        InputError: campaign.toml asks for one that the file does not have.
+    """
+    if hints.covariance == "none":
+        return None
+    if hints.covariance is None:
+        return next((kind for kind in _PREFERRED if kind in kinds), None)
+    if kinds and hints.covariance not in kinds:
+        raise InputError(
+            f"the export has no {hints.covariance} covariance, only {', '.join(kinds)}",
+            "correct covariance in [tracker] of campaign.toml",
+        )
+    return hints.covariance if kinds else None
+
+
+def diagonal(std: Sequence[Array], factor: float = 1.0) -> Array:
+    """Six numbers of uncorrelated standard uncertainties, each shape (n,), divided by a factor."""
+    x, y, z = (s / factor * np.abs(s / factor) for s in std)  # one below zero stays one
+    none = np.zeros_like(x)
+    return np.column_stack([x, none, none, y, none, z])

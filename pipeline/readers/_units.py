@@ -1,0 +1,41 @@
+"""Units of lengths and angles: their words, and lengths in metres."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+from pipeline.base.arrays import Array
+
+Usual = Literal["mm", "m", "in"]
+USUAL_UNITS: tuple[str, ...] = get_args(Usual)
+"""Units of length that are asked for, and tried where nobody says one."""
+UNIT_WORDS = {
+    "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
+    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+    "in": "in", "inch": "in", "inches": "in",
+    "um": "um", "µm": "um", "μm": "um", "micron": "um", "microns": "um",
+    "ft": "ft", "foot": "ft", "feet": "ft", "cm": "cm", "centimeter": "cm", "centimeters": "cm",
+    "centimetre": "cm", "centimetres": "cm",
+    "ftus": "ftUS", "usft": "ftUS", "us ft": "ftUS", "ft us": "ftUS", "ft-us": "ftUS",
+    "us-ft": "ftUS", "sft": "ftUS", "us survey foot": "ftUS", "us survey feet": "ftUS",
+    "survey feet": "ftUS", "us feet": "ftUS",
+}  # fmt: skip
+ANGLE_WORDS = {
+    "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg",
+    "rad": "rad", "radian": "rad", "radians": "rad", "gon": "gon", "gons": "gon",
+}  # fmt: skip
+_LONG = {"in": 0.0254, "ft": 0.3048, "ftUS": 1200 / 3937}
+"""An inch, a foot and a foot of the US survey [m], by definition (1959; Mendenhall Order 1893): the
+latter makes 18 m of rail 36 um longer."""
+_IN_A_METRE = {"mm": 1e3, "cm": 1e2, "m": 1.0, "um": 1e6}
+"""How many of the other units of length there are in a metre."""
+
+
+def metres(values: Array, unit: str) -> Array:
+    """Lengths in metres; mm are divided by 1000, which rounds once, 0.001 would round twice."""
+    return values * _LONG[unit] if unit in _LONG else values / _IN_A_METRE[unit]
+
+
+def in_unit(values: Array, unit: str) -> Array:
+    """Lengths in metres in another unit."""
+    return values / _LONG[unit] if unit in _LONG else values * _IN_A_METRE[unit]
