@@ -38,7 +38,7 @@ from pipeline.geometry.scatter import START
 from pipeline.geometry.unloaded import USUAL, PoseRows, Unloaded, off, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation, Pulls
-from pipeline.machine.effects import base_moved, base_rotation, joint_offset, table
+from pipeline.machine.effects import base_moved, base_rotation, joint_offset, table, target_moved
 from pipeline.machine.robot.letters import changed
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
@@ -145,6 +145,9 @@ def _suspects(zeros: Unloaded, effects: Sequence[Effect]) -> Iterator[_Suspect]:
         effect: Effect = base_moved.since(one.before, one.since)
         if one.joint:
             effect = joint_offset.since(zeros.robot, one.joint, one.before, one.since)
+        if one.target is not None:
+            name = str(zeros.tool.targets[one.target])
+            effect = target_moved.since(name, one.target, one.before, one.since)
         wide, columns = _WIDE * tries ** (1 / one.unknowns), tuple(range(at.start, at.stop))
         yield _Suspect(f"{effect.label} {effect.form}", columns, wide, effect, tries)
 
@@ -401,5 +404,5 @@ def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, M
 def _bumps(zeros: Unloaded, x: Array, pulls: Pulls) -> Iterator[Array]:
     """Rotation of robot or tracker at each pull, of every change that is no joint's, (m, 3)."""
     for change, at in zeros.changed:
-        if not change.joint:
+        if change.unknowns == 6:
             yield np.outer(change.share(pulls), x[at][3:])

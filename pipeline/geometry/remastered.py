@@ -15,6 +15,8 @@ estimated beside it is that of the robot as it stands at the end.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import special
 
@@ -36,7 +38,7 @@ def places(zeros: Unloaded) -> int:
 
 
 def changes(zeros: Unloaded, rows: PoseRows, found: Cells) -> tuple[MidChange, ...]:
-    """Of each joint, and of the robot, the likeliest change beside all that was found.
+    """Of each joint, the robot and each target the likeliest change beside all that was found.
 
     None where none is seen.
     """
@@ -44,24 +46,32 @@ def changes(zeros: Unloaded, rows: PoseRows, found: Cells) -> tuple[MidChange, .
     if len(order) < 2 * _SIDES:
         return ()
     T = _gains(zeros, rows, found.unrefined or found, order)[_SIDES - 1 : len(order) - _SIDES]
-    freedom = np.append(6, np.ones(T.shape[1] - 1))
+    what = _what(zeros)
+    freedom = [one.unknowns for one in what]
     if special.chdtrc(freedom, T.max(axis=0)).min() > special.chdtrc(1, _SEEN**2):
         return ()
     number = zeros.pulls.pose[np.unique(zeros.pose, return_index=True)[1]]
     return tuple(
-        MidChange(
-            joint,
-            tuple(sorted(number[order[: k + _SIDES]].tolist())),
-            int(number[order[k + _SIDES]]),
+        replace(
+            one,
+            before=tuple(sorted(number[order[: k + _SIDES]].tolist())),
+            since=int(number[order[k + _SIDES]]),
         )
-        for joint, k in enumerate(T.argmax(axis=0).tolist())
+        for one, k in zip(what, T.argmax(axis=0).tolist(), strict=True)
     )
+
+
+def _what(zeros: Unloaded) -> list[MidChange]:
+    """The robot as a whole, its joints, and its targets where each was measured by itself."""
+    targets = range(len(zeros.tool.points) if zeros.turned is None else 0)
+    joints = range(zeros.robot.n + 1)
+    return [MidChange(j, (), 0) for j in joints] + [MidChange(0, (), 0, t) for t in targets]
 
 
 def _gains(zeros: Unloaded, rows: PoseRows, found: Cells, order: Ints) -> Array:
     """Twice the log of the ratio of likelihoods of a change behind each of the poses.
 
-    Of the robot as a whole, then of each joint, shape (p, 1 + n).
+    In the order of `_what`, shape (p, k).
     """
     sizes = np.unique(found.transmission)
     best = [np.flatnonzero(found.transmission == size) for size in sizes]
@@ -71,16 +81,20 @@ def _gains(zeros: Unloaded, rows: PoseRows, found: Cells, order: Ints) -> Array:
 
 
 def _drops(zeros: Unloaded, rows: PoseRows, found: Cells, cell: int, order: Ints) -> Array:
-    """T of a change behind each of the poses, in time, shape (p, 1 + n)."""
+    """T of a change behind each of the poses, in time, shape (p, k)."""
     W = linear.whitening(rows.cov(found.transmission[cell]))
     Z, D = W @ rows.Z, W @ rows.D
     e = np.einsum("pij,pj->pi", W, rows.y) - D @ found.x[cell]
-    whole = np.concatenate([D[:, :, zeros.columns.shift], D[:, :, zeros.columns.loose]], axis=2)
+    where = zeros.columns
+    whole = np.concatenate([D[:, :, where.shift], D[:, :, where.loose]], axis=2)
     T = []
-    for k, d in enumerate((whole, *np.moveaxis(Z, 2, 0)[..., None])):
+    for one in _what(zeros):
+        d = Z[:, :, [one.joint - 1]] if one.joint else whole
+        if one.target is not None:
+            d = D[:, :, where.tool][:, :, 3 * one.target : 3 * one.target + 3]
         each = d.swapaxes(1, 2) @ e[..., None], d.swapaxes(1, 2) @ d, d.swapaxes(1, 2) @ D
-        sums = (np.cumsum(one[order], axis=0) for one in each)
-        g, N, h = (one if k else one[-1] - one for one in sums)
+        sums = (np.cumsum(part[order], axis=0) for part in each)
+        g, N, h = (part if one.joint else part[-1] - part for part in sums)
         left = N - h @ found.cov[cell] @ np.swapaxes(h, 1, 2)
         inverse = linear.left(left, np.einsum("pii->pi", N))[0]
         T.append((g.swapaxes(1, 2) @ inverse @ g)[:, 0, 0])

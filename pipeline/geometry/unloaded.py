@@ -54,24 +54,27 @@ large."""
 
 @dataclass(frozen=True)
 class MidChange:
-    """A joint whose zero changed in mid-campaign, or a robot that was moved in F_b then.
+    """A joint's zero that changed in mid-campaign, or a robot or target that was moved then.
 
-    The log is right since; where F_b has the robot was right before.
+    The log is right since; where F_b has the robot, and [tool] the target, was right before.
 
     Attributes:
-        joint: From 1; 0 of the robot as a whole, which has three shifts [m] and three turns [rad].
+        joint: From 1; 0 of the robot as a whole, which has three shifts [m] and three turns [rad],
+            and of a target.
         before: Numbers of the poses before that.
         since: Number of the first pose after it.
+        target: Index of the target, which has three shifts in the flange frame [m]; else None.
     """
 
     joint: int
     before: tuple[int, ...]
     since: int
+    target: int | None = None
 
     @property
     def unknowns(self) -> int:
         """How many it has."""
-        return 1 if self.joint else 6
+        return 3 if self.target is not None else 1 if self.joint else 6
 
     def share(self, pulls: Pulls) -> Array:
         """What one unit of it adds to each pull, shape (m,)."""
@@ -270,6 +273,8 @@ class Unloaded(Locked):
         whole = np.concatenate([D[:, :, where.shift], cross], axis=2)
         for change, at in self.changed:
             unit = Z[:, :, [change.joint - 1]] if change.joint else whole
+            if change.target is not None:
+                unit = tool[:, :, change.target]
             D[:, :, at] = unit * change.share(self.pulls)[:, None, None]
             stands += 0.0 if change.joint else D[:, :, at] @ x[at]
         y = self.at - stands + D @ x

@@ -13,7 +13,9 @@ from pipeline.diagnosis.causes import of_base, of_motion
 from pipeline.diagnosis.facts import Drift
 from pipeline.diagnosis.unloaded_geometry import corrected, standing
 from pipeline.machine.effects import catalogue, tracker_drift
+from pipeline.machine.robot import configure
 from pipeline.machine.robot.letters import changed, letters
+from pipeline.reduction.register import register
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -87,6 +89,27 @@ def test_a_robot_that_was_bumped_is_named_with_its_pose(seed, pose, shift_m, tur
     assert np.linalg.norm(one.value[3:]) == pytest.approx(abs(turn_rad), abs=5e-5)
     assert found.believed
     assert found.left_m < 0.2 * found.miss_m
+
+
+@pytest.mark.whole
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize(("seed", "pose", "size_m"), [(3, 7, 1.5e-3), (4, 5, 2e-3)])
+def test_a_reflector_that_slipped_is_named_with_its_pose(seed, pose, size_m):
+    """By its own name, and not as the zero of the last joint, which moves the others, too."""
+    case = clean(seed)
+    rows, name = case.readings.copy(), case.settings.measured[1]
+    here = case.joints["pose"].to_numpy(int)
+    turned = configure(case.robot, case.q(here)).flange_axes @ (size_m * np.array([2, -1, 2]) / 3)
+    R = register(case.settings, case.readings).R
+    moved = dict(zip(here.tolist(), turned @ R, strict=True))
+    for k in rows.index[(rows["target"] == name) & (rows["pose"] >= pose)]:
+        rows.loc[k, ["x_m", "y_m", "z_m"]] += moved[int(rows.loc[k, "pose"])]
+    _, found = stood(replace(case, readings=rows))
+
+    (one,) = found.causes
+    said = one.effect.name, one.effect.where, one.effect.form
+    assert said == ("target_moved", name, f"since pose {pose}")
+    assert one.value == pytest.approx(size_m * np.array([2, -1, 2]) / 3, abs=2e-4)
 
 
 def test_a_tracker_that_was_bumped_is_one_cause_and_a_drift_another():
