@@ -51,7 +51,7 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     ),
     "report/model.py": ("compose", "_about", "_title"),
     "report/record.py": ("Certificate", "Frame"),
-    "report/sections/identity.py": (
+    "report/identity.py": (
         "_KINDS",
         "rows",
         "_when",

@@ -10,14 +10,13 @@ import xml.etree.ElementTree as ET
 import pyarrow as pa
 import pytest
 
-from pipeline.answer import archive
 from pipeline.app import cli
 from pipeline.base import files, patterns, toml
 from pipeline.base.errors import InputError, PipelineError
 from pipeline.base.shown import in_json, in_toml, in_xml, printable
 from pipeline.design.poses import default_anchors
 from pipeline.exchange.files import simulators
-from pipeline.fleet import pages
+from pipeline.fleet import history, pages
 from pipeline.machine.robot import load
 from pipeline.machine.robot import mdh as robots
 from pipeline.prediction import model as own
@@ -467,7 +466,7 @@ def test_a_damaged_result_is_left_out(path, content, finished):
     kept = (finished / path).read_bytes()
     (finished / path).write_bytes(content)
     try:
-        left = [one.campaign.name for one in archive.finished(finished)]
+        left = [one.campaign.name for one in history.finished(finished)]
     finally:
         (finished / path).write_bytes(kept)
 
@@ -476,7 +475,7 @@ def test_a_damaged_result_is_left_out(path, content, finished):
 
 def test_the_overview_is_drawn_of_what_is_there_at_last(finished, monkeypatch):
     """Who waited for another run's page does not draw what he had read before."""
-    both = archive.finished(finished)
+    both = history.finished(finished)
     drawn = []
     monkeypatch.setattr(
         "pipeline.fleet.overview.render_overview", lambda all_, wear: drawn.append(len(all_)) or b""

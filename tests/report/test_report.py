@@ -19,6 +19,7 @@ from pdf_text import filled, pages_of
 from pydantic import BaseModel
 from pypdf.generic import DictionaryObject
 
+from pipeline.annex.sections.stiffness import stiffness
 from pipeline.annex.summaries import courses
 from pipeline.answer.contract import Answer, Odd, Remark, Stiffness
 from pipeline.base import quantities as numbers
@@ -36,7 +37,6 @@ from pipeline.report.record import (
     TableEntry,
 )
 from pipeline.report.render import pdf, render
-from pipeline.report.sections.stiffness import stiffness
 from pipeline.report.summaries import has
 from pipeline.report.svg import STYLE, drawn
 from pipeline.run import answered
