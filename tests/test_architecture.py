@@ -240,7 +240,6 @@ OUTBUILDINGS = {
     "dialects": {"readers": "a dialect is a reader over the readers' one table of rows"},
     "exchange": {
         "answer.words": _PAGES,
-        "annex.words": _PAGES,
         "report": _PAGES,
         "prediction.model": "the identified springs are what simulators are given",
     },
