@@ -5,6 +5,6 @@ number is in doubt is here: stiffnesses, causes and their gain, cross-validation
 dimensions, residuals, budget, registration, DH parameters, method, and maps of the workspace.
 
 Door: `sections:sections`, `figures:PLOTS`; for the tables that only these need,
-`pictured:pictured` and `pictured:of_positions`.
+`pictured:pictured`, `pictured:of_positions` and `pictured:beside_pulls`.
 Tests: `tests/report/`, for whole pages.
 """

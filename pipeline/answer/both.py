@@ -21,8 +21,9 @@ from pipeline.answer.contract import About, Answer, Line
 from pipeline.answer.findings import Findings
 from pipeline.answer.positions import PositionsFound
 from pipeline.answer.recommended import joint_springs
-from pipeline.answer.standing import law_table, model_file, pictures
+from pipeline.answer.standing import model_file
 from pipeline.answer.words import listed
+from pipeline.base import doors
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.joined import Agreement, agreement, joined
@@ -35,6 +36,9 @@ from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.system import alarms
 from pipeline.system.fit import Fitted, fit
+
+_PICTURED = "pipeline.annex.pictured:beside_pulls"
+"""Door of the annex: tables that only its figures need."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +120,10 @@ class Both:
 
     def shown(self, pulls: Mapping[str, pd.DataFrame], keep: Keep) -> dict[str, pd.DataFrame]:
         """The tables of the positions, beside those of the pulls."""
-        laws = pd.concat([law_table(self.said.found), pulls["laws"]], ignore_index=True)
+        pictured = doors.found(_PICTURED)
         rejected = pd.concat([self.said.rejected, pulls["rejected"]], ignore_index=True)
         return {
-            **pictures(self.said, keep),
-            "laws": keep("53_laws", laws, tables.LAWS),
+            **(pictured(self.said.found, pulls, keep) if pictured else {}),
             "rejected": keep("13_rejected", rejected, tables.REJECTED),
         }
 
