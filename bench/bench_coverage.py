@@ -12,8 +12,8 @@ from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.run import reduce
-from pipeline.service.executor import Processes, in_order
-from pipeline.simulate import Plan, build, draw, raw_files, revised
+from pipeline.service.executor import InProcesses, in_order
+from pipeline.simulate import SimulationPlan, build, draw, raw_files, revised
 from pipeline.store.campaign import in_memory
 from pipeline.system.estimate import identify
 
@@ -25,7 +25,9 @@ def run() -> list[tuple[str, float, str]]:
     """Coverage per joint and noise model, and that of unweighted least squares."""
     out = []
     for noise in NOISES:
-        parts = in_order(Processes(), _hits, [(noise, start) for start in range(0, CAMPAIGNS, 100)])
+        parts = in_order(
+            InProcesses(), _hits, [(noise, start) for start in range(0, CAMPAIGNS, 100)]
+        )
         ours, plain, p = (np.concatenate([part[i] for part in parts]) for i in range(3))
         for joint, (a, b) in enumerate(zip(ours.mean(axis=0), plain.mean(axis=0), strict=True), 1):
             out.append(
@@ -42,7 +44,7 @@ def run() -> list[tuple[str, float, str]]:
 def _hits(job: tuple[str, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     noise, start = job
     plan = revised(
-        Plan(name="bench"),
+        SimulationPlan(name="bench"),
         {
             "tracker": NOISES[noise],
             "scale": {"sigma_n": 4.0, "sigma_rel": 1e-3, "gain_sigma": 2e-3},

@@ -9,7 +9,7 @@ import typer
 
 from pipeline.app import cli
 from pipeline.app.commands._shared import Jobs, Root
-from pipeline.service.executor import Here
+from pipeline.service.executor import InThisProcess
 from pipeline.service.many import executor
 
 command = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -35,7 +35,9 @@ def fleet(
     from bench.fleet.table import lines
 
     kept = log or root / "reports" / "fleet.jsonl"
-    said = lines(contest(wanted(worn, others, first), kept, executor(jobs, None) or Here()))
+    said = lines(
+        contest(wanted(worn, others, first), kept, executor(jobs, None) or InThisProcess())
+    )
     typer.echo("\n".join(said))
     if page is not None:
         write_between(page, BEGIN, "Fleets", said)

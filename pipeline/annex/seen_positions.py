@@ -10,7 +10,7 @@ import pandas as pd
 from pipeline import tables
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.positions import UNLISTED
-from pipeline.geometry.identify import Identified
+from pipeline.geometry.calibrate import Calibration
 from pipeline.geometry.laws import JointLaw
 from pipeline.geometry.mechanism import layout
 from pipeline.geometry.study import Study
@@ -19,7 +19,7 @@ _ACROSS = 400
 """Points of a curve that is drawn."""
 
 
-def curves(found: Identified) -> pd.DataFrame:
+def curves(found: Calibration) -> pd.DataFrame:
     """The curves of the joints with their uncertainties, and how many poses stand there."""
     mechanism, at = found.mechanism, layout(found.mechanism).knots.start
     parts = []
@@ -44,7 +44,7 @@ def curves(found: Identified) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=_CURVE)
 
 
-def curve_readings(found: Identified) -> pd.DataFrame:
+def curve_readings(found: Calibration) -> pd.DataFrame:
     """What the poses say of each curve, `_TOGETHER` groups of poses with neighbouring joint values.
 
     A pose says f(q) + Z'r / Z'Z, with Z how the joint moves its targets and r what is left.
@@ -56,13 +56,16 @@ def curve_readings(found: Identified) -> pd.DataFrame:
         knots = found.mechanism.knots[start : (start := start + curve.count)]
         Z, q = found.linear.Z[:, shifts, curve.joint], found.readings.q[:, curve.joint]
         square = np.sum(Z**2, axis=1)
-        told = square > 0.05 * np.median(square)
-        said = curve.value(q[told], knots) + np.sum(Z * left, axis=1)[told] / square[told]
-        order = np.argsort(q[told], kind="stable")
+        determined = square > 0.05 * np.median(square)
+        said = (
+            curve.value(q[determined], knots)
+            + np.sum(Z * left, axis=1)[determined] / square[determined]
+        )
+        order = np.argsort(q[determined], kind="stable")
         for group in np.array_split(order, min(_TOGETHER, max(len(order) // 3, 1))):
             error = said[group]
             std = np.std(error, ddof=1) / np.sqrt(len(group)) if len(group) > 1 else np.nan
-            mean = q[told][group].mean()
+            mean = q[determined][group].mean()
             parts.append((curve.joint + 1, mean, error.mean(), std, len(group)))
     table = pd.DataFrame(parts, columns=_CURVE)
     return table.astype({"joint": "i4", "poses": "i4"})
@@ -114,7 +117,7 @@ def law_table(whole: Study) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=tables.LAWS.names)
 
 
-def _over(law: JointLaw, found: Identified) -> tuple[str, str, Array]:
+def _over(law: JointLaw, found: Calibration) -> tuple[str, str, Array]:
     """What a law is shown over, its unit, and that of each pose."""
     x = law.of(found.linear.inputs)
     if law.variable == "time":

@@ -16,9 +16,9 @@ from pipeline.answer.contract import Answer, Reason
 from pipeline.answer.recommended import row_of
 from pipeline.answer.words import BECAUSE
 from pipeline.base import files, parquet
+from pipeline.base.appearance import Appearance, AppearanceFacts
 from pipeline.base.doors import found
 from pipeline.base.errors import UsageError
-from pipeline.base.look import Facts, Look
 from pipeline.diagnosis.finding import Verdict
 from pipeline.store.campaign import CampaignFolder, dump
 
@@ -163,15 +163,17 @@ def refresh(root: Path) -> Path | None:
     return page
 
 
-def shown(campaign: CampaignFolder) -> dict[str, pd.DataFrame]:
+def kept_tables(campaign: CampaignFolder) -> dict[str, pd.DataFrame]:
     """The tables of a report as kept by the run, by name."""
     paths = {name: campaign.processed / f"{file}.parquet" for name, file in _SHOWN.items()}
     return {name: tables.frame(parquet.read(p)) for name, p in paths.items() if p.is_file()}
 
 
 def look_of(
-    dress: Callable[[Mapping[str, Any], Facts], Look], said: Mapping[str, Any], of: Answer
-) -> Look:
+    dress: Callable[[Mapping[str, Any], AppearanceFacts], Appearance],
+    said: Mapping[str, Any],
+    of: Answer,
+) -> Appearance:
     """Appearance of a campaign's certificate, with the facts that lines of the house may quote.
 
     Args:

@@ -44,16 +44,16 @@ def spoken(language: str) -> Say:
     return translator
 
 
-def said(record: _Any, say: Say) -> _Any:
+def translated(record: _Any, say: Say) -> _Any:
     """Translate all texts of a report record; fields in `_KEPT` and other objects are unchanged."""
     if isinstance(record, str):
         return say(record)  # type: ignore[return-value]
     if isinstance(record, tuple):
-        return tuple(said(one, say) for one in record)  # type: ignore[return-value]
+        return tuple(translated(one, say) for one in record)  # type: ignore[return-value]
     if not is_dataclass(record):
         return record
     new: dict[str, Any] = {
-        one.name: said(getattr(record, one.name), say)
+        one.name: translated(getattr(record, one.name), say)
         for one in fields(record)
         if one.name not in _KEPT
     }

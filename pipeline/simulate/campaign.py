@@ -16,14 +16,14 @@ from pipeline.base.errors import UsageError
 from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
-from pipeline.machine.robot.axes import in_log_units, shown
+from pipeline.machine.robot.axes import displayed, in_log_units
 from pipeline.machine.robot.axes import of as axes_of
 from pipeline.machine.surroundings import tooled
-from pipeline.readers import Readings, catalogue, text_of, writers
+from pipeline.readers import OutgoingReadings, catalogue, text_of, writers
 from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.noise import stated_covariance
-from pipeline.simulate.plan import Plan, SpringScale
+from pipeline.simulate.plan import SimulationPlan, SpringScale
 from pipeline.simulate.scene import Draws, Scene, axes, build, draw
 
 _CHAIN = ["Pl1", "Pl2"]
@@ -46,7 +46,7 @@ class RawCampaign:
 
 
 def simulate(
-    plan: Plan,
+    plan: SimulationPlan,
     rng: np.random.Generator | None = None,
     robot: Robot | None = None,
     hidden: tuple[Planted, ...] = (),
@@ -73,7 +73,7 @@ def simulate(
         done.append(
             _effect(one.blunder.called or one.blunder.name, where, one.blunder.size, one.size)
         )
-    return RawCampaign(plan.name, _written(scene, notes), truth(scene, draws, done))
+    return RawCampaign(plan.name, _written(scene, notes), _truth(scene, draws, done))
 
 
 _TO_FILL = b"""
@@ -82,7 +82,7 @@ _TO_FILL = b"""
 """
 
 
-def prepared(plan: Plan, robot: Robot) -> dict[str, bytes]:
+def prepared(plan: SimulationPlan, robot: Robot) -> dict[str, bytes]:
     """The files of a campaign before it is measured; forces and tracker export are still missing.
 
     Args:
@@ -119,7 +119,7 @@ def _notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
         robot_text=robot.text,
         targets=tuple(scene.plan.targets),
         tool=scene.plan.tool,
-        readings=readings(scene, draws, which),
+        readings=_readings(scene, draws, which),
         reading_n=draws.reading_n[which],
         prismatic=robot.prismatic,
         joints=in_log_units(robot, q),
@@ -154,7 +154,7 @@ def _written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
     return files
 
 
-def _assignment(readings: Readings) -> bytes:
+def _assignment(readings: OutgoingReadings) -> bytes:
     """Group and target of each reading, for exports that contain numbers only."""
     order = range(1, len(readings.group) + 1)
     return _csv("order,group,target", zip(order, readings.group, readings.target, strict=True))
@@ -165,7 +165,7 @@ def _csv(head: str, rows: Iterable[Iterable[object]]) -> bytes:
     return "\n".join(lines).encode()
 
 
-def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
+def _readings(scene: Scene, draws: Draws, which: int = 0) -> OutgoingReadings:
     """All readings of one drawn campaign in chronological order."""
     plan = scene.plan
     named = _names(scene)
@@ -177,7 +177,7 @@ def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
     time = np.concatenate([t.ravel() for t in times])
     order = np.argsort(time, kind="stable")
     stated = stated_covariance(plan.tracker.model, xyz[order]) if plan.tracker.stated else None
-    return Readings(
+    return OutgoingReadings(
         group=[named[i][0] for i in order],
         target=[named[i][1] for i in order],
         position=xyz[order],
@@ -205,7 +205,7 @@ def _names(scene: Scene) -> list[tuple[str, str]]:
     ]
 
 
-def _ends(plan: Plan) -> list[str]:
+def _ends(plan: SimulationPlan) -> list[str]:
     """Reflectors on the chain, if there is one."""
     return _CHAIN if plan.pulls.load == "chain" else []
 
@@ -246,13 +246,16 @@ def _axes(scene: Scene) -> bytes:
     units = ["mm" if slide else "deg" for slide in axes_of(robot).slides]
     names = [f"{n}_{u}" for n, u in zip(axes_of(robot).names, units, strict=True)]
     rows = zip(
-        stands.pose, text_of(shown(robot, stands.q), 6), stands.approach.astype(int), strict=True
+        stands.pose,
+        text_of(displayed(robot, stands.q), 6),
+        stands.approach.astype(int),
+        strict=True,
     )
     head = ",".join(["pose", *names, "approach"])
     return _csv(head, ((pose, *values, way) for pose, values, way in rows))
 
 
-def _campaign_toml(plan: Plan, robot: str, simulated: bool = True) -> bytes:
+def _campaign_toml(plan: SimulationPlan, robot: str, simulated: bool = True) -> bytes:
     reader = catalogue()[plan.tracker.dialect]
     content = {
         "format": 1,
@@ -276,7 +279,7 @@ def _campaign_toml(plan: Plan, robot: str, simulated: bool = True) -> bytes:
     return toml.dumps(toml.given(content)).encode()
 
 
-def _instrument(plan: Plan) -> dict[str, Any]:
+def _instrument(plan: SimulationPlan) -> dict[str, Any]:
     """Table [instrument], where it is not a laser tracker that measures points."""
     said = plan.tracker.model_dump(include={"kind", "measures"}, exclude_defaults=True)
     if plan.tracker.measures == "poses" and plan.tracker.stated:
@@ -284,7 +287,7 @@ def _instrument(plan: Plan) -> dict[str, Any]:
     return {"instrument": said} if said else {}
 
 
-def _loaded_by(plan: Plan) -> dict[str, Any]:
+def _loaded_by(plan: SimulationPlan) -> dict[str, Any]:
     """The tables of campaign.toml for the loads; weights have none."""
     if plan.pulls.load == "payloads":
         return {"payload": {name: one.model_dump() for name, one in plan.payload.items()}}
@@ -299,7 +302,7 @@ def _certified(scale: SpringScale) -> dict[str, float]:
     return {key: value for key, value in said.items() if value or key != "zero_sigma_n"}
 
 
-def _stated(plan: Plan) -> dict[str, Any]:
+def _stated(plan: SimulationPlan) -> dict[str, Any]:
     """Noise entries of [tracker]."""
     model = plan.tracker.model
     if isinstance(model, float):
@@ -307,7 +310,7 @@ def _stated(plan: Plan) -> dict[str, Any]:
     return {"noise": model if isinstance(model, str) else model.model_dump()}
 
 
-def truth(scene: Scene, draws: Draws, done: list[dict[str, Any]]) -> dict[str, Any]:
+def _truth(scene: Scene, draws: Draws, done: list[dict[str, Any]]) -> dict[str, Any]:
     """The truth of the first drawn campaign and its blunders, in SI, JSON-able."""
     plan, robot = scene.plan, scene.cell.robot
     stiffness = 1 / scene.values[: robot.n]

@@ -9,14 +9,14 @@ import numpy as np
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.effect import HUNG, MOUNTED, PULLED, branches
-from pipeline.simulate.plan import Plan
+from pipeline.simulate.plan import SimulationPlan
 
 DOWN = np.array([0.0, 0.0, -1.0])
 """Direction of gravity, F_b."""
 
 
 @dataclass(frozen=True, eq=False)
-class Run(Locked):
+class PullLoads(Locked):
     """Loads of all pulls, pose after pose.
 
     Attributes:
@@ -38,7 +38,7 @@ class Run(Locked):
     what: tuple[str, ...]
 
 
-def run(plan: Plan, poses: int, rng: np.random.Generator) -> Run:
+def run(plan: SimulationPlan, poses: int, rng: np.random.Generator) -> PullLoads:
     """The loads of a plan; errors of weights and payloads are drawn once for each body.
 
     Args:
@@ -53,7 +53,7 @@ def run(plan: Plan, poses: int, rng: np.random.Generator) -> Run:
     signs = [np.tile(branches(np.array(steps, float)), plan.pulls.repeats) for steps in each]
     shown = np.abs(np.concatenate(runs))
     chain = plan.pulls.load == "chain"
-    return Run(
+    return PullLoads(
         count=np.array([len(one) for one in runs]),
         by=np.full(len(shown), PULLED if chain else HUNG),
         shown=shown,
@@ -64,21 +64,21 @@ def run(plan: Plan, poses: int, rng: np.random.Generator) -> Run:
     )
 
 
-def _steps(plan: Plan) -> list[float]:
+def _steps(plan: SimulationPlan) -> list[float]:
     """Load steps [N]: those of the scale, or the weights of the masses."""
     if plan.pulls.load == "chain":
         return plan.pulls.steps_n
     return [STANDARD_GRAVITY * mass for mass in plan.pulls.masses_kg]
 
 
-def _heavier(plan: Plan, shown: Array, rng: np.random.Generator) -> Array:
+def _heavier(plan: SimulationPlan, shown: Array, rng: np.random.Generator) -> Array:
     """True over stated weight: one error for every mass, however often it hangs, shape (m,)."""
     masses, which = np.unique(shown / STANDARD_GRAVITY, return_inverse=True)
     off = plan.pulls.mass_sigma_kg * rng.standard_normal(len(masses))
     return np.asarray((1 + off / masses)[which.ravel()])
 
 
-def _payloads(plan: Plan, poses: int, rng: np.random.Generator) -> Run:
+def _payloads(plan: SimulationPlan, poses: int, rng: np.random.Generator) -> PullLoads:
     """Each payload mounted in turn at every pose."""
     every = list(plan.payload.values())
     off = rng.standard_normal((len(every), 4))
@@ -87,7 +87,7 @@ def _payloads(plan: Plan, poses: int, rng: np.random.Generator) -> Run:
     center = np.array([one.center_m for one in every])
     center = center + off[:, 1:] * np.array([[one.center_sigma_m] for one in every])
     each = plan.pulls.repeats * poses
-    return Run(
+    return PullLoads(
         count=np.full(poses, plan.pulls.repeats * len(every)),
         by=np.full(each * len(every), MOUNTED),
         shown=np.tile(STANDARD_GRAVITY * mass, each),

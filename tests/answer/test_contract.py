@@ -9,8 +9,8 @@ from pydantic import ValidationError
 
 from bench import schema
 from pipeline.answer.contract import Answer, Drawn, Fit, TargetDeflection
-from pipeline.run import answered
-from pipeline.simulate import Plan, simulate
+from pipeline.run import campaign_answer
+from pipeline.simulate import SimulationPlan, simulate
 from pipeline.store.campaign import in_memory
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -19,14 +19,14 @@ DOCS = Path(__file__).parents[2] / "docs"
 @pytest.fixture(scope="module")
 def answer():
     """The answer to a small campaign whose carriage rolls."""
-    plan = Plan(
+    plan = SimulationPlan(
         name="rolls",
         seed=3,
         poses={"count": 12},
         pulls={"steps_n": [1000.0, 2000.0, 3000.0]},
         hidden={"effects": ["rail_roll=2x"]},
     )
-    return answered("rolls", in_memory(simulate(plan).files)).answer
+    return campaign_answer("rolls", in_memory(simulate(plan).files)).answer
 
 
 def test_the_schema_and_the_table_of_keys_are_those_of_the_types():

@@ -21,11 +21,11 @@ from pipeline.machine.robot import load
 from pipeline.machine.robot import mdh as robots
 from pipeline.prediction import model as own
 from pipeline.reduction.settings import parse
-from pipeline.run import answered
-from pipeline.simulate import Plan, simulate
+from pipeline.run import campaign_answer
+from pipeline.simulate import SimulationPlan, simulate
 from pipeline.store.campaign import CampaignFolder, dump, every, find, in_memory
 
-GOOD = simulate(Plan(name="c", poses={"count": 8})).files
+GOOD = simulate(SimulationPlan(name="c", poses={"count": 8})).files
 ODD = 'a\x1b[31m\x7f\x9b\u202e\udcff😀\U000e0041\n\t"\\'
 SECONDS = 5.0
 """Far more than a few lines need on a busy machine; a hang is longer."""
@@ -97,11 +97,11 @@ def test_every_message_is_one_line_of_a_bearable_length():
 @pytest.mark.whole
 def test_a_model_of_any_names_can_be_read_elsewhere():
     """Names beyond ASCII and odd ones: model.toml stays TOML, the others stay XML."""
-    made = simulate(Plan(name="c", poses={"count": 8}, pulls={"steps_n": [2000.0]}))
+    made = simulate(SimulationPlan(name="c", poses={"count": 8}, pulls={"steps_n": [2000.0]}))
     text = made.files["campaign.toml"].decode().replace("P1", "P😀").replace("\nP😀", '\n"P😀"')
     tracker = made.files["tracker.csv"].replace(b",P1,", ",P😀,".encode())
     changed = {"campaign.toml": text.encode()}
-    found = answered("c--\x1b", in_memory(made.files | changed | {"tracker.csv": tracker}))
+    found = campaign_answer("c--\x1b", in_memory(made.files | changed | {"tracker.csv": tracker}))
 
     written = simulators(found.model)
     model = own.dumps(found.model)
@@ -438,7 +438,7 @@ def test_a_name_that_no_folder_can_have_is_told(name, command, tmp_path, say):
 def finished(tmp_path_factory):
     """Two finished campaigns without their computation: a result of one is kept for both."""
     root = tmp_path_factory.mktemp("finished")
-    found = answered("a", in_memory(GOOD))
+    found = campaign_answer("a", in_memory(GOOD))
     for name in ("a", "b"):
         result = dump(found.answer.as_json() | {"campaign": name})
         files.write(root / "reports" / name / "result.json", result)

@@ -6,7 +6,7 @@ import pytest
 
 from bench.exam import JSON, Kept, between, code_of, contest, seeds
 from pipeline.base.errors import InputError, Interrupted
-from pipeline.service.executor import Done, Here
+from pipeline.service.executor import InThisProcess, ItemResult
 
 
 def square(number):
@@ -27,7 +27,7 @@ def kept_in(path, by="mine"):
 def played(path, wanted, executor=None, **how):
     """Squares of these numbers."""
     kept = kept_in(path, how.pop("by", "mine"))
-    return contest(wanted, square, str, code, kept, executor or Here(), **how)
+    return contest(wanted, square, str, code, kept, executor or InThisProcess(), **how)
 
 
 def test_rows_come_back_in_the_order_asked_for(tmp_path):
@@ -47,7 +47,7 @@ def test_only_what_is_missing_is_played(tmp_path, monkeypatch):
     played(log, [1, 2])
     log.write_text(log.read_text()[:-5])
 
-    class Counting(Here):
+    class Counting(InThisProcess):
         def results(self, work, items):
             asked.extend(items := list(items))
             return super().results(work, items)
@@ -81,9 +81,9 @@ def test_code_that_changes_on_the_way_is_refused(tmp_path):
 def test_what_an_interrupted_contest_has_is_kept(tmp_path):
     """It says how many games of all there are."""
 
-    class Broken(Here):
+    class Broken(InThisProcess):
         def results(self, work, items):
-            yield Done(1, work(1))
+            yield ItemResult(1, work(1))
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted, match="1 of 3 games"):

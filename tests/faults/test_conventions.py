@@ -13,10 +13,10 @@ from pipeline.faults.base_names import base_names
 from pipeline.faults.conventions import (
     anchored_miss,
     conventions,
-    hypotheses,
     miss,
     renamed,
     scaled,
+    supposed_mistakes,
     unloaded,
 )
 from pipeline.faults.placement import placement
@@ -24,11 +24,11 @@ from pipeline.machine.instrument import InstrumentNoise, beam_covariance
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.simulate import Plan, simulate
+from pipeline.simulate import SimulationPlan, simulate
 from pipeline.store.campaign import in_memory
 
 XYZ = ["x_m", "y_m", "z_m"]
-PLAN = Plan(name="good", seed=11, poses={"count": 4}, pulls={"steps_n": [3000.0]})
+PLAN = SimulationPlan(name="good", seed=11, poses={"count": 4}, pulls={"steps_n": [3000.0]})
 
 
 @cache
@@ -170,7 +170,7 @@ def test_every_hypothesis_undoes_its_own_mistake(where, plant):
     assert miss(bad) > 0.03 or anchored_miss(bad) > 0.3
     exact = [
         h.where
-        for h in hypotheses(bad)
+        for h in supposed_mistakes(bad)
         if np.allclose(h.correct(bad).readings[XYZ], good().readings[XYZ], rtol=1e-12, atol=1e-12)
         and np.allclose(
             h.correct(bad).joints[good().joint_columns], good().joints[good().joint_columns],
@@ -190,7 +190,7 @@ def test_exchanged_names_are_put_back_whatever_they_were(names):
     bad = written(names)(good())
     right = [
         h
-        for h in hypotheses(bad)
+        for h in supposed_mistakes(bad)
         if h.name == "label_swap"
         and h.where == "all groups"
         and (h.correct(bad).readings["target"] == good().readings["target"]).all()
@@ -307,7 +307,7 @@ def test_a_mirrored_frame_mirrors_the_covariances():
     half = 1e-5 * np.random.default_rng(3).standard_normal((len(good().readings), 3, 3))
     six = covariance.flat(half @ half.swapaxes(1, 2))
     slanted = with_readings(good(), **dict(zip(covariance.columns(), six.T, strict=True)))
-    mirror = next(h for h in hypotheses(slanted) if h.where == "left_handed")
+    mirror = next(h for h in supposed_mistakes(slanted) if h.where == "left_handed")
 
     same(mirror.correct(mirrored(slanted)), slanted)
 
@@ -337,7 +337,7 @@ def test_only_unloaded_readings_of_known_poses_are_judged():
 
 def test_the_robot_of_another_table_is_called_by_its_name():
     """If another robot that ships fits the readings, the message names it."""
-    plan = PLAN.model_copy(update={"robot": "irb6640", "pulls": Plan().pulls})
+    plan = PLAN.model_copy(update={"robot": "irb6640", "pulls": SimulationPlan().pulls})
     measured = ingested(in_memory(simulate(plan).files), conformed, plain, plausible=False)
     (found,) = conventions(replace(measured, robot=load("kr210_r2700_2")))
 

@@ -9,8 +9,8 @@ from test_exchanged import case, files, table, written
 
 from pipeline.faults.conventions import conventions
 from pipeline.faults.dead_sensor import dead
-from pipeline.run import answered
-from pipeline.simulate import Plan, simulate
+from pipeline.run import campaign_answer
+from pipeline.simulate import SimulationPlan, simulate
 from pipeline.store.campaign import in_memory
 
 RAW = Path(__file__).parents[2] / "data/raw"
@@ -51,7 +51,7 @@ def with_forces(made, force):
 @pytest.mark.parametrize("factor", [1e-9, 0.0, 1e-300])
 def test_displacements_of_a_dead_sensor(factor):
     """Also in a campaign that arrives reduced: bad data, and no usable value."""
-    said = answered("dead", in_memory(moved(factor))).answer
+    said = campaign_answer("dead", in_memory(moved(factor))).answer
 
     assert str(said.diagnosis.verdict) == "bad_data"
     assert [one.name for one in said.diagnosis.causes] == ["dead_sensor"]
@@ -89,8 +89,8 @@ def test_no_interval_beside_a_copied_force_misses_what_the_true_forces_give(seed
     _, rows = table(files(seed), "loads.csv")
     most = max(float(row[2]) for row in rows)
     made = with_forces(files(seed), force)
-    right = answered("right", in_memory(files(seed))).answer.stiffness
-    said = answered("copied", in_memory(made)).answer
+    right = campaign_answer("right", in_memory(files(seed))).answer.stiffness
+    said = campaign_answer("copied", in_memory(made)).answer
 
     assert most > 2500
     assert [one.value for one in said.stiffness] == [None] * len(right)
@@ -118,7 +118,9 @@ def test_the_same_load_in_every_pull_is_no_copy(seed, load):
     """One weight in all poses; a chain always pulled to the same number."""
     pulls = {"load": "weights", "masses_kg": [150.0]} if load == "weights" else {}
     pulls |= {"steps_n": [2000.0], "repeats": 3, "setting_sd_n": 0.0}
-    made = dict(simulate(Plan(name="same", seed=seed, poses={"count": 5}, pulls=pulls)).files)
+    made = dict(
+        simulate(SimulationPlan(name="same", seed=seed, poses={"count": 5}, pulls=pulls)).files
+    )
     if load == "chain":
         made = with_forces(made, "2000.00")
     assert dead(asked(case(made))) == []

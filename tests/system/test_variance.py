@@ -17,12 +17,12 @@ from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import parse
 from pipeline.run import reduce
-from pipeline.simulate import Plan, revised, simulate
+from pipeline.simulate import SimulationPlan, revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.contrasts import repeated_zeros
 from pipeline.system.estimate import identify
 from pipeline.system.restricted import PaddedRows, maximum
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, RowIndex, System
 from pipeline.system.variance import (
     Components,
     at_most,
@@ -32,7 +32,7 @@ from pipeline.system.variance import (
     variance_components,
 )
 
-PLAN = Plan(name="noise", seed=5)
+PLAN = SimulationPlan(name="noise", seed=5)
 
 
 def found(plan, files=None):
@@ -69,7 +69,7 @@ def test_components_of_a_balanced_table_are_those_of_the_analysis_of_variance():
     number = np.repeat(np.arange(groups), each)
     system = System(
         parameters=(Parameter("mean", "m", 1.0),),
-        rows=Rows(number, number, np.full(len(number), "P", object), number * 0, number),
+        rows=RowIndex(number, number, np.full(len(number), "P", object), number * 0, number),
         B=np.ones((groups * each, 1)),
         c=y.ravel(),
         errors=Errors(
@@ -129,7 +129,7 @@ def pulled_both_ways(effects):
     drawn = simulate(revised(PLAN, {"poses": {"count": 6}})).files["joints.csv"].decode()
     q = [[float(v) for v in row.split(",")[1:-1]] for row in drawn.splitlines()[1:]]
     floor = [[side, pose[0], -0.891] for pose in q for side in (2.5, -2.5)]
-    plan = Plan.model_validate(
+    plan = SimulationPlan.model_validate(
         {
             "name": "both",
             "poses": {"q": [pose for pose in q for _ in range(2)], "approach": [1] * 12},
@@ -231,7 +231,7 @@ def test_what_is_stated_counts_where_the_trackers_noise_is_not():
         "pulls": {"zero": "before"},
         "scale": {"sigma_n": 20.0, "gain_sigma": 0.03},
     }
-    plan = Plan.model_validate({"name": "one", **one})
+    plan = SimulationPlan.model_validate({"name": "one", **one})
     _, _, _, known = reduced(plan)
     result, _, system, estimate = reduced(revised(plan, {"tracker": {"stated": False}}))
 
@@ -262,7 +262,7 @@ def test_student_asks_the_component_that_was_replaced(replaced, dof):
 
 def test_pure_error_is_the_scatter_of_repeats_about_their_means():
     """One reflector, one zero: contrasts and their sum of squares as in a one-way layout."""
-    plan = Plan.model_validate(
+    plan = SimulationPlan.model_validate(
         {
             "name": "one",
             "poses": {"count": 8},
@@ -373,7 +373,7 @@ def test_a_component_replaces_what_was_stated_beyond_chance_or_what_was_not():
 def few():
     """Measurements and estimate of four poses."""
     _, data, _, estimate = reduced(
-        Plan(name="few", seed=5, poses={"count": 4}, scale={"sigma_n": 5.0})
+        SimulationPlan(name="few", seed=5, poses={"count": 4}, scale={"sigma_n": 5.0})
     )
     return data, estimate
 
@@ -443,7 +443,7 @@ def layout(rng, groups=14, each=4, tracker=1.0, force=2.0):
     errors = Errors(
         scipy.sparse.csr_array(np.hstack([np.eye(M), shared])), source, np.zeros(len(source), bool)
     )
-    rows = Rows(number, number, np.full(M, "P", object), number * 0, number)
+    rows = RowIndex(number, number, np.full(M, "P", object), number * 0, number)
     return System((Parameter("mean", "m", 1.0),), rows, np.ones((M, 1)), y, errors, True)
 
 
@@ -463,7 +463,7 @@ def test_scales_are_where_the_dense_likelihood_is_largest(seed):
     """Unbalanced groups, rows in any order: a search over the dense formula gives the same."""
     made = layout(np.random.default_rng(seed))
     kept = np.random.default_rng(seed).random(len(made.c)) < 0.8
-    rows = Rows(*(getattr(made.rows, f)[kept] for f in vars(made.rows)))
+    rows = RowIndex(*(getattr(made.rows, f)[kept] for f in vars(made.rows)))
     errors = replace(made.errors, G=made.errors.G[kept])
     made = replace(made, rows=rows, B=made.B[kept], c=made.c[kept], errors=errors)
 
@@ -609,7 +609,9 @@ def test_fewer_than_twelve_contrasts_determine_nothing(rows, told):
     first = np.arange(rows)
     taken = {name: value[first] for name, value in vars(LOUD.rows).items()}
     errors = replace(LOUD.errors, G=LOUD.errors.G[first])
-    few = replace(LOUD, rows=Rows(**taken), B=LOUD.B[first], c=30 * LOUD.c[first], errors=errors)
+    few = replace(
+        LOUD, rows=RowIndex(**taken), B=LOUD.B[first], c=30 * LOUD.c[first], errors=errors
+    )
     result = variance_components(few)
 
     assert np.isfinite(result.std).any() == told

@@ -64,15 +64,15 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
         return None
     tip = tables["posture"][tables["posture"]["name"] == "load_point"]
     moved = tip[[f"to_caused_{a}_m" for a in "xyz"]].to_numpy(float)[0]
-    said = (
+    text = (
         f"{capital(' and '.join(causes))} alone {'moves' if len(causes) == 1 else 'move'} the load "
         f"point by {plain(MM * float(np.linalg.norm(moved)))} mm at the test pose."
     )
     return Figure(
         "motion",
         "What gives way, and how the robot moves with it",
-        f"{said} Orange: the same, {times:,.0f} times magnified.",
-        f"Drawing of the robot with an outline of where the identified causes move it. {said}",
+        f"{text} Orange: the same, {times:,.0f} times magnified.",
+        f"Drawing of the robot with an outline of where the identified causes move it. {text}",
     )
 
 

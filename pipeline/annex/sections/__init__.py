@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from pipeline.annex.sections import filed
 from pipeline.annex.sections.cell import cell
 from pipeline.annex.sections.diagnosis import diagnosis
-from pipeline.annex.sections.geometry import geometry, laws, letters
+from pipeline.annex.sections.geometry import dh_table, geometry, laws
 from pipeline.annex.sections.method import method
 from pipeline.annex.sections.prediction import test_pose, validation
 from pipeline.annex.sections.readings import budget, enough, registration, reliability, residuals
@@ -50,7 +50,7 @@ def _of_pulls(answer: Answer, tables: Tables, springs: Section | None) -> _Secti
         registration(answer, tables),
         reliability(answer, tables),
         *of_both,
-        letters(answer, tables),
+        dh_table(answer, tables),
         filed.rejected(answer),
     ]
 
@@ -62,6 +62,6 @@ def _of_positions(answer: Answer, tables: Tables) -> _Sections:
         laws(answer, tables),
         cell(answer, tables),
         stiffness(answer, None),
-        letters(answer, tables),
+        dh_table(answer, tables),
         filed.rejected(answer),
     ]

@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 from pipeline.answer.contract import Answer, Measuring, Rejected, Unit
 from pipeline.answer.words import listed
-from pipeline.report.columns import Cells, said, table_of
+from pipeline.report.columns import Cells, table_of, word_column
 from pipeline.report.identity import Row, rows
 from pipeline.report.record import Column, Paragraph, Section, TableEntry, entry, section_of
 
@@ -15,8 +15,8 @@ from pipeline.report.record import Column, Paragraph, Section, TableEntry, entry
 def identity(answer: Answer) -> Section | None:
     """Date, operator, instrument, scale, robot, software, and one line on what is not stated."""
     columns: list[Cells[Row]] = [
-        said("What", lambda row: row[0]),
-        said("Stated", lambda row: row[1]),
+        word_column("What", lambda row: row[0]),
+        word_column("Stated", lambda row: row[1]),
     ]
     every = [*rows(answer), *_unsaid(answer)]
     return section_of(
@@ -59,9 +59,9 @@ def rejected(answer: Answer) -> Section | None:
     """Rows that were left out, with reasons; at most `_MOST_ROWS` of them."""
     given = answer.rejected
     columns: list[Cells[Rejected]] = [
-        said("File", lambda row: row.file, code=True),
+        word_column("File", lambda row: row.file, code=True),
         (Column("Line", numeric=True), _line),
-        said("Reason", lambda row: row.reason),
+        word_column("Reason", lambda row: row.reason),
     ]
     more = len(given) - _MOST_ROWS
     note = f"{more} more are in result.json." if more > 0 else ""
@@ -101,7 +101,7 @@ def files(beside: Collection[str], previous: Answer | None) -> Section | None:
     """
     columns: list[Cells[tuple[TableEntry, str]]] = [
         (Column("File"), lambda row: row[0]),
-        said("Holds", lambda row: row[1]),
+        word_column("Holds", lambda row: row[1]),
     ]
     every = list(_links(beside, previous)) if beside else []
     table = table_of("files", "This campaign elsewhere", columns, every)

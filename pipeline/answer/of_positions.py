@@ -1,0 +1,160 @@
+"""What a campaign of positions hands over: its answer, tables to show, and models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pipeline import tables
+from pipeline.answer import positions
+from pipeline.answer.contract import Answer
+from pipeline.answer.positions import PositionsResults
+from pipeline.answer.posture import standing_posture
+from pipeline.base import doors
+from pipeline.base.arrays import Array
+from pipeline.base.quantities import plain
+from pipeline.faults.mistake import Mistake
+from pipeline.faults.position_readings import (
+    dated_beside,
+    exchanged_beside,
+    implausible_outliers,
+    outliers,
+    wrong_entries,
+)
+from pipeline.faults.position_rows import PositionSheet, position_rows
+from pipeline.geometry.calibrate import Calibration
+from pipeline.geometry.mechanism import layout
+from pipeline.geometry.positioned import Positioned, as_read, usable
+from pipeline.geometry.study import Study, study
+from pipeline.machine.cell import Tool, paper_cell
+from pipeline.prediction.kinematic_model import ByPulls, dumps, kinematic_model
+from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
+from pipeline.reduction.bring import Keep, Step
+from pipeline.store.campaign import Raw
+
+_SEED = 20261123
+"""Of its draws: another one moves numbers within what they say of their scatter."""
+
+_MODEL = "positions.npz"
+"""What `pipeline predict` reads."""
+
+_PICTURED = "pipeline.annex.figure_tables:of_positions"
+"""Door of the annex: tables that only its figures need."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Stood:
+    """The end of a campaign of positions.
+
+    Attributes:
+        answer: What result.json holds.
+        shown: The tables a reader wants to see, by name.
+        model: Springs and corrected table, for those who load it elsewhere.
+        files: What `pipeline predict` reads, by name.
+    """
+
+    answer: Answer
+    shown: dict[str, pd.DataFrame]
+    model: IdentifiedModel
+    files: dict[str, bytes]
+
+
+def identify_positions(name: str, raw: Raw, keep: Keep, step: Step) -> PositionsResults:
+    """From the tables of positions to what they say."""
+    rows, rejects = step(as_read)(raw.settings, raw.robot, raw.files)
+    given = PositionSheet(raw.robot, raw.settings, rows)
+    wrong, sheet = step(position_rows)(given)
+    read = usable(raw.settings, raw.robot, sheet.rows, rejects)
+    found = _studied(raw, read, step)
+    if dated := dated_beside(given, wrong, found):
+        wrong, sheet = dated
+        read = usable(raw.settings, raw.robot, sheet.rows, rejects)
+        found = _studied(raw, read, step)
+    late, sheet = exchanged_beside(PositionSheet(raw.robot, raw.settings, read.table), found)
+    if late:  # a table as delivered shows decimetres, the identified one a millimetre
+        read = usable(raw.settings, raw.robot, sheet.rows, rejects)
+        found = _studied(raw, read, step)
+    keep("10_positions", read.table, tables.positions(raw.robot))
+    off = outliers(found, read.table)
+    rejected = keep("13_rejected", _rejected(read, off), tables.REJECTED)
+    mistakes = (*wrong, *late, *wrong_entries(found), *implausible_outliers(off, found))
+    return PositionsResults.of(name, raw, found, mistakes, rejected)
+
+
+def conclude(said: PositionsResults, keep: Keep, step: Step) -> _Stood:
+    """The end of a campaign of nothing but positions."""
+    found, given = said.found, positions.answer(said)
+    pictured = doors.found(_PICTURED)
+    drawn = pictured(found, keep, step) if pictured else {}
+    drawn["posture"] = keep("73_posture", _posture(found), tables.POSTURE)
+    shown = {"rejected": said.rejected, **drawn}
+    model = _model(said.campaign, found.final, given)
+    return _Stood(given, shown, model, model_file(said))
+
+
+def model_file(said: PositionsResults, by_pulls: ByPulls | None = None) -> dict[str, bytes]:
+    """What `pipeline predict` reads, by name."""
+    settings = said.raw.settings
+    tip = None if settings.of_positions else np.array(settings.tool["load_point"])
+    return {_MODEL: dumps(kinematic_model(said.campaign, said.found.final, tip, by_pulls))}
+
+
+def _studied(raw: Raw, read: Positioned, step: Step) -> Study:
+    settings = raw.settings.positions
+    return step(study)(
+        raw.robot,
+        read.readings,
+        read.weights,
+        {one: np.array(at) for one, at in raw.settings.tool.items()},
+        None if settings is None else settings.sigma_m,
+        raw.robot.roughness,
+        np.random.default_rng(_SEED),
+    )
+
+
+def _posture(found: Study) -> pd.DataFrame:
+    """The robot at the first pose, for the picture on the certificate."""
+    mechanism, readings = found.final.mechanism, found.final.readings
+    points = mechanism.tool[:, :3, 3]
+    tool = Tool(points[0], np.array(readings.targets, dtype=object), points)
+    return standing_posture(mechanism.robot, tool, readings.q[0])
+
+
+def _rejected(read: Positioned, off: Sequence[Mistake]) -> pd.DataFrame:
+    """What was left out when it was read, and the readings that are off."""
+    bad = [
+        (
+            *one.at[0].rsplit(":", 1),
+            f"stands {plain(one.before, 3)} mm from where all others put it",
+        )
+        for one in off
+    ]
+    told = pd.DataFrame(bad, columns=["file", "line", "reason"])
+    return pd.concat([read.rejected, told.astype({"line": "int64"})], ignore_index=True)
+
+
+def _model(name: str, found: Calibration, given: Answer) -> IdentifiedModel:
+    """Corrected table and springs; the uncertainty of what is not determined is infinite."""
+    mechanism, part = found.mechanism, layout(found.mechanism).compliance
+    points = mechanism.tool[:, :3, 3]
+    cell = paper_cell(mechanism.robot, Tool(points[0], found.readings.targets, points))
+    cov: Array = found.solution.cov[part, part].copy()
+    known = np.array([one.identifiable for one in given.stiffness])
+    cov[~known], cov[:, ~known] = 0.0, 0.0
+    cov[~known, ~known] = np.inf
+    one = ModelHypothesis(1.0, cell, mechanism.compliance, cov)
+    recommended = given.recommended
+    return IdentifiedModel(
+        name,
+        str(given.diagnosis.verdict),
+        {
+            "model": str(recommended.model),
+            "data": str(recommended.data),
+            "reason": str(recommended.reason),
+        },
+        (one,),
+        known,
+    )
