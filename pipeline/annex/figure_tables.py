@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import pandas as pd
 
@@ -11,7 +9,6 @@ from pipeline import tables
 from pipeline.annex.fewer_poses import enough
 from pipeline.annex.scene import scene, scene_of_positions
 from pipeline.annex.seen_laws import laws
-from pipeline.annex.seen_positions import curve_readings, curves, held_out, law_table
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.tables import covariance_table, models_table
 from pipeline.base.arrays import Ints
@@ -42,25 +39,8 @@ def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
 
 
 def of_positions(found: Study, keep: Keep, step: Step) -> _Tables:
-    """Tables of the figures of a campaign of positions."""
-    every = {"laws": keep("53_laws", law_table(found), tables.LAWS)}
-    return _only(found, keep) | every | _kept(step(scene_of_positions)(found), keep)
-
-
-def beside_pulls(found: Study, pulls: Mapping[str, pd.DataFrame], keep: Keep) -> _Tables:
-    """Tables of positions that are shown beside those of the same robot's pulls."""
-    every = pd.concat([law_table(found), pulls["laws"]], ignore_index=True)
-    return _only(found, keep) | {"laws": keep("53_laws", every, tables.LAWS)}
-
-
-def _only(found: Study, keep: Keep) -> _Tables:
-    """Tables of what only positions show."""
-    read = curve_readings(found.final)
-    return {
-        "curves": keep("50_curves", curves(found.final), tables.CURVES),
-        "curve_readings": keep("51_curve_readings", read, tables.CURVE_READINGS),
-        "held_out": keep("60_held_out", held_out(found), tables.HELD_OUT),
-    }
+    """Tables of the scene of a campaign of positions."""
+    return _kept(step(scene_of_positions)(found), keep)
 
 
 def _kept(made: _Tables, keep: Keep) -> _Tables:

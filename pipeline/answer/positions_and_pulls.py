@@ -18,12 +18,11 @@ from pipeline import tables
 from pipeline.answer import contract
 from pipeline.answer import positions as of_positions
 from pipeline.answer.contract import About, Answer, Line
-from pipeline.answer.of_positions import model_file
+from pipeline.answer.of_positions import law_table, model_file, pictures
 from pipeline.answer.positions import PositionsResults
 from pipeline.answer.recommended import joint_springs
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import listed
-from pipeline.base import doors
 from pipeline.diagnosis.combined import SpringAgreement, combined, spring_agreement
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
@@ -36,9 +35,6 @@ from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.system import alarms
 from pipeline.system.fit import Fitted, fit
-
-_PICTURED = "pipeline.annex.figure_tables:beside_pulls"
-"""Door of the annex: tables that only its figures need."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,10 +116,11 @@ class PositionsAndPulls:
 
     def shown(self, pulls: Mapping[str, pd.DataFrame], keep: Keep) -> dict[str, pd.DataFrame]:
         """The tables of the positions, beside those of the pulls."""
-        pictured = doors.found(_PICTURED)
+        laws = pd.concat([law_table(self.said.found), pulls["laws"]], ignore_index=True)
         rejected = pd.concat([self.said.rejected, pulls["rejected"]], ignore_index=True)
         return {
-            **(pictured(self.said.found, pulls, keep) if pictured else {}),
+            **pictures(self.said, keep),
+            "laws": keep("53_laws", laws, tables.LAWS),
             "rejected": keep("13_rejected", rejected, tables.REJECTED),
         }
 

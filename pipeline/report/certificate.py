@@ -28,7 +28,7 @@ from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.figures.certificate import drawn_as, stand
-from pipeline.report.identity import NAMES, rows
+from pipeline.report.identity import IDENTITY_NAMES, rows
 from pipeline.report.record import Certificate, Item, StiffnessBar
 from pipeline.report.summaries import Tables, interval
 from pipeline.store.campaign import dump
@@ -73,7 +73,10 @@ def certificate(
         beside=say("Of nominal" if compared else "Uncertainty"),
         note=say(_note(answer, compared) if bars else _NO_TABLE),
         filed=(
-            *(Item(say(name), text if name in NAMES else say(text)) for name, text in rows(answer)),
+            *(
+                Item(say(name), text if name in IDENTITY_NAMES else say(text))
+                for name, text in rows(answer)
+            ),
             *(Item(name, text) for name, text in look.fields),
         ),
         logo=look.logo,

@@ -9,14 +9,14 @@ from pipeline.base.quantities import plain
 
 _KINDS = {"laser_tracker": "laser tracker", "arm": "measuring arm", "unknown": "unknown kind"}
 
-Row = tuple[str, str]
+LabelledText = tuple[str, str]
 """A heading, and what is stated under it."""
 
-NAMES = ("Campaign", "Operator", "Software")
+IDENTITY_NAMES = ("Campaign", "Operator", "Software")
 """Headings whose entries are names, which are not translated."""
 
 
-def rows(answer: Answer) -> Iterator[Row]:
+def rows(answer: Answer) -> Iterator[LabelledText]:
     """Data for filing; what is not stated is omitted."""
     found = answer.identity
     if found is None:

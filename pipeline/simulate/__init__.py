@@ -11,9 +11,9 @@ from pipeline.simulate.plan import SimulationPlan, parse, revised, with_noise
 from pipeline.simulate.scene import build, draw
 
 __all__ = [
-    "SimulationPlan",
     "Planted",
     "RawCampaign",
+    "SimulationPlan",
     "build",
     "draw",
     "parse",

@@ -8,13 +8,13 @@ from urllib.parse import quote
 from pipeline.answer.contract import Answer, Measuring, Rejected, Unit
 from pipeline.answer.words import listed
 from pipeline.report.columns import Cells, table_of, word_column
-from pipeline.report.identity import Row, rows
+from pipeline.report.identity import LabelledText, rows
 from pipeline.report.record import Column, Paragraph, Section, TableEntry, entry, section_of
 
 
 def identity(answer: Answer) -> Section | None:
     """Date, operator, instrument, scale, robot, software, and one line on what is not stated."""
-    columns: list[Cells[Row]] = [
+    columns: list[Cells[LabelledText]] = [
         word_column("What", lambda row: row[0]),
         word_column("Stated", lambda row: row[1]),
     ]
@@ -24,8 +24,8 @@ def identity(answer: Answer) -> Section | None:
     )
 
 
-def _unsaid(answer: Answer) -> Iterator[Row]:
-    """Row listing what should be filed but is not stated in campaign.toml."""
+def _unsaid(answer: Answer) -> Iterator[LabelledText]:
+    """LabelledText listing what should be filed but is not stated in campaign.toml."""
     found, instrument = answer.identity, answer.instrument
     if found is None:
         return
