@@ -17,7 +17,6 @@ from pipeline import tables
 from pipeline.answer import archive
 from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.contract import Answer, Which
-from pipeline.answer.kept_tables import kept, predicted
 from pipeline.answer.of_positions import conclude
 from pipeline.answer.of_positions import identify_positions as positions
 from pipeline.answer.positions import PositionsResults
@@ -33,6 +32,7 @@ from pipeline.answer.recommended import (
 )
 from pipeline.answer.reliability import control
 from pipeline.answer.results import CampaignResults
+from pipeline.answer.tables import kept, predicted
 from pipeline.base import doors
 from pipeline.base.appearance import appearances
 from pipeline.base.errors import InputError, at

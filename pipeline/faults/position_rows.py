@@ -35,7 +35,7 @@ from pipeline.geometry.mechanism import ArmWeights, Mechanism, placed
 from pipeline.geometry.positioned import by_pose, weights_of
 from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import Robot, configure
-from pipeline.readers.positions import AXES
+from pipeline.readers.logs import AXES
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.settings import Settings
 
