@@ -245,17 +245,20 @@ def _base(data: LawData, begun: Mechanism) -> tuple[Identified, tuple[Listed, ..
     table = data.identify(begun, Wanted(springs=False))
     if not rail(robot):
         found = data.identify(table.mechanism, wanted, table)
-        best = _formed(found, found.wanted)
+        best = _formed(found, found.wanted, None)
     else:
         found = data.identify(table.mechanism, replace(wanted, bed=curves.BED[1]), table)
         beds = [replace(wanted, bed=length) for length in curves.BED]
-        best = _formed(found, likeliest(found, beds))
+        best = _formed(found, *likeliest(found, beds))
     now = found if best == found.wanted else data.identify(found.mechanism, best, found)
     return now, names
 
 
-def _formed(found: Identified, wanted: Wanted) -> Wanted:
-    """The structure with the likeliest form of each gear law that the readings show."""
+def _formed(found: Identified, wanted: Wanted, known: float | None) -> Wanted:
+    """The structure with the likeliest form of each gear law that the readings show.
+
+    `known` is the evidence of `wanted`, if it is known.
+    """
     there, tau = found.mechanism, found.linear.inputs.tau
     x, std = found.solution.x, np.sqrt(np.diag(found.solution.cov))
     at = layout(there).yields.start
@@ -265,7 +268,7 @@ def _formed(found: Identified, wanted: Wanted) -> Wanted:
                 replace(wanted, yields=(*wanted.yields[:k], other, *wanted.yields[k + 1 :]))
                 for other in other_forms(there.table, tau, one)
             ]
-            wanted = likeliest(found, [wanted, *others])
+            wanted, known = likeliest(found, [wanted, *others], known)
         at += len(one.parameters)
     return wanted
 
@@ -278,7 +281,7 @@ readings [1]."""
 def _otherwise(data: LawData, found: Identified, rng: np.random.Generator) -> _Weighed | None:
     """Estimate with link masses other than in the robot file, if it is certainly better."""
     other = replace(found.wanted, moments=True)
-    if not weighs(found.mechanism.table) or likeliest(found, [found.wanted, other]) != other:
+    if not weighs(found.mechanism.table) or likeliest(found, [found.wanted, other])[0] != other:
         return None
     return _weigh(found, data.identify(found.mechanism, other, found), rng)
 
