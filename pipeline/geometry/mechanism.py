@@ -363,8 +363,8 @@ class Linear(Locked):
         every = self.y, self.D, self.Z, self.read
         if len(self.used) == self.read.shape[1]:
             return every
-        y, D, Z, read = (one[:, self.used] for one in every)
-        return y, D, Z, np.asarray(read, dtype=bool)
+        y, D, Z = (one[:, self.used] for one in every[:3])
+        return y, D, Z, np.asarray(self.read[:, self.used], dtype=bool)
 
     def spread(self, left: Array) -> Array:
         """Values of these rows (m, r) extended by zeros for all others, shape (m, 6 t)."""

@@ -139,15 +139,14 @@ class _Likelihood:
         s = np.exp(logs / 2)
         Z, read, turns = self.rows
         _, W = linear.triangular(self.rows.cov(s))
-        white = _times(_times(W, self.products), np.swapaxes(W, 0, 1))
-        each = np.arange(len(W))
-        f = 0.5 * float(white[each, each].sum()) - float(np.log(W[each, each]).sum())
-        white *= -1.0
-        white[each, each] += 1.0
-        Q = _times(np.swapaxes(W, 0, 1), _times(white, W))
+        each, P = np.arange(len(W)), self.products
+        inverse = _times(np.swapaxes(W, 0, 1), W)
+        inner, along = _times(inverse, P), _times(inverse, Z)
+        f = 0.5 * float(inner[each, each].sum()) - float(np.log(W[each, each]).sum())
         slope = np.empty(len(s))
-        slope[:-2] = 0.5 * np.einsum("ijm,ijm->j", _times(Q, Z), Z)
-        diagonal = np.where(read, Q[each, each], 0.0).sum(axis=1)
+        slope[:-2] = 0.5 * np.einsum("ijm,ijm->j", Z - _times(P, along), along)
+        own = inverse[each, each] - np.einsum("ikm,ikm->im", inner, inverse)
+        diagonal = np.where(read, own, 0.0).sum(axis=1)
         for k in range(2):
             slope[k - 2] = 0.5 * diagonal[turns == k].sum()
         return f, slope * s**2

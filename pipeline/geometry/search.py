@@ -372,8 +372,9 @@ def _from(series: Ints, pose: int) -> Ints:
 def _frames_moved(
     found: Identified, here: Score, poses: Sequence[int], signs: Array
 ) -> _FramesMoved:
-    """Moves before each of some ascending poses: sums over the poses from one to the next, added up
-    from the last backwards.
+    """Moves before each of some ascending poses.
+
+    Sums over the poses from one to the next are added up from the last backwards.
     """
     series, count, width = found.readings.series, len(poses), 1 + len(signs)
     shared, own = np.zeros((count, len(here.cov), 6)), np.zeros((count, 6, 6))
