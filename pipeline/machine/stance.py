@@ -92,6 +92,9 @@ class Stance(Locked):
         gravity: Acceleration in F_b [m/s^2], shape (3,).
         elements: All candidate elastic elements besides the joints; those not in `held` are taken
             as rigid.
+        unsure: Controller joint values (m, n), names of points (m,) -> motions of the unloaded
+            points, each by one unit of an independent standard error of what is estimated besides
+            table and points [m], F_b, up to a rigid motion, (m, 3, r); None if there is none.
         reopened: Re-estimate with the candidates of given indices free; None if they stay rigid.
     """
 
@@ -108,6 +111,7 @@ class Stance(Locked):
     moments: Array = field(default_factory=lambda: np.zeros((0, 4)))
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     elements: tuple[Elastic, ...] = ()
+    unsure: Callable[[Array, Strings], Array] | None = None
     reopened: Callable[[tuple[int, ...]], Stance] | None = None
 
     def holding(self, called: Sequence[Effect]) -> Stance:
