@@ -31,9 +31,9 @@ from pipeline.geometry.mechanism import reach
 from pipeline.geometry.scatter import START
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Geometry, Pulls
+from pipeline.machine.positions_estimate import PositionsEstimate
 from pipeline.machine.robot import Robot, configure
-from pipeline.machine.robot.letters import Letter, changed, letters, twists
-from pipeline.machine.stance import Stance
+from pipeline.machine.robot.dh_parameters import DhParameter, changed, dh_parameters, twists
 from pipeline.reduction.idle import Idle
 from pipeline.reduction.measured import STILL_M, Measured
 
@@ -49,7 +49,7 @@ _ANYWHERE_M = 10.0
 """Prior standard deviation of the position of F_b [m]: its base reflectors are not part of the
 robot."""
 
-HELD = 1e-8
+FIXED_STD = 1e-8
 """Standard deviation of what is not estimated [m or rad]; for masses it is a thousand times as
 large."""
 
@@ -85,7 +85,7 @@ class MidChange:
 
 
 @dataclass(frozen=True)
-class UnknownColumns:
+class _UnknownColumns:
     """Slices of the vector of unknowns.
 
     Attributes:
@@ -162,9 +162,9 @@ class Unloaded(Locked):
     beside: Array = field(default_factory=lambda: np.zeros((0, 3, 0)))
 
     @cached_property
-    def letters(self) -> tuple[Letter, ...]:
+    def letters(self) -> tuple[DhParameter, ...]:
         """Geometric parameters with distinct effects on a reflector."""
-        return letters(self.robot)
+        return dh_parameters(self.robot)
 
     @cached_property
     def turns(self) -> Bools:
@@ -172,14 +172,14 @@ class Unloaded(Locked):
         return np.array([letter.turns for letter in self.letters], dtype=bool)
 
     @cached_property
-    def columns(self) -> UnknownColumns:
+    def columns(self) -> _UnknownColumns:
         """Layout of the unknowns."""
         masses = len(self.sag.parameters) if self.sag else 0
         changes = sum(one.unknowns for one in self.changes)
         more, tool = self.beside.shape[2], 3 * len(self.tool.points)
         sizes = (3, 3, tool, len(self.letters), 3, masses, more, changes)
         ends = np.cumsum([0, *sizes]).tolist()
-        return UnknownColumns(*(slice(a, b) for a, b in pairwise(ends)))
+        return _UnknownColumns(*(slice(a, b) for a, b in pairwise(ends)))
 
     @property
     def changed(self) -> Iterator[tuple[MidChange, slice]]:
@@ -220,9 +220,9 @@ class Unloaded(Locked):
 
     def held(self) -> Array:
         """Prior standard deviations if only position, stated rotation and tool are free, (K,)."""
-        std, where = np.full(self.columns.count, HELD), self.columns
+        std, where = np.full(self.columns.count, FIXED_STD), self.columns
         std[where.shift], std[where.turn], std[where.beside] = _ANYWHERE_M, 1.0, 1.0
-        std[where.tool], std[where.masses] = max(_TOOL_M, self.tool_std), 1e3 * HELD
+        std[where.tool], std[where.masses] = max(_TOOL_M, self.tool_std), 1e3 * FIXED_STD
         return std
 
     def masses(self, x: Array) -> Array:
@@ -423,7 +423,7 @@ def unloaded(
     return replace(found, place=(off if turned is None else off[::2]).mean(axis=0))
 
 
-def _beside(known: Stance | None, q: Array, names: Strings) -> Array:
+def _beside(known: PositionsEstimate | None, q: Array, names: Strings) -> Array:
     """Motions by errors of what positions tell besides the table, as `Unloaded.beside`."""
     if known is None or known.unsure is None:
         return np.zeros((len(q), 3, 0))
