@@ -34,16 +34,16 @@ from pipeline.readers._log_table import (
 from pipeline.readers.export_settings import OWN_LOG, LogForm
 
 __all__ = [
-    "NUMBER_LIMIT",
     "FORCE",
     "LENGTH",
     "MASS",
+    "NUMBER_LIMIT",
     "POSE",
     "REPEAT",
     "SCALE",
+    "GroupState",
     "Log",
     "Quantity",
-    "GroupState",
     "columns",
     "displacements",
     "forces",

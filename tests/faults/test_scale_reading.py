@@ -231,8 +231,8 @@ def test_few_pulls_single_none_out(case, monkeypatch):
     wrong = asked(typed(case, 5, 2, lambda f: 10 * f))
     args = (wrong.case, wrong.cell, wrong.reduced.data, wrong.system, wrong.estimate)
     for fewest, most, said in ((12, 12, True), (13, 99, False), (8, 11, False)):
-        monkeypatch.setattr(scale_reading, "_FEWEST", fewest)
-        monkeypatch.setattr(scale_reading, "_MOST", most)
+        monkeypatch.setattr(scale_reading, "FEWEST", fewest)
+        monkeypatch.setattr(scale_reading, "MOST", most)
         assert bool(scale_outliers(*args)) is said
     assert (alarms.READING, len(wrong.reduced.data.pulls)) == (2e-4, 12)
 
