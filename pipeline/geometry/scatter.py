@@ -55,7 +55,7 @@ class PoseScatter(Locked):
 
     def factors(self, rows: Linear) -> tuple[Array, Array]:
         """L and W = L^-1 with V = L L' of each pose, over the rows read at any, (m, r, r) each."""
-        of = _Rows.of(rows, len(self.joints))
+        of = _RowsByPose.of(rows, len(self.joints))
         pair = linear.triangular(of.cov(np.append(self.joints, [self.position, self.rotation])))
         L, W = (np.ascontiguousarray(np.moveaxis(one, 2, 0)) for one in pair)
         return L, W
@@ -96,7 +96,7 @@ def start(robot: Robot, sigma_m: float | None) -> PoseScatter:
     return PoseScatter(joints, sigma_m or _NOISE[0], _NOISE[1], sigma_m is not None)
 
 
-class _Rows(NamedTuple):
+class _RowsByPose(NamedTuple):
     """Rows of all poses, the poses along the last axis.
 
     Attributes:
@@ -110,7 +110,7 @@ class _Rows(NamedTuple):
     turns: Bools
 
     @classmethod
-    def of(cls, rows: Linear, n: int) -> _Rows:
+    def of(cls, rows: Linear, n: int) -> _RowsByPose:
         _, _, Z, read = rows.seen
         last = np.ascontiguousarray(np.moveaxis(Z[:, :, :n], 0, 2))
         return cls(last, np.asarray(read.T, dtype=bool), rows.used % 6 >= 3)
@@ -132,7 +132,7 @@ class _Likelihood:
     """
 
     def __init__(self, rows: Linear, products: Array, n: int) -> None:
-        self.rows = _Rows.of(rows, n)
+        self.rows = _RowsByPose.of(rows, n)
         self.products = np.ascontiguousarray(np.moveaxis(products, 0, 2))
 
     def __call__(self, logs: Array) -> tuple[float, Array]:
