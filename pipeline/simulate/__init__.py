@@ -7,13 +7,13 @@ Tests: `tests/simulate/`; nearly all others measure with it.
 
 from pipeline.simulate.campaign import RawCampaign, prepared, raw_files, simulate
 from pipeline.simulate.hidden import Planted, plant
-from pipeline.simulate.plan import SimulationPlan, parse, revised, with_noise
+from pipeline.simulate.plan import Plan, parse, revised, with_noise
 from pipeline.simulate.scene import build, draw
 
 __all__ = [
+    "Plan",
     "Planted",
     "RawCampaign",
-    "SimulationPlan",
     "build",
     "draw",
     "parse",

@@ -22,10 +22,10 @@ from pipeline.machine.robot import mdh as robots
 from pipeline.prediction import model as own
 from pipeline.reduction.settings import parse
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import CampaignFolder, dump, every, find, in_memory
 
-GOOD = simulate(SimulationPlan(name="c", poses={"count": 8})).files
+GOOD = simulate(Plan(name="c", poses={"count": 8})).files
 ODD = 'a\x1b[31m\x7f\x9b\u202e\udcff😀\U000e0041\n\t"\\'
 SECONDS = 5.0
 """Far more than a few lines need on a busy machine; a hang is longer."""
@@ -97,7 +97,7 @@ def test_every_message_is_one_line_of_a_bearable_length():
 @pytest.mark.whole
 def test_a_model_of_any_names_can_be_read_elsewhere():
     """Names beyond ASCII and odd ones: model.toml stays TOML, the others stay XML."""
-    made = simulate(SimulationPlan(name="c", poses={"count": 8}, pulls={"steps_n": [2000.0]}))
+    made = simulate(Plan(name="c", poses={"count": 8}, pulls={"steps_n": [2000.0]}))
     text = made.files["campaign.toml"].decode().replace("P1", "P😀").replace("\nP😀", '\n"P😀"')
     tracker = made.files["tracker.csv"].replace(b",P1,", ",P😀,".encode())
     changed = {"campaign.toml": text.encode()}
