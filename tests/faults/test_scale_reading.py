@@ -88,7 +88,7 @@ def test_the_reading_that_fits_is_the_smallest_misfit(case):
     assert (data.pulls.pose[pull], data.pulls.repeat[pull]) == (3, 1)
     scale = case.settings.scale
 
-    found = _fitting(wrong.cell, data, wrong.estimate.value, np.array([pull]), scale)
+    found = _fitting(wrong, np.array([pull]), scale)
 
     right = asked(case)
     W, B = dense(right)  # weights of the readings as they should be
@@ -216,7 +216,7 @@ def test_what_was_not_mistyped_is_not_called_so():
             return scale_reading.FAULT.find(wrong)
         settings = wrong.case.settings.model_copy(update={"scale": scale})
         poor = replace(wrong.case, settings=settings)
-        return scale_outliers(poor, wrong.cell, wrong.reduced.data, wrong.system, wrong.estimate)
+        return scale_outliers(replace(wrong, case=poor, known=wrong.reduced))
 
     assert find(1.022) == []
     assert len(find(1.045)) == 1
@@ -229,11 +229,10 @@ def test_what_was_not_mistyped_is_not_called_so():
 def test_few_pulls_single_none_out(case, monkeypatch):
     """Seven are too few, and more than a thousand are not typed by hand."""
     wrong = asked(typed(case, 5, 2, lambda f: 10 * f))
-    args = (wrong.case, wrong.cell, wrong.reduced.data, wrong.system, wrong.estimate)
     for fewest, most, said in ((12, 12, True), (13, 99, False), (8, 11, False)):
         monkeypatch.setattr(scale_reading, "FEWEST", fewest)
         monkeypatch.setattr(scale_reading, "MOST", most)
-        assert bool(scale_outliers(*args)) is said
+        assert bool(scale_outliers(wrong)) is said
     assert (alarms.READING, len(wrong.reduced.data.pulls)) == (2e-4, 12)
 
 
