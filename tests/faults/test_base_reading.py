@@ -227,7 +227,7 @@ def grown(case, kelvin):
 def test_a_base_frame_that_grew_with_the_hall_accuses_no_reading(case, kelvin):
     """By 0.7 to 2.6 mm at its far end; of a reading that is off beside that none but it is named.
 
-    Growth of its own along each axis leaves three freedoms of twelve in a round: too few to name it.
+    Growth of its own along each axis leaves three freedoms of twelve in a round: too few.
     """
     late = grown(case, kelvin)
     wrong = spoiled(late, 6, np.array([12e-4, 0.0, 16e-4]))
