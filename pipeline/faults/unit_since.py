@@ -78,7 +78,7 @@ def _coordinates(case: Case) -> Iterator[Mistake]:
 
 def _near(times: pd.Series[float], factor: float) -> pd.Series[bool]:
     """Rows whose group is too small by this factor, to a tenth."""
-    return np.abs(np.log(times / factor)) < 0.1
+    return times.div(factor).between(0.9, 1.1)
 
 
 def _too_small(case: Case, group: pd.DataFrame) -> float:
