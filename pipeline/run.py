@@ -41,6 +41,7 @@ from pipeline.diagnosis.settle import settle
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.faults.joint_row import contradicted
+from pipeline.faults.mistake import told_once
 from pipeline.machine.robot import Robot
 from pipeline.prediction.model import IdentifiedModel, dumps
 from pipeline.prediction.tolerance import Shown, asked, judge
@@ -216,7 +217,7 @@ def _of_pulls(name: str, raw: Raw, read: PositionsFound | None, keep: Keep, step
     screened, right, where, diagnosis = held.screened, held.right, held.where, held.diagnosis
     given = given if screened.findings else right
 
-    facts = replace(diagnosis.facts, mistakes=screened.findings)
+    facts = replace(diagnosis.facts, mistakes=told_once(screened.findings))
     stands = standing(right, diagnosis)
     if both is not None:
         both = both.beside(stands, diagnosis)

@@ -143,6 +143,7 @@ def _finding(
         unit="mm",
         correct=partial(_exchanged, groups=[group], true=names),
         at=at,
+        alike=said,
     )
 
 
@@ -223,6 +224,7 @@ def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
             unit="mm",
             correct=partial(_exchanged, groups=[str(group)], true={near: far, far: near}),
             at=at,
+            alike=f"{near} and {far}",
         )
 
 
