@@ -29,9 +29,9 @@ import numpy as np
 from bench.league.table import share
 from pipeline import identify, load_campaign, simulate_campaign
 from pipeline.library.campaign import Campaign
-from pipeline.live.growing import snapshot
-from pipeline.live.judged import Update
-from pipeline.live.watching import QUIET_S, Live
+from pipeline.live.complete_lines import snapshot
+from pipeline.live.update import Update
+from pipeline.live.updates import QUIET_S, LiveState
 from pipeline.machine.robot import Robot, configure
 
 SEEDS = 7_000_000
@@ -152,7 +152,7 @@ def _fed(
     rng: np.random.Generator,
 ) -> Iterator[tuple[int, Update]]:
     """Updates, each with the step after which it occurred."""
-    state, forces = Live("hall"), iter(loads)
+    state, forces = LiveState("hall"), iter(loads)
     torn = int(rng.integers(len(steps)))  # the whole file is examined half written at this step
     for k, step in enumerate(steps):
         if "_loaded" in step[0]:

@@ -42,7 +42,8 @@ SPEAKING = (
     "plan_figures.py",
     "corrected.py",
     "library.py",
-    "look.py",
+    "report.py",
+    "describe_file.py",
     "asking.py",
     "blank.py",
 )
@@ -278,7 +279,7 @@ OUTBUILDINGS = {
         "faults": "each new one is held against what is known by the same tests",
         "system": "and the springs are estimated from all of them",
         "prediction": "what these predict decides on the tolerance",
-        "answer.judged": "and is said as in the answer",
+        "answer.conformity": "and is said as in the answer",
     },
     "page": {"app.commands._shared": _COMMAND},
     "programs": {
@@ -287,7 +288,7 @@ OUTBUILDINGS = {
         "prediction": "a program is a path of targets: aimed at and compensated as any other",
         "readers.logs": "a path is a table of joint values, as the log of a campaign is",
         "readers.positions": "and so are the poses of which positions are predicted",
-        "readers.said": "named as we name them",
+        "readers.export_settings": "named as we name them",
     },
     "service": {
         "app.commands._shared": _COMMAND,

@@ -12,10 +12,10 @@ import report_sample
 from pipeline import faults, readers
 from pipeline.faults import screen
 from pipeline.machine.robot import load
-from pipeline.readers import Hints
+from pipeline.readers import ExportSettings
 from pipeline.readers._layout import Field
 from pipeline.report.figures import catalogue
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, blunders, revised, simulate
 from pipeline.store.campaign import in_memory
 
@@ -62,7 +62,7 @@ def late_files(monkeypatch):
 
 def verdict_of(files):
     """Verdict of a campaign, and findings with their places."""
-    said = answered("late", in_memory(files)).answer.diagnosis
+    said = campaign_answer("late", in_memory(files)).answer.diagnosis
     return said.verdict, [(cause.name, cause.where) for cause in said.causes]
 
 
@@ -114,7 +114,9 @@ def test_the_reader_of_the_guide_reads_times(monkeypatch):
     scan = module(block("docs/add-a-reader.md", '"""Station scan'))
     fields = (*scan._FIELDS, Field("time", "time", needed=False))
     monkeypatch.setattr(scan, "_FIELDS", fields)
-    layout = eval(block("docs/add-a-reader.md", "Layout("), vars(scan) | {"hints": Hints()})
+    layout = eval(
+        block("docs/add-a-reader.md", "Layout("), vars(scan) | {"hints": ExportSettings()}
+    )
     text = readers.text("scan.txt", SCAN.replace("22\n", "22;03.11.2026 08:00:48\n").encode())
 
     rows = scan.rows(text, layout)

@@ -9,7 +9,7 @@ import typer
 
 from pipeline.app import cli
 from pipeline.app.commands._shared import Jobs, On, Root
-from pipeline.service.executor import Processes
+from pipeline.service.executor import InProcesses
 from pipeline.service.many import executor
 
 command = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -52,7 +52,7 @@ def worlds(
     names = chosen(",".join(world or []))
     wanted = fixtures(names, games, first, cause, seeds or SEEDS)
     kept = log or root / "reports" / "worlds.jsonl"
-    played = contest(wanted, kept, executor(jobs, on) or Processes())
+    played = contest(wanted, kept, executor(jobs, on) or InProcesses())
     for line in [*spoken(played), "", *failures(played)]:
         typer.echo(line)
     if page is not None:

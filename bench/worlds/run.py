@@ -33,7 +33,7 @@ from pipeline.base.errors import InputError, Interrupted, PipelineError
 from pipeline.diagnosis.isolability import twins
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.service.executor import Executor
 from pipeline.store.campaign import in_memory
 
@@ -183,7 +183,7 @@ def asked(content: Mapping[str, bytes]) -> Asked:
         return held
 
     try:
-        answer = answered("game", in_memory(content), keep).answer.as_json()
+        answer = campaign_answer("game", in_memory(content), keep).answer.as_json()
     except PipelineError as problem:
         return Asked(None, "refused", str(problem), None)
     except Exception as problem:  # whatever ends the command with code 1 is a finding

@@ -18,9 +18,9 @@ from pipeline.answer.history import precedes, previous
 from pipeline.answer.recommended import row_of
 from pipeline.answer.words import BECAUSE
 from pipeline.base import files, parquet
+from pipeline.base.appearance import Appearance, AppearanceFacts
 from pipeline.base.doors import is_there, opened
 from pipeline.base.errors import UsageError
-from pipeline.base.look import Facts, Look
 from pipeline.diagnosis.finding import Verdict
 from pipeline.store.campaign import CampaignFolder, dump
 
@@ -196,11 +196,11 @@ def _machine(answer: Answer) -> dict[str, str | None]:
     return {"robot": answer.robot, "machine": answer.machine}
 
 
-_TOGETHER, _REFRESH = "pipeline.fleet.pages:together", "pipeline.fleet.pages:refresh"
+_TOGETHER, _REFRESH = "pipeline.fleet.pages:robots_together", "pipeline.fleet.pages:refresh"
 """Doors of the fleet, which evaluates all campaigns together."""
 
 
-def together(answer: Answer, root: Path) -> str | None:
+def robots_together(answer: Answer, root: Path) -> str | None:
     """Sentence on all campaigns of the answer's robot together, as known so far.
 
     None if the fleet is not installed or states nothing; the page then compares with the previous
@@ -227,15 +227,17 @@ def mark(before: Answer | None) -> str | None:
     return files.sha256(dump([before.campaign, stiffness]))
 
 
-def shown(campaign: CampaignFolder) -> dict[str, pd.DataFrame]:
+def kept_tables(campaign: CampaignFolder) -> dict[str, pd.DataFrame]:
     """The tables of a report as kept by the run, by name."""
     paths = {name: campaign.processed / f"{file}.parquet" for name, file in _SHOWN.items()}
     return {name: tables.frame(parquet.read(p)) for name, p in paths.items() if p.is_file()}
 
 
 def look_of(
-    dress: Callable[[Mapping[str, Any], Facts], Look], said: Mapping[str, Any], of: Answer
-) -> Look:
+    dress: Callable[[Mapping[str, Any], AppearanceFacts], Appearance],
+    said: Mapping[str, Any],
+    of: Answer,
+) -> Appearance:
     """Appearance of a campaign's certificate, with the facts that lines of the house may quote.
 
     Args:

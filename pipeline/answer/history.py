@@ -13,7 +13,7 @@ from pipeline.answer.contract import Answer, Stiffness
 
 NO_SCATTER: Mapping[str, float] = MappingProxyType({})
 
-SURE = 0.01
+FALSE_ALARM = 0.01
 """False-alarm probability over all joints of a robot together [1]."""
 
 
@@ -29,7 +29,7 @@ class Change:
         percent_std: Standard uncertainty of `percent` for independent campaigns, else None.
         sigmas: Change of the compliance in standard uncertainties of the difference; None where it
             is not tested.
-        sure: Whether the change is significant at `SURE` for all joints together.
+        sure: Whether the change is significant at `FALSE_ALARM` for all joints together.
     """
 
     name: str
@@ -125,7 +125,7 @@ def changes(
         if joint.name in pairs
     ]
     tested = sum(bool(compliance(a) and compliance(b)) for a, b in both)
-    limit = float(-special.ndtri(SURE / 2 / max(tested, 1)))
+    limit = float(-special.ndtri(FALSE_ALARM / 2 / max(tested, 1)))
     return [_change(a, b, limit, independent, scatter.get(b.name, 0.0)) for a, b in both]
 
 

@@ -63,23 +63,23 @@ def spoken(language: str) -> Say:
     return str if language == Language.EN else _catalogue(Language(language)).say
 
 
-def said(record: _Any, say: Say) -> _Any:
+def translated(record: _Any, say: Say) -> _Any:
     """Translate all texts of a report record; fields in `_KEPT` and other objects are unchanged."""
     if isinstance(record, str):
         return say(record)  # type: ignore[return-value]
     if isinstance(record, tuple):
-        return tuple(said(one, say) for one in record)  # type: ignore[return-value]
+        return tuple(translated(one, say) for one in record)  # type: ignore[return-value]
     if not is_dataclass(record):
         return record
     new: dict[str, Any] = {
-        one.name: said(getattr(record, one.name), say)
+        one.name: translated(getattr(record, one.name), say)
         for one in fields(record)
         if one.name not in _KEPT
     }
     return replace(record, **new)  # type: ignore[type-var]
 
 
-def capital_like(text: str, there: str) -> str:
+def _capital_like(text: str, there: str) -> str:
     """Capitalise the translation if the English text is capitalised."""
     return there[:1].upper() + there[1:] if text[:1].isupper() else there
 
@@ -161,7 +161,7 @@ class Catalogue(gettext.GNUTranslations):
         if (there := self.texts.get(text)) is not None:
             yield _Said(there)
         elif text[:1].isupper() and (there := self.texts.get(_small(text))) is not None:
-            yield _Said(capital_like(text, there))
+            yield _Said(_capital_like(text, there))
         yield from self._filled(text, specific=True)
         yield from self._parted(text)
         yield from self._filled(text, specific=False)
@@ -177,7 +177,7 @@ class Catalogue(gettext.GNUTranslations):
                 found := pattern.fullmatch(text) or pattern.fullmatch(_small(text))
             ):
                 parts = [_Part(one, self.find) for one in found.groups()]
-                said_ = capital_like(text, there.format(*parts))
+                said_ = _capital_like(text, there.format(*parts))
                 yield _Said(said_, all(one.whole for one in parts))
 
     def _parted(self, text: str) -> Iterator[_Said]:

@@ -23,9 +23,9 @@ from pipeline.machine.effect import Effect, Observation
 from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS, PER_GROUP, amount
 from pipeline.reduction.register import XYZ, Registration, seconds
 from pipeline.system import alarms, odds
-from pipeline.system.beside import Base, Beside
-from pipeline.system.family import AWAY
-from pipeline.system.noise import TOLERATED
+from pipeline.system.family import FAR_OFF
+from pipeline.system.noise import TOLERATED_FACTOR
+from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.wander import Wander
 
 _ROUNDS = 100
@@ -53,7 +53,7 @@ def drift(
     y_k = p_t(k) + a(t_k) (v + w x (p_k - p_0)) + e_k,    e_k ~ N(0, scale^2 R C_k R'),
 
     read in F_b [m]; p_t free for each reflector t, a a law of `LAWS`, v and w velocity and angular
-    velocity about p_0. With chi2 the residual sum of squares, s^2 = max(`TOLERATED`^2, chi2 / dof)
+    velocity about p_0. With chi2 the residual sum of squares, s^2 = max(`TOLERATED_FACTOR`^2, chi2 / dof)
     and p = P[chi2(6) > (chi2 without v and w - chi2) / s^2].
 
     Args:
@@ -96,7 +96,7 @@ def drift(
     return replace(found, effect=_undecided(found.effect, table)) if found.undecided else found
 
 
-def _each_round(base: Base, table: pd.DataFrame, white: Array, rigid: Array) -> Beside | None:
+def _each_round(base: Base, table: pd.DataFrame, white: Array, rigid: Array) -> ScoreTests | None:
     """One rigid motion of each round, y_k = p_t(k) + v_r(k) + w_r(k) x (p_k - p_0) + e_k.
 
     None where there are too many rounds.
@@ -108,7 +108,7 @@ def _each_round(base: Base, table: pd.DataFrame, white: Array, rigid: Array) -> 
     return base.beside(columns.reshape(1, 3 * len(table), 1, -1)).of_block(0)
 
 
-def _beyond(each: Beside) -> tuple[float, int]:
+def _beyond(each: ScoreTests) -> tuple[float, int]:
     """Residual sum of squares beside a motion of each round, and its degrees of freedom."""
     return float(each.rest - each.drop[0]), each.dof - int(each.rank[0])
 
@@ -118,21 +118,21 @@ def _unit_m(white: Array) -> float:
     return float(np.sqrt(3 / np.mean(np.sum(white**2, axis=(1, 2)))))
 
 
-def _deformed(each: Beside | None, white: Array) -> float:
+def _deformed(each: ScoreTests | None, white: Array) -> float:
     """`Drift.deformed_m`, as for a base frame that grows with the hall."""
     left, dof = (0.0, 0) if each is None else _beyond(each)
-    if dof < 1 or chi2_beyond(left / TOLERATED**2, dof) > odds.FITS:
+    if dof < 1 or chi2_beyond(left / TOLERATED_FACTOR**2, dof) > odds.FITS:
         return 0.0
     return _unit_m(white) * float(np.sqrt(left / dof))
 
 
 def _knocked(
-    law: Drift, each: Beside | None, table: pd.DataFrame, white: Array, rigid: Array
+    law: Drift, each: ScoreTests | None, table: pd.DataFrame, white: Array, rigid: Array
 ) -> Drift:
     """The result, with the rounds between which the tracker moved significantly, if there are any.
 
     P[chi2 > drop] < alarms.MOVED of a motion of each round, where this explains all differences
-    between the rounds, and the largest step moves the reflectors by more than `AWAY` standard
+    between the rounds, and the largest step moves the reflectors by more than `FAR_OFF` standard
     uncertainties, rms.
     """
     if each is None or law.deformed_m > 0 or _beyond(each)[1] < 1:
@@ -140,7 +140,9 @@ def _knocked(
     size = each.size[0].reshape(-1, 6)
     steps = np.sqrt(np.mean(np.sum((rigid @ size.T) ** 2, axis=1), axis=0))
     most = int(np.argmax(steps))
-    if each.p(TOLERATED**2, np.inf)[0] >= alarms.MOVED or steps[most] <= AWAY * _unit_m(white):
+    if each.p(TOLERATED_FACTOR**2, np.inf)[0] >= alarms.MOVED or steps[most] <= FAR_OFF * _unit_m(
+        white
+    ):
         return law
     begun = table.groupby(table["group"].astype(str))["since"].mean().sort_values()
     return replace(law, knocked=tuple(begun.index[most : most + 2]), moved_m=float(steps[most]))
@@ -167,7 +169,7 @@ def _stated_at(unloaded: Array, registration: Registration) -> Array:
     return np.asarray(known.mean(axis=0) if len(known) else registration.centre)
 
 
-def _moved(base: Base, motions: Array, amounts: Sequence[Array]) -> Beside:
+def _moved(base: Base, motions: Array, amounts: Sequence[Array]) -> ScoreTests:
     """Whitened rigid motions, scaled by each of several amounts per reading, given the base."""
     columns = np.array(amounts).reshape(-1, len(motions), 1, 1) * motions
     shape = 1, 3 * len(motions), len(amounts), 6
@@ -176,7 +178,7 @@ def _moved(base: Base, motions: Array, amounts: Sequence[Array]) -> Beside:
 
 def _stated(
     effect: Observation,
-    laws: Beside,
+    laws: ScoreTests,
     best: int,
     knocked: float,
     moved_m: float,
@@ -184,10 +186,10 @@ def _stated(
 ) -> Drift:
     """Result for the best law; `knocked` is the margin by which a single knock fits better."""
     left, dof, motion = float(laws.rest - laws.drop[best]), laws.dof - 6, laws.size[best]
-    variance = max(TOLERATED**2, left / dof)
+    variance = max(TOLERATED_FACTOR**2, left / dof)
     p = float(laws.p(variance, np.inf)[best])
     # what remains is a reflector that moved or was read badly
-    rigid = bool(chi2_beyond(left / TOLERATED**2, dof) > odds.FITS)
+    rigid = bool(chi2_beyond(left / TOLERATED_FACTOR**2, dof) > odds.FITS)
     typical = np.concatenate([[q.typical for q in effect.parameters], np.zeros(3)])
     shown = typical @ laws.N[best] @ typical / variance
     std = np.sqrt(np.diag(laws.cov[best]) * max(1.0, left / dof))

@@ -214,8 +214,8 @@ def _parameters(causes: Iterable[Cause]) -> Iterator[_Joined]:
 
 
 def _rivals(cause: Cause) -> str | None:
-    said = [f"{words.placed(one)} ({one.probability:.2g})" for one in cause.rivals]
-    return ", ".join(said) or None
+    texts = [f"{words.placed(one)} ({one.probability:.2g})" for one in cause.rivals]
+    return ", ".join(texts) or None
 
 
 def _std_mm(axis: int) -> Callable[[TargetDeflection], float | None]:

@@ -82,9 +82,11 @@ class _Side:
     @property
     def stood_for(self) -> bool:
         """Whether these values are the ones that the answer recommends."""
-        said = self.answer.recommended
-        as_given = said.model is Which.JOINT_SPRINGS and said.data is Data.AS_GIVEN
-        return {"joints": as_given, "extended": said.model is Which.EXTENDED}.get(self.of, True)
+        recommended = self.answer.recommended
+        as_given = recommended.model is Which.JOINT_SPRINGS and recommended.data is Data.AS_GIVEN
+        return {"joints": as_given, "extended": recommended.model is Which.EXTENDED}.get(
+            self.of, True
+        )
 
     @property
     def model(self) -> str:

@@ -10,12 +10,12 @@ from collections.abc import Collection
 from pipeline.answer.contract import Answer
 from pipeline.answer.words import ABOUT
 from pipeline.base import doors
-from pipeline.base.language import said, spoken
-from pipeline.base.look import PLAIN, Look
+from pipeline.base.appearance import PLAIN, Appearance
+from pipeline.base.language import spoken, translated
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.certificate import certificate, enterable
-from pipeline.report.record import Frame, Headline, Item, Report, Section, present, unlabelled
+from pipeline.report.record import Headline, Item, PageFrame, Report, Section, present, unlabelled
 from pipeline.report.sections.diagnosis import diagnosis
 from pipeline.report.sections.files import files
 from pipeline.report.sections.identity import identity
@@ -35,7 +35,7 @@ def compose(
     previous: Answer | None = None,
     beside: Collection[str] = (),
     wear: str | None = None,
-    look: Look = PLAIN,
+    look: Appearance = PLAIN,
 ) -> Report:
     """Compose the report of a campaign.
 
@@ -66,13 +66,13 @@ def compose(
         tone=tone,
         first=(*_first(answer), *([Item("Wear", wear)] if wear else [])),
         sections=tuple(sorted(present(sections), key=lambda one: _place(one, look))),
-        judged=said(_judged(answer), say),
+        judged=translated(_judged(answer), say),
         elsewhere=say(
             "The same report is in index.html and report.pdf, the numbers in result.json."
         ),
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",
         certificate=certificate(answer, tables, say, look),
-        frame=said(Frame(language=look.language), say),
+        frame=translated(PageFrame(language=look.language), say),
     )
 
 
@@ -102,7 +102,7 @@ def _judged(answer: Answer) -> Headline | None:
     return Headline(word, tone)
 
 
-def _place(one: Section, look: Look) -> int:
+def _place(one: Section, look: Appearance) -> int:
     """Rank of a section in the order of the house; sections that it does not list come last."""
     return look.order.index(one.key) if one.key in look.order else len(look.order)
 

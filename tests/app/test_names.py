@@ -22,7 +22,7 @@ from pipeline.machine.robot import load
 from pipeline.machine.robot import mdh as robots
 from pipeline.prediction import model as own
 from pipeline.reduction.settings import parse
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import CampaignFolder, dump, every, find, in_memory
 
@@ -102,7 +102,7 @@ def test_a_model_of_any_names_can_be_read_elsewhere():
     text = made.files["campaign.toml"].decode().replace("P1", "P😀").replace("\nP😀", '\n"P😀"')
     tracker = made.files["tracker.csv"].replace(b",P1,", ",P😀,".encode())
     changed = {"campaign.toml": text.encode()}
-    found = answered("c--\x1b", in_memory(made.files | changed | {"tracker.csv": tracker}))
+    found = campaign_answer("c--\x1b", in_memory(made.files | changed | {"tracker.csv": tracker}))
 
     written = simulators(found.model)
     model = own.dumps(found.model)
@@ -439,7 +439,7 @@ def test_a_name_that_no_folder_can_have_is_told(name, command, tmp_path, say):
 def finished(tmp_path_factory):
     """Two finished campaigns without their computation: a result of one is kept for both."""
     root = tmp_path_factory.mktemp("finished")
-    found = answered("a", in_memory(GOOD))
+    found = campaign_answer("a", in_memory(GOOD))
     for name in ("a", "b"):
         result = dump(found.answer.as_json() | {"campaign": name})
         files.write(root / "reports" / name / "result.json", result)

@@ -25,7 +25,7 @@ from bench.worlds.visible import Adjustment, from_table
 from bench.worlds.worlds import EXAMS, WORLDS
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.robot import load
-from pipeline.service.executor import Here
+from pipeline.service.executor import InThisProcess
 
 KR500 = load("kr500_rail")
 
@@ -362,7 +362,7 @@ def test_what_stops_the_pipeline_is_told_apart(monkeypatch):
     def breaks(*_):
         raise ZeroDivisionError("0/0")
 
-    monkeypatch.setattr(run, "answered", breaks)
+    monkeypatch.setattr(run, "campaign_answer", breaks)
     assert asked(content).outcome == "crashed"
 
 
@@ -377,14 +377,14 @@ def test_games_that_are_kept_are_not_played_again(tmp_path, monkeypatch):
 
     monkeypatch.setattr(run, "_all", inline)
     log, wanted = tmp_path / "kept.jsonl", fixtures(["normal", "stale"], 2, 3, False, SEEDS)
-    first = contest(wanted, log, Here())
+    first = contest(wanted, log, InThisProcess())
     log.write_text(log.read_text()[:-20])
-    again = contest(wanted, log, Here())
+    again = contest(wanted, log, InThisProcess())
     monkeypatch.setattr(run, "code", lambda: "other")
-    contest(wanted[:1], log, Here())
+    contest(wanted[:1], log, InThisProcess())
     made_by = "older"
     with pytest.raises(InputError, match="changed on the way"):
-        contest(wanted[1:2], log, Here())
+        contest(wanted[1:2], log, InThisProcess())
 
     assert done == [4, 1, 1, 1]
     assert again == first

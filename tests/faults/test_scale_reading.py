@@ -233,8 +233,8 @@ def test_few_pulls_single_none_out(case, monkeypatch):
     """Seven are too few, and more than a thousand are not typed by hand."""
     wrong = asked(typed(case, 5, 2, lambda f: 10 * f))
     for fewest, most, said in ((12, 12, True), (13, 99, False), (8, 11, False)):
-        monkeypatch.setattr(scale_reading, "FEWEST", fewest)
-        monkeypatch.setattr(scale_reading, "MOST", most)
+        monkeypatch.setattr(scale_reading, "_FEWEST", fewest)
+        monkeypatch.setattr(scale_reading, "_MOST", most)
         assert bool(scale_outliers(wrong)) is said
     assert (alarms.READING, len(wrong.reduced.data.pulls)) == (2e-4, 12)
 

@@ -5,11 +5,11 @@ import pytest
 from test_live import BASE, of_pose, table
 
 from pipeline import identify, load_campaign, simulate_campaign
-from pipeline.live.judged import judged
+from pipeline.live.update import update_of
 
 
 def warned(campaign):
-    return judged(campaign, identify(campaign)).warnings
+    return update_of(campaign, identify(campaign)).warnings
 
 
 @pytest.mark.whole

@@ -23,7 +23,7 @@ from pipeline.answer.contract import (
     ToMeasure,
 )
 from pipeline.answer.sentences import _least_certain, _proposed, _uncalibrated, joint_to_pull
-from pipeline.answer.tolerated import expanded, largest_force, tolerated
+from pipeline.answer.tolerance_sentence import expanded, largest_force, tolerated
 from pipeline.answer.words import correct, mistaken, unnoticed, wrong
 from pipeline.diagnosis.facts import Facts
 from pipeline.faults.mistake import outlying

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from pipeline.annex.sections.cell import cell
-from pipeline.annex.sections.geometry import geometry, laws, letters
+from pipeline.annex.sections.geometry import dh_table, geometry, laws
 from pipeline.annex.sections.method import method
 from pipeline.annex.sections.readings import budget, enough, registration, reliability, residuals
 from pipeline.answer.contract import Answer
@@ -21,7 +21,7 @@ SECTIONS: dict[str, Callable[[Answer, Tables], Section | None]] = {
     "reliability": reliability,
     "geometry": geometry,
     "laws": laws,
-    "letters": letters,
+    "letters": dh_table,
     "method": method,
 }
 """Sections by the names under which the report requests them."""

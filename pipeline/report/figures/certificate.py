@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.answer.contract import Answer, Placed, Stiffness, TestPose
-from pipeline.answer.tolerated import DECIDED
+from pipeline.answer.tolerance_sentence import DECIDED
 from pipeline.answer.words import at_axis, capital, listed
 from pipeline.base.arrays import Array
 from pipeline.base.language import Say
@@ -53,7 +53,7 @@ which a joint without nominal stiffness counts as well known."""
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class _DrawnArm:
     """The robot as placed on the sheet.
 
     Attributes:
@@ -132,7 +132,7 @@ class Arm:
         return self.rows[(self.rows["part"] == "tool") & (self.rows["name"] == "load_point")]
 
 
-def arm_of(tables: Tables, high: float, top: float, wide: float = _WIDE) -> Arm:
+def arm_of(tables: Tables, high: float, top: float, wide: float = _WIDE) -> _DrawnArm:
     """The robot, as large as fits the width of the sheet and between two heights [px].
 
     Args:
@@ -156,7 +156,7 @@ def arm_of(tables: Tables, high: float, top: float, wide: float = _WIDE) -> Arm:
     low, up = every.min(axis=0), every.max(axis=0)
     scale = float(min((wide - 40) / (up[0] - low[0]), (high - top) / (up[1] - low[1])))
     middle = np.array([wide / 2, (top + high) / 2])
-    return Arm(rows, view, scale, middle - scale * (low + up) / 2 * (1, -1), size)
+    return _DrawnArm(rows, view, scale, middle - scale * (low + up) / 2 * (1, -1), size)
 
 
 def _cut(rows: pd.DataFrame, foot: Array, reach: float) -> pd.DataFrame:
@@ -175,7 +175,7 @@ def _cut(rows: pd.DataFrame, foot: Array, reach: float) -> pd.DataFrame:
 
 
 @dataclass(frozen=True)
-class Stand:
+class _JointClass:
     """Class of a joint: its word in the key, its colour, and the text below its name."""
 
     word: str
@@ -196,10 +196,10 @@ _RULES = {
 """Words of the key that are printed with their condition."""
 
 
-def stand(joint: Stiffness) -> Stand:
+def stand(joint: Stiffness) -> _JointClass:
     """Classify a joint by its ratio to nominal or, if none is stated, by relative uncertainty."""
     if joint.value is None:
-        return Stand(_LOST, PAPER, "?")
+        return _JointClass(_LOST, PAPER, "?")
     if not joint.nominal:
         return _by_uncertainty(joint.relative_std)
     ratio, off = joint.value / joint.nominal, 2 * (joint.std or 0.0) / joint.nominal
@@ -207,13 +207,13 @@ def stand(joint: Stiffness) -> Stand:
     if abs(ratio - 1) > max(_NEAR, off):
         word = _SOFT if ratio < 1 else _STIFF
     said = MISSING if joint.ci95[1] is None else percent(ratio, 3 if ratio >= 1 else 2)
-    return Stand(word, _COLOURS[word], said)
+    return _JointClass(word, _COLOURS[word], said)
 
 
-def _by_uncertainty(rough: float | None) -> Stand:
+def _by_uncertainty(rough: float | None) -> _JointClass:
     """Classify a joint without nominal stiffness by its relative standard uncertainty."""
     word = _SURE if rough is not None and rough <= _KNOWN else _ROUGH
-    return Stand(word, _COLOURS[word], f"± {percent(None if rough is None else 2 * rough)}")
+    return _JointClass(word, _COLOURS[word], f"± {percent(None if rough is None else 2 * rough)}")
 
 
 # --- the picture ----------------------------------------------------------------------------------
@@ -233,7 +233,9 @@ def _draw(answer: Answer, tables: Tables, say: Say = str) -> str:
     return sheet.svg
 
 
-def _joints(sheet: PixelSheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stand]]) -> None:
+def _joints(
+    sheet: PixelSheet, arm: _DrawnArm, stands: dict[int, tuple[Stiffness, _JointClass]]
+) -> None:
     """Draw a disc at each joint, and in a row above its name and its ratio to nominal or U."""
     at = {k: place for k, place in arm.joints.items() if k in stands}
     step = (_WIDE - 20) / max(len(at), 1)
@@ -259,17 +261,17 @@ def drawn_as(joint: Stiffness) -> str:
     return name if len(name) <= _NAME else f"J{joint.joint}"
 
 
-def _outline(one: Stand) -> dict[str, Any]:
+def _outline(one: _JointClass) -> dict[str, Any]:
     """Dashed outline for a joint without a value."""
     return {"stroke_dasharray": "2.6 2"} if one.word == _LOST else {}
 
 
-def _any(stands: Iterable[tuple[Stiffness, Stand]]) -> bool:
+def _any(stands: Iterable[tuple[Stiffness, _JointClass]]) -> bool:
     """Whether any joint has a value."""
     return any(joint.value is not None for joint, _ in stands)
 
 
-def _deflection(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
+def _deflection(sheet: PixelSheet, arm: _DrawnArm, answer: Answer) -> None:
     """Draw the deflection of the load point as an arrow of fixed length."""
     pose, tip = answer.test_pose, arm.tip
     if pose is None or pose.deflection_mm is None or tip.empty:
@@ -281,13 +283,13 @@ def _deflection(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
     end = start + _REACH * arm.size * moved / np.linalg.norm(moved)
     a, b = arm(np.stack([start, end]))
     sheet.arrow(a, b, RED, 3)
-    said = f"{next(readings(answer)).value} mm"
+    text = f"{next(_judged_deflections(answer)).value} mm"
     below = 14 if b[1] >= a[1] else -8
     x = float(np.clip(b[0], 46, _WIDE - 46))
-    sheet.text(x, b[1] + below, said, 14, text_anchor="middle", font_weight="bold", fill=RED)
+    sheet.text(x, b[1] + below, text, 14, text_anchor="middle", font_weight="bold", fill=RED)
 
 
-def _seated(arm: Arm, answer: Answer) -> dict[str, Array]:
+def _seated(arm: _DrawnArm, answer: Answer) -> dict[str, Array]:
     """Causes and their first rivals, in words, with their places in the robot [px], shape (2,).
 
     If the data contain a mistake, only mistakes are listed.
@@ -299,7 +301,7 @@ def _seated(arm: Arm, answer: Answer) -> dict[str, Array]:
     return {one: at for one, at in placed.items() if at is not None}
 
 
-def _causes(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
+def _causes(sheet: PixelSheet, arm: _DrawnArm, answer: Answer) -> None:
     """Draw a numbered ring at the place of each cause."""
     for k, at in enumerate(_seated(arm, answer).values()):
         sheet.disc(at, 17, fill="none", stroke=RED, stroke_width=3)
@@ -312,7 +314,7 @@ _BESIDE = ((-24, 5), (0, 33), (24, 5), (0, -21))
 """Offsets of a ring's number from its centre [px], in turn, as several rings may coincide."""
 
 
-def _key(sheet: PixelSheet, stands: Sequence[Stand], rings: bool) -> None:
+def _key(sheet: PixelSheet, stands: Sequence[_JointClass], rings: bool) -> None:
     """Draw the key of the colours, in rows."""
     dark: dict[str, Any] = {"stroke": INK, "stroke_width": 1}
     marks = {
@@ -333,7 +335,7 @@ def _key(sheet: PixelSheet, stands: Sequence[Stand], rings: bool) -> None:
 
 def _write(answer: Answer, tables: Tables) -> Figure:
     stands = {joint: stand(joint) for joint in answer.stiffness}
-    told = "; ".join(f"{j.axis or j.name} {one.said}, {one.word}" for j, one in stands.items())
+    text = "; ".join(f"{j.axis or j.name} {one.said}, {one.word}" for j, one in stands.items())
     seated = _seated(arm_of(tables, _HIGH, 0.0), answer)
     named = [f"{k} = {one}" for k, one in enumerate(seated, 1)]
     sits = f" The rings mark {listed(named)}." if named else ""
@@ -346,7 +348,7 @@ def _write(answer: Answer, tables: Tables) -> Figure:
         "certificate",
         title,
         f"{what} of each joint{off}.{sits}" if known else f"Each joint by its name.{sits}",
-        f"Drawing: {title}. {what}: {told}.{sits}{moves}",
+        f"Drawing: {title}. {what}: {text}.{sits}{moves}",
     )
 
 
@@ -364,7 +366,7 @@ CERTIFICATE = Plot("certificate", ("posture",), _write, spoken=_draw)
 
 
 @dataclass(frozen=True)
-class Reading:
+class _JudgedDeflection:
     """A deflection with its expanded uncertainty [mm] and the decision on its conformity."""
 
     name: str
@@ -390,18 +392,18 @@ class Reading:
         return f"{self.value} ± {with_uncertainty(self.size, self.u)[1]} mm"
 
 
-def readings(answer: Answer) -> Iterator[Reading]:
+def _judged_deflections(answer: Answer) -> Iterator[_JudgedDeflection]:
     """The deflection at the test pose, and the largest on the path."""
     pose, asked = answer.test_pose, answer.tolerance
     if pose is not None and pose.deflection_mm is not None:
         decision = asked.test_pose if asked else None
         name = "Test pose" if pose.stated else "Strongest pull"
-        yield Reading(name, pose.deflection_mm, pose.expanded_mm, decision)
+        yield _JudgedDeflection(name, pose.deflection_mm, pose.expanded_mm, decision)
     if asked is not None and asked.path is not None:
         worst = max(asked.path.stretches, key=lambda one: one.deflection_mm or 0.0)
         name = f"{asked.path.file}, pose {worst.at}"
         if worst.deflection_mm is not None:
-            yield Reading(name, worst.deflection_mm, worst.expanded_mm, worst.decision)
+            yield _JudgedDeflection(name, worst.deflection_mm, worst.expanded_mm, worst.decision)
 
 
 _GAUGE = {Decision.PASS: GREEN, Decision.UNDECIDED: BLUE, Decision.FAIL: RED, None: BLUE}
@@ -415,7 +417,7 @@ _LETTERS = 46
 
 def _draw_gauge(answer: Answer, tables: Tables, say: Say = str) -> str:
     """Draw a bar for each deflection, with a line at the tolerance."""
-    told = list(readings(answer))
+    told = list(_judged_deflections(answer))
     most = answer.tolerance.deflection_mm if answer.tolerance else None
     full = 1.15 * max([*(one.end for one in told), most or 0.0])
     sheet = PixelSheet(_ACROSS, _ROW * len(told) + 18, say)
@@ -438,14 +440,14 @@ def _draw_gauge(answer: Answer, tables: Tables, say: Say = str) -> str:
             sheet.line((at(most), y - 12), (at(most), y + 12), INK, 3)
     foot = _ROW * len(told)
     if most is not None:
-        said = f"tolerance {most:g} mm"
-        sheet.text(min(at(most), _RIGHT - 60), foot + 13, said, 13, text_anchor="middle")
+        text = f"tolerance {most:g} mm"
+        sheet.text(min(at(most), _RIGHT - 60), foot + 13, text, 13, text_anchor="middle")
     sheet.text(_LEFT, foot + 13, "0", 13)
     return sheet.svg
 
 
 def _write_gauge(answer: Answer, tables: Tables) -> Figure | None:
-    told = list(readings(answer))
+    told = list(_judged_deflections(answer))
     if not told:
         return None
     parts = [
@@ -454,12 +456,12 @@ def _write_gauge(answer: Answer, tables: Tables) -> Figure | None:
     ]
     most = answer.tolerance.deflection_mm if answer.tolerance else None
     limit = "" if most is None else f", beside a tolerance of {most:g} mm"
-    said = "; ".join(parts)
+    text = "; ".join(parts)
     return Figure(
         "gauge",
         "Deflection of the load point",
         _only(answer),
-        f"Gauge of the deflection of the load point{limit}, with its expanded uncertainty: {said}.",
+        f"Gauge of the deflection of the load point{limit}, with its expanded uncertainty: {text}.",
     )
 
 
@@ -528,15 +530,15 @@ def _write_motion(answer: Answer, tables: Tables) -> Figure | None:
         return None
     tip = tables["posture"][tables["posture"]["name"] == "load_point"]
     moved = tip[[f"to_caused_{a}_m" for a in "xyz"]].to_numpy(float)[0]
-    said = (
+    text = (
         f"{capital(' and '.join(causes))} alone {'moves' if len(causes) == 1 else 'move'} the load "
         f"point by {plain(MM * float(np.linalg.norm(moved)))} mm at the test pose."
     )
     return Figure(
         "motion",
         "What gives way, and how the robot moves with it",
-        f"{said} Orange: the same, {times:,.0f} times magnified.",
-        f"Drawing of the robot with an outline of where the identified causes move it. {said}",
+        f"{text} Orange: the same, {times:,.0f} times magnified.",
+        f"Drawing of the robot with an outline of where the identified causes move it. {text}",
     )
 
 

@@ -21,7 +21,7 @@ from pipeline.base import doors
 from pipeline.base.quantities import p_value, percent, plain, probability
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
-from pipeline.report.columns import Cells, number, said, table_of
+from pipeline.report.columns import Cells, number_column, table_of, word_column
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import Block, Paragraph, ReportTable, Section, section_of
 from pipeline.report.sections.unseen import blind_spots
@@ -88,11 +88,11 @@ def _cause(place: int, one: Cause, axes: words.Axes, with_gain: bool) -> list[Bl
 def _alone(single: Sequence[Alone]) -> ReportTable | None:
     """Table of the likeliest causes, with the gain of each as the only one in the model."""
     columns: list[Cells[Alone]] = [
-        said("Cause", words.placed),
-        said("Name", words.label),
-        number("Probability", lambda one: one.probability, probability),
-        number("Cross-validation error falls by", lambda one: one.reduction, percent),
-        said("95 % interval", lambda one: " to ".join(map(percent, one.ci95))),
+        word_column("Cause", words.placed),
+        word_column("Name", words.label),
+        number_column("Probability", lambda one: one.probability, probability),
+        number_column("Cross-validation error falls by", lambda one: one.reduction, percent),
+        word_column("95 % interval", lambda one: " to ".join(map(percent, one.ci95))),
     ]
     better = [one for one in single if one.reduction is None or one.reduction > 0]
     return table_of("alone", "Each cause by itself", columns, better)
@@ -133,8 +133,8 @@ def _probability_sentence(one: Cause) -> str:
 
 
 def _size_sentence(one: Cause) -> str:
-    told = "; ".join(sizes(one))
-    return f"{capital(told)}." if told else ""
+    text = "; ".join(sizes(one))
+    return f"{capital(text)}." if text else ""
 
 
 def _gain_sentences(what: str, one: Cause) -> str:
@@ -177,8 +177,8 @@ def _test_pose_changes(gain: Gain) -> Iterator[str]:
 
 def _rivals(place: int, rivals: Sequence[Rival]) -> ReportTable | None:
     columns: list[Cells[Rival]] = [
-        said("Alternative", words.placed),
-        said("Name", words.label),
-        number("Probability", lambda one: one.probability, probability),
+        word_column("Alternative", words.placed),
+        word_column("Name", words.label),
+        number_column("Probability", lambda one: one.probability, probability),
     ]
     return table_of(f"rivals-{place}", f"Alternatives to cause {place}", columns, rivals)

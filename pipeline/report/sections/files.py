@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from urllib.parse import quote
 
 from pipeline.answer.contract import Answer
-from pipeline.report.columns import Cells, said, table_of
+from pipeline.report.columns import Cells, table_of, word_column
 from pipeline.report.record import Column, Section, TableEntry, section_of
 
 _HOLDS = {
@@ -30,7 +30,7 @@ def files(beside: Collection[str], previous: Answer | None) -> Section | None:
     """
     columns: list[Cells[tuple[TableEntry, str]]] = [
         (Column("File"), lambda row: row[0]),
-        said("Holds", lambda row: row[1]),
+        word_column("Holds", lambda row: row[1]),
     ]
     rows = list(_rows(beside, previous)) if beside else []
     table = table_of("files", "This campaign elsewhere", columns, rows)

@@ -7,23 +7,23 @@ from collections.abc import Iterator
 from pipeline.answer.contract import Answer, Identity, JointType, Measuring, Unit
 from pipeline.answer.words import listed
 from pipeline.base.quantities import plain
-from pipeline.report.columns import Cells, said, table_of
+from pipeline.report.columns import Cells, table_of, word_column
 from pipeline.report.record import Section, section_of
 
 _KINDS = {"laser_tracker": "laser tracker", "arm": "measuring arm", "unknown": "unknown kind"}
 
-Row = tuple[str, str]
+_LabelledText = tuple[str, str]
 """A heading, and what is stated under it."""
 
-NAMES = ("Campaign", "Operator", "Software")
+IDENTITY_NAMES = ("Campaign", "Operator", "Software")
 """Headings whose entries are names, which are not translated."""
 
 
 def identity(answer: Answer) -> Section | None:
     """Date, operator, instrument, scale, robot, software, and one line on what is not stated."""
-    columns: list[Cells[Row]] = [
-        said("What", lambda row: row[0]),
-        said("Stated", lambda row: row[1]),
+    columns: list[Cells[_LabelledText]] = [
+        word_column("What", lambda row: row[0]),
+        word_column("Stated", lambda row: row[1]),
     ]
     every = [*rows(answer), *_unsaid(answer)]
     return section_of(
@@ -31,7 +31,7 @@ def identity(answer: Answer) -> Section | None:
     )
 
 
-def rows(answer: Answer) -> Iterator[Row]:
+def rows(answer: Answer) -> Iterator[_LabelledText]:
     """Data for filing; what is not stated is omitted."""
     found = answer.identity
     if found is None:
@@ -50,7 +50,7 @@ def rows(answer: Answer) -> Iterator[Row]:
     yield from ((name, text) for name, text in every if text)
 
 
-def _unsaid(answer: Answer) -> Iterator[Row]:
+def _unsaid(answer: Answer) -> Iterator[_LabelledText]:
     """Row listing what should be filed but is not stated in campaign.toml."""
     found, instrument = answer.identity, answer.instrument
     if found is None:

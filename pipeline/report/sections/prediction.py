@@ -13,10 +13,17 @@ from pipeline.answer.contract import (
     Tolerance,
     Validation,
 )
-from pipeline.answer.tolerated import DECIDED, expanded
+from pipeline.answer.tolerance_sentence import DECIDED, expanded
 from pipeline.base.quantities import percent, plain
 from pipeline.report import words
-from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
+from pipeline.report.columns import (
+    Cells,
+    measured_column,
+    number_column,
+    roughly,
+    table_of,
+    word_column,
+)
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import Paragraph, ReportTable, Section, section_of
 from pipeline.report.summaries import Tables
@@ -55,13 +62,13 @@ def _tolerance(asked: Tolerance | None) -> ReportTable | None:
     if asked is None or asked.path is None:
         return None
     columns: list[Cells[Stretch]] = [
-        number("First pose", lambda one: one.first, str),
-        number("Last pose", lambda one: one.last, str),
-        number("Points", lambda one: one.points, str),
-        said("Decision", lambda one: DECIDED[one.decision]),
-        number("Largest deflection [mm]", lambda one: one.deflection_mm, plain),
-        number("U (k = 2) [mm]", lambda one: one.expanded_mm, roughly),
-        number("At pose", lambda one: one.at, str),
+        number_column("First pose", lambda one: one.first, str),
+        number_column("Last pose", lambda one: one.last, str),
+        number_column("Points", lambda one: one.points, str),
+        word_column("Decision", lambda one: DECIDED[one.decision]),
+        number_column("Largest deflection [mm]", lambda one: one.deflection_mm, plain),
+        number_column("U (k = 2) [mm]", lambda one: one.expanded_mm, roughly),
+        number_column("At pose", lambda one: one.at, str),
     ]
     note = (
         f"T = {asked.deflection_mm:g} mm. ISO 14253-1: pass where d + 1.65 u is at most T, fail "
@@ -83,11 +90,11 @@ def _beside(answer: Answer) -> ReportTable | None:
 
 def _deflections(name: str, title: str, points: Sequence[TargetDeflection]) -> ReportTable | None:
     columns: list[Cells[TargetDeflection]] = [
-        said("Target", lambda point: point.target),
-        measured("dx [mm]", lambda point: (point.dx_mm, point.std_mm[0])),
-        measured("dy [mm]", lambda point: (point.dy_mm, point.std_mm[1])),
-        measured("dz [mm]", lambda point: (point.dz_mm, point.std_mm[2])),
-        number("Distance [mm]", lambda point: point.size_mm),
+        word_column("Target", lambda point: point.target),
+        measured_column("dx [mm]", lambda point: (point.dx_mm, point.std_mm[0])),
+        measured_column("dy [mm]", lambda point: (point.dy_mm, point.std_mm[1])),
+        measured_column("dz [mm]", lambda point: (point.dz_mm, point.std_mm[2])),
+        number_column("Distance [mm]", lambda point: point.size_mm),
     ]
     note = "Base frame; ± is one standard uncertainty from the full covariance of the estimate."
     if any(None in point.std_mm for point in points):
@@ -131,8 +138,8 @@ def _mu_table(given: Validation) -> ReportTable | None:
         (far, alone, given.independent.global_),
     ]
     columns: list[Cells[tuple[str, str, PerTarget]]] = [
-        said("Poses", lambda kind: kind[0]),
-        said("Stiffnesses drawn", lambda kind: kind[1]),
+        word_column("Poses", lambda kind: kind[0]),
+        word_column("Stiffnesses drawn", lambda kind: kind[1]),
         *(_of_target(target) for target in given.test_pose),
     ]
     note = (
@@ -145,4 +152,4 @@ def _mu_table(given: Validation) -> ReportTable | None:
 
 
 def _of_target(target: str) -> Cells[tuple[str, str, PerTarget]]:
-    return number(target, lambda kind: kind[2][target], lambda mu: percent(mu, 3))
+    return number_column(target, lambda kind: kind[2][target], lambda mu: percent(mu, 3))

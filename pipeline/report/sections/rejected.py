@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.answer.contract import Answer, Rejected
-from pipeline.report.columns import Cells, said, table_of
+from pipeline.report.columns import Cells, table_of, word_column
 from pipeline.report.record import Column, Paragraph, Section, TableEntry, entry, section_of
 
 _MOST_ROWS = 400
@@ -15,9 +15,9 @@ def rejected(answer: Answer) -> Section | None:
     """Rows that were left out, with reasons; at most `_MOST_ROWS` of them."""
     given = answer.rejected
     columns: list[Cells[Rejected]] = [
-        said("File", lambda row: row.file, code=True),
+        word_column("File", lambda row: row.file, code=True),
         (Column("Line", numeric=True), _line),
-        said("Reason", lambda row: row.reason),
+        word_column("Reason", lambda row: row.reason),
     ]
     more = len(given) - _MOST_ROWS
     note = f"{more} more are in result.json." if more > 0 else ""

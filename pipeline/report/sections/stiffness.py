@@ -31,7 +31,14 @@ from pipeline.base.quantities import (
     with_std,
 )
 from pipeline.report import words
-from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
+from pipeline.report.columns import (
+    Cells,
+    measured_column,
+    number_column,
+    roughly,
+    table_of,
+    word_column,
+)
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import (
     Column,
@@ -78,9 +85,9 @@ def _springs_by(answer: Answer) -> ReportTable | None:
     if both is None:
         return None
     columns: list[Cells[SpringBy]] = [
-        said("Joint", lambda one: answer.called(one.name)),
-        measured("By the arm's weight [nrad/(N m), nm/N]", lambda one: _nano(one.by_weight)),
-        measured("By the pulls [nrad/(N m), nm/N]", lambda one: _nano(one.by_pulls)),
+        word_column("Joint", lambda one: answer.called(one.name)),
+        measured_column("By the arm's weight [nrad/(N m), nm/N]", lambda one: _nano(one.by_weight)),
+        measured_column("By the pulls [nrad/(N m), nm/N]", lambda one: _nano(one.by_pulls)),
     ]
     note = (
         f"Chi-square of the difference {plain(both.chi2, 3)}, {both.dof} degrees of freedom, "
@@ -104,7 +111,7 @@ def _findings(answer: Answer) -> Iterator[str]:
     """Findings to act on: those of the whole campaign first, then those of single stiffnesses."""
     own = {joint.finding for joint in answer.stiffness}
     yield from dict.fromkeys(one for one in answer.findings if one not in own)
-    yield from remarks.told(answer.stiffness)
+    yield from remarks.remark_sentences(answer.stiffness)
     for joint in answer.stiffness:
         if joint.finding and not joint.remarks:  # written by a version that had the sentence only
             yield joint.finding
@@ -153,7 +160,7 @@ def _axis_columns(joints: Sequence[Stiffness]) -> list[Cells[Stiffness]]:
     """Column of the controller's axes; none if the robot file maps none."""
     if all(joint.axis is None for joint in joints):
         return []
-    return [said("Axis", lambda joint: joint.axis)]
+    return [word_column("Axis", lambda joint: joint.axis)]
 
 
 def _value_columns(factor: float, letter: str) -> list[Cells[Stiffness]]:
@@ -161,8 +168,8 @@ def _value_columns(factor: float, letter: str) -> list[Cells[Stiffness]]:
         _JOINT,
         (Column("Stiffness ± standard uncertainty", numeric=True), lambda j: _value(j, factor)),
         (Column("95 % interval", numeric=True), lambda joint: _interval(joint, factor)),
-        said("Unit", lambda joint: prefixed(joint.unit, letter)),
-        number("Relative uncertainty [%]", lambda j: scaled(j.relative_std, 0.01), roughly),
+        word_column("Unit", lambda joint: prefixed(joint.unit, letter)),
+        number_column("Relative uncertainty [%]", lambda j: scaled(j.relative_std, 0.01), roughly),
     ]
 
 
@@ -209,8 +216,8 @@ def _nominal_columns(joints: Sequence[Stiffness], factor: float) -> list[Cells[S
     if all(joint.nominal is None for joint in joints):
         return []
     return [
-        number("Nominal", lambda joint: joint.nominal, lambda k: plain(scaled(k, factor))),
-        measured("Of nominal [%]", _of_nominal),
+        number_column("Nominal", lambda joint: joint.nominal, lambda k: plain(scaled(k, factor))),
+        measured_column("Of nominal [%]", _of_nominal),
     ]
 
 
@@ -227,23 +234,23 @@ def _beside_columns(answer: Answer, factor: float) -> list[Cells[Stiffness]]:
         return []
     name, springs = other
     own = {j.name: (scaled(j.value, factor), scaled(j.std, factor)) for j in springs.stiffness}
-    return [measured(capital(name), lambda joint: own.get(joint.name, (None, None)))]
+    return [measured_column(capital(name), lambda joint: own.get(joint.name, (None, None)))]
 
 
 def _change_columns(since: Sequence[Change], before: str) -> list[Cells[Stiffness]]:
     own = {change.name: (change.percent, change.percent_std) for change in since}
     title = f"Change since {before} [%]"
-    return [measured(title, lambda joint: own.get(joint.name, (None, None)))] if own else []
+    return [measured_column(title, lambda joint: own.get(joint.name, (None, None)))] if own else []
 
 
 def _combinations_table(combinations: Sequence[Combination]) -> ReportTable | None:
     """Table of the combinations of compliances that are determined where single ones are not."""
     columns: list[Cells[Combination]] = [
-        said("Combination of compliances", lambda one: one.formula),
-        measured("Value ± standard uncertainty", lambda one: (one.value, one.std)),
+        word_column("Combination of compliances", lambda one: one.formula),
+        measured_column("Value ± standard uncertainty", lambda one: (one.value, one.std)),
         (Column("95 % interval", numeric=True), _ends),
-        said("Unit", lambda one: prefixed(one.unit, "")),
-        said("What would separate them best", lambda one: one.needs),
+        word_column("Unit", lambda one: prefixed(one.unit, "")),
+        word_column("What would separate them best", lambda one: one.needs),
     ]
     note = (
         "The joints of a row act as one in the poses measured: c is the compliance of a joint, and "
@@ -261,8 +268,10 @@ def _ends(one: Combination) -> TableEntry:
 def _hypotheses_table(hypotheses: Sequence[Weighed]) -> ReportTable | None:
     """Table of the hypotheses over which the values are averaged; None for a single model."""
     columns: list[Cells[Weighed]] = [
-        said("Beside the joint springs", lambda one: " and ".join(map(_believed, one.causes))),
-        number("Weight", lambda one: one.weight, probability),
+        word_column(
+            "Beside the joint springs", lambda one: " and ".join(map(_believed, one.causes))
+        ),
+        number_column("Weight", lambda one: one.weight, probability),
     ]
     several = hypotheses if len(hypotheses) > 1 else ()
     return table_of("hypotheses", "What the values are averaged over", columns, several)
@@ -277,8 +286,10 @@ def _compliance_table(joints: Sequence[Stiffness]) -> ReportTable | None:
     columns: list[Cells[Stiffness]] = [
         *_axis_columns(joints),
         _JOINT,
-        measured("Compliance ± standard uncertainty", lambda j: (j.compliance, j.compliance_std)),
-        said("Unit", lambda joint: prefixed(joint.compliance_unit, "")),
+        measured_column(
+            "Compliance ± standard uncertainty", lambda j: (j.compliance, j.compliance_std)
+        ),
+        word_column("Unit", lambda joint: prefixed(joint.compliance_unit, "")),
     ]
     told = joints if any(joint.compliance is not None for joint in joints) else ()
     return table_of("compliance", "Compliances, as estimated", columns, told)

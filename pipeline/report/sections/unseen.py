@@ -10,7 +10,7 @@ from pipeline.answer.contract import (
 from pipeline.answer.words import unnoticed
 from pipeline.base.quantities import common_prefix, plain, prefixed
 from pipeline.report import words
-from pipeline.report.columns import Cells, said, table_of
+from pipeline.report.columns import Cells, table_of, word_column
 from pipeline.report.record import Block, Column, Paragraph, ReportTable, entry, present
 
 _WIDE = 300.0
@@ -35,8 +35,8 @@ _Group = list[BlindSpot]
 def _never(spots: Sequence[BlindSpot]) -> ReportTable | None:
     columns: list[Cells[_Group]] = [
         *_who(),
-        said("Why", lambda group: "; ".join(dict.fromkeys(spot.why for spot in group))),
-        said("What would reveal it", lambda group: group[0].needs),
+        word_column("Why", lambda group: "; ".join(dict.fromkeys(spot.why for spot in group))),
+        word_column("What would reveal it", lambda group: group[0].needs),
     ]
     title = "Effects that these readings cannot detect at any magnitude"
     return table_of("blind-spots-never", title, columns, _alike(spots))
@@ -47,7 +47,7 @@ def _small(spots: Sequence[BlindSpot]) -> ReportTable | None:
         *_who(),
         _sizes("Typical magnitude", lambda spot: spot.typical),
         _sizes("Minimal detectable magnitude", lambda spot: spot.smallest_visible),
-        said("What would reveal it", lambda group: group[0].needs),
+        word_column("What would reveal it", lambda group: group[0].needs),
     ]
     title = "Effects that these readings detect only above their typical magnitude"
     note = "An effect of the minimal detectable magnitude is detected in 80 % of the cases."
@@ -63,8 +63,8 @@ def _alike(spots: Sequence[BlindSpot]) -> Iterable[_Group]:
 
 def _who() -> list[Cells[_Group]]:
     return [
-        said("Effect", lambda group: words.cause(group[0].name, None)),
-        said("Where", lambda group: ", ".join(map(_place, sorted(group, key=_order)))),
+        word_column("Effect", lambda group: words.cause(group[0].name, None)),
+        word_column("Where", lambda group: ", ".join(map(_place, sorted(group, key=_order)))),
     ]
 
 
