@@ -154,7 +154,6 @@ def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
     began, dress = time.perf_counter(), appearances(campaign.root)
     found = campaign_answer(campaign.name, raw, campaign.keep, step)
     run_time_s = time.perf_counter() - began
-    before = archive.earlier(campaign, found.answer)
     for_others = doors.found(_FOR_OTHERS)
     answers = {
         "result.json": dump(found.answer.as_json()),
@@ -162,18 +161,18 @@ def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
         **found.files,
         **(for_others(found.answer, found.shown, found.model) if for_others else {}),
     }
-    wear = archive.robots_together(found.answer, campaign.root)  # as known before this campaign
+    others = archive.among(campaign, found.answer)  # as known before this campaign
     entries = {"language": raw.settings.language, "fields": raw.settings.fields}
     look = archive.look_of(dress, entries, found.answer)
-    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers), wear, look)
+    pages = step(render)(
+        found.answer, found.shown, run_time_s, others.previous, list(answers), others.wear, look
+    )
     about = {
         **entries,
         "look": look.key,
         "run_time_s": run_time_s,
-        "previous": archive.mark(before),
-        "wear": wear,
         "verdict": str(found.answer.diagnosis.verdict),
-        **archive.about(found.answer),
+        **others.kept,
     }
     campaign.finish(raw.key, answers | pages, about)
     return found.answer

@@ -16,16 +16,17 @@ from pipeline.readers import ExportSettings
 from pipeline.readers._layout import Field
 from pipeline.report.figures import catalogue
 from pipeline.run import campaign_answer
-from pipeline.simulate import Plan, blunders, revised, simulate
+from pipeline.simulate import SimulationPlan, blunders, revised, simulate
 from pipeline.store.campaign import in_memory
 
 READERS = readers.catalogue()
 
 ROOT = Path(__file__).parents[1]
 GUIDES = ("CONTRIBUTING.md", "docs/add-an-effect.md", "docs/add-a-reader.md", "docs/add-a-robot.md")
-NEW = {"late_pull.py", "loads.py", "station_scan.py"}
+NEW = {"late_pull.py", "loads.py", "station_scan.py"}  # examples of the guides
+FOREIGN = {"runpy.py", "three.js"}
 PLAN = revised(
-    Plan(name="late", seed=11),
+    SimulationPlan(name="late", seed=11),
     {
         "poses": {"count": 8},
         "pulls": {"steps_n": [1500.0, 3000.0]},
@@ -149,15 +150,27 @@ def test_a_file_of_the_guides_is_as_tidy_as_those_of_the_package(guide, start, f
         assert said.returncode == 0, said.stdout + said.stderr
 
 
-@pytest.mark.parametrize("guide", GUIDES)
-def test_every_file_that_a_guide_names_is_there(guide):
-    """A guide does not name a file that was moved."""
-    text = (ROOT / guide).read_text("utf-8")
-    named = set(re.findall(r"`([a-z_/]+\.(?:py|toml|md))`", text))
+PAGES = ("CONTRIBUTING.md", "README.md", *sorted(
+    page.relative_to(ROOT).as_posix() for page in (ROOT / "docs").rglob("*.md")
+))  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def repository():
+    """Every file of the repository, from its top."""
     folders = ("bench", "data", "docs", "pipeline", "tests")
     there = [*ROOT.glob("*.*"), *(path for one in folders for path in (ROOT / one).rglob("*.*"))]
-    here = [path.relative_to(ROOT).as_posix() for path in there]
+    return [path.relative_to(ROOT).as_posix() for path in there]
 
-    lost = {name for name in named if not any(f"/{path}".endswith(f"/{name}") for path in here)}
 
-    assert {name for name in lost if name.rpartition("/")[2] not in NEW} == set()
+@pytest.mark.parametrize("page", PAGES)
+def test_every_source_file_that_a_page_names_exists(page, repository):
+    """No page names a module or test that was moved."""
+    text = (ROOT / page).read_text("utf-8")
+    named = set(re.findall(r"[`(= ]((?:[a-z_]+/)*[a-z_0-9]+\.(?:py|js))\b", text))
+
+    lost = {
+        name for name in named if not any(f"/{path}".endswith(f"/{name}") for path in repository)
+    }
+
+    assert {name for name in lost if name.rpartition("/")[2] not in NEW | FOREIGN} == set()

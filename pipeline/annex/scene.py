@@ -54,7 +54,7 @@ def _points(settings: Settings, tracker: Array) -> list[Bodies]:
 
 
 def _chosen(poses: Ints, vectors: pd.DataFrame) -> Ints:
-    """At most `MOST_POSES` poses: a third with the largest residuals, the others selected evenly."""
+    """At most `MOST_POSES` poses: a third with the largest residuals, the others evenly."""
     if len(poses) <= MOST_POSES:
         return poses
     size = np.linalg.norm(vectors[_xyz("left_{}_m")].to_numpy(float), axis=1)

@@ -455,8 +455,9 @@ _NO_SAG = "No sag is visible: the arm is weightless or balanced, or its controll
 def _model(said: PositionsResults) -> str:
     """What the model holds, and what each part of it is worth."""
     steps = list(pairwise(said.found.stages))
+    between = Partition.BETWEEN
     each = [
-        f"{now.step.value} {percent(1 - now.mean(Partition.BETWEEN) / before.mean(Partition.BETWEEN))}"
+        f"{now.step.value} {percent(1 - now.mean(between) / before.mean(between))}"
         for before, now in steps
         if now.found is not before.found
     ]

@@ -238,7 +238,7 @@ def recommend(
 
     Args:
         row: The decision.
-        stands: The joint springs from the data without mistakes, as returned by `springs_of_extended`.
+        stands: Joint springs from the data without mistakes, as by `springs_of_extended`.
         diagnosis: Diagnosis of these data.
         where: The test pose.
     """

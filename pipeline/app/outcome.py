@@ -135,8 +135,8 @@ def _first_screen(answer: Answer) -> list[str]:
     if not answer.first_screen:
         return list(answer.verdict_sentence)
     first, *more = answer.first_screen
-    selected = [one for one in more if one.about is not About.NUMBERS]
-    return [first.text, *(f"{ABOUT[one.about]}: {one.text}" for one in selected)]
+    chosen = [one for one in more if one.about is not About.NUMBERS]
+    return [first.text, *(f"{ABOUT[one.about]}: {one.text}" for one in chosen)]
 
 
 def _all_determined(answer: Answer) -> bool:

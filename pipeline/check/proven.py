@@ -40,11 +40,11 @@ def proven(case: Case, reduced: Reduced) -> list[str]:
         reduced: Its measurements.
     """
     files = files_of(case, reduced)
-    items = [one.evidence for one in files.findings]
+    selected = [one.evidence for one in files.findings]
     kept = reduced if files.case is case else None
     by_positions = case.settings.positions is not None  # the table is estimated from these
     table = () if by_positions else _table(files.case, kept)
-    return [*items, *_not_rigid(files.case), *table]
+    return [*selected, *_not_rigid(files.case), *table]
 
 
 def _not_rigid(case: Case) -> Iterator[str]:

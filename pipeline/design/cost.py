@@ -90,8 +90,8 @@ def _shares(
         found = [gap.pose for gap in narrow(problem.room and problem.room.only(rule), at)]
         broken[rule] = np.isin(np.arange(_LOOKED_AT), np.concatenate(found))
     every = np.any(list(broken.values()), axis=0)
-    items = [(rule, float(np.mean(which))) for rule, which in broken.items()]
-    return tuple(sorted(items, key=lambda one: -one[1])), 1 - float(every.mean())
+    selected = [(rule, float(np.mean(which))) for rule, which in broken.items()]
+    return tuple(sorted(selected, key=lambda one: -one[1])), 1 - float(every.mean())
 
 
 def _turned_too_far(problem: Problem, wide: Problem, q: Array) -> dict[str, Bools]:

@@ -96,7 +96,7 @@ def _worded(case: SearchProblem, effect: Effect, either: Sequence[PossibleCause]
 
 
 def _either(case: SearchProblem, found: SearchResult, place: int) -> tuple[PossibleCause, ...]:
-    """Laws of one place within exp(`LEAST_EVIDENCE`) of the likeliest, the accepted first, if several."""
+    """Laws of a place within exp(`LEAST_EVIDENCE`) of the likeliest, accepted first, if several."""
     effect = case.suspects[found.accepted[place]]
     own = next((one for one in found.rivals[place] if one.label == effect.label), None)
     if effect.law is None or own is None:

@@ -53,8 +53,8 @@ def drift(
     y_k = p_t(k) + a(t_k) (v + w x (p_k - p_0)) + e_k,    e_k ~ N(0, scale^2 R C_k R'),
 
     read in F_b [m]; p_t free for each reflector t, a a law of `LAWS`, v and w velocity and angular
-    velocity about p_0. With chi2 the residual sum of squares, s^2 = max(`TOLERATED_FACTOR`^2, chi2 / dof)
-    and p = P[chi2(6) > (chi2 without v and w - chi2) / s^2].
+    velocity about p_0. With chi2 the residual sum of squares, s^2 = max(`TOLERATED_FACTOR`^2, chi2
+    / dof) and p = P[chi2(6) > (chi2 without v and w - chi2) / s^2].
 
     Args:
         registration: The base readings in F_b with their times.

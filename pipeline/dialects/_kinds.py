@@ -97,10 +97,11 @@ def several(title: str, words: Iterable[str], line: int | None) -> InputError:
     """Error that asks which rows are meant if the same targets have several positions."""
     found = sorted({*words})
     return InputError(
-        f'column "{shortened(title)}" holds {listed(found)}, and the same targets are elsewhere for '
-        "each",
-        f'say which is meant: instrument = "{shortened(found[0])}" (or another) in [tracker.mapping] '
-        f'of campaign.toml, with instrument = "{shortened(title)}" among its columns',
+        f'column "{shortened(title)}" holds {listed(found)}, and the same targets are elsewhere '
+        "for each",
+        f'say which is meant: instrument = "{shortened(found[0])}" (or another) in '
+        f'[tracker.mapping] of campaign.toml, with instrument = "{shortened(title)}" among its '
+        "columns",
         line=line,
     )
 

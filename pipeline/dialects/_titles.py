@@ -111,10 +111,10 @@ def _turned(columns: Sequence[Named]) -> list[Named]:
     A letter beside `north`, as in `X (North)`, is the convention of the file, not ours; this
     applies only if one column is the northing and one the easting, since `X (N)` alone is a force.
     """
-    items = [_direction(column.title) for column in columns]
-    if sorted(one for one in items if one in ("x", "y")) != ["x", "y"]:
+    selected = [_direction(column.title) for column in columns]
+    if sorted(one for one in selected if one in ("x", "y")) != ["x", "y"]:
         return list(columns)
-    pairs = zip(columns, items, strict=True)
+    pairs = zip(columns, selected, strict=True)
     return [replace(column, role=one) if one else column for column, one in pairs]
 
 

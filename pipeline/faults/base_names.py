@@ -48,7 +48,8 @@ def base_names(case: Case) -> list[Mistake]:
 def not_rigid(case: Case) -> float | None:
     """Rms deviation of the base reflectors from [base_frame] after the best rigid motion [m].
 
-    None where it is below `GROSS_DISTANCE_M`, or where fewer reflectors were read than a registration needs.
+    None where it is below `GROSS_DISTANCE_M`, or where fewer reflectors were read than a
+    registration needs.
     """
     names, seen, nominal = _reflectors(case)
     if len(names) < BASE_REFLECTORS:

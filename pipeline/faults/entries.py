@@ -232,7 +232,7 @@ def _doubted(found: Sequence[tuple[_Claim, _Fit]]) -> bool:
 
 @dataclass(frozen=True)
 class _Claim:
-    """What may be wrong: table, points and unit as in `DoubtfulEntry`; nothing at all without a table."""
+    """What may be wrong: table, points and unit as in `DoubtfulEntry`; nothing without a table."""
 
     table: str = ""
     names: tuple[str, ...] = ()

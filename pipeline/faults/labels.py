@@ -99,7 +99,8 @@ def _in_place(
 def _off_chain(case: Case, base: tuple[Array, Array], pose: int, name: str, here: Array) -> float:
     """Deviation of an end of the chain from its usual distance to the load point [m].
 
-    It is reduced in proportion where ten median deviations of the usual distance exceed `GROSS_DISTANCE_M`.
+    It is reduced in proportion where ten median deviations of the usual distance exceed
+    `GROSS_DISTANCE_M`.
     """
     R, t = base
     ends = chain_distances(case, R, t)
@@ -239,8 +240,8 @@ def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
 def _hung_alike(table: pd.DataFrame, reversed_: Bools) -> Bools:
     """Whether both ends are at their usual distances from the load point once renamed.
 
-    As in `unlike`: within `GROSS_DISTANCE_M` or ten times the median deviation, of all pulls or of those of
-    the pose.
+    As in `unlike`: within `GROSS_DISTANCE_M` or ten times the median deviation, of all pulls or of
+    those of the pose.
     """
     swapped = np.where(reversed_[:, None], table[["far", "near"]], table[["near", "far"]])
     ends = pd.DataFrame(swapped, columns=["near", "far"])

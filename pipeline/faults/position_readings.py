@@ -69,7 +69,7 @@ def outliers(found: Study, rows: PositionTable) -> list[Mistake]:
 
 
 def implausible_outliers(off: list[Mistake], found: Study) -> list[Mistake]:
-    """Outliers that count as mistakes of the campaign: all, if they exceed the fraction `_USUAL_LOSS`."""
+    """Outliers that count as mistakes: all, if they exceed the fraction `_USUAL_LOSS`."""
     count = 0 if found.every is None else int(np.isfinite(found.every.readings.at[..., 0]).sum())
     return off if len(off) > _USUAL_LOSS * count else []
 

@@ -575,8 +575,8 @@ def _wrong_units(seen: _AlignedTargets, corrected: Array) -> tuple[Bools, bool]:
     """Which units a correction applies to, and whether these are all from some one on.
 
     All from one on, or all up to one, with which the sum of squares, of each unit at most
-    `_AlignedTargets.limit`, is least, where that is no more than with those only that are elsewhere: a value
-    may be wrong by so little that its unit is not.
+    `_AlignedTargets.limit`, is least, where that is no more than with those only that are
+    elsewhere: a value may be wrong by so little that its unit is not.
 
     Args:
         seen: The units as given.

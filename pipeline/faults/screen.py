@@ -100,7 +100,7 @@ def files_of(case: Case, reduced: Reduced) -> Screened:
 
 
 def _without_spoiling(case: Case, all_right: Screened, found: list[list[Mistake]]) -> Screened:
-    """The campaign without the faults whose correction raises the pulls' misfit `CLEARLY_NEARER` times."""
+    """The campaign without the faults whose correction raises the misfit `CLEARLY_NEARER` times."""
     best = misfit(all_right.case) if found else np.nan
     for one in list(found):
         others = [other for other in found if other is not one]

@@ -253,8 +253,9 @@ def _base(data: LawSearchData, begun: Mechanism) -> tuple[Calibration, tuple[Cat
     tried = replace(begun, moments=usual(robot)[0]) if moments else begun
     tau = linearised(data.readings, tried, data.weights).inputs.tau
     names = listed(robot, data.readings.q, tau)
-    wanted = ModelStructure(springs=heavy, yields=yielding(robot, tau) if heavy else (), moments=moments,
-                    laws=tuple(one.law for one in names))  # fmt: skip
+    yields = yielding(robot, tau) if heavy else ()
+    wanted = ModelStructure(springs=heavy, yields=yields, moments=moments,
+                            laws=tuple(one.law for one in names))  # fmt: skip
     table = data.identify(begun, ModelStructure(springs=False))
     if not rail(robot):
         found = data.identify(table.mechanism, wanted, table)

@@ -46,7 +46,7 @@ from pipeline.system.estimate import identify as estimate_of
 
 @dataclass(frozen=True, eq=False)
 class _Unloaded:
-    """Joint deviations and targets of a mechanism under its own weight, as `PositionsEstimate.unloaded`."""
+    """Joint deviations and targets under the own weight, as `PositionsEstimate.unloaded`."""
 
     mechanism: Mechanism
     weights: ArmWeights
@@ -200,7 +200,7 @@ def as_estimated(case: Case, found: Calibration) -> tuple[Case, Calibration, flo
 
 
 def _without_masses(found: Calibration) -> float:
-    """Torques of the usual weight of such an arm on its rotary joints, over those of `_with_masses`."""
+    """Torques of the usual weight of an arm on its rotary joints, over those of `_with_masses`."""
     there = found.mechanism
     here, none = configure(there.robot, found.readings.q), np.zeros((len(found.readings), 3))
     beside = found.known.mean[layout(there).moments].reshape(-1, 4)

@@ -10,8 +10,8 @@ from pipeline.base.errors import InputError, listed
 from pipeline.intake._beside import Why
 from pipeline.readers.export_settings import ExportSettings
 
-QuestionTopic = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "horizontal",
-                "decimal"]  # fmt: skip
+QuestionTopic = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical",
+                        "horizontal", "decimal"]  # fmt: skip
 """Subject of a question."""
 
 
@@ -72,7 +72,9 @@ class Question:
         shown = f'"{items[0]}"' + (f" (or {listed(map(_quoted, items[1:]))})" if items[1:] else "")
         paste = "paste what `pipeline inspect` proposes"
         return InputError(
-            thing.format(listed(map(_quoted, items))), way_out.format(shown, paste), line=self.line
+            thing.format(listed(map(_quoted, items))),
+            way_out.format(shown, paste),
+            line=self.line,
         )
 
 

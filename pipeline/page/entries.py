@@ -305,8 +305,8 @@ def _span(text: str, name: str) -> tuple[int, int]:
     for k, after in zip(heads, [*heads[1:], len(lines)], strict=True):
         head = _TABLE.match(lines[k])
         if head and _called(head) == name:
-            selected = [i for i in range(k, after) if lines[i].strip() and lines[i][0] != "#"]
-            return k, selected[-1] + 1
+            chosen = [i for i in range(k, after) if lines[i].strip() and lines[i][0] != "#"]
+            return k, chosen[-1] + 1
     return 0, 0
 
 

@@ -162,8 +162,8 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
 
     It starts from the triple of reflectors whose rigid motion minimises the sum of the (m + 3) / 2
     smallest squared distances (least trimmed squares, Rousseeuw, J. Am. Stat. Assoc. 79, 1984), so
-    that fewer than half of the readings may lie anywhere. Readings nearer than `GROSS_DISTANCE_M` are then
-    fitted as in `register`; residuals are given for all readings.
+    that fewer than half of the readings may lie anywhere. Readings nearer than `GROSS_DISTANCE_M`
+    are then fitted as in `register`; residuals are given for all readings.
 
     Args:
         registration: The registration with all readings.

@@ -270,7 +270,7 @@ def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
 
 
 def by_stance(cell: Cell, data: Measured, values: Array) -> Array:
-    """Effect on c of each error a of table and points, `PositionsEstimate.parts`, shape (d, 3, r) [m]."""
+    """Effect on c of each error of table and points, `PositionsEstimate.parts`, (d, 3, r) [m]."""
     assert data.stance is not None
     stance = data.stance
 
@@ -287,8 +287,8 @@ def by_stance(cell: Cell, data: Measured, values: Array) -> Array:
 def _beside_positions(cell: Cell, data: Measured, values: Array) -> Array:
     """Effect on c of errors of absolute positions via table, points and elements, (d, 3, r) [m].
 
-    The elements of `PositionsEstimate` are held in the cell at the values estimated from positions; their
-    errors are K a + W w.
+    The elements of `PositionsEstimate` are held in the cell at the values estimated from positions;
+    their errors are K a + W w.
     """
     assert data.stance is not None
     stance, n = data.stance, len(data.stance.compliance)

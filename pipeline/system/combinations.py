@@ -158,10 +158,10 @@ class _Known(Locked):
         """Independent determined mixes of some parameters, the best determined first."""
         while True:
             first = [self.line(pivot, left) for pivot in left.tolist()]
-            items = [(line.loose, k) for k, line in enumerate(first) if self.tells(line)]
-            if not items:
+            selected = [(line.loose, k) for k, line in enumerate(first) if self.tells(line)]
+            if not selected:
                 return
-            _, k = min(items)
+            _, k = min(selected)
             yield self.fewest(int(left[k]), left)
             left = np.delete(left, k)
 

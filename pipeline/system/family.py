@@ -31,8 +31,8 @@ FREEDOM = (3.0, 4.0, 5.0, 7.0, 10.0, 15.0)
 
 BURSTS = ((0.03, 3.0), (0.03, 5.0), (0.1, 3.0))
 """Trial pairs: fraction of the readings in bursts, and their width relative to the others.  Noise
-is bounded: no trial law has more than `FAILED_LOCKS` of its readings beyond `FAR_OFF` times the width of its
-core. What a campaign holds beyond that are mistakes."""
+is bounded: no trial law has more than `FAILED_LOCKS` of its readings beyond `FAR_OFF` times the
+width of its core. What a campaign holds beyond that are mistakes."""
 
 FAR_OFF = 10.0
 """Distance from which a reading is far off, in widths of the core [1]: never reached by a normal

@@ -40,8 +40,8 @@ def scatter(view: Whitened, system: System, known: tuple[float, float]) -> Scatt
     """Scatter of tracker and scale, relative to the noise that the data are weighted with.
 
     The tracker's is that of the campaign's contrasts, which no model of the robot can produce:
-    p = P[chi2(nu) > nu s^2 / `TOLERATED_FACTOR`^2] with nu = (u(s) / s)^-2 / 2. Where they cannot resolve
-    it, it is that of the residuals of the joint springs.
+    p = P[chi2(nu) > nu s^2 / `TOLERATED_FACTOR`^2] with nu = (u(s) / s)^-2 / 2. Where they cannot
+    resolve it, it is that of the residuals of the joint springs.
 
     Args:
         view: The campaign from the joint springs alone, with nothing scaled.

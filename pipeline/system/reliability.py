@@ -142,7 +142,7 @@ def reliability(system: System, at: Solution) -> Reliability:
 
 
 def _reliability(r: Array, g: Array, moves: Array, scale: float) -> Reliability:
-    """From r, g = g_j' W (c - B x) and the effect of unit errors; r up to `linear.ROUNDING_LEFT` is 0."""
+    """From r, g = g_j' W (c - B x), effect of unit errors; r to `linear.ROUNDING_LEFT` is 0."""
     seen = r > linear.ROUNDING_LEFT
     root = np.sqrt(np.where(seen, r, 1.0))
     visible = np.where(seen, scale * _SHIFT / root, np.inf)

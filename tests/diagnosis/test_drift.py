@@ -17,7 +17,7 @@ from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.register import XYZ, Registration, register, timed
 from pipeline.run import campaign_answer, ingested
-from pipeline.simulate import Plan, simulate
+from pipeline.simulate import SimulationPlan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system import alarms
 
@@ -28,7 +28,7 @@ TURN = np.array([1.0, 2.0, -2.0]) / 3 * 2e-5
 @cache
 def files():
     """Raw files of a campaign without drift, with base reflectors read first and last."""
-    plan = Plan(poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
+    plan = SimulationPlan(poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
     return simulate(plan, np.random.default_rng(4)).files
 
 

@@ -17,7 +17,7 @@ from pipeline.machine.robot import configure
 from pipeline.machine.robot.dh_parameters import changed, dh_parameters
 from pipeline.reduction.register import register
 from pipeline.run import campaign_answer
-from pipeline.simulate import Plan, simulate
+from pipeline.simulate import SimulationPlan, simulate
 from pipeline.store.campaign import in_memory
 
 
@@ -195,7 +195,9 @@ def test_the_order_of_time_counts_and_not_that_of_numbers():
 @pytest.mark.whole
 def test_a_campaign_in_which_a_joint_was_mastered_anew_is_explained():
     """From its files: the joint log has another zero up to pose 7."""
-    plan = Plan(name="anew", seed=11, poses={"count": 12}, pulls={"steps_n": [1500.0, 3000.0]})
+    plan = SimulationPlan(
+        name="anew", seed=11, poses={"count": 12}, pulls={"steps_n": [1500.0, 3000.0]}
+    )
     files = dict(simulate(plan).files)
     head, *rows = files["joints.csv"].decode().splitlines()
     column = head.split(",").index(next(one for one in head.split(",") if "theta4" in one))

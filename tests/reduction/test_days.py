@@ -11,12 +11,12 @@ from pipeline.machine.effect import Pulls
 from pipeline.reduction.bring import conformed, plain
 from pipeline.reduction.days import days, with_days
 from pipeline.run import ingested, reduce
-from pipeline.simulate import Plan, simulate
+from pipeline.simulate import SimulationPlan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.budget import budget
 from pipeline.system.estimate import identify
 
-PLAN = Plan(name="days", seed=7, poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
+PLAN = SimulationPlan(name="days", seed=7, poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
 DAYS = 5
 
 

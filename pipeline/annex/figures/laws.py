@@ -142,10 +142,10 @@ def _reading(answer: Answer) -> str:
 
 
 def _write(answer: Answer, tables: Tables) -> Figure | None:
-    selected = [rows for rows in _laws(tables) if len(rows) > 1]
-    if not selected:
+    chosen = [rows for rows in _laws(tables) if len(rows) > 1]
+    if not chosen:
         return None
-    every = pd.concat(selected)
+    every = pd.concat(chosen)
     apart = every["part"] if answer.position_steps else np.ones(len(every))
     parts = [
         f"{_called(answer, str(rows['cause'].iloc[0]), int(rows['part'].iloc[0]))}: "
@@ -160,7 +160,7 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
         f"{text} Each point is the motion, or the parameter, estimated from one {one} alone with "
         "everything else as identified. Points that bend away from the law indicate a cause of "
         "another form.",
-        f"Estimates from each {one} of {len(selected)} laws, over the variable of each law. {text}",
+        f"Estimates from each {one} of {len(chosen)} laws, over the variable of each law. {text}",
     )
 
 

@@ -73,8 +73,8 @@ class RobotType(Locked):
 def hierarchy(machines: Sequence[Machine], scatter: DayToDayVariances) -> RobotType:
     """Mean, variation, and every robot's level and trend, given all robots of its type."""
     reference = _reference(machines)
-    items = [_told(one, scatter, reference) for one in machines]
-    N, g = np.array([one.N for one in items]), np.array([one.g for one in items])
+    selected = [_told(one, scatter, reference) for one in machines]
+    N, g = np.array([one.N for one in selected]), np.array([one.g for one in selected])
     n = len(reference)
     guess = np.append(np.full(n, _LEVEL**2), np.full(n, _TREND**2))
     D, worth, block = np.diag(guess), n + 2.0, np.kron(np.eye(2), np.ones((n, n)))
@@ -82,9 +82,9 @@ def hierarchy(machines: Sequence[Machine], scatter: DayToDayVariances) -> RobotT
         mean, cov, values, covs = _given(N, g, D)
         off = values - mean
         square = np.einsum("ri,rj->ij", off, off) + covs.sum(axis=0)
-        D = block * (square + worth * np.diag(guess)) / (len(items) + worth)
+        D = block * (square + worth * np.diag(guess)) / (len(selected) + worth)
     mean, cov, values, covs = _given(N, g, D)
-    return RobotType(len(items), reference, mean, cov, D, values, covs)
+    return RobotType(len(selected), reference, mean, cov, D, values, covs)
 
 
 def _reference(machines: Sequence[Machine]) -> Array:

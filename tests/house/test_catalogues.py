@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 from english import ENGLISH
 
-import pipeline.base
+import pipeline.house
 from bench.messages import SPOKEN, texts
-from pipeline.base.language import Catalogue, Language, spoken
+from pipeline.base.language import Language, spoken
+from pipeline.house.catalogue import Catalogue
 
-FOLDER = Path(pipeline.base.__file__).parent / "locale"
+FOLDER = Path(pipeline.house.__file__).parent / "locale"
 OTHERS = [Language.DE, Language.FR]
 
 
@@ -76,7 +77,7 @@ def test_a_translation_has_what_varies_in_its_text(language):
 
 def test_every_place_that_speaks_is_there():
     """If a file or function is moved or renamed, its texts would silently be lost."""
-    root = Path(pipeline.base.__file__).parents[1]
+    root = Path(pipeline.house.__file__).parents[1]
     lost = [
         (pattern, name)
         for pattern, names in SPOKEN.items()

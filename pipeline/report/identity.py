@@ -1,37 +1,22 @@
-"""Section with the data for filing: date, operator, instruments, machine."""
+"""Data for filing: date, operator, instruments, machine."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from pipeline.answer.contract import Answer, Identity, JointType, Measuring, Unit
-from pipeline.answer.words import listed
 from pipeline.base.quantities import plain
-from pipeline.report.columns import Cells, table_of, word_column
-from pipeline.report.record import Section, section_of
 
 _KINDS = {"laser_tracker": "laser tracker", "arm": "measuring arm", "unknown": "unknown kind"}
 
-_LabelledText = tuple[str, str]
+LabelledText = tuple[str, str]
 """A heading, and what is stated under it."""
 
 IDENTITY_NAMES = ("Campaign", "Operator", "Software")
 """Headings whose entries are names, which are not translated."""
 
 
-def identity(answer: Answer) -> Section | None:
-    """Date, operator, instrument, scale, robot, software, and one line on what is not stated."""
-    columns: list[Cells[_LabelledText]] = [
-        word_column("What", lambda row: row[0]),
-        word_column("Stated", lambda row: row[1]),
-    ]
-    every = [*rows(answer), *_unsaid(answer)]
-    return section_of(
-        "identity", "This campaign", [table_of("identity", "What was measured", columns, every)]
-    )
-
-
-def rows(answer: Answer) -> Iterator[_LabelledText]:
+def rows(answer: Answer) -> Iterator[LabelledText]:
     """Data for filing; what is not stated is omitted."""
     found = answer.identity
     if found is None:
@@ -48,32 +33,6 @@ def rows(answer: Answer) -> Iterator[_LabelledText]:
         ("Software", f"pipeline {answer.versions.get('pipeline', '')}".rstrip()),
     )
     yield from ((name, text) for name, text in every if text)
-
-
-def _unsaid(answer: Answer) -> Iterator[_LabelledText]:
-    """Row listing what should be filed but is not stated in campaign.toml."""
-    found, instrument = answer.identity, answer.instrument
-    if found is None:
-        return
-    papers = {"robot": answer.robot_unit, "instrument": instrument, "scale": found.scale}
-    if found.force_n is None:
-        del papers["scale"]
-    stated = {
-        "the date": _when(answer, found),
-        "the operator": found.operator,
-        "the model of the instrument": instrument and instrument.model,
-        "the temperature of the base": _warm(found),
-    }
-    lacking = [what for what, said in stated.items() if not said]
-    lacking += [f"{listed(_lacking(of))} of the {k}" for k, of in papers.items() if _lacking(of)]
-    if lacking:
-        yield "Not stated", "; ".join(lacking)
-
-
-def _lacking(of: Unit | Measuring | None) -> list[str]:
-    papers = (None,) * 3 if of is None else (of.serial, of.certificate, of.calibrated)
-    words = ("serial number", "certificate", "date of calibration")
-    return [word for word, paper in zip(words, papers, strict=True) if not paper]
 
 
 def _slides(answer: Answer) -> bool:

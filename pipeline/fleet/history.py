@@ -1,15 +1,22 @@
-"""Comparison of campaigns: which one is the previous, and which stiffnesses have changed."""
+"""Finished campaigns: which one is the previous, and which stiffnesses have changed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import contextlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from scipy import special
 
+from pipeline.answer.archive import Finished, read, with_digest
 from pipeline.answer.contract import Answer, Stiffness
+from pipeline.base import files
+from pipeline.base.errors import UsageError
+from pipeline.store.campaign import CampaignFolder, dump
 
 NO_SCATTER: Mapping[str, float] = MappingProxyType({})
 
@@ -163,3 +170,88 @@ def _on_a_day(found: tuple[float, float] | None, scatter: float) -> tuple[float,
 
 def _stiffness(joint: Stiffness) -> float | None:
     return joint.value if joint.identifiable and joint.value else None
+
+
+def since(previous: Answer | None, answer: Answer) -> tuple[list[Change], bool]:
+    """Changes since the robot's previous campaign, and whether both are of one day.
+
+    There are none if the two cannot be compared.
+    """
+    if previous is None or not trusted(answer):
+        return [], False
+    return changes(previous.stiffness, answer.stiffness), of_one_day(previous, answer)
+
+
+def finished(root: Path, tell: Callable[[str], object] = str) -> list[Finished]:
+    """Campaigns with a finished result, sorted by name; their raw folders may no longer exist.
+
+    Args:
+        root: Root of the project.
+        tell: Called with a sentence on each campaign that is omitted because this version cannot
+            read its result.
+    """
+    out = []
+    for campaign, _ in _with_manifest(root):
+        try:
+            out.append(with_digest(campaign))
+        except UsageError as problem:
+            tell(str(problem))
+    return out
+
+
+def _with_manifest(root: Path) -> Iterator[tuple[CampaignFolder, dict[str, Any]]]:
+    for path in sorted((root / "reports").glob("*/result.json")):
+        campaign = CampaignFolder(root, root / "data" / "raw" / path.parent.name)
+        manifest = campaign.manifest()
+        if manifest is not None:  # the folder of a campaign that was run by path is elsewhere
+            yield CampaignFolder(root, root / manifest.get("source", campaign.folder)), manifest
+
+
+def earlier(campaign: CampaignFolder, answer: Answer) -> Answer | None:
+    """The answer to the same robot's previous finished campaign; None without one.
+
+    Candidates are chosen by their manifests, and read from the latest day backwards, to avoid
+    reading the hundreds of campaigns of a whole plant.
+    """
+    by_day: dict[str, list[CampaignFolder]] = {}
+    for other, manifest in _with_manifest(campaign.root):
+        day = manifest.get("measured", _LONG_AGO)
+        alike = all(manifest.get(key, said) == said for key, said in _machine(answer).items())
+        if alike and precedes(day, answer.measured):
+            by_day.setdefault(day, []).append(other)
+    found = _readable(by_day.pop(_LONG_AGO, []))
+    for day in sorted(by_day, reverse=True):
+        found += _readable(by_day[day])
+        last = previous(answer, found)
+        if last is not None and str(last.measured) >= day:
+            return last
+    return previous(answer, found)
+
+
+def _readable(campaigns: list[CampaignFolder]) -> list[Answer]:
+    found = []
+    for one in campaigns:
+        with contextlib.suppress(UsageError):
+            found.append(read(one))
+    return found
+
+
+_LONG_AGO = "0000"
+"""Date assumed for a manifest of an earlier version, which did not contain one."""
+
+
+def about(answer: Answer) -> dict[str, str | None]:
+    """Entries of the manifest by which `earlier` selects campaigns without reading answers."""
+    return _machine(answer) | {"measured": answer.measured}
+
+
+def _machine(answer: Answer) -> dict[str, str | None]:
+    return {"robot": answer.robot, "machine": answer.machine}
+
+
+def mark(before: Answer | None) -> str | None:
+    """Digest of the part of the previous answer on which a report depends; None without one."""
+    if before is None:
+        return None
+    stiffness = [joint.model_dump(mode="json") for joint in before.stiffness]
+    return files.sha256(dump([before.campaign, stiffness]))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from pipeline.annex.sections.to_measure import to_measure
+from pipeline.annex.sections.unseen import blind_spots
 from pipeline.answer.amounts import sizes
 from pipeline.answer.contract import (
     Alone,
@@ -17,18 +19,13 @@ from pipeline.answer.contract import (
     Unnamed,
 )
 from pipeline.answer.words import capital, listed
-from pipeline.base import doors
 from pipeline.base.quantities import p_value, percent, plain, probability
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.columns import Cells, number_column, table_of, word_column
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import Block, Paragraph, ReportTable, Section, section_of
-from pipeline.report.sections.unseen import blind_spots
 from pipeline.report.summaries import Tables
-
-_TO_MEASURE = "pipeline.annex.sections.to_measure:to_measure"
-"""Door of the annex: poses that would settle open questions."""
 
 _WORTH_SAYING = 0.01
 """Probability of a cause outside the catalogue from which on it is mentioned [1]."""
@@ -48,7 +45,7 @@ _ALIKE = 3
 def diagnosis(answer: Answer, tables: Tables) -> Section | None:
     """The causes, their gain, what to measure next, and effects that may be present unnoticed."""
     found = answer.diagnosis
-    shared, proposed = _shared_gain(found.causes), doors.found(_TO_MEASURE)
+    shared = _shared_gain(found.causes)
     blocks: list[Block | None] = [Paragraph(found.why)]
     for place, one in enumerate(found.causes, 1):
         blocks += _cause(place, one, answer.axes, with_gain=not shared)
@@ -56,7 +53,7 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
         _alone(found.alone),
         Paragraph(shared) if shared else None,
         *figures(("motion", "laws", "evidence", "separability"), answer, tables),
-        *(proposed(answer) if proposed else ()),
+        *to_measure(answer),
         *blind_spots(found.blind_spots),
     ]
     return section_of("diagnosis", _TITLES[found.verdict], blocks)

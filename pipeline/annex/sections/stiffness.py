@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 from pipeline.answer import remarks
 from pipeline.answer.contract import (
@@ -16,8 +17,8 @@ from pipeline.answer.contract import (
     Stiffness,
     Weighed,
 )
-from pipeline.answer.history import Change, changes, of_one_day, trusted
 from pipeline.answer.words import capital
+from pipeline.base import doors
 from pipeline.base.quantities import (
     MISSING,
     bracketed,
@@ -51,6 +52,12 @@ from pipeline.report.record import (
     text_entry,
 )
 
+_SINCE = "pipeline.fleet.history:since"
+"""Door of the fleet: changes since the previous campaign."""
+
+_Change = Any
+"""One stiffness in two campaigns, as the fleet compares them."""
+
 
 def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) -> Section | None:
     """The tables of stiffnesses with their findings.
@@ -59,8 +66,9 @@ def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) 
     is not a finding unless both are of one day: the scatter from day to day exceeds the uncertainty
     of one campaign.
     """
-    since, before = _since(answer, previous), previous.campaign if previous else ""
-    told = wear is None or bool(previous and of_one_day(previous, answer))
+    known, before = doors.found(_SINCE), previous.campaign if previous else ""
+    since, same_day = known(previous, answer) if known else ([], False)
+    told = wear is None or same_day
     called = {joint.name: joint.called for joint in answer.stiffness}
     return section_of(
         "stiffness",
@@ -100,13 +108,6 @@ def _nano(one: Known | None) -> tuple[float | None, float | None]:
     return (None, None) if one is None else (1e9 * one.value, 1e9 * one.std)
 
 
-def _since(answer: Answer, previous: Answer | None) -> list[Change]:
-    """Changes since the robot's previous campaign; none if the two cannot be compared."""
-    if previous is None or not trusted(answer):
-        return []
-    return changes(previous.stiffness, answer.stiffness)
-
-
 def _findings(answer: Answer) -> Iterator[str]:
     """Findings to act on: those of the whole campaign first, then those of single stiffnesses."""
     own = {joint.finding for joint in answer.stiffness}
@@ -117,7 +118,7 @@ def _findings(answer: Answer) -> Iterator[str]:
             yield joint.finding
 
 
-def _changed(change: Change, campaign: str, called: Mapping[str, str]) -> Paragraph:
+def _changed(change: _Change, campaign: str, called: Mapping[str, str]) -> Paragraph:
     return Paragraph(
         f"{called[change.name]} changed by "
         f"{bracketed(change.percent, change.percent_std)} % "
@@ -126,7 +127,7 @@ def _changed(change: Change, campaign: str, called: Mapping[str, str]) -> Paragr
     )
 
 
-def _stiffness_table(answer: Answer, since: Sequence[Change], before: str) -> ReportTable | None:
+def _stiffness_table(answer: Answer, since: Sequence[_Change], before: str) -> ReportTable | None:
     factor, letter = common_prefix(joint.value for joint in answer.stiffness)
     columns = [
         *_axis_columns(answer.stiffness),
@@ -237,7 +238,7 @@ def _beside_columns(answer: Answer, factor: float) -> list[Cells[Stiffness]]:
     return [measured_column(capital(name), lambda joint: own.get(joint.name, (None, None)))]
 
 
-def _change_columns(since: Sequence[Change], before: str) -> list[Cells[Stiffness]]:
+def _change_columns(since: Sequence[_Change], before: str) -> list[Cells[Stiffness]]:
     own = {change.name: (change.percent, change.percent_std) for change in since}
     title = f"Change since {before} [%]"
     return [measured_column(title, lambda joint: own.get(joint.name, (None, None)))] if own else []

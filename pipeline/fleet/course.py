@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
+from pipeline.report.svg import BLUE, RED
+
+# svg.py imports Matplotlib, which must not read the settings of the current folder
+# isort: split
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
 from pipeline.answer.contract import Answer, Stiffness
-from pipeline.answer.history import trusted
 from pipeline.base.quantities import common_prefix, plain, prefixed
+from pipeline.fleet.history import trusted
 from pipeline.report.figures.plot import Tips
 from pipeline.report.summaries import interval
-from pipeline.report.svg import BLUE, RED
 
 _Points = Sequence[tuple[int, Answer, Stiffness]]
 """One joint in the campaigns that give it a value, with the number of each campaign."""
