@@ -41,6 +41,7 @@ from pipeline.diagnosis.converge import converge
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.faults.joint_row import contradicted
+from pipeline.faults.mistake import told_once
 from pipeline.machine.robot import Robot
 from pipeline.prediction.model import IdentifiedModel, dumps
 from pipeline.prediction.tolerance import HeldOutError, judge, path_of
@@ -219,7 +220,7 @@ def _of_pulls(
     screened, right, where, diagnosis = held.screened, held.right, held.where, held.diagnosis
     given = given if screened.findings else right
 
-    facts = replace(diagnosis.facts, mistakes=screened.findings)
+    facts = replace(diagnosis.facts, mistakes=told_once(screened.findings))
     stands = springs_of_extended(right, diagnosis)
     if both is not None:
         both = both.beside(stands, diagnosis)
