@@ -370,10 +370,10 @@ def test_a_wrong_payload_is_due_where_the_torques_show_it():
     power = stats.ncx2.sf(stats.chi2.isf(CONTRADICTS, 4), 4, SHOWN**2)
     name = "wrong_mass_floor"
     games = [
-        Played(name, 1, "", Judged("answered", contradicted=("a",)), wrong="a", apart=9.0),
-        Played(name, 2, "", Judged("answered", accused=False), wrong="a", apart=9.0),
-        Played(name, 3, "", Judged("answered", contradicted=("b",)), wrong="a", apart=7.0),
-        Played(name, 4, "", Judged("crashed"), wrong="a", apart=0.0),
+        Played(name, 1, Judged("answered", contradicted=("a",)), wrong="a", apart=9.0),
+        Played(name, 2, Judged("answered", accused=False), wrong="a", apart=9.0),
+        Played(name, 3, Judged("answered", contradicted=("b",)), wrong="a", apart=7.0),
+        Played(name, 4, Judged("crashed"), wrong="a", apart=0.0),
     ]
 
     titles, _, row = [line.strip("| ").split(" | ") for line in lines(games)[3:]]
