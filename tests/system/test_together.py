@@ -100,7 +100,7 @@ def test_products_of_blocks_are_those_of_whole_columns(own):
     found = suspects.as_one(base, chosen)
 
     left_of = columns - wide @ np.linalg.lstsq(wide, columns, rcond=None)[0]
-    assert found.N == pytest.approx(left_of.T @ left_of, abs=1e-9)
+    assert pytest.approx(left_of.T @ left_of, abs=1e-9) == found.N
     assert found.g == pytest.approx(left_of.T @ y, abs=1e-9)
     assert found.drop == pytest.approx(left(wide, y) - left(np.hstack([wide, columns]), y))
     after, wider = found.without(6), np.hstack([wide, columns[:, :6]])
