@@ -208,7 +208,7 @@ class Base(Locked):
         """
         Q, left = (part[: D.shape[0], : D.shape[1]] for part in (self.Q, self.left))
         p, s, n, k = D.shape
-        QD = (np.swapaxes(Q, 1, 2) @ D.reshape(p, s, n * k)).reshape(p, -1, n, k)
+        QD = (np.swapaxes(Q, 1, 2) @ D.reshape(p, s, n * k)).reshape(p, Q.shape[2], n, k)
         whole = np.einsum("psni,psnj->pnij", D, D)
         return Beside(
             N=whole - np.einsum("pkni,pknj->pnij", QD, QD),
