@@ -61,7 +61,7 @@ def test_a_tracker_that_was_knocked_sends_one_to_the_base_reflectors():
     [
         (lambda axes, p: p + axes @ [0.8, -0.5, 0.6], "Target moved (P2) since pose 9",
          "see whether its nest is loose"),
-        (lambda axes, p: p + [1.5, -0.8, 0.3], "Base moved since pose 9",
+        (lambda _, p: np.add(p, [1.5, -0.8, 0.3]), "Base moved since pose 9",
          "see what holds robot and tracker"),
     ],
     ids=["a nest", "the tracker"],
