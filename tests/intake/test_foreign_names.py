@@ -492,3 +492,30 @@ def test_a_state_without_a_word_is_asked_for_and_can_be_written():
         "P07-L2",
         "P08-L1",
     }
+
+
+@pytest.mark.parametrize(
+    ("unloaded", "loaded", "repeat"),
+    [
+        ("Stellung {} - ohne Last", "Stellung {} - Zug {}", 2),
+        ("pos {} no load", "pos {} pull {}", 2),
+        ("posture {} à vide 1", "posture {} traction {}", 1),
+    ],
+)
+def test_a_state_of_two_words_is_read_like_one_of_one(unloaded, loaded, repeat):
+    """Whether its pulls are numbered or not; the ends of the chain are read under load only."""
+    free, pulled = {"P1": [0.0]}, {"P1": [0.0], "Pl1": [1.0]}
+    rows = {"Basis": {"B1": [2.0]}}
+    for pose in range(1, 5):
+        rows |= {unloaded.format(pose): free}
+        rows |= {loaded.format(pose, k): pulled for k in range(1, 4)}
+
+    (way,) = ways_to_read(rows)
+
+    states = states_of(list(rows), way)
+    assert states == {
+        name: "unloaded" if here is free else "loaded"
+        for name, here in rows.items()
+        if name != "Basis"
+    }
+    assert re.fullmatch(way.pattern, loaded.format(3, repeat))["repeat"] == str(repeat)
