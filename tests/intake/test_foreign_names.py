@@ -11,6 +11,7 @@ from workbooks import workbook
 from pipeline import readers
 from pipeline.base.errors import InputError
 from pipeline.intake._group_names import Group, states_of, ways_to_read
+from pipeline.intake.log_columns import understood_loads
 from pipeline.machine.robot import load
 from pipeline.readers import logs
 from pipeline.readers.said import LogForm
@@ -519,3 +520,19 @@ def test_a_state_of_two_words_is_read_like_one_of_one(unloaded, loaded, repeat):
         if name != "Basis"
     }
     assert re.fullmatch(way.pattern, loaded.format(3, repeat))["repeat"] == str(repeat)
+
+
+@pytest.mark.parametrize(
+    ("title", "force"),
+    [("LBS", 100 * 4.4482216152605), ("kN", 1e5), ("daN", 1e3), ("N", None), ("kg", None)],
+)
+def test_a_column_called_by_a_unit_of_forces_is_the_force(title, force):
+    """`N` may number something, and kilograms may be a mass."""
+    log = f"POS,PULL,{title}\n1,1,100\n1,2,100.5\n2,1,99.5\n".encode()
+
+    form = understood_loads("log.csv", log)
+
+    if force is None:
+        assert form is None
+    else:
+        assert load_log(log.decode(), {"columns": form.columns})[0][2] == pytest.approx(force)
