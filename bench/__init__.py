@@ -2,7 +2,7 @@
 
 import os
 
-from pipeline.base.environment import OURS
+from pipeline.base.environment import OWN_VARIABLES
 
 # before numpy is imported: the last digits of a sum depend on the number of threads
-os.environ |= {name: value for name, value in OURS.items() if name.endswith("_THREADS")}
+os.environ |= {name: value for name, value in OWN_VARIABLES.items() if name.endswith("_THREADS")}

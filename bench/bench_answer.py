@@ -34,11 +34,11 @@ from bench.league.judge import label
 from bench.league.play import NAMES, Plan, Rules, drawn, play
 from bench.league.run import ABLE, PLANS, answer_of, largest, yardstick
 from pipeline.answer.contract import Stiffness
-from pipeline.answer.history import Change, changes
 from pipeline.base import files
 from pipeline.base.arrays import Array
+from pipeline.fleet.history import Change, changes
 from pipeline.machine.robot import Robot, load
-from pipeline.service.executor import Processes
+from pipeline.service.executor import InProcesses
 from pipeline.simulate.blunders import INCH_M, KGF_N
 from pipeline.store.campaign import code_version
 
@@ -120,7 +120,7 @@ def _played(jobs: Sequence[Job], kept: dict[str, Json], path: Path) -> list[Json
     left = [job for job in jobs if job.key not in kept]
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a", encoding="utf-8") as out:
-        for done in Processes().results(game_of, left):
+        for done in InProcesses().results(game_of, left):
             game = done.result
             if game["code"] != code_version():
                 sys.exit("the code changed while games were played; start again")

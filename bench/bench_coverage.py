@@ -12,7 +12,7 @@ from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.run import reduce
-from pipeline.service.executor import Processes, in_order
+from pipeline.service.executor import InProcesses, in_order
 from pipeline.simulate import Plan, build, draw, raw_files, revised
 from pipeline.store.campaign import in_memory
 from pipeline.system.estimate import identify
@@ -25,7 +25,9 @@ def run() -> list[tuple[str, float, str]]:
     """Coverage per joint and noise model, and that of unweighted least squares."""
     out = []
     for noise in NOISES:
-        parts = in_order(Processes(), _hits, [(noise, start) for start in range(0, CAMPAIGNS, 100)])
+        parts = in_order(
+            InProcesses(), _hits, [(noise, start) for start in range(0, CAMPAIGNS, 100)]
+        )
         ours, plain, p = (np.concatenate([part[i] for part in parts]) for i in range(3))
         for joint, (a, b) in enumerate(zip(ours.mean(axis=0), plain.mean(axis=0), strict=True), 1):
             out.append(

@@ -30,7 +30,7 @@ from pipeline.design.information import Experiment, information, station, value_
 from pipeline.design.library import problem_of
 from pipeline.design.limits import slacks
 from pipeline.design.problem import Problem
-from pipeline.design.space import Box
+from pipeline.design.space import PlanCoordinates
 from pipeline.report.svg import BLUE, MUTED, PURPLE, RED, STYLE
 
 MM = 1e3
@@ -142,7 +142,7 @@ def _ours(problem: Problem, seed: int) -> Trace:
         list(search.search(problem, np.random.default_rng(seed)))
     finally:
         search.objective = make
-    box = Box(problem, problem.poses)
+    box = PlanCoordinates(problem, problem.poses)
     plans = search.evaluate(problem, *box.opened(np.vstack([x for _, x in looked])))
     at = np.concatenate([np.full(len(x), t) for t, x in looked])
     return _falling(at, np.array([p.figure if p.kept else np.inf for p in plans]))
@@ -158,7 +158,7 @@ class _Plans(Minimised):
     """The same problem for pymoo: the figure is minimised, limits are inequalities below zero."""
 
     def __init__(self, problem: Problem) -> None:
-        self.problem, self.box = problem, Box(problem, problem.poses)
+        self.problem, self.box = problem, PlanCoordinates(problem, problem.poses)
         at = station(problem.experiment, problem.lower[None], problem.anchor_lower)
         limits = len(list(slacks(problem.limits, at)))
         super().__init__(n_var=self.box.size, n_obj=1, n_ieq_constr=limits + 1, xl=0.0, xu=1.0)

@@ -157,7 +157,7 @@ def _mm(points: dict[str, tuple[float, float, float]]) -> dict[str, list[float]]
 def _spatial_analyzer(plain: bytes) -> bytes:
     """The same readings in the format of SpatialAnalyzer."""
     export = readers.read("tracker.csv", plain)
-    written = readers.Readings(
+    written = readers.OutgoingReadings(
         export.group.to_pylist(),
         export.target.to_pylist(),
         export.position,

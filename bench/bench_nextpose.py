@@ -25,12 +25,12 @@ from bench.league.run import ABLE, MOST, Asked, League, followed, largest, shown
 from bench.league.table import rivalled, share, wrong
 from pipeline.base.arrays import Array
 from pipeline.design.poses import default_anchors, draw_poses, feasible
-from pipeline.diagnosis.facts import APART
+from pipeline.diagnosis.facts import SEPARATED
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.isolability import twins
 from pipeline.machine.robot import Robot, load
 from pipeline.machine.robot.axes import rounded
-from pipeline.service.executor import Processes, in_order
+from pipeline.service.executor import InProcesses, in_order
 
 SEED, PLANS = 2027, 96
 EACH = 3
@@ -82,7 +82,7 @@ class Game:
 def run() -> Iterable[tuple[str, float, str]]:
     """What one pose and up to four achieve for `ambiguous`; promises kept; errors."""
     jobs = [(SEED, number) for number in range(PLANS)]
-    games = [game for some in in_order(Processes(), games_of, jobs) for game in some]
+    games = [game for some in in_order(InProcesses(), games_of, jobs) for game in some]
     yield from counted(games)
 
 
@@ -94,11 +94,11 @@ def counted(games: Sequence[Game]) -> Iterable[tuple[str, float, str]]:
     proposed = [game for game in opened if game.first.apart is not None]
     rivals = [game for game in proposed if rivalled(game.first)]
     others = [game for game in proposed if not rivalled(game.first)]
-    apart = [game for game in rivals if (game.first.apart or 0.0) >= APART]
-    soon = [game for game in apart if game.answers[0].sigmas[1] >= APART]
+    apart = [game for game in rivals if (game.first.apart or 0.0) >= SEPARATED]
+    soon = [game for game in apart if game.answers[0].sigmas[1] >= SEPARATED]
     for what, some in (
-        (f"rivals that four poses separate by {APART}", apart),
-        (f"rivals that the first pose separates by {APART}", soon),
+        (f"rivals that four poses separate by {SEPARATED}", apart),
+        (f"rivals that the first pose separates by {SEPARATED}", soon),
         ("all rivals with a pose proposed", rivals),
         ("no rival, a pose proposed", others),
     ):

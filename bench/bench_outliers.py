@@ -21,7 +21,7 @@ from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
-from pipeline.service.executor import Processes, in_order
+from pipeline.service.executor import InProcesses, in_order
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.estimate import identify
@@ -47,7 +47,7 @@ def run() -> Iterable[tuple[str, float, str]]:
     for noise in NOISES:
         for size in SIZES_MM:
             jobs = [(noise, size, seed) for seed in range(EACH)]
-            found = np.array(in_order(Processes(), _found, jobs))
+            found = np.array(in_order(InProcesses(), _found, jobs))
             named, best, sigmas, _ = found.mean(axis=0)
             bound = "no normal noise" if noise == "Eq. (18)" else f"best possible {best:.3f}"
             gauss += [found] if noise != "Eq. (18)" else []

@@ -14,7 +14,7 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.service.executor import Processes, in_order
+from pipeline.service.executor import InProcesses, in_order
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 
@@ -32,9 +32,9 @@ BLUNDERS = ("outlier", "outlier=5e-4", "label_swap", "unit_mixup", "sign_or_conv
 
 def run() -> Iterable[tuple[str, float, str]]:
     """Fraction named correctly per blunder, fraction of good campaigns with any finding."""
-    said = in_order(Processes(), _found, [("", seed) for seed in range(CLEAN)])
+    said = in_order(InProcesses(), _found, [("", seed) for seed in range(CLEAN)])
     yield ("clean campaigns called bad", _share(said), f"aim <= 0.005 of {CLEAN}")
-    said = in_order(Processes(), _found, [("any", seed) for seed in range(PHYSICAL)])
+    said = in_order(InProcesses(), _found, [("any", seed) for seed in range(PHYSICAL)])
     yield (
         "campaigns with one effect of the catalogue called bad",
         _share(said),
@@ -42,7 +42,7 @@ def run() -> Iterable[tuple[str, float, str]]:
     )
     for blunder in BLUNDERS:
         jobs = [(blunder, 10_000 + seed) for seed in range(EACH)]
-        named = [found == wanted for wanted, found, _ in in_order(Processes(), _found, jobs)]
+        named = [found == wanted for wanted, found, _ in in_order(InProcesses(), _found, jobs)]
         size = "" if "=" in blunder or blunder != "outlier" else " (0.3 mm)"
         yield (f"{blunder}{size}: named with its place", np.mean(named), f"of {EACH}")
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from pipeline.design.discriminate import lens
+from pipeline.design.discriminate import cause_tests
 from pipeline.design.library import problem_of
 from pipeline.design.measurement import of_plan, seen_by
 from pipeline.design.problem import Problem
@@ -39,7 +39,7 @@ def run() -> Iterable[tuple[str, float, str]]:
         comment = f"aim >= 25; {alone} without twins; epsilon {ratio:.3f} of the optimum"
         yield f"16 readings, seed {seed}: causes named", named, comment
     plan = _optimum(problem)
-    sights = seen_by(lens(problem), of_plan(problem, plan))
+    sights = seen_by(cause_tests(problem), of_plan(problem, plan))
     named, alone = _counted(problem, [sight.named_from for sight in sights])
     yield "16 readings, pure optimum: causes named", named, f"{alone} without twins"
     price = [_traded(problem, plan, allowed) for allowed in ALLOWED]
@@ -60,7 +60,7 @@ def run() -> Iterable[tuple[str, float, str]]:
 
 def _counted(problem: Problem, named_from: list[float]) -> Counts:
     """Counts from sizes in the order of the lens; causes that no pull can show do not count."""
-    names = lens(problem).names
+    names = cause_tests(problem).names
     good = [size <= 1 for size in named_from[: len(names)]]
     return sum(good), sum(g and " = " not in name for g, name in zip(good, names, strict=True))
 
@@ -74,7 +74,7 @@ def _optimum(problem: Problem) -> Plan:
 def _traded(problem: Problem, plan: Plan, allowed: float) -> Counts:
     assert problem.spec.diagnosis is not None
     asked = problem.spec.diagnosis.model_copy(update={"allowed": allowed})
-    *_, best = trade(lens(problem), plan, asked, np.random.default_rng(SEEDS[0]), restarts=1)
+    *_, best = trade(cause_tests(problem), plan, asked, np.random.default_rng(SEEDS[0]), restarts=1)
     return _counted(problem, list(best.named_from))
 
 

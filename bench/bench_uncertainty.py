@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.service.executor import Processes, in_order
+from pipeline.service.executor import InProcesses, in_order
 from pipeline.simulate import build, draw, parse, raw_files, revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.budget import budget
@@ -53,7 +53,7 @@ def _budget() -> Iterable[tuple[str, float, str]]:
 
 
 def _supplement_one() -> Iterable[tuple[str, float, str]]:
-    parts = in_order(Processes(), _redrawn, range(DRAWS // BATCH))
+    parts = in_order(InProcesses(), _redrawn, range(DRAWS // BATCH))
     x, std = (np.concatenate([part[i] for part in parts]) for i in range(2))
     ratio = x.std(axis=0, ddof=1) / std.mean(axis=0)
     for joint, value in enumerate(ratio, 1):
@@ -106,7 +106,7 @@ def _hall(seed: int, noise_scale: float = 1.0) -> dict[str, object]:
 
 
 def _coverage() -> Iterable[tuple[str, float, str]]:
-    hits, z = zip(*in_order(Processes(), _covered, range(CAMPAIGNS)), strict=True)
+    hits, z = zip(*in_order(InProcesses(), _covered, range(CAMPAIGNS)), strict=True)
     for joint, share in enumerate(np.mean(hits, axis=0), 1):
         yield (
             f"tracker anywhere: 95 % interval of joint {joint} holds the truth",
@@ -131,7 +131,7 @@ def _covered(seed: int) -> tuple[np.ndarray, np.ndarray]:
 def _noise() -> Iterable[tuple[str, float, str]]:
     for scale, aim in ((1.0, "aim <= 0.01 of"), (1.3, "aim 1, 1.3 planted, of")):
         jobs = [(seed, scale) for seed in range(CAMPAIGNS)]
-        named, found = zip(*in_order(Processes(), _named, jobs), strict=True)
+        named, found = zip(*in_order(InProcesses(), _named, jobs), strict=True)
         said = f"{aim} {CAMPAIGNS}; scale found {np.mean(found):.3f} +- {np.std(found):.3f}"
         yield (f"tracker noise times {scale}: named tracker_noise", float(np.mean(named)), said)
 

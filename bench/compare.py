@@ -40,8 +40,8 @@ from bench.league.hidden import SECRETS
 from bench.league.play import drawn, play
 from bench.league.run import Fixture, League, _sizes, fixtures, largest
 from pipeline.machine.robot import load
-from pipeline.run import answered
-from pipeline.service.executor import Processes
+from pipeline.run import campaign_answer
+from pipeline.service.executor import InProcesses
 from pipeline.simulate import revised, simulate
 from pipeline.simulate.blunders import UNITS
 from pipeline.store.campaign import dump, find, in_memory
@@ -506,7 +506,7 @@ def compared(
 
 
 def _write(raw: Path, asked: Sequence[str], jobs: int) -> None:
-    for done in Processes(jobs).results(made, asked):
+    for done in InProcesses(jobs).results(made, asked):
         key, files = done.result
         (raw / key).mkdir(parents=True)
         for name, content in files.items():
@@ -576,7 +576,9 @@ exact twins rounding decides which comes first."""
 
 def answer_of(key: str, files: Mapping[str, bytes]) -> dict[str, Any]:
     """result.json of the present tree."""
-    answer: dict[str, Any] = json.loads(dump(answered(key, in_memory(files)).answer.as_json()))
+    answer: dict[str, Any] = json.loads(
+        dump(campaign_answer(key, in_memory(files)).answer.as_json())
+    )
     return answer
 
 

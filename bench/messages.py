@@ -20,11 +20,11 @@ SPOKEN: dict[str, tuple[str, ...]] = {
         *("_next", "_again", "_proposed", "_unchecked", "_pulled", "_joints"),
         *("_least_certain", "_NONE_OPEN", "_settled"),
     ),
-    "answer/tolerated.py": ("DECIDED",),
+    "answer/tolerance_sentence.py": ("DECIDED",),
     "answer/words.py": ("DO", "listed", "loads"),
     "design/discriminate.py": ("_never",),
     "design/criteria.py": ("prediction",),
-    "design/made.py": ("worth_unpulled", "_unchecked", "cell_lines"),
+    "design/finished.py": ("worth_unpulled", "_unchecked", "cell_lines"),
     "design/plan_book.py": (),
     "design/plan_figures.py": ("pose_picture", "_view"),
     "design/plan_sheet.py": (),
@@ -47,11 +47,19 @@ SPOKEN: dict[str, tuple[str, ...]] = {
             "_deflection",
             "_key",
         ),
-        *("_write", "_stands_at", "Reading", "readings", "_draw_gauge", "_write_gauge", "_only"),
+        *(
+            "_write",
+            "_stands_at",
+            "_JudgedDeflection",
+            "_judged_deflections",
+            "_draw_gauge",
+            "_write_gauge",
+            "_only",
+        ),
     ),
     "report/model.py": ("compose", "_about", "_title"),
-    "report/record.py": ("Certificate", "Frame"),
-    "report/sections/identity.py": (
+    "report/record.py": ("Certificate", "PageFrame"),
+    "report/identity.py": (
         "_KINDS",
         "rows",
         "_when",
@@ -160,7 +168,7 @@ def catalogues() -> None:
     template = Catalog()
     for text, file in texts().items():
         template.add(text, locations=[(file, 0)] if file else [])
-    for path in sorted((ROOT / "base" / "locale").glob("*.po")):
+    for path in sorted((ROOT / "house" / "locale").glob("*.po")):
         with path.open("rb") as written:
             found = read_po(written, locale=path.stem)
         found.update(template, no_fuzzy_matching=True, update_creation_date=False)

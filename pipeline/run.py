@@ -16,34 +16,34 @@ import pandas as pd
 from pipeline import tables
 from pipeline.answer import archive
 from pipeline.answer.answer import answer as answer_of
-from pipeline.answer.both import Both
 from pipeline.answer.contract import Answer, Which
-from pipeline.answer.findings import Findings
-from pipeline.answer.kept import kept, predicted
-from pipeline.answer.positions import PositionsFound
+from pipeline.answer.kept_tables import kept, predicted
+from pipeline.answer.of_positions import conclude
+from pipeline.answer.of_positions import identify_positions as positions
+from pipeline.answer.positions import PositionsResults
+from pipeline.answer.positions_and_pulls import PositionsAndPulls
 from pipeline.answer.recommended import (
-    Basis,
+    DecisionBasis,
     beside_positions,
     decide,
     identified,
     joint_springs,
     recommend,
-    standing,
+    springs_of_extended,
 )
 from pipeline.answer.reliability import control
-from pipeline.answer.standing import identified as positions
-from pipeline.answer.standing import stood
+from pipeline.answer.results import CampaignResults
 from pipeline.base import doors
+from pipeline.base.appearance import appearances
 from pipeline.base.errors import InputError, at
-from pipeline.base.look import looks
 from pipeline.base.threads import alone
-from pipeline.diagnosis.settle import settle
+from pipeline.diagnosis.converge import converge
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.faults.joint_row import contradicted
 from pipeline.machine.robot import Robot
 from pipeline.prediction.model import IdentifiedModel, dumps
-from pipeline.prediction.tolerance import Shown, asked, judge
+from pipeline.prediction.tolerance import HeldOutError, judge, path_of
 from pipeline.reduction.bring import Keep, Reduced, Step, bring, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.ingest import ingest
@@ -105,16 +105,16 @@ def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
         InputError: A file cannot be trusted; with `plausible` also if only a wrong unit or
             convention explains its values, otherwise if not even that does.
     """
-    case, doubt = as_read(raw, keep, step, plausible)
+    case, doubt = as_ingested(raw, keep, step, plausible)
     if doubt is None:
         return case
     if not (contradicted(case) or conventions(case)):
-        return as_read(raw, keep, step)[0]
+        return as_ingested(raw, keep, step)[0]
     doubted = pd.concat([case.rejected, _doubt_row(doubt)], ignore_index=True)
     return replace(case, rejected=keep("13_rejected", doubted, tables.REJECTED))
 
 
-def as_read(
+def as_ingested(
     raw: Raw, keep: Keep = conformed, step: Step = plain, plausible: bool = True
 ) -> tuple[Case, InputError | None]:
     """Ingested tables, and why their values are implausible if not to be rejected for that."""
@@ -150,10 +150,9 @@ def _doubt_row(doubt: InputError) -> pd.DataFrame:
 
 def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
     """Run all stages: to the answer, and a report on disk."""
-    began, dress = time.perf_counter(), looks(campaign.root)
-    found = answered(campaign.name, raw, campaign.keep, step)
+    began, dress = time.perf_counter(), appearances(campaign.root)
+    found = campaign_answer(campaign.name, raw, campaign.keep, step)
     run_time_s = time.perf_counter() - began
-    before = archive.earlier(campaign, found.answer)
     for_others = doors.found(_FOR_OTHERS)
     answers = {
         "result.json": dump(found.answer.as_json()),
@@ -161,25 +160,25 @@ def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
         **found.files,
         **(for_others(found.answer, found.shown, found.model) if for_others else {}),
     }
-    wear = archive.together(found.answer, campaign.root)  # as known before this campaign
-    said = {"language": raw.settings.language, "fields": raw.settings.fields}
-    look = archive.look_of(dress, said, found.answer)
-    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers), wear, look)
+    others = archive.among(campaign, found.answer)  # as known before this campaign
+    entries = {"language": raw.settings.language, "fields": raw.settings.fields}
+    look = archive.look_of(dress, entries, found.answer)
+    pages = step(render)(
+        found.answer, found.shown, run_time_s, others.previous, list(answers), others.wear, look
+    )
     about = {
-        **said,
+        **entries,
         "look": look.key,
         "run_time_s": run_time_s,
-        "previous": archive.mark(before),
-        "wear": wear,
         "verdict": str(found.answer.diagnosis.verdict),
-        **archive.about(found.answer),
+        **others.kept,
     }
     campaign.finish(raw.key, answers | pages, about)
     return found.answer
 
 
 @dataclass(frozen=True, eq=False)
-class Answered:
+class CampaignAnswer:
     """Results from the files of a campaign.
 
     Attributes:
@@ -195,34 +194,38 @@ class Answered:
     files: dict[str, bytes] = field(default_factory=dict)
 
 
-def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
+def campaign_answer(
+    name: str, raw: Raw, keep: Keep = conformed, step: Step = plain
+) -> CampaignAnswer:
     """Run the stages up to stiffnesses, and what is wrong with data or model."""
     with raw.placing(), alone():
         read = None if raw.settings.positions is None else positions(name, raw, keep, step)
         if read is None or not raw.settings.of_positions:
             return _of_pulls(name, raw, read, keep, step)
-        end = stood(read, keep, step)
-        return Answered(end.answer, end.shown, end.model, end.files)
+        end = conclude(read, keep, step)
+        return CampaignAnswer(end.answer, end.shown, end.model, end.files)
 
 
-def _of_pulls(name: str, raw: Raw, read: PositionsFound | None, keep: Keep, step: Step) -> Answered:
+def _of_pulls(
+    name: str, raw: Raw, read: PositionsResults | None, keep: Keep, step: Step
+) -> CampaignAnswer:
     """Answer of a campaign of pulls, combined with its positions if there are any."""
     case, both = _joined(raw, read, keep, step)
-    path = asked(raw.settings.tolerance, raw.files, case.robot, case.tool)
+    path = path_of(raw.settings.tolerance, raw.files, case.robot, case.tool)
     case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
     _enough(reduced.data, raw.robot)
     given = step(fit)(case, reduced)
-    held = settle(case, reduced, given, step)
+    held = converge(case, reduced, given, step)
     screened, right, where, diagnosis = held.screened, held.right, held.where, held.diagnosis
     given = given if screened.findings else right
 
     facts = replace(diagnosis.facts, mistakes=screened.findings)
-    stands = standing(right, diagnosis)
+    stands = springs_of_extended(right, diagnosis)
     if both is not None:
         both = both.beside(stands, diagnosis)
         facts = both.facts(facts)
     word = verdict(facts)
-    row = decide(Basis.of(facts, diagnosis))
+    row = decide(DecisionBasis.of(facts, diagnosis))
     values = alone = recommend(row, stands, diagnosis, where)
     if both is not None and both.agrees:
         values = step(beside_positions)(alone)
@@ -232,8 +235,8 @@ def _of_pulls(name: str, raw: Raw, read: PositionsFound | None, keep: Keep, step
         springs = joint_springs(delivered)
         paper = predicted(springs.model(name, word, row), springs, where, step)
     controls, carried = step(control)(alone, where)
-    shown_m = Shown(told.model.held_out_m, right.data.pulls.range_n[1])
-    found = Findings(
+    shown_m = HeldOutError(told.model.held_out_m, right.data.pulls.range_n[1])
+    found = CampaignResults(
         campaign=name,
         raw=raw,
         given=given,
@@ -252,21 +255,21 @@ def _of_pulls(name: str, raw: Raw, read: PositionsFound | None, keep: Keep, step
     )
     shown = {**right.reduced.shown, "rejected": case.rejected, **kept(found, keep, step)}
     if both is None:
-        return Answered(answer_of(found), shown, told.model)
+        return CampaignAnswer(answer_of(found), shown, told.model)
     shown |= both.shown(shown, keep)
     model = told.model
-    return Answered(both.answer(found, answer_of(found)), shown, model, both.files(model))
+    return CampaignAnswer(both.answer(found, answer_of(found)), shown, model, both.files(model))
 
 
 def _joined(
-    raw: Raw, read: PositionsFound | None, keep: Keep, step: Step
-) -> tuple[Case, Both | None]:
+    raw: Raw, read: PositionsResults | None, keep: Keep, step: Step
+) -> tuple[Case, PositionsAndPulls | None]:
     """Tables of the pulls, and their combination with positions if there are any."""
     raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
     case = ingested(raw, keep, step, plausible=False)
     if read is None:
         return case, None
-    both = Both.of(case, read, step)
+    both = PositionsAndPulls.of(case, read, step)
     return both.case, both
 
 

@@ -30,7 +30,7 @@ def _number(name: str, unit: str, meaning: str) -> pa.Field:
 
 
 def _count(name: str, meaning: str, nullable: bool = False) -> pa.Field:
-    return _col(name, I32, "1", meaning, nullable)
+    return _col(name, _I32, "1", meaning, nullable)
 
 
 def _text(name: str, meaning: str, nullable: bool = False) -> pa.Field:
@@ -67,13 +67,13 @@ def _promise(table: str, key: str, *columns: pa.Field) -> pa.Schema:
     return pa.schema(columns, metadata={"table": table, "key": key})
 
 
-I32, I64, F64, STR = pa.int32(), pa.int64(), pa.float64(), pa.string()
-_WORD = pa.dictionary(I32, STR)
+_I32, _I64, F64, STR = pa.int32(), pa.int64(), pa.float64(), pa.string()
+_WORD = pa.dictionary(_I32, STR)
 
 _POSE = _count("pose", "pose number of the campaign")
 _TARGET = _text("target", "name of the reflector")
 _FILE = _text("file", "raw file, relative to the campaign folder")
-_LINE = _col("line", I64, "1", "line in that file, counted from 1")
+_LINE = _col("line", _I64, "1", "line in that file, counted from 1")
 _TIME = _col("time", pa.timestamp("us"), "UTC or local, as exported", "time of reading", True)
 _PULL = (_POSE, _count("repeat", "pull within the pose"))
 _SOURCE = (_FILE, _LINE)
@@ -136,7 +136,7 @@ REJECTED = _promise(
     "rejected",
     "file,line,reason",
     _FILE,
-    _col("line", I64, "1", "line in that file, null for the whole file", nullable=True),
+    _col("line", _I64, "1", "line in that file, null for the whole file", nullable=True),
     _text("reason", "why it was left out, and the way out"),
 )
 
@@ -327,10 +327,10 @@ POSES = _promise(
     _count("pose", "number in the picture; that of the pose where these are unique"),
     _text("label", "what the pose is called"),
     _text("file", "export that holds its readings, or table of displacements"),
-    _col("first_line", I64, "1", "its first line there, null when unknown", nullable=True),
-    _col("last_line", I64, "1", "its last line there, null when unknown", nullable=True),
+    _col("first_line", _I64, "1", "its first line there, null when unknown", nullable=True),
+    _col("last_line", _I64, "1", "its last line there, null when unknown", nullable=True),
     _text("joints_file", "log that holds its joint values"),
-    _col("joints_line", I64, "1", "line there", nullable=True),
+    _col("joints_line", _I64, "1", "line there", nullable=True),
     _count("pulls", "loads that it was measured under"),
     _number("force_n", "N", "the largest of them, NaN for the arm's own weight alone"),
 )

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Parameter
-from pipeline.diagnosis.identify import SearchCase
+from pipeline.diagnosis.cause_search import SearchProblem
 from pipeline.system.evidence import ROUNDING
-from pipeline.system.system import Rows
+from pipeline.system.system import RowIndex
 from pipeline.system.whitened import Whitened
 
 POSES, EACH, SPRINGS = 8, 9, 3
@@ -84,7 +84,7 @@ class Made:
             suspects=self.suspects,
             owner=owner,
             typical=np.concatenate([x, [1.0], z]),
-            rows=Rows(pose + 1, none, np.full(M, "", object), none, none),
+            rows=RowIndex(pose + 1, none, np.full(M, "", object), none, none),
             raw=np.column_stack([self.B, Z, self.c]),
             A=A,
             pose=np.append(pose, -1),
@@ -162,7 +162,7 @@ class Seen:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearCase(SearchCase):
+class LinearCase(SearchProblem):
     """A case with a linear model: the point of linearisation does not matter."""
 
     truth: Any = None

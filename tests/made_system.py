@@ -4,7 +4,7 @@ import numpy as np
 import scipy.sparse
 
 from pipeline.base.arrays import Parameter
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, RowIndex, System
 
 TYPICAL = np.array([1.3e-8, 3.0e-7, 2.0e-6])
 """Typical sizes of three parameters of different order of magnitude."""
@@ -45,7 +45,7 @@ def made(rng, pulls=(3, 2, 4, 3), force_m=4e-5, scales=(1.0, 1.0), common=True):
     fields = (pose, pull, np.full(M, "P1", object), np.arange(M) % 3, pull)
     return System(
         parameters=tuple(Parameter(f"c{k}", "m/N", t, 0.0) for k, t in enumerate(TYPICAL)),
-        rows=Rows(*(field[order] for field in fields)),
+        rows=RowIndex(*(field[order] for field in fields)),
         B=B[order],
         c=c[order],
         errors=Errors(

@@ -3,9 +3,9 @@
 import numpy as np
 
 from pipeline.machine.robot import load
-from pipeline.machine.robot.letters import letters
+from pipeline.machine.robot.dh_parameters import dh_parameters
 
-LETTERS = letters(load("kr500_rail"))
+LETTERS = dh_parameters(load("kr500_rail"))
 POINTS = np.array([[0.20, 0.05, 0.12], [-0.12, 0.19, 0.10], [-0.10, -0.18, 0.22]])
 ALPHA = np.deg2rad([-90, 90, 90, 0, 90, -90, 90])
 D = [0, 0, 0.5, 1.3, 0.055, 0, 0]

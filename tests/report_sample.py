@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.annex.scene import MOST
+from pipeline.annex.scene import MOST_POSES
 from pipeline.answer.contract import Answer
 from pipeline.answer.posture import standing_posture
 from pipeline.machine.cell import Tool
@@ -440,7 +440,7 @@ def _cell(points: pd.DataFrame, rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
     for pair in ("xx", "xy", "xz", "yy", "yz", "zz"):
         vectors[f"c{pair}_m2"] = 1e-9 if pair[0] == pair[1] else 0.0
     every = vectors["pose"].unique()  # with many poses the stage draws some
-    drawn = every[np.unique(np.linspace(0, len(every) - 1, MOST).astype(int))]
+    drawn = every[np.unique(np.linspace(0, len(every) - 1, MOST_POSES).astype(int))]
     vectors = vectors[vectors["pose"].isin(drawn)].reset_index(drop=True)
     bodies = [_body(0, "base", "base", (0, -0.5, -0.4), (0, 18.5, -0.4), 0.4)]
     bodies.append(_body(0, "tracker", "tracker", (6.0, 9.0, 0.7), (6.0, 9.0, 0.7), 0.0))

@@ -12,10 +12,10 @@ import report_sample
 from pipeline import faults, readers
 from pipeline.faults import screen
 from pipeline.machine.robot import load
-from pipeline.readers import Hints
+from pipeline.readers import ExportSettings
 from pipeline.readers._layout import Field
 from pipeline.report.figures import catalogue
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, blunders, revised, simulate
 from pipeline.store.campaign import in_memory
 
@@ -23,7 +23,8 @@ READERS = readers.catalogue()
 
 ROOT = Path(__file__).parents[1]
 GUIDES = ("CONTRIBUTING.md", "docs/add-an-effect.md", "docs/add-a-reader.md", "docs/add-a-robot.md")
-NEW = {"late_pull.py", "loads.py", "station_scan.py"}
+NEW = {"late_pull.py", "loads.py", "station_scan.py"}  # examples of the guides
+FOREIGN = {"runpy.py", "three.js"}
 PLAN = revised(
     Plan(name="late", seed=11),
     {
@@ -62,7 +63,7 @@ def late_files(monkeypatch):
 
 def verdict_of(files):
     """Verdict of a campaign, and findings with their places."""
-    said = answered("late", in_memory(files)).answer.diagnosis
+    said = campaign_answer("late", in_memory(files)).answer.diagnosis
     return said.verdict, [(cause.name, cause.where) for cause in said.causes]
 
 
@@ -114,7 +115,9 @@ def test_the_reader_of_the_guide_reads_times(monkeypatch):
     scan = module(block("docs/add-a-reader.md", '"""Station scan'))
     fields = (*scan._FIELDS, Field("time", "time", needed=False))
     monkeypatch.setattr(scan, "_FIELDS", fields)
-    layout = eval(block("docs/add-a-reader.md", "Layout("), vars(scan) | {"hints": Hints()})
+    layout = eval(
+        block("docs/add-a-reader.md", "Layout("), vars(scan) | {"hints": ExportSettings()}
+    )
     text = readers.text("scan.txt", SCAN.replace("22\n", "22;03.11.2026 08:00:48\n").encode())
 
     rows = scan.rows(text, layout)
@@ -147,15 +150,27 @@ def test_a_file_of_the_guides_is_as_tidy_as_those_of_the_package(guide, start, f
         assert said.returncode == 0, said.stdout + said.stderr
 
 
-@pytest.mark.parametrize("guide", GUIDES)
-def test_every_file_that_a_guide_names_is_there(guide):
-    """A guide does not name a file that was moved."""
-    text = (ROOT / guide).read_text("utf-8")
-    named = set(re.findall(r"`([a-z_/]+\.(?:py|toml|md))`", text))
+PAGES = ("CONTRIBUTING.md", "README.md", *sorted(
+    page.relative_to(ROOT).as_posix() for page in (ROOT / "docs").rglob("*.md")
+))  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def repository():
+    """Every file of the repository, from its top."""
     folders = ("bench", "data", "docs", "pipeline", "tests")
     there = [*ROOT.glob("*.*"), *(path for one in folders for path in (ROOT / one).rglob("*.*"))]
-    here = [path.relative_to(ROOT).as_posix() for path in there]
+    return [path.relative_to(ROOT).as_posix() for path in there]
 
-    lost = {name for name in named if not any(f"/{path}".endswith(f"/{name}") for path in here)}
 
-    assert {name for name in lost if name.rpartition("/")[2] not in NEW} == set()
+@pytest.mark.parametrize("page", PAGES)
+def test_every_source_file_that_a_page_names_exists(page, repository):
+    """No page names a module or test that was moved."""
+    text = (ROOT / page).read_text("utf-8")
+    named = set(re.findall(r"[`(= ]((?:[a-z_]+/)*[a-z_0-9]+\.(?:py|js))\b", text))
+
+    lost = {
+        name for name in named if not any(f"/{path}".endswith(f"/{name}") for path in repository)
+    }
+
+    assert {name for name in lost if name.rpartition("/")[2] not in NEW | FOREIGN} == set()

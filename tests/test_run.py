@@ -18,7 +18,7 @@ from bench.league.play import Rules, drawn, play
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
-from pipeline.run import answered, ingested, run
+from pipeline.run import campaign_answer, ingested, run
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import in_memory
@@ -50,7 +50,7 @@ def write(root, files, name="campaign"):
 
 def told(files):
     """Answer for these files, without tables and report on disk."""
-    return answered("told", in_memory(files)).answer
+    return campaign_answer("told", in_memory(files)).answer
 
 
 def exact(changes=None):
@@ -188,7 +188,7 @@ def test_a_pull_through_the_axis_of_joint_7_is_told_by_name():
 def test_a_negative_compliance_is_a_finding_and_no_stiffness():
     """Rail displacements of the wrong sign: k_r1 has no value, and the sentence says why."""
     files = dict(simulate(exact()).files)
-    right = answered("right", in_memory(files))
+    right = campaign_answer("right", in_memory(files))
     answer, moved, forces = right.answer, right.shown["displacements"].copy(), right.shown["forces"]
     pull = moved.merge(forces, on=["pose", "repeat"])
     moved["dy_m"] -= 3 * pull["fy_n"] / 8.0e7

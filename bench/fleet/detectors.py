@@ -9,9 +9,9 @@ from scipy import stats
 
 from bench.fleet.world import YEAR, Robot
 from pipeline.answer.contract import Stiffness
-from pipeline.answer.history import changes
 from pipeline.base.arrays import Array
-from pipeline.fleet.wear.alarm import A_YEAR, looks
+from pipeline.fleet.history import changes
+from pipeline.fleet.wear.alarm import A_YEAR, interim_tests
 from pipeline.fleet.wear.machine import Machine, Repair, Visit
 from pipeline.fleet.wear.scatter import scatter
 
@@ -26,7 +26,7 @@ def model(robots: Sequence[Robot], count: int) -> list[bool]:
     """The project's own: one model of the whole fleet, which estimates the scatter itself."""
     machines = [machine(one, count, str(k)) for k, one in enumerate(robots)]
     found = scatter(machines)
-    return [any(look.alarm for look in looks(one, found)) for one in machines]
+    return [any(look.alarm for look in interim_tests(one, found)) for one in machines]
 
 
 def machine(robot: Robot, count: int, name: str) -> Machine:

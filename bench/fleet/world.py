@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.reduction.bring import conformed
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.store.campaign import find
 
 ROOT = Path(__file__).parents[2]
@@ -102,7 +102,7 @@ def measured() -> tuple[Array, Array]:
         kept[name] = conformed(name, table, promise)
         return kept[name]
 
-    answered("kr500_demo", find(ROOT, "kr500_demo").read(), keep)
+    campaign_answer("kr500_demo", find(ROOT, "kr500_demo").read(), keep)
     cov = kept["41_covariance"].set_index("parameter").to_numpy(float)
     return kept["40_estimate"]["value"].to_numpy(float), cov
 

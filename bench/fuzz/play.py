@@ -25,7 +25,7 @@ from pipeline.machine.robot import Robot
 from pipeline.prediction.model import dumps
 from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
-from pipeline.run import Answered, answered
+from pipeline.run import CampaignAnswer, campaign_answer
 from pipeline.store.campaign import CampaignFolder, dump
 
 SCREENED, ANSWER = "screened", "answer"
@@ -179,7 +179,7 @@ def play(files: Files, to: str, further: Callable[[Said], bool], shown: bool = F
         try:
             raw = _folder(Path(root), files).read()
             watch.said.nominal = _states_stiffness(raw.robot)
-            found = answered("fuzzed", raw, watch.keep, watch.step)
+            found = campaign_answer("fuzzed", raw, watch.keep, watch.step)
             _read(played, found, shown)
         except _Far:
             pass
@@ -208,7 +208,7 @@ def _states_stiffness(robot: Robot) -> bool:
     return "stiffness_n" in robot.text
 
 
-def _read(played: Played, found: Answered, shown: bool) -> None:
+def _read(played: Played, found: CampaignAnswer, shown: bool) -> None:
     """Record an answer, from its result.json alone."""
     said, answer = played.said, found.answer.as_json()
     played.not_finite = tuple(_not_finite(answer))

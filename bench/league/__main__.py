@@ -9,7 +9,7 @@ import typer
 
 from pipeline.app import cli
 from pipeline.app.commands._shared import Jobs, On, Root
-from pipeline.service.executor import Processes
+from pipeline.service.executor import InProcesses
 from pipeline.service.many import executor
 
 command = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -46,7 +46,7 @@ def league(
     rules = League(clean, single, pairs, strange, power, doubtful, seed=seed)
     kept = log or root / "reports" / "league.jsonl"
     end = float("inf") if minutes is None else minutes
-    games = contest.contest(rules, kept, executor(jobs, on) or Processes(), end)
+    games = contest.contest(rules, kept, executor(jobs, on) or InProcesses(), end)
     for what, value, aim in rows(games):
         typer.echo(f"{what}: {value}" + (f"  (aim {aim})" if aim else ""))
     if page is not None:
@@ -54,7 +54,7 @@ def league(
             f"python -m bench.league --clean {clean} --single {single} --pairs {pairs} --strange "
             f"{strange} --power {power} --doubtful {doubtful} --seed {seed}"
         )
-        contest.write_page(games, len(fixtures(rules)), command, kept, page)
+        contest.write_page(games, len(fixtures(rules)), command, contest.code(rules), page)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot, load
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.reduction.bring import Step, bring, conformed, plain
-from pipeline.run import Answered, answered, ingested
+from pipeline.run import CampaignAnswer, campaign_answer, ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.detect import threshold
 from pipeline.system.estimate import identify, left_out
@@ -369,9 +369,9 @@ def answer_of(files: Mapping[str, bytes], step: Step = plain) -> dict[str, Any] 
     return found and found.answer.as_json()
 
 
-def _answered(files: Mapping[str, bytes], step: Step) -> Answered | None:
+def _answered(files: Mapping[str, bytes], step: Step) -> CampaignAnswer | None:
     try:
-        return answered("game", in_memory(files), step=step)
+        return campaign_answer("game", in_memory(files), step=step)
     except PipelineError:
         return None
 

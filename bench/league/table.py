@@ -11,7 +11,7 @@ from scipy import stats
 from bench.league.judge import UNLISTED, Score, Size, Stated
 from bench.league.run import MOST, NEVER, STEPS, Played
 from pipeline.base.arrays import Array
-from pipeline.diagnosis.facts import APART
+from pipeline.diagnosis.facts import SEPARATED
 from pipeline.diagnosis.verdict import CERTAIN
 
 TWINS = ("joint_tilt:5", "joint_tilt:6", "joint_tilt:7", "tool_flex")
@@ -231,7 +231,7 @@ def _unlisted(score: Score) -> bool:
 def _next(doubtful: Sequence[Played]) -> list[tuple[str, str, str]]:
     opened = [g for g in doubtful if g.score.verdict == "ambiguous"]
     rivals = [g for g in opened if rivalled(g.score) and g.score.apart is not None]
-    apart = [g for g in rivals if (g.score.apart or 0.0) >= APART]
+    apart = [g for g in rivals if (g.score.apart or 0.0) >= SEPARATED]
     others = [g for g in opened if g not in rivals and len(g.scores) > 1]
     return [
         (

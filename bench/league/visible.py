@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.diagnosis.facts import APART, DETECTED
+from pipeline.diagnosis.facts import DETECTED, SEPARATED
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.separability import separation
 from pipeline.system.whitened import Whitened
@@ -26,6 +26,6 @@ def identifiable(view: Whitened, known: Twins) -> dict[str, float]:
             for b, other in enumerate(labels)
             if other != label and frozenset((label, other)) not in twins
         ]
-        least = min(apart[a, others].min(), apart[a, a] * APART / DETECTED)
-        out[label] = max(out.get(label, 0.0), APART / least if least > 1e-9 else np.inf)
+        least = min(apart[a, others].min(), apart[a, a] * SEPARATED / DETECTED)
+        out[label] = max(out.get(label, 0.0), SEPARATED / least if least > 1e-9 else np.inf)
     return out

@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.register import register
-from pipeline.run import answered, ingested
+from pipeline.run import campaign_answer, ingested
 from pipeline.store.campaign import Raw, in_memory
 from pipeline.system.estimate import identify
 
@@ -138,7 +138,7 @@ def away(case: str) -> float:
     They answer a larger question: their weights include noise found in the data, its tails and its
     wander, and what c = B x neglects.
     """
-    said = answered(case, in_memory(content(case))).answer.as_json()["joint_springs"]
+    said = campaign_answer(case, in_memory(content(case))).answer.as_json()["joint_springs"]
     ours = np.array([one["compliance"] for one in said["stiffness"]], dtype=float)
     true = certified(case)
     value, std = np.concatenate(true.value), np.concatenate(true.std)

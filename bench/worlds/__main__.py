@@ -9,7 +9,7 @@ import typer
 
 from pipeline.app import cli
 from pipeline.app.commands._shared import Jobs, On, Root
-from pipeline.service.executor import Processes
+from pipeline.service.executor import InProcesses
 from pipeline.service.many import executor
 
 command = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -52,7 +52,7 @@ def worlds(
     names = chosen(",".join(world or []))
     wanted = fixtures(names, games, first, cause, seeds or SEEDS)
     kept = log or root / "reports" / "worlds.jsonl"
-    played = contest(wanted, kept, executor(jobs, on) or Processes())
+    played = contest(wanted, kept, executor(jobs, on) or InProcesses())
     for line in [*spoken(played), "", *failures(played)]:
         typer.echo(line)
     if page is not None:
@@ -79,14 +79,15 @@ def chosen(text: str) -> list[str]:
 
 def _write(page: Path, log: Path) -> None:
     """Write all games of this code that are kept, in the order of the worlds."""
-    from bench.league.page import between
-    from bench.worlds.run import code, games
+    from bench.exam import write_between
+    from bench.worlds.run import code, kept
     from bench.worlds.table import failures, lines
     from bench.worlds.worlds import WORLDS
-    from pipeline.base import files
 
     order = list(WORLDS)
-    played = sorted(games(log), key=lambda g: (order.index(g.world.partition("+")[0]), g.seed))
+    played = sorted(
+        kept(log).rows().values(), key=lambda g: (order.index(g.world.partition("+")[0]), g.seed)
+    )
     said = [
         f"{len(played)} games (code {code()}). In brackets: count, and 95 % interval after Clopper "
         "and Pearson, as if the intervals of one campaign were independent.",
@@ -94,8 +95,7 @@ def _write(page: Path, log: Path) -> None:
         "",
         *(f"- {line}" for line in failures(played)),
     ]
-    old = page.read_text("utf-8") if page.is_file() else "# Worlds outside of the simulator\n\n"
-    files.write(page, between(old, BEGIN, "\n".join(said)).encode())
+    write_between(page, BEGIN, "Worlds outside of the simulator", said)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Settings
 
-MOST = 40
+MOST_POSES = 40
 """Maximum number of poses in the picture; of more, those with the largest residuals and an even
 selection of the others are drawn."""
 
@@ -54,13 +54,13 @@ def _points(settings: Settings, tracker: Array) -> list[Bodies]:
 
 
 def _chosen(poses: Ints, vectors: pd.DataFrame) -> Ints:
-    """At most `MOST` poses: a third with the largest residuals, the others selected evenly."""
-    if len(poses) <= MOST:
+    """At most `MOST_POSES` poses: a third with the largest residuals, the others evenly."""
+    if len(poses) <= MOST_POSES:
         return poses
     size = np.linalg.norm(vectors[_xyz("left_{}_m")].to_numpy(float), axis=1)
-    worst = vectors.assign(size=size).groupby("pose")["size"].max().nlargest(MOST // 3)
+    worst = vectors.assign(size=size).groupby("pose")["size"].max().nlargest(MOST_POSES // 3)
     rest = np.setdiff1d(poses, worst.index.to_numpy())
-    even = rest[np.linspace(0, len(rest) - 1, MOST - len(worst)).astype(int)]
+    even = rest[np.linspace(0, len(rest) - 1, MOST_POSES - len(worst)).astype(int)]
     return np.sort(np.concatenate([worst.index.to_numpy(np.int64), even]))
 
 

@@ -14,7 +14,7 @@ from pipeline.base.quantities import MM
 from pipeline.diagnosis.facts import DETECTED
 from pipeline.report.summaries import Tables, has
 
-MOST = 2000
+MOST_MARKS = 2000
 """Maximum number of marks in a figure; of more, the largest and an even selection of the others are
 drawn."""
 
@@ -52,7 +52,7 @@ def residual_force(tables: Tables) -> pd.DataFrame:
 
 
 @dataclass(frozen=True)
-class Course:
+class _ResidualVariable:
     """A variable over which residuals are examined.
 
     Attributes:
@@ -71,7 +71,9 @@ class Course:
     by_chance: float
 
 
-def courses(tables: Tables, axes: Mapping[int, str]) -> tuple[pd.DataFrame, list[Course]]:
+def courses(
+    tables: Tables, axes: Mapping[int, str]
+) -> tuple[pd.DataFrame, list[_ResidualVariable]]:
     """Residuals [mm] with rail position, torque and time, as far as the campaign has them.
 
     The torque is that of the joint of the suspect with the most evidence among those in a joint.
@@ -96,8 +98,8 @@ def courses(tables: Tables, axes: Mapping[int, str]) -> tuple[pd.DataFrame, list
         name = joints[number - 1]
         against.append((name, f"torque about {called[name]}", "N m"))
     against.append(("time_s", "time", "s"))
-    told = [_course(rows, *one) for one in against if one[0] in rows and _varies(rows[one[0]])]
-    return rows, told
+    items = [_course(rows, *one) for one in against if one[0] in rows and _varies(rows[one[0]])]
+    return rows, items
 
 
 def _suspected(tables: Tables) -> int:
@@ -116,17 +118,17 @@ def _varies(values: pd.Series[float]) -> bool:
     return values[np.isfinite(values)].nunique() > 3
 
 
-def _course(rows: pd.DataFrame, column: str, name: str, unit: str) -> Course:
+def _course(rows: pd.DataFrame, column: str, name: str, unit: str) -> _ResidualVariable:
     known = finite(rows, column, "mm")
     step = pd.qcut(known[column].rank(method="first"), 6, labels=False)
     mean = known.groupby([step, "axis"])["mm"].transform("mean").to_numpy(float)
     squares = float(np.sum(known["mm"].to_numpy(float) ** 2))
-    return Course(
+    return _ResidualVariable(
         column, name, unit, float(np.sum(mean**2)) / max(squares, 1e-300), 18 / len(known)
     )
 
 
-def thinned(table: pd.DataFrame, size: Array, most: int = MOST) -> pd.DataFrame:
+def thinned(table: pd.DataFrame, size: Array, most: int = MOST_MARKS) -> pd.DataFrame:
     """At most `most` rows in order: a third are the largest, the others selected evenly.
 
     Args:

@@ -8,7 +8,7 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.robot.axes import alone
 from pipeline.report.words import Axes, from_label
 
-SOURCES = {
+_SOURCES = {
     "tracker": "tracker readings",
     "zero": "unloaded readings of each pose",
     "force_reading": "scale readings",
@@ -44,7 +44,7 @@ def parameter(answer: Answer, name: str) -> str:
 
 def source(name: str) -> str:
     """A source of uncertainty in words."""
-    return SOURCES.get(name, name.replace("_", " "))
+    return _SOURCES.get(name, name.replace("_", " "))
 
 
 def size(value: float, unit: str) -> str:

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pipeline.answer import contract
-from pipeline.answer.combinations import combination_entries, told
+from pipeline.answer.combinations import combination_entries, combination_sentences
 from pipeline.answer.common_factor import common_factor, told_factor
+from pipeline.answer.conformity import path_findings, pose_entry, tolerance_entry
 from pipeline.answer.contract import Answer
-from pipeline.answer.contradicted import entry_findings
+from pipeline.answer.contradicted_entry import entry_findings
 from pipeline.answer.diagnosis import best_pose, diagnosis_entry, noise_entry, placed
-from pipeline.answer.findings import Findings
 from pipeline.answer.geometry import (
     estimated_combinations,
     estimated_table,
@@ -40,14 +40,14 @@ from pipeline.answer.inputs import (
     treated_findings,
     unit_entry,
 )
-from pipeline.answer.judged import path_findings, pose_entry, tolerance_entry
 from pipeline.answer.overload import overload_entry, overloaded
-from pipeline.answer.overstated import beside_the_beam, overstated
+from pipeline.answer.overstated_noise import beside_the_beam, overstated
 from pipeline.answer.pose_budget import pose_budget
 from pipeline.answer.recommended import ModelValues
 from pipeline.answer.reliability import carried_entries, controlled_entries
 from pipeline.answer.remarks import contradicted
-from pipeline.answer.sentences import Stated, first_screen, joint_to_pull
+from pipeline.answer.results import CampaignResults
+from pipeline.answer.sentences import FirstScreen, first_screen, joint_to_pull
 from pipeline.answer.stiffness import budget_entries
 from pipeline.answer.values import stated, values_entry
 from pipeline.answer.words import BECAUSE, enormous, hangs_on
@@ -58,7 +58,7 @@ from pipeline.reduction.register import timed
 from pipeline.store.campaign import versions
 
 
-def answer(found: Findings) -> Answer:
+def answer(found: CampaignResults) -> Answer:
     """The answer to a campaign."""
     given, raw, where = found.given, found.raw, found.where
     values, springs = values_entry(found.told, where), values_entry(found.springs, where)
@@ -73,7 +73,7 @@ def answer(found: Findings) -> Answer:
     parts = pose_budget(found.told.values, found.told.model, where.q, where.force, found.judged.at)
     pose = pose_entry(raw.robot, where, found.judged).model_copy(update={"budget": parts})
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
-    told_first = Stated(values, springs, together, diagnosis, pose, tolerance, stated)
+    told_first = FirstScreen(values, springs, together, diagnosis, pose, tolerance, stated)
     lines = first_screen(found, told_first)
     carried = carried_entries(found.carried, found.told.values)
     said = [*_of_springs(found, values), *stated, *_of_causes(found, carried)]
@@ -121,7 +121,7 @@ def answer(found: Findings) -> Answer:
     return whole.model_copy(update={"findings": tuple(_findings(found, whole, said))})
 
 
-def _stated(found: Findings, factor: contract.CommonFactor | None) -> list[str]:
+def _stated(found: CampaignResults, factor: contract.CommonFactor | None) -> list[str]:
     """What the readings say against what was stated."""
     text = found.raw.files["campaign.toml"].decode("utf-8", "replace")
     return [
@@ -131,14 +131,14 @@ def _stated(found: Findings, factor: contract.CommonFactor | None) -> list[str]:
     ]
 
 
-def _of_springs(found: Findings, values: contract.Values) -> Iterator[str]:
+def _of_springs(found: CampaignResults, values: contract.Values) -> Iterator[str]:
     """What is to be known of springs and data sheets."""
     yield from (joint.finding for joint in values.stiffness if joint.finding)
     yield from sheet_findings(found.raw.settings)
     yield from beside_the_beam(found.right.shape.beam)
 
 
-def _of_causes(found: Findings, carried: Sequence[contract.Carried]) -> Iterator[str]:
+def _of_causes(found: CampaignResults, carried: Sequence[contract.Carried]) -> Iterator[str]:
     """Which of them is larger than any that is known, and which hangs on a single pull."""
     yield from filter(None, map(enormous, found.diagnosis.causes))
     of = {(effect.name, effect.where): effect for effect in found.told.values.first.effects}
@@ -146,7 +146,7 @@ def _of_causes(found: Findings, carried: Sequence[contract.Carried]) -> Iterator
     yield from filter(None, (hangs_on(of[str(one.name), one.where], one) for one in causes))
 
 
-def _findings(found: Findings, whole: Answer, said: Sequence[str]) -> Iterator[str]:
+def _findings(found: CampaignResults, whole: Answer, said: Sequence[str]) -> Iterator[str]:
     """What else is to be known, files first.
 
     Args:
@@ -170,10 +170,10 @@ def _findings(found: Findings, whole: Answer, said: Sequence[str]) -> Iterator[s
     yield from overloaded(whole.overload)
     yield from path_findings(whole.tolerance, found.right.data.pulls.range_n)
     yield from said
-    yield from told(whole.combinations)
+    yield from combination_sentences(whole.combinations)
 
 
-def _recommended(found: Findings) -> contract.Recommended:
+def _recommended(found: CampaignResults) -> contract.Recommended:
     """Which values hold, and why."""
     corrects = found.diagnosis.facts.unloaded.corrects
     return contract.Recommended(
@@ -186,7 +186,7 @@ def _recommended(found: Findings) -> contract.Recommended:
     )
 
 
-def _identity(found: Findings) -> contract.Identity:
+def _identity(found: CampaignResults) -> contract.Identity:
     """What the report is filed by."""
     readings, data = found.given.reduced.shown["readings"], found.right.data
     alone = 0 if data.idle is None else len(np.setdiff1d(data.idle.pulls.pose, data.pulls.pose))
@@ -195,7 +195,7 @@ def _identity(found: Findings) -> contract.Identity:
     )
 
 
-def _day_to_day(found: Findings) -> contract.DayToDay | None:
+def _day_to_day(found: CampaignResults) -> contract.DayToDay | None:
     """None where no pose was repeated on another day."""
     seen = days(found.right.plain)
     if seen is None:
@@ -203,7 +203,7 @@ def _day_to_day(found: Findings) -> contract.DayToDay | None:
     return contract.DayToDay(poses=seen.poses, relative_std=seen.relative, p_value=seen.p_value)
 
 
-def _tracker_drifts(found: Findings) -> bool:
+def _tracker_drifts(found: CampaignResults) -> bool:
     """A drift of the tracker is named."""
     effects = [cause.effect for cause in found.diagnosis.causes]
     return any(isinstance(one, Observation) and one.instrument for one in effects)
@@ -224,7 +224,7 @@ def _hypothesis_entries(values: ModelValues) -> tuple[contract.Weighed, ...]:
     )
 
 
-def _extended_entry(found: Findings) -> contract.Extended | None:
+def _extended_entry(found: CampaignResults) -> contract.Extended | None:
     """`extended`: the identified causes' own fit; None without causes."""
     own = found.extended
     if own is None:

@@ -51,7 +51,7 @@ def _needs(robot: Robot, motion: Motion) -> str:
     return f"the same pulls in poses with {joint.name} at {at} {unit} (so far {so_far})"
 
 
-def told(combinations: Sequence[Combination]) -> list[str]:
+def combination_sentences(combinations: Sequence[Combination]) -> list[str]:
     """Two sentences per combination: what is determined, and how to separate its members."""
     return [
         f"{listed(one.of)} cannot be distinguished: of their compliances these poses determine "

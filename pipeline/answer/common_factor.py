@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.answer.contract import CommonFactor, Stiffness
 from pipeline.base.quantities import plain
 from pipeline.machine.robot import Robot
-from pipeline.system.specimen import SURE, common, told
+from pipeline.system.specimen import SURE, common, has_stated_stiffness
 
 _FEWEST = 2
 """Minimum number of joints for a common factor; the ratio of a single joint may have other
@@ -26,7 +26,7 @@ def common_factor(robot: Robot, joints: Sequence[Stiffness]) -> CommonFactor | N
     both = [
         (float(one.value), one.std or 0.0, joint)
         for one, joint in zip(joints, robot.joints, strict=True)
-        if one.identifiable and one.value and told(joint)
+        if one.identifiable and one.value and has_stated_stiffness(joint)
     ]
     if len(both) < _FEWEST:
         return None

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 
 from pipeline.answer import contract
+from pipeline.answer.conformity import axis_values
 from pipeline.answer.contract import Equilibrium, NoiseFrom, Predicted
-from pipeline.answer.findings import Findings
-from pipeline.answer.judged import axis_values
 from pipeline.answer.numbers import left_out_mm
+from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import law_told, why
 from pipeline.diagnosis.facts import (
     Diagnosed,
     EffectSize,
     Facts,
     FoundCause,
-    Pose,
-    Proposal,
+    ProposedPose,
+    SeparatingPose,
     SoleCause,
     Unnoticed,
 )
@@ -31,17 +31,17 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.room import room_of, unchecked
 from pipeline.system.estimate import left_out
 from pipeline.system.fit import Fitted
-from pipeline.system.shape import Shape
+from pipeline.system.noise_shape import NoiseShape
 from pipeline.system.system import ScatterRatio
 from pipeline.system.variance import NAMES, Components, at_most
 
 
-def diagnosis_entry(found: Findings) -> contract.Diagnosis:
+def diagnosis_entry(found: CampaignResults) -> contract.Diagnosis:
     """`diagnosis`: mistakes in the data first, then what the diagnosis says of the corrected data.
 
     Scatter that the repeats have found already joins the causes.
     """
-    said = entry(found.diagnosis, found.right.case.robot, found.facts)
+    said = diagnosis_of_good_data(found.diagnosis, found.right.case.robot, found.facts)
     named = {cause.name for cause in said.causes}
     noise = found.right.excess
     larger = np.flatnonzero(noise.larger).tolist()
@@ -51,7 +51,7 @@ def diagnosis_entry(found: Findings) -> contract.Diagnosis:
     return said.model_copy(update={"causes": causes, "next_poses_in": _cell(found)})
 
 
-def _cell(found: Findings) -> contract.CellLimits | None:
+def _cell(found: CampaignResults) -> contract.CellLimits | None:
     """What the next poses were checked for; None where nobody says what stands around them."""
     case = found.right.case
     points, robot, said = case.tool.named, case.robot, case.settings
@@ -65,7 +65,9 @@ def _cell(found: Findings) -> contract.CellLimits | None:
     )
 
 
-def entry(said: Diagnosed, robot: Robot, whole: Facts | None = None) -> contract.Diagnosis:
+def diagnosis_of_good_data(
+    said: Diagnosed, robot: Robot, whole: Facts | None = None
+) -> contract.Diagnosis:
     """What the diagnosis says of data without mistakes.
 
     Args:
@@ -247,7 +249,7 @@ def _blind(spot: Unnoticed) -> contract.BlindSpot:
     )
 
 
-def _pose(proposal: Proposal, robot: Robot) -> contract.NextPose:
+def _pose(proposal: SeparatingPose, robot: Robot) -> contract.NextPose:
     return contract.NextPose(
         **_to_measure(proposal.at, robot),
         separates=proposal.separates,
@@ -257,7 +259,7 @@ def _pose(proposal: Proposal, robot: Robot) -> contract.NextPose:
     )
 
 
-def _to_measure(pose: Pose, robot: Robot) -> dict[str, Any]:
+def _to_measure(pose: ProposedPose, robot: Robot) -> dict[str, Any]:
     """Fields of `contract.ToMeasure`."""
     q = np.where(robot.prismatic, pose.q, np.rad2deg(pose.q))
     return {
@@ -297,7 +299,7 @@ _DETERMINED = 0.5
 """Standard uncertainty below which a joint has a value, in typical sizes: `identifiable`."""
 
 
-def _data_causes(found: Findings) -> tuple[contract.Cause, ...]:
+def _data_causes(found: CampaignResults) -> tuple[contract.Cause, ...]:
     """The mistakes in the data, as causes."""
     if not found.mistakes:
         return ()
@@ -364,7 +366,7 @@ def noise_entry(right: Fitted) -> contract.FoundNoise:
     )
 
 
-def _shaped(found: Shape) -> list[contract.Cause]:
+def _shaped(found: NoiseShape) -> list[contract.Cause]:
     """Tails heavier than stated, and a wander of the instrument, beside a model that fits."""
     family, wander = found.family, found.wander
     freedom = contract.Amplitude(

@@ -6,7 +6,7 @@ from pipeline.answer.contract import OneWay, Stiffness
 from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
 
 
-def told(joint: Stiffness) -> str:
+def both_stiffnesses(joint: Stiffness) -> str:
     """`A3 (k_theta4) is 2.40 ± 0.02 MN·m/rad where the pull turns A3 towards plus, 1.50 ...`.
 
     Empty for a joint with one stiffness.

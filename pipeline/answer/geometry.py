@@ -14,10 +14,10 @@ from pipeline.base.linear import rms
 from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.facts import UnloadedFacts
 from pipeline.machine.robot import Robot
-from pipeline.machine.robot.letters import letters, nominal
+from pipeline.machine.robot.dh_parameters import dh_parameters, nominal
 from pipeline.system.combinations import mixes
 
-KNOWN = 0.5
+_KNOWN = 0.5
 """Ratio of posterior to prior variance below which a parameter counts as determined [1]: the
 readings then contribute more information than the prior."""
 
@@ -34,7 +34,7 @@ def table_entries(
         rough: Prior standard deviation of each parameter as reported, shape (k,).
         before: Prior standard deviation of each parameter in the estimate, shape (k,).
     """
-    every = letters(robot)
+    every = dh_parameters(robot)
     table = nominal(robot, every)
     return tuple(
         contract.TableLetter(
@@ -45,7 +45,7 @@ def table_entries(
             std=float(np.sqrt(v)),
             prior_std=float(prior),
             unit="rad" if letter.turns else "m",
-            identifiable=bool(v < KNOWN * std**2),
+            identifiable=bool(v < _KNOWN * std**2),
         )
         for letter, stated, moved, v, prior, std in zip(
             every, table, off, variance, rough, before, strict=True
@@ -56,7 +56,7 @@ def table_entries(
 _HALF = 2.0
 """Typical size of a parameter over its prior standard deviation [1]. A combination is determined if
 known to half of its typical size, that is, if the readings alone determine it as well as the prior,
-the same criterion as `KNOWN` for a single parameter."""
+the same criterion as `_KNOWN` for a single parameter."""
 
 
 def table_combinations(
@@ -132,7 +132,7 @@ def estimated_table(stood: UnloadedFacts) -> tuple[contract.TableLetter, ...]:
     shared = _shared(stood)
     return tuple(
         entry.model_copy(update={"identifiable": entry.identifiable and letter.label not in shared})
-        for entry, letter in zip(every, letters(zeros.robot), strict=True)
+        for entry, letter in zip(every, dh_parameters(zeros.robot), strict=True)
     )
 
 

@@ -22,19 +22,19 @@ from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.machine.instrument import near, sheet
 from pipeline.machine.robot import configure
 from pipeline.machine.room import accepted
-from pipeline.reduction._shots import Lost
+from pipeline.reduction._raw_readings import UnusedReadings
 from pipeline.reduction.case import Case
 from pipeline.reduction.digits import division, rounding
 from pipeline.reduction.forces import reading_std
 from pipeline.reduction.growth import REFERENCE_C, STEEL, BaseGrowth
 from pipeline.reduction.limits import beyond
-from pipeline.reduction.pose_of_interest import Where
+from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.reduction.register import XYZ, Registration
 from pipeline.reduction.settings import Instrument, Scale, Settings, UnitSettings
 from pipeline.reduction.torques import WeighedPayload, weighed
 from pipeline.store.campaign import Raw
 from pipeline.system.estimate import MISFIT_P
-from pipeline.system.family import AWAY
+from pipeline.system.family import FAR_OFF
 from pipeline.system.one_pose import OnePose
 
 _APART = 3.0
@@ -62,7 +62,7 @@ def rejected_entries(rejected: pd.DataFrame) -> tuple[Rejected, ...]:
     )
 
 
-def lost_told(lost: Lost) -> Iterator[str]:
+def lost_told(lost: UnusedReadings) -> Iterator[str]:
     """How many readings were left out, and which poses as a whole."""
     if not lost.readings:
         return
@@ -174,16 +174,16 @@ def instrument_entry(settings: Settings) -> contract.Measuring | None:
 
     None where it says nothing, and nothing is found.
     """
-    said = settings.instrument
-    if said == Instrument():
+    stated = settings.instrument
+    if stated == Instrument():
         return None
-    day = None if said.calibrated is None else said.calibrated.isoformat()
+    day = None if stated.calibrated is None else stated.calibrated.isoformat()
     return contract.Measuring(
-        kind=said.kind,
-        measures=said.measures,
-        model=said.model,
-        serial=said.serial,
-        certificate=said.certificate,
+        kind=stated.kind,
+        measures=stated.measures,
+        model=stated.model,
+        serial=stated.serial,
+        certificate=stated.certificate,
         calibrated=day,
         data_sheet=settings.sheet.source if settings.sheet else None,
     )
@@ -342,7 +342,7 @@ def doubt_findings(doubted: Sequence[str]) -> list[str]:
     one = len(doubted) == 1
     who, it = ("A reading is", "it") if one else (f"{len(doubted)} readings are", "them")
     return [
-        f"{who} more than {AWAY:.0f} standard uncertainties from where all others put {it} "
+        f"{who} more than {FAR_OFF:.0f} standard uncertainties from where all others put {it} "
         f"({listed(list(doubted))}): tails of the noise explain as many, and mistakes of that size "
         f"look the same. {'It stays' if one else 'They stay'} in use with less weight; measure "
         f"{it} again where you rely on the values."
@@ -412,7 +412,7 @@ def pose_findings(pose: OnePose | None) -> list[str]:
     ]
 
 
-def assumptions(raw: Raw, where: Where, has_times: bool = True) -> list[str]:
+def assumptions(raw: Raw, where: PoseOfInterest, has_times: bool = True) -> list[str]:
     """What the numbers rest on apart from the data; `has_times`: of any reading."""
     out = list(raw.robot.assumptions)
     if not has_times:

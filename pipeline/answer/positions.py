@@ -21,7 +21,7 @@ from pipeline.answer.inputs import (
     rejected_entries,
     unit_entry,
 )
-from pipeline.answer.recommended import Basis, DecisionRow, decide
+from pipeline.answer.recommended import DecisionBasis, DecisionRow, decide
 from pipeline.answer.remarks import contradicted
 from pipeline.answer.sentences import entered
 from pipeline.answer.stiffness import stiffness_entry
@@ -46,12 +46,12 @@ from pipeline.diagnosis.facts import Facts, FoundCause
 from pipeline.diagnosis.positions import facts_of
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
-from pipeline.geometry.estimate import told as by_weight
-from pipeline.geometry.identify import Identified
+from pipeline.geometry.calibrate import Calibration
+from pipeline.geometry.cross_validation import Partition
+from pipeline.geometry.estimate import determined_joints as by_weight
 from pipeline.geometry.mechanism import layout
 from pipeline.geometry.scatter import START
-from pipeline.geometry.study import Stage, Step, Study
-from pipeline.geometry.worth import Parting
+from pipeline.geometry.study import ModelStage, StageResult, Study
 from pipeline.machine.effect import in_place
 from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.axes import alone
@@ -59,7 +59,7 @@ from pipeline.store.campaign import Raw, versions
 
 
 @dataclass(frozen=True, eq=False)
-class PositionsFound:
+class PositionsResults:
     """All that a run found out about a campaign of positions.
 
     Attributes:
@@ -86,16 +86,18 @@ class PositionsFound:
         found: Study,
         mistakes: tuple[Mistake, ...],
         rejected: pd.DataFrame,
-    ) -> PositionsFound:
+    ) -> PositionsResults:
         """With its facts, and the row of the one table of decisions that holds for them."""
         facts = facts_of(found, raw.robot, mistakes)
         rest = verdict(replace(facts, mistakes=()))
-        row = decide(Basis(bool(mistakes), rest, bool(facts.causes), rivals=False))
+        row = decide(DecisionBasis(bool(mistakes), rest, bool(facts.causes), rivals=False))
         return cls(campaign, raw, found, facts, row, rejected)
 
-    def ending(self, found: Study) -> PositionsFound:
+    def ending(self, found: Study) -> PositionsResults:
         """The same with another estimate of the whole model."""
-        return PositionsFound.of(self.campaign, self.raw, found, self.facts.mistakes, self.rejected)
+        return PositionsResults.of(
+            self.campaign, self.raw, found, self.facts.mistakes, self.rejected
+        )
 
     @property
     def usable(self) -> bool:
@@ -103,10 +105,10 @@ class PositionsFound:
         return self.row.reason.holds_for_its_readings and not self.facts.mistakes
 
 
-def answer(said: PositionsFound) -> Answer:
+def answer(said: PositionsResults) -> Answer:
     """The answer to a campaign of positions."""
     raw, found, row = said.raw, said.found, said.row
-    last, springs = found.stages[-1], _stage(found, Step.SPRINGS)
+    last, springs = found.stages[-1], _stage(found, ModelStage.SPRINGS)
     lines = tuple(_first_screen(said))
     values, payloads = _values(last), payload_entries(last.found)
     rejected = rejected_entries(said.rejected)
@@ -164,7 +166,7 @@ def answer(said: PositionsFound) -> Answer:
     )
 
 
-def payload_entries(found: Identified) -> tuple[contract.Payload, ...]:
+def payload_entries(found: Calibration) -> tuple[contract.Payload, ...]:
     """Every payload as stated, and as springs and positions together have it.
 
     With d = estimate - stated, u the stated standard uncertainties and C the covariance after the
@@ -198,9 +200,9 @@ def payload_entries(found: Identified) -> tuple[contract.Payload, ...]:
 def _chance(off: Array, std: Array, cov: Array) -> float:
     """Chance of being so far from what is stated, by what the readings tell of it."""
     share, along = linear.directions(np.eye(len(off)) - cov / std / std[:, None])
-    told = share > _TOLD
-    z = along.T[told] @ (off / std)
-    return float(chi2_beyond(float(np.sum(z**2 / share[told])), int(told.sum())))
+    determined = share > _TOLD
+    z = along.T[determined] @ (off / std)
+    return float(chi2_beyond(float(np.sum(z**2 / share[determined])), int(determined.sum())))
 
 
 _TOLD = 0.01
@@ -235,11 +237,11 @@ _ASSUMED = (
 )
 
 
-def _stage(found: Study, step: Step) -> Stage:
+def _stage(found: Study, step: ModelStage) -> StageResult:
     return next(one for one in found.stages if one.step is step)
 
 
-def _values(stage: Stage) -> contract.Values:
+def _values(stage: StageResult) -> contract.Values:
     return contract.Values(
         stiffness=_stiffness_entries(stage.found),
         fit=_fit(stage.found),
@@ -248,13 +250,13 @@ def _values(stage: Stage) -> contract.Values:
     )
 
 
-def _extended(stage: Stage) -> contract.Extended:
+def _extended(stage: StageResult) -> contract.Extended:
     return contract.Extended(
         stiffness=_stiffness_entries(stage.found), fit=_fit(stage.found), test_pose_deflection=()
     )
 
 
-def _stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
+def _stiffness_entries(found: Calibration) -> tuple[contract.Stiffness, ...]:
     """One record per joint, from what the arm's own weight does to it."""
     part, robot = layout(found.mechanism).compliance, found.mechanism.table
     x, cov = found.solution.x[part], found.solution.cov[part, part]
@@ -262,13 +264,13 @@ def _stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
     known = by_weight(found.mechanism, found.known, x, std**2)
     springs = Springs(x, cov, x - NORMAL_95 * std, x + NORMAL_95 * std, known)
     return tuple(
-        told(one, _about(joint, float(x[k]), bool(known[k]), found.wanted.moments))
+        _stiffness_of(one, _about(joint, float(x[k]), bool(known[k]), found.wanted.moments))
         for k, joint in enumerate(robot.joints)
         for one in [stiffness_entry(joint, springs, k, (), alone(robot)[k])]
     )
 
 
-def told(one: contract.Stiffness, finding: str | None) -> contract.Stiffness:
+def _stiffness_of(one: contract.Stiffness, finding: str | None) -> contract.Stiffness:
     """A stiffness with what is to be known of it; a compliance that is not determined is none."""
     nothing = {} if one.identifiable else _UNKNOWN
     return one.model_copy(update={"finding": finding, **nothing})
@@ -291,7 +293,7 @@ def _about(joint: Joint, x: float, known: bool, any_weight: bool) -> str | None:
     return None
 
 
-def _letter_entries(found: Identified) -> tuple[contract.TableLetter, ...]:
+def _letter_entries(found: Calibration) -> tuple[contract.TableLetter, ...]:
     """The robot's table as found."""
     mechanism, known = found.mechanism, found.known
     k = len(mechanism.values)
@@ -304,14 +306,14 @@ def _letter_entries(found: Identified) -> tuple[contract.TableLetter, ...]:
     )
 
 
-def _letter_combinations(found: Identified) -> tuple[contract.TableCombination, ...]:
+def _letter_combinations(found: Calibration) -> tuple[contract.TableCombination, ...]:
     """What is determined of several entries of the robot's table together."""
     k = len(found.mechanism.values)
     cov = found.solution.cov[:k, :k]
     return table_combinations(_letter_entries(found), cov, cov, found.known.std[:k])
 
 
-def _fit(found: Identified) -> contract.Fit:
+def _fit(found: Calibration) -> contract.Fit:
     e = found.rows.y - found.rows.along(found.solution.x)
     seen = found.linear.read
     held = float(np.sum(found.rows.variance(found.solution.cov).diagonal(axis1=1, axis2=2)))
@@ -331,12 +333,12 @@ def _fit(found: Identified) -> contract.Fit:
     )
 
 
-def _noise_from(found: Identified) -> NoiseFrom:
+def _noise_from(found: Calibration) -> NoiseFrom:
     return NoiseFrom.STATED if found.scatter.stated else NoiseFrom.RESIDUALS
 
 
-def _validation(stage: Stage) -> contract.Validation:
-    off = 1e3 * stage.errors[Parting.BETWEEN]
+def _validation(stage: StageResult) -> contract.Validation:
+    off = 1e3 * stage.errors[Partition.BETWEEN]
     off = off[np.isfinite(off)]
     none = contract.Drawn(test_pose={}, global_={})
     return contract.Validation(
@@ -352,13 +354,13 @@ def _validation(stage: Stage) -> contract.Validation:
     )
 
 
-def _step(stage: Stage) -> contract.PositionStep:
+def _step(stage: StageResult) -> contract.PositionStep:
     mm = {parting: 1e3 * stage.mean(parting) for parting in stage.errors}
     return contract.PositionStep(
         model=stage.step.value,
-        between_mm=mm[Parting.BETWEEN],
-        space_mm=mm[Parting.SPACE],
-        series_mm=mm.get(Parting.SERIES),
+        between_mm=mm[Partition.BETWEEN],
+        space_mm=mm[Partition.SPACE],
+        series_mm=mm.get(Partition.SERIES),
     )
 
 
@@ -379,7 +381,7 @@ def _instrument(found: Study) -> Iterator[str]:
         )
 
 
-def _first_screen(said: PositionsFound) -> Iterator[Line]:
+def _first_screen(said: PositionsResults) -> Iterator[Line]:
     """The first screen, line by line as for a campaign of pulls."""
     stiffness = _stiffness_entries(said.found.stages[-1].found)
     lines = (
@@ -394,9 +396,9 @@ def _first_screen(said: PositionsFound) -> Iterator[Line]:
     return (Line(about=about, text=text) for about, text in lines)
 
 
-def _verdict(said: PositionsFound) -> str:
+def _verdict(said: PositionsResults) -> str:
     """The mistakes, or that nothing explains the readings, and how well they are predicted."""
-    first, last = (1e3 * said.found.stages[k].mean(Parting.BETWEEN) for k in (0, -1))
+    first, last = (1e3 * said.found.stages[k].mean(Partition.BETWEEN) for k in (0, -1))
     predicted = (
         f"Targets of held-out poses are predicted to {plain(last, 2)} mm on average, and to "
         f"{plain(first, 2)} mm with the nominal DH parameters."
@@ -408,7 +410,7 @@ def _verdict(said: PositionsFound) -> str:
     return predicted
 
 
-def _to_do(said: PositionsFound) -> str:
+def _to_do(said: PositionsResults) -> str:
     """What to do with the values, and what of them no controller takes."""
     if said.facts.mistakes:
         return f"{correct(said.facts)} enter none of these values into a controller."
@@ -425,7 +427,7 @@ def _to_do(said: PositionsFound) -> str:
 _ALONE = "the identified DH parameters with their springs"
 
 
-def _numbers(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) -> str:
+def _numbers(said: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> str:
     """What a controller may have: nothing from wrong readings, or from unexplained ones."""
     if said.usable:
         return " ".join([entered(stiffness, ()), *_by_weight(said, stiffness)])
@@ -434,7 +436,7 @@ def _numbers(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) -> s
     return "None: the values below do not explain the readings."
 
 
-def _by_weight(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
+def _by_weight(said: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
     """What the weight has to do with the stiffnesses."""
     if any(joint.value is not None for joint in stiffness):
         yield "They come from the arm's own weight."
@@ -442,7 +444,7 @@ def _by_weight(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) ->
         yield _SAGS
 
 
-def _sags(said: PositionsFound) -> bool:
+def _sags(said: PositionsResults) -> bool:
     return any(one.effect.name == "gravity_sag" for one in said.facts.causes)
 
 
@@ -450,11 +452,12 @@ _SAGS = "How far each joint sags is seen, but no masses are stated that would te
 _NO_SAG = "No sag is visible: the arm is weightless or balanced, or its controller compensates it."
 
 
-def _model(said: PositionsFound) -> str:
+def _model(said: PositionsResults) -> str:
     """What the model holds, and what each part of it is worth."""
     steps = list(pairwise(said.found.stages))
+    between = Partition.BETWEEN
     each = [
-        f"{now.step.value} {percent(1 - now.mean(Parting.BETWEEN) / before.mean(Parting.BETWEEN))}"
+        f"{now.step.value} {percent(1 - now.mean(between) / before.mean(between))}"
         for before, now in steps
         if now.found is not before.found
     ]
@@ -476,7 +479,7 @@ _NOT_JUDGED = (
 )
 
 
-def _wrong(said: PositionsFound) -> Iterator[str]:
+def _wrong(said: PositionsResults) -> Iterator[str]:
     facts, beside = said.facts, list(beside_causes(said))
     if facts.moved or not said.row.reason.holds_for_its_readings:
         yield wrong(facts, 0)
@@ -489,7 +492,7 @@ def _wrong(said: PositionsFound) -> Iterator[str]:
     yield from beside
 
 
-def _nothing_else(said: PositionsFound, beside: Sequence[str]) -> Iterator[str]:
+def _nothing_else(said: PositionsResults, beside: Sequence[str]) -> Iterator[str]:
     """What is said where no finding calls for more."""
     if said.facts.mistakes and _erring(said.found, said.raw.robot) is None:
         yield wrong(said.facts, 0)
@@ -497,7 +500,7 @@ def _nothing_else(said: PositionsFound, beside: Sequence[str]) -> Iterator[str]:
         yield "Nothing detectable in these readings."
 
 
-def beside_causes(said: PositionsFound) -> Iterator[str]:
+def beside_causes(said: PositionsResults) -> Iterator[str]:
     """What is wrong beside causes: the instrument, a joint, rows that were left out."""
     left_out = len(said.rejected)
     yield from _instrument(said.found)
@@ -548,7 +551,7 @@ _SHARE = 0.25
 """Part of what joints that err move the targets by, squared, from which on one is said."""
 
 
-def _next(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
+def _next(said: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
     last = said.found.stages[-1]
     if said.facts.mistakes:
         yield "Nothing until the files are put right: the readings taken may then do."
@@ -556,8 +559,8 @@ def _next(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) -> Iter
     if not said.row.reason.holds_for_its_readings:
         yield _AGAIN
         return
-    apart = Parting.SERIES if Parting.SERIES in last.errors else Parting.SPACE
-    of = {Parting.SERIES: "a whole series", Parting.SPACE: "a tenth of joint space"}[apart]
+    apart = Partition.SERIES if Partition.SERIES in last.errors else Partition.SPACE
+    of = {Partition.SERIES: "a whole series", Partition.SPACE: "a tenth of joint space"}[apart]
     yield (
         f"Poses at the joint angles that you will use: where {of} is held out, the error is "
         f"{plain(1e3 * last.mean(apart), 2)} mm; expect as much where nothing was measured."
@@ -569,7 +572,7 @@ def _next(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) -> Iter
 _AGAIN = "Nothing until the readings are explained: those taken may then do."
 
 
-def _diagnosis(said: PositionsFound, first_line: str) -> contract.Diagnosis:
+def _diagnosis(said: PositionsResults, first_line: str) -> contract.Diagnosis:
     """`diagnosis`: mistakes in the data first, then the laws."""
     found, facts = said.found, said.facts
     first, last = found.stages[0], found.stages[-1]
@@ -584,7 +587,7 @@ def _diagnosis(said: PositionsFound, first_line: str) -> contract.Diagnosis:
         reasons=tuple(one.finding for one in findings(facts)),
         causes=causes,
         alone=(),
-        unloaded_off_mm=(1e3 * first.mean(Parting.BETWEEN), 1e3 * last.mean(Parting.BETWEEN)),
+        unloaded_off_mm=(1e3 * first.mean(Partition.BETWEEN), 1e3 * last.mean(Partition.BETWEEN)),
         blind_spots=(),
         next_poses=(),
         refused=(),

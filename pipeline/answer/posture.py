@@ -16,16 +16,16 @@ from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque, velocity
 from pipeline.prediction.model import ModelHypothesis
 from pipeline.prediction.workspace import arm_joints
-from pipeline.reduction.pose_of_interest import Where
+from pipeline.reduction.pose_of_interest import PoseOfInterest
 
-JOINT, PLACE = "joint", "place"
+_JOINT, _PLACE = "joint", "place"
 """Parts of POSTURE that are points: origins of joints, middles of links that a cause may be in."""
 
 TOOL_RADIUS = 0.35
 """Radius of a rod of the effector over that of the last link."""
 
 
-def posture(model: ModelHypothesis, where: Where) -> pd.DataFrame:
+def posture(model: ModelHypothesis, where: PoseOfInterest) -> pd.DataFrame:
     """Table POSTURE of the test pose.
 
     A point p carried by joint j moves by the sum over the virtual joints v that j or one before it
@@ -85,13 +85,13 @@ def _parts(robot: Robot, here: Configuration, tool: Tool) -> Iterator[tuple[Bodi
     last = np.full(len(tool.named), robot.n)
     yield bodies.effector(here, tool, thick), last
     own = dict(zip((joint.name for joint in robot.joints), here.origin[0], strict=True))
-    yield bodies.points(JOINT, own), np.arange(1, robot.n + 1)
+    yield bodies.points(_JOINT, own), np.arange(1, robot.n + 1)
     pair = arm_joints(robot, here.q[0])
     if pair is not None and pair[1] + 1 < robot.n:
         shoulder, elbow = pair
         a, b, c = here.origin[0, [shoulder, elbow, max(robot.n - 3, elbow + 1)]]
         middles = {"upper_arm": (a + b) / 2, "forearm": (b + c) / 2}
-        yield bodies.points(PLACE, middles), np.array([shoulder + 1, elbow + 1])
+        yield bodies.points(_PLACE, middles), np.array([shoulder + 1, elbow + 1])
 
 
 def _rows(one: Bodies, carrier: Ints) -> pd.DataFrame:

@@ -21,21 +21,21 @@ from pipeline.diagnosis.average import (
     two_sided,
     weighed,
 )
+from pipeline.diagnosis.combined import combined
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.diagnosis.hypotheses import usual
-from pipeline.diagnosis.joined import joined
 from pipeline.diagnosis.unloaded_geometry import corrected
 from pipeline.diagnosis.verdict import of_both, verdict
 from pipeline.prediction import model as handover
-from pipeline.reduction.pose_of_interest import Where
+from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.estimate import left_out
 from pipeline.system.fit import Fitted
 from pipeline.system.system import Estimate
 
 
 @dataclass(frozen=True)
-class Basis:
+class DecisionBasis:
     """Everything on which the decision depends.
 
     Attributes:
@@ -83,7 +83,7 @@ class Basis:
         return self.verdict == Verdict.UNEXPLAINED
 
     @classmethod
-    def of(cls, facts: Facts, diagnosis: Diagnosed) -> Basis:
+    def of(cls, facts: Facts, diagnosis: Diagnosed) -> DecisionBasis:
         """Basis of a campaign from its facts, mistakes included, and its diagnosis."""
         found = diagnosis.hypotheses
         beside = bool(found and found[0].effects)
@@ -109,7 +109,7 @@ class DecisionRow:
     reason: Reason
     model: Which
     data: Data
-    holds: Callable[[Basis], bool]
+    holds: Callable[[DecisionBasis], bool]
 
 
 _SPRINGS, _EXTENDED, _AVERAGED = Which.JOINT_SPRINGS, Which.EXTENDED, Which.AVERAGED
@@ -141,7 +141,7 @@ def row_of(reason: str) -> DecisionRow:
     return next(row for row in TABLE if row.reason == reason)
 
 
-def decide(basis: Basis) -> DecisionRow:
+def decide(basis: DecisionBasis) -> DecisionRow:
     """The first row of `TABLE` that holds."""
     data = _CORRECTED if basis.mistakes else _GIVEN
     return next(row for row in TABLE if row.data == data and row.holds(basis))
@@ -164,7 +164,7 @@ class ModelValues:
     fitted: Fitted
     hypotheses: tuple[Hypothesis, ...]
     left_out_m: Array
-    where: Where | None = None
+    where: PoseOfInterest | None = None
 
     @property
     def first(self) -> Hypothesis:
@@ -211,7 +211,7 @@ def joint_springs(fitted: Fitted) -> ModelValues:
     return ModelValues(fitted, (alone,), left_out(fitted.system))
 
 
-def identified(fitted: Fitted, diagnosis: Diagnosed, where: Where) -> ModelValues | None:
+def identified(fitted: Fitted, diagnosis: Diagnosed, where: PoseOfInterest) -> ModelValues | None:
     """Springs with the identified causes; None if these do not change the springs."""
     if not diagnosis.hypotheses:
         return None
@@ -219,7 +219,7 @@ def identified(fitted: Fitted, diagnosis: Diagnosed, where: Where) -> ModelValue
     return ModelValues(fitted, (own,), _left_out(diagnosis), where)
 
 
-def standing(fitted: Fitted, diagnosis: Diagnosed) -> Fitted:
+def springs_of_extended(fitted: Fitted, diagnosis: Diagnosed) -> Fitted:
     """The joint springs with the geometry as estimated from the unloaded reflectors.
 
     If these do not correct it (`UnloadedFacts.corrects`), the geometry stays nominal.
@@ -231,12 +231,14 @@ def standing(fitted: Fitted, diagnosis: Diagnosed) -> Fitted:
     return fitted.standing(robot, lambda data: corrected(cell, data, stood)[1])
 
 
-def recommend(row: DecisionRow, stands: Fitted, diagnosis: Diagnosed, where: Where) -> ModelValues:
+def recommend(
+    row: DecisionRow, stands: Fitted, diagnosis: Diagnosed, where: PoseOfInterest
+) -> ModelValues:
     """The values that the answer gives.
 
     Args:
         row: The decision.
-        stands: The joint springs from the data without mistakes, as returned by `standing`.
+        stands: Joint springs from the data without mistakes, as by `springs_of_extended`.
         diagnosis: Diagnosis of these data.
         where: The test pose.
     """
@@ -262,7 +264,7 @@ def beside_positions(values: ModelValues) -> ModelValues:
         usual(one.effects[0]) if springs and one.effects else None for one in values.hypotheses
     ]
     every = tuple(
-        joined(one, data, size).hypothesis
+        combined(one, data, size).hypothesis
         for one, size in zip(values.hypotheses, before, strict=True)
     )
     if springs:

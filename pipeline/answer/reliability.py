@@ -21,7 +21,7 @@ from pipeline.machine.cell import Cell, jacobian
 from pipeline.machine.effect import Effect, Pulls
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
-from pipeline.reduction.pose_of_interest import Where
+from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.assemble import by_inputs
 from pipeline.system.fit import Fitted
 from pipeline.system.reliability import (
@@ -42,7 +42,7 @@ of a chain's direction along itself: variances have sixteen digits, their roots 
 
 
 @dataclass(frozen=True, eq=False)
-class Asked(Locked):
+class _QuantitiesOfInterest(Locked):
     """Linear quantities of interest a' x of a model.
 
     Attributes:
@@ -57,7 +57,7 @@ class Asked(Locked):
     stated: Bools
 
 
-def _asked(cell: Cell, values: Array, where: Where) -> Asked:
+def _asked(cell: Cell, values: Array, where: PoseOfInterest) -> _QuantitiesOfInterest:
     """Quantities of interest: springs, causes and the deflection at the test pose.
 
     Args:
@@ -71,12 +71,12 @@ def _asked(cell: Cell, values: Array, where: Where) -> Asked:
     names += [parameter.name for parameter in cell.parameters[n:]]
     names += [f"{target} d{axis}" for target in cell.tool.read for axis in "xyz"]
     number = np.arange(len(names))
-    return Asked(
+    return _QuantitiesOfInterest(
         np.array(names, dtype=object), np.vstack([np.eye(k), A]), (number < n) | (number >= k)
     )
 
 
-def control(values: ModelValues, where: Where) -> tuple[pd.DataFrame, pd.DataFrame]:
+def control(values: ModelValues, where: PoseOfInterest) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Tables RELIABILITY and INFLUENCE of the first hypothesis of a model."""
     first, fitted = values.first, values.fitted
     system, x = first.system, first.estimate.value
@@ -90,7 +90,7 @@ def control(values: ModelValues, where: Where) -> tuple[pd.DataFrame, pd.DataFra
     return pd.concat(parts, ignore_index=True), _influence(system, at, about)
 
 
-def _influence(system: System, at: Solution, about: Asked) -> pd.DataFrame:
+def _influence(system: System, at: Solution, about: _QuantitiesOfInterest) -> pd.DataFrame:
     """Table INFLUENCE: effect of every pull on every determined parameter."""
     k, rows = len(system.parameters), system.rows
     known = np.flatnonzero(np.isfinite(at.std[:k]))
@@ -105,7 +105,9 @@ def _influence(system: System, at: Solution, about: Asked) -> pd.DataFrame:
     )
 
 
-def _told(found: Reliability, size: Array, about: Asked) -> dict[str, Array | Strings]:
+def _told(
+    found: Reliability, size: Array, about: _QuantitiesOfInterest
+) -> dict[str, Array | Strings]:
     """Columns of RELIABILITY with the results; `size` is u of each error in its unit, (E,)."""
     moves = found.moves[:, about.stated]
     most = np.argmax(moves, axis=1)
@@ -120,7 +122,9 @@ def _told(found: Reliability, size: Array, about: Asked) -> dict[str, Array | St
     }
 
 
-def _base(fitted: Fitted, at: Solution, turn: Array, about: Asked) -> Iterator[pd.DataFrame]:
+def _base(
+    fitted: Fitted, at: Solution, turn: Array, about: _QuantitiesOfInterest
+) -> Iterator[pd.DataFrame]:
     """Rows of RELIABILITY for the readings of the base reflectors."""
     registration = fitted.reduced.registration
     rows = registration.table

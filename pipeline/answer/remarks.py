@@ -34,10 +34,10 @@ def _of(body: Body) -> str:
     return f"{with_std(body.mass_kg, body.mass_std_kg)} kg at ({center}) mm"
 
 
-def told(joints: Iterable[Stiffness]) -> list[str]:
+def remark_sentences(joints: Iterable[Stiffness]) -> list[str]:
     """Remarks on several stiffnesses; one that applies to several alike is made once.
 
-    Remarks on joints that are determined together are left to `combinations.told`.
+    Remarks on joints that are determined together are left to `combinations.combination_sentences`.
     """
     alike: dict[Any, tuple[Remark, list[Stiffness]]] = {}
     for joint in joints:

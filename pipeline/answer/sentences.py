@@ -25,10 +25,10 @@ from pipeline.answer.contract import (
     Values,
     Which,
 )
-from pipeline.answer.findings import Findings
 from pipeline.answer.inputs import lost_told
 from pipeline.answer.numbers import left_out_mm
-from pipeline.answer.tolerated import expanded, largest_force, tolerated
+from pipeline.answer.results import CampaignResults
+from pipeline.answer.tolerance_sentence import expanded, largest_force, tolerated
 from pipeline.answer.words import (
     DO,
     HOLDS,
@@ -54,9 +54,9 @@ from pipeline.base.quantities import (
     with_uncertainty,
 )
 from pipeline.base.shown import typed
-from pipeline.diagnosis.facts import APART, Facts
+from pipeline.diagnosis.facts import SEPARATED, Facts
 from pipeline.prediction.decision import Decision
-from pipeline.system.estimate import fits
+from pipeline.system.estimate import is_plausible
 from pipeline.system.system import Estimate
 
 _FAR = 3.0
@@ -72,7 +72,7 @@ _ON_DELIVERED = "the geometry of the robot file"
 
 
 @dataclass(frozen=True)
-class Stated:
+class FirstScreen:
     """What the first screen is about.
 
     Attributes:
@@ -94,7 +94,7 @@ class Stated:
     contradicted: Sequence[str] = ()
 
 
-def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
+def first_screen(found: CampaignResults, stated: FirstScreen) -> tuple[Line, ...]:
     """What an engineer must know first, most important first.
 
     Args:
@@ -117,7 +117,7 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
     return tuple(Line(about=about, text=text) for about, text in lines if text)
 
 
-def _wrong(found: Findings, stated: Stated) -> tuple[str, ...]:
+def _wrong(found: CampaignResults, stated: FirstScreen) -> tuple[str, ...]:
     """What is wrong, and after it, or before "nothing else", what the noise does; what is lost."""
     noisy = tuple(noise_told(stated.diagnosis.causes))
     unseen, told = len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)
@@ -126,7 +126,7 @@ def _wrong(found: Findings, stated: Stated) -> tuple[str, ...]:
     return (*stated.contradicted, *rest, *lost_told(found.given.case.lost))
 
 
-def _other(found: Findings, springs: str, data: str, delivered: str) -> list[str]:
+def _other(found: CampaignResults, springs: str, data: str, delivered: str) -> list[str]:
     """What the answer is not, in these words: joint springs alone, data as given, or neither.
 
     Joint springs on the table as delivered, where the answer has them on the estimated one.
@@ -137,10 +137,10 @@ def _other(found: Findings, springs: str, data: str, delivered: str) -> list[str
     return [*alone, *([data] if found.mistakes else [])]
 
 
-def _verdict(found: Findings) -> str:
+def _verdict(found: CampaignResults) -> str:
     """Whether the model holds."""
     fitted, reason = found.told.values.fitted, found.row.reason
-    estimate, good = fitted.estimate, fits(fitted.estimate, fitted.data.tracked)
+    estimate, good = fitted.estimate, is_plausible(fitted.estimate, fitted.data.tracked)
     alone = found.row.model == Which.JOINT_SPRINGS or reason == Reason.TOO_SMALL
     if found.mistakes:
         return mistaken(found.facts)
@@ -157,7 +157,7 @@ _SPRINGS = (Reason.ADEQUATE, Reason.TOO_SMALL)
 """For which the springs alone are given."""
 
 
-def _of_reason(found: Findings) -> str:
+def _of_reason(found: CampaignResults) -> str:
     """Whether a model of more than springs holds."""
     if found.row.reason == Reason.WEIGHED_ANEW and found.facts.misdescribed:
         return "Joint springs explain the readings on a robot that is not as its file says."
@@ -184,26 +184,26 @@ def _larger_scatter(estimate: Estimate) -> str:
     )
 
 
-def _predicted(found: Findings) -> str:
+def _predicted(found: CampaignResults) -> str:
     """The cross-validation error, also of the values beside the answer's."""
     error, without = (left_out_mm(one.values.left_out_m) for one in (found.told, found.springs))
     if error is None:
         return "no pose can be predicted from the others"
     of = "" if found.facts.positions is None else " of displacements"
-    told = f"cross-validation error{of} {plain(error)} mm rms per coordinate"
+    text = f"cross-validation error{of} {plain(error)} mm rms per coordinate"
     if without is None or found.told.values is found.springs.values:
-        return told
-    return f"{told} ({plain(without)} mm {_instead(found)})"
+        return text
+    return f"{text} ({plain(without)} mm {_instead(found)})"
 
 
-def _instead(found: Findings) -> str:
+def _instead(found: CampaignResults) -> str:
     """How the other values beside the answer's were computed."""
     return ", ".join(
         _other(found, f"with {_SPRINGS_ALONE}", f"from {_AS_GIVEN}", f"with {_ON_DELIVERED}")
     )
 
 
-def _out(stated: Stated) -> Iterator[str]:
+def _out(stated: FirstScreen) -> Iterator[str]:
     """What a tolerance that is not kept asks for, before all else."""
     asked = stated.tolerance
     worst = None if asked is None else asked.worst
@@ -219,7 +219,7 @@ def _out(stated: Stated) -> Iterator[str]:
         )
 
 
-def _to_force(stated: Stated) -> str:
+def _to_force(stated: FirstScreen) -> str:
     """`, at the test pose to 330 N`, where such a force would pass."""
     assert stated.tolerance is not None
     full = math.hypot(*stated.pose.force_n)
@@ -233,24 +233,24 @@ def _at_most(force_n: float) -> str:
     return plain(step * math.floor(force_n / step), 2)
 
 
-def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
+def _to_do(found: CampaignResults, stiffness: Sequence[Stiffness]) -> str:
     """What to do with the values, and what of the model no controller takes."""
     if not any(joint.value is not None for joint in stiffness):
         return "Measure more before any stiffness is used: none is determined."
     beside = [one.called for one in found.told.model.hypotheses[0].beside_springs]
     if beside and found.row.model == Which.AVERAGED and len(found.told.model.hypotheses) > 1:
         beside = ["any of the possible causes"]
-    said = " ".join((_do(found), *_unfit(found, stiffness)))
+    text = " ".join((_do(found), *_unfit(found, stiffness)))
     if not beside or not found.row.reason.holds_for_its_readings:
-        return said
+        return text
     return (
-        f"{said} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
+        f"{text} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
         f"correct paths and programs with `pipeline compensate {typed(found.campaign)} PATH`, or "
         "enter the effective values."
     )
 
 
-def _do(found: Findings) -> str:
+def _do(found: CampaignResults) -> str:
     """What to do with the values."""
     if found.row.reason == Reason.WEIGHED_ANEW and found.facts.misdescribed:
         return (
@@ -271,7 +271,7 @@ def _do(found: Findings) -> str:
     return f"{correct(found.facts)} {said}" if found.mistakes else said
 
 
-def _unfit(found: Findings, stiffness: Sequence[Stiffness]) -> Iterator[str]:
+def _unfit(found: CampaignResults, stiffness: Sequence[Stiffness]) -> Iterator[str]:
     """Stiffnesses that are no number to enter, where the others are."""
     half = [joint.called for joint in stiffness if joint.value and joint.ci95[1] is None]
     if half and found.row.reason.holds_for_its_readings:
@@ -281,7 +281,7 @@ def _unfit(found: Findings, stiffness: Sequence[Stiffness]) -> Iterator[str]:
         )
 
 
-def _model(found: Findings, stated: Stated) -> Iterator[str]:
+def _model(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
     """Whose values they are, and what that moves."""
     effects = [one.called for one in found.told.values.first.effects]
     count = len(found.told.values.hypotheses)
@@ -292,7 +292,7 @@ def _model(found: Findings, stated: Stated) -> Iterator[str]:
     }[found.row.model]
     yield f"{whose}, from the {'corrected data' if found.mistakes else 'data as given'}."
     yield from _table(found.facts)
-    yield from filter(None, map(each_way.told, stated.mine.stiffness))
+    yield from filter(None, map(each_way.both_stiffnesses, stated.mine.stiffness))
     if other := _other(found, _SPRINGS_ALONE, _AS_GIVEN, _ON_DELIVERED):
         for move in _moved(stated.mine.stiffness, stated.springs.stiffness):
             yield f"Compared with {' and '.join(other)}, {move}."
@@ -334,7 +334,7 @@ def _move(mine: Stiffness, springs: Stiffness) -> str:
     return f"{mine.called} changes from {before} to {after} {prefixed(mine.unit, letter)}"
 
 
-def _for_controller(found: Findings, stated: Stated) -> str:
+def _for_controller(found: CampaignResults, stated: FirstScreen) -> str:
     """What a controller takes: joint springs, which alone make up for a cause as far as they can.
 
     Values that were estimated beside a cause are too stiff without it.
@@ -353,7 +353,7 @@ def _for_controller(found: Findings, stated: Stated) -> str:
     )
 
 
-def _uncalibrated(found: Findings, stated: Stated) -> Iterator[str]:
+def _uncalibrated(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
     """That the uncertainties lack the calibration of the scale, where nobody stated it."""
     data = found.right.data
     chain = len(data.body) == 0 or bool((data.body < 0).any())
@@ -367,7 +367,7 @@ def _uncalibrated(found: Findings, stated: Stated) -> Iterator[str]:
 
 
 def _numbers(
-    found: Findings, stiffness: Sequence[Stiffness], together: Sequence[Combination]
+    found: CampaignResults, stiffness: Sequence[Stiffness], together: Sequence[Combination]
 ) -> str:
     """Every stiffness as the controller names its axis, and those that have no value."""
     good = [joint for joint in stiffness if joint.value is not None]
@@ -412,8 +412,8 @@ def entered(
 
 def _each(joints: Sequence[Stiffness], *, known: bool) -> str:
     """Each with its standard uncertainty, or rounded to it."""
-    said = "; ".join(_number(joint, known=known) for joint in joints)
-    return f"{said} (± standard uncertainty)." if known else f"{said}."
+    text = "; ".join(_number(joint, known=known) for joint in joints)
+    return f"{text} (± standard uncertainty)." if known else f"{text}."
 
 
 def _stiffer(joint: Stiffness) -> str:
@@ -436,7 +436,7 @@ def _number(joint: Stiffness, *, known: bool) -> str:
     return f"{joint.axis or joint.name} {shown} {prefixed(joint.unit, letter)}"
 
 
-def _test_pose(found: Findings, stated: Stated) -> Iterator[str]:
+def _test_pose(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
     """The pose, its force and what that does; what the recommended model changes there."""
     pose = stated.pose
     x, y, z = (plain(part, 4) for part in pose.force_n)
@@ -451,7 +451,7 @@ def _test_pose(found: Findings, stated: Stated) -> Iterator[str]:
     )
 
 
-def _stands_in(found: Findings) -> str:
+def _stands_in(found: CampaignResults) -> str:
     """Which pose it is where campaign.toml has none, as [test_pose] wants it."""
     q = np.where(found.right.case.robot.prismatic, found.where.q, np.rad2deg(found.where.q))
     return (
@@ -462,7 +462,7 @@ def _stands_in(found: Findings) -> str:
 
 
 def _changed(
-    mine: Sequence[TargetDeflection], springs: Sequence[TargetDeflection], found: Findings
+    mine: Sequence[TargetDeflection], springs: Sequence[TargetDeflection], found: CampaignResults
 ) -> Iterator[str]:
     """What the model changes at the target that moves most; nothing where it changes nothing."""
     sizes = [[one.size_mm for one in those if one.size_mm is not None] for those in (mine, springs)]
@@ -474,7 +474,7 @@ def _changed(
         yield f"{mine[k].target} deflects by {now} mm ({before} mm {_instead(found)})."
 
 
-def _next(found: Findings, stated: Stated) -> str:
+def _next(found: CampaignResults, stated: FirstScreen) -> str:
     """What to measure next, and whether that would settle what is open."""
     poses = stated.diagnosis.next_poses
     if poses:
@@ -509,7 +509,7 @@ def _next(found: Findings, stated: Stated) -> str:
     return _least_certain(stated, worst)
 
 
-def _again(found: Findings) -> str:
+def _again(found: CampaignResults) -> str:
     """What is wrong and has to be measured once more; nothing where a file is to be corrected."""
     kinds = {one.name for one in found.mistakes}
     if "outlier" in kinds:
@@ -517,7 +517,7 @@ def _again(found: Findings) -> str:
     return "The point in question, in the flange frame." if "tool_point" in kinds else ""
 
 
-def _needs(found: Findings, diagnosis: Diagnosis) -> list[str]:
+def _needs(found: CampaignResults, diagnosis: Diagnosis) -> list[str]:
     """What would part causes that no pull does."""
     if found.row.model != Which.AVERAGED:
         return []
@@ -525,7 +525,7 @@ def _needs(found: Findings, diagnosis: Diagnosis) -> list[str]:
 
 
 def joint_to_pull(
-    found: Findings, diagnosis: Diagnosis, stiffness: Sequence[Stiffness]
+    found: CampaignResults, diagnosis: Diagnosis, stiffness: Sequence[Stiffness]
 ) -> Stiffness | None:
     """The joint that the next pull is for; None where other things are to be measured first.
 
@@ -546,18 +546,18 @@ def _proposed(poses: Sequence[NextPose]) -> str:
     most = max(one.sigmas_after or 0.0 for one in poses)
     count = "The proposed pose" if len(poses) == 1 else f"The {len(poses)} proposed poses"
     first = f"{'Pose 1' if len(poses) > 1 else 'It'}: {_pulled(poses[0])}."
-    if most >= APART:
+    if most >= SEPARATED:
         return (
             f"{count}: the causes in question are then {plain(most, 2)} standard deviations "
-            f"apart, and {APART} are enough. {first}"
+            f"apart, and {SEPARATED} are enough. {first}"
         )
     return (
         f"{count} will help but not settle it: the causes in question are then "
-        f"{plain(most, 2)} standard deviations apart, and {APART} are needed. {first}"
+        f"{plain(most, 2)} standard deviations apart, and {SEPARATED} are needed. {first}"
     )
 
 
-def _unchecked(stated: Stated) -> str:
+def _unchecked(stated: FirstScreen) -> str:
     """That nobody knows whether a proposed pose can be reached, where campaign.toml has no cell."""
     if stated.diagnosis.next_poses_in is not None:
         return ""
@@ -576,7 +576,7 @@ def _joints(pose: ToMeasure) -> str:
     return f"joints at ({', '.join(values)})"
 
 
-def _least_certain(stated: Stated, worst: Stiffness) -> str:
+def _least_certain(stated: FirstScreen, worst: Stiffness) -> str:
     """Which pulls would gain most, and what one such pose would settle."""
     best = stated.diagnosis.best_pose
     more = (

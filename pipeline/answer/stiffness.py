@@ -34,7 +34,7 @@ from pipeline.diagnosis.average import (
 from pipeline.machine import sides
 from pipeline.machine.cell import Cell
 from pipeline.machine.robot import Joint, axes
-from pipeline.reduction.pose_of_interest import Where
+from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.budget import budget
 
 _WHICH = "which_cause"
@@ -45,7 +45,7 @@ _SHOWN = 1e-3
 
 
 def stiffness_entries(
-    cell: Cell, hypotheses: Sequence[Hypothesis], where: Where | None = None
+    cell: Cell, hypotheses: Sequence[Hypothesis], where: PoseOfInterest | None = None
 ) -> tuple[Stiffness, ...]:
     """One record per joint: the stiffness with its budget, or the reason why there is none.
 
@@ -73,7 +73,9 @@ def stiffness_entries(
     return tuple(out)
 
 
-def _by_sign(cell: Cell, hypotheses: Sequence[Hypothesis], where: Where) -> dict[int, BySign]:
+def _by_sign(
+    cell: Cell, hypotheses: Sequence[Hypothesis], where: PoseOfInterest
+) -> dict[int, BySign]:
     """Stiffnesses for both signs of the torque, by index of the joint, where a cause causes two."""
     first = hypotheses[0]
     if not two_sided(first):

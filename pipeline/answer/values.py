@@ -9,22 +9,22 @@ import pandas as pd
 
 from pipeline.answer import contract
 from pipeline.answer.contract import Drawn, Fit, NoiseFrom, TargetDeflection, Validation
-from pipeline.answer.findings import Told
 from pipeline.answer.numbers import left_out_mm, rms_mm
 from pipeline.answer.recommended import ModelValues
+from pipeline.answer.results import ReportedModel
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.base.arrays import Array
 from pipeline.machine.cell import Cell
 from pipeline.prediction.by_payload import by_payload
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.reduction.measured import Measured
-from pipeline.reduction.pose_of_interest import Where
+from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.assemble import second_order
-from pipeline.system.estimate import fits
+from pipeline.system.estimate import is_plausible
 from pipeline.system.system import Estimate
 
 
-def stated(values: ModelValues, model: IdentifiedModel, where: Where) -> dict[str, Any]:
+def stated(values: ModelValues, model: IdentifiedModel, where: PoseOfInterest) -> dict[str, Any]:
     """Stiffnesses, fit and deflection at the test pose of one model."""
     fitted = values.fitted
     return {
@@ -34,7 +34,7 @@ def stated(values: ModelValues, model: IdentifiedModel, where: Where) -> dict[st
     }
 
 
-def values_entry(told: Told, where: Where) -> contract.Values:
+def values_entry(told: ReportedModel, where: PoseOfInterest) -> contract.Values:
     """Stiffnesses, fit, deflection at the test pose and validation of one model."""
     left, checked = told.values.left_out_m, told.checked
     validation = None if checked is None else _validation_entry(checked, left, where, told.values)
@@ -89,7 +89,7 @@ def noise_statement(estimate: Estimate, tracked: bool) -> str:
     more = (
         "; a laser tracker measures better than that, so the model does not fit as well as a "
         "tracker measures"
-        if not fits(estimate, tracked)
+        if not is_plausible(estimate, tracked)
         else ""
     )
     return (
@@ -99,7 +99,7 @@ def noise_statement(estimate: Estimate, tracked: bool) -> str:
 
 
 def _validation_entry(
-    checked: pd.DataFrame, left_out_m: Array, where: Where, values: ModelValues
+    checked: pd.DataFrame, left_out_m: Array, where: PoseOfInterest, values: ModelValues
 ) -> Validation:
     """Means of Eq. (22) per target, with full covariance and as in Eq. (23), and held-out error.
 
@@ -136,7 +136,9 @@ def _means(rows: pd.DataFrame) -> contract.PerTarget:
     return {str(target): float(mean) for target, mean in means.items()}
 
 
-def _deflection_entries(model: IdentifiedModel, where: Where) -> tuple[TargetDeflection, ...]:
+def _deflection_entries(
+    model: IdentifiedModel, where: PoseOfInterest
+) -> tuple[TargetDeflection, ...]:
     """Predicted deflection of each target at the test pose, with its standard uncertainty [mm]."""
     moved, std = (1e3 * part for part in model.deflection(where.q, where.force))
     return tuple(

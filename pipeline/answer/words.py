@@ -20,14 +20,14 @@ from pipeline.base.quantities import (
     probability,
     with_std,
 )
-from pipeline.diagnosis.average import LIKELY
+from pipeline.diagnosis.average import POSSIBLE
+from pipeline.diagnosis.combined import ChiSquare
 from pipeline.diagnosis.facts import Drift, Facts, FoundCause, PossibleCause
-from pipeline.diagnosis.finding import ROUGH, Finding, Verdict
-from pipeline.diagnosis.joined import Excess
+from pipeline.diagnosis.finding import WRONG_LAW, Finding, Verdict
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.machine.effect import Effect, Table, in_place
 from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP
-from pipeline.system.family import AWAY
+from pipeline.system.family import FAR_OFF
 
 _NOTICED = 1.15
 """Remainder ratio above which what is left is more than chance, and stated [1]:
@@ -116,15 +116,15 @@ def clear(facts: Facts) -> bool:
 def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
     """What was found of the noise that makes up for no cause, a sentence each."""
     for cause in causes:
-        said = {one.name: one.value for one in cause.parameters}
+        entries = {one.name: one.value for one in cause.parameters}
         if cause.name == "heavy_tails":
             yield (
                 "Single readings deviate farther than the stated noise allows (heavy tails): they "
                 "weigh less, and the uncertainties include it. Where they come from one target, "
                 "one pose or one pull, look there."
             )
-        elif cause.name == "tracker_wander" and (size := said["s_wander"]) is not None:
-            time = said["correlation_time"]
+        elif cause.name == "tracker_wander" and (size := entries["s_wander"]) is not None:
+            time = entries["correlation_time"]
             over = "" if time is None else f" over some {plain(time / 60, 2)} min"
             yield (
                 f"The instrument wandered by {plain(1e3 * size, 2)} mm{over}: the uncertainties "
@@ -142,13 +142,13 @@ def _told(facts: Facts) -> str:
     """Every finding but mistakes and "nothing", in sentences."""
     found: list[Finding] = [row.finding for row in findings(facts)]
     others = [one for one in found if one not in (Finding.NOTHING, Finding.MISTAKE)]
-    told = [capital(_FINDINGS[one](facts)) for one in others]
+    labels = [capital(_FINDINGS[one](facts)) for one in others]
     return " ".join(
         [
-            *told,
+            *labels,
             *(
                 [_impossible(facts)]
-                if told and facts.refused and not facts.unloaded.refuted
+                if labels and facts.refused and not facts.unloaded.refuted
                 else []
             ),
             *([] if facts.positions is None else filter(None, [_told(facts.positions)])),
@@ -219,7 +219,7 @@ def _remainder(facts: Facts) -> str:
         return f"{names} fit{s} best, but {rest}, and {_looks_like(facts)}"
     if facts.gain is None or facts.gain.ci95[0] <= 0:
         return f"{names} fit{s} best, but {rest}: neither location nor law is certain."
-    if left > ROUGH:
+    if left > WRONG_LAW:
         return f"{names} explain{s} most, but {rest}: the location is likely, its law is another."
     return f"Beside {names} something remains that no known cause explains."
 
@@ -463,7 +463,7 @@ def _predicts_nothing(facts: Facts) -> str:
 def _springs_disagree(facts: Facts) -> str:
     assert facts.agreement is not None
     held = facts.agreement
-    if held.elements.p < Excess(held.chi2, held.dof).p:
+    if held.elements.p < ChiSquare(held.chi2, held.dof).p:
         return (
             f"Under the arm's own weight yields what does not so under the pulls "
             f"({listed(list(held.held))}; chi-square {plain(held.elements.chi2, 3)} with "
@@ -521,7 +521,7 @@ def _scattered(facts: Facts) -> str:
     first = f" {_look_first(facts)}" if poses else ""
     count = f"{left.count} are" if left.count > 1 else "at least one is"
     return (
-        f"Of the readings in use {count} more than {AWAY:.0f} standard uncertainties "
+        f"Of the readings in use {count} more than {FAR_OFF:.0f} standard uncertainties "
         f"from where all others put them, which no noise explains ({'; '.join(places)}).{first}"
     )
 
@@ -645,7 +645,7 @@ BECAUSE: Mapping[Reason, str] = {
     Reason.RIVALS: (
         "Joint springs alone do not explain the readings, and more than one cause may be true: "
         "the values are averaged over them by probability, and each interval covers every cause "
-        f"with a probability above {100 * LIKELY:.0f} %."
+        f"with a probability above {100 * POSSIBLE:.0f} %."
     ),
     Reason.CAUSE_DOUBTFUL: (
         "Joint springs alone do not explain the readings; the values below include the "
@@ -735,7 +735,7 @@ DO: Mapping[Reason, str] = {
     Reason.CAUSE_AND_RIVALS: "Predict with the model that includes the identified cause.",
     Reason.RIVALS: (
         "Use the averaged values with their intervals, which cover every cause with a probability "
-        f"above {100 * LIKELY:.0f} %, or find out first which cause it is."
+        f"above {100 * POSSIBLE:.0f} %, or find out first which cause it is."
     ),
     Reason.CAUSE_DOUBTFUL: (
         "Predict with the model that includes the likeliest cause, or find out first whether it is "

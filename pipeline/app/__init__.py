@@ -2,6 +2,6 @@
 
 import os
 
-from pipeline.base.environment import OURS, unproxied
+from pipeline.base.environment import OWN_VARIABLES, unproxied
 
-os.environ |= OURS | unproxied()
+os.environ |= OWN_VARIABLES | unproxied()

@@ -13,7 +13,7 @@ from typer.exceptions import Abort, TyperException
 from pipeline.app.commands._shared import app as everything
 from pipeline.app.commands._shared import fitted
 from pipeline.base.errors import CannotWrite, Interrupted, PipelineError, UsageError, ended
-from pipeline.base.files import FULL
+from pipeline.base.files import DISK_FULL
 
 
 def main(
@@ -76,7 +76,7 @@ def _told(problem: Exception | KeyboardInterrupt, name: str) -> tuple[str, int]:
             command = context.command_path if context else name
             sentence = f"{ended(problem.format_message())} Try `{command} --help`."
             return sentence, UsageError.exit_code
-        case OSError() if problem.errno in FULL:
+        case OSError() if problem.errno in DISK_FULL:
             why = f"The answer cannot be written ({problem.strerror})"
             return f"{why}; free some space and run it again.", CannotWrite.exit_code
         case _:  # any other error: a sentence for the engineer, details in a file

@@ -55,8 +55,8 @@ class Outcome:
         """One line for the screen of a service."""
         if self.complaints and self.verdict is None:
             return self.complaints[0]
-        said = " ".join(self.content.get("verdict_sentence", [])[:1])
-        return f"{printable(self.campaign)}: {said or self.text}"
+        text = " ".join(self.content.get("verdict_sentence", [])[:1])
+        return f"{printable(self.campaign)}: {text or self.text}"
 
     def as_json(self) -> str:
         """One line of JSON."""
@@ -122,7 +122,7 @@ def _stiffnesses(joints: Sequence[Stiffness]) -> list[str]:
 
     width = max((len(joint.axis) + 3 for joint in joints if joint.axis), default=0)
     return [
-        f"  {joint.axis or '':<{width}}{joint.name:<10} {shown(joint)}{beside(joint)}"
+        f"  {joint.axis or '':<{width}}{joint.name:<10} {stiffness_text(joint)}{beside(joint)}"
         for joint in joints
     ]
 
@@ -135,8 +135,8 @@ def _first_screen(answer: Answer) -> list[str]:
     if not answer.first_screen:
         return list(answer.verdict_sentence)
     first, *more = answer.first_screen
-    told = [one for one in more if one.about is not About.NUMBERS]
-    return [first.text, *(f"{ABOUT[one.about]}: {one.text}" for one in told)]
+    chosen = [one for one in more if one.about is not About.NUMBERS]
+    return [first.text, *(f"{ABOUT[one.about]}: {one.text}" for one in chosen)]
 
 
 def _all_determined(answer: Answer) -> bool:
@@ -149,7 +149,7 @@ def _within(answer: Answer) -> bool:
     return worst in (None, "pass")
 
 
-def shown(joint: Stiffness) -> str:
+def stiffness_text(joint: Stiffness) -> str:
     """A stiffness rounded as its uncertainty allows: `80.0 ± 1.6 MN·m/rad`."""
     if joint.value is None:
         return "not determined"
@@ -235,11 +235,11 @@ def sentences(rejected: Iterable[Rejected]) -> list[str]:
         alike = re.sub(r"[0-9]+", "0", row.reason)
         groups.setdefault((row.file, alike), []).append(row)
     most = sorted(groups, key=lambda kind: -len(groups[kind]))[:_KINDS]
-    told = [line for kind in groups if kind in most for line in _told(groups[kind])]
+    items = [line for kind in groups if kind in most for line in _told(groups[kind])]
     rest = [len(rows) for kind, rows in groups.items() if kind not in most]
     if rest:
-        told.append(f"... and {sum(rest)} more lines of {len(rest)} other kinds; --json has them")
-    return told
+        items.append(f"... and {sum(rest)} more lines of {len(rest)} other kinds; --json has them")
+    return items
 
 
 def _told(rows: Sequence[Rejected]) -> list[str]:

@@ -67,7 +67,7 @@ Tell = Callable[[str], object]
 """Function that is called with the name of every stage before it is executed."""
 
 
-def told(tell: Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
+def reporting(tell: Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a stage so that `tell` is called with its name before it begins."""
 
     def carried_out(*given: Any, **named: Any) -> Any:

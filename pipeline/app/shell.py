@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.app.outcome import EARLIER, Meant, Outcome, Several, dated, failed, named, outcome
-from pipeline.app.progress import Progress, Tell, told
+from pipeline.app.progress import Progress, Tell, reporting
 from pipeline.base import files, preferences
 from pipeline.base.doors import is_there, opened
 from pipeline.base.errors import InputError, UsageError
@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # importing its types loads the numerical libraries, which ta
 
 _PREFECT = "pipeline.service.engine:through_prefect"
 """Door: brings a campaign up to date as a Prefect flow."""
-FETCH, PUBLISH = "pipeline.service.sync:fetch", "pipeline.service.sync:publish"
+_FETCH, _PUBLISH = "pipeline.service.sync:fetch", "pipeline.service.sync:publish"
 """Doors: copy campaigns from object storage to this machine and back."""
 
 
@@ -46,7 +46,7 @@ def run_all(
         InputError: There is no campaign.
     """
     storage = preferences.load(root).storage
-    refused = list[Outcome]() if storage == preferences.Storage() else opened(FETCH)(root, storage)
+    refused = list[Outcome]() if storage == preferences.Storage() else opened(_FETCH)(root, storage)
     yield from refused
     everyone = names or campaigns.every(root)
     if not everyone and not refused:
@@ -64,7 +64,7 @@ def run_all(
 
     archive.refresh(root)
     if storage != preferences.Storage():
-        yield from opened(PUBLISH)(root, storage)
+        yield from opened(_PUBLISH)(root, storage)
 
 
 def _one_by_one(
@@ -92,7 +92,7 @@ def _plainly(campaign: CampaignFolder, force: bool = False, tell: Tell = str) ->
     """Bring a campaign up to date in this process."""
     from pipeline.run import run
 
-    return run(campaign, partial(told, tell), force)
+    return run(campaign, partial(reporting, tell), force)
 
 
 def status(root: Path) -> Iterator[Outcome]:
@@ -162,14 +162,14 @@ def report(root: Path, name: str | None, form: str, language: str | None = None)
 def _beside(root: Path, campaign: CampaignFolder, name: str, language: str) -> Path:
     """Write the report with its certificate in another language, in a folder below its own."""
     from pipeline.answer import archive
-    from pipeline.base.look import looks
+    from pipeline.base.appearance import appearances
     from pipeline.report.render import render
 
     answer, manifest = archive.read(campaign), campaign.manifest() or {}
-    look = archive.look_of(looks(root), manifest | {"language": language}, answer)
-    before, wear = archive.earlier(campaign, answer), archive.together(answer, root)
-    took = manifest.get("run_time_s")
-    pages = render(answer, archive.shown(campaign), took, before, (), wear, look)
+    look = archive.look_of(appearances(root), manifest | {"language": language}, answer)
+    others, took = archive.among(campaign, answer), manifest.get("run_time_s")
+    shown = archive.kept_tables(campaign)
+    pages = render(answer, shown, took, others.previous, (), others.wear, look)
     files.write(campaign.reports / language / name, pages[name])
     return campaign.reports / language / name
 
@@ -183,6 +183,5 @@ def report_text(root: Path, name: str) -> str:
     report(root, name, "html")
     campaign = campaigns.find(root, name)
     answer = archive.read(campaign)
-    before = archive.earlier(campaign, answer)
-    wear = archive.together(answer, root)
-    return as_text(compose(answer, archive.shown(campaign), previous=before, wear=wear))
+    others, shown = archive.among(campaign, answer), archive.kept_tables(campaign)
+    return as_text(compose(answer, shown, previous=others.previous, wear=others.wear))

@@ -11,7 +11,7 @@ import pandas as pd
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError
-from pipeline.base.threads import MUCH, spread
+from pipeline.base.threads import WORTH_A_THREAD, spread
 
 T = TypeVar("T")
 
@@ -78,7 +78,7 @@ def each(columns: Sequence[Any], work: Callable[[Any], T]) -> list[T]:
     """
     where = [column.__array_interface__["data"][0] for column in columns]
     different = dict(zip(where, columns, strict=True))
-    much = len(columns[0]) > MUCH if columns else False
+    much = len(columns[0]) > WORTH_A_THREAD if columns else False
     done = dict(zip(different, spread(work, different.values(), much), strict=True))
     return [done[place] for place in where]
 
@@ -132,8 +132,8 @@ def _triangular(matrices: Array) -> Array:
     left, out = matrices.copy(), np.zeros_like(matrices)
     least = _ROUNDING * np.einsum("mii->m", matrices)
     for k in range(3):
-        told = left[:, k, k] > least
-        root = np.sqrt(np.where(told, left[:, k, k], np.inf))
+        determined = left[:, k, k] > least
+        root = np.sqrt(np.where(determined, left[:, k, k], np.inf))
         out[:, :, k] = left[:, :, k] / root[:, None]
         left = left - out[:, :, k, None] * out[:, None, :, k]
     return np.asarray(out)

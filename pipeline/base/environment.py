@@ -11,7 +11,7 @@ import contextlib
 import os
 from collections.abc import Iterator
 
-OURS = {
+OWN_VARIABLES = {
     **{f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")},
     "VECLIB_MAXIMUM_THREADS": "1",
     "PYTHONSAFEPATH": "1",

@@ -17,7 +17,7 @@ from pathlib import Path
 from pipeline.base.errors import CannotWrite, InputError
 from pipeline.base.shown import too_large
 
-FULL = (errno.ENOSPC, errno.EDQUOT)
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 _BEGUN = ".*.????????"
 """Pattern of the names of unfinished files."""
 _CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
@@ -52,7 +52,7 @@ def _way_out(path: Path, problem: OSError) -> str:
         for above in (path, *path.parents):
             if os.path.exists(above) and not os.path.isdir(above):
                 return f"{above} is no folder, move it out of the way"
-    if problem.errno in FULL:
+    if problem.errno in DISK_FULL:
         return "free some space and run it again"
     if problem.errno in _CLOSED:
         return "get the permission, close what has it open, or work in a copy with --root"
@@ -145,7 +145,7 @@ def read(
         if before.st_size > most:
             raise refused(too_large(before.st_size, most), "split it, or give the right file")
         with path.open("rb") as opened:
-            begins(opened.read(BEGIN))
+            begins(opened.read(TYPE_BYTES))
             opened.seek(0)
             data = opened.read(before.st_size + 1)
             after = os.fstat(opened.fileno())
@@ -154,16 +154,16 @@ def read(
     except OSError as problem:
         thing, way_out = "cannot be read", "check the file and its permissions"
         why = f"{thing} ({problem.strerror or problem})"
-        raise refused(why, way_out, passing=problem.errno not in NEVER) from problem
+        raise refused(why, way_out, passing=problem.errno not in HOPELESS_ERRORS) from problem
     if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
         way_out = "run again when the export is finished"
         raise refused("changed while it was read", way_out, passing=True)
     return data
 
 
-BEGIN = 4096
+TYPE_BYTES = 4096
 """Number of initial bytes that identify the type of a file."""
-NEVER = (errno.ENAMETOOLONG, errno.EISDIR, errno.ELOOP)
+HOPELESS_ERRORS = (errno.ENAMETOOLONG, errno.EISDIR, errno.ELOOP)
 """Errors for which trying again does not help."""
 
 

@@ -24,7 +24,7 @@ PRODUCTS = 1e-11
 """The corresponding limit in products of unit columns [1]: sums of some thousand squares carry
 1e-13."""
 
-LEFT = 1e-7
+ROUNDING_LEFT = 1e-7
 """Squared fraction of a column that remains, due to rounding, if it is a combination of others [1]:
 products carry eleven digits, and a base of some tens of columns uses up four."""
 
@@ -224,7 +224,7 @@ def covariance(N: Array) -> Array:
     return np.asarray(cov)
 
 
-def left(G: Array, whole: Array, least: float = LEFT) -> tuple[Array, Ints]:
+def left(G: Array, whole: Array, least: float = ROUNDING_LEFT) -> tuple[Array, Ints]:
     """Inverse of the products of columns after a base is projected out, (..., k, k), and rank.
 
     Args:

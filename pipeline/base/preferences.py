@@ -99,7 +99,7 @@ class Storage(Strict):
     processed: _Address | None = None
 
 
-class Fleet(Strict):
+class _FleetPreferences(Strict):
     """Settings for all robots together.
 
     Attributes:
@@ -110,7 +110,7 @@ class Fleet(Strict):
     scatter: Annotated[float, Field(ge=1e-4, le=0.5)] | None = None
 
 
-class Certificates(Strict):
+class _CertificatePreferences(Strict):
     """Settings of certificates.
 
     Attributes:
@@ -128,8 +128,8 @@ class Preferences(Strict):
     service: Service = Service()
     notify: Notify = Notify()
     storage: Storage = Storage()
-    fleet: Fleet = Fleet()
-    report: Certificates = Certificates()
+    fleet: _FleetPreferences = _FleetPreferences()
+    report: _CertificatePreferences = _CertificatePreferences()
 
 
 def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
@@ -144,7 +144,7 @@ def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
         UsageError: An option of the command line is invalid.
     """
     path = root / FILE
-    text = files.words(path, FILE, toml.LARGEST) if os.path.lexists(path) else ""
+    text = files.words(path, FILE, toml.LARGEST_TEXT) if os.path.lexists(path) else ""
     content = toml.loads(text, FILE)
     _validated(content, text)  # before options override it, so that errors name the right source
     content["service"] = {**content.get("service", {}), **(said or {})}

@@ -166,13 +166,13 @@ def common_prefix(values: Iterable[float | None]) -> tuple[float, str]:
 
 def mix(weights: Iterable[float], names: Iterable[str]) -> str:
     """Linear combination of names: `c_theta2 + 0.58 c_theta4`."""
-    said = ""
+    text = ""
     for weight, name in zip(weights, names, strict=True):
-        sign = "-" if weight < 0 else "+" if said else ""
+        sign = "-" if weight < 0 else "+" if text else ""
         size = plain(abs(weight))
         size = "" if float(size) == 1 else f"{size} "
-        said += f" {sign} {size}{name}" if said else f"{sign}{size}{name}"
-    return said
+        text += f" {sign} {size}{name}" if text else f"{sign}{size}{name}"
+    return text
 
 
 def scaled(value: float | None, factor: float) -> float | None:

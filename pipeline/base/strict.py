@@ -233,8 +233,8 @@ def checked(
             way_out = toml.remedy(text, line, way_out)
         message, way_out = _with_way_out(message, way_out)
         where = ".".join(words) or whole
-        said = f"{where}: {message}" if where else message
-        raise InputError(said, way_out, file=file, line=line) from problem
+        sentence = f"{where}: {message}" if where else message
+        raise InputError(sentence, way_out, file=file, line=line) from problem
 
 
 def _with_way_out(message: str, otherwise: str) -> tuple[str, str]:

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 S = TypeVar("S")
 T = TypeVar("T")
 
-MUCH = 100_000
+WORTH_A_THREAD = 100_000
 """Number of rows, or bytes to be read, from which a second thread saves time."""
 
 

@@ -17,7 +17,7 @@ from typing import Any
 from pipeline.base.errors import InputError
 from pipeline.base.shown import in_toml, too_large
 
-LARGEST = 2**20
+LARGEST_TEXT = 2**20
 """Maximum number of characters of a file written by people; a plan with a thousand poses has a
 tenth of it."""
 _LARGEST_NUMBER = 2**63
@@ -40,7 +40,7 @@ _DECIMAL_COMMA = re.compile(r"=\s*\[?\s*[-+]?\d+,\d")
 """A number with a decimal comma at the beginning of a value."""
 
 
-def loads(text: str, file: str, most: int = LARGEST) -> dict[str, Any]:
+def loads(text: str, file: str, most: int = LARGEST_TEXT) -> dict[str, Any]:
     """Parse a TOML text, in time linear in its length.
 
     Args:

@@ -13,8 +13,8 @@ from typing import get_args
 
 from pipeline.check.survey import distances
 from pipeline.faults.conventions import miss
-from pipeline.readers import Hints
-from pipeline.readers.known import BETTER, GROSS_M
+from pipeline.readers import ExportSettings
+from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.settings import Settings
 
@@ -25,7 +25,7 @@ _Read = Callable[[Settings], Case | None]
 
 
 @dataclass(frozen=True)
-class Word:
+class WrongWord:
     """A wrong entry of [tracker].
 
     Attributes:
@@ -44,7 +44,7 @@ class Word:
     after_m: float
 
 
-def wrong_word(settings: Settings, given: Case | None, read: _Read) -> Word | None:
+def wrong_word(settings: Settings, given: Case | None, read: _Read) -> WrongWord | None:
     """The one wrong entry of [tracker]; None if all are right or it cannot be decided.
 
     Args:
@@ -53,23 +53,27 @@ def wrong_word(settings: Settings, given: Case | None, read: _Read) -> Word | No
         read: Reads it with other settings.
     """
     before = None if given is None else _misfit(given)
-    if before is not None and before < GROSS_M:
+    if before is not None and before < GROSS_DISTANCE_M:
         return None
     found = []
     for key, stated, other in _others(settings):
         tried = read(_with(settings, key, other))
         after = None if tried is None else _misfit(tried)
-        if after is not None and after < GROSS_M and (before is None or BETTER * after < before):
-            found.append(Word(key, stated, other, before, after))
+        if (
+            after is not None
+            and after < GROSS_DISTANCE_M
+            and (before is None or CLEARLY_NEARER * after < before)
+        ):
+            found.append(WrongWord(key, stated, other, before, after))
     return min(found, key=lambda one: one.after_m, default=None)
 
 
 def _others(settings: Settings) -> Iterator[tuple[str, str, str | None]]:
     """Every stated entry with every other value that it may have, and finally none."""
-    said = settings.tracker
-    for key in _WORDS if said else ():
-        stated = getattr(said, key)
-        literal = get_args(Hints.model_fields[key].annotation)[0]
+    setting = settings.tracker
+    for key in _WORDS if setting else ():
+        stated = getattr(setting, key)
+        literal = get_args(ExportSettings.model_fields[key].annotation)[0]
         for other in (*get_args(literal), None):
             if stated is not None and other != stated:
                 yield key, stated, other

@@ -15,8 +15,8 @@ from pipeline.base.quantities import plain
 from pipeline.base.shown import typed
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.position_rows import PositionSheet, position_rows
-from pipeline.geometry.begin import begin
-from pipeline.geometry.leftout import distances
+from pipeline.geometry.initial import begin
+from pipeline.geometry.left_out import distances
 from pipeline.geometry.mechanism import linearised
 from pipeline.geometry.positioned import Positioned, as_read, usable
 from pipeline.store.campaign import Raw

@@ -17,7 +17,7 @@ from pipeline.diagnosis.causes import of_unloaded
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.diagnosis.facts import Facts
 from pipeline.diagnosis.finding import Finding
-from pipeline.diagnosis.unloaded_geometry import as_stiff, standing
+from pipeline.diagnosis.unloaded_geometry import as_stiff, from_unloaded
 from pipeline.faults.base_names import not_rigid
 from pipeline.faults.screen import files_of
 from pipeline.machine.effects import catalogue
@@ -40,11 +40,11 @@ def proven(case: Case, reduced: Reduced) -> list[str]:
         reduced: Its measurements.
     """
     files = files_of(case, reduced)
-    said = [one.evidence for one in files.findings]
+    selected = [one.evidence for one in files.findings]
     kept = reduced if files.case is case else None
     by_positions = case.settings.positions is not None  # the table is estimated from these
     table = () if by_positions else _table(files.case, kept)
-    return [*said, *_not_rigid(files.case), *table]
+    return [*selected, *_not_rigid(files.case), *table]
 
 
 def _not_rigid(case: Case) -> Iterator[str]:
@@ -70,5 +70,5 @@ def _table(case: Case, reduced: Reduced | None) -> Iterator[str]:
     cell, data = given.case.cell, given.data
     certain = case_of(cell, data, given.estimate)[0].certain_noise
     whole = catalogue(cell.robot, data.pulls)
-    stood = standing(as_stiff(cell, given.estimate), data, certain, whole)
+    stood = from_unloaded(as_stiff(cell, given.estimate), data, certain, whole)
     yield from told_of(Facts(unloaded=stood, moved=of_unloaded(stood)), _OF_THE_TABLE)

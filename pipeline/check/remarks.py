@@ -10,8 +10,8 @@ import numpy as np
 from pipeline.machine.robot import Robot
 from pipeline.readers._log_form import opened
 from pipeline.readers._log_table import typed
+from pipeline.readers.export_settings import LogForm
 from pipeline.readers.logs import POSE, REMARK, REPEAT, has_joints, has_load
-from pipeline.readers.said import LogForm
 
 
 def remarks(name: str, data: bytes, said: LogForm, robot: Robot | None = None) -> list[str]:

@@ -58,7 +58,7 @@ def distances(case: Case) -> list[Distance]:
 
 
 @dataclass(frozen=True, eq=False)
-class Stand:
+class SurveyedPose:
     """One pose and its loads.
 
     Attributes:
@@ -76,7 +76,7 @@ class Stand:
     most_n: float
 
 
-def stands(data: Measured) -> list[Stand]:
+def stands(data: Measured) -> list[SurveyedPose]:
     """Every pose that is used, with its forces."""
     if not len(data.pulls):
         return []
@@ -86,7 +86,7 @@ def stands(data: Measured) -> list[Stand]:
     least, most = (over.reduceat(force, first) for over in (np.minimum, np.maximum))
     q = data.pulls.q[order][first]
     return [
-        Stand(int(pose[k]), q[k], int(count[k]), float(least[k]), float(most[k]))
+        SurveyedPose(int(pose[k]), q[k], int(count[k]), float(least[k]), float(most[k]))
         for k in range(len(pose))
     ]
 
@@ -104,7 +104,7 @@ def over_nominal(case: Case, data: Measured) -> float | None:
 
 
 @dataclass(frozen=True)
-class Clock:
+class CampaignTimes:
     """Times of a campaign.
 
     Attributes:
@@ -124,7 +124,7 @@ class Clock:
     away: dict[str, pd.Timedelta]
 
 
-def clock(case: Case, files: Mapping[str, bytes]) -> Clock | None:
+def clock(case: Case, files: Mapping[str, bytes]) -> CampaignTimes | None:
     """Times of a campaign; None if no reading has one.
 
     Args:
@@ -139,7 +139,7 @@ def clock(case: Case, files: Mapping[str, bytes]) -> Clock | None:
     at = int(np.argmax(step.fillna(pd.Timedelta(0)).to_numpy()))
     back = rows.groupby("file", observed=True)["time"].diff() < pd.Timedelta(0)
     away = {name: _away(rows, name, data) for name, data in files.items()}
-    return Clock(
+    return CampaignTimes(
         first=ordered["time"].iloc[0],
         last=ordered["time"].iloc[-1],
         pause=pd.Timedelta(0) if len(rows) < 2 else step.iloc[at],

@@ -6,22 +6,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from pipeline.answer.contradicted import contradicted, in_mm
+from pipeline.answer.contradicted_entry import contradicted, in_mm
 from pipeline.base.errors import InputError, place
 from pipeline.base.toml import line_of
-from pipeline.check.export_words import Word, wrong_word
+from pipeline.check.export_words import WrongWord, wrong_word
 from pipeline.faults.conventions import conventions
-from pipeline.faults.entries import Entry, wrong_entries
+from pipeline.faults.entries import DoubtfulEntry, wrong_entries
 from pipeline.reduction.case import Case
 from pipeline.reduction.settings import Settings
-from pipeline.run import as_read
+from pipeline.run import as_ingested
 from pipeline.store.campaign import Raw
 
 TOML = "campaign.toml"
 
 
 @dataclass(frozen=True)
-class Wrong:
+class WrongLine:
     """A wrong line of campaign.toml.
 
     Attributes:
@@ -42,7 +42,7 @@ class Wrong:
         return f"{place(TOML, self.line)}{self.said}"
 
 
-def wrong_lines(raw: Raw) -> list[Wrong]:
+def wrong_lines(raw: Raw) -> list[WrongLine]:
     """Lines of campaign.toml that the readings contradict, the most probable first.
 
     At most one of them is wrong; several are reported if the readings leave it open.
@@ -61,7 +61,7 @@ def wrong_lines(raw: Raw) -> list[Wrong]:
 def _read(raw: Raw, settings: Settings) -> Case | None:
     """Read with other settings, keeping implausible values; None if it cannot be read."""
     try:
-        return as_read(replace(raw, settings=settings), plausible=False)[0]
+        return as_ingested(replace(raw, settings=settings), plausible=False)[0]
     except InputError:
         return None
 
@@ -71,23 +71,23 @@ def text_of(raw: Raw) -> str:
     return raw.files[TOML].decode("utf-8", "replace")
 
 
-def _wrong_word(text: str, word: Word) -> Wrong:
+def _wrong_word(text: str, word: WrongWord) -> WrongLine:
     off = (
         "the export cannot be read"
         if word.before_m is None
         else f"the reflectors are {in_mm(word.before_m)} off"
     )
     right = f'write {word.key} = "{word.better}"' if word.better else f"remove {word.key}"
-    said = (
+    sentence = (
         f'{word.key} = "{word.stated}" is wrong: with it {off}, and {in_mm(word.after_m)} without; '
         f"{right}"
     )
-    return Wrong(line_of(text, ["tracker", word.key]), f"tracker.{word.key}", said)
+    return WrongLine(line_of(text, ["tracker", word.key]), f"tracker.{word.key}", sentence)
 
 
-def _wrong_entry(text: str, one: Entry, found: Sequence[Entry]) -> Wrong:
+def _wrong_entry(text: str, one: DoubtfulEntry, found: Sequence[DoubtfulEntry]) -> WrongLine:
     key = ".".join([one.table, *(["/".join(one.names)] if one.names else [])])
-    return Wrong(line_of(text, one.path), key, contradicted(text, one, found), one.probability)
+    return WrongLine(line_of(text, one.path), key, contradicted(text, one, found), one.probability)
 
 
 def mistaken(raw: Raw) -> list[str]:

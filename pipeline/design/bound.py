@@ -24,7 +24,7 @@ from pipeline.design.descent import descend
 from pipeline.design.information import information, value_and_slope
 from pipeline.design.limits import penalty
 from pipeline.design.problem import Problem
-from pipeline.design.space import Box
+from pipeline.design.space import PlanCoordinates
 
 _WALL = 1e3
 """Weight of violated limits in the search for the worst direction; overshooting only lowers the
@@ -34,7 +34,7 @@ _GAP = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Certificate:
+class LowerBound:
     """Lower bound of the figure of any plan, and how it was found.
 
     Attributes:
@@ -53,7 +53,7 @@ class Certificate:
 
 
 @dataclass(frozen=True, eq=False)
-class Worst(Locked):
+class WorstDirection(Locked):
     """The result of one search for the worst direction.
 
     Attributes:
@@ -69,14 +69,14 @@ class Worst(Locked):
     agreeing: float
 
 
-_Oracle = Callable[[Array, bool], Worst]
+_Oracle = Callable[[Array, bool], WorstDirection]
 """From Z (n, n), and whether to search harder than usual: the pose with the largest
 trace(Z I(q))."""
 
 
 def certify(
     problem: Problem, pool: Array, rng: np.random.Generator, rounds: int = 20, starts: int = 128
-) -> Iterator[Certificate]:
+) -> Iterator[LowerBound]:
     """Lower bounds of the figure of every plan of the problem, each at least as good as the last.
 
     The limit on the uncertainty of single compliances is dropped, and with a free anchor every pose
@@ -90,7 +90,7 @@ def certify(
         starts: Random starts of each search, in addition to the good poses found so far.
     """
     oracle = _Directions(problem, rng, starts, pool)
-    first = information(problem.experiment, Box(problem, 1).stations(pool))
+    first = information(problem.experiment, PlanCoordinates(problem, 1).stations(pool))
     yield from bounds(problem.criterion, first, problem.poses, oracle, rounds, problem.known)
 
 
@@ -102,7 +102,7 @@ def bounds(
     rounds: int = 20,
     known: Array | float = 0.0,
     steps: int = 3000,
-) -> Iterator[Certificate]:
+) -> Iterator[LowerBound]:
     """Alternate between the best weights of some poses and the pose that would add most.
 
     A bound becomes the best one only after a second, harder search for the worst direction.
@@ -117,7 +117,7 @@ def bounds(
         steps: Maximum number of steps for the weights; fewer give a valid but lower bound.
     """
     candidates, highest, continuous = informations, 0.0, np.inf
-    deciding = Worst(np.inf, informations[:0], 0, 0.0)
+    deciding = WorstDirection(np.inf, informations[:0], 0, 0.0)
     for done in range(1, rounds + 1):
         weights = _best_weights(criterion, candidates, poses, known, steps)
         M = known + poses * np.einsum("c,cij->ij", weights, candidates)
@@ -128,13 +128,13 @@ def bounds(
             worst = oracle(Z, True)
         if _bound(Z, known, poses, worst) > highest:
             highest, deciding = _bound(Z, known, poses, worst), worst
-        yield Certificate(highest, continuous, done, deciding.starts, deciding.agreeing)
+        yield LowerBound(highest, continuous, done, deciding.starts, deciding.agreeing)
         if highest >= (1 - _GAP) * continuous:
             return
         candidates = np.concatenate([candidates[weights > 1e-6], worst.informations])
 
 
-def _bound(Z: Array, known: Array | float, poses: int, worst: Worst) -> float:
+def _bound(Z: Array, known: Array | float, poses: int, worst: WorstDirection) -> float:
     return float((np.sum(Z * known) + poses * worst.most) ** -0.5)
 
 
@@ -164,10 +164,10 @@ class _Directions:
         self, problem: Problem, rng: np.random.Generator, starts: int, pool: Array
     ) -> None:
         self.problem, self.rng, self.starts = problem, rng, starts
-        self.box = Box(problem, 1)
+        self.box = PlanCoordinates(problem, 1)
         self.kept = pool[:32]
 
-    def __call__(self, Z: Array, hard: bool) -> Worst:
+    def __call__(self, Z: Array, hard: bool) -> WorstDirection:
         """Search from random poses and from the good ones of earlier searches."""
         starts = self.starts * (4 if hard else 1)
         start = np.vstack([self.rng.uniform(size=(starts, self.box.size)), self.kept])
@@ -176,7 +176,7 @@ class _Directions:
         most = -float(found.value.min())
         order = np.argsort(found.value)
         self.kept = _distinct(found.x[order])[:48]
-        return Worst(
+        return WorstDirection(
             most=most / scale,
             informations=information(self.problem.experiment, self.box.stations(self.kept)),
             starts=len(start),

@@ -18,8 +18,8 @@ from pipeline.base.shown import lines, typed
 
 if TYPE_CHECKING:
     from pipeline.base.arrays import Array
-    from pipeline.design.made import Made
-    from pipeline.design.propose import Proposal
+    from pipeline.design.finished import FinishedDesign
+    from pipeline.design.propose import BoundedPlan
 
 
 def design(
@@ -59,8 +59,8 @@ def design(
 ) -> None:
     """Choose the poses to measure, and print how close the plan is to the optimum."""
     from pipeline.design import spec as specs
+    from pipeline.design.finished import make
     from pipeline.design.library import added_to, problem_of
-    from pipeline.design.made import make
     from pipeline.design.search import Effort
     from pipeline.library.campaign import load_campaign
 
@@ -93,8 +93,8 @@ def _more(add_to: str | None, language: Language) -> str:
 
 
 def write(
-    root: Path, made: Made, seed: int, by: str = "", language: Language = Language.EN
-) -> Made:
+    root: Path, made: FinishedDesign, seed: int, by: str = "", language: Language = Language.EN
+) -> FinishedDesign:
     """Write plan file, measurement sheet and pictures of a design.
 
     Args:
@@ -134,7 +134,7 @@ def write(
     return replace(made, written=(plan, *sheets, *programs, asked))
 
 
-def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, bytes]:
+def _programs(proposal: BoundedPlan, tell: Callable[[str], object]) -> dict[str, bytes]:
     """Programs that drive the plan, for the maker of the robot or for all.
 
     Empty, with a message, where the arm would meet itself or the floor and the problem allows that.
@@ -144,8 +144,8 @@ def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, by
     """
     import numpy as np
 
-    from pipeline.design.driven import legs, standing
-    from pipeline.design.made import printed
+    from pipeline.design.driven import legs, pose_violations
+    from pipeline.design.finished import printed
     from pipeline.machine.robot.axes import from_log_units
     from pipeline.programs.for_plan import NO_CELL, brand_of, drive, programs
 
@@ -154,7 +154,7 @@ def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, by
     zero_after = problem.spec.noise.zero == "before_after"
     q = from_log_units(problem.robot, printed(problem, q))
     ways = legs(problem, q, measurement.anchor)
-    wrong = [*standing(problem, q), *(one.sentence for one in ways if one.blocked)]
+    wrong = [*pose_violations(problem, q), *(one.sentence for one in ways if one.blocked)]
     if wrong:
         _undriven(wrong, problem.spec.limits.clear_of_itself, tell)
         return {}
@@ -167,7 +167,7 @@ def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, by
     return {} if found is None else programs(found, brand_of(problem.robot.description))
 
 
-def _every_pose(proposal: Proposal) -> tuple[Array, list[list[float]], Array]:
+def _every_pose(proposal: BoundedPlan) -> tuple[Array, list[list[float]], Array]:
     """Joint values, load steps and approaches of all poses, those without a pull last."""
     import numpy as np
 

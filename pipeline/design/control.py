@@ -20,7 +20,7 @@ from pipeline.design.problem import Problem, with_steps
 from pipeline.design.schedule import pulls_at
 from pipeline.machine.cell import jacobian, paper_cell
 from pipeline.system.reliability import reliability, solution
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, RowIndex, System
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def _blocks(rows: Array) -> Array:
     return out.reshape(s * R, s)
 
 
-def _rows(measurement: Measurement, targets: Strings) -> Rows:
+def _rows(measurement: Measurement, targets: Strings) -> RowIndex:
     """Identity of each row: pose, pull in it, target, axis and number of the pull."""
     count = np.array([len(steps) for steps in measurement.steps])
     pose = np.repeat(np.arange(len(count)), count)
@@ -120,4 +120,4 @@ def _rows(measurement: Measurement, targets: Strings) -> Rows:
     )
     first, second, pull = of_pull
     target = np.tile(np.repeat(targets, 3), len(pose))
-    return Rows(first, second, target, np.tile(np.arange(3), len(pose) * len(targets)), pull)
+    return RowIndex(first, second, target, np.tile(np.arange(3), len(pose) * len(targets)), pull)

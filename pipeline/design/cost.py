@@ -12,7 +12,7 @@ from pipeline.design.descent import descend
 from pipeline.design.limits import narrow, slacks
 from pipeline.design.problem import Problem, build
 from pipeline.design.search import HARD, Effort, Plan, evaluate, objective, search
-from pipeline.design.space import Box
+from pipeline.design.space import PlanCoordinates
 
 _QUICK = Effort(first=0, rounds=1, poses=192, settled=16, exchanged=4, bounds=6, directions=64)
 """Effort of the search without the limits, which starts from scratch, too: within 1 % of a full
@@ -68,7 +68,7 @@ def _without(problem: Problem) -> Problem:
 
 def _relaxed(free: Problem, plan: Plan) -> Plan | None:
     """Descend from a plan without the limits of the cell."""
-    box = Box(free, free.poses)
+    box = PlanCoordinates(free, free.poses)
     start = np.clip(box.closed(plan.q[None], plan.anchor[None]), 0, 1)
     found = descend(objective(free, HARD), start)
     (best,) = evaluate(free, *box.opened(found.x))
@@ -80,7 +80,9 @@ def _shares(
 ) -> tuple[tuple[tuple[str, float], ...], float]:
     """`Cost.excluded` and `Cost.left`."""
     wide = _without(problem)
-    at = Box(wide, 1).stations(rng.uniform(size=(_LOOKED_AT, Box(wide, 1).size)))
+    at = PlanCoordinates(wide, 1).stations(
+        rng.uniform(size=(_LOOKED_AT, PlanCoordinates(wide, 1).size))
+    )
     broken = _turned_too_far(problem, wide, at.configuration.q)
     for slack in slacks(problem.limits, at):
         broken[slack.rule] = broken.get(slack.rule, np.False_) | (slack.value < 0)
@@ -88,8 +90,8 @@ def _shares(
         found = [gap.pose for gap in narrow(problem.room and problem.room.only(rule), at)]
         broken[rule] = np.isin(np.arange(_LOOKED_AT), np.concatenate(found))
     every = np.any(list(broken.values()), axis=0)
-    told = [(rule, float(np.mean(which))) for rule, which in broken.items()]
-    return tuple(sorted(told, key=lambda one: -one[1])), 1 - float(every.mean())
+    selected = [(rule, float(np.mean(which))) for rule, which in broken.items()]
+    return tuple(sorted(selected, key=lambda one: -one[1])), 1 - float(every.mean())
 
 
 def _turned_too_far(problem: Problem, wide: Problem, q: Array) -> dict[str, Bools]:

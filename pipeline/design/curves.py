@@ -13,7 +13,7 @@ from pipeline.base.errors import InputError
 from pipeline.design.descent import descend
 from pipeline.design.problem import Problem, build
 from pipeline.design.search import HARD, Effort, Plan, evaluate, objective, search
-from pipeline.design.space import Box
+from pipeline.design.space import PlanCoordinates
 from pipeline.design.spec import revised
 
 _QUICK = Effort(first=0, rounds=1, poses=192, settled=16, exchanged=4, gain=1e-6)
@@ -141,7 +141,7 @@ def by_anchor(
     return ByAnchor(axis, at, best, np.array([one.figure for one in own]))
 
 
-def _held(problem: Problem, plan: Plan, axis: int, at: Array) -> tuple[Box, Array]:
+def _held(problem: Problem, plan: Plan, axis: int, at: Array) -> tuple[PlanCoordinates, Array]:
     """The search box with the anchor at these positions of one axis, and the anchors, (a, 3)."""
     anchor = np.tile(plan.anchor, (len(at), 1))
     anchor[:, axis] = at
@@ -149,4 +149,4 @@ def _held(problem: Problem, plan: Plan, axis: int, at: Array) -> tuple[Box, Arra
     ends = sorted({float(at.min()), float(at.max())})
     place["xyz"[axis] + "_m"] = ends if len(ends) > 1 else ends[0]
     held = build(revised(problem.spec, {"anchor": place}), problem.robot)
-    return Box(replace(held, known=problem.known), held.poses), anchor
+    return PlanCoordinates(replace(held, known=problem.known), held.poses), anchor

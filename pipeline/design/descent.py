@@ -16,9 +16,9 @@ from pipeline.base.arrays import Array, Bools, Ints
 Function = Callable[[Array], tuple[Array, Array]]
 """From points (k, d): values (k,) and gradients (k, d). A value may be NaN or infinite."""
 
-FIRST_STEP, LONGEST_STEP = 0.05, 0.3
+_FIRST_STEP, _LONGEST_STEP = 0.05, 0.3
 """Largest move of any coordinate of the unit box, before and after the curvature is known [1]."""
-SHRINK, SHORTEST = 0.35, 1e-5
+_SHRINK, _SHORTEST = 0.35, 1e-5
 """Factor on a rejected step, and the length at which the direction is given up [1]."""
 
 
@@ -104,8 +104,8 @@ def _try(function: Function, state: _State, rows: Ints, gain: float) -> None:
     found, found_slope = function(trial)
     promised = np.einsum("ki,ki->k", slope, trial - x)
     good = found <= value + 1e-4 * np.minimum(promised, 0.0)
-    state.length[rows[~good]] *= SHRINK
-    lost = rows[~good & (state.length[rows] < SHORTEST)]
+    state.length[rows[~good]] *= _SHRINK
+    lost = rows[~good & (state.length[rows] < _SHORTEST)]
     _forget(state, lost)
     rows, trial, found, found_slope = rows[good], trial[good], found[good], found_slope[good]
     little = value[good] - found <= gain * np.maximum(1.0, np.abs(value[good]))
@@ -128,7 +128,7 @@ def _aim(state: _State, rows: Ints) -> None:
     astray = ~(downhill < -1e-12 * size)
     _forget(state, rows[astray])
     way[astray] = -slope[astray]
-    limit = np.where(state.fresh[rows], FIRST_STEP, LONGEST_STEP)
+    limit = np.where(state.fresh[rows], _FIRST_STEP, _LONGEST_STEP)
     longest = np.abs(way).max(axis=1).clip(1e-300)
     state.way[rows] = way * np.minimum(1.0, limit / longest)[:, None]
     state.free[rows], state.length[rows] = free, 1.0

@@ -18,18 +18,18 @@ from pipeline.design.information import Experiment, station
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.schedule import pulls_at
 from pipeline.diagnosis.blindspots import visible
-from pipeline.diagnosis.facts import APART
+from pipeline.diagnosis.facts import SEPARATED
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.separability import separation
 from pipeline.machine.cell import Cell, paper_cell, sensitivity
 from pipeline.machine.effect import Effect, Noise
 from pipeline.machine.effects import catalogue
 from pipeline.system import alarms
-from pipeline.system.beside import padded
+from pipeline.system.score_tests import padded
 
 
 @dataclass(frozen=True)
-class Sight:
+class Detectability:
     """Detectability of one cause with a plan, twins counted as one.
 
     Attributes:
@@ -50,7 +50,7 @@ class Sight:
 
 
 @dataclass(frozen=True, eq=False)
-class Lens(Locked):
+class CauseTests(Locked):
     """The causes a plan is tested for, with everything that does not depend on its poses.
 
     Attributes:
@@ -81,7 +81,7 @@ class Lens(Locked):
         return self.problem.robot.n
 
 
-def lens(problem: Problem) -> Lens:
+def cause_tests(problem: Problem) -> CauseTests:
     """Everything about the catalogue of a problem's robot that does not depend on poses."""
     robot = problem.robot
     hidden = twins(robot)
@@ -94,7 +94,7 @@ def lens(problem: Problem) -> Lens:
     names = _classes([effect.label for effect in suspects], hidden.pairs)
     order = list(dict.fromkeys(names.values()))
     sizes = [len(effect.parameters) for effect in suspects]
-    return Lens(
+    return CauseTests(
         problem=problem,
         cell=paper_cell(robot, problem.tool),
         suspects=suspects,
@@ -121,7 +121,7 @@ def _classes(labels: Sequence[str], pairs: Sequence[tuple[str, str]]) -> dict[st
 
 
 def rows(
-    view: Lens, q: Array, anchor: Array, approach: Array, steps: Array, start_s: Array
+    view: CauseTests, q: Array, anchor: Array, approach: Array, steps: Array, start_s: Array
 ) -> Array:
     """Whitened columns [springs | suspects] of poses with the same load steps, (m, R, W).
 
@@ -156,7 +156,7 @@ def _covariance(experiment: Experiment, q: Array, anchor: Array) -> Array:
     return np.asarray(V)
 
 
-def sights(view: Lens, M: Array) -> list[Sight]:
+def detectabilities(view: CauseTests, M: Array) -> list[Detectability]:
     """Detectability of every cause of the catalogue with products of shape (W, W)."""
     detected, named, rival = _sizes(view, M)
     out = []
@@ -165,18 +165,18 @@ def sights(view: Lens, M: Array) -> list[Sight]:
         worst = members[np.argmax(named[members])]
         other = view.names[view.group[rival[worst]]] if rival[worst] != worst else ""
         sizes = _size(detected[members].max()), _size(named[worst])
-        out.append(Sight(name, *sizes, other, view.suspects[worst].needs))
-    return out + [Sight(*never) for never in _never(view)]
+        out.append(Detectability(name, *sizes, other, view.suspects[worst].needs))
+    return out + [Detectability(*never) for never in _never(view)]
 
 
-def named_from(view: Lens, M: Array) -> Array:
+def named_from(view: CauseTests, M: Array) -> Array:
     """Size from which each cause is named, in typical sizes, by plans (k, W, W), (k, g)."""
     named = _sizes(view, M)[1]
     members = [(view.group == g) & view.main for g in range(len(view.names))]
     return np.stack([named[:, of_cause].max(axis=1) for of_cause in members], axis=1)
 
 
-def _sizes(view: Lens, M: Array) -> tuple[Array, Array, Ints]:
+def _sizes(view: CauseTests, M: Array) -> tuple[Array, Array, Ints]:
     """Sizes from which each suspect is detected and named, in typical sizes, and what hides it.
 
     Args:
@@ -194,7 +194,7 @@ def _sizes(view: Lens, M: Array) -> tuple[Array, Array, Ints]:
     rival = np.argmin(apart, axis=-1)
     closest = np.minimum(np.min(apart, axis=-1), own)
     detected = visible(M, base, view.at, alarms.PLANNED)
-    named = np.maximum(detected, APART / np.maximum(closest, 1e-300))
+    named = np.maximum(detected, SEPARATED / np.maximum(closest, 1e-300))
     return detected, named, np.where(closest < 0.999 * own, rival, n)
 
 
@@ -202,7 +202,7 @@ def _size(times: float) -> float:
     return float(times) if times < 1e4 else np.inf
 
 
-def _never(view: Lens) -> list[tuple[str, float, float, str, str]]:
+def _never(view: CauseTests) -> list[tuple[str, float, float, str, str]]:
     """Causes that no pull at the tip can show."""
     needs = {effect.label: effect.needs for effect in catalogue(view.problem.robot)}
     return [

@@ -81,7 +81,7 @@ def legs(problem: Problem, q: Array, anchor: Array) -> list[_Leg]:
     return [_leg(road, lines, anchor, k, q[k - 1], q[k]) for k in range(1, len(q))]
 
 
-def standing(problem: Problem, q: Array) -> list[str]:
+def pose_violations(problem: Problem, q: Array) -> list[str]:
     """Violations of arm and floor at the poses themselves, in sentences.
 
     Args:

@@ -11,7 +11,7 @@ from pipeline.design.descent import descend
 from pipeline.design.information import station
 from pipeline.design.limits import narrow, penalty, slacks
 from pipeline.design.problem import Problem
-from pipeline.design.space import Box
+from pipeline.design.space import PlanCoordinates
 from pipeline.design.spec import Limits
 from pipeline.machine.room import Room
 
@@ -32,7 +32,7 @@ def check_reachable(problem: Problem, rng: np.random.Generator) -> None:
     Raises:
         InputError: Names the limit that excludes every pose and by how much.
     """
-    start = rng.uniform(size=(_TRIED, Box(problem, 1).size))
+    start = rng.uniform(size=(_TRIED, PlanCoordinates(problem, 1).size))
     room = problem.room
     if _shortfall(problem, problem.limits, room, start) <= 0:
         return
@@ -54,7 +54,7 @@ def check_reachable(problem: Problem, rng: np.random.Generator) -> None:
 
 def _shortfall(problem: Problem, limits: Limits, room: Room | None, start: Array) -> float:
     """Smallest violation of the limits over all poses [m] or [1]; 0 when a pose keeps them."""
-    box = Box(problem, 1)
+    box = PlanCoordinates(problem, 1)
 
     def worst(x: Array) -> Array:
         at = box.stations(x)

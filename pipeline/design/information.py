@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.base.arrays import Array, Locked
-from pipeline.design.scatter import Scatter, gram, weigh
+from pipeline.design.scatter import PulledReadings, gram, weigh
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque, velocity
 
@@ -34,11 +34,11 @@ class Experiment(Locked):
     load_point: Array
     points: Array
     scale: Array
-    scatter: Scatter
+    scatter: PulledReadings
 
 
 @dataclass(frozen=True, eq=False)
-class Station(Locked):
+class PlannedPoses(Locked):
     """Poses with their chain, in F_b; poses are the last axis of arrays.
 
     Attributes:
@@ -64,7 +64,7 @@ class Station(Locked):
     A: Array
 
 
-def station(experiment: Experiment, q: Array, anchor: Array) -> Station:
+def station(experiment: Experiment, q: Array, anchor: Array) -> PlannedPoses:
     """Kinematics and A at poses that pull towards their anchors, Eqs. (7), (10).
 
     Args:
@@ -80,7 +80,7 @@ def station(experiment: Experiment, q: Array, anchor: Array) -> Station:
     J = np.moveaxis(velocity(at.twists, points), 0, -1)
     tau = torque(at.twists, points[:, 0], direction).T
     points = np.moveaxis(points, 0, -1)
-    return Station(
+    return PlannedPoses(
         configuration=at,
         load_point=points[0],
         points=points[1:],
@@ -93,13 +93,15 @@ def station(experiment: Experiment, q: Array, anchor: Array) -> Station:
     )
 
 
-def information(experiment: Experiment, at: Station) -> Array:
+def information(experiment: Experiment, at: PlannedPoses) -> Array:
     """Fisher information of all pulls at each pose about the scaled compliances, (m, n, n)."""
     scatter = experiment.scatter
     return scatter.inform(gram(at.A, scatter.weighted(at.points, at.A)))
 
 
-def value_and_slope(experiment: Experiment, at: Station, W: Array) -> tuple[Array, Array, Array]:
+def value_and_slope(
+    experiment: Experiment, at: PlannedPoses, W: Array
+) -> tuple[Array, Array, Array]:
     """Weighted sum of each pose's information, and its derivatives.
 
     Args:
@@ -127,7 +129,7 @@ def value_and_slope(experiment: Experiment, at: Station, W: Array) -> tuple[Arra
     return total, by_q.T, by_anchor.T
 
 
-def _pull_back(at: Station, G: Array) -> tuple[Array, Array]:
+def _pull_back(at: PlannedPoses, G: Array) -> tuple[Array, Array]:
     """Derivative of a quantity by joints and anchor, from its derivative by J tau.
 
     A column of a Jacobian changes by dJ_k/dq_j = omega_min(j,k) x J_max(j,k). Both sums over k are

@@ -12,14 +12,14 @@ import numpy as np
 from pipeline.base import files
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError, listed
-from pipeline.base.toml import LARGEST, given, merged
+from pipeline.base.toml import LARGEST_TEXT, given, merged
 from pipeline.design import spec as specs
-from pipeline.design.known import continued, information_of
-from pipeline.design.made import Made, make
+from pipeline.design.adapted import suited
+from pipeline.design.finished import FinishedDesign, make
 from pipeline.design.planfile import plan_text
+from pipeline.design.prior_information import continued, information_of
 from pipeline.design.problem import Problem, build
 from pipeline.design.search import Effort
-from pipeline.design.suited import suited
 from pipeline.library.campaign import Campaign
 from pipeline.machine.robot import Robot, load
 from pipeline.machine.robot.variants import alike
@@ -48,7 +48,7 @@ class Design(Locked):
     figure: float
     bound: float | None
     relative_std: Array
-    made: Made
+    made: FinishedDesign
 
     @property
     def robot(self) -> Robot:
@@ -108,7 +108,7 @@ def design_poses(
     return _designed(make(asked, seed, Effort(rounds=rounds), tell))
 
 
-def _designed(made: Made) -> Design:
+def _designed(made: FinishedDesign) -> Design:
     """The numbers of a finished design."""
     proposal = made.proposal
     measurement, certificate = proposal.measurement, proposal.certificate
@@ -134,7 +134,7 @@ def _text_of(name: str) -> tuple[str, Path | None]:
     )
     if path.suffix != ".toml":
         raise missing
-    return files.words(path, path.name, LARGEST, missing), path.parent
+    return files.words(path, path.name, LARGEST_TEXT, missing), path.parent
 
 
 def problem_of(name: str, changes: dict[str, Any]) -> Problem:

@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.design.gaps import Gaps, gaps
-from pipeline.design.information import Station
+from pipeline.design.information import PlannedPoses
 from pipeline.design.singular import dexterity
 from pipeline.design.spec import Limits
 from pipeline.machine.robot import Configuration
@@ -43,7 +43,7 @@ class _Slack:
     by_anchor: Array
 
 
-def slacks(limits: Limits, at: Station) -> Iterator[_Slack]:
+def slacks(limits: Limits, at: PlannedPoses) -> Iterator[_Slack]:
     """Slack of every limit that is set, at every pose."""
     yield from _chain_length(limits.chain_m, at)
     if limits.singular_margin:
@@ -63,7 +63,7 @@ def slacks(limits: Limits, at: Station) -> Iterator[_Slack]:
         yield _fold(limits.pull_within_rad, at)
 
 
-def narrow(room: Room | None, at: Station, near: float = 0.0) -> list[Gaps]:
+def narrow(room: Room | None, at: PlannedPoses, near: float = 0.0) -> list[Gaps]:
     """Every gap of the cell that is narrower than `near`, at every pose."""
     if room is None:
         return []
@@ -71,7 +71,7 @@ def narrow(room: Room | None, at: Station, near: float = 0.0) -> list[Gaps]:
     return gaps(room, at.configuration, points, at.load_point + at.chain_m * at.direction, near)
 
 
-def kept(limits: Limits, at: Station, room: Room | None = None) -> Bools:
+def kept(limits: Limits, at: PlannedPoses, room: Room | None = None) -> Bools:
     """Poses that violate no limit, shape (m,)."""
     out: Bools = np.all([slack.value >= 0 for slack in slacks(limits, at)], axis=0)
     for found in narrow(room, at):
@@ -80,7 +80,7 @@ def kept(limits: Limits, at: Station, room: Room | None = None) -> Bools:
 
 
 def penalty(
-    limits: Limits, at: Station, room: Room | None = None, margin: float = _MARGIN_M
+    limits: Limits, at: PlannedPoses, room: Room | None = None, margin: float = _MARGIN_M
 ) -> tuple[Array, Array, Array]:
     """Sum of squared violations with a margin, (m,); its slopes by joints (m, n), anchor (m, 3).
 
@@ -106,7 +106,7 @@ def penalty(
     return total, by_q.T + more, by_anchor.T + more_anchor
 
 
-def _motion(at: Station, point: Array, carrier: int | None = None) -> Array:
+def _motion(at: PlannedPoses, point: Array, carrier: int | None = None) -> Array:
     """Velocity of a point (3, m) that joints 0..carrier move, shape (n, 3, m)."""
     moved = np.moveaxis(velocity(at.configuration.twists, point.T[:, None])[:, 0], 0, -1)
     if carrier is not None:
@@ -114,11 +114,11 @@ def _motion(at: Station, point: Array, carrier: int | None = None) -> Array:
     return moved
 
 
-def _height(rule: str, at: Station, point: Array, floor: float) -> _Slack:
+def _height(rule: str, at: PlannedPoses, point: Array, floor: float) -> _Slack:
     return _Slack(rule, point[2] - floor, _motion(at, point)[:, 2], np.zeros((3, 1)))
 
 
-def _chain_length(bounds: tuple[float, float], at: Station) -> Iterator[_Slack]:
+def _chain_length(bounds: tuple[float, float], at: PlannedPoses) -> Iterator[_Slack]:
     shortest, longest = bounds
     by_q = -np.einsum("im,nim->nm", at.direction, at.J_load)
     rule = f"a chain of {shortest:g} to {longest:g} m"
@@ -126,7 +126,7 @@ def _chain_length(bounds: tuple[float, float], at: Station) -> Iterator[_Slack]:
     yield _Slack(rule, longest - at.chain_m, -by_q, -at.direction)
 
 
-def _fold(most: float, at: Station) -> _Slack:
+def _fold(most: float, at: PlannedPoses) -> _Slack:
     """The chain leads away from the effector: cosine of the angle minus cosine of the limit."""
     flange = at.configuration.flange_origin.T
     arm = at.load_point - flange
@@ -141,7 +141,7 @@ def _fold(most: float, at: Station) -> _Slack:
     return _Slack(rule, cosine - np.cos(most), by_q, along)
 
 
-def _clearance(distance: float, at: Station) -> Iterator[_Slack]:
+def _clearance(distance: float, at: PlannedPoses) -> Iterator[_Slack]:
     """Distance of the chain from each link; its derivative is that of the two closest points."""
     joints = [*np.moveaxis(at.configuration.origin, 0, -1), at.configuration.flange_origin.T]
     rule = f"the chain {distance:g} m clear of the arm"

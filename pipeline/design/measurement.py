@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.base.arrays import Array, Locked
-from pipeline.design.discriminate import Lens, Sight, rows, sights
+from pipeline.design.discriminate import CauseTests, Detectability, detectabilities, rows
 from pipeline.design.information import station
 from pipeline.design.problem import Problem
 from pipeline.design.schedule import crossed, starts
 from pipeline.design.search import Plan
-from pipeline.design.trade import Mixed
+from pipeline.design.trade import CompromisePlan
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ def of_plan(problem: Problem, plan: Plan) -> Measurement:
     return Measurement(plan.q, plan.anchor, approach, (steps,) * len(plan.q))
 
 
-def of_mixed(problem: Problem, mixed: Mixed) -> Measurement:
+def of_mixed(problem: Problem, mixed: CompromisePlan) -> Measurement:
     """The measurement of a plan with diagnostic power, sorted along the rail."""
     visits = mixed.visits
     if problem.robot.joints[0].prismatic:
@@ -56,7 +56,7 @@ def of_mixed(problem: Problem, mixed: Mixed) -> Measurement:
     return Measurement(problem.as_printed(q), mixed.anchor, approach, steps)
 
 
-def seen_by(view: Lens, measurement: Measurement) -> list[Sight]:
+def seen_by(view: CauseTests, measurement: Measurement) -> list[Detectability]:
     """Detectability of every cause with a measurement, each pose at its own time."""
     start_s = starts(np.array([len(own) for own in measurement.steps]), len(view.cell.tool.targets))
     M = np.zeros((view.springs + len(view.typical),) * 2)
@@ -65,4 +65,4 @@ def seen_by(view: Lens, measurement: Measurement) -> list[Sight]:
         q, approach = measurement.q[which], measurement.approach[which]
         X = rows(view, q, measurement.anchor, approach, np.array(steps), start_s[which])
         M += np.einsum("mri,mrj->ij", X, X)
-    return sights(view, M)
+    return detectabilities(view, M)

@@ -19,8 +19,8 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.design.poses import default_anchors, draw_poses, try_poses
-from pipeline.diagnosis.facts import APART, Determining, Pose, Proposal
-from pipeline.diagnosis.identify import SearchCase
+from pipeline.diagnosis.cause_search import SearchProblem
+from pipeline.diagnosis.facts import SEPARATED, Determining, ProposedPose, SeparatingPose
 from pipeline.diagnosis.separability import left_by, sizes
 from pipeline.machine.cell import sensitivity
 from pipeline.machine.effect import Effect, Pulls
@@ -48,7 +48,7 @@ _SPRINGS = "joint_springs"
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class PlaceQuestion:
     """Which cause acts in one place.
 
     Attributes:
@@ -79,11 +79,11 @@ class Candidates(Locked):
         """Load steps of each pose."""
         return len(self.pulls.pose) // len(self.anchor)
 
-    def pose(self, number: int) -> Pose:
+    def pose(self, number: int) -> ProposedPose:
         """One of them."""
         first, k = number * self.steps, self.steps
         force = self.pulls.force[first : first + k]
-        return Pose(
+        return ProposedPose(
             q=self.pulls.q[first],
             anchor=self.anchor[number],
             force=force[np.argmax(np.linalg.norm(force, axis=1))],
@@ -92,7 +92,7 @@ class Candidates(Locked):
         )
 
 
-def candidates(case: SearchCase, rng: np.random.Generator) -> Candidates:
+def candidates(case: SearchProblem, rng: np.random.Generator) -> Candidates:
     """Random reachable poses with the load steps of the campaign's fullest pose.
 
     The force is that of the hardest pull, but at most the weight that the robot carries: it is not
@@ -149,8 +149,8 @@ def _fullest(data: Measured) -> Ints:
 
 
 def propose(
-    view: Whitened, questions: Sequence[Question], among: Candidates, most: int = 4
-) -> list[Proposal]:
+    view: Whitened, questions: Sequence[PlaceQuestion], among: Candidates, most: int = 4
+) -> list[SeparatingPose]:
     """Poses that separate the causes best, one after the other until all pairs are apart.
 
     All of them are different: repeating a pose adds information only if that pose has no systematic
@@ -178,7 +178,7 @@ def propose(
     for count, best in enumerate(chosen, 1):
         closest = int(np.argmin(np.where(open_pairs, apart[count], np.inf)))
         out.append(
-            Proposal(
+            SeparatingPose(
                 separates=contest.labels(view, closest),
                 at=among.pose(best),
                 before=float(apart[0][closest]),
@@ -199,7 +199,7 @@ def determine(view: Whitened, among: Candidates) -> tuple[Determining, ...]:
         view: The campaign from the model with all accepted causes.
         among: Reachable poses.
     """
-    accepted = [Question((one,), (1.0,), ()) for one in view.model.accepted]
+    accepted = [PlaceQuestion((one,), (1.0,), ()) for one in view.model.accepted]
     contest = _Contest.of(view, accepted)
     prior = np.eye(len(contest.M)) / _OPEN**2
     now = contest.M + prior
@@ -239,12 +239,12 @@ def _series(
         free &= stand != stand[best]
         apart.append(after[best])
         M = M + more[best]
-        if wrong[best] <= _SETTLED and (after[best][open_pairs] >= APART).all():
+        if wrong[best] <= _SETTLED and (after[best][open_pairs] >= SEPARATED).all():
             break
     return chosen, np.array(apart)
 
 
-def _pairs(questions: Sequence[Question]) -> Iterator[tuple[int, int, int]]:
+def _pairs(questions: Sequence[PlaceQuestion]) -> Iterator[tuple[int, int, int]]:
     """Number of a question, and two of its suspects."""
     for number, one in enumerate(questions):
         for a, b in combinations(range(len(one.who)), 2):
@@ -266,7 +266,7 @@ class _Contest(Locked):
         size: The fitted size of each possible cause without the others, by question.
     """
 
-    questions: tuple[Question, ...]
+    questions: tuple[PlaceQuestion, ...]
     effects: tuple[Effect, ...]
     at: dict[int | None, Ints]
     columns: Ints
@@ -276,7 +276,7 @@ class _Contest(Locked):
     size: tuple[tuple[Array, ...], ...]
 
     @classmethod
-    def of(cls, view: Whitened, questions: Sequence[Question]) -> _Contest:
+    def of(cls, view: Whitened, questions: Sequence[PlaceQuestion]) -> _Contest:
         every = [i for one in questions for i in (*one.rest, *one.who) if i is not None]
         suspects = list(dict.fromkeys(every))
         parts = [view.columns([i]) for i in suspects]
@@ -309,7 +309,7 @@ class _Contest(Locked):
         one, other = (_SPRINGS if i is None else view.suspects[i].label for i in (who[a], who[b]))
         return one, other
 
-    def _taken(self, question: Question) -> Ints:
+    def _taken(self, question: PlaceQuestion) -> Ints:
         """Columns that are estimated whichever cause it is."""
         first = len(self.M) - sum(len(columns) for columns in self.at.values())
         return np.concatenate([np.arange(first), *(self.at[i] for i in question.rest)])

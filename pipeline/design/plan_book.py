@@ -16,9 +16,9 @@ import xlsxwriter
 from pipeline.base.arrays import Array
 from pipeline.base.language import Say
 from pipeline.base.quantities import MM
-from pipeline.design.made import printed
+from pipeline.design.finished import printed
 from pipeline.design.plan_sheet import expected, turnings
-from pipeline.design.propose import Proposal
+from pipeline.design.propose import BoundedPlan
 from pipeline.machine.effect import branches
 from pipeline.machine.robot import axes
 from pipeline.machine.robot.axes import from_log_units
@@ -40,7 +40,7 @@ _SET_UP = (
 _BASE = ("B1", "B2", "B3", "B4")
 
 
-def book(proposal: Proposal, say: Say = str) -> bytes:
+def book(proposal: BoundedPlan, say: Say = str) -> bytes:
     """Content of sheet.xlsx.
 
     Args:
@@ -103,7 +103,7 @@ def _put(
     page.repeat_rows(2)
 
 
-def _pulls(proposal: Proposal) -> tuple[list[str], list[_Row], int]:
+def _pulls(proposal: BoundedPlan) -> tuple[list[str], list[_Row], int]:
     """Titles, a row for each pull, and the first column to be filled in."""
     problem, measurement = proposal.problem, proposal.measurement
     after = problem.spec.noise.zero == "before_after"
@@ -118,8 +118,8 @@ def _pulls(proposal: Proposal) -> tuple[list[str], list[_Row], int]:
                 beside.append(f"{group}{k + 2}_unloaded after")
             far = ", ".join(f"{MM * x:.2f}" for x in moved[pose][k])
             way = "up" if ways[k] > 0 else "down"
-            told = [f"{todo[k]} {step:g} N", f"{group}{k + 1}_loaded", "; ".join(beside), far]
-            rows.append([pose + 1, k + 1, way, *told])
+            texts = [f"{todo[k]} {step:g} N", f"{group}{k + 1}_loaded", "; ".join(beside), far]
+            rows.append([pose + 1, k + 1, way, *texts])
     titles = [
         *("Pose", "Repeat", "Branch", "Turnbuckle", "Group in the tracker", "Read unloaded"),
         f"Expected |d| of {', '.join(problem.spec.targets)} (mm)",
@@ -128,7 +128,7 @@ def _pulls(proposal: Proposal) -> tuple[list[str], list[_Row], int]:
     return titles, rows, len(titles) - 3
 
 
-def _axes(proposal: Proposal) -> tuple[list[str], list[_Row]]:
+def _axes(proposal: BoundedPlan) -> tuple[list[str], list[_Row]]:
     """Titles, and a row for each pose, including those without a pull."""
     problem, measurement = proposal.problem, proposal.measurement
     robot, q, way = problem.robot, measurement.q, measurement.approach
@@ -136,7 +136,7 @@ def _axes(proposal: Proposal) -> tuple[list[str], list[_Row]]:
         q = np.concatenate([q, beside.q])
         way = np.append(way, np.resize([1, -1], len(beside.q)))
     mapped = axes.of(robot)
-    shown: Array = axes.shown(robot, from_log_units(robot, printed(problem, q))).round(6)
+    shown: Array = axes.displayed(robot, from_log_units(robot, printed(problem, q))).round(6)
     units = ["mm" if slides else "deg" for slides in mapped.slides]
     named = [f"{name} [{unit}]" for name, unit in zip(mapped.names, units, strict=True)]
     ends = [[int(one)] if robot.prismatic[0] else [] for one in way]
@@ -152,7 +152,7 @@ def _axes(proposal: Proposal) -> tuple[list[str], list[_Row]]:
 _SET_UP_TITLES = ("Key", "What", "Unit", "Value", "", "", "", "", "")
 
 
-def _set_up(proposal: Proposal) -> Iterator[_Row]:
+def _set_up(proposal: BoundedPlan) -> Iterator[_Row]:
     """Keys of campaign.toml, description, unit and known value; a row without key is a note."""
     spec = proposal.problem.spec
     yield ["date", "Date", "", None]
@@ -168,11 +168,11 @@ def _set_up(proposal: Proposal) -> Iterator[_Row]:
     yield ["scale.sigma_n", "Standard uncertainty of the scale, by its certificate", "N", None]
     for name in ("load_point", *spec.targets):
         planned = ", ".join(f"{x:g}" for x in np.round(spec.tool[name], 4))
-        said = f"{name} in the flange frame, x y z as measured (planned: {planned} m)"
-        yield [f"tool.{name}", said, "m", None]
+        text = f"{name} in the flange frame, x y z as measured (planned: {planned} m)"
+        yield [f"tool.{name}", text, "m", None]
     for name in _BASE:
         yield [f"base_frame.{name}", f"Base reflector {name} in F_b, x y z", "m", None]
     for first in spec.test_pose[:1]:
-        said = "Test pose: mm and deg" if first.key == "axes" else "Test pose: m and deg"
-        yield [f"test_pose.{first.key}", said, "", *first.said]
+        text = "Test pose: mm and deg" if first.key == "axes" else "Test pose: m and deg"
+        yield [f"test_pose.{first.key}", text, "", *first.said]
         yield ["test_pose.force_n", "Force there, F_b", "N", *first.force_n]

@@ -16,7 +16,7 @@ from pipeline.base.arrays import Array
 from pipeline.base.language import Say
 from pipeline.base.quantities import plain
 from pipeline.design.curves import ByAnchor, BySize
-from pipeline.design.discriminate import Sight
+from pipeline.design.discriminate import Detectability
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem
 from pipeline.machine.robot import configure
@@ -89,9 +89,9 @@ def size_curves(curves: BySize, scale: float, label: str, name: str = "size") ->
             x, y = curves.readings[known], scale * curves.figure[k, known]
             colour, marker = SERIES[k % len(SERIES)], MARKERS[k % len(MARKERS)]
             axes.plot(x, y, color=colour, linewidth=1.2)
-            said = [f"{m0} poses, {n} readings: {plain(f, 4)}" for n, f in zip(x, y, strict=True)]
+            texts = [f"{m0} poses, {n} readings: {plain(f, 4)}" for n, f in zip(x, y, strict=True)]
             style = {"color": colour, "marker": marker, "s": 24, "label": f"{m0} poses"}
-            tips |= dots(axes, f"poses-{m0}", x, y, said, **style)
+            tips |= dots(axes, f"poses-{m0}", x, y, texts, **style)
         axes.set(xlabel="Readings n", ylabel=label, ylim=(0, None))
         axes.legend(loc="upper right")
         return tips
@@ -109,9 +109,9 @@ def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor"
         best = scale * curve.figure
         axes.plot(curve.at, best, color=BLUE, linewidth=1.2)
         pairs = zip(curve.at, best, strict=True)
-        said = [f"{x:.2f} m: {plain(y, 4)}" for x, y in pairs if np.isfinite(y)]
+        texts = [f"{x:.2f} m: {plain(y, 4)}" for x, y in pairs if np.isfinite(y)]
         style = {"color": BLUE, "s": 20, "label": "poses chosen anew"}
-        tips = dots(axes, "best", curve.at, best, said, **style)
+        tips = dots(axes, "best", curve.at, best, texts, **style)
         axes.set(xlabel=f"{'xyz'[curve.axis]} of the anchor [m]", ylabel=label, ylim=(0, None))
         axes.legend(loc="lower right")
         return tips
@@ -119,7 +119,7 @@ def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor"
     return drawn(name, draw)
 
 
-def sight_chart(sights: list[Sight], axes_of: words.Axes, name: str = "sights") -> Drawing:
+def sight_chart(sights: list[Detectability], axes_of: words.Axes, name: str = "sights") -> Drawing:
     """Size from which each cause is detected and named, in multiples of its typical size."""
     shown = sorted(sights, key=lambda sight: -min(sight.named_from, 1e6))
     names = [from_twins(sight.name, axes_of) for sight in shown]
@@ -135,9 +135,9 @@ def sight_chart(sights: list[Sight], axes_of: words.Axes, name: str = "sights") 
         kinds = zip(("noticed", "named"), sizes, inside, (GREEN, BLUE), "oD", strict=True)
         tips: Tips = {}
         for key, each, x, colour, marker in kinds:
-            said = [f"{n}: {key} from {plain(size)}" for n, size in zip(names, each, strict=True)]
+            texts = [f"{n}: {key} from {plain(size)}" for n, size in zip(names, each, strict=True)]
             style = {"color": colour, "marker": marker, "s": 13, "zorder": 3}
-            tips |= dots(axes, key, x, at, said, label=key, **style)
+            tips |= dots(axes, key, x, at, texts, label=key, **style)
         axes.set_xscale("log")
         axes.set_xlim(0.005, _EDGE * 1.15)
         axes.set_xticks([0.01, 0.1, 1, 10], ["0.01", "0.1", "1", "10"])

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.annex.words import axes_of
-from pipeline.base.language import Language, Say, said, spoken
+from pipeline.base.language import Language, Say, spoken, translated
 from pipeline.base.quantities import MM
 from pipeline.design.control import controls
 from pipeline.design.curves import ByAnchor, BySize, by_anchor, by_size
 from pipeline.design.plan_book import book
 from pipeline.design.plan_figures import anchor_curve, pose_picture, sight_chart, size_curves
-from pipeline.design.plan_sheet import Extras, sheet
-from pipeline.design.propose import Proposal
+from pipeline.design.plan_sheet import SheetExtras, sheet
+from pipeline.design.propose import BoundedPlan
 from pipeline.report.render import page, pdf
 from pipeline.report.svg import Drawing
 
@@ -28,7 +28,7 @@ limit, too."""
 
 
 def plan_files(
-    proposal: Proposal, seconds: float, seed: int, language: Language = Language.EN
+    proposal: BoundedPlan, seconds: float, seed: int, language: Language = Language.EN
 ) -> dict[str, bytes]:
     """Every file of a measurement sheet.
 
@@ -41,14 +41,14 @@ def plan_files(
     Returns:
         Content by path: sheet.html, sheet.pdf, sheet.xlsx, figures/*.svg.
     """
-    extras = Extras(
+    extras = SheetExtras(
         proposal.sights(),
         _sizes(proposal, seed),
         _anchors(proposal, seed),
         controls(proposal.problem, proposal.measurement),
     )
     say = spoken(language)
-    report = said(sheet(proposal, extras, seconds), say)
+    report = translated(sheet(proposal, extras, seconds), say)
     report = replace(report, frame=replace(report.frame, language=language.value))
     drawings = _drawn(proposal, extras, say)
     return {
@@ -59,7 +59,7 @@ def plan_files(
     }
 
 
-def _sizes(proposal: Proposal, seed: int) -> BySize | None:
+def _sizes(proposal: BoundedPlan, seed: int) -> BySize | None:
     """Curves by size, if one search is quick and readings are independent, as in the paper."""
     problem, plan = proposal.problem, proposal.plan
     if problem.experiment.scatter.zero or proposal.mixed is not None:
@@ -69,7 +69,7 @@ def _sizes(proposal: Proposal, seed: int) -> BySize | None:
     return by_size(problem, _SIZES, _SIZES, seed, own=own)
 
 
-def _anchors(proposal: Proposal, seed: int) -> ByAnchor | None:
+def _anchors(proposal: BoundedPlan, seed: int) -> ByAnchor | None:
     """Curve along the first free coordinate of the anchor."""
     problem = proposal.problem
     if not problem.free.any() or proposal.mixed is not None:
@@ -79,7 +79,7 @@ def _anchors(proposal: Proposal, seed: int) -> ByAnchor | None:
     return by_anchor(problem, proposal.plan, at, seed, axis)
 
 
-def _drawn(proposal: Proposal, extras: Extras, say: Say) -> dict[str, Drawing]:
+def _drawn(proposal: BoundedPlan, extras: SheetExtras, say: Say) -> dict[str, Drawing]:
     problem, measurement = proposal.problem, proposal.measurement
     out = {
         f"pose-{number + 1}": pose_picture(problem, measurement, number, say)

@@ -16,18 +16,18 @@ from pipeline.base.arrays import Array
 from pipeline.base.quantities import MM, percent, plain
 from pipeline.design.control import Control
 from pipeline.design.curves import ByAnchor, BySize
-from pipeline.design.discriminate import Sight
+from pipeline.design.discriminate import Detectability
+from pipeline.design.finished import cell_lines, worth_unpulled
 from pipeline.design.information import station
-from pipeline.design.made import cell_lines, worth_unpulled
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem, with_steps
-from pipeline.design.propose import Proposal
+from pipeline.design.propose import BoundedPlan
 from pipeline.design.schedule import pulls_at
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effect import branches
 from pipeline.machine.robot import Joint, Robot, axes
 from pipeline.report import words
-from pipeline.report.columns import Cells, number, roughly, said, table_of
+from pipeline.report.columns import Cells, number_column, roughly, table_of, word_column
 from pipeline.report.record import (
     Block,
     Column,
@@ -55,7 +55,7 @@ _AFTER = "Release the chain before the next pose and read the unloaded reflector
 
 
 @dataclass(frozen=True, eq=False)
-class Extras:
+class SheetExtras:
     """Content in addition to the plan itself.
 
     Attributes:
@@ -65,13 +65,13 @@ class Extras:
         controls: Control of the readings by each other, the least controlled first.
     """
 
-    sights: list[Sight]
+    sights: list[Detectability]
     sizes: BySize | None = None
     anchors: ByAnchor | None = None
     controls: Sequence[Control] = ()
 
 
-def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
+def sheet(proposal: BoundedPlan, extras: SheetExtras, seconds: float) -> Report:
     """The report of a plan.
 
     Args:
@@ -87,7 +87,7 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
         title=f"Measurement sheet {name} for {problem.robot.name}",
         verdict=f"{problem.spec.plan.readings} readings in {len(measurement.q)} poses",
         tone="good" if proposal.certificate is not None else "attention",
-        first=unlabelled(worth(proposal), _visibility(extras.sights)),
+        first=unlabelled(_worth(proposal), _visibility(extras.sights)),
         sections=present(
             [
                 _setting_up(problem, measurement),
@@ -107,12 +107,12 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
     )
 
 
-def worth(proposal: Proposal) -> str:
+def _worth(proposal: BoundedPlan) -> str:
     """The figure of a plan and its certificate, in one sentence."""
     criterion, certificate = proposal.problem.criterion, proposal.certificate
-    told = f"The {criterion.meaning} is {_figure(proposal, proposal.figure)}"
+    text = f"The {criterion.meaning} is {_figure(proposal, proposal.figure)}"
     if certificate is None:
-        return f"{told}; the search was interrupted before any bound was known."
+        return f"{text}; the search was interrupted before any bound was known."
     bound = _figure(proposal, certificate.figure)
     pure = ""
     if proposal.mixed is not None:
@@ -123,15 +123,15 @@ def worth(proposal: Proposal) -> str:
         )
     share = percent(certificate.figure / proposal.plan.figure, 4)
     whose = "this one" if proposal.mixed is None else "the best plan for this alone"
-    return f"{told}{pure}. No plan can be below {bound}: {whose} is {share} efficient."
+    return f"{text}{pure}. No plan can be below {bound}: {whose} is {share} efficient."
 
 
-def _figure(proposal: Proposal, value: float) -> str:
+def _figure(proposal: BoundedPlan, value: float) -> str:
     in_m = proposal.problem.criterion.unit == "m"
     return f"{plain(MM * value, 4)} mm" if in_m else plain(value, 4)
 
 
-def _visibility(sights: list[Sight]) -> str:
+def _visibility(sights: list[Detectability]) -> str:
     noticed = sum(sight.detected_from <= 1 for sight in sights)
     named = sum(sight.named_from <= 1 for sight in sights)
     return (
@@ -152,12 +152,12 @@ def _setting_up(problem: Problem, measurement: Measurement) -> Section | None:
         ("Chain reflectors", "Pl1 near the effector, Pl2 near the anchor, both on the chain"),
     ]
     todo = [_BEFORE, _AT_EACH, *([_AFTER] if spec.noise.zero == "before_after" else [])]
-    columns = [said("What", itemgetter(0)), said("Value", itemgetter(1))]
+    columns = [word_column("What", itemgetter(0)), word_column("Value", itemgetter(1))]
     table = table_of("setup", "Set-up", columns, rows)
     once = table_of(
         "once",
         "To write down once",
-        [said("What", str), (Column("Value"), lambda _: TableEntry("_" * 24))],
+        [word_column("What", str), (Column("Value"), lambda _: TableEntry("_" * 24))],
         _ONCE,
     )
     return section_of("setup", "Set up", [*map(Paragraph, todo), table, once])
@@ -182,7 +182,7 @@ def _driving(problem: Problem, measurement: Measurement) -> Section | None:
     """The poses, in the axes of the controller."""
     robot, poses = problem.robot, range(len(measurement.q))
     at = station(problem.experiment, measurement.q, measurement.anchor)
-    carriage: Cells[int] = said("Carriage", lambda k: _way(measurement.approach[k]))
+    carriage: Cells[int] = word_column("Carriage", lambda k: _way(measurement.approach[k]))
     columns = [
         _POSE,
         *_shown(robot, measurement.q),
@@ -196,7 +196,7 @@ def _driving(problem: Problem, measurement: Measurement) -> Section | None:
 
 def _shown(robot: Robot, q: Array) -> list[Cells[int]]:
     """A column for each axis of the controller, mm and degrees, of poses (m, n)."""
-    mapped, values = axes.of(robot), axes.shown(robot, q)
+    mapped, values = axes.of(robot), axes.displayed(robot, q)
     units = ["mm" if slides else "deg" for slides in mapped.slides]
     each = zip(mapped.names, units, values.T, strict=True)
     return [_of_pose(f"{name} [{unit}]", column, 2) for name, unit, column in each]
@@ -215,12 +215,12 @@ def _annex(problem: Problem, measurement: Measurement) -> Section | None:
     return section_of("annex", "Annex", [table])
 
 
-_POSE: Cells[int] = number("Pose", lambda k: k + 1, str)
+_POSE: Cells[int] = number_column("Pose", lambda k: k + 1, str)
 
 
 def _of_pose(title: str, values: Array, decimals: int) -> Cells[int]:
     """A column of numbers, one for each pose or pull."""
-    return number(title, lambda k: float(values[k]), f"{{:.{decimals}f}}".format)
+    return number_column(title, lambda k: float(values[k]), f"{{:.{decimals}f}}".format)
 
 
 def _way(approach: float) -> str:
@@ -255,16 +255,18 @@ def _pose(
     return section_of(f"pose{pose + 1}", name, [drive, figure, back, log])
 
 
-def _reading_only(proposal: Proposal) -> Section | None:
+def _reading_only(proposal: BoundedPlan) -> Section | None:
     """Poses without a pull, one row each."""
     if (found := proposal.unpulled) is None:
         return None
     robot, first = proposal.problem.robot, len(proposal.measurement.q) + 1
     often = "twice" if proposal.problem.spec.noise.zero == "before_after" else "once"
     columns: list[Cells[int]] = [
-        said("Pose", lambda k: first + k),
+        word_column("Pose", lambda k: first + k),
         *_shown(robot, found.q),
-        said("Group in the tracker", lambda k: f"pose{first + k:02d}_rep0_unloaded", code=True),
+        word_column(
+            "Group in the tracker", lambda k: f"pose{first + k:02d}_rep0_unloaded", code=True
+        ),
     ]
     return section_of(
         "unpulled",
@@ -285,7 +287,7 @@ def _reading_only(proposal: Proposal) -> Section | None:
 
 
 def _drive_to(robot: Robot, measurement: Measurement, pose: int) -> str:
-    mapped, values = axes.of(robot), axes.shown(robot, measurement.q[pose])
+    mapped, values = axes.of(robot), axes.displayed(robot, measurement.q[pose])
     units = ("mm" if slides else "deg" for slides in mapped.slides)
     places = ", ".join(
         f"{name} {value:.2f} {unit}"
@@ -312,16 +314,16 @@ def expected(problem: Problem, measurement: Measurement) -> list[Array]:
 def _log(problem: Problem, pose: int, steps: Array, moved: list[Array]) -> ReportTable | None:
     group, turned = f"pose{pose + 1:02d}_rep", turnings(steps)
     columns: list[Cells[int]] = [
-        number("Pull", lambda k: k + 1, str),
-        said("Turnbuckle", lambda k: turned[k]),
+        number_column("Pull", lambda k: k + 1, str),
+        word_column("Turnbuckle", lambda k: turned[k]),
         _of_pose("Step [N]", np.abs(steps), 0),
         (Column("Scale reads [N]"), _blank),
         (Column("Time"), _blank),
-        said(
+        word_column(
             f"Expected |d| of {', '.join(problem.spec.targets)} [mm]",
             lambda k: ", ".join(f"{MM * x:.2f}" for x in moved[pose][k]),
         ),
-        said("Group in the tracker", lambda k: f"{group}{k + 1}_loaded", code=True),
+        word_column("Group in the tracker", lambda k: f"{group}{k + 1}_loaded", code=True),
     ]
     note = f"Unloaded before: group {group}0_unloaded."
     if problem.spec.noise.zero == "before_after":
@@ -354,11 +356,11 @@ def _blank(_: int) -> TableEntry:
     return TableEntry("_" * 12)
 
 
-def _telling(proposal: Proposal, extras: Extras) -> Section | None:
+def _telling(proposal: BoundedPlan, extras: SheetExtras) -> Section | None:
     columns: list[Cells[tuple[Joint, float]]] = [
-        said("Stiffness", lambda one: f"k_{one[0].name}"),
-        number("Relative standard uncertainty", itemgetter(1), percent),
-        said("So", lambda one: _verdict(one[1])),
+        word_column("Stiffness", lambda one: f"k_{one[0].name}"),
+        number_column("Relative standard uncertainty", itemgetter(1), percent),
+        word_column("So", lambda one: _verdict(one[1])),
     ]
     table = table_of(
         "joints",
@@ -369,7 +371,7 @@ def _telling(proposal: Proposal, extras: Extras) -> Section | None:
     )
     cell = [Paragraph(f"{capital(one)}.") for one in cell_lines(proposal)]
     curves = _curves(proposal, extras)
-    blocks = [Paragraph(worth(proposal)), _search_note(proposal), *cell, table, *curves]
+    blocks = [Paragraph(_worth(proposal)), _search_note(proposal), *cell, table, *curves]
     return section_of("worth", "What it will tell", blocks)
 
 
@@ -379,7 +381,7 @@ def _verdict(std: float) -> str:
     return "weak: known to better than its own size only" if std < 1 else "not identifiable"
 
 
-def _search_note(proposal: Proposal) -> Paragraph | None:
+def _search_note(proposal: BoundedPlan) -> Paragraph | None:
     certificate = proposal.certificate
     if certificate is None:
         return None
@@ -392,29 +394,31 @@ def _search_note(proposal: Proposal) -> Paragraph | None:
     )
 
 
-def _curves(proposal: Proposal, extras: Extras) -> list[Block]:
+def _curves(proposal: BoundedPlan, extras: SheetExtras) -> list[Block]:
     what = capital(proposal.problem.criterion.meaning)
     out: list[Block] = []
     if extras.sizes is not None:
-        told = f"{what} of the best plan found, by poses and readings."
-        out.append(Figure("size", "More poses, more readings", told, f"Curves: {told}"))
+        text = f"{what} of the best plan found, by poses and readings."
+        out.append(Figure("size", "More poses, more readings", text, f"Curves: {text}"))
     if extras.anchors is not None:
         axis = "xyz"[extras.anchors.axis]
-        told = (
+        text = (
             f"{what} against {axis} of the anchor: with the poses of this "
             f"plan, and with poses chosen anew for each place."
         )
-        out.append(Figure("anchor", "Where the anchor may stand", told, f"Two curves: {told}"))
+        out.append(Figure("anchor", "Where the anchor may stand", text, f"Two curves: {text}"))
     return out
 
 
-def _seeing(sights: list[Sight], axes: words.Axes) -> Section | None:
-    columns: list[Cells[Sight]] = [
-        said("Cause", lambda sight: from_twins(sight.name, axes)),
+def _seeing(sights: list[Detectability], axes: words.Axes) -> Section | None:
+    columns: list[Cells[Detectability]] = [
+        word_column("Cause", lambda sight: from_twins(sight.name, axes)),
         (Column("Noticed from", numeric=True), lambda sight: _times(sight.detected_from)),
         (Column("Named from", numeric=True), lambda sight: _times(sight.named_from)),
-        said("Hardest to tell from", lambda sight: from_twins(sight.rival, axes)),
-        said("What would settle it", lambda sight: "" if sight.named_from <= 1 else sight.needs),
+        word_column("Hardest to tell from", lambda sight: from_twins(sight.rival, axes)),
+        word_column(
+            "What would settle it", lambda sight: "" if sight.named_from <= 1 else sight.needs
+        ),
     ]
     table = table_of(
         "sights",
@@ -435,20 +439,20 @@ def _controlling(problem: Problem, controls: Sequence[Control]) -> Section | Non
         return None
     joints = problem.robot.joints
     columns: list[Cells[Control]] = [
-        said("Reading", _reading),
-        number("Redundancy", lambda one: one.r, roughly),
-        said("Minimal detectable bias", lambda one: size(one.visible, _UNIT[one.source])),
-        number("Moves by [σ]", lambda one: one.moves, roughly),
-        said("Which", lambda one: f"k_{joints[one.most - 1].name}"),
+        word_column("Reading", _reading),
+        number_column("Redundancy", lambda one: one.r, roughly),
+        word_column("Minimal detectable bias", lambda one: size(one.visible, _UNIT[one.source])),
+        number_column("Moves by [σ]", lambda one: one.moves, roughly),
+        word_column("Which", lambda one: f"k_{joints[one.most - 1].name}"),
     ]
     worst = max(controls, key=lambda one: one.moves)
-    told = (
+    text = (
         f"An error that would go unnoticed does most harm in the {_reading(worst)}: up to "
         f"{size(worst.visible, _UNIT[worst.source])} of it remains undetected and shifts "
         f"k_{joints[worst.most - 1].name} by {plain(worst.moves, 2)} standard uncertainties."
     )
     if not np.isfinite(worst.moves):
-        told = f"The {_reading(worst)} is an uncontrolled observation: take it twice."
+        text = f"The {_reading(worst)} is an uncontrolled observation: take it twice."
     note = (
         "Redundancy is the part of an error that the residuals show, 0 to 1. The minimal "
         "detectable bias is found in 80 % of the cases at 0.1 % false alarms; the last two "
@@ -456,7 +460,7 @@ def _controlling(problem: Problem, controls: Sequence[Control]) -> Section | Non
     )
     title = "Readings of least redundancy"
     table = table_of("control", title, columns, controls[:LEAST_CONTROLLED], note)
-    return section_of("control", "Uncontrolled observations", [Paragraph(told), table])
+    return section_of("control", "Uncontrolled observations", [Paragraph(text), table])
 
 
 _UNIT = {"tracker": "m", "zero": "m", "force_reading": "N"}
@@ -475,5 +479,5 @@ def _times(size: float) -> TableEntry:
 
 def _assumptions(problem: Problem) -> Section | None:
     told = [*problem.spec.assumptions, *problem.robot.assumptions] or ["none"]
-    table = table_of("assumptions", "Assumptions", [said("Assumption", str)], told)
+    table = table_of("assumptions", "Assumptions", [word_column("Assumption", str)], told)
     return section_of("assumptions", "Assumptions", [table])

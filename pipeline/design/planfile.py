@@ -8,8 +8,8 @@ import numpy as np
 
 from pipeline.base import toml
 from pipeline.base.shown import typed
-from pipeline.design.made import figures, printed
-from pipeline.design.propose import Proposal
+from pipeline.design.finished import figures, printed
+from pipeline.design.propose import BoundedPlan
 from pipeline.design.spec import ProblemFile
 from pipeline.machine.surroundings import tooled
 
@@ -23,7 +23,7 @@ _HEADER = """\
 """
 
 
-def plan_text(proposal: Proposal, file: str, by: str = "") -> str:
+def plan_text(proposal: BoundedPlan, file: str, by: str = "") -> str:
     """The plan as TOML, joint values in m and degrees.
 
     Args:
@@ -56,7 +56,7 @@ def _lying_beside(robot: str) -> str:
     return robot.replace("\\", "/").rpartition("/")[2]
 
 
-def plan_content(proposal: Proposal) -> dict[str, Any]:
+def plan_content(proposal: BoundedPlan) -> dict[str, Any]:
     """The entries of the plan; what the problem does not state keeps the simulator's default."""
     spec, measurement = proposal.problem.spec, proposal.measurement
     every = measurement.q
@@ -81,7 +81,7 @@ def plan_content(proposal: Proposal) -> dict[str, Any]:
     return content
 
 
-def _pulls(proposal: Proposal) -> dict[str, Any]:
+def _pulls(proposal: BoundedPlan) -> dict[str, Any]:
     problem, measurement = proposal.problem, proposal.measurement
     steps: dict[str, Any]
     more = 0 if proposal.unpulled is None else len(proposal.unpulled.q)
@@ -96,14 +96,14 @@ def _pulls(proposal: Proposal) -> dict[str, Any]:
     }
 
 
-def _scale(proposal: Proposal) -> dict[str, float]:
+def _scale(proposal: BoundedPlan) -> dict[str, float]:
     """Noise of the scale where the problem states one; no real scale has none."""
     noise = proposal.problem.spec.noise
-    said = {"sigma_n": noise.scale_sigma_n, "sigma_rel": noise.scale_sigma_rel}
-    return said if any(said.values()) else {}
+    entries = {"sigma_n": noise.scale_sigma_n, "sigma_rel": noise.scale_sigma_rel}
+    return entries if any(entries.values()) else {}
 
 
-def _tracker(proposal: Proposal) -> dict[str, Any]:
+def _tracker(proposal: BoundedPlan) -> dict[str, Any]:
     """The instrument; a sigma of a displacement is divided among its readings."""
     noise = proposal.problem.spec.noise
     sigma_m = noise.reading_sigma_m

@@ -14,7 +14,7 @@ from pipeline.design.arm import arm_alone, bodied
 from pipeline.design.criteria import Criterion
 from pipeline.design.information import Experiment
 from pipeline.design.pull import REFERENCE_PULL_N, round_pull, share
-from pipeline.design.scatter import Beam, Scatter
+from pipeline.design.scatter import PulledReadings, TrackerBeam
 from pipeline.design.spec import Limits, NoiseSpec, ProblemFile, revised
 from pipeline.library import holds
 from pipeline.machine.cell import Tool, jacobian, paper_cell
@@ -181,14 +181,14 @@ def _shared_repeats(spec: ProblemFile, robot: Robot) -> int:
     return repeats
 
 
-def _scatter(noise: NoiseSpec, force: Array, repeats: int) -> Scatter:
+def _scatter(noise: NoiseSpec, force: Array, repeats: int) -> PulledReadings:
     sigma = noise.displacement_sigma_m or noise.reading_sigma_m or 0.0  # one of three is given
-    tracker: Array | Beam = sigma**2 * np.eye(3)
+    tracker: Array | TrackerBeam = sigma**2 * np.eye(3)
     if noise.tracker == "paper":
         tracker = PAPER_SIGMA_M**2 * symmetric(PAPER_SHARE[None])[0]
     elif noise.tracker is not None:
-        tracker = Beam(noise.tracker, noise.tracker_position_m)
-    return Scatter(
+        tracker = TrackerBeam(noise.tracker, noise.tracker_position_m)
+    return PulledReadings(
         force=force,
         repeats=np.full(len(force), float(repeats)),
         force_std=np.hypot(noise.scale_sigma_n, noise.scale_sigma_rel * force),

@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.design.bound import Certificate, certify
+from pipeline.design.bound import LowerBound, certify
 from pipeline.design.cost import Cost, cost
-from pipeline.design.discriminate import Sight, lens
+from pipeline.design.discriminate import Detectability, cause_tests
 from pipeline.design.driven import in_order, unwound
 from pipeline.design.measurement import Measurement, of_mixed, of_plan, seen_by
 from pipeline.design.problem import Problem
 from pipeline.design.search import Effort, Plan, rounded, search, undetermined
-from pipeline.design.trade import Mixed, trade
+from pipeline.design.trade import CompromisePlan, trade
 from pipeline.design.unpulled import Unpulled, unpulled
 
 
 @dataclass(frozen=True, eq=False)
-class Proposal:
+class BoundedPlan:
     """A plan and its distance from the optimum.
 
     Attributes:
@@ -36,9 +36,9 @@ class Proposal:
 
     problem: Problem
     plan: Plan
-    certificate: Certificate | None
+    certificate: LowerBound | None
     done: str
-    mixed: Mixed | None = None
+    mixed: CompromisePlan | None = None
     cost: Cost | None = None
     unpulled: Unpulled | None = None
 
@@ -64,12 +64,12 @@ class Proposal:
             return of_plan(self.problem, self.plan)
         return of_mixed(self.problem, self.mixed)
 
-    def sights(self) -> list[Sight]:
+    def sights(self) -> list[Detectability]:
         """Detectability of every cause with this plan."""
-        return seen_by(lens(self.problem), self.measurement)
+        return seen_by(cause_tests(self.problem), self.measurement)
 
 
-def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterator[Proposal]:
+def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterator[BoundedPlan]:
     """Search a plan, then bound the figure of any plan; each proposal replaces the last.
 
     Args:
@@ -86,12 +86,12 @@ def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterat
     for progress in search(problem, for_search, effort):
         if progress.best is not None:
             plan = rounded(problem, progress.best)
-            yield Proposal(problem, plan, None, f"round {progress.round} of {progress.rounds}")
+            yield BoundedPlan(problem, plan, None, f"round {progress.round} of {progress.rounds}")
     if plan is None:
         raise undetermined(problem, progress.nearest)
     q = unwound(problem, plan.q)
     plan = replace(plan, q=q[in_order(problem, q, plan.anchor)])
-    proposal = Proposal(problem, plan, None, "search")
+    proposal = BoundedPlan(problem, plan, None, "search")
     rounds, starts = effort.bounds, effort.directions
     for certificate in certify(problem, progress.pool, for_bound, rounds, starts):
         done = f"bound, search {certificate.rounds}"
@@ -101,7 +101,7 @@ def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterat
         proposal = replace(proposal, cost=cost(problem, plan, for_cost), done="without the cell")
         yield proposal
     if (asked := problem.spec.diagnosis) is not None:
-        for mixed in trade(lens(problem), plan, asked, for_trade):
+        for mixed in trade(cause_tests(problem), plan, asked, for_trade):
             proposal = replace(proposal, mixed=mixed, done=f"exchange, {mixed.named} causes named")
             yield proposal
     if problem.spec.plan.unloaded:

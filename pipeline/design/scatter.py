@@ -28,7 +28,7 @@ _STEP = 1e-30
 
 
 @dataclass(frozen=True, eq=False)
-class Beam:
+class TrackerBeam:
     """A tracker whose scatter depends on range and direction.
 
     Attributes:
@@ -54,7 +54,7 @@ class Beam:
 
 
 @dataclass(frozen=True, eq=False)
-class Scatter(Locked):
+class PulledReadings(Locked):
     """Pulls at each pose and the scatter of their readings.
 
     Attributes:
@@ -71,7 +71,7 @@ class Scatter(Locked):
     repeats: Array
     force_std: Array
     zero: float
-    tracker: Array | Beam
+    tracker: Array | TrackerBeam
 
     @property
     def pulls(self) -> float:
@@ -108,7 +108,7 @@ class Scatter(Locked):
         t, _, m = points.shape
         out = np.zeros((m, t, 3, t, 3))
         each = np.arange(t)
-        if isinstance(self.tracker, Beam):
+        if isinstance(self.tracker, TrackerBeam):
             ray = np.moveaxis(points, -1, 1) - np.array(self.tracker.position)
             six = beam_covariance(ray.reshape(-1, 3), self.tracker.noise)
             out[:, each, :, each] = symmetric(six).reshape(t, m, 3, 3)
@@ -123,7 +123,7 @@ class Scatter(Locked):
             points: Measured points in F_b [m], shape (t, 3, m).
             A: Shape (t, n, 3, m).
         """
-        if not isinstance(self.tracker, Beam):
+        if not isinstance(self.tracker, TrackerBeam):
             C = self.tracker
             if np.array_equal(C, C[0, 0] * np.eye(3)):
                 return A / C[0, 0]
@@ -161,7 +161,7 @@ class Scatter(Locked):
             A: Shape (t, n, 3, m).
             V: Shape (n, n) or (m, n, n).
         """
-        if not isinstance(self.tracker, Beam):
+        if not isinstance(self.tracker, TrackerBeam):
             return None
         e, reach, across, along = self.tracker.at(points)
         Q = np.einsum("tnim,tnjm->tijm", A, weigh(A, V))

@@ -20,9 +20,9 @@ from pipeline.design.feasible import check_reachable
 from pipeline.design.information import information, station, value_and_slope
 from pipeline.design.limits import kept, penalty
 from pipeline.design.problem import Problem
-from pipeline.design.space import Box
+from pipeline.design.space import PlanCoordinates
 
-SOFT, HARD = 50.0, 2e4
+_SOFT, HARD = 50.0, 2e4
 """Weight of violated limits during exploration, and for the final descent [1]."""
 _QUICKER = 3
 """Factor by which the first round follows fewer plans to their end."""
@@ -113,8 +113,8 @@ def search(
         InputError: No pose keeps the limits; says which limit excludes them.
     """
     effort = effort or Effort()
-    box = Box(problem, problem.poses)
-    soft, hard = (objective(problem, weight) for weight in (SOFT, HARD))
+    box = PlanCoordinates(problem, problem.poses)
+    soft, hard = (objective(problem, weight) for weight in (_SOFT, HARD))
     check_reachable(problem, rng)
     best: Plan | None = None
     x = np.empty((0, box.size))
@@ -148,7 +148,11 @@ def objective(problem: Problem, weight: float) -> Function:
         problem: The problem.
         weight: Of violated limits.
     """
-    box, criterion, experiment = Box(problem, problem.poses), problem.criterion, problem.experiment
+    box, criterion, experiment = (
+        PlanCoordinates(problem, problem.poses),
+        problem.criterion,
+        problem.experiment,
+    )
     poses, n = problem.poses, problem.robot.n
 
     def function(x: Array) -> tuple[Array, Array]:
@@ -172,11 +176,11 @@ def _unseen(problem: Problem, M: Array) -> tuple[Array, Array]:
     variance = np.einsum("kii->ki", Q)
     variance = np.where(variance > 0, variance, np.inf)
     over = np.maximum(np.log(variance) - 2 * np.log(most_std), 0.0)
-    pull = 2 * SOFT * over / variance
-    return SOFT * (over**2).sum(axis=1), -np.einsum("kij,kj,kjl->kil", Q, pull, Q)
+    pull = 2 * _SOFT * over / variance
+    return _SOFT * (over**2).sum(axis=1), -np.einsum("kij,kj,kjl->kil", Q, pull, Q)
 
 
-def _exchange(box: Box, x: Array, most: int = 600) -> Array:
+def _exchange(box: PlanCoordinates, x: Array, most: int = 600) -> Array:
     """Swap single poses for poses of other plans, as long as a swap improves a plan.
 
     Args:
@@ -193,10 +197,10 @@ def _exchange(box: Box, x: Array, most: int = 600) -> Array:
 def _swapped(problem: Problem, q: Array, anchor: Array, pool: Array, rounds: int = 4) -> Array:
     experiment, limits, room = problem.experiment, problem.limits, problem.room
     at = station(experiment, pool, anchor)
-    there, cost = information(experiment, at), SOFT * penalty(limits, at, room)[0]
+    there, cost = information(experiment, at), _SOFT * penalty(limits, at, room)[0]
     for _ in range(rounds):
         at = station(experiment, q, anchor)
-        here, own = information(experiment, at), SOFT * penalty(limits, at, room)[0]
+        here, own = information(experiment, at), _SOFT * penalty(limits, at, room)[0]
         total = here.sum(axis=0) + problem.known
         M = total - here[:, None] + there
         tried = _loss(problem, M.reshape(-1, *total.shape)).reshape(M.shape[:2])
@@ -250,8 +254,8 @@ def undetermined(problem: Problem, nearest: Plan) -> InputError:
     )
 
 
-def _single(box: Box, x: Array) -> Array:
+def _single(box: PlanCoordinates, x: Array) -> Array:
     """The poses of plans, each with its anchor, as plans of one pose."""
     q, anchor = box.opened(x)
-    alone = Box(box.problem, 1)
+    alone = PlanCoordinates(box.problem, 1)
     return alone.closed(q.reshape(-1, 1, q.shape[-1]), np.repeat(anchor, box.poses, axis=0))

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.base.arrays import Array, Locked
-from pipeline.design.information import Station, station
+from pipeline.design.information import PlannedPoses, station
 from pipeline.design.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
-class Box(Locked):
+class PlanCoordinates(Locked):
     """Unit coordinates of several poses and the free coordinates of their common anchor.
 
     Attributes:
@@ -37,7 +37,7 @@ class Box(Locked):
         anchor[:, p.free] += x[:, self.poses * n :] * (p.anchor_upper - p.anchor_lower)[p.free]
         return p.lower + inner * (p.upper - p.lower), anchor
 
-    def stations(self, x: Array) -> Station:
+    def stations(self, x: Array) -> PlannedPoses:
         """Every pose of the plans at unit coordinates (k, d), k * poses of them."""
         q, anchor = self.opened(x)
         each = q.reshape(-1, q.shape[-1])

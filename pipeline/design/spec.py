@@ -37,7 +37,7 @@ _Range = tuple[Length, Length]
 """Interval, from and to [m] or [deg]."""
 
 
-class PlanSize(Strict):
+class _PlanSize(Strict):
     """Number of poses, of pulls in total, and of additional poses without a pull."""
 
     poses: int = Field(ge=1, le=200)
@@ -45,7 +45,7 @@ class PlanSize(Strict):
     unloaded: int = Field(default=0, ge=0, le=200)
 
 
-class DesignSpec(Strict):
+class _DesignSpec(Strict):
     """Total time for the pulls, and the duration of each action [s].
 
     A pose takes `pose_s`, two readings of every reflector and, where it is pulled, one slackening;
@@ -58,7 +58,7 @@ class DesignSpec(Strict):
     reading_s: Annotated[Seconds, Field(gt=0)] = READING_S
 
 
-class PullSpec(Strict):
+class _PullSpec(Strict):
     """Load steps of the chain at every pose [N], in the order of tightening.
 
     Where none is stated, `problem.build` chooses one that suits the robot.
@@ -67,7 +67,7 @@ class PullSpec(Strict):
     steps_n: list[Pull] = Field(default=[], min_length=1)
 
 
-class AnchorSpec(Strict):
+class _AnchorSpec(Strict):
     """Position of the chain's anchor, F_b [m]: a number if it is fixed, an interval if free."""
 
     x_m: Length | _Range
@@ -83,7 +83,7 @@ class AnchorSpec(Strict):
         return value
 
 
-class CriterionSpec(Strict):
+class _CriterionSpec(Strict):
     """The criterion to minimise, and the measured points at which the deflection is predicted."""
 
     kind: Literal["test_pose", "workspace", "D", "A", "E"] = "test_pose"
@@ -216,11 +216,11 @@ class ProblemFile(Surrounded):
     robot: Name
     assumptions: list[Prose] = Field(default_factory=list)
     tool: dict[Name, Point]
-    plan: PlanSize
-    design: DesignSpec | None = None
-    pull: PullSpec = PullSpec()
-    anchor: AnchorSpec
-    criterion: CriterionSpec = CriterionSpec()
+    plan: _PlanSize
+    design: _DesignSpec | None = None
+    pull: _PullSpec = _PullSpec()
+    anchor: _AnchorSpec
+    criterion: _CriterionSpec = _CriterionSpec()
     test_pose: list[_WeightedPose] = Field(default_factory=list)
     noise: NoiseSpec = NoiseSpec(displacement_sigma_m=3e-5)
     limits: Limits = Limits()
@@ -286,7 +286,7 @@ def _in_time(content: dict[str, Any], file: str) -> dict[str, Any]:
     Raises:
         InputError: None fit.
     """
-    asked = checked(DesignSpec, content["design"], file, "design", _WAY_OUT)
+    asked = checked(_DesignSpec, content["design"], file, "design", _WAY_OUT)
     plan = dict(content.get("plan", {}))
     one = {"poses": 1, "readings": 1}
     spec = checked(ProblemFile, content | {"plan": one | plan}, file, "the problem", _WAY_OUT)

@@ -15,13 +15,13 @@ import numpy as np
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.errors import InputError
 from pipeline.design.criteria import relative_std
-from pipeline.design.discriminate import Lens, named_from, rows
+from pipeline.design.discriminate import CauseTests, named_from, rows
 from pipeline.design.information import information, station
 from pipeline.design.limits import kept
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.schedule import crossed, starts
 from pipeline.design.search import Plan
-from pipeline.design.space import Box
+from pipeline.design.space import PlanCoordinates
 from pipeline.design.spec import DiagnosisSpec
 
 
@@ -45,7 +45,7 @@ class _Visit(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Mixed(Locked):
+class CompromisePlan(Locked):
     """A plan for the criterion and for the diagnosis.
 
     Attributes:
@@ -74,7 +74,7 @@ class Mixed(Locked):
 
 
 def trade(
-    view: Lens,
+    view: CauseTests,
     plan: Plan,
     asked: DiagnosisSpec,
     rng: np.random.Generator,
@@ -82,7 +82,7 @@ def trade(
     tried: int = 120,
     pool: int = 200,
     restarts: int = 2,
-) -> Iterator[Mixed]:
+) -> Iterator[CompromisePlan]:
     """Exchange poses of a plan until more causes can be named; yield the best after every sweep.
 
     Args:
@@ -100,7 +100,7 @@ def trade(
     """
     most = asked.allowed * plan.figure
     offers = _offers(view, plan, asked, rng, pool)
-    best: Mixed | None = None
+    best: CompromisePlan | None = None
     for _ in range(restarts):
         chosen = _beginning(view, plan, asked, rng)
         for _ in range(sweeps):
@@ -109,7 +109,7 @@ def trade(
                 some = [among[i] for i in rng.integers(len(among), size=tried)]
                 near = _near(view, chosen[slot], plan.anchor, rng, tried // 4)
                 chosen = _exchanged(view, chosen, int(slot), [*some, *near], most)
-            now = Mixed(
+            now = CompromisePlan(
                 visits=tuple(chosen),
                 anchor=plan.anchor,
                 figure=float(view.problem.criterion.figure(_information(chosen)[None])[0]),
@@ -140,7 +140,7 @@ def _information(visits: Sequence[_Visit]) -> Array:
 
 
 def _beginning(
-    view: Lens, plan: Plan, asked: DiagnosisSpec, rng: np.random.Generator
+    view: CauseTests, plan: Plan, asked: DiagnosisSpec, rng: np.random.Generator
 ) -> list[_Visit]:
     """Poses of the plan in random order, some with the longer programmes, readings as planned."""
     lengths = _lengths(asked, view.problem.spec.plan.readings)
@@ -176,7 +176,7 @@ def _lengths(asked: DiagnosisSpec, readings: int) -> Ints:
 
 
 def _offers(
-    view: Lens, plan: Plan, asked: DiagnosisSpec, rng: np.random.Generator, pool: int
+    view: CauseTests, plan: Plan, asked: DiagnosisSpec, rng: np.random.Generator, pool: int
 ) -> dict[int, list[_Visit]]:
     """Poses with every programme and approach, by the number of pulls."""
     q = np.vstack([plan.q, feasible_poses(view.problem, plan.anchor, rng, pool)])
@@ -195,7 +195,7 @@ def _ways(problem: Problem) -> tuple[float, ...]:
 
 
 def _near(
-    view: Lens, visit: _Visit, anchor: Array, rng: np.random.Generator, count: int
+    view: CauseTests, visit: _Visit, anchor: Array, rng: np.random.Generator, count: int
 ) -> list[_Visit]:
     """Poses near one of a plan, with its own load steps and approach, that keep the limits."""
     problem = view.problem
@@ -207,7 +207,9 @@ def _near(
     return _visits(view, q, anchor, np.full(len(q), visit.approach), visit.steps)
 
 
-def _visits(view: Lens, q: Array, anchor: Array, approach: Array, steps: Array) -> list[_Visit]:
+def _visits(
+    view: CauseTests, q: Array, anchor: Array, approach: Array, steps: Array
+) -> list[_Visit]:
     """Poses with the same load steps; times as if all poses had this number of pulls."""
     experiment = with_steps(view.problem, steps)
     start_s = starts(np.full(view.problem.poses, len(steps))).mean()
@@ -218,7 +220,7 @@ def _visits(view: Lens, q: Array, anchor: Array, approach: Array, steps: Array) 
 
 
 def _exchanged(
-    view: Lens, chosen: list[_Visit], slot: int, offers: list[_Visit], most: float
+    view: CauseTests, chosen: list[_Visit], slot: int, offers: list[_Visit], most: float
 ) -> list[_Visit]:
     """The visits with the one at `slot` replaced by the best offer, if that is an improvement."""
     criterion, mine, whole = view.problem.criterion, chosen[slot], _information(chosen)
@@ -248,7 +250,7 @@ def _worth(named: Array) -> Array:
 
 def feasible_poses(problem: Problem, anchor: Array, rng: np.random.Generator, count: int) -> Array:
     """Random poses that keep the limits with the chain at this anchor, (c, n), c <= count."""
-    box = Box(problem, 1)
+    box = PlanCoordinates(problem, 1)
     found = np.empty((0, problem.robot.n))
     for _ in range(40):
         q = box.opened(rng.uniform(size=(2000, box.size)))[0][:, 0]

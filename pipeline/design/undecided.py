@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.base.errors import InputError
-from pipeline.design.nextpose import Candidates, Question, candidates, determine, propose
-from pipeline.diagnosis.diagnose import LEAST
-from pipeline.diagnosis.facts import CrossValidation, Determining, FoundCause, Proposal
-from pipeline.diagnosis.identify import Found, SearchCase
+from pipeline.design.nextpose import Candidates, PlaceQuestion, candidates, determine, propose
+from pipeline.diagnosis.cause_search import SearchProblem, SearchResult
+from pipeline.diagnosis.diagnose import LEAST_OF_RIVALS
+from pipeline.diagnosis.facts import CrossValidation, Determining, FoundCause, SeparatingPose
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.verdict import CERTAIN
 
@@ -19,42 +19,42 @@ _MOST = 4
 
 
 def to_measure(
-    case: SearchCase,
-    found: Found,
+    case: SearchProblem,
+    found: SearchResult,
     causes: tuple[FoundCause, ...],
     worth: CrossValidation | None,
     known: Twins,
     rng: np.random.Generator,
-) -> tuple[tuple[Proposal, ...], tuple[Determining, ...]]:
+) -> tuple[tuple[SeparatingPose, ...], tuple[Determining, ...]]:
     """Poses that would separate causes; where there are none, those that determine joints."""
     proposed = next_poses(case, found, causes, worth, known, rng)
-    joints = () if proposed else determining(case, found, rng.spawn(1)[0])
+    joints = () if proposed else _determining(case, found, rng.spawn(1)[0])
     return proposed, joints
 
 
 def next_poses(
-    case: SearchCase,
-    found: Found,
+    case: SearchProblem,
+    found: SearchResult,
     causes: Sequence[FoundCause],
     worth: CrossValidation | None,
     known: Twins,
     rng: np.random.Generator,
-) -> tuple[Proposal, ...]:
+) -> tuple[SeparatingPose, ...]:
     """Poses that would decide the open questions, as far as any can."""
     questions = _open(found, causes, worth, known)
     among = _reachable(case, rng) if questions else None
     return () if among is None else tuple(propose(found.wide, questions, among))
 
 
-def determining(
-    case: SearchCase, found: Found, rng: np.random.Generator
+def _determining(
+    case: SearchProblem, found: SearchResult, rng: np.random.Generator
 ) -> tuple[Determining, ...]:
     """For each joint the pose that would determine it best; empty where no pose is reachable."""
     among = _reachable(case, rng)
     return () if among is None else determine(found.wide, among)
 
 
-def _reachable(case: SearchCase, rng: np.random.Generator) -> Candidates | None:
+def _reachable(case: SearchProblem, rng: np.random.Generator) -> Candidates | None:
     """Candidate poses; None where the cell leaves none."""
     try:
         among = candidates(case, rng)
@@ -64,33 +64,33 @@ def _reachable(case: SearchCase, rng: np.random.Generator) -> Candidates | None:
 
 
 def _open(
-    found: Found, causes: Sequence[FoundCause], worth: CrossValidation | None, known: Twins
-) -> list[Question]:
+    found: SearchResult, causes: Sequence[FoundCause], worth: CrossValidation | None, known: Twins
+) -> list[PlaceQuestion]:
     """For each accepted cause that is not certain, what it must still be separated from.
 
     Twins count as one: no pull helps, a sensor does (`needs` of the causes). Where every name is
     certain and only the gain is not, it must be separated from the joint springs alone.
     """
     questions = [
-        Question(tuple(odds), tuple(odds.values()), _others(found, mine))
+        PlaceQuestion(tuple(odds), tuple(odds.values()), _others(found, mine))
         for place, mine in enumerate(found.accepted)
         if len(odds := _standing_there(found, place, causes[place], known)) > 1
     ]
     if questions or worth is None or worth.ci95[0] > 0:
         return questions
     return [
-        Question((mine, None), (0.5, 0.5), _others(found, mine))
+        PlaceQuestion((mine, None), (0.5, 0.5), _others(found, mine))
         for mine, cause in zip(found.accepted, causes, strict=False)
         if not cause.twins
     ]
 
 
-def _others(found: Found, mine: int) -> tuple[int, ...]:
+def _others(found: SearchResult, mine: int) -> tuple[int, ...]:
     return tuple(i for i in found.accepted if i != mine)
 
 
 def _standing_there(
-    found: Found, place: int, cause: FoundCause, known: Twins
+    found: SearchResult, place: int, cause: FoundCause, known: Twins
 ) -> dict[int | None, float]:
     """Possible causes in one place, with their odds; a single one where that is certain."""
     one = (cause.effect.label, *known.of(cause.effect.label))
@@ -98,7 +98,9 @@ def _standing_there(
     odds: dict[int | None, float] = {found.accepted[place]: sum(mine)}
     if cause.probability < CERTAIN:
         others = [r for r in found.rivals[place] if r.label not in one]
-        odds |= {r.suspect: r.probability for r in others[:_MOST] if r.probability > LEAST}
+        odds |= {
+            r.suspect: r.probability for r in others[:_MOST] if r.probability > LEAST_OF_RIVALS
+        }
     if found.strange and found.strange[place].probability > 1 - CERTAIN:
         strange = found.strange[place]
         odds = {who: (1 - strange.probability) * odd for who, odd in odds.items()}

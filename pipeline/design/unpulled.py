@@ -28,7 +28,7 @@ from pipeline.base.errors import InputError
 from pipeline.design.descent import descend
 from pipeline.design.limits import kept, penalty
 from pipeline.design.problem import Problem
-from pipeline.design.space import Box
+from pipeline.design.space import PlanCoordinates
 from pipeline.design.spec import Limits
 from pipeline.geometry.unloaded import USUAL, Unloaded
 from pipeline.machine.effect import Pulls
@@ -113,7 +113,7 @@ def unpulled(problem: Problem, pulled: Array, rng: np.random.Generator) -> Unpul
 
 def _offer(problem: Problem, rng: np.random.Generator) -> Array:
     """Poses that keep every limit except those of a chain, as they are printed, shape (o, n)."""
-    box, said = Box(problem, 1), problem.limits
+    box, said = PlanCoordinates(problem, 1), problem.limits
     limits = Limits(
         joints=said.joints,
         flange_above_m=said.flange_above_m,

@@ -11,9 +11,9 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Parameter
 from pipeline.base.tails import CHI2_95, NORMAL_95
-from pipeline.diagnosis.average import Hypothesis, Size, each_way, size
+from pipeline.diagnosis.average import AveragedAmplitude, Hypothesis, each_way, size
+from pipeline.diagnosis.cause_search import SearchProblem, of_model
 from pipeline.diagnosis.facts import EffectSize
-from pipeline.diagnosis.identify import SearchCase, of_model
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Elastic
 from pipeline.system.elimination import coefficients, eliminate
@@ -21,7 +21,7 @@ from pipeline.system.evidence import ROUNDING
 from pipeline.system.whitened import Whitened
 
 
-def amplitudes(case: SearchCase, view: Whitened) -> list[tuple[EffectSize, ...]]:
+def amplitudes(case: SearchProblem, view: Whitened) -> list[tuple[EffectSize, ...]]:
     """Magnitudes of the accepted causes, estimated together with the springs.
 
     z = N^+ g in typical magnitudes, N = X'X and g = X'y over the whitened columns of the base;
@@ -54,7 +54,7 @@ def amplitudes(case: SearchCase, view: Whitened) -> list[tuple[EffectSize, ...]]
 
 
 def averaged(
-    case: SearchCase, view: Whitened, sets: Sequence[Hypothesis]
+    case: SearchProblem, view: Whitened, sets: Sequence[Hypothesis]
 ) -> list[tuple[EffectSize, ...]]:
     """Magnitudes averaged over the hypotheses that contain the cause, as springs (`average.size`).
 
@@ -101,19 +101,19 @@ def both_ways(effect: Effect, sets: Sequence[Hypothesis]) -> tuple[EffectSize, .
             float(std),
             (float(low), float(high)),
         )
-        for way, (value, std, low, high) in zip(WAYS, ends, strict=True)
+        for way, (value, std, low, high) in zip(_WAYS, ends, strict=True)
     )
 
 
-WAYS = ("positive", "negative")
+_WAYS = ("positive", "negative")
 """Names for the sign of the torque on a joint, in the order of `average.each_way`."""
 
 
-def _of(alone: EffectSize, over: Size) -> EffectSize:
+def _of(alone: EffectSize, over: AveragedAmplitude) -> EffectSize:
     return EffectSize(alone.parameter, over.value, over.std, over.ci95)
 
 
-def _bent(alone: EffectSize, over: Size) -> EffectSize:
+def _bent(alone: EffectSize, over: AveragedAmplitude) -> EffectSize:
     """Averaged magnitude, its interval as skewed as that of the accepted cause alone."""
     straight = NORMAL_95 * alone.std
     if not 0 < straight < np.inf:

@@ -27,10 +27,10 @@ from pipeline.system import combinations
 from pipeline.system.estimate import identifiable
 from pipeline.system.system import Estimate, System
 
-LEAST = 0.01
+LEAST_PROBABILITY = 0.01
 """Minimum probability of a hypothesis in the average [1]."""
 
-LIKELY = 0.05
+POSSIBLE = 0.05
 """Probability above which a hypothesis may be true, so that every interval includes its own [1];
 also the maximum total probability of dropped hypotheses that leave a stiffness undetermined."""
 
@@ -94,7 +94,7 @@ class Springs(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class DeterminedMix(Locked):
+class _DeterminedMix(Locked):
     """A combination of compliances that is determined although the single ones are not.
 
     Attributes:
@@ -115,7 +115,7 @@ class DeterminedMix(Locked):
 
 
 @dataclass(frozen=True)
-class Size:
+class AveragedAmplitude:
     """One parameter of a cause, averaged over the hypotheses that contain it.
 
     Attributes:
@@ -151,15 +151,15 @@ def weighed(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
 
     One that leaves a spring undetermined which the first determines would make the whole average
     undetermined; such ones are dropped, the least probable first, as long as their total
-    probability does not exceed `LIKELY`.
+    probability does not exceed `POSSIBLE`.
     """
     first, *others = hypotheses
     counted, spent = [], 0.0
     for one in sorted(others, key=lambda one: one.weight):
         loses = np.any(_determined(first) & ~_determined(one))
-        if loses and spent + one.weight <= LIKELY:
+        if loses and spent + one.weight <= POSSIBLE:
             spent += one.weight
-        elif one.weight > LEAST:
+        elif one.weight > LEAST_PROBABILITY:
             counted.append(one)
     kept = [first, *reversed(counted)]
     total = sum(one.weight for one in kept)
@@ -218,7 +218,7 @@ def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
     return Springs(value, cov, low, high, sure)
 
 
-def size(hypotheses: Sequence[Hypothesis], effect: Effect, k: int) -> Size:
+def size(hypotheses: Sequence[Hypothesis], effect: Effect, k: int) -> AveragedAmplitude:
     """One parameter of a cause, averaged over the hypotheses that contain it in this form.
 
     Hypotheses with another of its forms are excluded: the same symbol is a different quantity
@@ -230,7 +230,7 @@ def size(hypotheses: Sequence[Hypothesis], effect: Effect, k: int) -> Size:
     name = effect.parameters[k].name
     names = [[parameter.name for parameter in one.estimate.parameters] for one in held]
     value, cov, low, high = _over(held, _parts(held, [np.array([e.index(name)]) for e in names]))
-    return Size(value.item(), float(np.sqrt(cov.item())), (low.item(), high.item()))
+    return AveragedAmplitude(value.item(), float(np.sqrt(cov.item())), (low.item(), high.item()))
 
 
 def _holding(hypotheses: Sequence[Hypothesis], effect: Effect) -> list[Hypothesis]:
@@ -313,7 +313,7 @@ def _over(
         sum_h w_h Phi((x - x_h) / s_h) = p,    s_h = t_h u(x_h) / 1.96,
 
     with t_h the quantile of hypothesis h, extended to include x_h +- t_h u(x_h) of every hypothesis
-    above `LIKELY`, so that it holds whichever of them is true.
+    above `POSSIBLE`, so that it holds whichever of them is true.
 
     Args:
         hypotheses: The hypotheses, weights sum to one.
@@ -330,7 +330,7 @@ def _interval(hypotheses: Sequence[Hypothesis], values: Array, std: Array) -> tu
     """Ends of the 95 % interval of n quantities, (n,) each; values and std have shape (h, n)."""
     weights = np.array([one.weight for one in hypotheses])
     quantile = np.array([one.estimate.quantile for one in hypotheses])[:, None]
-    may_be = (weights > LIKELY) | (np.arange(len(weights)) == 0)
+    may_be = (weights > POSSIBLE) | (np.arange(len(weights)) == 0)
     low = np.min((values - quantile * std)[may_be], axis=0)
     high = np.max((values + quantile * std)[may_be], axis=0)
     if len(hypotheses) > 1:
@@ -385,7 +385,9 @@ def information(hypotheses: Sequence[Hypothesis]) -> Array:
     return np.asarray(R @ linear.solve(R.T @ np.einsum("h,hij->ij", w, covs) @ R, R.T))
 
 
-def together(hypotheses: Sequence[Hypothesis], N: Array, alone: Bools) -> tuple[DeterminedMix, ...]:
+def together(
+    hypotheses: Sequence[Hypothesis], N: Array, alone: Bools
+) -> tuple[_DeterminedMix, ...]:
     """Combinations of joints that are determined although the single joints are not.
 
     Args:
@@ -408,7 +410,7 @@ def together(hypotheses: Sequence[Hypothesis], N: Array, alone: Bools) -> tuple[
     std = np.sqrt(np.einsum("ci,hij,cj->hc", W, covs, W))
     ends = zip(*_interval(hypotheses, values @ W.T, std), strict=True)
     return tuple(
-        DeterminedMix(mix.of, mix.weights, mix.value, mix.std, float(low), float(high))
+        _DeterminedMix(mix.of, mix.weights, mix.value, mix.std, float(low), float(high))
         for mix, (low, high) in zip(found, ends, strict=True)
     )
 
@@ -424,7 +426,7 @@ def dependences(hypotheses: Sequence[Hypothesis]) -> tuple[Dependence, ...]:
         gone = np.abs(one.estimate.value[:n] - value)
         with np.errstate(invalid="ignore"):
             differs = (gone > _APART * own) | (std > (1 + _APART) * own)
-        moved = mine & theirs & differs & (one.weight > LIKELY)
+        moved = mine & theirs & differs & (one.weight > POSSIBLE)
         for cause, rival in one.instead:
             out += [Dependence(int(j), cause, rival, False) for j in np.flatnonzero(moved)]
             out += [Dependence(int(j), cause, rival, True) for j in np.flatnonzero(mine & ~theirs)]

@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.facts import Unnoticed
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.effect import Effect, Wrench
-from pipeline.system.beside import left_beside
+from pipeline.system.score_tests import left_beside
 from pipeline.system.whitened import Whitened
 
 _POWER = 0.8

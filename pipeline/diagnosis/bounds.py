@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from pipeline.system import alarms
-from pipeline.system.far import Far
+from pipeline.system.outlying import OutlyingReadings
 
 FAULTY = 10.0
 """Scatter over the stated one above which an instrument is not in order [1]. A tracker that is
@@ -53,7 +53,7 @@ class Bounds:
     force: float = 1.0
     left: float = 0.0
     determined: bool = True
-    far: Far = field(default_factory=Far.none)
+    far: OutlyingReadings = field(default_factory=OutlyingReadings.none)
     worst_pose: int = 0
     worst_target: str = ""
     worst_m: float = 0.0

@@ -11,6 +11,7 @@ from pipeline.base.arrays import Array
 from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.amplitude import averaged, both_ways
 from pipeline.diagnosis.average import Hypothesis
+from pipeline.diagnosis.cause_search import LEAST_EVIDENCE, SearchProblem, SearchResult
 from pipeline.diagnosis.facts import (
     CrossValidation,
     Drift,
@@ -21,24 +22,23 @@ from pipeline.diagnosis.facts import (
     UnloadedFacts,
 )
 from pipeline.diagnosis.hypotheses import accepted
-from pipeline.diagnosis.identify import WORTH, Found, SearchCase
 from pipeline.diagnosis.improvement import as_good
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Noise, Pulls
 from pipeline.machine.effects.nameless import NAMELESS, mounting
 from pipeline.machine.effects.unlisted import height, undecided
-from pipeline.reduction.pose_of_interest import Where
+from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system import alarms
 from pipeline.system.system import ScatterRatio
 from pipeline.system.variance import at_most
 
 
 def of_displacements(
-    case: SearchCase,
-    found: Found,
+    case: SearchProblem,
+    found: SearchResult,
     worth: CrossValidation | None,
-    where: Where,
+    where: PoseOfInterest,
     known: Twins,
     sets: Sequence[Hypothesis],
     rng: np.random.Generator,
@@ -89,20 +89,20 @@ def of_displacements(
     return tuple(out)
 
 
-def _worded(case: SearchCase, effect: Effect, either: Sequence[PossibleCause]) -> Effect:
+def _worded(case: SearchProblem, effect: Effect, either: Sequence[PossibleCause]) -> Effect:
     """The effect; where its law is undecided, described by all possible laws."""
     laws = [other.effect.law for other in either[1:] if other.effect.law is not None]
     return undecided(case.cell.robot, effect, laws) if laws else effect
 
 
-def _either(case: SearchCase, found: Found, place: int) -> tuple[PossibleCause, ...]:
-    """Laws of one place within exp(`WORTH`) of the likeliest, the accepted first, if several."""
+def _either(case: SearchProblem, found: SearchResult, place: int) -> tuple[PossibleCause, ...]:
+    """Laws of a place within exp(`LEAST_EVIDENCE`) of the likeliest, accepted first, if several."""
     effect = case.suspects[found.accepted[place]]
     own = next((one for one in found.rivals[place] if one.label == effect.label), None)
     if effect.law is None or own is None:
         return ()
     every = {case.suspects[i]: share for i, share in own.forms}
-    least = max(every.values()) * np.exp(-WORTH)
+    least = max(every.values()) * np.exp(-LEAST_EVIDENCE)
     near = [one for one, share in every.items() if share > least and one is not effect]
     ranked = sorted(near, key=lambda one: -every[one])
     return tuple(PossibleCause(one, every[one]) for one in (effect, *ranked)) if ranked else ()
@@ -120,7 +120,7 @@ def _height(effect: Effect, first: Hypothesis) -> EffectSize | None:
 
 
 def _alike(
-    case: SearchCase, found: Found, rng: np.random.Generator
+    case: SearchProblem, found: SearchResult, rng: np.random.Generator
 ) -> list[tuple[NamelessEqual, ...]]:
     """Effects, named or nameless, that predict as well in the place of each cause."""
     more = (*case.nameless, *mounting(case.cell.robot))
@@ -128,7 +128,7 @@ def _alike(
     return [as_good(wide, k, len(case.suspects), rng) for k in range(len(found.accepted))]
 
 
-def _change(found: Found, where: Where) -> float:
+def _change(found: SearchResult, where: PoseOfInterest) -> float:
     """Change of the predicted deflection at the test pose by the causes, mean over targets [m]."""
     pulls = Pulls.at(where.q, where.force, branch=1.0)
     first, last = found.first.model, found.view.model
@@ -137,14 +137,14 @@ def _change(found: Found, where: Where) -> float:
     return float(np.mean(np.linalg.norm(new - old, axis=-1)))
 
 
-def _unnamed(found: Found, place: int) -> PossibleCause | None:
+def _unnamed(found: SearchResult, place: int) -> PossibleCause | None:
     if not found.strange:
         return None
     one = found.strange[place]
     return PossibleCause(found.wide.suspects[one.suspect], one.probability)
 
 
-def missing(found: Found, misfit_p: float) -> float:
+def missing(found: SearchResult, misfit_p: float) -> float:
     """Probability that something is present which the model with the causes lacks.
 
     P = o / (o - e p ln p), with o the prior odds of the nameless (`NAMELESS`) and p the smallest

@@ -13,6 +13,7 @@ from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.diagnosis.blindspots import blind_spots
+from pipeline.diagnosis.cause_search import SearchProblem, SearchResult, by_label, search
 from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_motion, of_scatter
 from pipeline.diagnosis.facts import (
     CrossValidation,
@@ -21,39 +22,38 @@ from pipeline.diagnosis.facts import (
     Drift,
     Facts,
     PossibleCause,
-    Proposal,
+    SeparatingPose,
     SoleCause,
     Unnoticed,
 )
 from pipeline.diagnosis.hypotheses import hypotheses, too_small
-from pipeline.diagnosis.identify import Found, SearchCase, by_label, search
 from pipeline.diagnosis.improvement import alone, gain
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.separability import separation, separation_found
-from pipeline.diagnosis.suspect_statistics import clues, misfits
-from pipeline.diagnosis.unlisted import beyond
-from pipeline.diagnosis.unloaded_geometry import as_stiff, corrected, standing
+from pipeline.diagnosis.suspect_statistics import misfits, suspect_statistics
+from pipeline.diagnosis.unlisted import with_unlisted_laws
+from pipeline.diagnosis.unloaded_geometry import as_stiff, corrected, from_unloaded
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect, Noise
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.nameless import histories, nameless
 from pipeline.machine.room import Room
 from pipeline.reduction.measured import Measured
-from pipeline.reduction.pose_of_interest import Where
+from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system import alarms
 from pipeline.system.contrasts import Zeros, pure_error
 from pipeline.system.elimination import eliminate
-from pipeline.system.estimate import fits
+from pipeline.system.estimate import is_plausible
 from pipeline.system.linearised import Linearised
 from pipeline.system.noise import scatter
-from pipeline.system.shape import Shape
+from pipeline.system.noise_shape import NoiseShape
 from pipeline.system.system import Estimate, ScatterRatio, System
 from pipeline.system.variance import Components, variance_components
 from pipeline.system.whitened import Whitened
 
 _EQUILIBRIA = ("deformed", "undeformed")
 
-LEAST = 0.02
+LEAST_OF_RIVALS = 0.02
 """Probability below which rivals are ignored [1]."""
 
 _SHOWN = 5
@@ -66,7 +66,7 @@ _POINTS_M = 3e-4
 """Standard uncertainty per axis of the tool's points [m] where the campaign states none."""
 
 
-def _to_measure(*of: Any) -> tuple[tuple[Proposal, ...], tuple[Determining, ...]]:
+def _to_measure(*of: Any) -> tuple[tuple[SeparatingPose, ...], tuple[Determining, ...]]:
     """Poses that would separate causes, and those that determine joints, as of `to_measure`."""
     further = doors.found(_FURTHER)
     return further(*of) if further else ((), ())
@@ -76,12 +76,12 @@ def diagnose(
     cell: Cell,
     data: Measured,
     estimate: Estimate,
-    where: Where,
+    where: PoseOfInterest,
     rng: np.random.Generator,
     effects: tuple[Effect, ...] | None = None,
     drift: Drift | None = None,
     noise: Components | None = None,
-    shape: Shape | None = None,
+    shape: NoiseShape | None = None,
     room: Room | None = None,
 ) -> Diagnosed:
     """Find what the joint springs model lacks in one campaign.
@@ -102,7 +102,7 @@ def diagnose(
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
     wander = shape.wander.between_poses if shape is not None and shape.wanders else 0.0
-    stood = standing(as_stiff(cell, estimate), data, case.certain_noise, whole, wander)
+    stood = from_unloaded(as_stiff(cell, estimate), data, case.certain_noise, whole, wander)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
@@ -120,7 +120,7 @@ def diagnose(
         facts,
         causes=causes,
         scatter=of_scatter(whole, spread),
-        beyond_a_tracker=estimate.p_value is None and not fits(estimate, data.tracked),
+        beyond_a_tracker=estimate.p_value is None and not is_plausible(estimate, data.tracked),
         unloaded=stood,
         moved=moved,
         base=drift,
@@ -150,11 +150,11 @@ def diagnose(
     )
 
 
-def _of_search(found: Found, helps: bool) -> dict[str, Any]:
+def _of_search(found: SearchResult, helps: bool) -> dict[str, Any]:
     """What the search itself has to say."""
     return {
         "refused": found.refused,
-        "clues": clues(found),
+        "clues": suspect_statistics(found),
         "threshold": found.threshold.p,
         "lack_of_fit": (found.lack_first.p_poses, found.lack_first.p_pulls),
         "remainder": (found.lack.p_poses, found.lack.p_pulls, found.left),
@@ -166,7 +166,7 @@ def _of_search(found: Found, helps: bool) -> dict[str, Any]:
     }
 
 
-def _told_apart(case: SearchCase, found: Found, helps: bool) -> dict[str, Any]:
+def _told_apart(case: SearchProblem, found: SearchResult, helps: bool) -> dict[str, Any]:
     """How far causes are from each other, by the first form of each."""
     every = by_label(case.suspects)
     main = [forms[0] for forms in every.values()]
@@ -177,13 +177,15 @@ def _told_apart(case: SearchCase, found: Found, helps: bool) -> dict[str, Any]:
     }
 
 
-def _apart_found(case: SearchCase, found: Found, main: Sequence[int], helps: bool) -> Array:
+def _apart_found(
+    case: SearchProblem, found: SearchResult, main: Sequence[int], helps: bool
+) -> Array:
     """`Diagnosed.apart_found`, by the first form of each cause."""
     labels = [case.suspects[i].label for i in main]
     out = np.full((len(main), len(main)), np.nan)
     accepted = found.accepted if helps else ()
     possible = [
-        {one.label: one.suspect for one in reversed(rivals) if one.probability > LEAST}
+        {one.label: one.suspect for one in reversed(rivals) if one.probability > LEAST_OF_RIVALS}
         for rivals in found.rivals[: len(accepted)]
     ]
     apart = separation_found(found.wide, accepted, main, possible)
@@ -211,7 +213,7 @@ def _misfit(estimate: Estimate, spread: ScatterRatio) -> tuple[float | None, flo
 
 
 def _alone(
-    found: Found, worth: CrossValidation | None, rng: np.random.Generator
+    found: SearchResult, worth: CrossValidation | None, rng: np.random.Generator
 ) -> tuple[SoleCause, ...]:
     """Effect of each of the likeliest causes by itself, where it improves predictions."""
     single = [(r.suspect, r.probability) for r in found.single[:_SHOWN]]
@@ -220,7 +222,7 @@ def _alone(
 
 
 def _blind_spots(
-    whole: tuple[Effect, ...], found: Found, facts: Facts, known: Twins
+    whole: tuple[Effect, ...], found: SearchResult, facts: Facts, known: Twins
 ) -> tuple[Unnoticed, ...]:
     """Blind spots, except causes that are listed as found or as rivals."""
     visible = dict(facts.unloaded.visible)
@@ -234,14 +236,14 @@ def _blind_spots(
     return tuple(spot for spot in spots if spot.effect.label not in names)
 
 
-def _left_out(found: Found, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:
+def _left_out(found: SearchResult, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:
     """Cross-validation residuals of the joint springs and of the extended model."""
     before = worth.before if worth else _left_by_springs(found.first)
     after = worth.after if worth and helps else before
     return {"left_out_before_m": before, "left_out_after_m": after}
 
 
-def _facts(case: SearchCase, found: Found, spread: ScatterRatio) -> Facts:
+def _facts(case: SearchProblem, found: SearchResult, spread: ScatterRatio) -> Facts:
     """Facts from the displacements, without the causes themselves."""
     outside = found.stranger
     return Facts(
@@ -260,7 +262,7 @@ def _facts(case: SearchCase, found: Found, spread: ScatterRatio) -> Facts:
     )
 
 
-def _refused(case: SearchCase, found: Found) -> tuple[Effect, ...]:
+def _refused(case: SearchProblem, found: SearchResult) -> tuple[Effect, ...]:
     """Causes refused for their magnitude that are likelier than not in an accepted one's place.
 
     Where none was accepted, in the place of a sole cause.
@@ -281,19 +283,19 @@ def _beyond_certificate(spread: ScatterRatio, stated: bool) -> bool:
 
 
 def _searched(
-    case: SearchCase, spread: ScatterRatio, start: Array, rng: np.random.Generator
-) -> tuple[SearchCase, ScatterRatio, Found]:
+    case: SearchProblem, spread: ScatterRatio, start: Array, rng: np.random.Generator
+) -> tuple[SearchProblem, ScatterRatio, SearchResult]:
     """Search with the scale's stated scatter; with a larger one only if no cause explains the data.
 
     A cause not yet identified looks like scatter of the scale from pull to pull; therefore only
     what neither a cause nor a law outside the catalogue explains may be scatter.
     """
     stated = replace(case, force_noise=1.0)
-    asked, found = beyond(stated, search(stated, start, rng), start)
+    asked, found = with_unlisted_laws(stated, search(stated, start, rng), start)
     if case.force_noise > 1 and found.detected and not found.explains:
         other = search(case, start, rng)
         if other.explains or not other.detected:
-            case, other = beyond(case, other, start)
+            case, other = with_unlisted_laws(case, other, start)
             return case, spread, other
     return asked, replace(spread, force=1.0, force_std=0.0, force_p=1.0), found
 
@@ -305,7 +307,7 @@ def case_of(
     whole: tuple[Effect, ...] | None = None,
     known: Twins | None = None,
     noise: Components | None = None,
-) -> tuple[SearchCase, ScatterRatio]:
+) -> tuple[SearchProblem, ScatterRatio]:
     """The suspects, with the scatter and the equilibrium that the data show.
 
     Args:
@@ -321,7 +323,7 @@ def case_of(
     never = {*known.unmoved, *known.of_stiffness, *(effect.label for effect, _ in cell.held)}
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
     data = replace(data, tool_std=data.tool_std or _POINTS_M, bends=False)
-    plain = SearchCase(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)
+    plain = SearchProblem(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)
     start = plain.model((), estimate.value)
     seen = plain.linearised(start)
     system = seen.system
@@ -338,7 +340,7 @@ def case_of(
     return replace(case, cell=replace(case.cell, equilibrium=_bent(case, seen))), spread
 
 
-def _of_pulls(case: SearchCase, seen: Linearised, system: System) -> tuple[float, float]:
+def _of_pulls(case: SearchProblem, seen: Linearised, system: System) -> tuple[float, float]:
     """`Components.left` from a campaign's pulls, without its repeated zeros."""
     residual = seen.y - seen.B @ seen.model.values
     contrasts = pure_error(system, residual, case.data, Zeros.none(), case.cell)
@@ -346,13 +348,15 @@ def _of_pulls(case: SearchCase, seen: Linearised, system: System) -> tuple[float
     return float(found.scale[0]) / (case.data.found_m or 1.0), float(found.std[0])
 
 
-def _bent(case: SearchCase, seen: Linearised) -> str:
+def _bent(case: SearchProblem, seen: Linearised) -> str:
     """The equilibrium, on the undeformed or the deformed robot, that fits better."""
     views = [case.whitened(seen.bent(equilibrium)) for equilibrium in _EQUILIBRIA]
     return _EQUILIBRIA[int(np.argmin([eliminate(v.M, v.base)[-1, -1] for v in views]))]
 
 
-def _gain(case: SearchCase, found: Found, rng: np.random.Generator) -> CrossValidation | None:
+def _gain(
+    case: SearchProblem, found: SearchResult, rng: np.random.Generator
+) -> CrossValidation | None:
     if not found.accepted or found.first.poses < 4:
         return None
     return gain(case, found.first, found.plain, found.threshold.p, rng)

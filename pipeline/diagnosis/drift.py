@@ -23,9 +23,9 @@ from pipeline.machine.effect import Effect, Observation
 from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS, PER_GROUP, amount
 from pipeline.reduction.register import XYZ, Registration, seconds
 from pipeline.system import alarms, odds
-from pipeline.system.beside import Base, Beside
-from pipeline.system.family import AWAY
-from pipeline.system.noise import TOLERATED
+from pipeline.system.family import FAR_OFF
+from pipeline.system.noise import TOLERATED_FACTOR
+from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.wander import Wander
 
 _ROUNDS = 100
@@ -53,8 +53,8 @@ def drift(
     y_k = p_t(k) + a(t_k) (v + w x (p_k - p_0)) + e_k,    e_k ~ N(0, scale^2 R C_k R'),
 
     read in F_b [m]; p_t free for each reflector t, a a law of `LAWS`, v and w velocity and angular
-    velocity about p_0. With chi2 the residual sum of squares, s^2 = max(`TOLERATED`^2, chi2 / dof)
-    and p = P[chi2(6) > (chi2 without v and w - chi2) / s^2].
+    velocity about p_0. With chi2 the residual sum of squares, s^2 = max(`TOLERATED_FACTOR`^2, chi2
+    / dof) and p = P[chi2(6) > (chi2 without v and w - chi2) / s^2].
 
     Args:
         registration: The base readings in F_b with their times.
@@ -99,7 +99,7 @@ def _knocked(law: Drift, base: Base, table: pd.DataFrame, white: Array, rigid: A
 
     y_k = p_t(k) + v_r(k) + w_r(k) x (p_k - p_0) + e_k, with v_r and w_r of each round:
     P[chi2 > drop] < alarms.MOVED, where this explains all differences between the rounds, and the
-    largest step moves the reflectors by more than `AWAY` standard uncertainties, rms.
+    largest step moves the reflectors by more than `FAR_OFF` standard uncertainties, rms.
     """
     after = _rounds(table)
     if not 0 < len(after) < _ROUNDS:
@@ -107,12 +107,12 @@ def _knocked(law: Drift, base: Base, table: pd.DataFrame, white: Array, rigid: A
     columns = (white @ rigid)[:, :, None, :] * np.array(after).T[:, None, :, None]
     every = base.beside(columns.reshape(1, 3 * len(table), 1, -1)).of_block(0)
     left, dof = float(every.rest - every.drop[0]), every.dof - int(every.rank[0])
-    if dof < 1 or chi2_beyond(left / TOLERATED**2, dof) <= odds.FITS:
+    if dof < 1 or chi2_beyond(left / TOLERATED_FACTOR**2, dof) <= odds.FITS:
         return law
     size = every.size[0].reshape(len(after), 6)
     steps = np.sqrt(np.mean(np.sum((rigid @ size.T) ** 2, axis=1), axis=0))
     most, unit_m = int(np.argmax(steps)), float(np.sqrt(3 / np.mean(np.sum(white**2, axis=(1, 2)))))
-    if every.p(TOLERATED**2, np.inf)[0] >= alarms.MOVED or steps[most] <= AWAY * unit_m:
+    if every.p(TOLERATED_FACTOR**2, np.inf)[0] >= alarms.MOVED or steps[most] <= FAR_OFF * unit_m:
         return law
     begun = table.groupby(table["group"].astype(str))["since"].mean().sort_values()
     return replace(law, knocked=tuple(begun.index[most : most + 2]), moved_m=float(steps[most]))
@@ -139,7 +139,7 @@ def _stated_at(unloaded: Array, registration: Registration) -> Array:
     return np.asarray(known.mean(axis=0) if len(known) else registration.centre)
 
 
-def _moved(base: Base, motions: Array, amounts: Sequence[Array]) -> Beside:
+def _moved(base: Base, motions: Array, amounts: Sequence[Array]) -> ScoreTests:
     """Whitened rigid motions, scaled by each of several amounts per reading, given the base."""
     columns = np.array(amounts).reshape(-1, len(motions), 1, 1) * motions
     shape = 1, 3 * len(motions), len(amounts), 6
@@ -148,7 +148,7 @@ def _moved(base: Base, motions: Array, amounts: Sequence[Array]) -> Beside:
 
 def _stated(
     effect: Observation,
-    laws: Beside,
+    laws: ScoreTests,
     best: int,
     knocked: float,
     moved_m: float,
@@ -156,10 +156,10 @@ def _stated(
 ) -> Drift:
     """Result for the best law; `knocked` is the margin by which a single knock fits better."""
     left, dof, motion = float(laws.rest - laws.drop[best]), laws.dof - 6, laws.size[best]
-    variance = max(TOLERATED**2, left / dof)
+    variance = max(TOLERATED_FACTOR**2, left / dof)
     p = float(laws.p(variance, np.inf)[best])
     # what remains is a reflector that moved or was read badly
-    rigid = bool(chi2_beyond(left / TOLERATED**2, dof) > odds.FITS)
+    rigid = bool(chi2_beyond(left / TOLERATED_FACTOR**2, dof) > odds.FITS)
     typical = np.concatenate([[q.typical for q in effect.parameters], np.zeros(3)])
     shown = typical @ laws.N[best] @ typical / variance
     std = np.sqrt(np.diag(laws.cov[best]) * max(1.0, left / dof))

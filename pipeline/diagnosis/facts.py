@@ -12,15 +12,15 @@ from pipeline.base.linear import rms
 from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.bounds import Bounds
-from pipeline.diagnosis.joined import Agreement
+from pipeline.diagnosis.combined import SpringAgreement
 from pipeline.faults.mistake import Mistake
-from pipeline.geometry.roughness import Cells
+from pipeline.geometry.roughness import ScaleGrid
 from pipeline.machine.effect import Effect, Elastic, Observation
-from pipeline.readers.known import GROSS_M
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.system.linearised import Linearised
 from pipeline.system.system import Estimate, ScatterRatio
 
-APART = 4.6
+SEPARATED = 4.6
 """Separation of two causes in standard deviations [1] at which the right one leads by 20 to 1 in 95
 % of the cases."""
 
@@ -29,7 +29,7 @@ DETECTED = 5.0
 certain."""
 
 
-MANY = 10.0
+_MANY = 10.0
 """Multiple of its typical magnitude from which on a cause is called enormous [1]: typical
 magnitudes are estimates and hold to a factor of a few (`Effect.source`), so anything beyond an
 order of magnitude is no usual cause."""
@@ -119,7 +119,7 @@ class Unnoticed:
 
 
 @dataclass(frozen=True, eq=False)
-class Pose(Locked):
+class ProposedPose(Locked):
     """One pose to measure, pulled in the usual load steps.
 
     Attributes:
@@ -143,7 +143,7 @@ class Pose(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Proposal(Locked):
+class SeparatingPose(Locked):
     """One pose that would separate causes.
 
     Attributes:
@@ -155,7 +155,7 @@ class Proposal(Locked):
     """
 
     separates: tuple[str, str]
-    at: Pose
+    at: ProposedPose
     before: float
     after: float
     poses: int
@@ -171,7 +171,7 @@ class Determining(Locked):
         after: The same with the pose.
     """
 
-    at: Pose
+    at: ProposedPose
     before: float
     after: float
 
@@ -296,7 +296,7 @@ class UnloadedFacts(Locked):
     miss_m: float
     left_m: float
     visible: Mapping[str, float]
-    cells: Cells | None = None
+    cells: ScaleGrid | None = None
     causes: tuple[TableCause, ...] = ()
     gain: CrossValidation | None = None
     rough: bool = False
@@ -320,7 +320,7 @@ class UnloadedFacts(Locked):
         are far from their positions in [tool].
         """
         left = self.left_m if self.causes else self.miss_m
-        return max(left, self.tool_m) >= GROSS_M
+        return max(left, self.tool_m) >= GROSS_DISTANCE_M
 
     @property
     def corrects(self) -> bool:
@@ -339,7 +339,7 @@ class UnloadedFacts(Locked):
         return tuple(one.effect for one in self.causes)
 
 
-NOTHING = UnloadedFacts(np.nan, np.nan, {})
+NO_UNLOADED = UnloadedFacts(np.nan, np.nan, {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -408,9 +408,9 @@ class FoundCause(Locked):
 
     @property
     def enormous(self) -> EffectSize | None:
-        """Its parameter that certainly exceeds `MANY` times its typical magnitude, if any."""
+        """Its parameter that certainly exceeds `_MANY` times its typical magnitude, if any."""
         most = max(self.amplitudes, key=lambda one: one.at_least_typical)
-        return most if most.at_least_typical > MANY else None
+        return most if most.at_least_typical > _MANY else None
 
 
 @dataclass(frozen=True)
@@ -491,14 +491,14 @@ class Facts:
     beyond_a_tracker: bool = False
     stated_p: float | None = None
     misfit_p: float = 1.0
-    unloaded: UnloadedFacts = NOTHING
+    unloaded: UnloadedFacts = NO_UNLOADED
     moved: tuple[FoundCause, ...] = ()
     base: Drift | None = None
     drift: Drift | None = None
     mistakes: tuple[Mistake, ...] = ()
     bounds: Bounds = field(default_factory=Bounds)
     positions: Facts | None = None
-    agreement: Agreement | None = None
+    agreement: SpringAgreement | None = None
 
     @property
     def misdescribed(self) -> tuple[FoundCause, ...]:
@@ -567,7 +567,7 @@ class Diagnosed(Locked):
     causes: tuple[FoundCause, ...]
     alone: tuple[SoleCause, ...]
     blind_spots: tuple[Unnoticed, ...]
-    next_poses: tuple[Proposal, ...]
+    next_poses: tuple[SeparatingPose, ...]
     determining: tuple[Determining, ...]
     refused: tuple[str, ...]
     clues: tuple[SuspectStatistics, ...]

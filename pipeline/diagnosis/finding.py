@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-ROUGH = 1.6
+WRONG_LAW = 1.6
 """Remainder ratio from which on a law of the model must be wrong [1]."""
 
 

@@ -12,14 +12,20 @@ import scipy.sparse
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array
-from pipeline.diagnosis.average import LEAST, LIKELY, Hypothesis, weighed
-from pipeline.diagnosis.identify import Found, SearchCase, lone_odds, merged, remainder
+from pipeline.diagnosis.average import LEAST_PROBABILITY, POSSIBLE, Hypothesis, weighed
+from pipeline.diagnosis.cause_search import (
+    SearchProblem,
+    SearchResult,
+    lone_odds,
+    merged,
+    remainder,
+)
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect
 from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.estimate import identifiable, solve
 from pipeline.system.linearised import CurrentModel, Linearised
-from pipeline.system.shape import goodness
+from pipeline.system.noise_shape import goodness
 from pipeline.system.system import Errors, Estimate, System
 from pipeline.system.whitened import with_laws
 
@@ -31,7 +37,9 @@ _USUAL = 2.5
 widths over which the evidence is averaged (`system.evidence.WIDTHS`)."""
 
 
-def hypotheses(case: SearchCase, found: Found, moved: bool, helps: bool) -> tuple[Hypothesis, ...]:
+def hypotheses(
+    case: SearchProblem, found: SearchResult, moved: bool, helps: bool
+) -> tuple[Hypothesis, ...]:
     """The accepted causes, and every set with likely rivals in their places; empty without causes.
 
     A scale that scatters more than stated, or a moved robot, requires the same springs with new
@@ -54,8 +62,8 @@ def hypotheses(case: SearchCase, found: Found, moved: bool, helps: bool) -> tupl
     return weighed([own, *(_other(case, found, one) for one in others)])
 
 
-def too_small(case: SearchCase, found: Found) -> tuple[Hypothesis, ...]:
-    """Single causes that may be present undetected where none is detected, each above `LIKELY`.
+def too_small(case: SearchProblem, found: SearchResult) -> tuple[Hypothesis, ...]:
+    """Single causes that may be present undetected where none is detected, each above `POSSIBLE`.
 
     Their weights are relative to a model without causes, which has the remaining probability. Each
     magnitude combines the readings with a normal prior about zero of `_USUAL` typical magnitudes.
@@ -64,7 +72,7 @@ def too_small(case: SearchCase, found: Found) -> tuple[Hypothesis, ...]:
         return ()
     odds = lone_odds(case, found)
     total = 1.0 + sum(each for _, each in odds)
-    likely = [_Set((i,), each / total) for i, each in odds if each / total > LIKELY]
+    likely = [_Set((i,), each / total) for i, each in odds if each / total > POSSIBLE]
     every = [_other(case, found, one) for one in sorted(likely, key=lambda one: -one.weight)]
     return tuple(
         replace(one, estimate=_usual(one.estimate, one.effects[0]), sized=None)
@@ -88,7 +96,7 @@ def usual(effect: Effect) -> Array:
     return _USUAL * effect.size * np.array([p.typical for p in effect.parameters])
 
 
-def accepted(case: SearchCase, found: Found) -> Hypothesis:
+def accepted(case: SearchProblem, found: SearchResult) -> Hypothesis:
     """The accepted causes alone, whether or not they improve predictions."""
     return _hypothesis(case, found.view.model, found.seen, 1.0)
 
@@ -108,7 +116,7 @@ class _Set:
     instead: tuple[tuple[int, int], ...] = ()
 
 
-def _likely(case: SearchCase, found: Found) -> list[_Set]:
+def _likely(case: SearchProblem, found: SearchResult) -> list[_Set]:
     """Sets of causes with their probability: the accepted ones, then others, likeliest first.
 
     Causes in different places are independent; something outside the catalogue may replace one or
@@ -124,15 +132,17 @@ def _likely(case: SearchCase, found: Found) -> list[_Set]:
         weight = (1.0 - known) * one.probability / every
         sets.append(_Set((*kept, one.suspect), weight, instead))
     own = next((one for one in sets if one.suspects == found.accepted), _Set(found.accepted, 0.0))
-    others = [one for one in sets if one.suspects != found.accepted and one.weight > LEAST]
+    others = [
+        one for one in sets if one.suspects != found.accepted and one.weight > LEAST_PROBABILITY
+    ]
     return [own, *sorted(others, key=lambda one: -one.weight)]
 
 
-def _of_catalogue(case: SearchCase, found: Found, known: float) -> Iterator[_Set]:
+def _of_catalogue(case: SearchProblem, found: SearchResult, known: float) -> Iterator[_Set]:
     """Sets of causes of the catalogue in all their forms; `known` is their total probability."""
     for rivals in product(*found.rivals):
         odds = known * math.prod(rival.probability for rival in rivals)
-        if odds > LEAST:
+        if odds > LEAST_PROBABILITY:
             for forms in product(*(rival.forms for rival in rivals)):
                 chosen = tuple(suspect for suspect, _ in forms)
                 weight = odds * math.prod(share for _, share in forms)
@@ -140,7 +150,7 @@ def _of_catalogue(case: SearchCase, found: Found, known: float) -> Iterator[_Set
 
 
 def _at_once(
-    case: SearchCase, found: Found, chosen: tuple[int, ...], weight: float
+    case: SearchProblem, found: SearchResult, chosen: tuple[int, ...], weight: float
 ) -> Iterator[_Set]:
     """One suspect for each place as a set, unless one cause occupies two places."""
     suspects = case.suspects
@@ -151,7 +161,7 @@ def _at_once(
         yield _Set(kept, weight, instead)
 
 
-def _other(case: SearchCase, found: Found, one: _Set) -> Hypothesis:
+def _other(case: SearchProblem, found: SearchResult, one: _Set) -> Hypothesis:
     """Other causes in the places of the accepted ones, estimated together with the springs."""
     known = len(case.suspects)
     if max(one.suspects) >= known:
@@ -170,7 +180,7 @@ def _called(effect: Effect, has_a_name: bool) -> str:
 
 
 def _hypothesis(
-    case: SearchCase,
+    case: SearchProblem,
     model: CurrentModel,
     seen: Linearised,
     weight: float,
@@ -193,7 +203,7 @@ def _hypothesis(
     return Hypothesis(weight, effects, model.cell, system, estimate, instead, ratio, sized)
 
 
-def _tested(case: SearchCase, one: Hypothesis, seen: Linearised) -> Hypothesis:
+def _tested(case: SearchProblem, one: Hypothesis, seen: Linearised) -> Hypothesis:
     """The hypothesis, tested with equal noise for all readings, of the size found.
 
     Weights that follow from the residuals would make these small whatever the model.
@@ -218,7 +228,7 @@ def _sized(system: System, model: CurrentModel, ratio: float) -> Estimate:
     return replace(found, cov=found.cov * ratio**2)
 
 
-def _solved(case: SearchCase, model: CurrentModel, seen: Linearised) -> tuple[System, Estimate]:
+def _solved(case: SearchProblem, model: CurrentModel, seen: Linearised) -> tuple[System, Estimate]:
     """Springs and causes as one linear system about the model's values, and its solution.
 
     Args:
@@ -245,7 +255,7 @@ def _solved(case: SearchCase, model: CurrentModel, seen: Linearised) -> tuple[Sy
     return system, estimate
 
 
-def _scales(case: SearchCase, system: System) -> Array:
+def _scales(case: SearchProblem, system: System) -> Array:
     """Scatter found over stated for each column of G: that of the tracker and of the scale.
 
     The stated one holds unless the found one is certainly larger.

@@ -8,8 +8,14 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.bootstrap import interval
+from pipeline.diagnosis.cause_search import (
+    LEAST_EVIDENCE,
+    SearchProblem,
+    may_join,
+    merged,
+    statistics_given,
+)
 from pipeline.diagnosis.facts import CrossValidation, NamelessEqual, SoleCause
-from pipeline.diagnosis.identify import WORTH, SearchCase, given, may_join, merged
 from pipeline.system.elimination import coefficients
 from pipeline.system.whitened import Whitened
 
@@ -72,7 +78,7 @@ def as_good(
 
 
 def gain(
-    case: SearchCase, first: Whitened, extended: Whitened, limit: float, rng: np.random.Generator
+    case: SearchProblem, first: Whitened, extended: Whitened, limit: float, rng: np.random.Generator
 ) -> CrossValidation:
     """Leave out one pose with all its pulls at a time; choose causes and estimate without it.
 
@@ -101,16 +107,16 @@ def gain(
 
 
 def _choose(
-    case: SearchCase, view: Whitened, M: Array, most: int, limit: float, fewer: int
+    case: SearchProblem, view: Whitened, M: Array, most: int, limit: float, fewer: int
 ) -> tuple[int, ...]:
     """Causes chosen from the remaining poses, one after the other."""
     names: tuple[int, ...] = ()
     for _ in range(most):
         base = np.concatenate([np.arange(view.first), view.columns(names)])
-        now = given(case.suspects, view.beside(base, M, fewer), names)
+        now = statistics_given(case.suspects, view.beside(base, M, fewer), names)
         free = [i for i in range(len(case.suspects)) if may_join(case.suspects, names, i)]
         best = max(free, key=lambda i: now.log_evidence[i])
-        if now.log_evidence[best] < WORTH or now.p()[best] > limit:
+        if now.log_evidence[best] < LEAST_EVIDENCE or now.p()[best] > limit:
             break
         names = merged(case.suspects, (*names, best))
     return names

@@ -19,13 +19,13 @@ from pipeline.diagnosis.facts import (
     UnloadedFacts,
 )
 from pipeline.faults.mistake import Mistake
-from pipeline.geometry.causes import TableLaw as Listed
+from pipeline.geometry.catalogue_causes import CatalogueCause as Listed
+from pipeline.geometry.cross_validation import LeftOutGain as Worth
+from pipeline.geometry.cross_validation import Partition
+from pipeline.geometry.joint_laws import NamedLaw
 from pipeline.geometry.mechanism import placed
-from pipeline.geometry.named import NamedLaw
 from pipeline.geometry.scatter import START
 from pipeline.geometry.study import Study
-from pipeline.geometry.worth import LeftOutGain as Worth
-from pipeline.geometry.worth import Parting
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.unlisted import AMPLITUDE
@@ -44,7 +44,7 @@ def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> 
         robot: Robot as delivered.
         mistakes: Mistakes in the data.
     """
-    first, last = (found.stages[k].mean(Parting.BETWEEN) for k in (0, -1))
+    first, last = (found.stages[k].mean(Partition.BETWEEN) for k in (0, -1))
     causes = (
         *(_listed(one, robot) for one in found.causes),
         *(_cause(law, robot) for law in found.laws),
@@ -240,7 +240,7 @@ def bounds_of(found: Study) -> Bounds:
     is compared with the stated noise alone.
     """
     last, final = found.stages[-1], found.final
-    off = last.errors[Parting.BETWEEN]
+    off = last.errors[Partition.BETWEEN]
     usual_m = _usual(found)
     tracker, stated, unit_m = rms(off[np.isfinite(off)]) / np.sqrt(3) / usual_m, False, usual_m
     own = _own_noise(found) / final.scatter.position if final.scatter.stated else 0.0

@@ -8,9 +8,9 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
-from pipeline.system.beside import left_beside
 from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import WIDTHS
+from pipeline.system.score_tests import left_beside
 from pipeline.system.whitened import Whitened
 
 

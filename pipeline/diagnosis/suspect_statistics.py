@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.diagnosis.blindspots import smallest_visible
+from pipeline.diagnosis.cause_search import SearchResult, by_label
 from pipeline.diagnosis.facts import Misfit, SuspectStatistics
-from pipeline.diagnosis.identify import Found, by_label
-from pipeline.system.beside import padded
 from pipeline.system.evidence import ROUNDING
+from pipeline.system.score_tests import padded
 from pipeline.system.whitened import Whitened
 
 
-def clues(found: Found) -> tuple[SuspectStatistics, ...]:
+def suspect_statistics(found: SearchResult) -> tuple[SuspectStatistics, ...]:
     """Statistics of each suspect added to the joint springs alone, in its likeliest form."""
     view, now, p = found.first, found.scores, found.scores.p()
     seen = smallest_visible(view, view.base, found.threshold.p)

@@ -26,16 +26,23 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.bootstrap import interval
-from pipeline.diagnosis.identify import WORTH, Found, SearchCase, extends, given, search
+from pipeline.diagnosis.cause_search import (
+    LEAST_EVIDENCE,
+    SearchProblem,
+    SearchResult,
+    extends,
+    search,
+    statistics_given,
+)
 from pipeline.diagnosis.verdict import CERTAIN
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import unlisted
 from pipeline.machine.effects.nameless import NAMELESS, nameless
 from pipeline.system import alarms
-from pipeline.system.beside import Base
 from pipeline.system.detect import threshold
 from pipeline.system.evidence import Scores
+from pipeline.system.score_tests import Base
 from pipeline.system.whitened import Whitened
 
 _FLIPS = 3000
@@ -62,7 +69,9 @@ _SEED = 20261123
 """Seed of separate draws, so that campaigns without such laws keep their other draws."""
 
 
-def beyond(case: SearchCase, found: Found, start: Array) -> tuple[SearchCase, Found]:
+def with_unlisted_laws(
+    case: SearchProblem, found: SearchResult, start: Array
+) -> tuple[SearchProblem, SearchResult]:
     """Extend the suspects by laws outside the catalogue, and search again.
 
     Laws are also tested where the catalogue explains the data: what its own tests do not see may
@@ -77,7 +86,7 @@ def beyond(case: SearchCase, found: Found, start: Array) -> tuple[SearchCase, Fo
         start: Initial compliances.
     """
     rng, every = np.random.default_rng(_SEED), _every(case, found)
-    if open_(found, rng) or _likely(case, found, found.accepted, every, rng):
+    if _open_(found, rng) or _likely(case, found, found.accepted, every, rng):
         case, found = _extended(*_searched(case, found, (), every, start, rng), start, rng)
         if found.accepted:
             again = _searched(case, found, found.accepted, every, start, rng)
@@ -86,8 +95,8 @@ def beyond(case: SearchCase, found: Found, start: Array) -> tuple[SearchCase, Fo
 
 
 def _extended(
-    case: SearchCase, found: Found, start: Array, rng: np.random.Generator
-) -> tuple[SearchCase, Found]:
+    case: SearchProblem, found: SearchResult, start: Array, rng: np.random.Generator
+) -> tuple[SearchProblem, SearchResult]:
     """Add further shapes of the accepted laws to the suspects, where they are significant.
 
     They are sought given these laws alone: other accepted causes may be what a law lacks.
@@ -100,7 +109,7 @@ def _extended(
     return _searched(case, found, mine, tuple(chain(*every)), start, rng)
 
 
-def _every(case: SearchCase, found: Found) -> tuple[Effect, ...]:
+def _every(case: SearchProblem, found: SearchResult) -> tuple[Effect, ...]:
     """All laws, sharing the prior odds of the nameless among them."""
     model, robot = found.first.model, case.cell.robot
     loaded = load(model.cell, case.data.pulls, model.values)
@@ -108,13 +117,13 @@ def _every(case: SearchCase, found: Found) -> tuple[Effect, ...]:
 
 
 def _searched(
-    case: SearchCase,
-    found: Found,
+    case: SearchProblem,
+    found: SearchResult,
     beside: tuple[int, ...],
     every: tuple[Effect, ...],
     start: Array,
     rng: np.random.Generator,
-) -> tuple[SearchCase, Found]:
+) -> tuple[SearchProblem, SearchResult]:
     """Result with laws among the suspects, if one is accepted and carries over to other poses."""
     laws = _likely(case, found, beside, every, rng)
     if not laws:
@@ -130,7 +139,7 @@ def _searched(
     return wider, replace(other, p_values=p_values)
 
 
-def open_(found: Found, rng: np.random.Generator) -> bool:
+def _open_(found: SearchResult, rng: np.random.Generator) -> bool:
     """Whether something was detected that the catalogue does not certainly explain.
 
     This is so if something is left, if something nameless may take a cause's place, or if left-out
@@ -159,14 +168,14 @@ def _gain(
     return interval(before[tests], after[tests], pose, rng)[1][0]
 
 
-def _named(case: SearchCase, found: Found) -> set[tuple[str, str]]:
+def _named(case: SearchProblem, found: SearchResult) -> set[tuple[str, str]]:
     effects = [case.suspects[i] for i in found.accepted]
     return {(one.label, one.form) for one in effects if one.law is not None}
 
 
 def _likely(
-    case: SearchCase,
-    found: Found,
+    case: SearchProblem,
+    found: SearchResult,
     beside: tuple[int, ...],
     laws: tuple[Effect, ...],
     rng: np.random.Generator,
@@ -183,13 +192,13 @@ def _likely(
     if not laws:
         return {}
     view, first = _view(case, found, beside, laws), len(beside)
-    now = given(view.suspects, view.beside(view.base), range(first))
+    now = statistics_given(view.suspects, view.beside(view.base), range(first))
     evidence, p = now.log_evidence[first:], now.p()[first:]
-    if not ((evidence > WORTH) & (p < alarms.LAW)).any():  # the family's p is not smaller
+    if not ((evidence > LEAST_EVIDENCE) & (p < alarms.LAW)).any():  # the family's p is not smaller
         return {}
     limit = threshold(view, view.base, now.dof, rng, _DRAWS)
     by_scatter = -np.expm1(limit.independent * np.log1p(-np.minimum(p, 1 - 1e-15)))
-    able = (evidence > WORTH) & (by_scatter < alarms.LAW)
+    able = (evidence > LEAST_EVIDENCE) & (by_scatter < alarms.LAW)
     if not able.any():
         return {}
     fresh = [one.law is None or one.law.more is None for one in laws]
@@ -215,7 +224,7 @@ def _with_room(laws: Sequence[Effect], ranked: Sequence[int]) -> Iterator[int]:
 
 
 def _view(
-    case: SearchCase, found: Found, accepted: tuple[int, ...], laws: tuple[Effect, ...]
+    case: SearchProblem, found: SearchResult, accepted: tuple[int, ...], laws: tuple[Effect, ...]
 ) -> Whitened:
     """The campaign given some causes, with every law as a further suspect.
 
@@ -285,7 +294,7 @@ def _likelihood(share: Array, rank: Array | Ints, dof: int) -> Array:
     return np.asarray(-0.5 * dof * np.log1p(-explained) - 0.5 * rank * np.log(dof))
 
 
-def _carries(case: SearchCase, found: Found, rng: np.random.Generator) -> bool:
+def _carries(case: SearchProblem, found: SearchResult, rng: np.random.Generator) -> bool:
     """Whether every accepted law certainly improves predictions of left-out poses.
 
     At 95 %, poses drawn with replacement, given everything else that is accepted; over all poses,
@@ -295,7 +304,7 @@ def _carries(case: SearchCase, found: Found, rng: np.random.Generator) -> bool:
     return all(_carried(case, found, law, rng) for law in laws)
 
 
-def _carried(case: SearchCase, found: Found, law: int, rng: np.random.Generator) -> bool:
+def _carried(case: SearchProblem, found: SearchResult, law: int, rng: np.random.Generator) -> bool:
     """Whether one law certainly improves predictions of left-out poses."""
     rest, taught = _without(case, found, law), _taught(case, found, law)
     if _gain(found.plain, rest, rng) > 0:
@@ -303,7 +312,7 @@ def _carried(case: SearchCase, found: Found, law: int, rng: np.random.Generator)
     return not taught.all() and _gain(found.plain, rest, rng, taught) > 0
 
 
-def _taught(case: SearchCase, found: Found, law: int) -> Bools:
+def _taught(case: SearchProblem, found: SearchResult, law: int) -> Bools:
     """Readings of poses whose variable is within the range of all other poses, shape (m,).
 
     Beyond that range a law only states that it is uncertain (`unlisted.beyond`), so that an error
@@ -322,7 +331,7 @@ def _taught(case: SearchCase, found: Found, law: int) -> Bools:
     return inside
 
 
-def _without(case: SearchCase, found: Found, law: int) -> Ints:
+def _without(case: SearchProblem, found: SearchResult, law: int) -> Ints:
     """Columns of everything accepted except a law, or of an extension only its last shape."""
     view, one = found.plain, case.suspects[law]
     rest = view.columns([i for i in found.accepted if i != law])

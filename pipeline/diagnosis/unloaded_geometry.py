@@ -17,7 +17,7 @@ from pipeline.base.arrays import Array
 from pipeline.base.bootstrap import interval
 from pipeline.base.linear import rms
 from pipeline.diagnosis.facts import (
-    NOTHING,
+    NO_UNLOADED,
     CrossValidation,
     PossibleCause,
     TableCause,
@@ -25,8 +25,8 @@ from pipeline.diagnosis.facts import (
 )
 from pipeline.geometry import remastered
 from pipeline.geometry.roughness import (
-    Cells,
-    Suspect,
+    ScaleGrid,
+    SuspectUnknowns,
     cells,
     left_out,
     products,
@@ -39,12 +39,12 @@ from pipeline.geometry.unloaded import USUAL, PoseRows, Unloaded, off, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation, Pulls
 from pipeline.machine.effects import base_moved, base_rotation, joint_offset, table, target_moved
-from pipeline.machine.robot.letters import changed
+from pipeline.machine.robot.dh_parameters import changed
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.system import Estimate
 
-BEYOND = 5.0
+OUTSTANDING = 5.0
 """Minimum ratio of a cause to the deviations of the rest of the table, or of a usual table [1]."""
 
 _MISFIT = 1e-6
@@ -65,7 +65,7 @@ cases [1]."""
 
 
 @dataclass(frozen=True)
-class _Suspect(Suspect):
+class _Suspect(SuspectUnknowns):
     """A possible cause.
 
     Attributes:
@@ -77,7 +77,7 @@ class _Suspect(Suspect):
     tries: int = 1
 
 
-def standing(
+def from_unloaded(
     cell: Cell, data: Measured, scale: float, effects: Sequence[Effect], wander_m: float = 0.0
 ) -> UnloadedFacts:
     """Estimate the table from the unloaded positions, and find the parameters that are far off.
@@ -91,7 +91,7 @@ def standing(
     """
     zeros = unloaded(cell.robot, cell.tool, _sag(effects), data, scale)
     if zeros is None:
-        return NOTHING
+        return NO_UNLOADED
     asked = tuple(_suspects(zeros, effects))
     x = np.zeros(zeros.columns.count)
     rows = zeros.about(x)
@@ -114,7 +114,7 @@ def standing(
     )
 
 
-def _moved_tool(zeros: Unloaded, found: Cells) -> float:
+def _moved_tool(zeros: Unloaded, found: ScaleGrid) -> float:
     """Largest distance of an estimated target from its position in [tool] [m]."""
     if zeros.turned is not None:  # one pose stands for all targets
         return 0.0
@@ -157,7 +157,7 @@ def _unseen(effects: Sequence[Effect], asked: Sequence[_Suspect]) -> set[str]:
     return {one.label for one in effects if one.shows_unloaded} - {one.label for one in asked}
 
 
-def _fits(zeros: Unloaded, rows: PoseRows, plain: Cells) -> bool:
+def _fits(zeros: Unloaded, rows: PoseRows, plain: ScaleGrid) -> bool:
     """Whether position, stated rotation, tool and noise of the readings explain the positions."""
     left = rows.y - rows.D @ plain.mean
     chi2 = float(np.sum(np.einsum("pij,pj->pi", linear.whitening(rows.N), left) ** 2))
@@ -181,7 +181,7 @@ class _Search:
     asked: tuple[_Suspect, ...]
     x: Array
     rows: PoseRows
-    found: Cells
+    found: ScaleGrid
     wander_m: float
 
     def done(self) -> _Search:
@@ -231,10 +231,10 @@ class _Search:
 
     def far(self, one: _Suspect) -> bool:
         """Whether a cause is significant and far beyond the rest of the table and the wander."""
-        if self.p_value(one) >= alarms.GEOMETRY or _size(self.found, one) <= BEYOND:
+        if self.p_value(one) >= alarms.GEOMETRY or _size(self.found, one) <= OUTSTANDING:
             return False
         moves = _moves(self.found, one) @ self.found.mean[list(one.columns)]
-        return rms(moves) > BEYOND * self.wander_m
+        return rms(moves) > OUTSTANDING * self.wander_m
 
     def p_value(self, one: _Suspect) -> float:
         """P-value of a cause, corrected for the number of suspects and their alternatives."""
@@ -255,7 +255,7 @@ _STILL = 1e-6
 """Change of the table's parameters below which the iteration ends [m or rad]."""
 
 
-def _rest(found: Cells, one: Suspect) -> float:
+def _rest(found: ScaleGrid, one: SuspectUnknowns) -> float:
     """What the rest of the table, or a usual one, is off by: in the unit of a cause [m] or [rad].
 
     What the weight of the arm moves is compared with lengths, as it moves reflectors, and a motion
@@ -268,7 +268,7 @@ def _rest(found: Cells, one: Suspect) -> float:
         return max(float(zeros.usual()[k]), float(found.per_letter[k]))
     if first >= where.changes.start:
         joint = next(change.joint for change, at in zeros.changed if at.start == first)
-        size = max(float(np.sqrt(found.weight @ found.transmission**2)), 1 / BEYOND)
+        size = max(float(np.sqrt(found.weight @ found.transmission**2)), 1 / OUTSTANDING)
         if joint:
             return START[bool(zeros.robot.prismatic[joint - 1])] * size
         usual = np.where(zeros.robot.prismatic, START[True], START[False])
@@ -278,7 +278,7 @@ def _rest(found: Cells, one: Suspect) -> float:
     return max(USUAL[0], float(found.roughness[0]))
 
 
-def _size(found: Cells, one: _Suspect) -> float:
+def _size(found: ScaleGrid, one: _Suspect) -> float:
     """How often a cause is what the rest is off by."""
     x = found.mean[list(one.columns)]
     if one.effect.name not in _OF_MANY:
@@ -290,12 +290,12 @@ _OF_MANY = ("gravity_sag", "base_moved")
 """Causes whose unknowns count by what they move the reflectors."""
 
 
-def _moves(found: Cells, one: Suspect) -> Array:
+def _moves(found: ScaleGrid, one: SuspectUnknowns) -> Array:
     """Motion per unit of each of its unknowns, shape (p, r, columns) [m]."""
     return np.asarray(found.zeros.about(found.mean).D[:, :, list(one.columns)])
 
 
-def _visible(found: Cells, asked: Sequence[_Suspect]) -> dict[str, float]:
+def _visible(found: ScaleGrid, asked: Sequence[_Suspect]) -> dict[str, float]:
     """Multiples of the typical magnitude from which a cause is found in 80 % of the cases."""
     out, best, free = {}, found.best, {one.label for one in found.free}
     far = float(special.ndtri(1 - alarms.GEOMETRY / len(asked) / 2)) + _POWER
@@ -312,12 +312,12 @@ def _visible(found: Cells, asked: Sequence[_Suspect]) -> dict[str, float]:
     return out
 
 
-def _least(found: Cells, one: _Suspect) -> float:
-    """`BEYOND`, as a multiple of the typical magnitude."""
+def _least(found: ScaleGrid, one: _Suspect) -> float:
+    """`OUTSTANDING`, as a multiple of the typical magnitude."""
     typical = one.effect.parameters[0].typical
     if one.label == "gravity_sag":
         typical = max(rms(_moves(found, one).sum(axis=2)), 1e-12)
-    return BEYOND * _rest(found, one) / typical
+    return OUTSTANDING * _rest(found, one) / typical
 
 
 def _off(search: _Search, number: int) -> TableCause:
@@ -355,7 +355,7 @@ def _units(one: _Suspect) -> Array:
     return np.array([parameter.typical for parameter in one.effect.parameters])
 
 
-def _gain(missed: tuple[Array, Array], zeros: Unloaded, found: Cells) -> CrossValidation:
+def _gain(missed: tuple[Array, Array], zeros: Unloaded, found: ScaleGrid) -> CrossValidation:
     """Cross-validation of the corrected table against the table as it is."""
     before, after = (part.ravel() for part in missed)
     rng = np.random.default_rng(_SEED)

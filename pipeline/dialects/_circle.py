@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
 from pipeline.dialects._coordinates import PACKED, angular, plain_angles
-from pipeline.readers._cells import shown
+from pipeline.readers._cells import shortened
 from pipeline.readers._reader import Meaning
 
 FULL = {"gon": 400.0, "deg": 360.0, "rad": 2.0 * np.pi, PACKED: 360.0}
@@ -54,16 +54,16 @@ def within_a_circle(
         none = np.abs(numbers[k]) > (1.0 + FACE) * max(FULL.values())
         few = none.mean() < _MINORITY if len(none) else False
         for row in np.flatnonzero(turns > 1.0 + FACE).tolist():
-            said = (
-                f'column "{shown(titles[k])}" holds {numbers[k][row]:.10g}, more than the '
+            text = (
+                f'column "{shortened(titles[k])}" holds {numbers[k][row]:.10g}, more than the '
                 f"{FULL[angle]:.4g} {angle} of a full circle"
             )
             if not (none[row] and few):
                 raise InputError(
-                    said,
+                    text,
                     "correct its unit in the title, or angle in [tracker] of campaign.toml, or "
                     "the row",
                     line=int(line[row]),
                 )
-            out[row] = f"{said}; correct or remove the row"
+            out[row] = f"{text}; correct or remove the row"
     return out

@@ -12,7 +12,7 @@ from pipeline.base.covariance import flat, symmetric
 from pipeline.base.errors import InputError
 from pipeline.readers._reader import Meaning
 from pipeline.readers._units import UNIT_WORDS, in_unit, metres
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 PACKED = "dms"
 """Name of the unit of degrees with minutes and seconds after the point: 123.4512 is 123 degrees, 45
@@ -243,7 +243,7 @@ def settled(stated: str | None, said: str | None, what: str, example: str) -> st
     return stated or said or ""
 
 
-def settled_unit(stated: str | None, hints: Hints) -> str:
+def settled_unit(stated: str | None, hints: ExportSettings) -> str:
     """The unit of length stated by an export, otherwise by campaign.toml.
 
     Raises:
@@ -256,7 +256,7 @@ def settled_angles(
     meaning: Meaning,
     stated: Angles,
     third: Array,
-    hints: Hints,
+    hints: ExportSettings,
 ) -> Meaning:
     """Complete the meaning with unit, zero and sense of the angles, if there are any.
 

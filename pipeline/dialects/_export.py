@@ -18,7 +18,7 @@ from pipeline.readers import _reader
 from pipeline.readers._layout import TypedRows
 from pipeline.readers._reader import OF_EACH, Export, Meaning, in_a_hall, kept, of_targets
 from pipeline.readers._text import Text
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 EXPANDED, STANDARD, A_PRIORI, RMS = "expanded", "standard", "a-priori", "rms"
 _PREFERRED = (A_PRIORI, STANDARD, EXPANDED)
@@ -42,7 +42,7 @@ U(95))."""
 
 def export(
     text: Text,
-    hints: Hints,
+    hints: ExportSettings,
     dialect: str,
     rows: TypedRows,
     meaning: Meaning,
@@ -112,7 +112,7 @@ def _is_none(C: Array | None) -> Bools:
     return np.asarray(np.logical_or.reduce([negative, *tied]))
 
 
-def _chosen(kinds: Collection[str], hints: Hints) -> str | None:
+def _chosen(kinds: Collection[str], hints: ExportSettings) -> str | None:
     """Which of the covariances of a file is used.
 
     Raises:

@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.readers._reader import Faces
-from pipeline.readers.known import GROSS_M
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 
 
 def pairs(names: Sequence[Any], second: Bools, position: Array) -> Ints:
@@ -36,7 +36,7 @@ def pairs(names: Sequence[Any], second: Bools, position: Array) -> Ints:
             waiting[name] = k
     both = np.array(found, dtype=np.int64).reshape(-1, 2)
     apart = np.linalg.norm(position[both[:, 0]] - position[both[:, 1]], axis=1)
-    return both[apart <= GROSS_M]
+    return both[apart <= GROSS_DISTANCE_M]
 
 
 def summary(position: Array, found: Ints, second: Bools) -> Faces:

@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, listed
-from pipeline.readers._cells import shown
+from pipeline.readers._cells import shortened
 
 NEAR = 0.01
 """Displacement relative to distance up to which two positions count as the same place [1]; loads
@@ -97,10 +97,11 @@ def several(title: str, words: Iterable[str], line: int | None) -> InputError:
     """Error that asks which rows are meant if the same targets have several positions."""
     found = sorted({*words})
     return InputError(
-        f'column "{shown(title)}" holds {listed(found)}, and the same targets are elsewhere for '
-        "each",
-        f'say which is meant: instrument = "{shown(found[0])}" (or another) in [tracker.mapping] '
-        f'of campaign.toml, with instrument = "{shown(title)}" among its columns',
+        f'column "{shortened(title)}" holds {listed(found)}, and the same targets are elsewhere '
+        "for each",
+        f'say which is meant: instrument = "{shortened(found[0])}" (or another) in '
+        f'[tracker.mapping] of campaign.toml, with instrument = "{shortened(title)}" among its '
+        "columns",
         line=line,
     )
 

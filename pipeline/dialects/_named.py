@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.base.errors import InputError
-from pipeline.readers._cells import IN_BRACKETS, bare, shown
+from pipeline.readers._cells import IN_BRACKETS, bare, shortened
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._text import Text
 from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
@@ -254,7 +254,7 @@ def known_units(columns: Sequence[Named]) -> None:
         words = re.findall(r"[^\W\d_]+", column.title.lower())
         if column.unit is None and words and words[-1] in _OTHER_UNITS:
             raise InputError(
-                f'the coordinates of column "{shown(column.title)}" are in {words[-1]}',
+                f'the coordinates of column "{shortened(column.title)}" are in {words[-1]}',
                 f"export them in one of {', '.join(dict.fromkeys(UNIT_WORDS.values()))}",
             )
 

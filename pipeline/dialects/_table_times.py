@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 from pipeline.base.errors import InputError
 from pipeline.dialects._named import Header
 from pipeline.readers import _time
-from pipeline.readers._cells import cells_or_none, is_plain, shown
+from pipeline.readers._cells import cells_or_none, is_plain, shortened
 from pipeline.readers._layout import TypedRows
 from pipeline.readers._text import Text
 
@@ -45,7 +45,7 @@ def trusted_times(text: Text, header: Header, comment: str | None) -> tuple[Head
         return header, None
     columns = list(header.columns)
     columns[place] = replace(columns[place], role="")
-    untimed = f'{columns[place].title} ("{shown(filled[0])}")'
+    untimed = f'{columns[place].title} ("{shortened(filled[0])}")'
     return replace(header, columns=tuple(columns)), untimed
 
 
@@ -68,7 +68,7 @@ def _no_times_elsewhere(cells: Sequence[str], header: Header) -> None:
     for column, cell in zip(header.columns, cells, strict=False):
         if not column.role and _time.form_of(cell):
             raise InputError(
-                f'column "{shown(column.title)}" contains times, but is not called time',
+                f'column "{shortened(column.title)}" contains times, but is not called time',
                 "call it time, or say what it is in [tracker.mapping] of campaign.toml",
             )
 

@@ -36,13 +36,13 @@ from pipeline.dialects._named import (
 )
 from pipeline.dialects._table_times import SEARCHED, dated, form_of_times, sample, trusted_times
 from pipeline.dialects._titles import horizontal, name_a_place, no_level_range
-from pipeline.readers._cells import above, cells_or_none, is_remark, shown
+from pipeline.readers._cells import above, cells_or_none, is_remark, shortened
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, TypedRows
 from pipeline.readers._reader import Export, Meaning
 from pipeline.readers._text import Text
 from pipeline.readers._units import UNIT_WORDS
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 _UNCERTAINTIES = {
     EXPANDED: ("u95 x", "u95 y", "u95 z"),
@@ -98,7 +98,7 @@ class _ThreeColumns:
         return [self.roles[k] for k in ANGULAR[self.kind]]
 
 
-def below_header(text: Text, hints: Hints, dialect: str) -> Export:
+def below_header(text: Text, hints: ExportSettings, dialect: str) -> Export:
     """Read a table whose header was found when its dialect was recognised."""
     header = find(text.sample())
     assert header is not None
@@ -107,7 +107,7 @@ def below_header(text: Text, hints: Hints, dialect: str) -> Export:
 
 def read(
     text: Text,
-    hints: Hints,
+    hints: ExportSettings,
     header: Header,
     dialect: str,
     comment: str | None = None,
@@ -199,7 +199,7 @@ def _not_nominal(table: TypedRows, sorting: Iterable[Field]) -> tuple[TypedRows,
         marks = table.columns[field.name].dictionary.to_pylist()
         found = _kinds.nominal(map(str, marks))
         if found:
-            reason = f"its {shown(field.title)} is {listed(sorted(found))}, so that nobody has "
+            reason = f"its {shortened(field.title)} is {listed(sorted(found))}, so that nobody has "
             reason += "measured it; correct that if it was"
             table = table.only(~_cells_that(table, field.name, found.__contains__), reason)
             titles.add(field.title)
@@ -216,7 +216,9 @@ def _not_twice(table: TypedRows, sorting: Iterable[Field]) -> TypedRows:
         names = list(zip(*(table.columns[name].to_pylist() for name in called), strict=True))
         single = {name for name, averaged in zip(names, mean, strict=True) if not averaged}
         twice = mean & np.array([name in single for name in names], dtype=bool)
-        reason = f"its {shown(field.title)} says that it is the average of other rows; remove it"
+        reason = (
+            f"its {shortened(field.title)} says that it is the average of other rows; remove it"
+        )
         table = table.only(~twice, reason)
     return table
 
@@ -331,12 +333,12 @@ def _nearly(header: Header) -> None:
         near = get_close_matches(column.title.lower(), _LOST_IF_MISSPELT, n=1, cutoff=_ALIKE)
         if near and not header.has(_LOST_IF_MISSPELT[near[0]]):
             raise InputError(
-                f'column "{shown(column.title)}" is not known, but looks like "{near[0]}"',
+                f'column "{shortened(column.title)}" is not known, but looks like "{near[0]}"',
                 "correct its name, or say what it is in [tracker.mapping] of campaign.toml",
             )
 
 
-def _axes(header: Header, hints: Hints) -> _ThreeColumns:
+def _axes(header: Header, hints: ExportSettings) -> _ThreeColumns:
     """The columns of coordinates, after checks of the header.
 
     Raises:
@@ -352,7 +354,7 @@ def _axes(header: Header, hints: Hints) -> _ThreeColumns:
     return axes
 
 
-def _kind(header: Header, hints: Hints) -> _ThreeColumns:
+def _kind(header: Header, hints: ExportSettings) -> _ThreeColumns:
     """The columns of coordinates.
 
     Raises:
@@ -388,7 +390,7 @@ def _field(column: Named, place: int, axes: _ThreeColumns, apart: bool) -> Field
     return Field(f"{name} ({place + 1})", unused, needed=False, title=column.title)
 
 
-def _counting(table: TypedRows, hints: Hints) -> TypedRows:
+def _counting(table: TypedRows, hints: ExportSettings) -> TypedRows:
     """Keep rows not marked as deleted or inactive, and of the requested instrument."""
     counting: dict[str, Callable[[str], bool]] = {
         "delete": lambda mark: mark.lower() in (*_BLANK, *_NO),
@@ -422,7 +424,9 @@ def _cells_that(table: TypedRows, name: str, fits: Callable[[str], bool]) -> Boo
     return np.array(fitting, dtype=bool)[np.asarray(marks.indices)]
 
 
-def _meaning(header: Header, hints: Hints, table: TypedRows, axes: _ThreeColumns) -> Meaning:
+def _meaning(
+    header: Header, hints: ExportSettings, table: TypedRows, axes: _ThreeColumns
+) -> Meaning:
     lengths = [role for role in axes.roles if role not in axes.angular]
     unit = settled_unit(one_unit(header, lengths), hints)
     third = axes.roles[2]
@@ -452,7 +456,9 @@ def _all_or_none(header: Header) -> None:
             )
 
 
-def covariances(table: TypedRows, header: Header, hints: Hints, unit: str) -> dict[str, Array]:
+def covariances(
+    table: TypedRows, header: Header, hints: ExportSettings, unit: str
+) -> dict[str, Array]:
     """Covariances by kind in the units of the coordinates, (n, 6); NaN where a cell is empty."""
 
     def said(*roles: str) -> list[Array]:

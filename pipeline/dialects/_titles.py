@@ -10,7 +10,7 @@ from functools import lru_cache
 from pipeline.base.errors import InputError
 from pipeline.dialects._coordinates import AXES, VERTICALS
 from pipeline.dialects._named import DEVIATION, Named, in_context, named
-from pipeline.readers._cells import IN_BRACKETS, shown
+from pipeline.readers._cells import IN_BRACKETS, shortened
 from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
@@ -111,10 +111,10 @@ def _turned(columns: Sequence[Named]) -> list[Named]:
     A letter beside `north`, as in `X (North)`, is the convention of the file, not ours; this
     applies only if one column is the northing and one the easting, since `X (N)` alone is a force.
     """
-    said = [_direction(column.title) for column in columns]
-    if sorted(one for one in said if one in ("x", "y")) != ["x", "y"]:
+    selected = [_direction(column.title) for column in columns]
+    if sorted(one for one in selected if one in ("x", "y")) != ["x", "y"]:
         return list(columns)
-    pairs = zip(columns, said, strict=True)
+    pairs = zip(columns, selected, strict=True)
     return [replace(column, role=one) if one else column for column, one in pairs]
 
 
@@ -143,7 +143,7 @@ def no_level_range(titles: Iterable[str]) -> None:
     level = next(filter(_is_level_distance, titles), None)
     if level is not None:
         raise InputError(
-            f'column "{shown(level)}" is a horizontal distance, and no range',
+            f'column "{shortened(level)}" is a horizontal distance, and no range',
             "export the slope distance beside the angles, or x, y and z",
         )
 

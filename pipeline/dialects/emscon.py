@@ -17,9 +17,9 @@ from pipeline.dialects._export import A_PRIORI, STANDARD, export
 from pipeline.readers._cells import text_of
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Layout, TypedRows
-from pipeline.readers._reader import Export, Meaning, Reader, Readings
+from pipeline.readers._reader import Export, Meaning, OutgoingReadings, Reader
 from pipeline.readers._text import Text
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 _VALUES = ("dVal1", "dVal2", "dVal3")
 _KINDS = {STANDARD: "d", A_PRIORI: "dApriori"}
@@ -57,7 +57,7 @@ def _titles(line: str) -> list[str]:
     return [title.strip() for title in line.split(",")]
 
 
-def read(text: Text, hints: Hints) -> Export:
+def read(text: Text, hints: ExportSettings) -> Export:
     """Read an emScon dump; its readings have no names.
 
     Raises:
@@ -114,7 +114,7 @@ def _six(table: TypedRows, titles: Sequence[str], start: str) -> Array:
     return np.column_stack([s1**2, c12, c13, s2**2, c23, s3**2])
 
 
-def _meaning(table: TypedRows, titles: Sequence[str], hints: Hints) -> Meaning:
+def _meaning(table: TypedRows, titles: Sequence[str], hints: ExportSettings) -> Meaning:
     unit = settled_unit(None, hints)
     stated = "cartesian" if _lengths_only(table, titles) else None
     example = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
@@ -131,7 +131,7 @@ def _lengths_only(table: TypedRows, titles: Sequence[str]) -> bool:
     return bool(np.allclose(np.sqrt(s1**2 + s2**2 + s3**2), total, rtol=_RELATIVE, atol=_ABSOLUTE))
 
 
-def write(readings: Readings, unit: str, digits: int | None) -> bytes:
+def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     """Write a dump in Cartesian coordinates; names and times are lost.
 
     An assignment restores the names.

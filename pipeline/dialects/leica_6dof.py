@@ -15,9 +15,9 @@ from pipeline.dialects._coordinates import raw
 from pipeline.dialects._export import EXPANDED, USUAL_FACTORS
 from pipeline.dialects.tracker_pilot import expanded
 from pipeline.readers._cells import text_of
-from pipeline.readers._reader import Export, Meaning, Reader, Readings, written
+from pipeline.readers._reader import Export, Meaning, OutgoingReadings, Reader, written
 from pipeline.readers._text import Text
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 
 def _recognise(lines: Sequence[str]) -> bool:
@@ -26,12 +26,12 @@ def _recognise(lines: Sequence[str]) -> bool:
     return header is not None and expanded(header) and not titled.recognise(lines)
 
 
-def read(text: Text, hints: Hints) -> Export:
+def read(text: Text, hints: ExportSettings) -> Export:
     """Read a T-Mac export; readings marked as deleted are rejected."""
     return _tables.below_header(text, hints, READER.name)
 
 
-def write(readings: Readings, unit: str, digits: int | None) -> bytes:
+def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     """Write a T-Mac export; orientations are zero, U(95) is twice the standard uncertainty."""
     six = np.zeros((len(readings.group), 6)) if readings.covariance is None else readings.covariance
     U95 = text_of(raw(USUAL_FACTORS[EXPANDED] * np.sqrt(six[:, [0, 3, 5]]), Meaning(unit)), None)

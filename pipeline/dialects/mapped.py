@@ -9,7 +9,7 @@ from pipeline.readers._cells import bare, is_plain
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._reader import Export
 from pipeline.readers._text import Text, squeezed
-from pipeline.readers.said import Columns, Hints
+from pipeline.readers.export_settings import Columns, ExportSettings
 
 _NAME = "table by [tracker.mapping]"
 _ROLES = {
@@ -19,7 +19,7 @@ _ROLES = {
 """Role of a column by its name in [tracker.mapping.columns], if different."""
 
 
-def read(text: Text, hints: Hints, dialect: str = _NAME) -> Export:
+def read(text: Text, hints: ExportSettings, dialect: str = _NAME) -> Export:
     """Read a table whose columns campaign.toml describes.
 
     Raises:

@@ -33,10 +33,10 @@ from pipeline.readers import _time
 from pipeline.readers._cells import cells_or_none, is_number, is_plain, is_remark
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, TypedRows
-from pipeline.readers._reader import Export, Meaning, Reader, Readings, written
+from pipeline.readers._reader import Export, Meaning, OutgoingReadings, Reader, written
 from pipeline.readers._text import SAMPLE_LINES, Text
 from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 _T = TypeVar("_T")
 
@@ -78,7 +78,7 @@ def _recognise(lines: Sequence[str]) -> bool:
     return bool(comments) or shape.compound > 0
 
 
-def read(text: Text, hints: Hints) -> Export:
+def read(text: Text, hints: ExportSettings) -> Export:
     """Read a SpatialAnalyzer export.
 
     Raises:
@@ -192,7 +192,9 @@ def _fields(shape: _RowShape) -> tuple[Field, ...]:
     return tuple(out)
 
 
-def _meaning(comments: Sequence[str], hints: Hints, table: TypedRows, line: int) -> Meaning:
+def _meaning(
+    comments: Sequence[str], hints: ExportSettings, table: TypedRows, line: int
+) -> Meaning:
     """Meaning of the numbers according to the header.
 
     Short units count only after `units` or in brackets.
@@ -249,7 +251,7 @@ def _kinds_by_titles(comments: Sequence[str]) -> set[str]:
     return found
 
 
-def write(readings: Readings, unit: str, digits: int | None) -> bytes:
+def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     """Write a Cartesian export with header and timestamps."""
     words = {"mm": "Millimeters", "m": "Meters", "in": "Inches"}
     head = [

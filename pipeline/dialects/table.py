@@ -9,7 +9,7 @@ from pipeline.base.doors import opened
 from pipeline.dialects import mapped
 from pipeline.readers._reader import TABLE, Export, Reader
 from pipeline.readers._text import Text
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 _DESCRIBED = "pipeline.intake.table:described"
 """Reference to the intake, which interprets tables in no known dialect."""
@@ -20,7 +20,7 @@ def _recognise(lines: Sequence[str]) -> bool:
     return bool(lines)
 
 
-def read(text: Text, hints: Hints, dialect: str = TABLE) -> Export:
+def read(text: Text, hints: ExportSettings, dialect: str = TABLE) -> Export:
     """Read a table by the apparent meaning of its columns.
 
     Raises:

@@ -11,7 +11,7 @@ from pipeline.dialects._titles import titled
 from pipeline.readers import plain
 from pipeline.readers._reader import Export
 from pipeline.readers._text import Text
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 _NEEDED = ("group", "target", "x", "y", "z")
 _ENOUGH = 3
@@ -27,7 +27,7 @@ def recognise(lines: Sequence[str]) -> bool:
     return there >= _ENOUGH and "group" in exact and ("target" in exact or not other)
 
 
-def read(text: Text, hints: Hints) -> Export:
+def read(text: Text, hints: ExportSettings) -> Export:
     """Read such a table.
 
     Raises:

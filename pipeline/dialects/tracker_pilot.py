@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 from pipeline.dialects import _named, table, titled
 from pipeline.dialects._named import Header
-from pipeline.readers._reader import Export, Reader, Readings, written
+from pipeline.readers._reader import Export, OutgoingReadings, Reader, written
 from pipeline.readers._text import Text
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 _TURNED = {"rx", "ry", "rz", "q0", "q1", "q2", "q3", "qw", "qx", "qy", "qz", "roll", "pitch", "yaw"}
 
@@ -35,12 +35,12 @@ def _recognise(lines: Sequence[str]) -> bool:
     return header.has("target") and not expanded(header) and not _turned(header)
 
 
-def read(text: Text, hints: Hints) -> Export:
+def read(text: Text, hints: ExportSettings) -> Export:
     """Read a Tracker Pilot export."""
     return table.read(text, hints, READER.name)
 
 
-def write(readings: Readings, unit: str, digits: int | None) -> bytes:
+def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     """Write a Tracker Pilot export with group and point names, times to the second."""
     lines = [f"Point Group;Point Name;X [{unit}];Y [{unit}];Z [{unit}];Timestamp"]
     lines += [

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pipeline.dialects import _named, table
 from pipeline.readers._cells import cells_or_none, is_number
 from pipeline.readers._layout import JOINT
-from pipeline.readers._reader import Export, Reader, Readings, written
+from pipeline.readers._reader import Export, OutgoingReadings, Reader, written
 from pipeline.readers._text import Text
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 _WIDTHS = (3, 4, 5)
 """Possible numbers of cells in a row [1]: three numbers after up to two names."""
@@ -33,7 +33,7 @@ def _cells(line: str) -> list[str]:
     return cells[:-1] if cells and not cells[-1] else cells
 
 
-def read(text: Text, hints: Hints) -> Export:
+def read(text: Text, hints: ExportSettings) -> Export:
     """Read an .xyz file.
 
     Raises:
@@ -42,7 +42,7 @@ def read(text: Text, hints: Hints) -> Export:
     return table.read(text, hints, READER.name)
 
 
-def write(readings: Readings, unit: str, digits: int | None) -> bytes:
+def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     """Write rows of group, target and coordinates; times are lost."""
     rows = written(readings, unit, digits)
     lines = [";".join([group, target, *xyz]) for group, target, xyz, _ in rows]

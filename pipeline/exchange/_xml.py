@@ -60,7 +60,7 @@ class Spring:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class _LinkMass:
     """Mass of the link after a joint, with a substitute for its unknown rotational inertia.
 
     Attributes:
@@ -83,14 +83,14 @@ def springs(handed: IdentifiedModel) -> list[Spring]:
     return found
 
 
-def body(spring: Spring) -> Body:
+def body(spring: Spring) -> _LinkMass:
     """The link after a joint, with an inertia that makes its spring slow enough to simulate."""
     joint, own = spring.joint, spring.inertia
     if joint.mass_kg:
-        return Body(joint.mass_kg, np.array(joint.centre_of_mass_m or (0.0, 0.0, 0.0)), own)
+        return _LinkMass(joint.mass_kg, np.array(joint.centre_of_mass_m or (0.0, 0.0, 0.0)), own)
     if joint.prismatic:
-        return Body(own, np.zeros(3), _STAND_IN)
-    return Body(_STAND_IN, np.zeros(3), own)
+        return _LinkMass(own, np.zeros(3), _STAND_IN)
+    return _LinkMass(_STAND_IN, np.zeros(3), own)
 
 
 def causes(handed: IdentifiedModel) -> list[str]:
@@ -109,14 +109,14 @@ def left_out(handed: IdentifiedModel) -> Iterator[str]:
 
 def comment(handed: IdentifiedModel, lines: Sequence[str]) -> str:
     """Comment at the top of a file: origin, use, and what is omitted."""
-    told = [
+    texts = [
         f"Robot {handed.robot.name} of campaign {handed.campaign} ({handed.verdict}); m, rad, N.",
         *lines,
         "Deflections are those from the unloaded robot, as they were measured, without its weight.",
         *_inertia_told(springs(handed)),
         "Not in this file, but in model.toml: " + "; ".join(left_out(handed)) + ".",
     ]
-    text = in_xml("\n  ".join(told)).replace("--", "- -").replace("--", "- -")
+    text = in_xml("\n  ".join(texts)).replace("--", "- -").replace("--", "- -")
     return f"\n  {text}\n"
 
 

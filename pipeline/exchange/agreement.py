@@ -21,7 +21,7 @@ over one turn, a prismatic one over +/-1 m."""
 
 
 @dataclass(frozen=True)
-class Agreement:
+class UrdfAgreement:
     """Largest differences between the flange poses of a robot file and of a URDF.
 
     Attributes:
@@ -37,7 +37,7 @@ class Agreement:
 
 def agreement(
     robot: Robot, text: str, base: str, flange: str, file: str, rng: np.random.Generator
-) -> Agreement:
+) -> UrdfAgreement:
     """Compare a robot with the URDF it was made from, at random joint values.
 
     Args:
@@ -68,7 +68,7 @@ def agreement(
     there = [_flange(model, robot, one, base, flange) for one in q]
     R = np.stack([one.rotation for one in there])
     at = np.stack([one.translation for one in there])
-    return Agreement(
+    return UrdfAgreement(
         configurations=_CONFIGURATIONS,
         position_m=float(np.linalg.norm(here.flange_origin - at, axis=1).max()),
         angle_rad=float(_angles(here.flange_axes, R).max()),

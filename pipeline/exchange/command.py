@@ -12,7 +12,7 @@ from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError
 
 if TYPE_CHECKING:
-    from pipeline.exchange.agreement import Agreement
+    from pipeline.exchange.agreement import UrdfAgreement
 
 _LARGEST = 2**24
 """Maximum size of a URDF [byte]; that of a humanoid has a hundredth of it."""
@@ -159,7 +159,7 @@ def _shipped(name: str) -> str:
 
 def made(
     path: Path, base: str, flange: str, payload_kg: float | None = None
-) -> tuple[str, Agreement]:
+) -> tuple[str, UrdfAgreement]:
     """Make the text of a robot file from a URDF, and determine its difference from the URDF.
 
     Raises:

@@ -16,8 +16,8 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.errors import listed
-from pipeline.exchange.rows import DEGREES, METRES, fixed, frames, row, shown
-from pipeline.exchange.urdf import TYPES, Body, Chain, Limit, Tree, UrdfJoint, chain, moving
+from pipeline.exchange.rows import DEGREES, METRES, fixed, frames, rounded_text, row
+from pipeline.exchange.urdf import TYPES, Chain, Limit, LinkMass, Tree, UrdfJoint, chain, moving
 
 _TWIST_RAD = (1e-3, 1e-2)
 """Range of the twist of a gear under the largest torque of its drive [rad]. Catalogues give about 1
@@ -99,9 +99,9 @@ def _range(limit: Limit, slides: bool) -> dict[str, float]:
     found = {}
     for end, value in (("lower", limit.lower), ("upper", limit.upper)):
         if value is not None and slides:
-            found[f"{end}_m"] = shown(value, METRES)
+            found[f"{end}_m"] = rounded_text(value, METRES)
         elif value is not None:
-            found[f"{end}_deg"] = shown(np.rad2deg(value), DEGREES)
+            found[f"{end}_deg"] = rounded_text(np.rad2deg(value), DEGREES)
     return found
 
 
@@ -110,7 +110,7 @@ def _weighing(
 ) -> dict[str, Any]:
     """Mass and centre of mass of the links between a joint and the next, in its DH frame."""
     bodies = [
-        Body(tree.bodies[name].mass, (T @ np.append(tree.bodies[name].centre, 1.0))[:3])
+        LinkMass(tree.bodies[name].mass, (T @ np.append(tree.bodies[name].centre, 1.0))[:3])
         for name, T in _rigid(tree, joint.child, at[joint.child])
         if name in tree.bodies
     ]
@@ -119,7 +119,7 @@ def _weighing(
     mass = sum(body.mass for body in bodies)
     centre = sum((body.mass * body.centre for body in bodies), np.zeros(3)) / mass
     own = linear.solve(frame, np.append(centre, 1.0))[:3]
-    return {"mass_kg": mass, "centre_of_mass_m": [shown(x, METRES) for x in own]}
+    return {"mass_kg": mass, "centre_of_mass_m": [rounded_text(x, METRES) for x in own]}
 
 
 def _rigid(tree: Tree, link: str, at: Array) -> Iterator[tuple[str, Array]]:

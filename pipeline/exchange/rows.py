@@ -101,8 +101,8 @@ def row(before: Array, after: Array) -> dict[str, float]:
     turned = turned @ Fixed(rpy_deg=(0.0, float(np.rad2deg(beta)), 0.0)).step
     x, y = (turned[:3, :2].T @ T[:3, 0]).tolist()
     angles = {"alpha_deg": alpha, "beta_deg": beta, "theta_deg": np.arctan2(y, x)}
-    found = {name: shown(np.rad2deg(angle), DEGREES) for name, angle in angles.items()}
-    found |= {"a_m": shown(at[0] - d * z[0], METRES), "d_m": shown(d, METRES)}
+    found = {name: rounded_text(np.rad2deg(angle), DEGREES) for name, angle in angles.items()}
+    found |= {"a_m": rounded_text(at[0] - d * z[0], METRES), "d_m": rounded_text(d, METRES)}
     return found if found["beta_deg"] else {k: v for k, v in found.items() if k != "beta_deg"}
 
 
@@ -118,12 +118,12 @@ def fixed(name: str, step: Array) -> dict[str, Any]:
         turns = np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])
     return {
         name: {
-            "xyz_m": [shown(x, METRES) for x in at],
-            "rpy_deg": [shown(np.rad2deg(angle), DEGREES) for angle in turns],
+            "xyz_m": [rounded_text(x, METRES) for x in at],
+            "rpy_deg": [rounded_text(np.rad2deg(angle), DEGREES) for angle in turns],
         }
     }
 
 
-def shown(value: float, decimals: int) -> float:
+def rounded_text(value: float, decimals: int) -> float:
     """Round a number to some decimals, zero without a sign."""
     return round(float(value), decimals) + 0.0

@@ -55,10 +55,10 @@ def mjcf(handed: IdentifiedModel) -> bytes:
 def _custom(handed: IdentifiedModel, found: list[Spring]) -> ET.Element:
     """User data that MuJoCo preserves: uncertainties, and what springs cannot represent."""
     custom = ET.Element("custom")
-    said = {"campaign": handed.campaign, "verdict": handed.verdict}
-    said |= {f"stiffness_{one.joint.name}": one.said for one in found}
-    said["only_in_model_toml"] = "; ".join(left_out(handed))
-    for name, data in said.items():
+    entries = {"campaign": handed.campaign, "verdict": handed.verdict}
+    entries |= {f"stiffness_{one.joint.name}": one.said for one in found}
+    entries["only_in_model_toml"] = "; ".join(left_out(handed))
+    for name, data in entries.items():
         ET.SubElement(custom, "text", name=name, data=in_xml(data))
     return custom
 
@@ -70,7 +70,7 @@ def _link(parent: ET.Element, spring: Spring, placement: Array) -> ET.Element:
     about = row([mass.inertia] * 3)
     inertia = {"pos": row(mass.centre), "mass": repr(mass.mass), "diaginertia": about}
     ET.SubElement(link, "inertial", inertia)
-    said = {
+    entries = {
         "name": joint.name,
         "type": "slide" if joint.prismatic else "hinge",
         "axis": "0 0 1",
@@ -79,8 +79,8 @@ def _link(parent: ET.Element, spring: Spring, placement: Array) -> ET.Element:
         "damping": repr(spring.damping),
     }
     if np.isfinite([joint.lower, joint.upper]).all():
-        said |= {"range": row([joint.lower, joint.upper]), "limited": "false"}
-    ET.SubElement(link, "joint", said)
+        entries |= {"range": row([joint.lower, joint.upper]), "limited": "false"}
+    ET.SubElement(link, "joint", entries)
     return link
 
 

@@ -36,8 +36,8 @@ def urdf(handed: IdentifiedModel) -> bytes:
         ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
         if stated := handed.stiffness(j):
             stiffness, std, unit = stated
-            said = {"stiffness": repr(stiffness), "std": repr(std), "unit": unit}
-            ET.SubElement(element, "elasticity", said)
+            entries = {"stiffness": repr(stiffness), "std": repr(std), "unit": unit}
+            ET.SubElement(element, "elasticity", entries)
         parent = f"link_{joint.name}"
     _joint(root, "flange", parent, FLANGE, robot.flange)
     for name, at in handed.tool.named.items():

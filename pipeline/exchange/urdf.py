@@ -70,7 +70,7 @@ class UrdfJoint(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Body(Locked):
+class LinkMass(Locked):
     """Mass [kg] of a link, and its centre of mass in the link's frame [m], shape (3,)."""
 
     mass: float
@@ -90,7 +90,7 @@ class Tree:
 
     name: str
     joints: Mapping[str, UrdfJoint]
-    bodies: Mapping[str, Body]
+    bodies: Mapping[str, LinkMass]
     links: tuple[str, ...]
 
 
@@ -202,13 +202,13 @@ def _limit(element: ET.Element | None, type_: str, whose: str, file: str) -> Lim
     )
 
 
-def _body(element: ET.Element, file: str) -> Body | None:
+def _body(element: ET.Element, file: str) -> LinkMass | None:
     inertial = element.find("inertial")
     if inertial is None:
         return None
     whose = f"link {element.get('name')}"
     mass = float(_numbers(inertial.find("mass"), "value", "0", whose, file)[0])
-    return Body(mass, _pose(inertial.find("origin"), whose, file)[:3, 3]) if mass > 0 else None
+    return LinkMass(mass, _pose(inertial.find("origin"), whose, file)[:3, 3]) if mass > 0 else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from scipy import optimize
 
 from pipeline.base.arrays import Array, Ints
 
-STANDS_OUT = 10.0
+OUTSTANDING_MISFIT = 10.0
 """Minimum misfit of a content in the wrong place over the usual one [1]; errors of a machine or its
 table would occur in many places."""
 
@@ -73,14 +73,14 @@ def shift(order: Ints, step: int, ended: bool) -> Ring:
     return Ring(tuple(int(k) for k in order[::step]), ended)
 
 
-def said(names: Sequence[str]) -> str:
+def in_words(names: Sequence[str]) -> str:
     """The members in words."""
     if len(names) == 2:
         return " and ".join(sorted(names))
     return f"{min(names)} to {max(names)} ({len(names)})"
 
 
-def standing(ring: Ring | None, one: str) -> str:
+def misplacement(ring: Ring | None, one: str) -> str:
     """How contents are arranged, and where the last one belongs; `one` is a noun for a place."""
     if ring is None or not ring.by_one:
         return "in each other's place"

@@ -19,7 +19,7 @@ from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored_miss
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length, lines_of
-from pipeline.readers.known import BETTER, GROSS_M
+from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import BASE_REFLECTORS
@@ -35,12 +35,12 @@ def base_names(case: Case) -> list[Mistake]:
         return []
     given = tuple(range(len(names)))
     before, table = _miss(seen, nominal, given), anchored_miss(case)
-    fine = before < GROSS_M and (table is None or table < GROSS_ANCHORED_M)
+    fine = before < GROSS_DISTANCE_M and (table is None or table < GROSS_ANCHORED_M)
     order = None if fine else _true(case, names, seen, nominal)
     if order is None or order == given:
         return []
     right = _renamed(case, _places(names, order))
-    if before < GROSS_M and not _nearer(anchored_miss(right), table):
+    if before < GROSS_DISTANCE_M and not _nearer(anchored_miss(right), table):
         return []
     return [_finding(case, names, order, before, _miss(seen, nominal, order))]
 
@@ -48,13 +48,14 @@ def base_names(case: Case) -> list[Mistake]:
 def not_rigid(case: Case) -> float | None:
     """Rms deviation of the base reflectors from [base_frame] after the best rigid motion [m].
 
-    None where it is below `GROSS_M`, or where fewer reflectors were read than a registration needs.
+    None where it is below `GROSS_DISTANCE_M`, or where fewer reflectors were read than a
+    registration needs.
     """
     names, seen, nominal = _reflectors(case)
     if len(names) < BASE_REFLECTORS:
         return None
     off_m = _miss(seen, nominal, range(len(names)))
-    return off_m if off_m >= GROSS_M else None
+    return off_m if off_m >= GROSS_DISTANCE_M else None
 
 
 def _reflectors(case: Case) -> tuple[list[str], Array, Array]:
@@ -79,8 +80,12 @@ def _true(case: Case, names: list[str], seen: Array, nominal: Array) -> tuple[in
     tried = [order for order, _ in zip(_alike(seen, nominal), range(_MOST), strict=False)]
     miss = {order: _miss(seen, nominal, order) for order in tried}
     least = min(miss.values(), default=np.inf)
-    kept = [order for order in tried if miss[order] <= max(BETTER * least, GROSS_M / BETTER)]
-    if least >= GROSS_M or len(tried) == _MOST:
+    kept = [
+        order
+        for order in tried
+        if miss[order] <= max(CLEARLY_NEARER * least, GROSS_DISTANCE_M / CLEARLY_NEARER)
+    ]
+    if least >= GROSS_DISTANCE_M or len(tried) == _MOST:
         return None
     if len(kept) == 1:
         return kept[0]
@@ -93,7 +98,7 @@ def _nearer(one: float | None, other: float | None) -> bool:
     """Whether the robot's table favours one assignment over the other."""
     if one is None or other is None:
         return False
-    return one < GROSS_ANCHORED_M and BETTER * one < other
+    return one < GROSS_ANCHORED_M and CLEARLY_NEARER * one < other
 
 
 def _alike(seen: Array, nominal: Array) -> Iterator[tuple[int, ...]]:
@@ -106,7 +111,7 @@ def _alike(seen: Array, nominal: Array) -> Iterator[tuple[int, ...]]:
             yield begun
         for place in set(range(len(read))) - set(begun):
             off = np.abs(stated[place, list(begun)] - read[k, :k])
-            if (off < 2 * GROSS_M).all():
+            if (off < 2 * GROSS_DISTANCE_M).all():
                 yield from further((*begun, place))
 
     return further(())

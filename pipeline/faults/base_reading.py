@@ -27,7 +27,7 @@ from pipeline.faults.reading import bad_reading, smallest
 from pipeline.machine.effects.tracker_drift import LAWS
 from pipeline.reduction.register import XYZ, Registration, agreed
 from pipeline.system import alarms, odds
-from pipeline.system.beside import Base, Beside
+from pipeline.system.score_tests import Base, ScoreTests
 
 _AGREES = 0.01
 """Minimum p-value of the remaining readings for them to agree [1]."""
@@ -61,7 +61,7 @@ class _Readings(Locked):
         """The base, from some of the readings."""
         return Base.of(self.X[used].reshape(-1, self.X.shape[2]), self.y[used].ravel())
 
-    def each(self, used: Bools) -> Beside:
+    def each(self, used: Bools) -> ScoreTests:
         """Shift of every used reading by itself [m], given the base."""
         white, y = self.white[used], self.y[used].ravel()
         X = self.X[used].reshape(-1, self.X.shape[2])
@@ -162,7 +162,7 @@ def _findings(free: _Free, table: pd.DataFrame, scale: float) -> Iterator[Mistak
             yield bad_reading(table.iloc[k], others, free.size[k], sigmas, p)
 
 
-def shifts(registration: Registration, scale: float, which: Ints) -> Beside:
+def shifts(registration: Registration, scale: float, which: Ints) -> ScoreTests:
     """Base readings shifted in groups [m], F_b, given the pose of the tracker.
 
     Args:
@@ -268,7 +268,7 @@ def _exchanged(one: _Readings, free: set[int]) -> set[int]:
     return free
 
 
-def _drops(one: _Readings, free: set[int]) -> tuple[Array, Beside]:
+def _drops(one: _Readings, free: set[int]) -> tuple[Array, ScoreTests]:
     """Reduction by every reading given those that are free, -1 for these, shape (m,)."""
     used = np.ones(len(one.y), dtype=bool)
     used[sorted(free)] = False
@@ -317,12 +317,12 @@ def _when(found: Sequence[Mistake], single: bool) -> list[Mistake]:
     return list(found) if (len(found) == 1) is single else []
 
 
-ONE = Fault(
+ONE_READING = Fault(
     "outlier",
     lambda asked: _when(_off(asked.reduced.registration, asked.spread[0]), True),
 )
 
-SEVERAL = Fault(
+SEVERAL_READINGS = Fault(
     "outlier",
     lambda asked: _when(_off(asked.reduced.registration, asked.spread[0]), False),
 )

@@ -19,7 +19,7 @@ from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import anchored, pairs, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length, lines_of
-from pipeline.readers.known import BETTER
+from pipeline.readers.reflector_sets import CLEARLY_NEARER
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import seconds
 from pipeline.reduction.stations import moved_by, with_rounds_exchanged
@@ -38,7 +38,7 @@ def base_rounds(case: Case) -> list[Mistake]:
     }
     best, *others = sorted(away, key=lambda pair: away[pair])
     rival = min((away[pair] for pair in others), default=np.inf)
-    if BETTER * away[best] > min(before, rival):
+    if CLEARLY_NEARER * away[best] > min(before, rival):
         return []
     return [_finding(case, best, before, away[best])]
 
@@ -47,7 +47,7 @@ def carried(case: Case) -> list[Mistake]:
     """Stations that hold from an earlier pose on than the round of base reflectors that shows them.
 
     Between two rounds all poses before are nearer to their places by the table as read from the
-    station before, and all later ones as read from the next one, `BETTER` times each.
+    station before, and all later ones as read from the next one, `CLEARLY_NEARER` times each.
     """
     where = anchored(case) if case.stations and case.settings.base_frame else None
     found = (_since(case, k, *where) for k in range(len(case.stations))) if where else ()
@@ -71,9 +71,12 @@ def _since(case: Case, k: int, R: Array, t: Array) -> Mistake | None:
     order = since[rows.index].to_numpy()
     away = places.groupby(rows["pose"].to_numpy(int)).median()
     away = away.loc[pd.Series(order).groupby(rows["pose"].to_numpy(int)).min().sort_values().index]
-    moved = (BETTER * away["later"] < away["given"]).to_numpy()
+    moved = (CLEARLY_NEARER * away["later"] < away["given"]).to_numpy()
     first = int(np.argmax(moved))
-    if not moved[first:].all() or (BETTER * away["given"] >= away["later"]).iloc[:first].any():
+    if (
+        not moved[first:].all()
+        or (CLEARLY_NEARER * away["given"] >= away["later"]).iloc[:first].any()
+    ):
         return None
     late = case.readings["pose"].isin(away.index[first:])
     return _of_station(case, k, away, first, float(since[late[late].index].min()))

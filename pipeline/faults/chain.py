@@ -22,12 +22,12 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.fault import Fault
 from pipeline.faults.labels import unlike
 from pipeline.faults.mistake import Mistake, apart, of_group, outlying
-from pipeline.readers.known import GROSS_M
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
-from pipeline.system.beside import Base, Beside
 from pipeline.system.blocks import Blocks
+from pipeline.system.score_tests import Base, ScoreTests
 
 _TESTS = 2
 """Number of tests that share the false-alarm rate: distance and direction."""
@@ -145,16 +145,16 @@ def _with_direction(chain: _Chain, near: _Off, names: Sequence[str]) -> tuple[_O
 
     |e|^2 = e_u^2 + e_v^2 + e_w^2 in standard deviations, u along the chain, v and w across it.
     """
-    told = f"{names[0]} and {names[1]} are {1e3 * near.size:.2f} mm farther apart or nearer than "
-    told += f"in the other pulls, {apart(near.sigmas)}"
+    text = f"{names[0]} and {names[1]} are {1e3 * near.size:.2f} mm farther apart or nearer than "
+    text += f"in the other pulls, {apart(near.sigmas)}"
     turned = _turned(chain)
     at = np.flatnonzero(turned.pull == near.pull)
     if not len(at):
-        return near, told
+        return near, text
     turn, sigmas = float(turned.size[at[0]]), float(turned.sigmas[at[0]])
     size = float(np.hypot(near.size, turn * np.median(_length(chain))))
     both = replace(near, sigmas=float(np.hypot(near.sigmas, sigmas)), axes=3, size=size)
-    return both, f"{told}, and {_told_direction(turn, sigmas)}"
+    return both, f"{text}, and {_told_direction(turn, sigmas)}"
 
 
 def _told_direction(size: float, sigmas: float) -> str:
@@ -178,16 +178,16 @@ def chain_gross(case: Case) -> list[Mistake]:
         return []
     best = int(np.argmax(np.where(gross, away, 0.0)))
     names = case.settings.naming.chain
-    told = f"{names[0]} and {names[1]} are {1e3 * away[best]:.0f} mm farther apart or nearer than "
-    told += "in the other pulls"
+    text = f"{names[0]} and {names[1]} are {1e3 * away[best]:.0f} mm farther apart or nearer than "
+    text += "in the other pulls"
     sigmas = float(away[best] / chain.std[best])
     off = _Off(best, sigmas, 1, float(away[best]), None)
     miss = _misses(chain, best) or (0.0, 0.0)
-    if min(miss) > GROSS_M:
+    if min(miss) > GROSS_DISTANCE_M:
         return [
-            _finding(case, chain, off, names, told, size, (k, size)) for k, size in enumerate(miss)
+            _finding(case, chain, off, names, text, size, (k, size)) for k, size in enumerate(miss)
         ]
-    return [_finding(case, chain, off, names, told, off.size, _end(chain, best))]
+    return [_finding(case, chain, off, names, text, off.size, _end(chain, best))]
 
 
 @lru_cache(maxsize=1)
@@ -272,7 +272,7 @@ def _distance(chain: _Chain) -> _Off | None:
     return _Off(best, float(np.sqrt(off.drop / variance)[best]), 1, size_m, p)
 
 
-def _each(X: Array, y: Array) -> Beside:
+def _each(X: Array, y: Array) -> ScoreTests:
     """Every row free given the columns X: deleted residuals."""
     return Base.of(X, y).beside(np.eye(len(y))[None, :, :, None]).of_block(0)
 
@@ -405,6 +405,6 @@ def _without_group(case: Case, group: str) -> Case:
     return replace(case, readings=rows[rows["group"] != group])
 
 
-GROSS = Fault("outlier", lambda asked: chain_gross(asked.case))
+GROSS_FAULT = Fault("outlier", lambda asked: chain_gross(asked.case))
 
 FAULT = Fault("outlier", lambda asked: chain_outlier(asked.case))

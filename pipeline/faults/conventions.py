@@ -25,7 +25,7 @@ from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import SHIPPED, Robot, configure, load
 from pipeline.machine.robot.variants import alike, differing, variants
-from pipeline.readers.known import BETTER, GROSS_M
+from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, agreeing
 
@@ -70,7 +70,7 @@ _DH_SAYS = {
 
 
 @dataclass(frozen=True)
-class SupposedMistake:
+class _SupposedMistake:
     """One mistake that may have been made.
 
     Attributes:
@@ -96,7 +96,7 @@ def conventions(case: Case) -> list[Mistake]:
     measured, or where no single mistake and no pair explains their positions. What moves the whole
     robot rigidly shows only against the base reflectors, which are tested second.
     """
-    for how, gross in ((miss, GROSS_M), (anchored_miss, GROSS_ANCHORED_M)):
+    for how, gross in ((miss, GROSS_DISTANCE_M), (anchored_miss, GROSS_ANCHORED_M)):
         before = how(case)
         if before is not None and before >= gross:
             return _search(case, how, gross, before)
@@ -106,16 +106,18 @@ def conventions(case: Case) -> list[Mistake]:
 def _search(
     case: Case, how: Callable[[Case], float | None], gross: float, before: float
 ) -> list[Mistake]:
-    singles = list(hypotheses(case))
+    singles = list(supposed_mistakes(case))
     for tried in ([(h,) for h in singles], _pairs(singles) if how is miss else []):
-        misses = [_after(case, chosen, how, min(gross, before / BETTER)) for chosen in tried]
+        misses = [
+            _after(case, chosen, how, min(gross, before / CLEARLY_NEARER)) for chosen in tried
+        ]
         best = int(np.argmin([*misses, np.inf]))
-        if best < len(tried) and misses[best] < gross and BETTER * misses[best] < before:
+        if best < len(tried) and misses[best] < gross and CLEARLY_NEARER * misses[best] < before:
             return [_finding(case, h, before, misses[best]) for h in tried[best]]
     return []
 
 
-def _pairs(singles: Sequence[SupposedMistake]) -> list[tuple[SupposedMistake, ...]]:
+def _pairs(singles: Sequence[_SupposedMistake]) -> list[tuple[_SupposedMistake, ...]]:
     """Pairs of mistakes in different places."""
     data = [h for h in singles if not h.single]
     return [p for p in itertools.combinations(data, 2) if p[0].where != p[1].where]
@@ -123,7 +125,7 @@ def _pairs(singles: Sequence[SupposedMistake]) -> list[tuple[SupposedMistake, ..
 
 def _after(
     case: Case,
-    chosen: Sequence[SupposedMistake],
+    chosen: Sequence[_SupposedMistake],
     how: Callable[[Case], float | None],
     most: float,
 ) -> float:
@@ -137,7 +139,7 @@ def _after(
     value = how(case)
     if value is None or value >= most:
         return np.inf
-    return np.inf if BETTER * value > _apart(case) else value
+    return np.inf if CLEARLY_NEARER * value > _apart(case) else value
 
 
 def _apart(case: Case) -> float:
@@ -148,7 +150,7 @@ def _apart(case: Case) -> float:
     return min(float(np.sqrt(each.var(ddof=0).sum(axis=1).mean())) for each in both)
 
 
-def _finding(case: Case, h: SupposedMistake, before: float, after: float) -> Mistake:
+def _finding(case: Case, h: _SupposedMistake, before: float, after: float) -> Mistake:
     return Mistake(
         name=h.name,
         where=h.where,
@@ -240,10 +242,10 @@ def aligned(case: Case) -> tuple[Array, Array] | None:
     if zeros["pose"].nunique() < FEWEST_POSES:
         return None
     seen, expected, _ = pairs(case, zeros)
-    return robust(expected, seen)
+    return _robust(expected, seen)
 
 
-def robust(expected: Array, seen: Array) -> tuple[Array, Array]:
+def _robust(expected: Array, seen: Array) -> tuple[Array, Array]:
     """Rigid motion of the expected points onto the readings, without those far off."""
     good = np.ones(len(seen), dtype=bool)
     R, t = rigid(expected, seen)
@@ -263,23 +265,23 @@ def _moved_onto(seen: Array, expected: Array) -> Array:
 # --- what may have gone wrong ---------------------------------------------------------------------
 
 
-def hypotheses(case: Case) -> Iterator[SupposedMistake]:
+def supposed_mistakes(case: Case) -> Iterator[_SupposedMistake]:
     """Every mistake that is tested."""
     for factor, (unit, says) in UNITS.items():
-        yield SupposedMistake("unit_mixup", unit, f"in the tracker export {says}", scaled(factor))
+        yield _SupposedMistake("unit_mixup", unit, f"in the tracker export {says}", scaled(factor))
     for ending, unit, factor, says in LOGGED:
         columns = [column for column in case.joint_columns if column.endswith(ending)]
         if columns:
             says = f"in the joint log {says}"
-            yield SupposedMistake("unit_mixup", unit, says, partial(_logged, columns, factor))
-    yield SupposedMistake(
+            yield _SupposedMistake("unit_mixup", unit, says, partial(_logged, columns, factor))
+    yield _SupposedMistake(
         "sign_or_convention",
         "left_handed",
         "the tracker's frame is left-handed",
         _mirrored,
     )
     if case.robot.controller_matrix.shape[1] == case.robot.n:
-        yield SupposedMistake(
+        yield _SupposedMistake(
             "sign_or_convention",
             "controller_axes",
             "the joint log holds the controller's axes under the names of the joints",
@@ -288,23 +290,23 @@ def hypotheses(case: Case) -> Iterator[SupposedMistake]:
     yield from _columns(case)
     for where, says, robot in _robots(case.robot):
         correct = partial(replace, robot=robot)
-        yield SupposedMistake("sign_or_convention", where, says, correct, single=True)
+        yield _SupposedMistake("sign_or_convention", where, says, correct, single=True)
     yield from _names(case)
 
 
-def _columns(case: Case) -> Iterator[SupposedMistake]:
+def _columns(case: Case) -> Iterator[_SupposedMistake]:
     """Single columns of the joint log that may be wrong."""
     for column, joint in zip(case.joint_columns, case.robot.joints, strict=True):
         for ending, unit, factor, says in _LOGGED_ALONE if len(case.joint_columns) > 1 else ():
             if column.endswith(ending):
-                yield SupposedMistake(
+                yield _SupposedMistake(
                     "unit_mixup",
                     f"{joint.name}_{unit}",
                     f"in the joint log {joint.name} {says}",
                     partial(_logged, [column], factor),
                     single=True,
                 )
-        yield SupposedMistake(
+        yield _SupposedMistake(
             "sign_or_convention",
             f"{joint.name}_reversed",
             f"in the joint log {joint.name} has the opposite sign",
@@ -314,7 +316,7 @@ def _columns(case: Case) -> Iterator[SupposedMistake]:
     for one, other in itertools.combinations(case.joint_columns, 2):
         if one.rpartition("_")[2] == other.rpartition("_")[2]:
             names = [column.rpartition("_")[0] for column in (one, other)]
-            yield SupposedMistake(
+            yield _SupposedMistake(
                 "exchanged",
                 f"{'/'.join(names)} columns",
                 f"in the joint log {' and '.join(names)} stand in each other's column",
@@ -323,11 +325,11 @@ def _columns(case: Case) -> Iterator[SupposedMistake]:
             )
 
 
-def _names(case: Case) -> Iterator[SupposedMistake]:
+def _names(case: Case) -> Iterator[_SupposedMistake]:
     """Permutations of the target names in the whole campaign."""
     for names in itertools.permutations(case.settings.measured):
         if list(names) != case.settings.measured:
-            yield SupposedMistake(
+            yield _SupposedMistake(
                 "label_swap",
                 "all groups",
                 f"the targets {', '.join(case.settings.measured)} carry the names of "

@@ -29,7 +29,7 @@ from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
 from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import pure_error
-from pipeline.system.noise import TOLERATED
+from pipeline.system.noise import TOLERATED_FACTOR
 from pipeline.system.restricted import PaddedRows, lowest
 from pipeline.system.whiten import whitener
 
@@ -87,8 +87,10 @@ def _frames(R: Array) -> list[_Statement]:
         "and were read along the tracker's axes",
     )
     return [
-        _Statement(*kind, f"stated along the base frame {read}", TOLERATED, along(lambda _: R.T)),
-        _Statement(*kind, f"stated along the beam {read}", TOLERATED, along(_beam)),
+        _Statement(
+            *kind, f"stated along the base frame {read}", TOLERATED_FACTOR, along(lambda _: R.T)
+        ),
+        _Statement(*kind, f"stated along the beam {read}", TOLERATED_FACTOR, along(_beam)),
     ]
 
 
@@ -98,8 +100,8 @@ def _units() -> list[_Statement]:
     out = []
     for power in (-6, -3, 3, 6):
         off = f"{10.0 ** abs(power):,.0f} times too {'small' if power > 0 else 'large'}"
-        said = f"{off}, as where another unit of length is meant"
-        out.append(_Statement(*kind, said, _USUAL, partial(_times, 10.0**power)))
+        text = f"{off}, as where another unit of length is meant"
+        out.append(_Statement(*kind, text, _USUAL, partial(_times, 10.0**power)))
     for unit, size_m in (("m", 1.0), ("mm", 1e-3)):
         roots = f"variances in {unit}^2 and were read as standard uncertainties in {unit}"
         squares = f"standard uncertainties in {unit} and were read as variances in {unit}^2"

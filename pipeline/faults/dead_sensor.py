@@ -24,7 +24,7 @@ from pipeline.faults.joint_row import without_poses
 from pipeline.faults.mistake import Mistake, as_it_is, left_out, length, lines_of
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import PULLED
-from pipeline.readers.known import GROSS_M
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import STILL_M, Measured
 from pipeline.reduction.register import XYZ
@@ -180,7 +180,7 @@ def _one_pose(case: Case) -> list[Mistake]:
             continue
         here = zeros[zeros.index.isin(rows["pose"], level="pose")]
         spread = here.groupby("target", observed=True).agg(np.ptp).to_numpy(float)
-        if not len(spread) or np.linalg.norm(spread, axis=1).max() < GROSS_M:
+        if not len(spread) or np.linalg.norm(spread, axis=1).max() < GROSS_DISTANCE_M:
             continue
         at, size = lines_of(rows), float(np.linalg.norm(spread, axis=1).max())
         every = len(rows) == len(log)

@@ -29,7 +29,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.faults.conventions import unloaded
 from pipeline.machine.robot import configure
-from pipeline.readers.known import GROSS_M
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
@@ -61,7 +61,7 @@ _UNITS = {"mm": 1e-3, "in": 25.4e-3}
 
 
 @dataclass(frozen=True, eq=False)
-class Entry(Locked):
+class DoubtfulEntry(Locked):
     """An entry of campaign.toml that may be wrong.
 
     Attributes:
@@ -198,7 +198,7 @@ class _Fit(Locked):
 
 
 @lru_cache(maxsize=1)  # used for the readings, and again when the answer is written
-def wrong_entries(case: Case) -> tuple[Entry, ...]:
+def wrong_entries(case: Case) -> tuple[DoubtfulEntry, ...]:
     """Entries of [tool] and [base_frame] one of which is wrong, the most probable first.
 
     Empty where it is likelier that no entry is wrong, where no single entry reconciles the
@@ -219,7 +219,7 @@ def wrong_entries(case: Case) -> tuple[Entry, ...]:
     named = [
         _entry(case, claim, fit, float(p))
         for (claim, fit), p in zip(found[1:], share, strict=True)
-        if p >= _RIVAL and float(np.median(_missed(kept, fit))) < GROSS_M
+        if p >= _RIVAL and float(np.median(_missed(kept, fit))) < GROSS_DISTANCE_M
     ]
     return tuple(sorted(named, key=lambda one: -one.probability))
 
@@ -232,7 +232,7 @@ def _doubted(found: Sequence[tuple[_Claim, _Fit]]) -> bool:
 
 @dataclass(frozen=True)
 class _Claim:
-    """What may be wrong: table, points and unit as in `Entry`; nothing at all without a table."""
+    """What may be wrong: table, points and unit as in `DoubtfulEntry`; nothing without a table."""
 
     table: str = ""
     names: tuple[str, ...] = ()
@@ -263,11 +263,11 @@ def _tables(case: Case) -> list[tuple[str, Sequence[str], str]]:
     return [("tool", case.settings.measured, "tool"), ("base_frame", _base(case)[0], "base")]
 
 
-def _entry(case: Case, claim: _Claim, fit: _Fit, probability: float) -> Entry:
+def _entry(case: Case, claim: _Claim, fit: _Fit, probability: float) -> DoubtfulEntry:
     places = case.settings.tool if claim.table == "tool" else case.settings.base_frame
     stated = np.array(places[claim.names[0]]) if len(claim.names) == 1 else np.zeros(0)
     found = stated + fit.shift
-    return Entry(claim.table, claim.names, claim.unit, stated, found, fit.std, probability)
+    return DoubtfulEntry(claim.table, claim.names, claim.unit, stated, found, fit.std, probability)
 
 
 def _scene(case: Case) -> _Scene | None:

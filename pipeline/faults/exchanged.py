@@ -17,12 +17,19 @@ import pandas as pd
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
-from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said, standing
+from pipeline.faults.assignment import (
+    OUTSTANDING_MISFIT,
+    Ring,
+    in_words,
+    lines,
+    misplacement,
+    rings,
+)
 from pipeline.faults.conventions import FEWEST_POSES, aligned, anchored
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.machine.robot import configure
-from pipeline.readers.known import GROSS_M
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
@@ -85,15 +92,15 @@ class _LaidGroups(Locked):
         near, out = np.sqrt(self.off.min(axis=1)), np.zeros(len(self.name))
         for state, part in ((True, _SOFT), (False, 0.5)):
             here = self.loaded == state
-            placed = near[here & (near < GROSS_M)]
-            out[here] = np.quantile(placed, part) if len(placed) else GROSS_M
+            placed = near[here & (near < GROSS_DISTANCE_M)]
+            out[here] = np.quantile(placed, part) if len(placed) else GROSS_DISTANCE_M
         return np.maximum(out, _LEAST_M)
 
     @property
     def in_order(self) -> bool:
         """Whether no group is elsewhere."""
         usual = max(float(np.median(self.own)), _LEAST_M**2)
-        return usual < GROSS_M**2 and bool(self.own.max() <= STANDS_OUT**2 * usual)
+        return usual < GROSS_DISTANCE_M**2 and bool(self.own.max() <= OUTSTANDING_MISFIT**2 * usual)
 
 
 def exchanged(case: Case) -> list[Mistake]:
@@ -115,17 +122,19 @@ def misplaced(case: Case) -> frozenset[int] | None:
     laid = _lay(case)
     if laid is None or laid.in_order:
         return None if laid is None else frozenset()
-    away = pd.Series(laid.own > (STANDS_OUT * laid.usual) ** 2).groupby(laid.poses[laid.pose])
+    away = pd.Series(laid.own > (OUTSTANDING_MISFIT * laid.usual) ** 2).groupby(
+        laid.poses[laid.pose]
+    )
     most = away.mean() > 0.5
     return frozenset(most.index[most].tolist())
 
 
-def elsewhere(case: Case) -> frozenset[str]:
+def misplaced_groups(case: Case) -> frozenset[str]:
     """Groups that are elsewhere than the robot's table predicts; empty if not decidable."""
     laid = _lay(case)
     if laid is None:
         return frozenset()
-    away = laid.own > (STANDS_OUT * laid.usual) ** 2
+    away = laid.own > (OUTSTANDING_MISFIT * laid.usual) ** 2
     return frozenset(str(name) for name, far in zip(laid.name, away, strict=True) if far)
 
 
@@ -145,7 +154,7 @@ def _lay(case: Case) -> _LaidGroups | None:
     starts = [anchored(case), None if few else _by_table(case)]
     found = [_laid(case, rows, poses, *at, not few) for at in starts if at is not None]
     best = min(found, key=_median, default=None)
-    return best if best is not None and _median(best) < GROSS_M else None
+    return best if best is not None and _median(best) < GROSS_DISTANCE_M else None
 
 
 def _median(laid: _LaidGroups) -> float:
@@ -214,7 +223,7 @@ def _rows(case: Case, laid: _LaidGroups) -> Iterator[Mistake]:
                 off = np.median(laid.off[here], axis=0)
                 away[:, k] = np.maximum(away[:, k], off)
                 cost[:, k] = np.maximum(cost[:, k], off / laid.usual[here][0] ** 2)
-    for ring in rings(cost, STANDS_OUT**2, STANDS_OUT**2):
+    for ring in rings(cost, OUTSTANDING_MISFIT**2, OUTSTANDING_MISFIT**2):
         yield _of_rows(case, laid.poses, ring, away)
 
 
@@ -224,11 +233,11 @@ def _of_rows(case: Case, poses: Ints, ring: Ring, cost: Array) -> Mistake:
     joints = case.joints.set_index("pose").loc[sorted(numbers)]
     file = str(joints["file"].iloc[0])
     names = [f"pose{k:02d}" for k in numbers]
-    return told(
+    return exchange_mistake(
         ring,
         where=f"{file} {ring.where(names)}",
-        what=f"{file}: the rows of {said(names)}",
-        stand=standing(ring, "row"),
+        what=f"{file}: the rows of {in_words(names)}",
+        stand=misplacement(ring, "row"),
         of="the reflectors of these poses are",
         cost=cost,
         at=lines_of(joints),
@@ -252,12 +261,14 @@ def _renumbered(case: Case, true: dict[int, int], lost: int | None) -> Case:
 
 def _groups(case: Case, laid: _LaidGroups) -> Iterator[Mistake]:
     """Groups whose reflectors are where the table predicts another pose."""
-    away = np.flatnonzero(laid.own > (STANDS_OUT * laid.usual) ** 2)
+    away = np.flatnonzero(laid.own > (OUTSTANDING_MISFIT * laid.usual) ** 2)
     unlike = laid.loaded[away][:, None] != laid.loaded[away]
     step = np.abs(laid.repeat[away][:, None] - laid.repeat[away])
     tie = _OTHERWISE * (unlike + step / (1 + step))
     fits = laid.off[away][:, laid.pose[away]]
-    found = rings(fits / laid.usual[away][:, None] ** 2 + tie, STANDS_OUT**2, STANDS_OUT**2)
+    found = rings(
+        fits / laid.usual[away][:, None] ** 2 + tie, OUTSTANDING_MISFIT**2, OUTSTANDING_MISFIT**2
+    )
     alike: dict[frozenset[int], list[Ring]] = {}
     for ring in found:
         alike.setdefault(frozenset(laid.pose[away[list(ring.members)]].tolist()), []).append(ring)
@@ -273,16 +284,16 @@ def _of_groups(
     true = {str(names[i]): str(names[j]) for ring in several for i, j in ring.moves}
     out = {str(names[ring.members[-1]]) for ring in several if ring.ended}
     chain = _chain_too(case, laid, true)
-    sets = [said([str(names[k]) for k in ring.members]) for ring in several]
+    sets = [in_words([str(names[k]) for k in ring.members]) for ring in several]
     first = several[0]
     alone = first if len(several) == 1 else None
     here = case.readings[case.readings["group"].isin({*true, *true.values()})]
     here = here[chain | here["target"].isin(case.settings.measured)]
-    return told(
+    return exchange_mistake(
         first,
         where=first.where([str(names[k]) for k in first.members]),
         what=f"the groups {', '.join(sets)}",
-        stand=standing(alone, "group"),
+        stand=misplacement(alone, "group"),
         of="their reflectors are",
         cost=cost,
         at=lines_of(here),
@@ -343,7 +354,7 @@ def regrouped(case: Case, true: dict[str, str], out: frozenset[str], chain: bool
 # --- in words -------------------------------------------------------------------------------------
 
 
-def told(
+def exchange_mistake(
     ring: Ring,
     *,
     where: str,

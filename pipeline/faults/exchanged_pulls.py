@@ -25,7 +25,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.quantities import plain
-from pipeline.faults.assignment import Ring, assigned, lines, rings, said, shift, standing
+from pipeline.faults.assignment import Ring, assigned, in_words, lines, misplacement, rings, shift
 from pipeline.faults.exchanged import regrouped
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, lines_of
@@ -286,10 +286,10 @@ def _all_fit(moved: PullMoves, found: Sequence[Ring], least: float) -> bool:
 
 def _usual(fit: _OrderFit) -> bool:
     """Whether the misfit is that of pulls with their own forces."""
-    return fit.model < SPREAD
+    return fit.model < USUAL_MISFIT
 
 
-SPREAD = 0.1
+USUAL_MISFIT = 0.1
 """Maximum usual misfit from the joint springs as a fraction of the force, where forces are
 right [1]: friction, clearance and transmission errors are below."""
 
@@ -372,7 +372,7 @@ def of_loads(asked: Screening, moved: PullMoves, fit: _OrderFit, ring: Ring, row
         )
         for i, j in ring.moves
     }
-    what, stand = f"{file}: the forces of {said(names)}", standing(ring, "row")
+    what, stand = f"{file}: the forces of {in_words(names)}", misplacement(ring, "row")
     pull = names[[*ring.members].index(int(there[worst]))]
     return Mistake(
         name="exchanged",
@@ -528,7 +528,7 @@ def _of_states(
     rows = rows[rows["group"].isin(mine) & rows["target"].isin(case.settings.measured)]
     at = lines_of(rows)
     where = ring.where(mine)
-    what, stand = f"the readings of {said(mine)} in pose {pose}", standing(ring, "group")
+    what, stand = f"the readings of {in_words(mine)} in pose {pose}", misplacement(ring, "group")
     return Mistake(
         name="exchanged",
         where=where,

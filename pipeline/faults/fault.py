@@ -16,10 +16,10 @@ from pipeline.system.contrasts import Zeros, repeated_zeros
 from pipeline.system.estimate import identify
 from pipeline.system.family import Family
 from pipeline.system.fit import beside_everything
-from pipeline.system.shape import tails
+from pipeline.system.noise_shape import tails
 from pipeline.system.system import Estimate, System
 
-SURE = 0.9
+_BLUNDER_PROBABILITY = 0.9
 """Minimum probability of a reading to be a blunder [1]: odds of 9 to 1, those of the stated
 family."""
 
@@ -87,7 +87,10 @@ class Screening:
         """
         if one.rivalled and not self.beside_causes:
             return False
-        return not one.may_be_noise or self.family.rather.mistaken(one.before**2, one.axes) > SURE
+        return (
+            not one.may_be_noise
+            or self.family.rather.mistaken(one.before**2, one.axes) > _BLUNDER_PROBABILITY
+        )
 
     @cached_property
     def spread(self) -> tuple[float, int]:

@@ -17,7 +17,7 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import bad_reading
-from pipeline.readers.known import GROSS_M
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
@@ -68,7 +68,7 @@ def _from_pose(rows: pd.DataFrame) -> tuple[Array, Bools]:
 
 
 def _limit(away: Array) -> float:
-    return max(GROSS_M, _USUAL * float(np.median(away))) if len(away) else np.inf
+    return max(GROSS_DISTANCE_M, _USUAL * float(np.median(away))) if len(away) else np.inf
 
 
 def _changed(rows: pd.DataFrame, names: list[str]) -> tuple[Bools, Bools, Array]:

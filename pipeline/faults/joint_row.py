@@ -30,7 +30,7 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.limits import beyond
 from pipeline.reduction.register import XYZ, register
 from pipeline.system import alarms
-from pipeline.system.beside import Base
+from pipeline.system.score_tests import Base
 
 _STANDS_OUT = 10.0
 """Minimum deviation caused by a wrong row over the scatter of the other poses [1]."""
@@ -41,8 +41,8 @@ _LEAST_M = 1e-3
 _FEWEST_GOOD = 5
 """Minimum number of poses that must agree before another is tested against them."""
 
-PART, MOST = 4, 12
-"""A wrong row is sought in at most one of `PART` poses, and in at most `MOST` poses [1]."""
+_PART, _MOST = 4, 12
+"""A wrong row is sought in at most one of `_PART` poses, and in at most `_MOST` poses [1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ def wrong_rows(case: Case) -> list[Mistake]:
     if np.linalg.norm(laid.away[read.zero], axis=1).max() < _LEAST_M:
         return []
     out: list[int] = []
-    for _ in range(min((len(read.poses) - 1) // PART, len(read.poses) - _FEWEST_GOOD, MOST)):
+    for _ in range(min((len(read.poses) - 1) // _PART, len(read.poses) - _FEWEST_GOOD, _MOST)):
         kept = np.setdiff1d(np.arange(len(read.poses)), out)
         out.append(int(kept[np.argmax(laid.stands[kept])]))
         laid = _laid(read, out)
@@ -234,7 +234,7 @@ def _moved(seen: Array, due: Array, size: float, usual: float) -> bool:
     away = np.linalg.norm(seen[:, None] - due[None], axis=2)
     row, column = optimize.linear_sum_assignment(away**2)
     names = rms(away[row, column])
-    return left < max(size / PART, _STANDS_OUT * usual) and names > size / 2
+    return left < max(size / _PART, _STANDS_OUT * usual) and names > size / 2
 
 
 def _finding(case: Case, read: _TableStand, laid: _Laid, k: int) -> Mistake:

@@ -14,7 +14,7 @@ from pipeline.faults.conventions import aligned, pairs, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, of_group
 from pipeline.machine.robot import configure
-from pipeline.readers.known import BETTER, GROSS_M
+from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
@@ -26,7 +26,7 @@ _USUAL = 10.0
 seven standard deviations."""
 
 
-def labels(case: Case) -> list[Mistake]:
+def _labels(case: Case) -> list[Mistake]:
     """States in which two measured reflectors bear each other's name.
 
     One is misnamed if it is centimetres from its position by the robot's table and another reading
@@ -36,7 +36,7 @@ def labels(case: Case) -> list[Mistake]:
     return [] if at is None else list(_measured(case, *at))
 
 
-def chain_labels(case: Case) -> list[Mistake]:
+def _chain_labels(case: Case) -> list[Mistake]:
     """States in which the ends of the chain bear each other's name.
 
     The first is farther from the load point than the second, unlike in the rest of the campaign:
@@ -47,7 +47,7 @@ def chain_labels(case: Case) -> list[Mistake]:
         return []
     seen, expected, _ = pairs(case, unloaded(case))
     usual = float(np.median(np.linalg.norm(seen - expected @ at[0].T - at[1], axis=1)))
-    return list(_chain(case, *at, max(GROSS_M, 3 * usual)))
+    return list(_chain(case, *at, max(GROSS_DISTANCE_M, 3 * usual)))
 
 
 def _measured(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
@@ -58,14 +58,16 @@ def _measured(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
     seen, expected, _ = pairs(case, rows)
     off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
     usual = float(np.median(off))
-    wrong = rows[off > max(GROSS_M, 3 * usual)]
+    wrong = rows[off > max(GROSS_DISTANCE_M, 3 * usual)]
     places = dict(zip(rows.index, expected @ R.T + t, strict=True))
     for group in dict.fromkeys(wrong["group"]):
         state = case.readings[case.readings["group"] == group]
         swaps = list(_swaps(wrong[wrong["group"] == group], state, places, 3 * usual))
         names = dict(swaps)
         names |= {b: a for a, b in swaps if b not in names}
-        if names and _in_place(case, names, state, places, (R, t), max(GROSS_M, 3 * usual)):
+        if names and _in_place(
+            case, names, state, places, (R, t), max(GROSS_DISTANCE_M, 3 * usual)
+        ):
             yield _finding(case, str(group), names, off, rows)
 
 
@@ -97,7 +99,8 @@ def _in_place(
 def _off_chain(case: Case, base: tuple[Array, Array], pose: int, name: str, here: Array) -> float:
     """Deviation of an end of the chain from its usual distance to the load point [m].
 
-    It is reduced in proportion where ten median deviations of the usual distance exceed `GROSS_M`.
+    It is reduced in proportion where ten median deviations of the usual distance exceed
+    `GROSS_DISTANCE_M`.
     """
     R, t = base
     ends = chain_distances(case, R, t)
@@ -107,7 +110,7 @@ def _off_chain(case: Case, base: tuple[Array, Array], pose: int, name: str, here
     load = configure(case.robot, case.q(np.array([pose]))).points(case.tool.load_point[None])[0, 0]
     off = abs(float(np.linalg.norm(here - load @ R.T - t)) - float(usual.median()))
     spread = _USUAL * float((usual - usual.median()).abs().median())
-    return off / max(1.0, spread / GROSS_M)
+    return off / max(1.0, spread / GROSS_DISTANCE_M)
 
 
 def _swaps(
@@ -120,7 +123,11 @@ def _swaps(
         nearest = int(np.argmin(away))
         other = str(state["target"].iloc[nearest])
         given = float(away[state.index.get_loc(index)])
-        if other != name and away[nearest] < max(GROSS_M, usual) and BETTER * away[nearest] < given:
+        if (
+            other != name
+            and away[nearest] < max(GROSS_DISTANCE_M, usual)
+            and CLEARLY_NEARER * away[nearest] < given
+        ):
             yield str(name), other
 
 
@@ -130,14 +137,14 @@ def _finding(
     """The mistake; `names` maps each name to that of the reading where it should be."""
     before = 1e3 * float(off[(rows["group"] == group).to_numpy()].max())
     after = 1e3 * float(np.median(off))
-    said = " and ".join(sorted(set(names)))
+    text = " and ".join(sorted(set(names)))
     at = of_group(case, group, set(names))
     return Mistake(
         name="label_swap",
         where=group,
-        evidence=f"in {group} the names {said} ({', '.join(at)}) are exchanged: as recorded, a "
+        evidence=f"in {group} the names {text} ({', '.join(at)}) are exchanged: as recorded, a "
         f"reflector is {before:.0f} mm from its expected position, at that of the other one",
-        correction=f"recomputed with {said} of {group} exchanged",
+        correction=f"recomputed with {text} of {group} exchanged",
         before=before,
         after=after,
         unit="mm",
@@ -180,7 +187,7 @@ def unlike(case: Case) -> pd.DataFrame:
     """Deviation of the chain's length from the usual one, by group: away, gross.
 
     `away` [m] is the deviation from the median of all pulls, or from that of the pose if it has
-    three pulls and this is smaller. It is gross beyond `GROSS_M` and ten times the median
+    three pulls and this is smaller. It is gross beyond `GROSS_DISTANCE_M` and ten times the median
     deviation: no chain stretches or is hung like that.
     """
     rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
@@ -190,7 +197,9 @@ def unlike(case: Case) -> pd.DataFrame:
     of_pose = length.groupby(ends[0]["pose"].reindex(length.index))
     own = (length - of_pose.transform("median")).abs().where(of_pose.transform("count") >= _PULLS)
     away = own.fillna(np.inf).clip(upper=(length - length.median()).abs())
-    return pd.DataFrame({"away": away, "gross": away > max(GROSS_M, _USUAL * away.median())})
+    return pd.DataFrame(
+        {"away": away, "gross": away > max(GROSS_DISTANCE_M, _USUAL * away.median())}
+    )
 
 
 def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
@@ -229,18 +238,18 @@ def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
 def _hung_alike(table: pd.DataFrame, reversed_: Bools) -> Bools:
     """Whether both ends are at their usual distances from the load point once renamed.
 
-    As in `unlike`: within `GROSS_M` or ten times the median deviation, of all pulls or of those of
-    the pose.
+    As in `unlike`: within `GROSS_DISTANCE_M` or ten times the median deviation, of all pulls or of
+    those of the pose.
     """
     swapped = np.where(reversed_[:, None], table[["far", "near"]], table[["near", "far"]])
     ends = pd.DataFrame(swapped, columns=["near", "far"])
     usual = ends.mask(pd.Series(reversed_))
     of_pose = usual.groupby(table["pose"]).transform("median")
     away = (ends - of_pose).abs().fillna(np.inf).clip(upper=(ends - usual.median()).abs())
-    gross = away > np.maximum(GROSS_M, _USUAL * away[~reversed_].median())
+    gross = away > np.maximum(GROSS_DISTANCE_M, _USUAL * away[~reversed_].median())
     return np.asarray(~gross.any(axis=1))
 
 
-FAULT = Fault("label_swap", lambda asked: labels(asked.case), in_files=True)
+FAULT = Fault("label_swap", lambda asked: _labels(asked.case), in_files=True)
 
-CHAIN = Fault("label_swap", lambda asked: chain_labels(asked.case), in_files=True)
+CHAIN = Fault("label_swap", lambda asked: _chain_labels(asked.case), in_files=True)

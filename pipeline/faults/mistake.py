@@ -58,8 +58,8 @@ class Mistake:
     @property
     def lost(self) -> Mistake:
         """The mistake if too few displacements remain without it, so that no value holds."""
-        said = "nothing can be corrected, too few displacements are left without it"
-        return replace(self, correct=as_it_is, correction=said, hopeless=True)
+        text = "nothing can be corrected, too few displacements are left without it"
+        return replace(self, correct=as_it_is, correction=text, hopeless=True)
 
     @property
     def of_reading(self) -> bool:

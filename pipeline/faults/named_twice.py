@@ -14,8 +14,8 @@ from functools import partial
 from pipeline.faults.assignment import lines
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, as_it_is, length
-from pipeline.readers.known import GROSS_M
-from pipeline.reduction._shots import Contradiction
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
+from pipeline.reduction._raw_readings import Contradiction
 from pipeline.reduction.case import Case
 
 
@@ -27,7 +27,7 @@ def named_twice(asked: Screening) -> Iterator[Mistake]:
     for one in case.contradictions:
         by_pose.setdefault(one.pose, []).append(one)
     for pose, ones in by_pose.items():
-        if pose not in pulled or max(one.apart_m for one in ones) > GROSS_M:
+        if pose not in pulled or max(one.apart_m for one in ones) > GROSS_DISTANCE_M:
             yield _of_pose(pose, ones, lost=pose not in pulled)
 
 

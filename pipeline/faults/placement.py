@@ -20,7 +20,7 @@ from pipeline.faults.base_names import not_rigid
 from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored, miss, pairs, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length
-from pipeline.readers.known import BETTER, GROSS_M
+from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
@@ -28,13 +28,13 @@ from pipeline.reduction.register import XYZ
 def placement(case: Case) -> list[Mistake]:
     """The mistake that the readings are not in F_b, if only a common rigid motion is wrong."""
     free, where = miss(case), anchored(case)
-    if free is None or where is None or free >= GROSS_M or not_rigid(case) is not None:
+    if free is None or where is None or free >= GROSS_DISTANCE_M or not_rigid(case) is not None:
         return []
     seen, expected, _ = pairs(case, unloaded(case))
     R, t = where
     stand = seen @ R.T + t
     before = float(np.median(np.linalg.norm(stand - expected, axis=1)))
-    if before < GROSS_ANCHORED_M or before < BETTER * free:
+    if before < GROSS_ANCHORED_M or before < CLEARLY_NEARER * free:
         return []
     turn, shift = rigid(stand, expected)
     angle = np.rad2deg(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))

@@ -20,9 +20,9 @@ from pipeline.faults.mistake import Mistake, apart, left_out, length, lines_of, 
 from pipeline.faults.reading import Shifted, confirmed, shifted_readings
 from pipeline.reduction.case import Case
 from pipeline.system import alarms, odds
-from pipeline.system.beside import Beside
+from pipeline.system.score_tests import ScoreTests
+from pipeline.system.simultaneous import cost
 from pipeline.system.system import System
-from pipeline.system.together import cost
 
 _ALONE = 0.01
 """P-value of a motion of another pose below which both belong to the machine [1]."""
@@ -73,7 +73,7 @@ def moved(asked: Screening) -> list[Mistake]:
     return [_finding(asked.case, pose, repeats, first, size, float(found.drop[best]), p)]
 
 
-def _worth(found: Beside, variance: float) -> Array:
+def _worth(found: ScoreTests, variance: float) -> Array:
     """Twice the log likelihood gained by each suspect, minus the cost of its prior."""
     return np.asarray(found.drop / variance - cost(found.drop / variance, found.rank))
 
@@ -124,7 +124,7 @@ def _order(pose: Ints, pull: Ints) -> Ints:
     return out
 
 
-def _flat(found: Beside) -> Beside:
+def _flat(found: ScoreTests) -> ScoreTests:
     """The suspects of all poses in one row."""
     return replace(
         found,

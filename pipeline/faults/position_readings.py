@@ -9,11 +9,11 @@ import pandas as pd
 
 from pipeline.base.quantities import plain
 from pipeline.faults.mistake import Mistake, length, outlying
-from pipeline.faults.position_rows import PositionSheet, Rows, in_order, laid, since
-from pipeline.geometry.mistaken import TableMistake
+from pipeline.faults.position_rows import PositionSheet, PositionTable, in_order, laid, since
+from pipeline.geometry.gross_errors import TableMistake
 from pipeline.geometry.study import BadReading, Study
 
-USUAL = 1e-3
+_USUAL_LOSS = 1e-3
 """Fraction of readings that an unattended instrument loses [1]; up to it, outliers are left out and
 listed without accusing the campaign. In a published stationary series of an absolute tracker, 13 of
 1000 rows are failed locks; it is the second smallest fraction in `system.family.MISTAKES`."""
@@ -61,20 +61,20 @@ def dated_beside(
     return new, sheet.without(new)
 
 
-def outliers(found: Study, rows: Rows) -> list[Mistake]:
+def outliers(found: Study, rows: PositionTable) -> list[Mistake]:
     """Every reading that was left out, with its row of the table."""
     of = [_row(one, rows) for one in found.bad]
     lines = rows["line"].to_numpy(int)
     return [_outlier(one, row, int(lines[row])) for one, row in zip(found.bad, of, strict=True)]
 
 
-def accused(off: list[Mistake], found: Study) -> list[Mistake]:
-    """Outliers that count as mistakes of the campaign: all, if they exceed the fraction `USUAL`."""
+def implausible_outliers(off: list[Mistake], found: Study) -> list[Mistake]:
+    """Outliers that count as mistakes: all, if they exceed the fraction `_USUAL_LOSS`."""
     count = 0 if found.every is None else int(np.isfinite(found.every.readings.at[..., 0]).sum())
-    return off if len(off) > USUAL * count else []
+    return off if len(off) > _USUAL_LOSS * count else []
 
 
-def _row(one: BadReading, rows: Rows) -> int:
+def _row(one: BadReading, rows: PositionTable) -> int:
     """Index of a reading's row in the table: its pose's first row, or a later one."""
     mine = rows["file"] == one.file
     first = rows.loc[mine & (rows["line"] == one.line), "series"]
@@ -129,6 +129,6 @@ def _entry(one: TableMistake) -> Mistake:
     )
 
 
-def _as_it_is(rows: Rows) -> Rows:
+def _as_it_is(rows: PositionTable) -> PositionTable:
     """The table of positions unchanged; the mistake is in the robot file."""
     return rows

@@ -19,21 +19,28 @@ from scipy import optimize
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said, standing
+from pipeline.faults.assignment import (
+    OUTSTANDING_MISFIT,
+    Ring,
+    in_words,
+    lines,
+    misplacement,
+    rings,
+)
 from pipeline.faults.conventions import LOGGED, UNITS
-from pipeline.faults.exchanged import told
+from pipeline.faults.exchanged import exchange_mistake
 from pipeline.faults.mistake import Mistake, length, lines_of
-from pipeline.geometry.begin import begin
+from pipeline.geometry.initial import begin
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, placed
 from pipeline.geometry.positioned import by_pose, weights_of
 from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import Robot, configure
-from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.readers.positions import AXES
+from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.settings import Settings
 
-Rows = pd.DataFrame
-Correct = Callable[[Rows], Rows]
+PositionTable = pd.DataFrame
+_Correction = Callable[[PositionTable], PositionTable]
 
 _LEAST_M = 1e-4
 """Minimum expected deviation of targets from their predictions [m]."""
@@ -69,7 +76,7 @@ class PositionSheet:
 
     robot: Robot
     settings: Settings
-    rows: Rows
+    rows: PositionTable
 
     @cached_property
     def unit(self) -> Ints:
@@ -101,17 +108,19 @@ class PositionSheet:
         for _ in range(_TRIMMED):
             seen = laid(readings, found, weights)
             better = _better_half(seen.own, readings.series)
-            if seen.miss < GROSS_M or np.array_equal(better, part):
+            if seen.miss < GROSS_DISTANCE_M or np.array_equal(better, part):
                 break
             part, found = better, begin(self.robot, readings.part(better), self.points)
         return found
 
-    def laid(self, mechanism: Mechanism | None = None, order: Ints | None = None) -> Laid:
+    def laid(
+        self, mechanism: Mechanism | None = None, order: Ints | None = None
+    ) -> _AlignedTargets:
         """The units aligned with a robot, by default the one as delivered, and in `order`."""
         weights = weights_of(self.settings, self.readings)
         return replace(laid(self.readings, mechanism or self.begun(), weights), order=order)
 
-    def of(self, correct: Correct) -> PositionSheet:
+    def of(self, correct: _Correction) -> PositionSheet:
         """The table after a correction."""
         return PositionSheet(self.robot, self.settings, correct(self.rows))
 
@@ -133,7 +142,7 @@ class PositionSheet:
 
 
 @dataclass(frozen=True, eq=False)
-class Laid(Locked):
+class _AlignedTargets(Locked):
     """Predicted and measured positions of targets.
 
     Attributes:
@@ -166,7 +175,7 @@ class Laid(Locked):
     @property
     def limit(self) -> float:
         """Squared distance above which a unit is elsewhere [m^2]."""
-        return (STANDS_OUT * max(self.miss, _LEAST_M)) ** 2
+        return (OUTSTANDING_MISFIT * max(self.miss, _LEAST_M)) ** 2
 
     @property
     def away(self) -> Bools:
@@ -191,9 +200,9 @@ def _better_half(own: Array, series: Ints) -> Ints:
     return np.flatnonzero(own <= limit[series])
 
 
-def laid(readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights) -> Laid:
+def laid(readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights) -> _AlignedTargets:
     """Readings aligned with a robot."""
-    return Laid(*placed(readings, mechanism, weights))
+    return _AlignedTargets(*placed(readings, mechanism, weights))
 
 
 def position_rows(sheet: PositionSheet) -> tuple[list[Mistake], PositionSheet]:
@@ -219,16 +228,16 @@ class _Guess:
     name: str
     where: str
     says: str
-    correct: Correct
+    correct: _Correction
 
 
 def _units(sheet: PositionSheet) -> Iterator[Mistake]:
     before = sheet.laid().miss
-    if before < GROSS_M:
+    if before < GROSS_DISTANCE_M:
         return
     tried = [(guess, _plainly(sheet.of(guess.correct))) for guess in _guesses(sheet)]
     guess, after = min(tried, key=lambda one: one[1])
-    if after < GROSS_M and BETTER * after < before:
+    if after < GROSS_DISTANCE_M and CLEARLY_NEARER * after < before:
         yield _of_column(guess, before, after, ())
 
 
@@ -300,20 +309,24 @@ def _of_column(guess: _Guess, before: float, after: float, at: tuple[str, ...]) 
     )
 
 
-def _scaled(rows: Rows, names: Sequence[str], factor: float, only: Bools | None = None) -> Rows:
+def _scaled(
+    rows: PositionTable, names: Sequence[str], factor: float, only: Bools | None = None
+) -> PositionTable:
     where = np.ones(len(rows), dtype=bool) if only is None else only
     return rows.assign(**{one: rows[one].where(~where, rows[one] * factor) for one in names})
 
 
-def _swapped(rows: Rows, names: dict[str, str]) -> Rows:
+def _swapped(rows: PositionTable, names: dict[str, str]) -> PositionTable:
     return rows.assign(**{one: rows[other] for one, other in names.items()})
 
 
-def _renamed(rows: Rows, true: dict[str, str]) -> Rows:
+def _renamed(rows: PositionTable, true: dict[str, str]) -> PositionTable:
     return rows.assign(target=[true.get(one, one) for one in rows["target"]])
 
 
-def _logged(robot: Robot, names: Sequence[str], factor: float, rows: Rows) -> Rows:
+def _logged(
+    robot: Robot, names: Sequence[str], factor: float, rows: PositionTable
+) -> PositionTable:
     """Joint values multiplied by a factor, as axes of the controller where it has its own zeros.
 
     q = M a + q0: a unit applies to the number a in the file, without the zero.
@@ -337,7 +350,7 @@ def _order(sheet: PositionSheet) -> Iterator[Mistake]:
     yield from in_order(sheet, _by_most(sheet))
 
 
-def in_order(sheet: PositionSheet, seen: Laid) -> Iterator[Mistake]:
+def in_order(sheet: PositionSheet, seen: _AlignedTargets) -> Iterator[Mistake]:
     """Units whose joint values belong to another one.
 
     Args:
@@ -348,7 +361,9 @@ def in_order(sheet: PositionSheet, seen: Laid) -> Iterator[Mistake]:
     if not 2 <= len(away) <= _MOST:
         return
     cost = seen.cost(away)
-    for ring in rings(cost / max(seen.miss, _LEAST_M) ** 2, STANDS_OUT**2, STANDS_OUT**2):
+    for ring in rings(
+        cost / max(seen.miss, _LEAST_M) ** 2, OUTSTANDING_MISFIT**2, OUTSTANDING_MISFIT**2
+    ):
         yield _of_ring(sheet, away, ring, cost)
 
 
@@ -357,11 +372,11 @@ def _of_ring(sheet: PositionSheet, away: Ints, ring: Ring, cost: Array) -> Mista
     names = [sheet.called(unit) for unit in units]
     file = str(sheet.rows["file"].iloc[int(np.argmax(sheet.unit == units[0]))])
     own = [sheet.rows.index[sheet.unit == unit] for unit in units]
-    return told(
+    return exchange_mistake(
         ring,
         where=ring.where(names),
-        what=f"{file}: the joint values of {said(names)}",
-        stand=standing(ring, "pose"),
+        what=f"{file}: the joint values of {in_words(names)}",
+        stand=misplacement(ring, "pose"),
         of="their targets are",
         cost=cost,
         at=sheet.at(units),
@@ -369,7 +384,9 @@ def _of_ring(sheet: PositionSheet, away: Ints, ring: Ring, cost: Array) -> Mista
     )
 
 
-def _moved(rows: Rows, robot: Robot, own: Sequence[pd.Index], ended: bool) -> Rows:
+def _moved(
+    rows: PositionTable, robot: Robot, own: Sequence[pd.Index], ended: bool
+) -> PositionTable:
     """Joint values of each unit moved to the next in the ring; if ended, the first is dropped."""
     every = [joint.name for joint in robot.joints]
     out = rows.copy()
@@ -379,19 +396,19 @@ def _moved(rows: Rows, robot: Robot, own: Sequence[pd.Index], ended: bool) -> Ro
     return out.drop(index=own[0]) if ended else out
 
 
-def _by_most(sheet: PositionSheet) -> Laid:
+def _by_most(sheet: PositionSheet) -> _AlignedTargets:
     """The units aligned with the robot by most of their joint values, in some order."""
     given = sheet.laid()
-    if given.miss < GROSS_M:
+    if given.miss < GROSS_DISTANCE_M:
         return given
     every = np.arange(len(sheet.readings))
     for order in (np.roll(every, 1), np.roll(every, -1)):
-        if (found := sheet.laid(sheet.begun(order), order)).miss < GROSS_M:
+        if (found := sheet.laid(sheet.begun(order), order)).miss < GROSS_DISTANCE_M:
             return found
     return _sought(sheet) or given
 
 
-def _sought(sheet: PositionSheet) -> Laid | None:
+def _sought(sheet: PositionSheet) -> _AlignedTargets | None:
     """The units aligned with the robot, in any order of their joint values; None if none fits.
 
     Frame and order are alternated: the assignment of least sum for a frame, and the frame that fits
@@ -406,7 +423,7 @@ def _sought(sheet: PositionSheet) -> Laid | None:
     cloud = here.flange_origin
     for R in _turns(cloud, readings.at[seen, target]):
         order = _matched(cloud, here.flange_axes, readings.at[:, target], seen, R)
-        if (found := sheet.laid(sheet.begun(order), order)).miss < GROSS_M:
+        if (found := sheet.laid(sheet.begun(order), order)).miss < GROSS_DISTANCE_M:
             return found
     return None
 
@@ -456,7 +473,7 @@ def _refitted(origin: Array, axes: Array, at: Array, point: Array) -> tuple[Arra
 def _names(sheet: PositionSheet) -> Iterator[Mistake]:
     """Readings with the name of another target of their pose, mistyped or exchanged."""
     seen = sheet.laid()
-    if seen.miss >= GROSS_M:
+    if seen.miss >= GROSS_DISTANCE_M:
         return
     rows, names = sheet.rows, sheet.readings.targets
     k = pd.Index(names).get_indexer(pd.Index(rows["target"]))
@@ -498,7 +515,7 @@ def _in_pose(
         evidence=f"in {pose} a target carries the name of another one ({lines(at)}): "
         f"{', '.join(said_)}; {_off(before, rest)}",
         correction=f"recomputed with the names of {pose} put right",
-        before=1e3 * float(before) if np.isfinite(before) else 1e3 * GROSS_M,
+        before=1e3 * float(before) if np.isfinite(before) else 1e3 * GROSS_DISTANCE_M,
         after=1e3 * rest,
         unit="mm",
         correct=partial(_called_right, true=true),
@@ -516,7 +533,7 @@ def _off(named_m: float, other_m: float) -> str:
     )
 
 
-def _called_right(rows: Rows, true: dict[int, str]) -> Rows:
+def _called_right(rows: PositionTable, true: dict[int, str]) -> PositionTable:
     names = rows["target"].to_numpy(object, copy=True)
     names[list(true)] = list(true.values())
     return rows.assign(target=names)
@@ -535,7 +552,7 @@ def since(sheet: PositionSheet, known: Mechanism | None = None) -> Iterator[Mist
     mechanism = known or sheet.begun()
     seen = sheet.laid(mechanism)
     away = seen.away
-    if seen.miss >= GROSS_M or not away.any():
+    if seen.miss >= GROSS_DISTANCE_M or not away.any():
         return
     best, most = None, 0
     for guess in (*_coordinates(), *_joints(sheet.robot)):
@@ -554,12 +571,12 @@ def since(sheet: PositionSheet, known: Mechanism | None = None) -> Iterator[Mist
     yield replace(one, since=one.since if tail else None)
 
 
-def _wrong_units(seen: Laid, corrected: Array) -> tuple[Bools, bool]:
+def _wrong_units(seen: _AlignedTargets, corrected: Array) -> tuple[Bools, bool]:
     """Which units a correction applies to, and whether these are all from some one on.
 
     All from one on, or all up to one, with which the sum of squares, of each unit at most
-    `Laid.limit`, is least, where that is no more than with those only that are elsewhere: a value
-    may be wrong by so little that its unit is not.
+    `_AlignedTargets.limit`, is least, where that is no more than with those only that are
+    elsewhere: a value may be wrong by so little that its unit is not.
 
     Args:
         seen: The units as given.
@@ -579,7 +596,7 @@ _EQUAL = 1e-9
 """Relative difference of sums that are equal but for rounding [1]."""
 
 
-def _some(rows: Rows, correct: Correct, only: Bools) -> Rows:
+def _some(rows: PositionTable, correct: _Correction, only: Bools) -> PositionTable:
     """A correction applied to some rows only."""
     out = rows.copy()
     out.loc[only] = correct(rows).loc[only]

@@ -16,7 +16,7 @@ from pipeline.faults.labels import chain_distances
 from pipeline.faults.mistake import Mistake
 from pipeline.readers.logs import FORCE
 from pipeline.reduction.case import Case
-from pipeline.system.specimen import SURE, Common, common, told
+from pipeline.system.specimen import SURE, Common, common, has_stated_stiffness
 from pipeline.system.system import Estimate
 
 _CLEAR = 4.0
@@ -106,7 +106,11 @@ def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
     """
     joints, k = case.robot.joints, len(case.robot.joints)
     x, std = estimate.value[:k], estimate.std[:k]
-    known = np.isfinite(std) & (x > 3 * std) & np.array([told(joint) for joint in joints])
+    known = (
+        np.isfinite(std)
+        & (x > 3 * std)
+        & np.array([has_stated_stiffness(joint) for joint in joints])
+    )
     if known.sum() < _FEWEST or _hangs(case):  # a mass is in no unit of force
         return []
     which = [joint for joint, of in zip(joints, known, strict=True) if of]

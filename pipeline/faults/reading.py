@@ -31,11 +31,11 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
 from pipeline.system import odds
-from pipeline.system.beside import Base, Beside
 from pipeline.system.blocks import Blocks
 from pipeline.system.contrasts import Stack, Zeros, stacked
+from pipeline.system.score_tests import Base, ScoreTests
+from pipeline.system.simultaneous import ActiveSuspects, Suspects, active_suspects, cost, sizes
 from pipeline.system.system import Estimate, System
-from pipeline.system.together import Held, Suspects, cost, sizes, together
 from pipeline.system.whiten import Whitener, whitener
 
 _SMALLEST_M = 8e-5
@@ -93,7 +93,7 @@ class Shifted(Locked):
     blocks: Blocks
     D: Array
 
-    def beside(self, base: Base) -> Beside:
+    def beside(self, base: Base) -> ScoreTests:
         """The best shift of every reading [m], given a base."""
         return base.beside(self.D).rows(self.blocks)
 
@@ -118,7 +118,7 @@ class Shifted(Locked):
         return self.white.own_base(columns, self.stack.c)
 
     def told(
-        self, held: Held, suspects: Suspects, free: tuple[Base, Base], seen: bool
+        self, held: ActiveSuspects, suspects: Suspects, free: tuple[Base, Base], seen: bool
     ) -> list[bool]:
         """Whether each reading in `held` is more than a sign of a weak model.
 
@@ -139,7 +139,7 @@ class Shifted(Locked):
             out.append(bool(sure))
         return out
 
-    def held(self, base: Base, suspects: Suspects, least: float) -> Held:
+    def held(self, base: Base, suspects: Suspects, least: float) -> ActiveSuspects:
         """Readings that are off together, given the motion of every state that moved as a whole.
 
         Outliers of one pull, or of one zero, may be a motion of the effector as one body; the
@@ -147,7 +147,7 @@ class Shifted(Locked):
         alone, as the motion may be part of the shift. A pose that is read as one is such a motion
         itself.
         """
-        first, held = base, together(base, suspects, least)
+        first, held = base, active_suspects(base, suspects, least)
         if self.D.shape[3] > 3:
             return held
         for _ in range(int(self.stack.pull.max(initial=0)) + 1):
@@ -155,10 +155,10 @@ class Shifted(Locked):
             if not whole:
                 break
             base = base.more(np.hstack([self._rigid(base, k) for k in sorted(whole)]))
-            held = together(base, suspects, least)
+            held = active_suspects(base, suspects, least)
         return replace(held, size=sizes(first, suspects, held.which))
 
-    def _moved_as_a_whole(self, held: Held, base: Base, suspects: Suspects) -> set[int]:
+    def _moved_as_a_whole(self, held: ActiveSuspects, base: Base, suspects: Suspects) -> set[int]:
         """A reading of each pull, or zero, in which a motion of the whole effector is likelier."""
         pose, out = self.readings.pose, set[int]()
         for one in np.unique(pose[held.which]):
@@ -190,7 +190,7 @@ class Shifted(Locked):
         return np.vstack([rigid, np.zeros((len(base.blocks.index) - len(rigid), 6))])
 
 
-def _as_one(every: Beside, rigid: Ints, own: Ints, variance: float) -> float:
+def _as_one(every: ScoreTests, rigid: Ints, own: Ints, variance: float) -> float:
     """Advantage of a motion of the effector in one state over outlying readings.
 
     By twice the log likelihood with its priors, compared with all held readings of the pose as
@@ -251,7 +251,7 @@ def outliers(asked: Screening) -> list[Mistake]:
     return found
 
 
-def _fits(held: Held, pulls: Base, least: float) -> bool:
+def _fits(held: ActiveSuspects, pulls: Base, least: float) -> bool:
     """Whether a model leaves no more than the scatter that no motion of a pull explains."""
     if pulls.dof < 1 or held.base.dof < 1:
         return True
@@ -280,7 +280,7 @@ def shifted_readings(
     return Shifted(stack, white, readings, blocks, _columns(stack, white, readings, blocks, six))
 
 
-def confirmed(freer: Beside, k: int, shift: Array, variance: float, seen: bool = False) -> bool:
+def confirmed(freer: ScoreTests, k: int, shift: Array, variance: float, seen: bool = False) -> bool:
     """Whether a freer model finds as much of the shift as it would of a true one.
 
     A weakness of the model can look like a bad reading; with free poses or pulls it vanishes. A

@@ -21,7 +21,7 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.tails import chi2_beyond
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, left_out, outlying
-from pipeline.faults.typed import intended
+from pipeline.faults.typing_errors import intended
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.reduction.case import Case
@@ -30,8 +30,8 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale
 from pipeline.system import alarms, odds
 from pipeline.system.assemble import assemble, by_force
-from pipeline.system.beside import Base, Beside
 from pipeline.system.estimate import identify, least_squares
+from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
 
@@ -41,12 +41,12 @@ _MATTERS = 0.03
 _STATED = 6.0
 """Minimum error of a mistyped reading in stated standard uncertainties of the scale [1]."""
 
-FEWEST, MOST = 8, 1000
+_FEWEST, _MOST = 8, 1000
 """Minimum and maximum number of pulls: fewer do not single one out; more are not measured by hand,
 and each adds a column."""
 
-PART, TOGETHER = 4, 12
-"""At most one reading in `PART`, and `TOGETHER` in all, are taken to be wrong."""
+_PART, _TOGETHER = 4, 12
+"""At most one reading in `_PART`, and `_TOGETHER` in all, are taken to be wrong."""
 
 _DOMINATES = 4.0
 """Minimum ratio of the deviation of mistyped readings to that of any other reading after
@@ -85,7 +85,7 @@ class _Righted(Locked):
     off: Array
     system: System
     base: Base
-    freed: Beside
+    freed: ScoreTests
 
     @property
     def normal(self) -> Array:
@@ -159,7 +159,7 @@ def scale_outliers(
         estimate: Its solution.
     """
     count = len(data.pulls)
-    if not FEWEST <= count <= MOST:
+    if not _FEWEST <= count <= _MOST:
         return []
     white = whitener(system.errors, system.rows.pose)
     freed = _freed(cell, data, system, estimate, white)[1]
@@ -168,7 +168,7 @@ def scale_outliers(
         return []
     scale = case.settings.scale or Scale()
     which = [best]
-    for _ in range(min(count // PART, TOGETHER)):
+    for _ in range(min(count // _PART, _TOGETHER)):
         righted = _righted(cell, data, system, estimate.value, np.array(which), scale)
         if righted is None or not _matters(righted, scale):
             return []
@@ -230,7 +230,7 @@ def _righted(
 
 def _freed(
     cell: Cell, data: Measured, system: System, estimate: Estimate, white: Whitener
-) -> tuple[Base, Beside]:
+) -> tuple[Base, ScoreTests]:
     """The base of the model's columns, and every pull's reading freed in addition [1/N]."""
     columns = np.zeros((len(system.rows), len(data.pulls)))
     columns[np.arange(len(columns)), system.rows.pull] = by_force(cell, data, estimate.value)
@@ -239,7 +239,7 @@ def _freed(
     return base, base.beside(white(columns)[None, ..., None]).of_block(0)
 
 
-def _chance(freed: Beside, system: System) -> Array:
+def _chance(freed: ScoreTests, system: System) -> Array:
     """P-value of each drop times their number; with a stated noise, the scatter is at least 1."""
     variance = freed.variance(1.0) if system.noise_stated else freed.variance()
     return np.asarray(freed.drop.size * freed.p(variance))
@@ -303,10 +303,10 @@ def _finding(
     hung = data.pulls.by[pull] == HUNG
     one, unit = (case.settings.gravity.m_s2, "kg") if hung else (1.0, "N")
     std = normal**-0.5
-    said = f"{row['payload']}, " if data.pulls.by[pull] == MOUNTED else ""
+    text = f"{row['payload']}, " if data.pulls.by[pull] == MOUNTED else ""
     return outlying(
         where,
-        f"the reading {where} (line {row['line']}) says {said}{given / one:.6g} {unit}, and "
+        f"the reading {where} (line {row['line']}) says {text}{given / one:.6g} {unit}, and "
         f"all other pulls agree with {fits / one:.6g} +- {std / one:.2g} {unit}, "
         f"{sigmas:.0f} standard deviations away{_meant(given / one, fits / one, std / one, unit)}",
         "recomputed without this pull",

@@ -15,7 +15,7 @@ from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import lock_lost
 from pipeline.machine.cell import Cell
-from pipeline.readers.known import BETTER
+from pipeline.readers.reflector_sets import CLEARLY_NEARER
 from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
 from pipeline.system.family import Family
@@ -51,7 +51,7 @@ class Screened:
             files: The campaign with its files corrected; mistakes in these are found first.
         """
         single = self.findings[len(files.findings) :]
-        return put_right(files.case, [one for one in single if not one.may_be_noise])
+        return _corrected_case(files.case, [one for one in single if not one.may_be_noise])
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,13 +90,13 @@ def files_of(case: Case, reduced: Reduced) -> Screened:
 
 
 def _without_spoiling(case: Case, all_right: Screened, found: list[list[Mistake]]) -> Screened:
-    """The campaign without the faults whose correction raises the pulls' misfit `BETTER` times."""
+    """The campaign without the faults whose correction raises the misfit `CLEARLY_NEARER` times."""
     best = misfit(all_right.case) if found else np.nan
     for one in list(found):
         others = [other for other in found if other is not one]
         kept = tuple(chain.from_iterable(others))
-        right = put_right(case, kept)
-        if (without := misfit(right)) * BETTER < best:
+        right = _corrected_case(case, kept)
+        if (without := misfit(right)) * CLEARLY_NEARER < best:
             found, best, all_right = others, without, Screened(kept, right)
     return all_right
 
@@ -144,18 +144,18 @@ def singles_of(
 
 def _righted(case: Case, found: list[Mistake]) -> tuple[list[Mistake], Case]:
     """The mistakes and the campaign without them, or unchanged if too little would be left."""
-    right = put_right(case, found)
-    if not found or tells(right):
+    right = _corrected_case(case, found)
+    if not found or _has_redundancy(right):
         return found, right
     return [one.lost for one in found], case
 
 
-def tells(case: Case) -> bool:
+def _has_redundancy(case: Case) -> bool:
     """Whether a campaign has enough displacements to determine anything about its robot."""
     return bring(case).data.enough(case.robot.n)
 
 
-def put_right(case: Case, findings: Sequence[Mistake]) -> Case:
+def _corrected_case(case: Case, findings: Sequence[Mistake]) -> Case:
     """The campaign with some mistakes corrected."""
     for finding in findings:
         case = finding.correct(case)

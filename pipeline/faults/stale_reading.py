@@ -19,7 +19,7 @@ import pandas as pd
 
 from pipeline.base import covariance
 from pipeline.base.arrays import Array
-from pipeline.faults.exchanged import elsewhere
+from pipeline.faults.exchanged import misplaced_groups
 from pipeline.faults.exchanged_pulls import odd_forces
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, as_it_is, left_out, outlying
@@ -124,7 +124,7 @@ class _Copy:
 
     @cached_property
     def _away(self) -> frozenset[str]:
-        return elsewhere(self.asked.case)
+        return misplaced_groups(self.asked.case)
 
     @cached_property
     def _odd(self) -> dict[tuple[int, int], bool]:

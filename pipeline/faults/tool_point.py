@@ -8,12 +8,12 @@ from functools import partial
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
 from pipeline.faults.conventions import FEWEST_POSES, unloaded
-from pipeline.faults.entries import TOOL_M, Entry, wrong_entries
+from pipeline.faults.entries import TOOL_M, DoubtfulEntry, wrong_entries
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake
 from pipeline.reduction.case import Case
 
-BEYOND = 5.0
+_CLEAR_SIGMAS = 5.0
 """Minimum error of a point in standard uncertainties to be corrected [1]; a smaller one is kept and
 reported as a finding."""
 
@@ -23,13 +23,13 @@ def tool_point(case: Case) -> list[Mistake]:
     if len(case.settings.measured) < 3 or unloaded(case)["pose"].nunique() < FEWEST_POSES:
         return []
     found = wrong_entries(case)
-    least = BEYOND * max(case.settings.tool_uncertainty.sigma_m, TOOL_M)
+    least = _CLEAR_SIGMAS * max(case.settings.tool_uncertainty.sigma_m, TOOL_M)
     if len(found) != 1 or found[0].table != "tool" or len(found[0].names) != 1:
         return []
     return [_finding(found[0])] if found[0].off_m > least else []
 
 
-def _finding(entry: Entry) -> Mistake:
+def _finding(entry: DoubtfulEntry) -> Mistake:
     (name,), size = entry.names, entry.off_m
     where = ", ".join(f"{x:.4f}" for x in entry.found)
     off, std = (f"{plain(1e3 * x, 3)} mm" for x in (size, float(entry.std.max())))

@@ -20,12 +20,12 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import LOGGED
 from pipeline.faults.exchanged import misplaced
-from pipeline.faults.exchanged_pulls import FEWEST, MOST, SPREAD, PullMoves, ordered, rows_of
+from pipeline.faults.exchanged_pulls import FEWEST, MOST, USUAL_MISFIT, PullMoves, ordered, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.machine.effect import PULLED
-from pipeline.readers.known import BETTER
 from pipeline.readers.logs import FORCE
+from pipeline.readers.reflector_sets import CLEARLY_NEARER
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import STILL_M
 
@@ -98,7 +98,7 @@ def _split(moved: PullMoves, at: Ints) -> _Change | None:
                 tried[first, unit, sign] = np.sqrt(left)
     best = min(tried, key=lambda one: tried[one])
     found = _likelier(moved, at, *best)
-    return None if tried[best] * BETTER > whole else found
+    return None if tried[best] * CLEARLY_NEARER > whole else found
 
 
 def _normal(moved: PullMoves, at: Ints) -> tuple[Array, Array, float]:
@@ -126,7 +126,7 @@ def _likelier(moved: PullMoves, at: Ints, first: int, unit: str, sign: int) -> _
     factor = np.ones(len(at))
     factor[at[first:]] = later.factor
     fit = ordered(replace(moved, force=moved.force * factor), np.arange(len(at)))
-    if fit.model > SPREAD:
+    if fit.model > USUAL_MISFIT:
         return None
     usual = float(np.median(fit.x[fit.x > 0])) if (fit.x > 0).any() else 1.0
     if abs(np.log(usual)) <= abs(np.log(usual * later.factor)):
@@ -137,14 +137,14 @@ def _likelier(moved: PullMoves, at: Ints, first: int, unit: str, sign: int) -> _
 def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:
     unit, factor, at = change.unit, change.factor, lines_of(rows)
     keys = frozenset(zip(rows["pose"].tolist(), rows["repeat"].tolist(), strict=True))
-    said = (
+    text = (
         f"are {unit} and were read as N" if change.sign == 1 else f"are N and were read as {unit}"
     )
     found = _finding(
         where=unit if change.sign == 1 else "n",
-        says=f"from {at[0]} on the numbers of the scale {said}"
+        says=f"from {at[0]} on the numbers of the scale {text}"
         if change.later
-        else f"up to {at[-1]} the numbers of the scale {said}",
+        else f"up to {at[-1]} the numbers of the scale {text}",
         why=f"these pulls moved the robot {factor:.4g} times as far as the others for their force",
         at=at,
         factor=factor,

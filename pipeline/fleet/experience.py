@@ -122,9 +122,9 @@ _TEACHES = (Verdict.ADEQUATE, Verdict.EXPLAINED, Verdict.AMBIGUOUS)
 def _shares(robots: Iterable[Sequence[Answer]], name: str) -> Iterator[float]:
     """Fraction of each robot's campaigns that name a cause, among those that could detect it."""
     for own in robots:
-        told = [one for one in own if _names(one, name) or not _blind(one, name)]
-        if told:
-            yield float(np.mean([_names(one, name) for one in told]))
+        chosen = [one for one in own if _names(one, name) or not _blind(one, name)]
+        if chosen:
+            yield float(np.mean([_names(one, name) for one in chosen]))
 
 
 def _names(one: Answer, name: str) -> bool:

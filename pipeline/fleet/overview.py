@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from pipeline.answer.contract import Answer, Cause, Stiffness
-from pipeline.answer.history import NO_SCATTER, Change, changes, ordered, trusted
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import (
     MISSING,
@@ -17,12 +16,20 @@ from pipeline.base.quantities import (
     prefixed,
     scaled,
 )
-from pipeline.diagnosis.average import LIKELY
+from pipeline.diagnosis.average import POSSIBLE
+from pipeline.fleet.history import NO_SCATTER, Change, changes, ordered, trusted
 from pipeline.fleet.sentences import alarm, changed_of, joints_table, of, robots_tables
 from pipeline.fleet.trends import Trend, chance, robots, together, trends, within_a_day
-from pipeline.fleet.worn import Robot
+from pipeline.fleet.wear_table import RobotWear
 from pipeline.report import words
-from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
+from pipeline.report.columns import (
+    Cells,
+    measured_column,
+    number_column,
+    roughly,
+    table_of,
+    word_column,
+)
 from pipeline.report.record import (
     Block,
     Column,
@@ -44,7 +51,7 @@ if TYPE_CHECKING:
 # --- all campaigns -------------------------------------------------------------------------
 
 
-def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
+def overview(answers: Sequence[Answer], wear: Sequence[RobotWear] = ()) -> Report:
     """The page over all campaigns: what needs action, their verdicts, each stiffness over time.
 
     Args:
@@ -86,21 +93,21 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
 
 
 def _sections(
-    by_robot: Mapping[str, Sequence[Answer]], followed: Mapping[str, Robot]
+    by_robot: Mapping[str, Sequence[Answer]], followed: Mapping[str, RobotWear]
 ) -> Iterator[Section | None]:
     """Yield one section per robot."""
     for place, (name, own) in enumerate(by_robot.items()):
         yield section_of(f"robot-{place}", name, _robot(place, name, own, followed.get(name)))
 
 
-def _raised(followed: Mapping[str, Robot], counts: Container[str]) -> Iterator[str]:
+def _raised(followed: Mapping[str, RobotWear], counts: Container[str]) -> Iterator[str]:
     """Alarms of the robots in `counts`."""
     for name, one in followed.items():
         if one.alarm and name in counts:
             yield f"{name}: {alarm(one)}"
 
 
-def _unsaid(own: Sequence[Answer], followed: Robot | None) -> list[str]:
+def _unsaid(own: Sequence[Answer], followed: RobotWear | None) -> list[str]:
     """Joints of a robot that changed between two campaigns and are not covered by an alarm."""
     called = _called(own)
     alarmed = [joint.called for joint in followed.changed] if followed else []
@@ -168,12 +175,12 @@ def _not_compared(by_robot: Mapping[str, Sequence[Answer]]) -> list[str]:
 def _campaigns(answers: Sequence[Answer]) -> ReportTable | None:
     columns: list[Cells[Answer]] = [
         (Column("Campaign"), _linked),
-        said("Robot", lambda one: one.machine),
-        said("Measured", lambda one: one.measured and one.measured[:10]),
-        said("Verdict", lambda one: words.VERDICTS[one.diagnosis.verdict][0]),
-        said("Identified causes", lambda one: ", ".join(map(_who, one.diagnosis.causes))),
-        said("Model", words.values_of),
-        number("Cross-validation error [mm]", _left_out_mm),
+        word_column("Robot", lambda one: one.machine),
+        word_column("Measured", lambda one: one.measured and one.measured[:10]),
+        word_column("Verdict", lambda one: words.VERDICTS[one.diagnosis.verdict][0]),
+        word_column("Identified causes", lambda one: ", ".join(map(_who, one.diagnosis.causes))),
+        word_column("Model", words.values_of),
+        number_column("Cross-validation error [mm]", _left_out_mm),
     ]
     return table_of("campaigns", "Every campaign with a result", columns, answers)
 
@@ -188,12 +195,12 @@ def _left_out_mm(answer: Answer) -> float | None:
 
 def _who(cause: Cause) -> str:
     """A cause, with its likely rivals."""
-    rivals = [rival for rival in cause.rivals if rival.probability > LIKELY]
+    rivals = [rival for rival in cause.rivals if rival.probability > POSSIBLE]
     return " or ".join(map(words.placed, (cause, *rivals)))
 
 
 def _robot(
-    place: int, name: str, answers: Sequence[Answer], wear: Robot | None
+    place: int, name: str, answers: Sequence[Answer], wear: RobotWear | None
 ) -> Sequence[Block | None]:
     if wear is not None:
         says = [Paragraph(alarm(wear), "finding")] if wear.alarm else []
@@ -234,11 +241,11 @@ def _trend_table(
     place: int, found: Sequence[Trend], called: Mapping[str, str]
 ) -> ReportTable | None:
     columns: list[Cells[Trend]] = [
-        said("Joint", lambda t: called[t.name]),
-        number("Campaigns", lambda t: t.campaigns, str),
-        measured("First to last [%]", lambda t: (t.first_to_last, t.first_to_last_std)),
-        number("Chance of such scatter", lambda t: t.p_value, _chance),
-        said("Result", _held),
+        word_column("Joint", lambda t: called[t.name]),
+        number_column("Campaigns", lambda t: t.campaigns, str),
+        measured_column("First to last [%]", lambda t: (t.first_to_last, t.first_to_last_std)),
+        number_column("Chance of such scatter", lambda t: t.p_value, _chance),
+        word_column("Result", _held),
     ]
     note = (
         "Tested on the compliances, whose errors are normal, at 1 % for all joints together; an "
@@ -262,17 +269,17 @@ def _history_figure(
 ) -> Figure:
     called = _called(answers)
     which = ", ".join(called.get(one, one) for one in changed)
-    told = f"{len(answers)} campaigns of {name}. " + (
+    text = f"{len(answers)} campaigns of {name}. " + (
         f"Changed: {which} in another colour." if changed else "No joint stands out."
     )
     hollow = [one.campaign for one in answers if not trusted(one)]
     if hollow:
-        told += f" Hollow and not compared: {', '.join(hollow)}."
+        text += f" Hollow and not compared: {', '.join(hollow)}."
     return Figure(
         f"history-{place}",
         "Each stiffness over the campaigns",
-        f"{told} Bars are 95 % intervals; they should overlap as long as nothing changes.",
-        f"One row per joint with the stiffness of each campaign and its interval. {told}",
+        f"{text} Bars are 95 % intervals; they should overlap as long as nothing changes.",
+        f"One row per joint with the stiffness of each campaign and its interval. {text}",
     )
 
 
@@ -356,8 +363,8 @@ def _differ(surely: Sequence[str]) -> tuple[str, str, str]:
     if not surely:
         return "They agree", "good", "No stiffness differs by more than chance explains."
     differ = "differs" if len(surely) == 1 else "differ"
-    told = f"{', '.join(surely)} {differ} by more than chance explains."
-    return "They differ", "attention", told
+    text = f"{', '.join(surely)} {differ} by more than chance explains."
+    return "They differ", "attention", text
 
 
 def _together(
@@ -388,13 +395,13 @@ def _comparison_table(
         return plain(scaled(value, factor), 4)
 
     columns: list[Cells[Change]] = [
-        said("Joint", lambda change: called.get(change.name, change.name)),
-        number(names[0], lambda change: change.before, in_prefix),
-        number(names[1], lambda change: change.after, in_prefix),
-        said("Unit", lambda change: units[change.name]),
-        measured("Change [%]", lambda change: (change.percent, change.percent_std)),
-        number("Difference of compliance [σ]", lambda change: change.sigmas, roughly),
-        said("Result", _judged),
+        word_column("Joint", lambda change: called.get(change.name, change.name)),
+        number_column(names[0], lambda change: change.before, in_prefix),
+        number_column(names[1], lambda change: change.after, in_prefix),
+        word_column("Unit", lambda change: units[change.name]),
+        measured_column("Change [%]", lambda change: (change.percent, change.percent_std)),
+        number_column("Difference of compliance [σ]", lambda change: change.sigmas, roughly),
+        word_column("Result", _judged),
     ]
     note = _TESTED if any(change.sigmas is not None for change in found) else ""
     return table_of("comparison", "Stiffness of each joint", columns, found, note)
@@ -409,17 +416,17 @@ def _judged(change: Change) -> str:
     return "differs" if change.sure else "agrees"
 
 
-def render_overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> bytes:
+def render_overview(answers: Sequence[Answer], wear: Sequence[RobotWear] = ()) -> bytes:
     """The page over all campaigns as HTML, from their answers and the wear of their robots."""
     report = overview(answers, wear)
     drawings = {figure.name: _draw_robot(figure.name, answers, wear) for figure in report.figures}
     return page(report, {name: drawing.inline for name, drawing in drawings.items()}).encode()
 
 
-def _draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Drawing:
+def _draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[RobotWear] = ()) -> Drawing:
     """Draw the history of one robot: `history-0` is that of the first of `robots`."""
     # importing matplotlib takes half a second
-    from pipeline.annex.figures.history import draw_history
+    from pipeline.fleet.course import draw_history
     from pipeline.report.svg import drawn
 
     machine, own = list(robots(answers).items())[int(name.rpartition("-")[2])]

@@ -10,16 +10,16 @@ from typing import Any
 
 from filelock import FileLock
 
-from pipeline.answer.archive import Finished, earlier, finished, look_of, mark, read, shown
+from pipeline.answer.archive import Among, Finished, kept_tables, look_of, read
 from pipeline.answer.contract import Answer
-from pipeline.answer.history import previous
 from pipeline.base import files, preferences
+from pipeline.base.appearance import Appearance, AppearanceFacts, appearances
 from pipeline.base.errors import CannotWrite
-from pipeline.base.look import Facts, Look, looks
 from pipeline.base.shown import printable
 from pipeline.fleet import tables as fleet
-from pipeline.fleet.sentences import alarm, told
-from pipeline.fleet.worn import Robot
+from pipeline.fleet.history import about, earlier, finished, mark, previous
+from pipeline.fleet.sentences import alarm, fleet_sentences
+from pipeline.fleet.wear_table import RobotWear
 from pipeline.store.campaign import CampaignFolder, code_version, dump, recalled, versions
 
 _INDEX_MANIFEST = "index.json"
@@ -36,10 +36,13 @@ def refresh(root: Path) -> Path | None:
     """
     everyone = finished(root, _left_out)
     answers = [one.answer for one in everyone]
-    wear, dress = _wear(root), looks(root)
+    wear, dress = _wear(root), appearances(root)
     for one in everyone:
         one.campaign.tidy()
-        stands = {"previous": mark(previous(one.answer, answers)), "wear": told(one.answer, wear)}
+        stands = {
+            "previous": mark(previous(one.answer, answers)),
+            "wear": fleet_sentences(one.answer, wear),
+        }
         manifest = one.campaign.manifest() or {}
         stands["look"] = look_of(dress, manifest, one.answer).key
         if not _says(manifest, stands):
@@ -47,12 +50,13 @@ def refresh(root: Path) -> Path | None:
     return _index(root, everyone, wear) if everyone else None
 
 
-def together(answer: Answer, root: Path) -> str | None:
-    """What a campaign's page states about all campaigns of its robot, as known so far."""
-    return told(answer, fleet.wear(root))
+def among(campaign: CampaignFolder, answer: Answer) -> Among:
+    """What a campaign's page states about the other campaigns of its robot, as known so far."""
+    before, wear = earlier(campaign, answer), fleet_sentences(answer, fleet.wear(campaign.root))
+    return Among(before, wear, {"previous": mark(before), "wear": wear} | about(answer))
 
 
-def _wear(root: Path) -> tuple[Robot, ...]:
+def _wear(root: Path) -> tuple[RobotWear, ...]:
     """Wear of all robots, updated; new alarms are printed."""
     before = _alarms(fleet.wear(root))
     with suppress(CannotWrite):  # the next query creates what is missing, or says why not
@@ -64,7 +68,7 @@ def _wear(root: Path) -> tuple[Robot, ...]:
     return wear
 
 
-def _alarms(wear: Sequence[Robot]) -> dict[str, str]:
+def _alarms(wear: Sequence[RobotWear]) -> dict[str, str]:
     return {one.machine: alarm(one) for one in wear if one.alarm}
 
 
@@ -77,24 +81,27 @@ def _left_out(why: str) -> None:
     sys.stderr.write(f"{why} Until then it is left out of the page over all campaigns.\n")
 
 
-def _tell(campaign: CampaignFolder, dress: Callable[[Mapping[str, Any], Facts], Look]) -> None:
+def _tell(
+    campaign: CampaignFolder, dress: Callable[[Mapping[str, Any], AppearanceFacts], Appearance]
+) -> None:
     """Write a campaign's report again, with the changes since previous campaigns."""
     from pipeline.report.render import render
 
     with campaign.locked():
         manifest, answer = campaign.manifest(), read(campaign)
-        before = earlier(campaign, answer)  # as read under the lock
-        wear = together(answer, campaign.root)
+        beside = among(campaign, answer)  # as read under the lock
         look = look_of(dress, manifest or {}, answer)
-        stands = {"previous": mark(before), "wear": wear, "look": look.key}
+        stands = {**beside.kept, "look": look.key}
         if manifest is None or _says(manifest, stands):
             return  # another run has done it
-        took, beside = manifest.get("run_time_s"), campaign.answers(manifest)
-        pages = render(answer, shown(campaign), took, before, beside, wear, look)
+        took, there = manifest.get("run_time_s"), campaign.answers(manifest)
+        pages = render(
+            answer, kept_tables(campaign), took, beside.previous, there, beside.wear, look
+        )
         campaign.publish(manifest | stands, pages)
 
 
-def _index(root: Path, everyone: Sequence[Finished], wear: Sequence[Robot]) -> Path:
+def _index(root: Path, everyone: Sequence[Finished], wear: Sequence[RobotWear]) -> Path:
     """The page over all campaigns, drawn under a lock from those finished by then."""
     from pipeline.fleet.overview import render_overview
 
@@ -114,7 +121,7 @@ def _index(root: Path, everyone: Sequence[Finished], wear: Sequence[Robot]) -> P
     return page
 
 
-def _key(everyone: Sequence[Finished], wear: Sequence[Robot]) -> str:
+def _key(everyone: Sequence[Finished], wear: Sequence[RobotWear]) -> str:
     digests = [one.digest for one in everyone]
     return files.sha256(dump([digests, repr(wear), code_version(), versions()]))
 

@@ -9,16 +9,16 @@ from pipeline.answer.contract import Answer
 from pipeline.base.errors import listed
 from pipeline.base.quantities import MISSING, bracketed, p_value, plain, with_std
 from pipeline.fleet.trends import trends, within_a_day
-from pipeline.fleet.worn import Joint, Robot
+from pipeline.fleet.wear_table import JointWear, RobotWear
 from pipeline.report import words
-from pipeline.report.columns import Cells, measured, number, said, table_of
+from pipeline.report.columns import Cells, measured_column, number_column, table_of, word_column
 from pipeline.report.record import Column, ReportTable, TableEntry, entry
 
 _AS_ONE = 3
 """Minimum number of joints that change alike, if they are all joints, to suspect the scale."""
 
 
-def told(answer: Answer, wear: Sequence[Robot]) -> str | None:
+def fleet_sentences(answer: Answer, wear: Sequence[RobotWear]) -> str | None:
     """What a campaign's page states about all campaigns of its robot.
 
     None if they are too few, so that the page compares with the previous one; empty if there is no
@@ -30,12 +30,12 @@ def told(answer: Answer, wear: Sequence[Robot]) -> str | None:
     return alarm(own) if own.alarm and own.campaign == answer.campaign else ""
 
 
-def of(machine: str, wear: Sequence[Robot]) -> Robot | None:
+def of(machine: str, wear: Sequence[RobotWear]) -> RobotWear | None:
     """The robot of this name; None if there is none."""
     return next((one for one in wear if one.machine == machine), None)
 
 
-def changed_of(answers: Sequence[Answer], wear: Robot | None) -> list[str]:
+def changed_of(answers: Sequence[Answer], wear: RobotWear | None) -> list[str]:
     """Names of the stiffnesses of one robot that have changed.
 
     Wear is estimated from day to day; differences between campaigns of one day are tested as by
@@ -47,7 +47,7 @@ def changed_of(answers: Sequence[Answer], wear: Robot | None) -> list[str]:
     return [trend.name for trend in trends(answers) if trend.sure]
 
 
-def alarm(robot: Robot) -> str:
+def alarm(robot: RobotWear) -> str:
     """The alarm of a robot in one sentence, without the robot's name."""
     if robot.alarm is None:
         return ""
@@ -55,7 +55,7 @@ def alarm(robot: Robot) -> str:
     return f"{how}{_standing(robot)}."
 
 
-def _trend(robot: Robot) -> str:
+def _trend(robot: RobotWear) -> str:
     changed = [one for one in robot.changed if one.percent_a_year is not None]
     if not changed:
         return "The stiffnesses have changed together, more than chance explains"
@@ -71,12 +71,12 @@ def _trend(robot: Robot) -> str:
     )
 
 
-def _which_way(changed: Sequence[Joint]) -> str:
+def _which_way(changed: Sequence[JointWear]) -> str:
     ways = {(one.percent_a_year or 0.0) < 0 for one in changed}
     return "softer or stiffer" if len(ways) > 1 else "softer" if ways == {True} else "stiffer"
 
 
-def _step(robot: Robot) -> str:
+def _step(robot: RobotWear) -> str:
     assert robot.alarm is not None
     changed = [one.called for one in robot.changed]
     who = listed(changed, len(changed)) if changed else "the stiffnesses"
@@ -87,7 +87,7 @@ def _step(robot: Robot) -> str:
     )
 
 
-def _standing(robot: Robot) -> str:
+def _standing(robot: RobotWear) -> str:
     assert robot.alarm is not None
     if robot.alarm.confirmed:
         return f" (since campaign {robot.alarm.raised})"
@@ -100,7 +100,7 @@ def _standing(robot: Robot) -> str:
 
 
 def robots_tables(
-    wear: Sequence[Robot],
+    wear: Sequence[RobotWear],
     places: Mapping[str, int],
     last: Mapping[str, Answer],
     changed: Mapping[str, Sequence[str]],
@@ -122,23 +122,23 @@ def robots_tables(
 
 def _of_type(
     robot: str,
-    own: Sequence[Robot],
+    own: Sequence[RobotWear],
     places: Mapping[str, int],
     last: Mapping[str, Answer],
     changed: Mapping[str, Sequence[str]],
 ) -> ReportTable | None:
-    def urgency(one: Robot) -> int:
+    def urgency(one: RobotWear) -> int:
         return _urgency(one, changed.get(one.machine, ()))
 
-    columns: list[Cells[Robot]] = [
+    columns: list[Cells[RobotWear]] = [
         (Column("Robot"), lambda one: _section(one, places)),
         (Column("To do"), lambda one: TableEntry(_to_do(one, changed), float(urgency(one)))),
-        said("Alarm since", lambda one: one.alarm and one.alarm.raised),
+        word_column("Alarm since", lambda one: one.alarm and one.alarm.raised),
         (Column("Last campaign"), lambda one: _page(one.campaign)),
-        said("Measured", lambda one: one.last.isoformat()),
-        said("Verdict of the newest", lambda one: _verdict(last.get(one.machine))),
+        word_column("Measured", lambda one: one.last.isoformat()),
+        word_column("Verdict of the newest", lambda one: _verdict(last.get(one.machine))),
         *(_a_joint(k, joint.axis or joint.name) for k, joint in enumerate(own[0].joints)),
-        number("Chance of such change", lambda one: one.p_value, _chance),
+        number_column("Chance of such change", lambda one: one.p_value, _chance),
     ]
     ranked = sorted(own, key=lambda one: (urgency(one), one.p_value or 1.0, one.machine))
     note = (
@@ -150,8 +150,8 @@ def _of_type(
     return table_of(f"robots-{robot}", f"Robots of type {robot}", columns, ranked, note)
 
 
-def _a_joint(k: int, name: str) -> Cells[Robot]:
-    def cell(one: Robot) -> TableEntry:
+def _a_joint(k: int, name: str) -> Cells[RobotWear]:
+    def cell(one: RobotWear) -> TableEntry:
         joint = one.joints[k]
         text = with_std(joint.percent_a_year, joint.std) if one.followed else MISSING
         mark = " *" if joint.changed else ""
@@ -160,7 +160,7 @@ def _a_joint(k: int, name: str) -> Cells[Robot]:
     return Column(f"{name} [%/year]", numeric=True), cell
 
 
-def _section(one: Robot, places: Mapping[str, int]) -> TableEntry:
+def _section(one: RobotWear, places: Mapping[str, int]) -> TableEntry:
     place = places.get(one.machine)
     link = "" if place is None else f"#robot-{place}"
     return TableEntry(one.serial or one.robot, one.machine, link)
@@ -178,7 +178,7 @@ def _chance(p: float | None) -> str:
     return MISSING if p is None else p_value(p)
 
 
-def _urgency(one: Robot, changed: Sequence[str]) -> int:
+def _urgency(one: RobotWear, changed: Sequence[str]) -> int:
     """Rank of the action needed, 0 first."""
     if one.alarm is not None:
         return 0 if one.alarm.confirmed else 1
@@ -187,7 +187,7 @@ def _urgency(one: Robot, changed: Sequence[str]) -> int:
     return 3 if one.followed else 2
 
 
-def _to_do(one: Robot, changed: Mapping[str, Sequence[str]]) -> str:
+def _to_do(one: RobotWear, changed: Mapping[str, Sequence[str]]) -> str:
     if one.alarm is None:
         if names := changed.get(one.machine):
             return f"see what happened to {', '.join(names)} between two campaigns"
@@ -199,15 +199,15 @@ def _to_do(one: Robot, changed: Mapping[str, Sequence[str]]) -> str:
 # --- one robot -------------------------------------------------------------------------------
 
 
-def joints_table(place: int, robot: Robot) -> ReportTable | None:
+def joints_table(place: int, robot: RobotWear) -> ReportTable | None:
     """Wear of each joint of one robot."""
-    columns: list[Cells[Joint]] = [
-        said("Joint", lambda joint: joint.called),
-        measured("Change of stiffness [%/year]", lambda j: (j.percent_a_year, j.std)),
+    columns: list[Cells[JointWear]] = [
+        word_column("Joint", lambda joint: joint.called),
+        measured_column("Change of stiffness [%/year]", lambda j: (j.percent_a_year, j.std)),
         (Column("95 % interval [%/year]", numeric=True), _interval),
-        measured("Given its type [%/year]", lambda j: (j.expected, j.expected_std)),
-        number("Day-to-day scatter [%]", lambda j: j.scatter, lambda s: plain(s, 2)),
-        said("Result", lambda joint: "changed" if joint.changed else "holds"),
+        measured_column("Given its type [%/year]", lambda j: (j.expected, j.expected_std)),
+        number_column("Day-to-day scatter [%]", lambda j: j.scatter, lambda s: plain(s, 2)),
+        word_column("Result", lambda joint: "changed" if joint.changed else "holds"),
     ]
     note = (
         f"From {robot.campaigns} campaigns; chance of so much change in all joints together: "
@@ -220,7 +220,7 @@ def joints_table(place: int, robot: Robot) -> ReportTable | None:
     return table_of(f"wear-{place}", title, columns, robot.joints, note)
 
 
-def _interval(joint: Joint) -> TableEntry:
+def _interval(joint: JointWear) -> TableEntry:
     if joint.low is None or joint.high is None:
         return entry(MISSING)
     return entry(f"{plain(joint.low, 2)} to {plain(joint.high, 2)}", joint.low)

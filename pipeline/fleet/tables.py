@@ -28,8 +28,8 @@ from pipeline.answer import archive
 from pipeline.answer.contract import Answer, Cause, Stiffness
 from pipeline.base import files, parquet
 from pipeline.base.errors import UsageError
-from pipeline.fleet import worn
-from pipeline.fleet.worn import column
+from pipeline.fleet import wear_table
+from pipeline.fleet.wear_table import column
 from pipeline.store.campaign import FLEET, MANIFEST, CampaignFolder, code_version, dump, recalled
 
 _INDEX = "index.json"
@@ -152,7 +152,7 @@ _PROMISED = {
 }
 """Schemas of the tables by name; every row also has the `robot` of its partition."""
 
-VIEWS = _PROMISED | {"wear": worn.WEAR}
+VIEWS = _PROMISED | {"wear": wear_table.WEAR}
 """The same, with the table that is made from them."""
 
 _OWN = {"residuals": "42_residuals", "reliability": "43_reliability"}
@@ -269,12 +269,12 @@ def _bring_up_to_date(
 def _write_wear(place: Path, robot: str, scatter: float | None) -> None:
     """Write the wear of all robots of a type; remove the file if none has a campaign."""
     path = _path(place, "wear", robot, "wear")
-    held = worn.History(*(_held(place, name, robot) for name in worn.READ))
+    held = wear_table.History(*(_held(place, name, robot) for name in wear_table.READ))
     if not held.campaigns:
         path.unlink(missing_ok=True)
         return
-    rows = worn.rows(held, scatter)
-    parquet.write(path, pa.Table.from_pylist(rows, worn.WEAR))
+    rows = wear_table.rows(held, scatter)
+    parquet.write(path, pa.Table.from_pylist(rows, wear_table.WEAR))
 
 
 def _held(place: Path, name: str, robot: str) -> list[dict[str, Any]]:
@@ -284,13 +284,13 @@ def _held(place: Path, name: str, robot: str) -> list[dict[str, Any]]:
     return [row for part in parts for row in part.to_pylist()]
 
 
-def wear(root: Path) -> tuple[worn.Robot, ...]:
+def wear(root: Path) -> tuple[wear_table.RobotWear, ...]:
     """Wear of every robot as in the tables; empty if there are none."""
     place = folder(root)
     found = []
     for path in sorted((place / "wear").glob("robot=*/wear.parquet")):
         rows = parquet.read(path).to_pylist()
-        found += worn.robots(unquote(path.parent.name.removeprefix("robot=")), rows)
+        found += wear_table.robots(unquote(path.parent.name.removeprefix("robot=")), rows)
     return tuple(found)
 
 

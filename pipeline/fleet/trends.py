@@ -9,9 +9,9 @@ import numpy as np
 from scipy import special
 
 from pipeline.answer.contract import Answer, Stiffness
-from pipeline.answer.history import SURE, alike, compliance, day_of, ordered, trusted
 from pipeline.base import linear
 from pipeline.base.arrays import Array
+from pipeline.fleet.history import FALSE_ALARM, alike, compliance, day_of, ordered, trusted
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def _trend(name: str, points: Sequence[_Point], tested: int) -> Trend:
         first_to_last=first_to_last,
         first_to_last_std=first_to_last_std,
         p_value=p_scatter,
-        sure=p_scatter is not None and p_scatter < SURE / tested,
+        sure=p_scatter is not None and p_scatter < FALSE_ALARM / tested,
     )
 
 

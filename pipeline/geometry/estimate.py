@@ -19,25 +19,25 @@ from scipy import sparse
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.curves import Curve
 from pipeline.geometry.mechanism import Linear, Mechanism, Payloads, layout
 from pipeline.geometry.scatter import PoseScatter
+from pipeline.geometry.spline import Curve
 from pipeline.geometry.yielding import sizes, usual
-from pipeline.machine.stance import soften
+from pipeline.machine.positions_estimate import soften
 
-ROUGH = {False: 1e-3, True: 1e-3}
+_DELIVERED_STD = {False: 1e-3, True: 1e-3}
 """Standard deviation of lengths [m] and angles [rad] of the DH parameters as delivered, where the
 robot file states none: Nubiola and Bonev (Robotics and Computer-Integrated Manufacturing 29, 2013)
 found 0.1 to 2 mm and mrad on an industrial robot."""
 
-BEYOND = 5.0
+_OUTSTANDING = 5.0
 """Ratio to the roughness of the other parameters, or to the stated one, beyond which a parameter
 gets a standard deviation of its own [1]."""
 
 _LOOSE = 1e3
 """Prior standard deviation of parameters of which nothing is known: frames and tool [m or rad]."""
 
-HELD = 1e-12
+FIXED_SIGMA = 1e-12
 """Standard deviation of a parameter that is held fixed, in its own unit."""
 
 _WAVE = 3e-4
@@ -71,7 +71,7 @@ class Prior(Locked):
     def roughness(self, turns: bool) -> float:
         """Present roughness of lengths [m] or of angles [rad]."""
         mine = (self.turns == turns) & ~self.free
-        return float(self.std[: len(self.turns)][mine][0]) if mine.any() else ROUGH[turns]
+        return float(self.std[: len(self.turns)][mine][0]) if mine.any() else _DELIVERED_STD[turns]
 
 
 def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads) -> Prior:
@@ -79,11 +79,11 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     where, robot = layout(mechanism), mechanism.table
     mean, std = np.zeros(where.dense), np.full(where.dense, _LOOSE)
     turns = np.array([letter.turns for letter in mechanism.letters], dtype=bool)
-    said = [s if np.isfinite(s) else ROUGH[k == 1] for k, s in enumerate(stated)]
-    std[where.letters] = np.where(turns, said[1], said[0])
+    items = [s if np.isfinite(s) else _DELIVERED_STD[k == 1] for k, s in enumerate(stated)]
+    std[where.letters] = np.where(turns, items[1], items[0])
     mean[where.compliance] = robot.nominal_compliance
     std[where.compliance] = robot.nominal_compliance
-    std[where.payload] = np.maximum(payloads.std.ravel(), HELD)
+    std[where.payload] = np.maximum(payloads.std.ravel(), FIXED_SIGMA)
     std[where.yields], std[where.laws] = sizes(mechanism.elements), _WAVE
     if mechanism.unknown:
         mean[where.moments], std[where.moments] = (one.ravel() for one in usual(robot))
@@ -247,7 +247,7 @@ def _of_unit_size(first: float, spacing: float, count: int, length: float) -> tu
     return own.solve(np.eye(count)), own.log_det
 
 
-def solve(
+def _solve(
     N: Array, b: Array, square: float, prior_of: tuple[Array, float], mean: Array
 ) -> Posterior:
     """Posterior from the products of rows and priors.
@@ -289,7 +289,7 @@ def solved(rows: ReadRows, mechanism: Mechanism, known: Prior) -> Posterior:
         x0, d = mechanism.at(layout(mechanism)), damping(mechanism, known)
         N, b, square = N + np.outer(d, d), b + d * (d @ x0), square + float(d @ x0) ** 2
     mean = padded(known.mean, len(b))
-    return solve(N, b, square, precision(mechanism, known), mean)
+    return _solve(N, b, square, precision(mechanism, known), mean)
 
 
 def damping(mechanism: Mechanism, known: Prior) -> Array:
@@ -341,7 +341,7 @@ _FACTOR = 1.1
 payload [1]: a factor of three, as between arms of long and of short reach."""
 
 
-def told(mechanism: Mechanism, known: Prior, x: Array, var: Array) -> Bools:
+def determined_joints(mechanism: Mechanism, known: Prior, x: Array, var: Array) -> Bools:
     """Joints of whose compliance the readings take away half of the prior variance, (n,).
 
     Where nobody states the masses they bound a product of compliance and moment: it may vanish
@@ -383,7 +383,9 @@ def rougher(known: Prior, found: Posterior) -> Prior:
             continue
         second = x[mine] ** 2 + var[mine]
         middle = np.sqrt(np.median(second) / _MEDIAN)
-        limit = BEYOND * max(middle, ROUGH[turns] if np.isnan(known.stated[turns]) else 0.0)
+        limit = _OUTSTANDING * max(
+            middle, _DELIVERED_STD[turns] if np.isnan(known.stated[turns]) else 0.0
+        )
         far = np.sqrt(second) > limit
         rest = second[~far]
         size = np.sqrt(rest.mean()) if len(rest) else middle
@@ -396,7 +398,7 @@ def rougher(known: Prior, found: Posterior) -> Prior:
 
 def _scale(x: Array, var: Array, std: Array) -> float:
     """Factor by which the parameters exceed their prior scale (MacKay's fixed point), 0.1 to 10."""
-    if std[0] <= HELD:
+    if std[0] <= FIXED_SIGMA:
         return 1.0
     known = float(np.sum(1 - np.minimum(var / std**2, 1.0)))
     if known < _UNSEEN:

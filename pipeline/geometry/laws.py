@@ -14,8 +14,8 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Locked
 
-Kind = Literal["periodic", "smooth", "step", "coupling"]
-Variable = Literal["angle", "torque", "temperature", "time"]
+LawKind = Literal["periodic", "smooth", "step", "coupling"]
+LawVariable = Literal["angle", "torque", "temperature", "time"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +65,8 @@ class JointLaw:
     """
 
     joint: int
-    kind: Kind
-    variable: Variable
+    kind: LawKind
+    variable: LawVariable
     source: int | None
     order: float
     middle: float = 0.0

@@ -22,14 +22,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.curves import Curve
 from pipeline.geometry.laws import Inputs, JointLaw
 from pipeline.geometry.readings import PositionReadings
+from pipeline.geometry.spline import Curve
 from pipeline.geometry.yielding import Virtual, carried_by, carried_on
 from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import rotation_about, translation_along
-from pipeline.machine.robot.letters import Letter, changed, letters, twists
+from pipeline.machine.robot.dh_parameters import DhParameter, changed, dh_parameters, twists
 from pipeline.machine.robot.weight import by_moments, carried, payload_torques, work
 
 
@@ -134,9 +134,9 @@ class Mechanism(Locked):
     knots: Array = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
-    def letters(self) -> tuple[Letter, ...]:
+    def letters(self) -> tuple[DhParameter, ...]:
         """DH parameters of the table that may be off."""
-        return letters(self.table)
+        return dh_parameters(self.table)
 
     @cached_property
     def robot(self) -> Robot:
@@ -178,7 +178,7 @@ class Mechanism(Locked):
             tau = work(bent.twists, held)
             here = configure(robot, q + self.turned(replace(inputs, tau=tau), inputs))
         yields = Virtual(self.elements, here)
-        bed = bed_screws(here) if any(curve.screw >= robot.n for curve in self.curves) else None
+        bed = _bed_screws(here) if any(curve.screw >= robot.n for curve in self.curves) else None
         screws, carrier = yields.screws, yields.carrier
         borne = yields.torques(held, weight)
         amounts = yields.answers(borne) * self.yields[yields.parameter]
@@ -222,7 +222,7 @@ class Mechanism(Locked):
         ends = np.cumsum([curve.count for curve in self.curves])[:-1]
         return np.split(self.knots, ends) if self.curves else []
 
-    def moved(self, step: Array, layout: ParameterLayout) -> Mechanism:
+    def moved(self, step: Array, layout: _ParameterLayout) -> Mechanism:
         """The mechanism with new parameters.
 
         Args:
@@ -251,7 +251,7 @@ class Mechanism(Locked):
             knots=step[layout.knots],
         )
 
-    def at(self, layout: ParameterLayout) -> Array:
+    def at(self, layout: _ParameterLayout) -> Array:
         """Present parameter vector, the linearisation point; zero for tool and frames."""
         out = np.zeros(layout.size)
         out[layout.letters], out[layout.compliance] = self.values, self.compliance
@@ -277,7 +277,7 @@ def _motion(twist: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class ParameterLayout:
+class _ParameterLayout:
     """Slices of the parameter vector.
 
     Attributes:
@@ -313,7 +313,7 @@ class ParameterLayout:
         return int(self.knots.start)
 
 
-def layout(mechanism: Mechanism) -> ParameterLayout:
+def layout(mechanism: Mechanism) -> _ParameterLayout:
     """Layout of a mechanism's parameter vector."""
     sizes = (
         len(mechanism.values),
@@ -327,7 +327,7 @@ def layout(mechanism: Mechanism) -> ParameterLayout:
         sum(curve.count for curve in mechanism.curves),
     )
     ends = np.cumsum([0, *sizes]).tolist()
-    return ParameterLayout(*(slice(a, b) for a, b in pairwise(ends)))
+    return _ParameterLayout(*(slice(a, b) for a, b in pairwise(ends)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -397,7 +397,7 @@ def placed(
 
 
 def _stand(readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights) -> PlacedRobot:
-    when = within(readings), readings.series.astype(float)
+    when = _within(readings), readings.series.astype(float)
     return mechanism.stand(readings.q, weights, readings.temperature, *when)
 
 
@@ -466,14 +466,14 @@ def derivatives(
     return D, Z
 
 
-def bed_screws(here: Configuration) -> Array:
+def _bed_screws(here: Configuration) -> Array:
     """Unit screws at the carriage along and about x, y, z of F_b, shape (m, 6, 6)."""
     origin, axes = here.origin[:, 0], np.broadcast_to(np.eye(3), (len(here.q), 3, 3))
     shifts = [translation_along(axes[:, k]) for k in range(3)]
     return np.stack([*shifts, *(rotation_about(origin, axes[:, k]) for k in range(3))], axis=1)
 
 
-def within(readings: PositionReadings) -> Array:
+def _within(readings: PositionReadings) -> Array:
     """Position of each pose in its series, from 0 to 1, (m,)."""
     out = np.zeros(len(readings))
     for series in range(len(readings.names)):

@@ -45,33 +45,35 @@ class Positioned:
     table: pd.DataFrame
 
 
-Rejected = list[tuple[str, int | None, str]]
+_RejectedRows = list[tuple[str, int | None, str]]
 """File, line and reason of rows that were left out."""
 
 
 def as_read(
     settings: Settings, robot: Robot, raw: Mapping[str, bytes]
-) -> tuple[pd.DataFrame, Rejected]:
+) -> tuple[pd.DataFrame, _RejectedRows]:
     """Every valid row of the tables, whatever its joint values, and the rejected rows.
 
     Raises:
         InputError: A file is missing or cannot be trusted.
     """
-    said = settings.positions
-    assert said is not None
-    logs = [_log(settings, said, robot, raw, name) for name in said.named]
-    rows = pd.concat([_rows(log, robot, said) for log in logs], ignore_index=True)
+    stated = settings.positions
+    assert stated is not None
+    logs = [_log(settings, stated, robot, raw, name) for name in stated.named]
+    rows = pd.concat([_rows(log, robot, stated) for log in logs], ignore_index=True)
     return rows, [one for log in logs for one in log.rejected]
 
 
-def usable(settings: Settings, robot: Robot, rows: pd.DataFrame, rejected: Rejected) -> Positioned:
+def usable(
+    settings: Settings, robot: Robot, rows: pd.DataFrame, rejected: _RejectedRows
+) -> Positioned:
     """The rows within the robot's limits, pose by pose.
 
     Raises:
         InputError: A payload is unknown, or too few poses are left.
     """
-    said = settings.positions
-    assert said is not None
+    stated = settings.positions
+    assert stated is not None
     rows, beyond = _within_limits(rows, robot)
     rejected = [*rejected, *beyond]
     unknown = sorted(set(rows["payload"]) - {"", *settings.payload})
@@ -87,7 +89,7 @@ def usable(settings: Settings, robot: Robot, rows: pd.DataFrame, rejected: Rejec
         raise InputError(
             f"{poses.ngroups} poses are left, of at least {_FEWEST}",
             "measure more, or correct the rows that were left out",
-            file=said.named[0],
+            file=stated.named[0],
         )
     readings = by_pose(rows, robot, settings)
     return Positioned(readings, weights_of(settings, readings), frame, rows)
@@ -141,13 +143,13 @@ def _rows(log: Log, robot: Robot, said: PositionsSettings) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def _within_limits(rows: pd.DataFrame, robot: Robot) -> tuple[pd.DataFrame, Rejected]:
+def _within_limits(rows: pd.DataFrame, robot: Robot) -> tuple[pd.DataFrame, _RejectedRows]:
     """The rows within the robot's limits, and the rejected ones."""
     q = rows[[joint.name for joint in robot.joints]].to_numpy(float)
     over = np.maximum(robot.lower - q, q - robot.upper)
     worst = np.argmax(over, axis=1)
     bad = over[np.arange(len(q)), worst] > LEEWAY
-    out: Rejected = []
+    out: _RejectedRows = []
     for k in np.flatnonzero(bad).tolist():
         joint = robot.joints[worst[k]]
         out.append((

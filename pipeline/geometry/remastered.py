@@ -22,7 +22,7 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
-from pipeline.geometry.roughness import Cells
+from pipeline.geometry.roughness import ScaleGrid
 from pipeline.geometry.unloaded import MidChange, PoseRows, Unloaded
 
 _SIDES = 3
@@ -37,7 +37,7 @@ def places(zeros: Unloaded) -> int:
     return max(zeros.poses - 2 * _SIDES + 1, 1)
 
 
-def changes(zeros: Unloaded, rows: PoseRows, found: Cells) -> tuple[MidChange, ...]:
+def changes(zeros: Unloaded, rows: PoseRows, found: ScaleGrid) -> tuple[MidChange, ...]:
     """Of each joint, the robot and each target the likeliest change beside all that was found.
 
     None where none is seen.
@@ -68,7 +68,7 @@ def _what(zeros: Unloaded) -> list[MidChange]:
     return [MidChange(j, (), 0) for j in joints] + [MidChange(0, (), 0, t) for t in targets]
 
 
-def _gains(zeros: Unloaded, rows: PoseRows, found: Cells, order: Ints) -> Array:
+def _gains(zeros: Unloaded, rows: PoseRows, found: ScaleGrid, order: Ints) -> Array:
     """Twice the log of the ratio of likelihoods of a change behind each of the poses.
 
     In the order of `_what`, shape (p, k).
@@ -80,7 +80,7 @@ def _gains(zeros: Unloaded, rows: PoseRows, found: Cells, order: Ints) -> Array:
     return np.asarray(np.max(each, axis=0) - 2 * found.log.max())
 
 
-def _drops(zeros: Unloaded, rows: PoseRows, found: Cells, cell: int, order: Ints) -> Array:
+def _drops(zeros: Unloaded, rows: PoseRows, found: ScaleGrid, cell: int, order: Ints) -> Array:
     """T of a change behind each of the poses, in time, shape (p, k)."""
     W = linear.whitening(rows.cov(found.transmission[cell]))
     Z, D = W @ rows.Z, W @ rows.D

@@ -47,7 +47,7 @@ _COUNTS = 1e-3
 
 
 @dataclass(frozen=True)
-class Suspect:
+class SuspectUnknowns:
     """Unknowns that may be off by far more than the roughness of the table.
 
     Attributes:
@@ -62,7 +62,7 @@ class Suspect:
 
 
 @dataclass(frozen=True, eq=False)
-class Products(Locked):
+class _PoseProducts(Locked):
     """Sums over poses for several sizes of the joints' errors.
 
     Attributes:
@@ -79,16 +79,16 @@ class Products(Locked):
     b: Array
     square: Array
 
-    def with_sizes(self, sizes: Array) -> Products:
+    def with_sizes(self, sizes: Array) -> _PoseProducts:
         """The sums for other sizes; known ones are reused."""
         known = {size: k for k, size in enumerate(self.sizes.tolist())}
         new = [size for size in sizes.tolist() if size not in known]
         if not new:
             at = [known[size] for size in sizes.tolist()]
-            return Products(self.rows, sizes, self.A[at], self.b[at], self.square[at])
+            return _PoseProducts(self.rows, sizes, self.A[at], self.b[at], self.square[at])
         more = products(self.rows, np.array(new))
         both = (np.concatenate(pair) for pair in zip(self._sums, more._sums, strict=True))
-        every = Products(self.rows, np.append(self.sizes, more.sizes), *both)
+        every = _PoseProducts(self.rows, np.append(self.sizes, more.sizes), *both)
         return every.with_sizes(sizes)
 
     @property
@@ -96,10 +96,10 @@ class Products(Locked):
         return self.A, self.b, self.square
 
 
-def products(rows: PoseRows, sizes: Array = _SCALES) -> Products:
+def products(rows: PoseRows, sizes: Array = _SCALES) -> _PoseProducts:
     """The sums of some rows."""
     each = [_sums(rows, size) for size in sizes.tolist()]
-    return Products(rows, sizes, *(np.stack(some) for some in zip(*each, strict=True)))
+    return _PoseProducts(rows, sizes, *(np.stack(some) for some in zip(*each, strict=True)))
 
 
 def _sums(rows: PoseRows, size: float) -> tuple[Array, Array, Array]:
@@ -111,7 +111,7 @@ def _sums(rows: PoseRows, size: float) -> tuple[Array, Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class Cells(Locked):
+class ScaleGrid(Locked):
     """Estimates for every cell of the grid of scales.
 
     Attributes:
@@ -129,7 +129,7 @@ class Cells(Locked):
     """
 
     zeros: Unloaded
-    free: tuple[Suspect, ...]
+    free: tuple[SuspectUnknowns, ...]
     std: Array
     rough: Array
     transmission: Array
@@ -137,7 +137,7 @@ class Cells(Locked):
     x: Array
     cov: Array
     log: Array
-    unrefined: Cells | None = None
+    unrefined: ScaleGrid | None = None
 
     @cached_property
     def weight(self) -> Array:
@@ -183,12 +183,12 @@ class Cells(Locked):
         ratio = 2 * (self.log.max() - self.log[smooth].max())
         return float(special.chdtrc(2, ratio))
 
-    def evidence(self, one: Suspect) -> float:
+    def evidence(self, one: SuspectUnknowns) -> float:
         """Log marginal likelihood over the whole grid with one more suspect free."""
         whole = self.unrefined or self
         return float(special.logsumexp(whole.freed(one) + whole.width))
 
-    def freed(self, one: Suspect) -> Array:
+    def freed(self, one: SuspectUnknowns) -> Array:
         """Log likelihood of each cell with one more suspect free, shape (c,).
 
         With P = s^-2 the precision before and w^-2 after, E = P - w^-2, S = E^-1 - C_kk: log
@@ -203,7 +203,7 @@ class Cells(Locked):
         wider = 2 * (np.log(one.wide) - np.log(self.std[:, at])).sum(axis=1)
         return np.asarray(self.log + 0.5 * (gain - occam - wider))
 
-    def p_value(self, one: Suspect, beside: Array) -> float:
+    def p_value(self, one: SuspectUnknowns, beside: Array) -> float:
         """Probability of such large values if the unknowns had the roughness of the rest.
 
         x' (C + r^2)^-1 x is chi-square in each cell, with the roughness r estimated without them.
@@ -219,7 +219,7 @@ class Cells(Locked):
         return float(self.weight @ special.chdtrc(len(at), far))
 
 
-def cells(zeros: Unloaded, sums: Products, free: Sequence[Suspect] = ()) -> Cells:
+def cells(zeros: Unloaded, sums: _PoseProducts, free: Sequence[SuspectUnknowns] = ()) -> ScaleGrid:
     """Estimates for every cell of the refined grid.
 
     Args:
@@ -235,7 +235,9 @@ def cells(zeros: Unloaded, sums: Products, free: Sequence[Suspect] = ()) -> Cell
     return replace(found, unrefined=whole)
 
 
-def unrefined(zeros: Unloaded, sums: Products, free: Sequence[Suspect] = ()) -> Cells:
+def unrefined(
+    zeros: Unloaded, sums: _PoseProducts, free: Sequence[SuspectUnknowns] = ()
+) -> ScaleGrid:
     """As `cells` on a coarse grid, enough for a linearisation point and for choosing suspects."""
     return _over(zeros, sums, free, _WHOLE)
 
@@ -246,7 +248,9 @@ _Nodes = tuple[Array, Array, Array]
 _WHOLE: _Nodes = (_SCALES, _SCALES, _SCALES)
 
 
-def _over(zeros: Unloaded, sums: Products, free: Sequence[Suspect], nodes: _Nodes) -> Cells:
+def _over(
+    zeros: Unloaded, sums: _PoseProducts, free: Sequence[SuspectUnknowns], nodes: _Nodes
+) -> ScaleGrid:
     """Estimates for every cell of a grid of nodes."""
     which, L, A = np.meshgrid(np.arange(len(nodes[0])), *nodes[1:], indexing="ij")
     widths = np.meshgrid(*(np.log(_widths(one)) for one in nodes), indexing="ij")
@@ -263,7 +267,7 @@ def _widths(nodes: Array) -> Array:
     return np.diff(edges)
 
 
-def _finer(found: Cells, nodes: _Nodes) -> _Nodes:
+def _finer(found: ScaleGrid, nodes: _Nodes) -> _Nodes:
     """The nodes without those of no weight, and with new ones where the density changes."""
     weight = found.weight.reshape([len(one) for one in nodes])
     return tuple(
@@ -283,13 +287,13 @@ def _halved(nodes: Array, density: Array) -> Array:
     return np.sort(np.concatenate([nodes, np.sqrt(nodes[1:] * nodes[:-1])[halve]]))
 
 
-def straight(zeros: Unloaded, sums: Products) -> Cells:
+def straight(zeros: Unloaded, sums: _PoseProducts) -> ScaleGrid:
     """Estimate with nominal table and no joint errors: only position, stated rotation and tool."""
     std, whole = zeros.held()[None], np.zeros(1)
     return _estimated(zeros, sums, (), std, np.zeros((1, 2)), np.zeros(1, dtype=np.int64), whole)
 
 
-def _std(zeros: Unloaded, rough: Array, free: Iterable[Suspect]) -> Array:
+def _std(zeros: Unloaded, rough: Array, free: Iterable[SuspectUnknowns]) -> Array:
     std = np.tile(zeros.held(), (len(rough), 1))
     std[:, zeros.columns.table] = np.hypot(rough[:, zeros.turns.astype(int)], zeros.stated)
     std[:, zeros.columns.loose] = rough[:, 1:]  # the rail's direction in F_b is an angle, too
@@ -300,13 +304,13 @@ def _std(zeros: Unloaded, rough: Array, free: Iterable[Suspect]) -> Array:
 
 def _estimated(
     zeros: Unloaded,
-    sums: Products,
-    free: Sequence[Suspect],
+    sums: _PoseProducts,
+    free: Sequence[SuspectUnknowns],
     std: Array,
     rough: Array,
     which: Ints,
     width: Array,
-) -> Cells:
+) -> ScaleGrid:
     """Estimates in units of the prior standard deviations, for numerical stability."""
     A, b = sums.A[which], sums.b[which]
     M = np.eye(std.shape[1]) + std[:, :, None] * A * std[:, None, :]
@@ -319,13 +323,13 @@ def _estimated(
     log_det = linear.log_det(scaled) + 2 * np.log(size).sum(axis=1)
     log = -0.5 * (sums.square[which] - np.einsum("ci,ci->c", b, x) + log_det)
     size_of = sums.sizes[which]
-    told = np.isfinite(log)  # not where the table is unobservable, as from one pose repeated
-    x, cov = np.where(told[:, None], x, 0.0), np.where(told[:, None, None], cov, 0.0)
-    log = np.where(told, log, -1e300)
-    return Cells(zeros, tuple(free), std, rough, size_of, width, x, cov, log)
+    determined = np.isfinite(log)  # not where the table is unobservable, as from one pose repeated
+    x, cov = np.where(determined[:, None], x, 0.0), np.where(determined[:, None, None], cov, 0.0)
+    log = np.where(determined, log, -1e300)
+    return ScaleGrid(zeros, tuple(free), std, rough, size_of, width, x, cov, log)
 
 
-def left_out(found: Cells, rows: PoseRows) -> Array:
+def left_out(found: ScaleGrid, rows: PoseRows) -> Array:
     """Leave-one-out prediction errors of each pose at the likeliest scales [m], (z, 3).
 
     e_i / (1 - H_i), H_i = X_i C X_i' in whitened rows: exactly the estimate without pose i.
@@ -339,7 +343,9 @@ def left_out(found: Cells, rows: PoseRows) -> Array:
     return np.asarray(missed[rows.place])
 
 
-def same(zeros: Unloaded, sums: Products, one: Suspect, other: Suspect) -> bool:
+def same(
+    zeros: Unloaded, sums: _PoseProducts, one: SuspectUnknowns, other: SuspectUnknowns
+) -> bool:
     """Whether two parameters are indistinguishable at all poses, given position and tool."""
     if len(one.columns) > 1 or len(other.columns) > 1:
         return False

@@ -17,16 +17,29 @@ from scipy.spatial.transform import Rotation
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.bootstrap import interval
-from pipeline.geometry import blunders, curves, leftout, search
-from pipeline.geometry.begin import begin
-from pipeline.geometry.causes import OTHER_MASSES, Listed, TableLaw, listed, renewed, weight
-from pipeline.geometry.identify import Identified, Wanted, likeliest
+from pipeline.geometry import law_tests, left_out, outliers, spline
+from pipeline.geometry.calibrate import Calibration, ModelStructure, likeliest
+from pipeline.geometry.catalogue_causes import (
+    OTHER_MASSES,
+    CatalogueCause,
+    CatalogueLaw,
+    listed,
+    renewed,
+    weight,
+)
+from pipeline.geometry.cross_validation import (
+    LeftOutGain,
+    LeftOutPoses,
+    Partition,
+    distances,
+    partings,
+)
+from pipeline.geometry.gross_errors import TableMistake, corrected
+from pipeline.geometry.initial import begin
+from pipeline.geometry.joint_laws import LawSearchData, NamedLaw, with_laws
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout, linearised
-from pipeline.geometry.mistaken import TableMistake, corrected
-from pipeline.geometry.named import LawData, NamedLaw, with_laws
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import start
-from pipeline.geometry.worth import Judge, LeftOutGain, Parting, distances, partings
 from pipeline.geometry.yielding import other_forms, usual, yielding
 from pipeline.machine.effects._anatomy import rail
 from pipeline.machine.robot import Robot
@@ -44,7 +57,7 @@ _GROSS = 20.0
 any estimate [1]."""
 
 
-class StationMove(NamedTuple):
+class _StationMove(NamedTuple):
     """Move of the instrument from a pose of a series on, with its size and p-value.
 
     `shift_m` and `turn_rad` are the motion of the robot's base in the frame of the instrument.
@@ -69,7 +82,7 @@ class BadReading(NamedTuple):
     p: float = 0.0
 
 
-class Step(StrEnum):
+class ModelStage(StrEnum):
     """Stages of the model, each in addition to tool and frames."""
 
     TABLE = "nominal table"
@@ -80,7 +93,7 @@ class Step(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Stage(Locked):
+class StageResult(Locked):
     """A model and its errors at left-out poses.
 
     Attributes:
@@ -89,11 +102,11 @@ class Stage(Locked):
         errors: Errors of positions for each partition [m], NaN where not read, each (m, t).
     """
 
-    step: Step
-    found: Identified
-    errors: dict[Parting, Array]
+    step: ModelStage
+    found: Calibration
+    errors: dict[Partition, Array]
 
-    def mean(self, parting: Parting, mine: Bools | slice = slice(None)) -> float:
+    def mean(self, parting: Partition, mine: Bools | slice = slice(None)) -> float:
         """Mean error [m] over some poses."""
         return float(np.nanmean(self.errors[parting][mine]))
 
@@ -112,20 +125,20 @@ class Study(Locked):
         every: All readings, including those left out.
     """
 
-    stages: tuple[Stage, ...]
+    stages: tuple[StageResult, ...]
     laws: tuple[NamedLaw, ...]
     bad: tuple[BadReading, ...]
-    moved: tuple[StationMove, ...] = ()
-    causes: tuple[TableLaw, ...] = ()
+    moved: tuple[_StationMove, ...] = ()
+    causes: tuple[CatalogueCause, ...] = ()
     mistakes: tuple[TableMistake, ...] = ()
-    every: LawData | None = None
+    every: LawSearchData | None = None
 
     @property
-    def final(self) -> Identified:
+    def final(self) -> Calibration:
         """The complete estimate."""
         return self.stages[-1].found
 
-    def ending(self, found: Identified) -> Study:
+    def ending(self, found: Calibration) -> Study:
         """The study with another estimate of the complete model."""
         stages = (*self.stages[:-1], replace(self.stages[-1], found=found))
         return replace(self, stages=stages, causes=renewed(self.causes, found))
@@ -152,7 +165,7 @@ def study(
         rng: Source of copies and intervals.
     """
     robot, mistakes = corrected(robot, readings, weights, tool)
-    every = LawData(readings, weights, stated, start(robot, sigma_m))
+    every = LawSearchData(readings, weights, stated, start(robot, sigma_m))
     begun = begin(robot, readings, tool)
     gross = _gross(every, begun)
     data = every.without(gross)
@@ -170,12 +183,12 @@ def study(
     if data is not before:
         whole, parts = replace(whole, found=found), partings(data.readings, rng, rail(robot))
     plain = list(_plain(data, begun))
-    steps = [*zip((Step.TABLE, Step.LETTERS, Step.SPRINGS), plain, strict=True)]
+    steps = [*zip((ModelStage.TABLE, ModelStage.LETTERS, ModelStage.SPRINGS), plain, strict=True)]
     if base.wanted != plain[-1].wanted:
-        steps.append((Step.CATALOGUE, base if data is before else data.again(base)))
-    steps.append((Step.LAWS, whole.found))
+        steps.append((ModelStage.CATALOGUE, base if data is before else data.again(base)))
+    steps.append((ModelStage.LAWS, whole.found))
     stages = tuple(
-        Stage(step, found, {k: distances(found, part) for k, part in parts.items()})
+        StageResult(step, found, {k: distances(found, part) for k, part in parts.items()})
         for step, found in steps
     )
     bad = tuple(_listed(every.readings, late))
@@ -189,18 +202,18 @@ def study(
 class _Weighed(NamedTuple):
     """A model with estimated link masses, its p-value and its gains."""
 
-    found: Identified
+    found: Calibration
     p: float
     gains: tuple[LeftOutGain, LeftOutGain]
 
-    def cause(self, found: Identified, form: str) -> TableLaw:
+    def cause(self, found: Calibration, form: str) -> CatalogueCause:
         """The weight as a cause, with the amounts of the complete model."""
         one = weight(found)
         near, far = self.gains
         return replace(one, form=form or one.form, p=self.p, gain=near, carried=far)
 
 
-def _weigh(before: Identified, after: Identified, rng: np.random.Generator) -> _Weighed | None:
+def _weigh(before: Calibration, after: Calibration, rng: np.random.Generator) -> _Weighed | None:
     """Compare a model with estimated link masses with the one before; None if it is not better.
 
     It is better if the likelihood ratio is significant and held-out poses are certainly predicted
@@ -211,28 +224,28 @@ def _weigh(before: Identified, after: Identified, rng: np.random.Generator) -> _
         return None
     parts = partings(after.readings, rng, rail(after.mechanism.table))
     near, far = (
-        _gain(before, after, parts[one], rng) for one in (Parting.BETWEEN, next(reversed(parts)))
+        _gain(before, after, parts[one], rng) for one in (Partition.BETWEEN, next(reversed(parts)))
     )
     return _Weighed(after, p, (near, far)) if near.sure else None
 
 
 def _gain(
-    before: Identified, after: Identified, part: Ints, rng: np.random.Generator
+    before: Calibration, after: Calibration, part: Ints, rng: np.random.Generator
 ) -> LeftOutGain:
     """Reduction of the error of a coordinate of held-out targets, from their distances."""
     off = [distances(found, part) for found in (before, after)]
     seen = np.isfinite(off[0])
-    block = np.broadcast_to(search.blocks(after.readings)[:, None], seen.shape)[seen]
+    block = np.broadcast_to(law_tests.blocks(after.readings)[:, None], seen.shape)[seen]
     one, two = (distance[seen] for distance in off)
     before_m, after_m = (linear.rms(distance) / np.sqrt(3.0) for distance in (one, two))
     return LeftOutGain(before_m, after_m, interval(one, two, block, rng)[1])
 
 
-def _heavy(data: LawData, robot: Robot) -> bool:
+def _heavy(data: LawSearchData, robot: Robot) -> bool:
     return bool(weighs(robot) or data.weights.any or data.weights.gravity.any())
 
 
-def _base(data: LawData, begun: Mechanism) -> tuple[Identified, tuple[Listed, ...]]:
+def _base(data: LawSearchData, begun: Mechanism) -> tuple[Calibration, tuple[CatalogueLaw, ...]]:
     """Estimate with DH parameters, springs and all laws of the catalogue, and these laws."""
     robot = begun.table
     heavy = _heavy(data, robot)
@@ -240,21 +253,22 @@ def _base(data: LawData, begun: Mechanism) -> tuple[Identified, tuple[Listed, ..
     tried = replace(begun, moments=usual(robot)[0]) if moments else begun
     tau = linearised(data.readings, tried, data.weights).inputs.tau
     names = listed(robot, data.readings.q, tau)
-    wanted = Wanted(springs=heavy, yields=yielding(robot, tau) if heavy else (), moments=moments,
-                    laws=tuple(one.law for one in names))  # fmt: skip
-    table = data.identify(begun, Wanted(springs=False))
+    yields = yielding(robot, tau) if heavy else ()
+    wanted = ModelStructure(springs=heavy, yields=yields, moments=moments,
+                            laws=tuple(one.law for one in names))  # fmt: skip
+    table = data.identify(begun, ModelStructure(springs=False))
     if not rail(robot):
         found = data.identify(table.mechanism, wanted, table)
         best = _formed(found, found.wanted)
     else:
-        found = data.identify(table.mechanism, replace(wanted, bed=curves.BED[1]), table)
-        beds = [replace(wanted, bed=length) for length in curves.BED]
+        found = data.identify(table.mechanism, replace(wanted, bed=spline.BED[1]), table)
+        beds = [replace(wanted, bed=length) for length in spline.BED]
         best = _formed(found, likeliest(found, beds))
     now = found if best == found.wanted else data.identify(found.mechanism, best, found)
     return now, names
 
 
-def _formed(found: Identified, wanted: Wanted) -> Wanted:
+def _formed(found: Calibration, wanted: ModelStructure) -> ModelStructure:
     """The structure with the likeliest form of each gear law that the readings show."""
     there, tau = found.mechanism, found.linear.inputs.tau
     x, std = found.solution.x, np.sqrt(np.diag(found.solution.cov))
@@ -275,7 +289,9 @@ _SHOWN = 2.0
 readings [1]."""
 
 
-def _otherwise(data: LawData, found: Identified, rng: np.random.Generator) -> _Weighed | None:
+def _otherwise(
+    data: LawSearchData, found: Calibration, rng: np.random.Generator
+) -> _Weighed | None:
     """Estimate with link masses other than in the robot file, if it is certainly better."""
     other = replace(found.wanted, moments=True)
     if not weighs(found.mechanism.table) or likeliest(found, [found.wanted, other]) != other:
@@ -283,14 +299,16 @@ def _otherwise(data: LawData, found: Identified, rng: np.random.Generator) -> _W
     return _weigh(found, data.identify(found.mechanism, other, found), rng)
 
 
-def _plain(data: LawData, begun: Mechanism) -> Iterator[Identified]:
+def _plain(data: LawSearchData, begun: Mechanism) -> Iterator[Calibration]:
     """Nominal table, DH parameters, and springs in addition, for comparison."""
     robot = begun.table
-    yield (first := data.identify(begun, Wanted(False, False)))
-    yield (table := data.identify(first.mechanism, Wanted(springs=False)))
+    yield (first := data.identify(begun, ModelStructure(False, False)))
+    yield (table := data.identify(first.mechanism, ModelStructure(springs=False)))
     heavy = _heavy(data, robot)
     yield (
-        data.identify(table.mechanism, Wanted(moments=not weighs(robot)), table) if heavy else table
+        data.identify(table.mechanism, ModelStructure(moments=not weighs(robot)), table)
+        if heavy
+        else table
     )
 
 
@@ -298,8 +316,8 @@ def _plain(data: LawData, begun: Mechanism) -> Iterator[Identified]:
 
 
 def _apart(
-    every: LawData, data: LawData, found: Identified, rng: np.random.Generator
-) -> tuple[LawData, LawData, Identified, list[int], dict[str, float]]:
+    every: LawSearchData, data: LawSearchData, found: Calibration, rng: np.random.Generator
+) -> tuple[LawSearchData, LawSearchData, Calibration, list[int], dict[str, float]]:
     """Split series wherever the instrument moved.
 
     Rail, joints and time are in the estimate already and compete; a move is accepted only if
@@ -313,15 +331,15 @@ def _apart(
     chances: dict[str, float] = {}
     on_rail = rail(found.mechanism.table)
     for _ in range(_MOST_MOVES):
-        signs = search.flips(data.readings, rng, rail=on_rail)
-        moved = search.moved(found, signs)
+        signs = law_tests.flips(data.readings, rng, rail=on_rail)
+        moved = law_tests.instrument_move(found, signs)
         if moved is None:
             break
         then = replace(data, readings=data.readings.apart(moved.pose))
         new = int(then.readings.series[moved.pose])
         order = np.insert(np.arange(len(of)), new, new - 1).tolist()
         trial = then.again(_with_frames(found, order))
-        if not Judge(partings(data.readings, rng, on_rail), rng).better(trial, found):
+        if not LeftOutPoses(partings(data.readings, rng, on_rail), rng).better(trial, found):
             break
         first = _place(every.readings, data.readings, moved.pose)
         every = replace(every, readings=every.readings.apart(first))
@@ -341,7 +359,7 @@ _MOST_MOVES = 8
 """Maximum number of moves; an instrument that moves more often drifts."""
 
 
-def _with_frames(found: Identified, of: Sequence[int] | Array) -> Identified:
+def _with_frames(found: Calibration, of: Sequence[int] | Array) -> Calibration:
     """The estimate with a frame for every series, copied from its original series."""
     return replace(found, mechanism=_framed(found.mechanism, of))
 
@@ -350,7 +368,7 @@ def _framed(mechanism: Mechanism, of: Sequence[int] | Array) -> Mechanism:
     return replace(mechanism, frames=mechanism.frames[list(of)])
 
 
-def _moves(found: Identified, chances: dict[str, float]) -> Iterator[StationMove]:
+def _moves(found: Calibration, chances: dict[str, float]) -> Iterator[_StationMove]:
     """Motions of the robot's base in the frame of the instrument."""
     readings, frames = found.readings, found.mechanism.frames
     for name, p in chances.items():
@@ -358,7 +376,7 @@ def _moves(found: Identified, chances: dict[str, float]) -> Iterator[StationMove
         first = int(np.flatnonzero(readings.series == k)[0])
         shift = frames[k, :3, 3] - frames[k - 1, :3, 3]
         turn = Rotation.from_matrix(frames[k - 1, :3, :3].T @ frames[k, :3, :3]).magnitude()
-        yield StationMove(
+        yield _StationMove(
             str(readings.names[k - 1]),
             int(readings.pose[first]),
             float(np.linalg.norm(shift)),
@@ -370,16 +388,16 @@ def _moves(found: Identified, chances: dict[str, float]) -> Iterator[StationMove
 # --- blunders -------------------------------------------------------------------------------------
 
 
-def _gross(data: LawData, begun: Mechanism) -> Bools:
+def _gross(data: LawSearchData, begun: Mechanism) -> Bools:
     """Readings far off the nominal robot, relative to the median residual, (m, t)."""
     rows = linearised(data.readings, begun, data.weights)
-    off = leftout.distances(rows.y, rows.read)
+    off = left_out.distances(rows.y, rows.read)
     return np.asarray(off > _GROSS * np.nanmedian(off))
 
 
 def _without_blunders(
-    every: LawData, data: LawData, found: Identified, held: Bools
-) -> tuple[LawData, Identified, blunders.Off]:
+    every: LawSearchData, data: LawSearchData, found: Calibration, held: Bools
+) -> tuple[LawSearchData, Calibration, outliers.Outliers]:
     """The data without outliers, the estimate from them, and the outliers.
 
     Args:
@@ -388,18 +406,18 @@ def _without_blunders(
         found: The estimate.
         held: Readings that are left out already, shape (m, t).
     """
-    off = blunders.off(found, every.readings, every.weights, held)
+    off = outliers.find_outliers(found, every.readings, every.weights, held)
     for _ in range(_ROUNDS):
         if np.array_equal(off.which, held) or off.which.sum() > _MOST_OFF * off.which.size:
             break
         held = off.which
         data = every.without(held)
         found = data.again(found)
-        off = blunders.off(found, every.readings, every.weights, held)
+        off = outliers.find_outliers(found, every.readings, every.weights, held)
     return data, found, off._replace(which=held)
 
 
-def _listed(readings: PositionReadings, off: blunders.Off) -> Iterator[BadReading]:
+def _listed(readings: PositionReadings, off: outliers.Outliers) -> Iterator[BadReading]:
     """Readings that are left out, with their distance from the model [m]."""
     for m, t in np.argwhere(off.which).tolist():
         yield BadReading(

@@ -31,7 +31,7 @@ from pipeline.geometry.scatter import START
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Geometry, Pulls
 from pipeline.machine.robot import Robot, configure
-from pipeline.machine.robot.letters import Letter, changed, letters, twists
+from pipeline.machine.robot.dh_parameters import DhParameter, changed, dh_parameters, twists
 from pipeline.reduction.idle import Idle
 from pipeline.reduction.measured import STILL_M, Measured
 
@@ -47,7 +47,7 @@ _ANYWHERE_M = 10.0
 """Prior standard deviation of the position of F_b [m]: its base reflectors are not part of the
 robot."""
 
-HELD = 1e-8
+FIXED_STD = 1e-8
 """Standard deviation of what is not estimated [m or rad]; for masses it is a thousand times as
 large."""
 
@@ -83,7 +83,7 @@ class MidChange:
 
 
 @dataclass(frozen=True)
-class UnknownColumns:
+class _UnknownColumns:
     """Slices of the vector of unknowns.
 
     Attributes:
@@ -154,9 +154,9 @@ class Unloaded(Locked):
     changes: tuple[MidChange, ...] = ()
 
     @cached_property
-    def letters(self) -> tuple[Letter, ...]:
+    def letters(self) -> tuple[DhParameter, ...]:
         """Geometric parameters with distinct effects on a reflector."""
-        return letters(self.robot)
+        return dh_parameters(self.robot)
 
     @cached_property
     def turns(self) -> Bools:
@@ -164,13 +164,13 @@ class Unloaded(Locked):
         return np.array([letter.turns for letter in self.letters], dtype=bool)
 
     @cached_property
-    def columns(self) -> UnknownColumns:
+    def columns(self) -> _UnknownColumns:
         """Layout of the unknowns."""
         masses = len(self.sag.parameters) if self.sag else 0
         changes = sum(one.unknowns for one in self.changes)
         sizes = (3, 3, 3 * len(self.tool.points), len(self.letters), 3, masses, changes)
         ends = np.cumsum([0, *sizes]).tolist()
-        return UnknownColumns(*(slice(a, b) for a, b in pairwise(ends)))
+        return _UnknownColumns(*(slice(a, b) for a, b in pairwise(ends)))
 
     @property
     def changed(self) -> Iterator[tuple[MidChange, slice]]:
@@ -211,9 +211,9 @@ class Unloaded(Locked):
 
     def held(self) -> Array:
         """Prior standard deviations if only position, stated rotation and tool are free, (K,)."""
-        std, where = np.full(self.columns.count, HELD), self.columns
+        std, where = np.full(self.columns.count, FIXED_STD), self.columns
         std[where.shift], std[where.turn] = _ANYWHERE_M, 1.0
-        std[where.tool], std[where.masses] = max(_TOOL_M, self.tool_std), 1e3 * HELD
+        std[where.tool], std[where.masses] = max(_TOOL_M, self.tool_std), 1e3 * FIXED_STD
         return std
 
     def masses(self, x: Array) -> Array:

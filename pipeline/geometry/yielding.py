@@ -59,14 +59,14 @@ def called(robot: Robot, names: Sequence[Sequence[str]]) -> tuple[Elastic, ...]:
     return tuple(known[label, form] for label, form in names)
 
 
-BY_WEIGHT = "weight"
+_BY_WEIGHT = "weight"
 """Part of the form of a gear law by the weight's torque alone, where masses or a balancer are
 unknown, so that a pull's torque cannot be added to it."""
 
 
 def by_weight_alone(effect: Effect) -> bool:
     """Whether this is a gear law by the weight's torque alone."""
-    return effect.element == "gear" and BY_WEIGHT in effect.form
+    return effect.element == "gear" and _BY_WEIGHT in effect.form
 
 
 def other_forms(robot: Robot, tau: Array, one: Elastic) -> tuple[Elastic, ...]:
@@ -100,7 +100,7 @@ def _gears(robot: Robot, tau: Array) -> Iterator[Elastic]:
 def _alone(effect: Elastic) -> Elastic:
     """A law of the pull's torque turned into one of the weight's."""
     form = effect.form.replace("pull", "")
-    return replace(effect, form=f"{form}, {BY_WEIGHT}" if form else BY_WEIGHT)
+    return replace(effect, form=f"{form}, {_BY_WEIGHT}" if form else _BY_WEIGHT)
 
 
 def _shown(effect: Elastic, tau: Array) -> bool:

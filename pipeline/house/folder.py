@@ -16,7 +16,7 @@ from pydantic import Field
 from pipeline.base import files, toml
 from pipeline.base.errors import InputError
 from pipeline.base.strict import FileName, Name, Strict, checked
-from pipeline.house.line import Line, line
+from pipeline.house.line import HouseLine, line
 
 _FILE = "house.toml"
 _LOGO_BYTES = 200_000
@@ -47,7 +47,7 @@ Annex = Literal[
 """Names of the annexes, as in the anchors of their headings on the page."""
 
 
-class Overrides(Strict):
+class _Overrides(Strict):
     """Content of house.toml.
 
     Attributes:
@@ -75,7 +75,7 @@ class House:
 
     logo: str
     order: tuple[str, ...]
-    lines: tuple[Line, ...]
+    lines: tuple[HouseLine, ...]
 
     def fields(
         self, facts: Mapping[str, str], own: Mapping[str, str]
@@ -107,9 +107,9 @@ def house(root: Path, name: str) -> House:
             file="pipeline.toml",
         )
     folder = root / name
-    text = files.text(_content(folder, name, _FILE, toml.LARGEST), f"{name}/{_FILE}")
+    text = files.text(_content(folder, name, _FILE, toml.LARGEST_TEXT), f"{name}/{_FILE}")
     content = toml.loads(text, f"{name}/{_FILE}")
-    said = checked(Overrides, content, f"{name}/{_FILE}", "", _WAY_OUT, text)
+    said = checked(_Overrides, content, f"{name}/{_FILE}", "", _WAY_OUT, text)
     lines = tuple(line(label, one, f"{name}/{_FILE}") for label, one in said.fields.items())
     return House(_logo(folder, name, said.logo) if said.logo else "", tuple(said.order), lines)
 

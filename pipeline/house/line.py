@@ -10,7 +10,7 @@ from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from pipeline.base.errors import InputError
 
-FACTS = ("campaign", "measured", "operator", "robot", "machine", "verdict", "tolerance", "digest")
+_FACTS = ("campaign", "measured", "operator", "robot", "machine", "verdict", "tolerance", "digest")
 """Facts about a campaign that a line may use."""
 
 _OWN = "fields"
@@ -20,7 +20,7 @@ _PLAIN = (nodes.Template, nodes.Output, nodes.TemplateData, nodes.Name, nodes.Ge
 """Permitted syntax elements of a line; everything else in Jinja is rejected."""
 
 _WAY_OUT = (
-    f"write text with {', '.join(f'{{{{ {one} }}}}' for one in FACTS)} or "
+    f"write text with {', '.join(f'{{{{ {one} }}}}' for one in _FACTS)} or "
     f"{{{{ {_OWN}.NAME }}}} of campaign.toml in it"
 )
 
@@ -29,7 +29,7 @@ _SANDBOX = ImmutableSandboxedEnvironment(undefined=StrictUndefined, autoescape=F
 
 
 @dataclass(frozen=True)
-class Line:
+class HouseLine:
     """One line of the house.
 
     Attributes:
@@ -46,11 +46,11 @@ class Line:
         """Its text for a campaign; None if campaign.toml lacks a field of it."""
         if not self.own <= own.keys():
             return None
-        known = {name: facts.get(name, "") for name in FACTS}
+        known = {name: facts.get(name, "") for name in _FACTS}
         return _SANDBOX.from_string(self.text).render(known | {_OWN: dict(own)})
 
 
-def line(label: str, text: str, file: str) -> Line:
+def line(label: str, text: str, file: str) -> HouseLine:
     """Parse a line that only refers to facts.
 
     Raises:
@@ -72,6 +72,6 @@ def line(label: str, text: str, file: str) -> Line:
             if not isinstance(one.node, nodes.Name) or one.node.name != _OWN:
                 raise refused(f'"{one.attr}" belongs to no table of campaign.toml')
             own.add(one.attr)
-        if isinstance(one, nodes.Name) and one.name not in (*FACTS, _OWN):
+        if isinstance(one, nodes.Name) and one.name not in (*_FACTS, _OWN):
             raise refused(f'there is no "{one.name}"')
-    return Line(label, text, frozenset(own))
+    return HouseLine(label, text, frozenset(own))

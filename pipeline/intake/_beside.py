@@ -38,7 +38,7 @@ class Role:
 
 
 @dataclass(frozen=True)
-class Table:
+class SheetTable:
     """A sheet with the meaning of its titles and cells.
 
     Attributes:
@@ -78,7 +78,7 @@ _CALLED = ("group", "target", "reflector", "delete", "active", "instrument")
 """Roles that a column has by its title alone, whatever its cells are."""
 
 
-def roles_beside(table: Table, taken: set[int]) -> tuple[dict[int, Role], bool]:
+def roles_beside(table: SheetTable, taken: set[int]) -> tuple[dict[int, Role], bool]:
     """Roles of the remaining columns (names, times, flags), and whether the names are certain.
 
     Names whose titles are unknown are those columns of words that differ from row to row.
@@ -94,7 +94,7 @@ def roles_beside(table: Table, taken: set[int]) -> tuple[dict[int, Role], bool]:
     return roles | {k: Role("group", "names") for k in apart[:1]}, len(apart) <= 1
 
 
-def _called(table: Table, taken: set[int]) -> dict[int, Role]:
+def _called(table: SheetTable, taken: set[int]) -> dict[int, Role]:
     """The first column of each role according to its title; numbers of rows come last."""
     found: dict[str, int] = {}
     free = [k for k, c in enumerate(table.content) if k not in taken and c.kind != "empty"]
@@ -108,7 +108,7 @@ _NUMBERS = ("id", "nr", "no", "number", "nummer", "index", "#")
 """Titles of columns that number rows or points, where another column has their names."""
 
 
-def _only_counts(table: Table, place: int) -> bool:
+def _only_counts(table: SheetTable, place: int) -> bool:
     """Whether a column only numbers the rows, while another column of words names the targets."""
     if table.named[place].role != "target" or not table.content[place].counts:
         return False
@@ -117,14 +117,14 @@ def _only_counts(table: Table, place: int) -> bool:
     return any(_names_something(table, k) for k in others)
 
 
-def tells_apart(table: Table, place: int, target: int) -> bool:
+def tells_apart(table: SheetTable, place: int, target: int) -> bool:
     """Whether targets repeat and a column that changes less often distinguishes repetitions."""
     words, names = table.content[place], table.content[target]
     pairs = {*zip(words.cells, names.cells, strict=True)}
     return names.different < len(pairs) == len(names.cells) and words.runs < names.runs
 
 
-def _names_something(table: Table, place: int) -> bool:
+def _names_something(table: SheetTable, place: int) -> bool:
     column, content = table.named[place], table.content[place]
     return (
         column.title.lower() not in _REMARKS
@@ -134,7 +134,7 @@ def _names_something(table: Table, place: int) -> bool:
 
 
 def roles_of_words(
-    table: Table, places: Sequence[int], known: set[str]
+    table: SheetTable, places: Sequence[int], known: set[str]
 ) -> tuple[dict[int, Role], bool]:
     """The roles of columns of words, left to right, and whether they are certain.
 
@@ -154,7 +154,7 @@ def roles_of_words(
 _TWO = ("group", "target")
 
 
-def _moments(table: Table, taken: set[int]) -> dict[int, Role]:
+def _moments(table: SheetTable, taken: set[int]) -> dict[int, Role]:
     """The column of times, or those of dates and times of day; `untimed` if it has no times."""
     times, days, clocks = (table.of_kind(one, taken) for one in ("time", "date", "clock"))
     should = [k for k, c in enumerate(table.named) if c.role == "time" and k not in taken]

@@ -73,10 +73,10 @@ def _ways(rows: Mapping[str, Mapping[str, Array]], token: re.Pattern[str]) -> tu
     alike = {name: own for name, own in tokens.items() if _fits(own, longest)}
     numbers = [k for k, token in enumerate(longest) if token.isdigit()]
     for k in range(len(longest)):
-        said = {name: own[k] for name, own in alike.items() if len(own) > k}
-        if _states(said, alike, numbers[0]):
-            orders = _orders(said, rows)
-            least = min(map(len, map(alike.__getitem__, said)))
+        entries = {name: own[k] for name, own in alike.items() if len(own) > k}
+        if _states(entries, alike, numbers[0]):
+            orders = _orders(entries, rows)
+            least = min(map(len, map(alike.__getitem__, entries)))
             found = [Group(_pattern(longest, numbers, k, one, least), one) for one in orders]
             return tuple(one for one in found if _apart_from_each_other(list(rows), one))
     return ()

@@ -13,7 +13,7 @@ from importlib import resources
 from pipeline.dialects._titles import titled, triples
 from pipeline.readers._cells import IN_BRACKETS
 
-Cells = Callable[[], Mapping[str, Sequence[str]]]
+SampledCells = Callable[[], Mapping[str, Sequence[str]]]
 """Returns the cells of each column by title, of the rows that have one cell per title."""
 
 _WORDS = re.compile(r"[^\W\d_]+|[0-9]+|°")
@@ -93,7 +93,7 @@ def axes_without_pose(titles: Sequence[str]) -> list[str]:
 
 
 def of_loads(
-    titles: Sequence[str], cells: Cells, units: Mapping[str, Sequence[str]]
+    titles: Sequence[str], cells: SampledCells, units: Mapping[str, Sequence[str]]
 ) -> dict[str, str] | None:
     """Our names for the titles of a log of loads, None if it is not one.
 
@@ -151,7 +151,7 @@ def _counting(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> list[
     return sorted(left, key=lambda title: runs[title])
 
 
-def pose_alone(titles: Sequence[str], _: Cells) -> dict[str, str] | None:
+def pose_alone(titles: Sequence[str], _: SampledCells) -> dict[str, str] | None:
     """Our name for the title that numbers poses, None if there is none."""
     found = _first(titles, {"pose": ()})
     return _ours(found) if found and not _coordinates(titles) else None
@@ -176,7 +176,7 @@ def _rises(numbers: Sequence[int]) -> bool:
 
 def of_joints(
     titles: Sequence[str],
-    cells: Cells,
+    cells: SampledCells,
     axes: Sequence[str],
     lengths: Sequence[bool],
     units: tuple[Sequence[str], Sequence[str]],

@@ -26,7 +26,7 @@ from pipeline.dialects._titles import (
     uncertainties,
 )
 from pipeline.intake import _polar
-from pipeline.intake._beside import Role, Table, Why, roles_beside, roles_of_words, tells_apart
+from pipeline.intake._beside import Role, SheetTable, Why, roles_beside, roles_of_words, tells_apart
 from pipeline.intake._contents import Content
 from pipeline.intake._polar import Polar
 from pipeline.intake._sheet import Sheet, cells_of
@@ -44,7 +44,7 @@ _SIX = dict(zip(COVARIANCE, (0, 1, 2, 4, 5, 8), strict=True))
 
 
 @dataclass(frozen=True)
-class Reading:
+class RoleAssignment:
     """One way to read the columns of a sheet.
 
     Attributes:
@@ -70,7 +70,7 @@ class Reading:
         return [at[role] for role in roles if role in at]
 
 
-def readings(table: Table, kind: str | None, unit: str | None) -> list[Reading]:
+def readings(table: SheetTable, kind: str | None, unit: str | None) -> list[RoleAssignment]:
     """Every sensible way to read a table, the most plausible one first.
 
     Args:
@@ -95,17 +95,17 @@ def readings(table: Table, kind: str | None, unit: str | None) -> list[Reading]:
 
 
 def _doubted(
-    found: list[Reading], about: Literal["columns", "coordinates"] = "columns"
-) -> list[Reading]:
+    found: list[RoleAssignment], about: Literal["columns", "coordinates"] = "columns"
+) -> list[RoleAssignment]:
     return [replace(one, open=about) for one in found]
 
 
-def _sole(found: list[Reading]) -> list[Reading]:
+def _sole(found: list[RoleAssignment]) -> list[RoleAssignment]:
     """The only reading, or several of which one must be chosen."""
     return found if len(found) == 1 else _doubted(found)
 
 
-def _by_titles(table: Table, sets: Sequence[Triple]) -> list[Reading]:
+def _by_titles(table: SheetTable, sets: Sequence[Triple]) -> list[RoleAssignment]:
     """One reading for each set of three coordinates that the titles name."""
     _one_target(table, sets)
     out, sure = [], len(sets) == 1
@@ -117,12 +117,12 @@ def _by_titles(table: Table, sets: Sequence[Triple]) -> list[Reading]:
             roles |= {k: Role(_mapped(role), "title") for k, role in beside.items()}
             roles |= _titled_matrix(table)
         others, told = roles_beside(table, {*roles})
-        out.append(Reading(one.kind, roles | others))
+        out.append(RoleAssignment(one.kind, roles | others))
         sure = sure and one.plain and told
     return out if sure else _doubted(out)
 
 
-def _one_target(table: Table, sets: Sequence[Triple]) -> None:
+def _one_target(table: SheetTable, sets: Sequence[Triple]) -> None:
     """Check that each row has one target, not x, y, z of several as cameras write them.
 
     Raises:
@@ -154,7 +154,7 @@ def _mapped(role: str) -> str:
     return role.replace("std ", "s").replace("u95 ", "u95_")
 
 
-def _titled_matrix(table: Table) -> dict[int, Role]:
+def _titled_matrix(table: SheetTable) -> dict[int, Role]:
     """The columns of a covariance, where all six have their titles."""
     at = {c.title.lower(): k for k, c in enumerate(table.named)}
     return {at[name]: Role(name, "title") for name in _SIX} if at.keys() >= _SIX.keys() else {}
@@ -164,8 +164,8 @@ def _titled_matrix(table: Table) -> dict[int, Role]:
 
 
 def _by_numbers(
-    table: Table, number: list[int], kind: str | None, unit: str | None
-) -> list[Reading]:
+    table: SheetTable, number: list[int], kind: str | None, unit: str | None
+) -> list[RoleAssignment]:
     """Ways to read columns of numbers that no title explains."""
     roles, left, told = _without_names(table, number)
     known = [k for k in left if table.named[k].role]  # coordinates have no title
@@ -181,14 +181,16 @@ def _by_numbers(
     return found if told else _doubted([*found, *_further(table, left, roles)])
 
 
-def _further(table: Table, left: Sequence[int], roles: dict[int, Role]) -> list[Reading]:
+def _further(
+    table: SheetTable, left: Sequence[int], roles: dict[int, Role]
+) -> list[RoleAssignment]:
     """x, y, z in columns of numbers after the first three; the first may be a name then."""
     out = []
     named = "target" in {one.role for one in roles.values()}
     for k in range(1, len(left) - len(_SPACE) + 1):
         name = {} if named else {left[0]: Role("target", "order")}
         places = left[k : k + len(_SPACE)]
-        out.append(Reading("cartesian", _xyz(places, roles | name, "cartesian", "order")))
+        out.append(RoleAssignment("cartesian", _xyz(places, roles | name, "cartesian", "order")))
     return out[:_OFFERED]
 
 
@@ -199,11 +201,11 @@ _OFFERED = 4
 _SPACE = AXES["cartesian"]
 
 
-def _if_cartesian(one: Reading, matrix: dict[int, Role]) -> dict[int, Role]:
+def _if_cartesian(one: RoleAssignment, matrix: dict[int, Role]) -> dict[int, Role]:
     return matrix if one.kind == "cartesian" else {}
 
 
-def _without_names(table: Table, number: list[int]) -> tuple[dict[int, Role], list[int], bool]:
+def _without_names(table: SheetTable, number: list[int]) -> tuple[dict[int, Role], list[int], bool]:
     """Names and times, the remaining columns of numbers, and whether the names are certain."""
     words = [k for k in table.of_kind("word") if not table.named[k].role]
     if words and len(number) > len(_SPACE) and table.content[number[0]].counts:
@@ -219,7 +221,7 @@ def _without_names(table: Table, number: list[int]) -> tuple[dict[int, Role], li
     return roles | names, number, told
 
 
-def _by_points(table: Table, number: Sequence[int], words: Sequence[int]) -> dict[int, Role]:
+def _by_points(table: SheetTable, number: Sequence[int], words: Sequence[int]) -> dict[int, Role]:
     """Numbers that name points, and the words that may say their group; empty if there are none."""
     name = _number_of_point(table, number)
     if name is None or len(words) > 1 or not all(tells_apart(table, k, name) for k in words):
@@ -228,7 +230,7 @@ def _by_points(table: Table, number: Sequence[int], words: Sequence[int]) -> dic
 
 
 def _by_words(
-    table: Table, number: Sequence[int], words: Sequence[int], known: set[str]
+    table: SheetTable, number: Sequence[int], words: Sequence[int], known: set[str]
 ) -> tuple[dict[int, Role], bool]:
     """Names in columns of words, those before the numbers first, and whether they are certain."""
     leading = [k for k in words if not number or k < number[0]]
@@ -238,7 +240,7 @@ def _by_words(
     return roles_of_words(table, leading or words, known)
 
 
-def _number_of_point(table: Table, number: Sequence[int]) -> int | None:
+def _number_of_point(table: SheetTable, number: Sequence[int]) -> int | None:
     """A column of numbers that names points, in addition to three more; None if there is none.
 
     Either its title says so, or it is the first one and contains digits only, unlike the
@@ -259,7 +261,7 @@ def _is_instrument(content: Content) -> bool:
     return all(_INSTRUMENT.fullmatch(cell) for cell in content.cells if cell)
 
 
-def _matrix(table: Table, left: Sequence[int]) -> dict[int, Role]:
+def _matrix(table: SheetTable, left: Sequence[int]) -> dict[int, Role]:
     """A covariance row by row after the coordinates, known by its symmetry; empty if there is none.
 
     Columns between them are uncertainties, which the covariance supersedes.
@@ -279,15 +281,15 @@ def _matrix(table: Table, left: Sequence[int]) -> dict[int, Role]:
 
 
 def _of_three(
-    table: Table,
+    table: SheetTable,
     places: tuple[int, int, int],
     roles: dict[int, Role],
     kind: str | None,
     unit: str | None,
-) -> list[Reading]:
+) -> list[RoleAssignment]:
     """The ways to read three columns: x, y, z, or a distance and two angles."""
     if kind in ("cartesian", "cylindrical"):
-        return [Reading(kind, _xyz(places, roles, kind, "stated"))]
+        return [RoleAssignment(kind, _xyz(places, roles, kind, "stated"))]
     read, usual = _named_numbers(table, places, roles), unit or "mm"
     faces = _polar.in_two_faces(*read)
     ways = faces or _polar.beams(*read[:2], unit)
@@ -299,15 +301,15 @@ def _of_three(
         return _sole(_in_orders(places, roles, turning, "rigid"))
     if not ways:
         _of_one_kind(table, places, _polar.in_part(*read, usual))
-        return [Reading("cartesian", _xyz(places, roles, "cartesian", "range"))]
+        return [RoleAssignment("cartesian", _xyz(places, roles, "cartesian", "range"))]
     if _polar.rigid_space(*read, ways, usual):
-        return [Reading("cartesian", _xyz(places, roles, "cartesian", "rigid"))]
-    cartesian = Reading("cartesian", _xyz(places, roles, "cartesian", "order"))
+        return [RoleAssignment("cartesian", _xyz(places, roles, "cartesian", "rigid"))]
+    cartesian = RoleAssignment("cartesian", _xyz(places, roles, "cartesian", "order"))
     polar = _in_orders(places, roles, ways, "order")
     return _doubted([polar[0], cartesian], "coordinates")
 
 
-def _of_one_kind(table: Table, places: Sequence[int], change: int | None) -> None:
+def _of_one_kind(table: SheetTable, places: Sequence[int], change: int | None) -> None:
     """Refuse a table in which angles and a distance end or begin at some row.
 
     Raises:
@@ -325,20 +327,22 @@ def _of_one_kind(table: Table, places: Sequence[int], change: int | None) -> Non
 
 def _in_orders(
     places: Sequence[int], roles: dict[int, Role], ways: Sequence[Polar], why: Why
-) -> list[Reading]:
+) -> list[RoleAssignment]:
     """Distance and angles in each possible order, the most usual one first."""
     orders = list(dict.fromkeys(way.order for way in ways))
     return [_angles(places, roles, [w for w in ways if w.order == one], why) for one in orders]
 
 
-def _keep_distances(table: Table, places: tuple[int, int, int], roles: dict[int, Role]) -> bool:
+def _keep_distances(
+    table: SheetTable, places: tuple[int, int, int], roles: dict[int, Role]
+) -> bool:
     """Whether targets keep their distances in these three columns of several."""
     numbers, names, groups = _named_numbers(table, places, roles)
     return _polar.keeps(_polar.softness(numbers, names, groups))
 
 
 def _named_numbers(
-    table: Table, places: tuple[int, int, int], roles: dict[int, Role]
+    table: SheetTable, places: tuple[int, int, int], roles: dict[int, Role]
 ) -> tuple[Array, list[str], list[str]]:
     """Three columns of numbers with target and group, of the undamaged rows."""
     rows = table.whole(places)
@@ -355,7 +359,9 @@ def _split(name: str) -> tuple[str, str]:
     return group, target
 
 
-def _groups(table: Table, at: Mapping[str, int], rows: Bools, names: Sequence[str]) -> list[str]:
+def _groups(
+    table: SheetTable, at: Mapping[str, int], rows: Bools, names: Sequence[str]
+) -> list[str]:
     """What was read together: the group, or the round of names up to the next repetition."""
     own = table.cells(at.get("group"), rows)
     if "group" in at:
@@ -376,8 +382,8 @@ def _xyz(places: Sequence[int], roles: dict[int, Role], kind: str, why: Why) -> 
 
 def _angles(
     places: Sequence[int], roles: dict[int, Role], ways: Sequence[Polar], why: Why
-) -> Reading:
+) -> RoleAssignment:
     """Distance and angles in one order, with all their possible meanings."""
     named = zip(ways[0].order, AXES["spherical"], strict=True)
     found = roles | {places[k]: Role(role, why) for k, role in named}
-    return Reading("spherical", found, tuple(ways))
+    return RoleAssignment("spherical", found, tuple(ways))

@@ -13,7 +13,7 @@ from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 
 @dataclass(frozen=True)
-class Stated:
+class TableStatements:
     """Statements of the lines above a table, which hold for the whole table.
 
     Attributes:
@@ -29,7 +29,7 @@ class Stated:
     senses: frozenset[str]
 
     @classmethod
-    def of(cls, found: Sheet) -> Stated:
+    def of(cls, found: Sheet) -> TableStatements:
         """Collect words from lines about units or the kind of coordinates, and from no others.
 
         A reflector's diameter in millimetres says nothing about the coordinates. Only the sense of

@@ -37,8 +37,8 @@ def ask(found: Offer, say: Callable[[str], None]) -> dict[str, Any]:
     assert question is not None
     for line in rows_in_words(found.preview):
         say(line)
-    said = [answer.said for answer in question.answers]
-    return dict(numbered(_ASKED[question.about], said, question.answers, say).hints)
+    items = [answer.said for answer in question.answers]
+    return dict(numbered(_ASKED[question.about], items, question.answers, say).hints)
 
 
 def numbered(

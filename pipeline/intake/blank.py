@@ -23,10 +23,10 @@ from pipeline.machine.robot import Robot, load
 from pipeline.store.campaign import CampaignFolder, unfit
 
 if TYPE_CHECKING:  # it imports the readers
-    from pipeline.intake.files import Proposal
-    from pipeline.intake.which_logs import Logs
+    from pipeline.intake.files import FilesProposal
+    from pipeline.intake.which_logs import LogFiles
 
-NAME = "a plain folder name that begins with no dot"
+FOLDER_NAME = "a plain folder name that begins with no dot"
 
 _Value = TypeVar("_Value")
 
@@ -41,7 +41,7 @@ _LOGS = ("loads.csv", "joints.csv")
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownData:
     """Data that a person knows and no file states; None or missing where still open.
 
     Attributes:
@@ -75,7 +75,7 @@ class Known:
     simulated: bool = False
 
 
-def write(folder: Path, said: Proposal, known: Known) -> list[str]:
+def write(folder: Path, said: FilesProposal, known: KnownData) -> list[str]:
     """Write campaign.toml, and empty logs if there are none; return what is still open.
 
     Args:
@@ -96,7 +96,7 @@ def write(folder: Path, said: Proposal, known: Known) -> list[str]:
     return [f"{name} (line {line})" for line, name in unfilled(text).items()]
 
 
-def _words(folder: Path, said: Proposal, known: Known) -> dict[str, object]:
+def _words(folder: Path, said: FilesProposal, known: KnownData) -> dict[str, object]:
     """Variables of the template; None or empty where still open."""
     loads, joints = _LOGS if said.nothing else (said.loads, said.joints)
     return {
@@ -114,7 +114,7 @@ def _words(folder: Path, said: Proposal, known: Known) -> dict[str, object]:
     }
 
 
-def _of_files(said: Proposal) -> dict[str, object]:
+def _of_files(said: FilesProposal) -> dict[str, object]:
     from pipeline.intake.offer import mapping_lines
 
     blind = bool(said.loads or said.joints or said.refused)
@@ -130,7 +130,7 @@ def _of_files(said: Proposal) -> dict[str, object]:
     }
 
 
-def _of_names(said: Proposal) -> dict[str, object]:
+def _of_names(said: FilesProposal) -> dict[str, object]:
     names = " or ".join(map(quoted, said.names))
     asked = None if said.ways else said.groups or None
     return {
@@ -149,7 +149,7 @@ def _of_names(said: Proposal) -> dict[str, object]:
     }
 
 
-def _of_a_person(known: Known) -> dict[str, object]:
+def _of_a_person(known: KnownData) -> dict[str, object]:
     return {
         "robot": _shown(known.robot, quoted),
         "unit": _shown(known.unit, quoted),
@@ -171,7 +171,7 @@ def _shown(value: _Value | None, words: Callable[[_Value], str]) -> str | None:
     return None if value is None else words(value)
 
 
-def _tracker(said: Proposal) -> list[str]:
+def _tracker(said: FilesProposal) -> list[str]:
     """Entries and open entries of [tracker] for an export that leaves more open than its unit."""
     if said.offer is None:
         return []
@@ -190,7 +190,7 @@ def _tracker(said: Proposal) -> list[str]:
     return lines
 
 
-def log_lines(said: Logs, robot: str | None = None) -> list[str]:
+def log_lines(said: LogFiles, robot: str | None = None) -> list[str]:
     """Entries of campaign.toml for the one log of a proposal, and for a robot if one is named."""
     table, file = ("scale", said.loads) if said.loads else ("joints", said.joints)
     robot = robot if robot in said.joint_columns else None
@@ -219,17 +219,17 @@ def described(folder: Path, found: Sequence[str]) -> list[str]:
     return shown or [f"{listing}; `--draw robots.svg` with it draws them."]
 
 
-def log_columns(said: Proposal, robot: str | None) -> dict[str, str]:
+def log_columns(said: FilesProposal, robot: str | None) -> dict[str, str]:
     """Our names for the titles of both logs, separated by bars where they are ambiguous."""
     return {**said.load_columns, **_joint_columns(said, robot)}
 
 
-def _told(columns: Mapping[str, str], known: Known) -> dict[str, str]:
+def _told(columns: Mapping[str, str], known: KnownData) -> dict[str, str]:
     """Our names for titles, replaced by those that a person chose."""
     return {title: known.columns.get(title, ours) for title, ours in columns.items()}
 
 
-def _joint_columns(said: Logs, robot: str | None) -> Mapping[str, str]:
+def _joint_columns(said: LogFiles, robot: str | None) -> Mapping[str, str]:
     """Our names for the titles of the joint log; for the first robot it fits if none is named."""
     first = next(iter(said.joint_columns.values()), {})
     return said.joint_columns.get(robot, {}) if robot else first
@@ -254,7 +254,7 @@ def _states(state_of: Mapping[str, str]) -> str:
     )
 
 
-def _points(names: Sequence[str], known: Known) -> list[tuple[str, str | None]]:
+def _points(names: Sequence[str], known: KnownData) -> list[tuple[str, str | None]]:
     """Each point with its position, None where still open."""
     found = ((name, known.places.get(name)) for name in names)
     return [(_key(name), None if at is None else str(list(at))) for name, at in found]
@@ -275,7 +275,9 @@ def vacant(root: Path, name: str) -> Path:
         UsageError: The name cannot name a folder, or there is a campaign in it already.
     """
     if why := unfit(name):
-        raise UsageError(f'"{printable(name, 80)}" cannot name a campaign ({why}): use {NAME}')
+        raise UsageError(
+            f'"{printable(name, 80)}" cannot name a campaign ({why}): use {FOLDER_NAME}'
+        )
     folder = root / "data" / "raw" / name
     if (folder / "campaign.toml").exists():
         if _rehearsed(folder):
@@ -296,7 +298,7 @@ def _rehearsed(folder: Path) -> bool:
     """Whether its campaign.toml says that it was simulated."""
     with contextlib.suppress(InputError):
         path = folder / "campaign.toml"
-        text = files.words(path, path.name, toml.LARGEST)
+        text = files.words(path, path.name, toml.LARGEST_TEXT)
         return toml.loads(text, path.name).get("simulated") is True
     return False
 
@@ -342,7 +344,7 @@ def brought(folder: Path, robot: str) -> str:
     path = Path(robot)
     if path.suffix != ".toml" or not path.is_file() or (folder / robot).is_file():
         return robot
-    files.write(folder / path.name, files.read(path, path.name, toml.LARGEST))
+    files.write(folder / path.name, files.read(path, path.name, toml.LARGEST_TEXT))
     return path.name
 
 

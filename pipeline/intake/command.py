@@ -26,8 +26,8 @@ from pipeline.base.errors import UsageError, listed
 from pipeline.base.shown import typed
 
 if TYPE_CHECKING:  # they import the numerical libraries, which takes a second
-    from pipeline.intake.blank import Known
-    from pipeline.intake.files import Proposal
+    from pipeline.intake.blank import KnownData
+    from pipeline.intake.files import FilesProposal
 
 _USUAL = "kr500_rail"
 """Default robot of a campaign that has no files yet."""
@@ -55,7 +55,7 @@ def init(
     if name is None and not ask:
         raise UsageError("the campaign has no name: write `pipeline init NAME`")
     if name is None:
-        name = str(typer.prompt(f"Name of the campaign ({blank.NAME})", err=True))
+        name = str(typer.prompt(f"Name of the campaign ({blank.FOLDER_NAME})", err=True))
     folder = blank.vacant(root, name)
     if plan is None:
         _propose(root, folder, robot, ask)
@@ -72,7 +72,7 @@ def init(
               f"pipeline check {typed(folder.name)}")  # fmt: skip
 
 
-def _all_known(said: Proposal, robot: str | None, given: Known, ask: bool) -> Known:
+def _all_known(said: FilesProposal, robot: str | None, given: KnownData, ask: bool) -> KnownData:
     """Data from a filled-in sheet, and from a person if one can be asked."""
     if ask:
         return _asked(said, robot, given)
@@ -109,7 +109,7 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
     _tell(f"{todo or 'Next'}: pipeline check {typed(folder.name)}")
 
 
-def _named(root: Path, folder: Path, given: Known) -> str | None:
+def _named(root: Path, folder: Path, given: KnownData) -> str | None:
     """The robot named in a filled-in sheet, if its file is there."""
     from pipeline.intake import blank
 
@@ -123,13 +123,13 @@ def _named(root: Path, folder: Path, given: Known) -> str | None:
     return name or None
 
 
-def _settled(files: Mapping[str, bytes]) -> Proposal:
+def _settled(files: Mapping[str, bytes]) -> FilesProposal:
     """What the files say, after asking for everything they leave open about exports and names."""
     from pipeline.intake import asking
     from pipeline.intake.files import propose
-    from pipeline.readers import Hints
+    from pipeline.readers import ExportSettings
 
-    hints, tell = Hints(), partial(typer.echo, err=True)
+    hints, tell = ExportSettings(), partial(typer.echo, err=True)
     said = propose(files, hints)
     while said.offer and said.offer.question:
         hints = hints.model_copy(update=asking.ask(said.offer, tell))
@@ -150,7 +150,7 @@ def _tell(words: str) -> None:
     typer.secho(fitted(words, sys.stderr), err=True, dim=sys.stderr.isatty())
 
 
-def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
+def _robot(root: Path, folder: Path, said: FilesProposal, ask: bool) -> str | None:
     """The only robot that fits, or the typed one; None if it stays open."""
     from pipeline.intake import blank
 
@@ -178,7 +178,7 @@ def _typed(question: str, usual: str | None) -> str:
     return str(typer.prompt(question, usual, err=True)) if usual else _answer(question)
 
 
-def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
+def _asked(said: FilesProposal, robot: str | None, given: KnownData) -> KnownData:
     """Ask for data that only a person knows, one at a time; an empty answer leaves it open.
 
     What a filled-in sheet states is not asked again.
@@ -217,7 +217,7 @@ def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
     )
 
 
-def _of_loads(said: Proposal, given: Known) -> tuple[float | None, float | None]:
+def _of_loads(said: FilesProposal, given: KnownData) -> tuple[float | None, float | None]:
     """Standard uncertainties of the scale [N] and of weights [kg]; None if unknown."""
     from pipeline.readers.logs import FORCE, MASS
 
@@ -232,7 +232,7 @@ def _of_loads(said: Proposal, given: Known) -> tuple[float | None, float | None]
 
 
 def _places(
-    said: Proposal, known: Mapping[str, tuple[float, float, float]]
+    said: FilesProposal, known: Mapping[str, tuple[float, float, float]]
 ) -> dict[str, tuple[float, float, float]]:
     """Positions of the reflectors that were read [m]; known or open ones are left out."""
     from pipeline.readers.logs import LENGTH
@@ -341,7 +341,7 @@ def _number(question: str, otherwise: str) -> float | None:
     return None
 
 
-def _seen(said: Proposal) -> Iterator[str]:
+def _seen(said: FilesProposal) -> Iterator[str]:
     """Interpretation of the files, shown before anything is asked."""
     logs = {"loads": said.loads, "joints": said.joints}
     files = {"exports": said.exports} | {what: [one] for what, one in logs.items() if one}
@@ -411,10 +411,10 @@ def inspect(
     holds loads or joint values, and what to write into campaign.toml. On a terminal it asks for
     whatever the file leaves open.
     """
-    from pipeline.intake import asking, look
+    from pipeline.intake import asking, describe_file
     from pipeline.readers._units import USUAL_UNITS
 
-    said = {
+    entries = {
         "unit": _known("unit", unit, USUAL_UNITS),
         "decimal": _known("decimal mark", decimal, (".", ",")),
         "angle": _known("unit of angles", angles, ("deg", "rad", "gon", "dms")),
@@ -424,7 +424,7 @@ def inspect(
     }
     answers = sys.stdin.isatty() and sys.stderr.isatty() and not as_json
     ask = partial(asking.ask, say=partial(typer.echo, err=True)) if answers else None
-    outcome = look.inspect(file, said, csv, mapping, ask)
+    outcome = describe_file.inspect(file, entries, csv, mapping, ask)
     show(outcome, as_json)
     raise typer.Exit(outcome.exit_code)
 

@@ -22,20 +22,20 @@ from pipeline.intake import log_columns
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._separators import LOOKED_AT, separators
 from pipeline.intake.offer import Offer, as_table, offer
-from pipeline.intake.question import Column
-from pipeline.intake.which_logs import Logs, propose_logs, unsure
-from pipeline.readers import Columns, Export, Hints, logs
+from pipeline.intake.question import ColumnRole
+from pipeline.intake.which_logs import LogFiles, propose_logs, unsure
+from pipeline.readers import Columns, Export, ExportSettings, logs
 from pipeline.readers._names import split
 from pipeline.readers._text import is_workbook
-from pipeline.readers.said import LogForm
+from pipeline.readers.export_settings import LogForm
 
-_UNIT = Hints(unit="mm")
+_UNIT = ExportSettings(unit="mm")
 _SHOWN = 8
 """Maximum number of group names that are passed on; fewer show their form."""
 
 
 @dataclass(frozen=True)
-class Proposal(Logs):
+class FilesProposal(LogFiles):
     """What the files say about logs, exports and their names.
 
     Attributes:
@@ -86,8 +86,8 @@ class Proposal(Logs):
 
 
 def propose(
-    files: Mapping[str, bytes], hints: Hints | None = None, unloaded: str | None = None
-) -> Proposal:
+    files: Mapping[str, bytes], hints: ExportSettings | None = None, unloaded: str | None = None
+) -> FilesProposal:
     """Interpret the files of a campaign's folder.
 
     Args:
@@ -95,7 +95,7 @@ def propose(
         hints: Statements so far on an export that leaves more open than its unit.
         unloaded: The word of the unloaded state in group names, where they leave it open.
     """
-    hints = hints or Hints()
+    hints = hints or ExportSettings()
     logged = propose_logs(files)
     found = _exports(files, logged)
     found = found if found.exports else _offered(files, found, hints)
@@ -136,7 +136,7 @@ class _Exports:
     offer: Offer | None = None
 
 
-def _exports(files: Mapping[str, bytes], logged: Logs) -> _Exports:
+def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
     """The files that are exports, including workbooks that are also logs."""
     known = {logged.loads, logged.joints, *logged.refused}
     exports: dict[str, Export] = {}
@@ -163,18 +163,18 @@ def _export(name: str, data: bytes) -> tuple[Export, list[float]]:
         return found, [1e3 * float(np.abs(found.position).max(initial=0.0))]
 
 
-def _offered(files: Mapping[str, bytes], found: _Exports, hints: Hints) -> _Exports:
+def _offered(files: Mapping[str, bytes], found: _Exports, hints: ExportSettings) -> _Exports:
     """Add the one file that is an export with further statements, in its most likely reading.
 
     Of several it is the one whose groups can be read.
     """
     offers = _offers(files, found, hints)
-    told = {name: one for name, one in offers.items() if _tells(one[1])}
-    offers = told if len(told) == 1 else offers
+    entries = {name: one for name, one in offers.items() if _tells(one[1])}
+    offers = entries if len(entries) == 1 else offers
     if len(offers) != 1:
         return found
     ((name, (one, export)),) = offers.items()
-    one = _named_by_groups(one) if told else one
+    one = _named_by_groups(one) if entries else one
     metres = {"mm": 1e-3, "in": 0.0254}.get(str(one.hints.unit), 1.0)
     largest = float(np.abs(export.position).max(initial=0.0)) / metres
     unsaid = any(question.about == "unit" for question in one.questions)
@@ -183,7 +183,7 @@ def _offered(files: Mapping[str, bytes], found: _Exports, hints: Hints) -> _Expo
 
 
 def _offers(
-    files: Mapping[str, bytes], found: _Exports, hints: Hints
+    files: Mapping[str, bytes], found: _Exports, hints: ExportSettings
 ) -> dict[str, tuple[Offer, Export]]:
     """What is to be said of files that are refused, or of workbooks, and how they are read then."""
     offers: dict[str, tuple[Offer, Export]] = {}
@@ -209,7 +209,7 @@ def _named_by_groups(one: Offer) -> Offer:
 
 
 def _with_groups(
-    files: Mapping[str, bytes], found: _Exports, hints: Hints, logged: Logs
+    files: Mapping[str, bytes], found: _Exports, hints: ExportSettings, logged: LogFiles
 ) -> _Exports:
     """Add the columns of a table's groups whose names, or the log of loads, make sense.
 
@@ -248,7 +248,7 @@ def _parts(one: Offer) -> list[dict[str, str]]:
     return [*alone, *three, *pairs]
 
 
-def _untaken(one: Offer) -> list[Column]:
+def _untaken(one: Offer) -> list[ColumnRole]:
     """The columns with a title that hold neither names of targets, coordinates nor times."""
     mapping = one.hints.mapping.columns if one.hints.mapping else {}
     taken = {mapping.get(role) for role in ("target", "x", "y", "z", "time", "date")}
@@ -267,7 +267,9 @@ def _sets_apart(export: Export, told: Mapping[str, str]) -> bool:
     return len({*pairs}) == len(pairs)
 
 
-def _grouped_by(hints: Hints, mapping: Columns, parts: Mapping[str, str]) -> Hints:
+def _grouped_by(
+    hints: ExportSettings, mapping: Columns, parts: Mapping[str, str]
+) -> ExportSettings:
     """Statements on a table, with the columns of its groups in its mapping."""
     others = mapping.model_dump()["columns"].items()
     columns = {role: one for role, one in others if role != "group" and one not in parts.values()}
@@ -292,7 +294,7 @@ class _Told:
 
 
 def _told(
-    logged: Logs, files: Mapping[str, bytes], rows: Mapping[str, Mapping[str, Array]] | None
+    logged: LogFiles, files: Mapping[str, bytes], rows: Mapping[str, Mapping[str, Array]] | None
 ) -> _Told:
     """Group states from the log: in the column with our title, or one that fits what was read."""
     if logged.loads is None or not rows or len(ways_to_read(rows)) == 1:
@@ -327,7 +329,7 @@ def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Arra
 
 def _named(
     rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str], word: str | None
-) -> Proposal:
+) -> FilesProposal:
     """Roles of the names of groups and targets, as far as they or a log show.
 
     Args:
@@ -336,10 +338,10 @@ def _named(
         word: That of the unloaded state, if a person states it.
     """
     if rows is None:
-        return Proposal()
+        return FilesProposal()
     ways = _ways(rows, told, word)
     if not ways and not told:
-        return Proposal(groups=tuple(rows)[:_SHOWN])
+        return FilesProposal(groups=tuple(rows)[:_SHOWN])
     state = states_of(list(rows), ways[0]) if ways else told
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*STATES, None)
@@ -347,7 +349,7 @@ def _named(
     read = _targets(unloaded)
     measured = [name for name in read if name in _targets(loaded)]
     ends = [name for name in _targets(loaded) if name not in read]
-    return Proposal(
+    return FilesProposal(
         ways=ways,
         groups=() if told else tuple(rows)[:_SHOWN],
         measured=tuple(measured),

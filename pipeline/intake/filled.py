@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 from pipeline.base.errors import InputError
 from pipeline.base.shown import printable
 from pipeline.base.strict import Temperature
-from pipeline.intake.blank import Known
+from pipeline.intake.blank import KnownData
 from pipeline.readers._cells import cells_or_none
 from pipeline.readers._opened import opened
 from pipeline.readers._text import is_workbook
@@ -52,7 +52,7 @@ class _Row:
     cells: tuple[str, ...]
 
 
-def filled_in(files: Mapping[str, bytes]) -> tuple[Known, list[str]]:
+def filled_in(files: Mapping[str, bytes]) -> tuple[KnownData, list[str]]:
     """Content of the first sheet `set-up`, and what of it could not be used, in sentences.
 
     Args:
@@ -62,7 +62,7 @@ def filled_in(files: Mapping[str, bytes]) -> tuple[Known, list[str]]:
         if is_workbook(data):
             with contextlib.suppress(InputError):
                 return _known(name, [*_rows(name, data)])
-    return Known(), []
+    return KnownData(), []
 
 
 def _rows(name: str, data: bytes) -> Iterator[_Row]:
@@ -76,8 +76,8 @@ def _rows(name: str, data: bytes) -> Iterator[_Row]:
         below = below or (cells[:1] != [] and cells[0].lower() in _KEY)
 
 
-def _known(name: str, rows: list[_Row]) -> tuple[Known, list[str]]:
-    known, wrong = Known(), []
+def _known(name: str, rows: list[_Row]) -> tuple[KnownData, list[str]]:
+    known, wrong = KnownData(), []
     for row in rows:
         try:
             known = _with(known, row)
@@ -89,7 +89,7 @@ def _known(name: str, rows: list[_Row]) -> tuple[Known, list[str]]:
     return known, wrong
 
 
-def _with(known: Known, row: _Row) -> Known:
+def _with(known: KnownData, row: _Row) -> KnownData:
     """The known data with one more row.
 
     Raises:

@@ -14,9 +14,9 @@ from pipeline.base.quantities import plain
 from pipeline.base.shown import in_toml
 from pipeline.dialects._coordinates import angles
 from pipeline.intake._separators import separators
-from pipeline.intake.known import rounds
+from pipeline.intake.by_reflectors import rounds
 from pipeline.intake.offer import Offer, offer
-from pipeline.readers import TABLE, Export, Hints, read
+from pipeline.readers import TABLE, Export, ExportSettings, read
 from pipeline.readers._names import split
 
 _MOST_TARGETS = 50
@@ -181,7 +181,7 @@ def rows_in_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def inspect(name: str, data: bytes, hints: Hints | None = None) -> _Inspection:
+def inspect(name: str, data: bytes, hints: ExportSettings | None = None) -> _Inspection:
     """Read an export and describe it.
 
     Args:
@@ -219,7 +219,7 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> _Inspection:
         rounds=_rounds(export),
         two_faces=_two_faces(export),
         untimed=export.untimed,
-        **_as_proposed(name, data, hints or Hints(), export, names),
+        **_as_proposed(name, data, hints or ExportSettings(), export, names),
     )
 
 
@@ -238,7 +238,7 @@ def _two_faces(export: Export) -> dict[str, Any] | None:
 
 
 def _as_proposed(
-    name: str, data: bytes, hints: Hints, export: Export, names: Sequence[str]
+    name: str, data: bytes, hints: ExportSettings, export: Export, names: Sequence[str]
 ) -> dict[str, Any]:
     """Columns of a table without a dialect as read, and how names combine group and target.
 
@@ -262,7 +262,7 @@ def _as_proposed(
     }
 
 
-def as_csv(name: str, data: bytes, hints: Hints | None = None) -> bytes:
+def as_csv(name: str, data: bytes, hints: ExportSettings | None = None) -> bytes:
     """The readings of an export in SI, as CSV for a spreadsheet.
 
     Raises:

@@ -16,6 +16,7 @@ from pipeline.readers._layout import Field, Layout
 from pipeline.readers._log_form import LogHeader, Titled, as_text, headers, opened
 from pipeline.readers._log_table import Quantity, names_of
 from pipeline.readers._text import Text, refuse_other_programs
+from pipeline.readers.export_settings import LogForm
 from pipeline.readers.logs import (
     ANGLE,
     LENGTH,
@@ -29,9 +30,8 @@ from pipeline.readers.logs import (
     of_loads,
     own_joints,
 )
-from pipeline.readers.said import LogForm
 
-_Meaning = Callable[[Sequence[str], _log_words.Cells], dict[str, str] | None]
+_Meaning = Callable[[Sequence[str], _log_words.SampledCells], dict[str, str] | None]
 
 
 def _understood(name: str, data: bytes, table: str, meaning: _Meaning) -> LogForm | None:
@@ -75,7 +75,7 @@ def may_be_log(name: str, data: bytes) -> bool:
         InputError: It is not text, or several sheets have one.
     """
 
-    def log(titles: Sequence[str], _: _log_words.Cells) -> dict[str, str] | None:
+    def log(titles: Sequence[str], _: _log_words.SampledCells) -> dict[str, str] | None:
         return {} if _log_words.may_be_log(titles, tuple(SCALE)) else None
 
     return _understood(name, data, "scale", log) is not None
@@ -88,7 +88,7 @@ def refuse_without_poses(name: str, data: bytes) -> None:
         InputError: It is one.
     """
 
-    def axes(titles: Sequence[str], _: _log_words.Cells) -> dict[str, str] | None:
+    def axes(titles: Sequence[str], _: _log_words.SampledCells) -> dict[str, str] | None:
         return {one: one for one in _log_words.axes_without_pose(titles)} or None
 
     form = _understood(name, data, "joints", axes)

@@ -14,8 +14,17 @@ from pipeline.base.shown import in_toml
 from pipeline.dialects._circle import FULL
 from pipeline.dialects._coordinates import AXES, SENSES, ZEROS
 from pipeline.intake.proposal import propose
-from pipeline.intake.question import Answer, Column, Proposal, Question
-from pipeline.readers import TABLE, Columns, Export, Hints, Text, opened_as_text, read, recognise
+from pipeline.intake.question import ColumnRole, Question, Reply, TableProposal
+from pipeline.readers import (
+    TABLE,
+    Columns,
+    Export,
+    ExportSettings,
+    Text,
+    opened_as_text,
+    read,
+    recognise,
+)
 from pipeline.readers._units import USUAL_UNITS
 
 _FIRST = 5
@@ -45,11 +54,11 @@ class Offer:
     """
 
     dialect: str
-    columns: tuple[Column, ...]
+    columns: tuple[ColumnRole, ...]
     preview: tuple[Mapping[str, Any], ...]
     proposal: str
     questions: tuple[Question, ...]
-    hints: Hints
+    hints: ExportSettings
 
     @property
     def question(self) -> Question | None:
@@ -67,7 +76,7 @@ class Offer:
         return out | {"preview": [dict(row) for row in self.preview]}
 
 
-def offer(name: str, data: bytes, hints: Hints) -> Offer | None:
+def offer(name: str, data: bytes, hints: ExportSettings) -> Offer | None:
     """Interpretation of a file, None if nothing can be proposed.
 
     Args:
@@ -81,7 +90,7 @@ def offer(name: str, data: bytes, hints: Hints) -> Offer | None:
     return _offered(name, data, proposal(name, data, hints))
 
 
-def as_table(name: str, data: bytes, hints: Hints) -> Offer | None:
+def as_table(name: str, data: bytes, hints: ExportSettings) -> Offer | None:
     """Interpretation of a file as a table of no dialect.
 
     Raises:
@@ -91,7 +100,7 @@ def as_table(name: str, data: bytes, hints: Hints) -> Offer | None:
         return _offered(name, data, propose(opened_as_text(name, data, hints), hints))
 
 
-def _offered(name: str, data: bytes, found: Proposal | None) -> Offer | None:
+def _offered(name: str, data: bytes, found: TableProposal | None) -> Offer | None:
     if found is None:
         return None
     with at(name):
@@ -106,7 +115,7 @@ def _offered(name: str, data: bytes, found: Proposal | None) -> Offer | None:
     )
 
 
-def proposal(name: str, data: bytes, hints: Hints) -> Proposal | None:
+def proposal(name: str, data: bytes, hints: ExportSettings) -> TableProposal | None:
     """How a file would be read and what is open, None if nothing can be proposed.
 
     Raises:
@@ -118,7 +127,7 @@ def proposal(name: str, data: bytes, hints: Hints) -> Proposal | None:
         return propose(file, hints) if unknown else _of_dialect(name, data, file, hints)
 
 
-def _of_dialect(name: str, data: bytes, file: Text, hints: Hints) -> Proposal | None:
+def _of_dialect(name: str, data: bytes, file: Text, hints: ExportSettings) -> TableProposal | None:
     """Open questions of a dialect: those that its table leaves open, else those of its entries."""
     wrong = _wrong(name, data, hints)
     found = propose(file, hints)
@@ -133,7 +142,9 @@ def _says(one: InputError, other: InputError) -> bool:
     return one.thing == other.thing
 
 
-def _of_words(name: str, data: bytes, hints: Hints, wrong: InputError | None) -> Proposal | None:
+def _of_words(
+    name: str, data: bytes, hints: ExportSettings, wrong: InputError | None
+) -> TableProposal | None:
     """The first entry of [tracker] whose values change a reader's complaint, and those after it."""
     questions: list[Question] = []
     while wrong is not None:
@@ -143,10 +154,10 @@ def _of_words(name: str, data: bytes, hints: Hints, wrong: InputError | None) ->
         questions.append(found)
         hints = hints.model_copy(update=dict(found.answers[0].hints))
         wrong = _wrong(name, data, hints)
-    return Proposal(hints, (), tuple(questions)) if questions else None
+    return TableProposal(hints, (), tuple(questions)) if questions else None
 
 
-def _wrong(name: str, data: bytes, hints: Hints) -> InputError | None:
+def _wrong(name: str, data: bytes, hints: ExportSettings) -> InputError | None:
     try:
         read(name, data, hints)
     except InputError as problem:
@@ -154,19 +165,19 @@ def _wrong(name: str, data: bytes, hints: Hints) -> InputError | None:
     return None
 
 
-def _open(name: str, data: bytes, hints: Hints, wrong: InputError) -> Question | None:
+def _open(name: str, data: bytes, hints: ExportSettings, wrong: InputError) -> Question | None:
     for word, answers in _MAY_BE.items():
         if getattr(hints, word) is not None:
             continue
         after = {one: _wrong(name, data, hints.model_copy(update={word: one})) for one in answers}
         fitting = [one for one, then in after.items() if str(then) != str(wrong)]
         if fitting:
-            offered = tuple(Answer(one, {word: one}) for one in fitting)
+            offered = tuple(Reply(one, {word: one}) for one in fitting)
             return Question(word, offered, wrong.line or 1, wrong)  # type: ignore[arg-type]
     return None
 
 
-def _preview(name: str, data: bytes, hints: Hints) -> tuple[Mapping[str, Any], ...]:
+def _preview(name: str, data: bytes, hints: ExportSettings) -> tuple[Mapping[str, Any], ...]:
     """The first readings as proposed; none if that is refused."""
     try:
         return _first_rows(read(name, data, hints))
@@ -193,15 +204,15 @@ def _first_rows(export: Export) -> tuple[Mapping[str, Any], ...]:
     )
 
 
-def _as_toml(found: Proposal) -> str:
+def _as_toml(found: TableProposal) -> str:
     """[tracker] and [tracker.mapping], with alternative answers of open questions as comments."""
     others: dict[str, list[str]] = {
         one.about: [in_toml(other.said) for other in one.answers[1:]] for one in found.questions
     }
-    said = {word: value for word, value in found.hints if value is not None}
-    mapping = said.pop("mapping", None)
+    entries = {word: value for word, value in found.hints if value is not None}
+    mapping = entries.pop("mapping", None)
     lines = ["[tracker]"]
-    for word, value in said.items():
+    for word, value in entries.items():
         behind = f"   # or {', '.join(others[word])}" if others.get(word) else ""
         lines.append(f"{word} = {_value(value)}{behind}")
     if mapping:

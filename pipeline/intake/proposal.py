@@ -35,19 +35,19 @@ from pipeline.dialects._coordinates import (
 from pipeline.dialects._named import is_unit_title, known_units
 from pipeline.dialects._titles import horizontal, titled
 from pipeline.intake import _roles
-from pipeline.intake._beside import Role, Table
+from pipeline.intake._beside import Role, SheetTable
 from pipeline.intake._contents import contents, mark_of
 from pipeline.intake._polar import Polar
-from pipeline.intake._roles import Reading
+from pipeline.intake._roles import RoleAssignment
 from pipeline.intake._sheet import Sheet, cells_of, sheet
-from pipeline.intake._stated import Stated
-from pipeline.intake.question import About, Answer, Column, Proposal, Question
+from pipeline.intake._stated import TableStatements
+from pipeline.intake.question import ColumnRole, Question, QuestionTopic, Reply, TableProposal
 from pipeline.readers._cells import is_number, is_turn
 from pipeline.readers._layout import JOINT
 from pipeline.readers._text import Text
 from pipeline.readers._time import ISO
 from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS, USUAL_UNITS
-from pipeline.readers.said import Columns, Hints
+from pipeline.readers.export_settings import Columns, ExportSettings
 
 _COORDINATES = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
 _PACKED = re.compile(r"\bd+\.?m+\.?s+\b", re.IGNORECASE)
@@ -61,11 +61,13 @@ small in millimetres or inches."""
 class _Draft:
     """A proposal in preparation: what is settled so far, and what is open."""
 
-    hints: Hints
+    hints: ExportSettings
     line: int
     questions: list[Question] = field(default_factory=list)
 
-    def ask(self, about: About, answers: Sequence[Answer], wrong: InputError | None = None) -> None:
+    def ask(
+        self, about: QuestionTopic, answers: Sequence[Reply], wrong: InputError | None = None
+    ) -> None:
         """Add a question, and continue with its first answer; a single answer is not asked."""
         if len(answers) > 1 or about == "columns":
             self.questions.append(Question(about, tuple(answers), self.line, wrong))
@@ -75,7 +77,7 @@ class _Draft:
         self.hints = self.hints.model_copy(update=dict(known))
 
 
-def propose(text: Text, hints: Hints) -> Proposal | None:
+def propose(text: Text, hints: ExportSettings) -> TableProposal | None:
     """How a table would be read, None if there is no table with three numbers in a row.
 
     Args:
@@ -90,17 +92,19 @@ def propose(text: Text, hints: Hints) -> Proposal | None:
         return None
     draft = _Draft(hints, found.top)
     table = _table(found, draft)
-    stated = Stated.of(found)
+    stated = TableStatements.of(found)
     reading = _chosen(_ways(table, stated, hints), table, draft)
     _whole_points(table, reading, draft)
     _instruments(table, reading, draft, text)
     _length(table, reading, draft, stated)
     if reading.kind != "cartesian":
         _angle(table, reading, draft, stated)
-    return Proposal(draft.hints, _columns(table, reading), tuple(draft.questions))
+    return TableProposal(draft.hints, _columns(table, reading), tuple(draft.questions))
 
 
-def _ways(table: Table, stated: Stated, hints: Hints) -> list[Reading]:
+def _ways(
+    table: SheetTable, stated: TableStatements, hints: ExportSettings
+) -> list[RoleAssignment]:
     """The ways to read a table that the statements allow.
 
     Raises:
@@ -115,16 +119,16 @@ def _ways(table: Table, stated: Stated, hints: Hints) -> list[Reading]:
     ways = _roles.readings(table, kind, unit)
     allowed = [one for one in ways if kind in (None, one.kind)]
     if not allowed:
-        said = f"are no {kind} coordinates" if kind else "hold no three coordinates"
+        text = f"are no {kind} coordinates" if kind else "hold no three coordinates"
         raise InputError(
-            f"the columns {said}",
+            f"the columns {text}",
             "describe them in [tracker.mapping] of campaign.toml",
             line=table.sheet.top,
         )
     return allowed
 
 
-def _told(table: Table, mapping: Columns) -> Reading:
+def _told(table: SheetTable, mapping: Columns) -> RoleAssignment:
     """The reading that a mapping describes.
 
     Raises:
@@ -137,18 +141,18 @@ def _told(table: Table, mapping: Columns) -> Reading:
         place = titles.index(str(one).lower()) if named else one - 1 if isinstance(one, int) else -1
         if 0 <= place < len(titles):
             roles[place] = Role(role, "stated")
-    said = {one.role for one in roles.values()}
-    kind = next((kind for kind, axes in AXES.items() if said.issuperset(axes)), None)
+    known_values = {one.role for one in roles.values()}
+    kind = next((kind for kind, axes in AXES.items() if known_values.issuperset(axes)), None)
     if kind is None:
         raise InputError(
             "the columns of [tracker.mapping] are not those of the table",
             "correct them: three coordinates are needed",
             line=table.sheet.top,
         )
-    return Reading(kind, roles)
+    return RoleAssignment(kind, roles)
 
 
-def _table(found: Sheet, draft: _Draft) -> Table:
+def _table(found: Sheet, draft: _Draft) -> SheetTable:
     """Titles and cells; the decimal mark is asked where commas are ambiguous."""
     content = contents(found)
     numbers = [one for one in content if one.kind == "number"]
@@ -156,12 +160,12 @@ def _table(found: Sheet, draft: _Draft) -> Table:
     try:
         mark = mark or mark_of(numbers, found.lines)  # type: ignore[assignment]
     except InputError as wrong:
-        draft.ask("decimal", [Answer(one, {"decimal": one}) for one in (",", ".")], wrong)
+        draft.ask("decimal", [Reply(one, {"decimal": one}) for one in (",", ".")], wrong)
         mark = ","
-    return Table(found, titled(found.titles), content, mark or ".")
+    return SheetTable(found, titled(found.titles), content, mark or ".")
 
 
-def _said(table: Table, places: Sequence[int], known: Mapping[str, str]) -> set[str]:
+def _said(table: SheetTable, places: Sequence[int], known: Mapping[str, str]) -> set[str]:
     """Units that titles and the line below them state for some columns."""
     below = (table.sheet.units[k].strip("[]() ").lower() for k in places)
     found = {table.named[k].unit for k in places} | {known.get(word) for word in below}
@@ -171,15 +175,15 @@ def _said(table: Table, places: Sequence[int], known: Mapping[str, str]) -> set[
 # --- what is open ---------------------------------------------------------------------------------
 
 
-def _chosen(ways: list[Reading], table: Table, draft: _Draft) -> Reading:
+def _chosen(ways: list[RoleAssignment], table: SheetTable, draft: _Draft) -> RoleAssignment:
     """The reading that the proposal follows, with its columns written into it if not yet stated."""
     if draft.hints.mapping:
         return ways[0]
-    answers = [Answer(_named(table, one), {"mapping": _mapping(table, one)}) for one in ways]
+    answers = [Reply(_named(table, one), {"mapping": _mapping(table, one)}) for one in ways]
     about = ways[0].open
     if about == "coordinates":
         answers = [
-            Answer(one.kind, {"coordinates": one.kind, **answer.hints})
+            Reply(one.kind, {"coordinates": one.kind, **answer.hints})
             for one, answer in zip(ways, answers, strict=True)
         ]
     if about:
@@ -189,7 +193,7 @@ def _chosen(ways: list[Reading], table: Table, draft: _Draft) -> Reading:
     return ways[0]
 
 
-def _named(table: Table, reading: Reading) -> str:
+def _named(table: SheetTable, reading: RoleAssignment) -> str:
     """Short name of a reading: which columns are the coordinates."""
     axes = AXES[reading.kind]
     titles = [_called(table.sheet.titles, k) for k in reading.places(*axes)]
@@ -202,7 +206,7 @@ def _called(titles: Sequence[str], place: int) -> str:
     return title if title and titles.count(title) == 1 else f"{title} column {place + 1}".strip()
 
 
-def _mapping(table: Table, reading: Reading) -> Columns:
+def _mapping(table: SheetTable, reading: RoleAssignment) -> Columns:
     """[tracker.mapping] of a reading."""
     found = table.sheet
     roles = {place: one.role for place, one in sorted(reading.roles.items()) if one.role}
@@ -232,7 +236,7 @@ def _readable(found: Sheet) -> bool:
     return cut and found.titled and found.commented is None
 
 
-def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> None:
+def _instruments(table: SheetTable, reading: RoleAssignment, draft: _Draft, text: Text) -> None:
     """Ask for one instrument: those of several have their own frames, unless they are Cartesian."""
     place = reading.place("instrument")
     mapping = draft.hints.mapping
@@ -250,12 +254,12 @@ def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> N
         draft.ask("instrument", _of_one(mapping, pick))
 
 
-def _of_one(mapping: Columns, pick: Iterable[tuple[str, dict[str, Any]]]) -> list[Answer]:
+def _of_one(mapping: Columns, pick: Iterable[tuple[str, dict[str, Any]]]) -> list[Reply]:
     """For each instrument the mapping that reads only its rows."""
-    return [Answer(name, {"mapping": mapping.model_copy(update=part)}) for name, part in pick]
+    return [Reply(name, {"mapping": mapping.model_copy(update=part)}) for name, part in pick]
 
 
-def _frames(table: Table, reading: Reading, mapping: Columns, draft: _Draft) -> None:
+def _frames(table: SheetTable, reading: RoleAssignment, mapping: Columns, draft: _Draft) -> None:
     """Ask for one instrument if a column of words separates rows of the same targets elsewhere."""
     axes = reading.places(*AXES[reading.kind])
     rows = table.whole(axes)
@@ -294,7 +298,7 @@ def _is_row(line: str, found: Sheet) -> bool:
     return sum(map(is_number, cells)) >= len(AXES["cartesian"])
 
 
-def _whole_points(table: Table, reading: Reading, draft: _Draft) -> None:
+def _whole_points(table: SheetTable, reading: RoleAssignment, draft: _Draft) -> None:
     """Refuse rows named x, y and z that contain one coordinate of a point each.
 
     Raises:
@@ -311,7 +315,9 @@ def _whole_points(table: Table, reading: Reading, draft: _Draft) -> None:
         )
 
 
-def _length(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
+def _length(
+    table: SheetTable, reading: RoleAssignment, draft: _Draft, stated: TableStatements
+) -> None:
     """The unit of length from titles, the lines above, or a statement; else it is asked.
 
     Raises:
@@ -335,17 +341,19 @@ def _length(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> No
         return
     largest = np.nanmax(np.abs(table.numbers(lengths)), initial=0.0)
     units = sorted(USUAL_UNITS, key=lambda unit: unit != "m" if largest < _METRES else 0)
-    draft.ask("unit", [Answer(unit, {"unit": unit}) for unit in units])
+    draft.ask("unit", [Reply(unit, {"unit": unit}) for unit in units])
 
 
-def _unit_column(table: Table) -> set[str]:
+def _unit_column(table: SheetTable) -> set[str]:
     """Units of length in a column of units."""
     places = [k for k, c in enumerate(table.named) if is_unit_title(c.title)]
     cells = {cell.lower() for k in places for cell in table.content[k].cells}
     return {UNIT_WORDS[cell] for cell in cells if cell in UNIT_WORDS}
 
 
-def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
+def _angle(
+    table: SheetTable, reading: RoleAssignment, draft: _Draft, stated: TableStatements
+) -> None:
     """Unit of angles and zero of the vertical one, likewise; ranges and faces may show them too.
 
     Raises:
@@ -363,14 +371,14 @@ def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> Non
         draft.settle({"angle": settled_angle(next(iter(said), None), draft.hints.angle)})
     else:
         units = _possible_angles(table.numbers(angular), reading.ways)
-        draft.ask("angle", [Answer(unit, {"angle": unit}) for unit in units])
+        draft.ask("angle", [Reply(unit, {"angle": unit}) for unit in units])
     if reading.kind == "spherical":
         _vertical(table, reading, draft)
     _horizontal(table, reading, draft, stated)
 
 
 def _said_of_angles(
-    table: Table, angular: Sequence[int], hints: Hints, stated: Stated
+    table: SheetTable, angular: Sequence[int], hints: ExportSettings, stated: TableStatements
 ) -> frozenset[str]:
     """Units of angles that titles and lines above state, and those that the cells show."""
     said = stated.angles | _said(table, angular, ANGLE_WORDS)
@@ -391,7 +399,7 @@ def _possible_angles(values: Array, ways: Sequence[Polar]) -> list[str]:
     return sorted(units, key=PACKED.__ne__) if seem_packed(values) else units
 
 
-def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:
+def _vertical(table: SheetTable, reading: RoleAssignment, draft: _Draft) -> None:
     (place,), angle = reading.places("vertical"), str(draft.hints.angle)
     values = table.numbers([place])[:, 0]
     role = table.named[place].role
@@ -405,7 +413,7 @@ def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:
         if draft.hints.vertical is not None:
             raise
         zeros = ZEROS if steeper_than_not(values, angle) else ZEROS[::-1]
-        draft.ask("vertical", [Answer(zero, {"vertical": zero}) for zero in zeros])
+        draft.ask("vertical", [Reply(zero, {"vertical": zero}) for zero in zeros])
 
 
 _RECORDS = {"SS", "TR", "BS", "FS", "BD", "BR", "FD", "FR"}
@@ -413,7 +421,9 @@ _RECORDS = {"SS", "TR", "BS", "FS", "BD", "BR", "FD", "FR"}
 foresight."""
 
 
-def _horizontal(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
+def _horizontal(
+    table: SheetTable, reading: RoleAssignment, draft: _Draft, stated: TableStatements
+) -> None:
     """Sense of azimuths from lines above, titles or records; else it is asked."""
     titled = horizontal(table.named, reading.place("azimuth"))
     said = stated.senses | ({titled} if titled else set())
@@ -426,19 +436,19 @@ def _horizontal(table: Table, reading: Reading, draft: _Draft, stated: Stated) -
         draft.settle({"horizontal": found})
         return
     senses = ("counter-clockwise", "clockwise")
-    draft.ask("horizontal", [Answer(sense, {"horizontal": sense}) for sense in senses])
+    draft.ask("horizontal", [Reply(sense, {"horizontal": sense}) for sense in senses])
 
 
 # --- shown ----------------------------------------------------------------------------------------
 
 
-def _columns(table: Table, reading: Reading) -> tuple[Column, ...]:
+def _columns(table: SheetTable, reading: RoleAssignment) -> tuple[ColumnRole, ...]:
     out = []
     for place, content in enumerate(table.content):
         role = reading.roles.get(place)
         if role is None:
             role = Role("", "empty" if content.kind == "empty" else "untold")
         out.append(
-            Column(place + 1, table.sheet.titles[place], content.example, role.role, role.why)
+            ColumnRole(place + 1, table.sheet.titles[place], content.example, role.role, role.why)
         )
     return tuple(out)

@@ -8,15 +8,15 @@ from typing import Any, Literal
 
 from pipeline.base.errors import InputError, listed
 from pipeline.intake._beside import Why
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
-About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "horizontal",
-                "decimal"]  # fmt: skip
+QuestionTopic = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical",
+                        "horizontal", "decimal"]  # fmt: skip
 """Subject of a question."""
 
 
 @dataclass(frozen=True)
-class Column:
+class ColumnRole:
     """Probable role of a column.
 
     Attributes:
@@ -35,7 +35,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Reply:
     """One answer to a question.
 
     Attributes:
@@ -58,8 +58,8 @@ class Question:
         wrong: A reader's error on it, None if the question is the only complaint.
     """
 
-    about: About
-    answers: tuple[Answer, ...]
+    about: QuestionTopic
+    answers: tuple[Reply, ...]
     line: int
     wrong: InputError | None = None
 
@@ -67,12 +67,14 @@ class Question:
         """The same as an error, with the way out."""
         if self.wrong is not None:
             return self.wrong
-        said = [answer.said for answer in self.answers]
+        items = [answer.said for answer in self.answers]
         thing, way_out = _WORDS[self.about]
-        shown = f'"{said[0]}"' + (f" (or {listed(map(_quoted, said[1:]))})" if said[1:] else "")
+        shown = f'"{items[0]}"' + (f" (or {listed(map(_quoted, items[1:]))})" if items[1:] else "")
         paste = "paste what `pipeline inspect` proposes"
         return InputError(
-            thing.format(listed(map(_quoted, said))), way_out.format(shown, paste), line=self.line
+            thing.format(listed(map(_quoted, items))),
+            way_out.format(shown, paste),
+            line=self.line,
         )
 
 
@@ -98,7 +100,7 @@ _WORDS: dict[str, tuple[str, str]] = {
 
 
 @dataclass(frozen=True)
-class Proposal:
+class TableProposal:
     """How a table would be read.
 
     Attributes:
@@ -108,6 +110,6 @@ class Proposal:
         questions: Open questions, in the order in which they are asked.
     """
 
-    hints: Hints
-    columns: tuple[Column, ...]
+    hints: ExportSettings
+    columns: tuple[ColumnRole, ...]
     questions: tuple[Question, ...] = ()

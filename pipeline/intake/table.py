@@ -5,9 +5,9 @@ from __future__ import annotations
 from pipeline.base.errors import InputError
 from pipeline.intake._sheet import sheet
 from pipeline.intake.proposal import propose
-from pipeline.readers._cells import shown
+from pipeline.readers._cells import shortened
 from pipeline.readers._text import Text
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 
 def holds_one(text: Text) -> bool:
@@ -15,7 +15,7 @@ def holds_one(text: Text) -> bool:
     return sheet(text) is not None
 
 
-def described(text: Text, hints: Hints) -> tuple[Hints, str | None]:
+def described(text: Text, hints: ExportSettings) -> tuple[ExportSettings, str | None]:
     """All entries of [tracker] that it needs, and a column that should contain times and does not.
 
     Raises:
@@ -32,5 +32,5 @@ def described(text: Text, hints: Hints) -> tuple[Hints, str | None]:
     if found.questions:
         raise found.questions[0].problem()
     doubtful = (one for one in found.columns if one.why == "untimed")
-    untimed = next((f'{one.title} ("{shown(one.example)}")' for one in doubtful), None)
+    untimed = next((f'{one.title} ("{shortened(one.example)}")' for one in doubtful), None)
     return found.hints, untimed

@@ -19,13 +19,13 @@ from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.readers import logs
 from pipeline.readers._text import is_workbook, text
+from pipeline.readers.export_settings import OWN_LOG, LogForm
 from pipeline.readers.logs import Log
-from pipeline.readers.said import OURS, LogForm
 from pipeline.reduction import limits
 
 
 @dataclass(frozen=True)
-class Logs:
+class LogFiles:
     """The logs among some files.
 
     Attributes:
@@ -49,7 +49,7 @@ class Logs:
     refused: dict[str, str] = field(default_factory=dict)
 
 
-def propose_logs(files: Mapping[str, bytes]) -> Logs:
+def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
     """Find the logs among some files; of several of one kind the first.
 
     A workbook may be both, and an export, too, with one sheet for each.
@@ -58,7 +58,7 @@ def propose_logs(files: Mapping[str, bytes]) -> Logs:
         files: Content by name; TOML files are taken for robots.
     """
     robots = dict(_robots(files))
-    said = Logs()
+    said = LogFiles()
     for name, data in files.items():
         if not _may_be_log(name, data):
             continue
@@ -73,7 +73,7 @@ def propose_logs(files: Mapping[str, bytes]) -> Logs:
     return replace(said, decimal_commas=_with_commas(files, said))
 
 
-def _with_commas(files: Mapping[str, bytes], said: Logs) -> tuple[str, ...]:
+def _with_commas(files: Mapping[str, bytes], said: LogFiles) -> tuple[str, ...]:
     """Logs whose decimal mark only the other files of the folder show: a comma in all of them."""
     marks = {name: _mark(name, data) for name, data in files.items() if not name.endswith(".toml")}
     if {*marks.values()} - {"", "?"} != {","}:
@@ -102,7 +102,7 @@ def _may_be_log(name: str, data: bytes) -> bool:
         return is_workbook(data)  # several of its sheets may qualify: each log looks for its own
 
 
-def _added(said: Logs, name: str, new: Mapping[str, Any], earlier: str | None) -> Logs:
+def _added(said: LogFiles, name: str, new: Mapping[str, Any], earlier: str | None) -> LogFiles:
     """The logs with one more, which is refused if an earlier one is of the same kind."""
     if earlier is None:
         return replace(said, **new)
@@ -146,9 +146,9 @@ def _in_units_of(form: LogForm, fitting: Sequence[LogForm]) -> LogForm:
 
     If several do, those remain; if none does, all.
     """
-    said = {title: {one.columns[title] for one in fitting} for title in form.columns}
+    entries = {title: {one.columns[title] for one in fitting} for title in form.columns}
     left = {
-        title: "|".join(one for one in ours.split("|") if one in said[title]) or ours
+        title: "|".join(one for one in ours.split("|") if one in entries[title]) or ours
         for title, ours in form.columns.items()
     }
     return form.model_copy(update={"columns": left})
@@ -214,7 +214,7 @@ def _form(read: Callable[[LogForm], Log], meant: Callable[[], LogForm | None]) -
     An unreadable row, or an ambiguous decimal mark, does not make it another kind of file.
     """
     try:
-        return OURS if _readable(read, OURS) else meant()
+        return OWN_LOG if _readable(read, OWN_LOG) else meant()
     except InputError:
         return None
 

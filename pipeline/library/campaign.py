@@ -232,7 +232,7 @@ def identify(campaign: Campaign) -> Result:
     """
     if not isinstance(campaign, Campaign):
         raise UsageError("identify takes a campaign: give it what load_campaign(...) returns")
-    made = stages.answered(campaign.name, campaign.raw)
+    made = stages.campaign_answer(campaign.name, campaign.raw)
     kept = made.files.get(_POSITIONS)
     places = None if kept is None else position_model(kept)
     return Result(made.answer, Model(made.model), made.shown, places)
@@ -255,4 +255,4 @@ def run_campaign(campaign: Path | str, *, root: Path | str = ".", force: bool = 
     model = load_model(found.reports / "model.toml")
     kept = found.reports / _POSITIONS
     places = load_position_model(kept) if kept.is_file() else None
-    return Result(answer, model, archive.shown(found), places)
+    return Result(answer, model, archive.kept_tables(found), places)

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.library import holds
-from pipeline.library.each_way import Ways, along, each_way
+from pipeline.library.each_way import BothStiffnesses, along, each_way
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.configuration import velocity
 from pipeline.prediction.model import IdentifiedModel
@@ -52,7 +52,7 @@ class Compensation(Locked):
     force: Array
     held_out: float | None = None
     pulled: tuple[float, float] | None = None
-    each_way: tuple[Ways, ...] = ()
+    each_way: tuple[BothStiffnesses, ...] = ()
 
     def part(self, rows: Sequence[int] | Ints) -> Compensation:
         """Compensation of some of the points, in this order."""

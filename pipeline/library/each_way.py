@@ -15,7 +15,7 @@ from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 
 
 @dataclass(frozen=True)
-class Ways:
+class BothStiffnesses:
     """One such joint along a path, for the most probable hypothesis that has it.
 
     Attributes:
@@ -64,7 +64,7 @@ def _points(count: int) -> str:
     return f"{count} point{'' if count == 1 else 's'}"
 
 
-def each_way(model: IdentifiedModel, q: Array, force: Array) -> tuple[Ways, ...]:
+def each_way(model: IdentifiedModel, q: Array, force: Array) -> tuple[BothStiffnesses, ...]:
     """Joints of a model that have two stiffnesses, at the points of a path.
 
     Args:
@@ -81,7 +81,7 @@ def each_way(model: IdentifiedModel, q: Array, force: Array) -> tuple[Ways, ...]
     return tuple(_ways(model, best[j], j, weight[j], q, force) for j in sorted(best))
 
 
-def along(parts: Sequence[tuple[Ways, ...]]) -> tuple[Ways, ...]:
+def along(parts: Sequence[tuple[BothStiffnesses, ...]]) -> tuple[BothStiffnesses, ...]:
     """Combine several paths of one model."""
     return tuple(
         replace(
@@ -95,7 +95,7 @@ def along(parts: Sequence[tuple[Ways, ...]]) -> tuple[Ways, ...]:
 
 def _ways(
     model: IdentifiedModel, one: ModelHypothesis, joint: int, weight: float, q: Array, force: Array
-) -> Ways:
+) -> BothStiffnesses:
     """Both stiffnesses 1/(c + dc) and 1/(c - dc) of a joint, and which one applies where."""
     column = sides.columns(model.robot.n, one.more)[joint]
     robot = model.robot
@@ -107,7 +107,7 @@ def _ways(
         T[0, [joint, column]] = 1.0, sign
         x, V = sides.taken(one.value, one.cov, T)
         found[sign * sense] = 1 / float(x[0]), float(np.sqrt(V[0, 0]) / x[0] ** 2)
-    return Ways(
+    return BothStiffnesses(
         joint,
         axes.alone(robot)[joint] or f"joint {joint + 1}",
         found[1.0],

@@ -57,8 +57,8 @@ def _beyond(robot: Robot, row: Array, j: int, number: int | None) -> InputError:
     where = f"joint {j + 1} ({joint.name})" + ("" if number is None else f" of row {number}")
     if joint.prismatic:
         mm = joint.lower <= value / 1e3 <= joint.upper
-        said = f"{where}: {value:.6g} m is beyond {joint.lower:.6g}..{joint.upper:.6g} m"
-        return InputError(said, "lengths are in m: divide millimetres by 1000" if mm else _MOVE)
+        text = f"{where}: {value:.6g} m is beyond {joint.lower:.6g}..{joint.upper:.6g} m"
+        return InputError(text, "lengths are in m: divide millimetres by 1000" if mm else _MOVE)
     lower, upper = np.rad2deg([joint.lower, joint.upper])
     limits = f"{lower:.6g}..{upper:.6g} deg" if np.isfinite(upper - lower) else "two turns"
     if abs(value) > _TURN:

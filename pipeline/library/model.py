@@ -12,14 +12,14 @@ from pipeline.base import files
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError, listed
 from pipeline.library import compensate as offsets
-from pipeline.library import compliance, standing
+from pipeline.library import compliance, target_model
 from pipeline.library.compensate import Compensation
 from pipeline.library.compliance import CartesianStiffness
 from pipeline.library.joints import as_asked, loaded, point
 from pipeline.machine.robot import Robot
+from pipeline.prediction.kinematic_model import KinematicModel
 from pipeline.prediction.model import IdentifiedModel as Identified
 from pipeline.prediction.path import Path as JointPath
-from pipeline.prediction.standing import Standing
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +166,7 @@ class PositionModel:
         standing: Content of positions.npz.
     """
 
-    standing: Standing
+    standing: KinematicModel
 
     @property
     def robot(self) -> Robot:
@@ -195,7 +195,7 @@ class PositionModel:
         rows, force = loaded(self.robot, q, force_n)
         carried = np.full(len(rows), self._number(payload), dtype=np.int64)
         warm = np.full(len(rows), float(temperature_c))
-        found = standing.predict(self.standing, rows, force, carried, warm)
+        found = target_model.predict(self.standing, rows, force, carried, warm)
         names = tuple(str(name) for name in self.standing.targets)
         std = found.std
         made = Positions(names, found.at, found.turn, std[..., :3], std[..., 3:])
@@ -228,7 +228,9 @@ def load_position_model(path: Path | str) -> PositionModel:
     missing = InputError(
         "there is no such file", "give the path of a positions.npz", file=str(path)
     )
-    return position_model(files.read(Path(path), str(path), standing.LARGEST, missing), str(path))
+    return position_model(
+        files.read(Path(path), str(path), target_model.LARGEST_MODEL, missing), str(path)
+    )
 
 
 def position_model(data: bytes, name: str = "positions.npz") -> PositionModel:
@@ -237,4 +239,4 @@ def position_model(data: bytes, name: str = "positions.npz") -> PositionModel:
     Raises:
         InputError: They are not a model.
     """
-    return PositionModel(standing.loads(data, name))
+    return PositionModel(target_model.loads(data, name))

@@ -26,9 +26,9 @@ from pipeline.geometry.yielding import by_weight_alone
 from pipeline.machine.cell import Cell, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
 from pipeline.machine.effect import Pulls
-from pipeline.machine.stance import laws_of_gears
+from pipeline.machine.positions_estimate import laws_of_gears
+from pipeline.prediction.kinematic_model import ByPulls
 from pipeline.prediction.model import NOTHING_M, ModelHypothesis
-from pipeline.prediction.standing import ByPulls
 
 
 class UnderForce(NamedTuple):

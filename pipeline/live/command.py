@@ -9,8 +9,8 @@ from pathlib import Path
 from pipeline.base.errors import InputError
 from pipeline.base.quantities import common_prefix, prefixed, with_uncertainty
 from pipeline.base.shown import say
-from pipeline.live.judged import Update
-from pipeline.live.watching import live as updates
+from pipeline.live.update import Update
+from pipeline.live.updates import live as updates
 
 _LISTED = 3
 """Maximum number of planned poses that the terminal lists."""

@@ -11,7 +11,7 @@ from pipeline.machine.cell import Tool
 from pipeline.machine.robot import Configuration, Robot
 from pipeline.machine.robot.capsules import Capsules
 
-BASE, CARRIAGE, ARM, TOOL = "base", "carriage", "arm", "tool"
+_BASE, _CARRIAGE, _ARM, _TOOL = "base", "carriage", "arm", "tool"
 TRACKER, REFLECTOR = "tracker", "reflector"
 
 _THICK = 0.04
@@ -26,7 +26,7 @@ class Bodies(Locked):
     """Capsules of one kind, c of them at m poses.
 
     Attributes:
-        part: `BASE`, `CARRIAGE`, `ARM`, `TOOL`, `TRACKER` or `REFLECTOR`.
+        part: `_BASE`, `_CARRIAGE`, `_ARM`, `_TOOL`, `TRACKER` or `REFLECTOR`.
         names: Name of each capsule, shape (c,).
         ends: Both end points in F_b [m], shape (m, c, 2, 3); identical for a point.
         radius: Radius of each capsule [m], shape (c,).
@@ -48,7 +48,7 @@ def links(robot: Robot, here: Configuration) -> tuple[Bodies, Bodies, Bodies]:
     still = known.carrier == 0
     base, carriage, arm = (
         Bodies(part, _called(robot, known, which), ends[:, which], known.radius[which])
-        for part, which in ((BASE, still), (CARRIAGE, slides), (ARM, ~still & ~slides))
+        for part, which in ((_BASE, still), (_CARRIAGE, slides), (_ARM, ~still & ~slides))
     )
     return base, carriage, arm
 
@@ -69,8 +69,8 @@ def _straight(robot: Robot, here: Configuration) -> tuple[Bodies, Bodies, Bodies
     there = length > SHORT_M
     names = np.array([*(joint.name for joint in robot.joints), "flange"], dtype=object)
     thick = np.full(int(there.sum()), _THICK * length.sum())
-    arm = Bodies(ARM, names[there], lines[:, there], thick)
-    return _bed(robot, here, thick[:1]), _none(CARRIAGE, len(here.q)), arm
+    arm = Bodies(_ARM, names[there], lines[:, there], thick)
+    return _bed(robot, here, thick[:1]), _none(_CARRIAGE, len(here.q)), arm
 
 
 def _none(part: str, m: int) -> Bodies:
@@ -80,7 +80,7 @@ def _none(part: str, m: int) -> Bodies:
 def _bed(robot: Robot, here: Configuration, thick: Array) -> Bodies:
     """The rail over the joint's range, or over the poses where a limit is infinite; else empty."""
     if not robot.joints[0].prismatic:
-        return _none(BASE, len(here.q))
+        return _none(_BASE, len(here.q))
     q, along = here.q[:, 0], here.axes[0, 0, :, 2]
     low, high = (
         end if np.isfinite(end) else seen
@@ -88,7 +88,7 @@ def _bed(robot: Robot, here: Configuration, thick: Array) -> Bodies:
     )
     zero = here.origin[0, 0] - q[0] * along
     ends = np.stack([zero + low * along, zero + high * along])
-    return Bodies(BASE, np.array(["base"], object), np.tile(ends, (len(q), 1, 1, 1)), thick)
+    return Bodies(_BASE, np.array(["base"], object), np.tile(ends, (len(q), 1, 1, 1)), thick)
 
 
 def effector(here: Configuration, tool: Tool, thick: float) -> Bodies:
@@ -97,7 +97,7 @@ def effector(here: Configuration, tool: Tool, thick: float) -> Bodies:
     ends = here.points(np.array(list(named.values())))
     start = np.broadcast_to(here.flange_origin[:, None], ends.shape)
     both = np.stack([start, ends], axis=2)
-    return Bodies(TOOL, np.array(list(named), dtype=object), both, np.full(len(named), thick))
+    return Bodies(_TOOL, np.array(list(named), dtype=object), both, np.full(len(named), thick))
 
 
 def points(part: str, named: dict[str, Array]) -> Bodies:

@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Ints, Locked, Parameter, Strings
 from pipeline.machine.law import Law
 from pipeline.machine.robot import Configuration, Robot
-from pipeline.machine.robot.letters import Letter, changed
+from pipeline.machine.robot.dh_parameters import DhParameter, changed
 
 PULLED, HUNG, MOUNTED = 0, 1, 2
 """Codes of `Pulls.by`: load by a chain with a scale, by a weight at the load point, or by a payload
@@ -352,7 +352,7 @@ class Table(Effect):
         nominal: Its tabulated value [m] or [rad].
     """
 
-    letter: Letter
+    letter: DhParameter
     nominal: float = 0.0
 
     def true(self, robot: Robot, values: Array) -> Robot:

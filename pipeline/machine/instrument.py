@@ -44,7 +44,7 @@ _NEAR = 3
 """Maximum number of similar names suggested for an unknown type."""
 
 
-class Sheet(Strict):
+class DataSheet(Strict):
     """A data sheet.
 
     Attributes:
@@ -79,13 +79,13 @@ _LEAST_M = 1e-6
 
 
 @cache
-def sheets() -> tuple[Sheet, ...]:
+def sheets() -> tuple[DataSheet, ...]:
     """All known data sheets."""
     text = (resources.files(__package__) / "instruments.toml").read_text("utf-8")
-    return tuple(Sheet.model_validate(one) for one in tomllib.loads(text)["sheet"])
+    return tuple(DataSheet.model_validate(one) for one in tomllib.loads(text)["sheet"])
 
 
-def sheet(model: str) -> Sheet | None:
+def sheet(model: str) -> DataSheet | None:
     """Data sheet of a type of instrument, regardless of spelling; None if unknown."""
     mine = _type(model)
     return next((one for one in sheets() if mine in map(_type, one.names)), None)

@@ -17,7 +17,7 @@ _NO_DIRECTION = 1e-9
 """Length below which a vector gives no direction; longer ones are normalised."""
 
 
-class Acceptance(Strict):
+class _Acceptance(Strict):
     """Acceptance cone of a reflector about a direction, flange frame."""
 
     direction: _Point
@@ -47,7 +47,7 @@ class Surroundings(Strict):
     max_turn_deg: dict[Name, Annotated[float, Field(gt=0, le=1e5)]] = Field(default_factory=dict)
 
 
-class EffectorCapsule(Strict):
+class _EffectorCapsule(Strict):
     """One `[[tool.capsules]]`: a body of the effector, flange frame [m]."""
 
     model_config = ConfigDict(serialize_by_alias=True)
@@ -82,10 +82,10 @@ class Surrounded(Strict):
     model_config = ConfigDict(serialize_by_alias=True)
 
     cell: Surroundings | None = Field(default=None, exclude_if=_nothing)
-    tool_acceptance: dict[Name, Acceptance] = Field(
+    tool_acceptance: dict[Name, _Acceptance] = Field(
         default_factory=dict, alias="tool.acceptance", exclude_if=_nothing
     )
-    tool_capsules: list[EffectorCapsule] = Field(
+    tool_capsules: list[_EffectorCapsule] = Field(
         default=[], alias="tool.capsules", exclude_if=_nothing
     )
 

@@ -146,11 +146,11 @@ def curves(updates: Sequence[Mapping[str, Any]]) -> str:
     Args:
         updates: Lines of `pipeline watch --live --json`.
     """
-    told = {one["poses"]: one for one in updates if one.get("stiffness")}
-    if not told:
+    entries = {one["poses"]: one for one in updates if one.get("stiffness")}
+    if not entries:
         return ""
-    most = max(max(told), 2)
-    known = _known(told, most)
+    most = max(max(entries), 2)
+    known = _known(entries, most)
     out = [f'<svg viewBox="0 0 {_WIDE} {_HIGH}" role="img" aria-label="Uncertainty over poses">']
     for line in _PER_CENT:
         y = _up(line)

@@ -30,7 +30,7 @@ _WORDS = ("name", "robot", "operator", "model", "serial", "certificate", "unit",
 
 
 @dataclass(frozen=True)
-class Entry:
+class FormEntry:
     """A line of campaign.toml that contains an entry, or may be filled in.
 
     Attributes:
@@ -74,10 +74,10 @@ class Entry:
         return (x, y, z)
 
 
-def entries(text: str) -> list[Entry]:
+def entries(text: str) -> list[FormEntry]:
     """All lines that contain an entry or may be filled in, in their order."""
     lines = text.splitlines()
-    found: list[Entry] = []
+    found: list[FormEntry] = []
     table, skip = "", 0
     for number, line in enumerate(lines, 1):
         if number <= skip:
@@ -100,13 +100,13 @@ def _called(head: re.Match[str]) -> str:
     return ".".join(one.strip('"') for one in head.groups()[1:] if one)
 
 
-def _with_more(last: Entry, more: str) -> Entry:
+def _with_more(last: FormEntry, more: str) -> FormEntry:
     """An entry whose comment continues in the next line."""
     words = (*last.words, *_WORD.findall(more))
     return replace(last, about=f"{last.about} {more}".strip(), words=words)
 
 
-def _entry(number: int, table: str, found: re.Match[str]) -> Entry | None:
+def _entry(number: int, table: str, found: re.Match[str]) -> FormEntry | None:
     """An entry, or None for a comment that only resembles one."""
     silent, key, rest = found.groups()
     value, about = _parted(rest)
@@ -115,10 +115,10 @@ def _entry(number: int, table: str, found: re.Match[str]) -> Entry | None:
         return None
     words = tuple(_WORD.findall(about)) if silent else ()
     said = None if silent else value
-    return Entry(number, table, key.strip('"'), said, needed, about, words)
+    return FormEntry(number, table, key.strip('"'), said, needed, about, words)
 
 
-def _follows(last: Entry, number: int, lines: Sequence[str]) -> bool:
+def _follows(last: FormEntry, number: int, lines: Sequence[str]) -> bool:
     """Whether only lines of its comment are between an entry and a line."""
     return all(_MORE.match(one) for one in lines[last.line : number - 1])
 
@@ -276,12 +276,12 @@ def carried_over(old: str, new: str) -> str:
     What was filled in takes precedence over what the files suggest; only the names of the files
     come from the new one. Values without an entry are appended as comments.
     """
-    said = {(one.table, one.key): one for one in entries(old) if one.value is not None}
-    for place, mine in said.items():
+    stated = {(one.table, one.key): one for one in entries(old) if one.value is not None}
+    for place, mine in stated.items():
         if mine.whole and place not in _OF_FILES:
             new = _said_anew(new, place, str(mine.value))
     now = {(one.table, one.key) for one in entries(new) if one.value is not None}
-    lost = [one for place, one in said.items() if place not in now or not one.whole]
+    lost = [one for place, one in stated.items() if place not in now or not one.whole]
     return f"{new.rstrip()}\n\n{_set_aside(old, lost)}" if lost else new
 
 
@@ -305,12 +305,12 @@ def _span(text: str, name: str) -> tuple[int, int]:
     for k, after in zip(heads, [*heads[1:], len(lines)], strict=True):
         head = _TABLE.match(lines[k])
         if head and _called(head) == name:
-            said = [i for i in range(k, after) if lines[i].strip() and lines[i][0] != "#"]
-            return k, said[-1] + 1
+            chosen = [i for i in range(k, after) if lines[i].strip() and lines[i][0] != "#"]
+            return k, chosen[-1] + 1
     return 0, 0
 
 
-def _set_aside(old: str, lost: Sequence[Entry]) -> str:
+def _set_aside(old: str, lost: Sequence[FormEntry]) -> str:
     """Lines of an old text as comments, each below its table."""
     lines, out = old.splitlines(), ["# from the campaign.toml before, which have no place above:"]
     for one in lost:

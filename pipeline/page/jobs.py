@@ -29,7 +29,7 @@ _LONGEST_LINE = 2**22
 
 
 @dataclass(frozen=True)
-class Said:
+class CommandOutput:
     """Output of a command.
 
     Attributes:
@@ -62,7 +62,7 @@ class Said:
         return known and self.code in (0, InputError.exit_code)
 
 
-async def begun(*words: str | Path) -> asyncio.subprocess.Process:
+async def _begun(*words: str | Path) -> asyncio.subprocess.Process:
     """Start a command of this project; it and its children are ended together."""
     return await asyncio.create_subprocess_exec(
         sys.executable,
@@ -83,7 +83,9 @@ def _stopped(process: asyncio.subprocess.Process, how: int = signal.SIGINT) -> N
         os.killpg(process.pid, how)
 
 
-async def ended(process: asyncio.subprocess.Process, longest_s: float | None = None) -> Said:
+async def _ended(
+    process: asyncio.subprocess.Process, longest_s: float | None = None
+) -> CommandOutput:
     """Wait for a command to end; return its output."""
     try:
         output, words = await asyncio.wait_for(process.communicate(), longest_s)
@@ -93,7 +95,7 @@ async def ended(process: asyncio.subprocess.Process, longest_s: float | None = N
         raise
     text = words.decode("utf-8", "replace")[-_MOST_WORDS:]
     lines = tuple(one for one in text.splitlines() if one.strip())
-    return Said(process.returncode or 0, _content(output), output, lines)
+    return CommandOutput(process.returncode or 0, _content(output), output, lines)
 
 
 def _content(output: bytes) -> dict[str, Any]:
@@ -105,9 +107,9 @@ def _content(output: bytes) -> dict[str, Any]:
     return {}
 
 
-async def command(*words: str | Path) -> Said:
+async def command(*words: str | Path) -> CommandOutput:
     """Run a command that only reads; return its output."""
-    return await ended(await begun(*words), _LONGEST_S)
+    return await _ended(await _begun(*words), _LONGEST_S)
 
 
 @dataclass
@@ -124,13 +126,13 @@ class _Run:
 
     process: asyncio.subprocess.Process
     began: float
-    said: Said | None = None
+    said: CommandOutput | None = None
     cancelled: bool = False
     took_s: float = 0.0
 
     async def follow(self) -> None:
         """Wait until it ends."""
-        self.said = await ended(self.process)
+        self.said = await _ended(self.process)
         self.took_s = time.monotonic() - self.began
 
     @property
@@ -144,7 +146,7 @@ class Runs:
     """All runs and live judgements started by this page, by campaign."""
 
     of: dict[str, _Run] = field(default_factory=dict)
-    live: dict[str, Live] = field(default_factory=dict)
+    live: dict[str, LiveJob] = field(default_factory=dict)
     _one: asyncio.Lock = field(default_factory=asyncio.Lock)
     _tasks: set[asyncio.Task[None]] = field(default_factory=set)
 
@@ -164,7 +166,7 @@ class Runs:
                 "--",
                 name,
             )
-            self.of[name] = run = _Run(await begun(*words), time.monotonic())
+            self.of[name] = run = _Run(await _begun(*words), time.monotonic())
             self._followed(run.follow())
             return run
 
@@ -174,7 +176,7 @@ class Runs:
             there = self.live.get(name)
             if there is None or not there.running:
                 words = ("watch", "--live", "--json", "--root", root, "--", name)
-                self.live[name] = live = Live(await begun(*words))
+                self.live[name] = live = LiveJob(await _begun(*words))
                 self._followed(live.follow())
 
     def look_away(self, name: str) -> None:
@@ -205,7 +207,7 @@ class Runs:
 
 
 @dataclass
-class Live:
+class LiveJob:
     """Live judgement of a campaign while it is measured.
 
     Attributes:

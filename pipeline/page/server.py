@@ -43,7 +43,7 @@ from pipeline.base.shown import printable
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.page import drawing, entries
 from pipeline.page.desk import MOST_BYTES, TOML, Desk, campaigns, named
-from pipeline.page.jobs import Live, Runs, Said, command, stage
+from pipeline.page.jobs import CommandOutput, LiveJob, Runs, command, stage
 
 HERE = "127.0.0.1"
 
@@ -134,7 +134,7 @@ class _State:
     Attributes:
         root: Root of the project.
         runs: Campaigns being computed.
-        checked: Digest of the files and output of `check` for them, by campaign.
+        checked: Digest of the files and output of `_check` for them, by campaign.
         looked: Output of `inspect`, by file and digest.
         stands: By campaign, a mark of files and report, and whether the report is up to date.
         busy: Limits the number of commands that run at the same time.
@@ -142,8 +142,8 @@ class _State:
 
     root: Path
     runs: Runs = field(default_factory=Runs)
-    checked: dict[str, tuple[str, Said]] = field(default_factory=dict)
-    looked: dict[str, Said] = field(default_factory=dict)
+    checked: dict[str, tuple[str, CommandOutput]] = field(default_factory=dict)
+    looked: dict[str, CommandOutput] = field(default_factory=dict)
     stands: dict[str, tuple[str, bool]] = field(default_factory=dict)
     busy: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
 
@@ -159,7 +159,7 @@ class _State:
         return desk
 
     def passed(self, desk: Desk) -> bool:
-        """Whether `check` accepted the campaign with its present files."""
+        """Whether `_check` accepted the campaign with its present files."""
         digest, said = self.checked.get(desk.name, ("", None))
         return said is not None and said.runs_next and digest == desk.digest()
 
@@ -197,7 +197,7 @@ class _State:
             return found if isinstance(found, dict) else None
         return None
 
-    async def look(self, *words: str | Path) -> Said:
+    async def look(self, *words: str | Path) -> CommandOutput:
         """Output of a command that only reads; two run at a time."""
         async with self.busy:
             return await command(*words)
@@ -245,7 +245,7 @@ async def _page(
     return HTMLResponse(body, headers={**_HEADERS, "content-security-policy": _POLICY})
 
 
-async def home(state: _State, request: Request) -> Response:
+async def _home(state: _State, request: Request) -> Response:
     """Page of all campaigns, with a form for a new one."""
     found = [Desk(state.root, name) for name in campaigns(state.root)]
     await state.asked(*found)
@@ -253,14 +253,14 @@ async def home(state: _State, request: Request) -> Response:
     return await _page(request, state, "home", None, rows=rows)
 
 
-async def files_page(state: _State, request: Request) -> Response:
+async def _files_page(state: _State, request: Request) -> Response:
     """Page of the files of a campaign, with the format detected for each."""
     desk = state.desk(request)
     names = [name for name in desk.names() if name != TOML]
     return await _page(request, state, "files", desk, names=names, has_toml=desk.text() is not None)
 
 
-async def look(state: _State, request: Request) -> Response:
+async def _look_page(state: _State, request: Request) -> Response:
     """The detected format of one file."""
     desk = state.desk(request)
     path = desk.file(request.path_params["file"])
@@ -278,7 +278,7 @@ async def look(state: _State, request: Request) -> Response:
     return HTMLResponse(body, headers=_HEADERS)
 
 
-async def put(state: _State, request: Request) -> Response:
+async def _put(state: _State, request: Request) -> Response:
     """Store a dropped file."""
     desk = state.desk(request)
     data = await _body(request, MOST_BYTES)
@@ -287,13 +287,13 @@ async def put(state: _State, request: Request) -> Response:
     return _told("" if new else "this file was there already", new=new)
 
 
-async def remove(state: _State, request: Request) -> Response:
+async def _remove(state: _State, request: Request) -> Response:
     """Delete a file."""
     state.desk(request).removed(request.path_params["file"])
     return _told()
 
 
-async def create(state: _State, request: Request) -> Response:
+async def _create(state: _State, request: Request) -> Response:
     """Create a campaign."""
     typed = await _typed(request)
     desk = Desk(state.root, named(str(typed.get("name", "")).strip(), "campaign"))
@@ -301,7 +301,7 @@ async def create(state: _State, request: Request) -> Response:
     return _told(go=f"/c/{quote(desk.name, safe='')}/files")
 
 
-async def set_up(state: _State, request: Request) -> Response:
+async def _set_up(state: _State, request: Request) -> Response:
     """Have campaign.toml written for the files; entries of an old one are kept."""
     desk = state.desk(request)
     old, seen = desk.text(), desk.digest(TOML)
@@ -329,14 +329,14 @@ def _robot(text: str) -> str:
     return ""
 
 
-async def setup_page(state: _State, request: Request) -> Response:
+async def _setup_page(state: _State, request: Request) -> Response:
     """Page of campaign.toml as fields, with the cell as entered."""
     desk = state.desk(request)
     text = desk.text()
     if text is None:
         return RedirectResponse(f"/c/{quote(desk.name, safe='')}/files", 303)
     found = entries.entries(text)
-    tables: dict[str, list[entries.Entry]] = {}
+    tables: dict[str, list[entries.FormEntry]] = {}
     for one in found:
         tables.setdefault(one.table, []).append(one)
     robots = [(name, load(name, desk.folder).description) for name in SHIPPED]
@@ -371,7 +371,7 @@ def _picture(desk: Desk, text: str) -> str:
     return ""
 
 
-async def fill(state: _State, request: Request) -> Response:
+async def _fill(state: _State, request: Request) -> Response:
     """Change one line of campaign.toml."""
     desk, typed = state.desk(request), await _typed(request)
     text = desk.text() or ""
@@ -394,15 +394,15 @@ async def fill(state: _State, request: Request) -> Response:
     return _told(seen=desk.digest(TOML), reload=of_robot)
 
 
-async def rewrite(state: _State, request: Request) -> Response:
+async def _rewrite(state: _State, request: Request) -> Response:
     """Replace the whole campaign.toml."""
     desk, typed = state.desk(request), await _typed(request)
     desk.written(entries.sound(str(typed.get("text", ""))), str(typed.get("seen", "")))
     return _told(seen=desk.digest(TOML))
 
 
-async def check_page(state: _State, request: Request) -> Response:
-    """Page of the output of `check`, with the lines of campaign.toml concerned."""
+async def _check_page(state: _State, request: Request) -> Response:
+    """Page of the output of `_check`, with the lines of campaign.toml concerned."""
     desk = state.desk(request)
     digest, said = state.checked.get(desk.name, ("", None))
     lines = (desk.text() or "").splitlines()
@@ -412,7 +412,7 @@ async def check_page(state: _State, request: Request) -> Response:
     )  # fmt: skip
 
 
-async def check(state: _State, request: Request) -> Response:
+async def _check(state: _State, request: Request) -> Response:
     """Check the campaign with its present files."""
     desk = state.desk(request)
     digest = await asyncio.to_thread(desk.digest)
@@ -423,7 +423,7 @@ async def check(state: _State, request: Request) -> Response:
     return _told(go=f"/c/{quote(desk.name, safe='')}/check")
 
 
-async def run_page(state: _State, request: Request) -> Response:
+async def _run_page(state: _State, request: Request) -> Response:
     """Page to run the campaign, with progress and cancellation."""
     desk = state.desk(request)
     return await _page(
@@ -431,8 +431,8 @@ async def run_page(state: _State, request: Request) -> Response:
     )
 
 
-async def run(state: _State, request: Request) -> Response:
-    """Compute the campaign, if `check` accepted it with its present files."""
+async def _run(state: _State, request: Request) -> Response:
+    """Compute the campaign, if `_check` accepted it with its present files."""
     desk = state.desk(request)
     if not await asyncio.to_thread(state.passed, desk):
         raise UsageError("the files have changed since they were checked, or were not: check first")
@@ -440,13 +440,13 @@ async def run(state: _State, request: Request) -> Response:
     return _told()
 
 
-async def cancel(state: _State, request: Request) -> Response:
+async def _cancel(state: _State, request: Request) -> Response:
     """Cancel the run."""
     state.runs.cancel(state.desk(request).name)
     return _told()
 
 
-async def progress(state: _State, request: Request) -> Response:
+async def _progress(state: _State, request: Request) -> Response:
     """Progress of a run."""
     desk = state.desk(request)
     one = state.runs.of.get(desk.name)
@@ -463,7 +463,7 @@ async def progress(state: _State, request: Request) -> Response:
     )  # fmt: skip
 
 
-async def live_page(state: _State, request: Request) -> Response:
+async def _live_page(state: _State, request: Request) -> Response:
     """Page of the campaign while it is measured."""
     desk = state.desk(request)
     live = state.runs.live.get(desk.name)
@@ -471,7 +471,7 @@ async def live_page(state: _State, request: Request) -> Response:
     return await _page(request, state, "live", desk, running=running, shown=_live(desk, live))
 
 
-async def live_now(state: _State, request: Request) -> Response:
+async def _live_now(state: _State, request: Request) -> Response:
     """The latest update, the number of updates, and the number of suspected readings."""
     desk = state.desk(request)
     live = state.runs.live.get(desk.name)
@@ -483,7 +483,7 @@ async def live_now(state: _State, request: Request) -> Response:
     )  # fmt: skip
 
 
-def _live(desk: Desk, live: Live | None) -> str:
+def _live(desk: Desk, live: LiveJob | None) -> str:
     last = live.updates[-1] if live and live.updates else None
     return _PAGES.get_template("_live.html.jinja").render(
         campaign=desk.name, last=last, words=live.words if live else None,
@@ -491,19 +491,19 @@ def _live(desk: Desk, live: Live | None) -> str:
     )  # fmt: skip
 
 
-async def look_on(state: _State, request: Request) -> Response:
+async def _look_on(state: _State, request: Request) -> Response:
     """Start live judgement of the campaign."""
     await state.runs.look_on(state.root, state.desk(request).name)
     return _told()
 
 
-async def look_away(state: _State, request: Request) -> Response:
+async def _look_away(state: _State, request: Request) -> Response:
     """Stop live judgement."""
     state.runs.look_away(state.desk(request).name)
     return _told()
 
 
-async def answer_page(state: _State, request: Request) -> Response:
+async def _answer_page(state: _State, request: Request) -> Response:
     """Page with the first sentences, the report, downloads, and a form to correct a program."""
     desk = state.desk(request)
     await state.asked(desk)
@@ -518,7 +518,7 @@ async def answer_page(state: _State, request: Request) -> Response:
     return await _page(request, state, "answer", desk, found=found, names=names, stale=stale)
 
 
-async def report(state: _State, request: Request) -> Response:
+async def _report(state: _State, request: Request) -> Response:
     """A file of the report."""
     desk = state.desk(request)
     top = desk.reports.resolve()
@@ -528,7 +528,7 @@ async def report(state: _State, request: Request) -> Response:
     return FileResponse(path, headers={**_HEADERS, "content-security-policy": _OF_REPORTS})
 
 
-async def correct(state: _State, request: Request) -> Response:
+async def _correct(state: _State, request: Request) -> Response:
     """Correct a dropped program; return the lines that differ, and what was not corrected.
 
     Its content may be followed by that of `beside`, the companion file that is read with it: the
@@ -616,29 +616,29 @@ def _told(problem: str = "", **more: Any) -> Response:
 
 
 _ROUTES: tuple[tuple[str, str, _Handler], ...] = (
-    ("GET", "/", home),
-    ("POST", "/campaigns", create),
-    ("GET", "/c/{name}/files", files_page),
-    ("GET", "/c/{name}/look/{file}", look),
-    ("PUT", "/c/{name}/file/{file}", put),
-    ("DELETE", "/c/{name}/file/{file}", remove),
-    ("POST", "/c/{name}/init", set_up),
-    ("GET", "/c/{name}/setup", setup_page),
-    ("POST", "/c/{name}/fill", fill),
-    ("POST", "/c/{name}/text", rewrite),
-    ("GET", "/c/{name}/check", check_page),
-    ("POST", "/c/{name}/check", check),
-    ("GET", "/c/{name}/run", run_page),
-    ("POST", "/c/{name}/run", run),
-    ("POST", "/c/{name}/cancel", cancel),
-    ("GET", "/c/{name}/progress", progress),
-    ("GET", "/c/{name}/live", live_page),
-    ("GET", "/c/{name}/live/now", live_now),
-    ("POST", "/c/{name}/live", look_on),
-    ("POST", "/c/{name}/live/stop", look_away),
-    ("GET", "/c/{name}/answer", answer_page),
-    ("GET", "/c/{name}/report/{path:path}", report),
-    ("POST", "/c/{name}/correct/{file}", correct),
+    ("GET", "/", _home),
+    ("POST", "/campaigns", _create),
+    ("GET", "/c/{name}/files", _files_page),
+    ("GET", "/c/{name}/look/{file}", _look_page),
+    ("PUT", "/c/{name}/file/{file}", _put),
+    ("DELETE", "/c/{name}/file/{file}", _remove),
+    ("POST", "/c/{name}/init", _set_up),
+    ("GET", "/c/{name}/setup", _setup_page),
+    ("POST", "/c/{name}/fill", _fill),
+    ("POST", "/c/{name}/text", _rewrite),
+    ("GET", "/c/{name}/check", _check_page),
+    ("POST", "/c/{name}/check", _check),
+    ("GET", "/c/{name}/run", _run_page),
+    ("POST", "/c/{name}/run", _run),
+    ("POST", "/c/{name}/cancel", _cancel),
+    ("GET", "/c/{name}/progress", _progress),
+    ("GET", "/c/{name}/live", _live_page),
+    ("GET", "/c/{name}/live/now", _live_now),
+    ("POST", "/c/{name}/live", _look_on),
+    ("POST", "/c/{name}/live/stop", _look_away),
+    ("GET", "/c/{name}/answer", _answer_page),
+    ("GET", "/c/{name}/report/{path:path}", _report),
+    ("POST", "/c/{name}/correct/{file}", _correct),
 )
 
 

@@ -31,7 +31,7 @@ from pipeline.system.whiten import whitener
 
 
 @dataclass(frozen=True, eq=False)
-class PointDeflection(Locked):
+class _PointDeflection(Locked):
     """Deflections of points of the tool.
 
     Attributes:
@@ -92,14 +92,14 @@ class ModelHypothesis(Locked):
         names = np.array([str(k) for k in range(len(seen))], dtype=object)
         return replace(self.cell, tool=Tool(seen[0], names, seen))
 
-    def moved(self, cell: Cell, pulls: Pulls) -> PointDeflection:
+    def moved(self, cell: Cell, pulls: Pulls) -> _PointDeflection:
         """Deflection of every target of a cell under every pull, m t of them.
 
         The cell has the hypothesis's parameters, but may have another tool.
         """
         displacement = forward(cell, pulls, self.value).displacement.reshape(-1, 3)
         A = jacobian(replace(cell, equilibrium="undeformed"), pulls, self.value)
-        return PointDeflection(displacement, self.through(A.reshape(-1, 3, len(self.value))))
+        return _PointDeflection(displacement, self.through(A.reshape(-1, 3, len(self.value))))
 
     def through(self, A: Array) -> Array:
         """Covariance A C A' of displacements A x [m], A (m, j, k), shape (m, j, j).
@@ -221,7 +221,7 @@ class IdentifiedModel(Locked):
         """Standard uncertainty of `value`, shape (n,)."""
         return np.sqrt(np.diag(self.cov))
 
-    def predict(self, q: Array, force: Array, point: Array | None = None) -> PointDeflection:
+    def predict(self, q: Array, force: Array, point: Array | None = None) -> _PointDeflection:
         """Deflection of the point of the tool at which a force acts.
 
         Args:
@@ -234,7 +234,7 @@ class IdentifiedModel(Locked):
         points = None if point is None else np.atleast_2d(np.asarray(point, float))
         return self._mixed([one.moved(one.at(points), pulls) for one in self.hypotheses])
 
-    def _mixed(self, moved: Sequence[PointDeflection]) -> PointDeflection:
+    def _mixed(self, moved: Sequence[_PointDeflection]) -> _PointDeflection:
         """Mean and covariance of the mixture of the hypotheses."""
         mean = self._mean([each.displacement for each in moved])
         cov = np.zeros_like(moved[0].cov)
@@ -242,7 +242,7 @@ class IdentifiedModel(Locked):
             off = each.displacement - mean
             if one.weight > 0:  # zero times an infinite covariance would be NaN
                 cov += one.weight * (each.cov + off[:, :, None] * off[:, None, :])
-        return PointDeflection(mean, cov)
+        return _PointDeflection(mean, cov)
 
     def _mean(self, arrays: Sequence[Array]) -> Array:
         weights = [one.weight for one in self.hypotheses]
@@ -264,7 +264,7 @@ class IdentifiedModel(Locked):
         found = self._with_left_out([one.cell for one in self.hypotheses], Pulls.at(q, force))
         return found.displacement, found.std
 
-    def at_load_point(self, q: Array, force: Array) -> PointDeflection:
+    def at_load_point(self, q: Array, force: Array) -> _PointDeflection:
         """Deflection of the load point under many pulls, with uncertainty as in `deflection`.
 
         Args:
@@ -273,7 +273,7 @@ class IdentifiedModel(Locked):
         """
         return self._with_left_out([one.at() for one in self.hypotheses], Pulls.at(q, force))
 
-    def _with_left_out(self, cells: Sequence[Cell], pulls: Pulls) -> PointDeflection:
+    def _with_left_out(self, cells: Sequence[Cell], pulls: Pulls) -> _PointDeflection:
         """Deflections of the targets of cells; neglected second-order terms count as an error."""
         moved = []
         for one, cell in zip(self.hypotheses, cells, strict=True):
@@ -420,7 +420,7 @@ def dumps(handed: IdentifiedModel) -> str:
         "tool": _points(tool),
         "gravity_m_s2": robot.gravity.tolist(),
     }
-    return HEAD + toml.dumps(content | {"robot": toml.loads(robot.text, robot.name)})
+    return _HEAD + toml.dumps(content | {"robot": toml.loads(robot.text, robot.name)})
 
 
 def _at_pose(handed: IdentifiedModel) -> dict[str, Any]:
@@ -463,7 +463,7 @@ def _parameters(
     ]
 
 
-HEAD = """\
+_HEAD = """\
 # The identified elastic model of a robot, SI: the compliances of its joints ([[parameter]], with
 # their covariance) over all that may be true, and each hypothesis with its weight and causes.
 # displacement = sum over hypotheses of weight B(q, force) x. In Python:

@@ -38,10 +38,10 @@ def beside_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str
     if pulled is None or pulled[0] / _LBF_N < (hardest := float(force_n.max())) <= pulled[1]:
         return []
     least, most = (plain(one) for one in pulled)
-    told = f"The forces reach {plain(hardest)} N; the campaign pulled with {least} to {most} N"
+    text = f"The forces reach {plain(hardest)} N; the campaign pulled with {least} to {most} N"
     if hardest < pulled[0]:
-        return [f"{told}: check their unit."]
-    return [f"{told}: beyond that its model was not tested, and its error grows with the force."]
+        return [f"{text}: check their unit."]
+    return [f"{text}: beyond that its model was not tested, and its error grows with the force."]
 
 
 _LBF_N = 4.4482

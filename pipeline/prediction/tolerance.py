@@ -23,7 +23,7 @@ from pipeline.reduction.settings import ToleranceSettings
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class HeldOutError:
     """Held-out error of a model.
 
     Attributes:
@@ -65,7 +65,7 @@ class TipDeflection(Locked):
         return [decide(size, std, tolerance_m) for size, std in both]
 
 
-def tip(model: IdentifiedModel, q: Array, force: Array, shown: Shown) -> TipDeflection:
+def tip(model: IdentifiedModel, q: Array, force: Array, shown: HeldOutError) -> TipDeflection:
     """Deflection of the load point and its standard uncertainty.
 
     u is the larger of the model's uncertainty along the deflection, (n' C n)^1/2 with n = d/|d|,
@@ -107,7 +107,7 @@ def table(
 
 
 @dataclass(frozen=True)
-class PathStretch:
+class _PathStretch:
     """Consecutive points of a path with the same decision: rows of table PATH, inclusive."""
 
     decision: Decision
@@ -115,11 +115,11 @@ class PathStretch:
     last: int
 
 
-def stretches(decision: Strings) -> Iterator[PathStretch]:
+def stretches(decision: Strings) -> Iterator[_PathStretch]:
     """Stretches of a path in order, from the decision of each of its points."""
     starts = [k for k in range(len(decision)) if not k or decision[k] != decision[k - 1]]
     for first, after in zip(starts, [*starts[1:], len(decision)], strict=True):
-        yield PathStretch(Decision(decision[first]), first, after - 1)
+        yield _PathStretch(Decision(decision[first]), first, after - 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ def judge(
     model: IdentifiedModel,
     q: Array,
     force: Array,
-    shown: Shown,
+    shown: HeldOutError,
     path: Path | None,
     tolerance_m: float,
 ) -> JudgedTolerance:
@@ -167,7 +167,7 @@ def nominal(robot: Robot, tool: Tool) -> IdentifiedModel:
     return IdentifiedModel("", "", {}, (own,))
 
 
-def asked(
+def path_of(
     tolerance: ToleranceSettings | None, files: Mapping[str, bytes], robot: Robot, tool: Tool
 ) -> Path | None:
     """The path named in campaign.toml, None without one.
@@ -181,5 +181,5 @@ def asked(
     return path
 
 
-_READ = "pipeline.programs.judged:read"
+_READ = "pipeline.programs.path_file:read"
 """Reader of a path, the same as in `pipeline compensate`."""

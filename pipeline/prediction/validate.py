@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Cell, jacobian
 from pipeline.machine.effect import Elastic, Pulls
-from pipeline.reduction.pose_of_interest import Where
+from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.tables import VALIDATION, frame
 
 AROUND_M, AROUND_RAD = 0.25, np.deg2rad(10.0)
@@ -21,7 +21,10 @@ AROUND_M, AROUND_RAD = 0.25, np.deg2rad(10.0)
 
 
 def validate(
-    hypotheses: Sequence[Hypothesis], test: Where, rng: np.random.Generator, poses: int = 1000
+    hypotheses: Sequence[Hypothesis],
+    test: PoseOfInterest,
+    rng: np.random.Generator,
+    poses: int = 1000,
 ) -> pd.DataFrame:
     """Relative deflection errors mu of Eq. (22) around the test pose and in the workspace.
 
@@ -105,7 +108,7 @@ def _limits(cell: Cell) -> tuple[Array, Array]:
     return np.where(np.isfinite(lower), lower, -far), np.where(np.isfinite(upper), upper, far)
 
 
-def _around(cell: Cell, test: Where, rng: np.random.Generator, poses: int) -> Array:
+def _around(cell: Cell, test: PoseOfInterest, rng: np.random.Generator, poses: int) -> Array:
     half = np.where(cell.robot.prismatic, AROUND_M, AROUND_RAD)
     return np.clip(test.q + rng.uniform(-half, half, (poses, len(half))), *_limits(cell))
 

@@ -15,7 +15,7 @@ from pipeline.machine.cell import Cell, jacobian, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.prediction.model import ModelHypothesis
-from pipeline.reduction.pose_of_interest import Where
+from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.tables import ARM, WORKSPACE, frame
 
 _STEPS = 25
@@ -24,11 +24,11 @@ _STEPS = 25
 _FORCE_N = 1000.0
 """Magnitude of the trial force [N]; it matters only for nonlinear effects."""
 
-UP = np.array([0.0, 0.0, 1.0])
+_UP = np.array([0.0, 0.0, 1.0])
 
 
 def workspace(
-    hypotheses: Sequence[ModelHypothesis], test: Where, steps: int = _STEPS
+    hypotheses: Sequence[ModelHypothesis], test: PoseOfInterest, steps: int = _STEPS
 ) -> pd.DataFrame:
     """Deflection of the load point per newton in the worst direction, over the arm's plane.
 
@@ -97,13 +97,13 @@ def _seen(here: Configuration, cell: Cell, pair: tuple[int, int]) -> tuple[Bools
 def _plane(here: Configuration, shoulder: int, outwards: Array) -> tuple[Array, Array]:
     """Unit vectors of the first row's plane in F_b: away from the shoulder, and up, (3,) each."""
     axis = here.axes[0, shoulder, :, 2]
-    up = UP - axis * (axis @ UP)
+    up = _UP - axis * (axis @ _UP)
     up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-6 else here.axes[0, shoulder, :, 0]
     reach = np.cross(up, axis)
     return reach * (np.sign(outwards @ reach) or 1.0), up
 
 
-def arm_in_plane(cell: Cell, test: Where) -> pd.DataFrame:
+def arm_in_plane(cell: Cell, test: PoseOfInterest) -> pd.DataFrame:
     """The arm at the test pose in the plane of `workspace`, table ARM; empty without a plane.
 
     Reach is relative to the shoulder's axis, height to F_b, as in WORKSPACE.

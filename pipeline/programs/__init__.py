@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from pipeline.base.errors import InputError
 from pipeline.programs import krl, rapid, stamp, tp, urscript
-from pipeline.programs._text import LARGEST, letters
+from pipeline.programs._text import LARGEST_PROGRAM, one_byte_characters
 from pipeline.programs.program import Program
 
-__all__ = ["LARGEST", "Program", "dialect", "other_suffix", "read"]
+__all__ = ["LARGEST_PROGRAM", "Program", "dialect", "other_suffix", "read"]
 
 _DIALECTS = (krl, rapid, tp, urscript)
 
@@ -47,8 +47,8 @@ def read(file: str, data: bytes, other: tuple[str, bytes] | None = None) -> Prog
             corrected.
     """
     one = next(one for one in _DIALECTS if file.lower().endswith(one.SUFFIXES))
-    beside = None if other is None else (other[0], letters(*other))
-    text = letters(file, data)
+    beside = None if other is None else (other[0], one_byte_characters(*other))
+    text = one_byte_characters(file, data)
     for name, content in ((file, text), *([] if beside is None else [beside])):
         stamp.refuse(name, content)
     program = one.read(file, text, beside)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
-Kind = Literal[
+StepKind = Literal[
     "set", "open", "loop", "branch", "else", "scope", "routine", "close", "call", "label"
 ]
 """Kind of a step. `open`, `loop`, `scope` and `routine` begin a block, `branch` and `else` an
@@ -25,7 +25,7 @@ _BEGIN = ("open", "loop", "scope", "routine")
 
 
 @dataclass(frozen=True)
-class Unsure:
+class UnknownState:
     """The state is unknown.
 
     Attributes:
@@ -35,11 +35,11 @@ class Unsure:
     why: str
 
 
-Held = str | Unsure
+HeldState = str | UnknownState
 """The state in force, by name."""
 
 
-class Step(NamedTuple):
+class ProgramStep(NamedTuple):
     """One step of a program.
 
     Attributes:
@@ -50,9 +50,9 @@ class Step(NamedTuple):
     """
 
     at: int
-    kind: Kind
+    kind: StepKind
     line: int
-    value: Held = ""
+    value: HeldState = ""
 
 
 @dataclass
@@ -66,13 +66,13 @@ class _Block:
         every: Whether one of its branches is always taken (it has an `else`).
     """
 
-    begun: Step
-    entry: Held
-    ends: list[Held] = field(default_factory=list)
+    begun: ProgramStep
+    entry: HeldState
+    ends: list[HeldState] = field(default_factory=list)
     every: bool = False
 
 
-def holding(steps: Sequence[Step], first: str, thing: str) -> Callable[[int], Held]:
+def holding(steps: Sequence[ProgramStep], first: str, thing: str) -> Callable[[int], HeldState]:
     """Return a function that gives the state in force at a place of the text.
 
     Args:
@@ -89,21 +89,23 @@ def holding(steps: Sequence[Step], first: str, thing: str) -> Callable[[int], He
     return lambda at: marks[bisect_right(places, at) - 1][1]
 
 
-def interrupted(steps: Sequence[Step], motions: Iterable[tuple[int, int]]) -> list[Step]:
+def interrupted(
+    steps: Sequence[ProgramStep], motions: Iterable[tuple[int, int]]
+) -> list[ProgramStep]:
     """Add a `call` step at each motion: an interrupt or a parallel routine may run there.
 
     Args:
         steps: Steps without those calls.
         motions: Place and line of each motion.
     """
-    calls = [Step(at, "call", line) for at, line in motions]
+    calls = [ProgramStep(at, "call", line) for at, line in motions]
     return sorted([*steps, *calls], key=lambda one: one.at)
 
 
-def _within(steps: Iterable[Step]) -> dict[int, set[Held]]:
+def _within(steps: Iterable[ProgramStep]) -> dict[int, set[HeldState]]:
     """States set within each block, by the place where it begins; -1 stands for the whole text."""
-    found: dict[int, set[Held]] = {-1: set()}
-    open_: list[tuple[int, Kind]] = [(-1, "routine")]
+    found: dict[int, set[HeldState]] = {-1: set()}
+    open_: list[tuple[int, StepKind]] = [(-1, "routine")]
     for step in steps:
         if step.kind in _BEGIN:
             open_.append((step.at, step.kind))
@@ -121,17 +123,17 @@ def _within(steps: Iterable[Step]) -> dict[int, set[Held]]:
 class _Flow:
     """The state in force as steps are processed one by one."""
 
-    def __init__(self, steps: Sequence[Step], first: str, thing: str) -> None:
+    def __init__(self, steps: Sequence[ProgramStep], first: str, thing: str) -> None:
         self.within, self.first, self.thing = _within(steps), first, thing
         routines = (step.at for step in steps if step.kind == "routine")
         self.setters = Counter(value for at in routines for value in self.within[at])
-        self.others: dict[int, set[Held]] = {}
-        self.now: Held = first
+        self.others: dict[int, set[HeldState]] = {}
+        self.now: HeldState = first
         self.blocks: list[_Block] = []
         self.routines = 0
-        self.sure: set[Held] = set()
+        self.sure: set[HeldState] = set()
 
-    def take(self, step: Step) -> None:
+    def take(self, step: ProgramStep) -> None:
         """Process the next step."""
         match step.kind:
             case "set":
@@ -143,18 +145,20 @@ class _Flow:
             case "close":
                 self._end()
             case "call" if self._elsewhere() - {self.now}:
-                self.now = Unsure(
+                self.now = UnknownState(
                     f"a routine called in line {step.line} or before may change the {self.thing}"
                 )
             case "label" if self.within[-1] - {self.now}:
-                self.now = Unsure(f"line {step.line} can be jumped to with another {self.thing}")
+                self.now = UnknownState(
+                    f"line {step.line} can be jumped to with another {self.thing}"
+                )
 
-    def _set(self, value: Held) -> None:
+    def _set(self, value: HeldState) -> None:
         self.now = value
         if self.routines <= 1 and all(one.begun.kind == "routine" for one in self.blocks):
             self.sure.add(value)
 
-    def _begin(self, step: Step) -> None:
+    def _begin(self, step: ProgramStep) -> None:
         self.blocks.append(_Block(step, self.now))
         sets = self.within[step.at]
         if step.kind == "routine":
@@ -162,7 +166,7 @@ class _Flow:
         elif step.kind == "loop" and sets - {self.now}:
             self.now = self._depends(step)
 
-    def _entered(self, step: Step) -> Held:
+    def _entered(self, step: ProgramStep) -> HeldState:
         """State where a routine begins; the first is the program, which calls the others."""
         self.routines += 1
         everywhere = self.within[-1]
@@ -171,9 +175,9 @@ class _Flow:
         if len(everywhere) == 1 and everywhere <= self.sure:
             return next(iter(everywhere))
         why = f"the {self.thing} in the routine of line {step.line} is that of its caller"
-        return Unsure(why)
+        return UnknownState(why)
 
-    def _elsewhere(self) -> set[Held]:
+    def _elsewhere(self) -> set[HeldState]:
         """All states set in routines other than the current one."""
         mine = {one.begun.at for one in self.blocks if one.begun.kind == "routine"}
         key = max(mine, default=-1)
@@ -182,7 +186,7 @@ class _Flow:
             self.others[key] = {v for v, times in self.setters.items() if times > (v in own)}
         return self.others[key]
 
-    def _turn(self, step: Step) -> None:
+    def _turn(self, step: ProgramStep) -> None:
         if not self.blocks or self.blocks[-1].begun.kind != "open":
             return
         block = self.blocks[-1]
@@ -203,5 +207,5 @@ class _Flow:
         if len(ends) > 1:
             self.now = self._depends(block.begun)
 
-    def _depends(self, step: Step) -> Unsure:
-        return Unsure(f"the {self.thing} depends on what line {step.line} decides")
+    def _depends(self, step: ProgramStep) -> UnknownState:
+        return UnknownState(f"the {self.thing} depends on what line {step.line} decides")

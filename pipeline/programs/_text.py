@@ -10,15 +10,15 @@ from functools import cached_property
 from itertools import pairwise
 
 from pipeline.base.errors import InputError
-from pipeline.programs.program import NUMBER, Number, number
+from pipeline.programs.program import NUMBER_PATTERN, Number, number
 
-LARGEST = 2**26
+LARGEST_PROGRAM = 2**26
 """Maximum size of a program [B]; milling programs of 100 000 points have a tenth of it."""
 
 _MARK = "\xef\xbb\xbf"
 """Byte order mark of UTF-8, read as Latin-1: editors put it before the first word of a file, which
 may then be copied behind another."""
-_PLAIN = re.compile(rf"\s*({NUMBER})\s*")
+_PLAIN = re.compile(rf"\s*({NUMBER_PATTERN})\s*")
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Source:
             yield start, self.plain[start:end].rstrip("\r\n")
 
 
-def letters(file: str, data: bytes) -> str:
+def one_byte_characters(file: str, data: bytes) -> str:
     """Decode a program to one character per byte, whatever its encoding.
 
     All keywords of the languages are ASCII, on which all these encodings agree.
@@ -87,7 +87,7 @@ def letters(file: str, data: bytes) -> str:
 
 
 @dataclass(frozen=True)
-class Entry:
+class ListItem:
     """Text between two commas.
 
     Attributes:
@@ -112,7 +112,7 @@ _SIGN = re.compile(r"[\[\](){},]")
 _BRACKET = re.compile(r"[\[\](){}]")
 
 
-def entries(plain: str, start: int, end: int) -> list[Entry]:
+def entries(plain: str, start: int, end: int) -> list[ListItem]:
     """Split a stretch of text at its commas, except those within brackets."""
     commas, depth = [], 0
     for found in _SIGN.finditer(plain, start, end):
@@ -122,11 +122,11 @@ def entries(plain: str, start: int, end: int) -> list[Entry]:
     out = []
     for first, last in pairwise([start - 1, *commas, end]):
         text = plain[first + 1 : last]
-        out.append(Entry(last - len(text.lstrip()), last, text.strip()))
+        out.append(ListItem(last - len(text.lstrip()), last, text.strip()))
     return out
 
 
-def inner(source: Source, entry: Entry, opening: str = "[") -> list[Entry] | None:
+def inner(source: Source, entry: ListItem, opening: str = "[") -> list[ListItem] | None:
     """Entries of a list; None if the entry is not a list."""
     if not entry.text.startswith(opening):
         return None
@@ -136,7 +136,7 @@ def inner(source: Source, entry: Entry, opening: str = "[") -> list[Entry] | Non
     return entries(source.plain, entry.start + len(opening), last)
 
 
-def numbers(found: Sequence[Entry] | None) -> tuple[Number, ...] | None:
+def numbers(found: Sequence[ListItem] | None) -> tuple[Number, ...] | None:
     """All entries as numbers; None if one of them is not a number."""
     if found is None:
         return None

@@ -12,7 +12,7 @@ from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.machine.robot import Robot, axes
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.programs.inverse import Arm
+from pipeline.programs.inverse import FixedSlidingArm
 from pipeline.programs.notation import Notation
 from pipeline.programs.program import Program, Target
 
@@ -61,7 +61,7 @@ class Aimed(Locked):
     tip: Array
 
 
-class Refused(InputError):
+class Refusal(InputError):
     """Some targets cannot be reached or cannot be corrected.
 
     Attributes:
@@ -97,7 +97,7 @@ def aim(
     found = [aiming.next(target) for target in targets]
     q, world, tool, tip = (np.array(part) for part in zip(*found, strict=True))
     if aiming.rejected:
-        raise Refused(aiming.rejected)
+        raise Refusal(aiming.rejected)
     return Aimed(q, world, tool, tip)
 
 
@@ -110,7 +110,7 @@ class _Aiming:
         robot = model.robot
         self.notation, self.setting, self.program = notation, setting, program
         self.robot, self.axes = robot, axes.of(robot)
-        self.arm = Arm(robot, self.axes)
+        self.arm = FixedSlidingArm(robot, self.axes)
         self.load_point = model.tool.load_point
         self.rejected: list[InputError] = []
         self.known = setting.start is not None
@@ -216,7 +216,7 @@ class _Aiming:
 
     def _within(self, target: Target, q: Array, only: Bools) -> None:
         """Reject joint values beyond the limits, of the joints in `only`."""
-        if said := beyond(self.robot, np.where(only, q, np.nan)):
+        if said := worst_limit(self.robot, np.where(only, q, np.nan)):
             raise wrong(target, said, "correct the target")
 
 
@@ -230,7 +230,7 @@ def wrong(target: Target, thing: str, way_out: str) -> InputError:
     return InputError(f"{target.name}: {thing}", way_out, file=target.file, line=target.line)
 
 
-def beyond(robot: Robot, q: Array) -> str | None:
+def worst_limit(robot: Robot, q: Array) -> str | None:
     """Describe the joint furthest beyond its limits; None if there is none. NaN is ignored."""
     over = np.nan_to_num(np.maximum(robot.lower - q, q - robot.upper), nan=-np.inf)
     j = int(over.argmax())

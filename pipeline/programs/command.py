@@ -12,10 +12,10 @@ from typer import Argument, Option
 from pipeline.app.commands._shared import Named, Root, fitted
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError, listed
-from pipeline.programs._text import LARGEST
+from pipeline.programs._text import LARGEST_PROGRAM
 from pipeline.programs.corrected import (
-    Frame,
-    Given,
+    CorrectionOptions,
+    ForceFrame,
     beside,
     beside_input,
     drawn,
@@ -108,8 +108,8 @@ def compensate(
     forces: _Forces = None,
     picture: _Picture = None,
     force_frame: Annotated[
-        Frame, Option(help="Frame in which forces are given: base (F_b) or tool.")
-    ] = Frame.BASE,
+        ForceFrame, Option(help="Frame in which forces are given: base (F_b) or tool.")
+    ] = ForceFrame.BASE,
     tool: _ToolFrame = None,
     base: _BaseFrame = None,
     world: _World = None,
@@ -126,9 +126,9 @@ def compensate(
     X,Y,Z,A,B,C (KUKA), X,Y,Z,W,P,R (FANUC), x,y,z,q1,q2,q3,q4 (ABB), all in mm and degrees, or
     x,y,z,rx,ry,rz in m and rad (UR).
     """
-    from pipeline.programs.aim import Refused
+    from pipeline.programs.aim import Refusal
 
-    given = Given(
+    given = CorrectionOptions(
         tip, force, force_frame, tool or (), base or (), world, flange, start, partial, forces
     )
     if path.is_dir():
@@ -136,7 +136,7 @@ def compensate(
         return
     try:
         remarks = _one(root, campaign, path, output, given, picture)
-    except Refused as wrong:
+    except Refusal as wrong:
         for one in listed_lines([str(one) for one in wrong.others]):
             typer.secho(fitted(one, sys.stderr), err=True, fg="red")
         raise
@@ -145,7 +145,12 @@ def compensate(
 
 
 def _one(
-    root: Path, campaign: str, path: Path, output: Path | None, given: Given, picture: Path | None
+    root: Path,
+    campaign: str,
+    path: Path,
+    output: Path | None,
+    given: CorrectionOptions,
+    picture: Path | None,
 ) -> list[str]:
     """Correct one file; return remarks on the result."""
     from pipeline.programs import dialect
@@ -172,7 +177,9 @@ def _may_take(output: Path, programs: Path) -> bool:
     return not output.exists() or (output.is_dir() and not output.samefile(programs))
 
 
-def _folder(root: Path, campaign: str, path: Path, output: Path | None, given: Given) -> None:
+def _folder(
+    root: Path, campaign: str, path: Path, output: Path | None, given: CorrectionOptions
+) -> None:
     """Correct every program of a folder into another one, each with its picture.
 
     Raises:
@@ -208,7 +215,7 @@ def _put(data: bytes, output: Path | None) -> None:
 _NOTHING = "contains no motion to a target with coordinates"
 
 
-def _within(root: Path, campaign: str, one: Path, output: Path, given: Given) -> bool:
+def _within(root: Path, campaign: str, one: Path, output: Path, given: CorrectionOptions) -> bool:
     """Correct one program into a folder; return whether it is written."""
     try:
         shown = output / f"{one.name}.svg"
@@ -219,5 +226,5 @@ def _within(root: Path, campaign: str, one: Path, output: Path, given: Given) ->
             _tell(str(problem))
             return False
         _tell(f"{one.name} {_NOTHING}: copied as it is.")  # its companion file has the targets
-        files.write(output / one.name, files.read(one, one.name, LARGEST))
+        files.write(output / one.name, files.read(one, one.name, LARGEST_PROGRAM))
     return True

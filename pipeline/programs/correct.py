@@ -14,11 +14,11 @@ from pipeline.library.compensate import Compensation, compensate
 from pipeline.machine.robot import Robot, axes, configure
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path
-from pipeline.programs.aim import Aimed, Refused, Setting, aim, beyond, wrong
+from pipeline.programs.aim import Aimed, Refusal, Setting, aim, worst_limit, wrong
 from pipeline.programs.forces import Forces, tips_of
 from pipeline.programs.joint_path import in_base
 from pipeline.programs.notation import Notation
-from pipeline.programs.program import Left, Program, Target
+from pipeline.programs.program import Program, Target, Uncorrected
 
 _LEFT = 0.01
 """Part of a deflection that may remain [1]. Newton's iteration leaves 1e-6, and stiffnesses are
@@ -68,7 +68,7 @@ def correct(
         Refused: Some targets cannot be reached or corrected, or some motions would stay as taught.
     """
     if (standing := [_left(one) for one in _left_standing(program)]) and not partial:
-        raise Refused(standing)
+        raise Refusal(standing)
     aimed = aim(model, program.notation, program.targets, setting, program)
     if isinstance(force, Forces):
         forces = force.at(model.robot, aimed)
@@ -80,7 +80,7 @@ def correct(
     own = [k for k, target in enumerate(program.targets) if target.file == program.file]
     left = _uncorrected(program.targets, found, own)
     if left and not partial:
-        raise Refused([_stretched(*one) for one in left])
+        raise Refusal([_stretched(*one) for one in left])
     return Corrected(
         program.written({program.targets[k].place: values[k].tolist() for k in own}),
         found.part(own),
@@ -99,7 +99,7 @@ def _uncorrected(
     return [(targets[k], float(found.left[k])) for k in joint]
 
 
-def _left_standing(program: Program) -> list[Left]:
+def _left_standing(program: Program) -> list[Uncorrected]:
     """Motions that go to where they were taught although corrected points are elsewhere."""
     return [one for one in (*program.left, *program.elsewhere) if one.counts]
 
@@ -107,7 +107,7 @@ def _left_standing(program: Program) -> list[Left]:
 _PARTIAL = "teach a point with coordinates, or accept that it stays as it is with --partial"
 
 
-def _left(one: Left) -> InputError:
+def _left(one: Uncorrected) -> InputError:
     """Error for a motion that would stay as taught."""
     return InputError(f"{one.why}; it cannot be corrected", _PARTIAL, file=one.file, line=one.line)
 
@@ -144,7 +144,7 @@ def corrected(
     found = _held(model, targets, aimed, force)
     wrong = _refused(model.robot, targets, aimed, found)
     if wrong:
-        raise Refused(wrong)
+        raise Refusal(wrong)
     return found, _moved(model.robot, notation, targets, aimed, found)
 
 
@@ -184,7 +184,7 @@ def _refused(
                 f"{1e3 * found.left[k]:.3f} mm of its deflection"
             )
             out.append(wrong(target, thing, "move the target, or turn the tool a little"))
-        elif said := beyond(robot, aimed.q[k] + found.joints[k]):
+        elif said := worst_limit(robot, aimed.q[k] + found.joints[k]):
             out.append(wrong(target, f"corrected, {said}", "move the target away from the limit"))
     return out
 

@@ -29,7 +29,7 @@ _SHOWN = 20
 """Maximum number of lines of a program listed for each kind of remark."""
 
 
-class Frame(StrEnum):
+class ForceFrame(StrEnum):
     """The frame in which a force is given."""
 
     BASE = "base"
@@ -37,7 +37,7 @@ class Frame(StrEnum):
 
 
 @dataclass(frozen=True)
-class Given:
+class CorrectionOptions:
     """Options as typed.
 
     Attributes:
@@ -55,7 +55,7 @@ class Given:
 
     tip: tuple[float, float, float] | None = None
     force: str | None = None
-    frame: Frame = Frame.BASE
+    frame: ForceFrame = ForceFrame.BASE
     tool: Sequence[str] = ()
     base: Sequence[str] = ()
     world: str | None = None
@@ -71,7 +71,7 @@ def write(
     path: Path,
     tip: tuple[float, float, float] | None = None,
     output: Path | None = None,
-    given: Given | None = None,
+    given: CorrectionOptions | None = None,
 ) -> tuple[Path, list[str]]:
     """Write the offsets of a path of poses and forces; return the file and remarks on it.
 
@@ -83,7 +83,7 @@ def write(
     from pipeline.store import campaign as campaigns
 
     model, data = _model(root, name), _content(path)
-    given = Given(tip=tip) if given is None else given
+    given = CorrectionOptions(tip=tip) if given is None else given
     _refuse_answer(path.name, data)
     letters = cartesian.form(path.name, data)
     if letters is None:
@@ -97,13 +97,15 @@ def write(
     return written, remarks + _misfit(model)
 
 
-def program(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, list[str]]:
+def program(root: Path, name: str, path: Path, given: CorrectionOptions) -> tuple[bytes, list[str]]:
     """A robot program with corrected coordinates, and remarks on it; see `drawn`."""
     data, remarks, _ = drawn(root, name, path, given)
     return data, remarks
 
 
-def drawn(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, list[str], str]:
+def drawn(
+    root: Path, name: str, path: Path, given: CorrectionOptions
+) -> tuple[bytes, list[str], str]:
     """A robot program with corrected coordinates, remarks on it, and its picture (SVG).
 
     Raises:
@@ -132,16 +134,20 @@ def drawn(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, list[
     return text.encode("latin-1"), remarks + _misfit(model), shown
 
 
-def _acting(given: Given, read_: Program, other: tuple[str, bytes] | None) -> Array | Forces:
+def _acting(
+    given: CorrectionOptions, read_: Program, other: tuple[str, bytes] | None
+) -> Array | Forces:
     """Force from the command line, else from a table or from the program's own remarks.
 
     Raises:
         UsageError: No force is given, it is given twice, or cuts are combined with the tool frame.
     """
-    from pipeline.programs._text import letters
+    from pipeline.programs._text import one_byte_characters
     from pipeline.programs.forces import stated, tabled
 
-    texts = {read_.file: read_.text} | ({} if other is None else {other[0]: letters(*other)})
+    texts = {read_.file: read_.text} | (
+        {} if other is None else {other[0]: one_byte_characters(*other)}
+    )
     said = stated(texts, read_.targets)
     if given.forces is not None:
         said = tabled(given.forces.name, _content(given.forces), read_.targets)
@@ -154,7 +160,7 @@ def _acting(given: Given, read_: Program, other: tuple[str, bytes] | None) -> Ar
         )
     if given.force is not None:
         raise UsageError("the forces are given twice, for all points and for each: leave out one")
-    if said.cuts and given.frame == Frame.TOOL:
+    if said.cuts and given.frame == ForceFrame.TOOL:
         raise UsageError("a CUT knows its direction by the motion: leave out --force-frame tool")
     return said
 
@@ -171,12 +177,12 @@ def beside_input(path: Path, output: Path) -> None:
             raise InputError(thing, "write to another file", file=str(output))
 
 
-def _stamp(root: Path, name: str, given: Given, text: str) -> str:
+def _stamp(root: Path, name: str, given: CorrectionOptions, text: str) -> str:
     """Text of the stamp in a corrected program or table."""
     from pipeline.base.version import __version__
-    from pipeline.programs import LARGEST, stamp
+    from pipeline.programs import LARGEST_PROGRAM, stamp
 
-    model = files.read(_kept(root, name), "model.toml", LARGEST)
+    model = files.read(_kept(root, name), "model.toml", LARGEST_PROGRAM)
     force = "of each point" if given.force is None else f"{given.force} N"
     today = datetime.now(tz=UTC).date().isoformat()
     return stamp.words(__version__, name, model, f"{force} in {given.frame}", today, text)
@@ -247,11 +253,11 @@ def _model(root: Path, name: str) -> IdentifiedModel:
 
 
 def _content(path: Path) -> bytes:
-    from pipeline.programs import LARGEST
+    from pipeline.programs import LARGEST_PROGRAM
 
     if not path.exists():
         raise UsageError(f"{path} cannot be read (no such file): check the path")
-    return files.read(path, path.name, LARGEST)
+    return files.read(path, path.name, LARGEST_PROGRAM)
 
 
 def beside(path: Path) -> Path | None:
@@ -276,7 +282,7 @@ def _misfit(model: IdentifiedModel) -> list[str]:
 
 
 def _joints(
-    model: IdentifiedModel, path: Path, data: bytes, given: Given
+    model: IdentifiedModel, path: Path, data: bytes, given: CorrectionOptions
 ) -> tuple[bytes, list[str]]:
     """Offsets of a path of joint values, and remarks."""
     import numpy as np
@@ -289,7 +295,7 @@ def _joints(
     setting = _setting(given, KUKA, model)
     tool = setting.flange @ setting.tools.get("", np.eye(4))
     tip = tool[:3, 3] if given.tool else None
-    if given.frame == Frame.TOOL:
+    if given.frame == ForceFrame.TOOL:
         turned = joint_path.in_base(model.robot, wanted.q, tool, wanted.force)
         wanted = replace(wanted, force=turned)
     found = compensate(model, wanted, tip if setting.tip is None else setting.tip)
@@ -297,7 +303,7 @@ def _joints(
 
 
 def _poses(
-    model: IdentifiedModel, path: Path, data: bytes, given: Given, letters: Form
+    model: IdentifiedModel, path: Path, data: bytes, given: CorrectionOptions, letters: Form
 ) -> tuple[bytes, list[str]]:
     """Corrected coordinates and offsets of a path of poses, and remarks."""
     from pipeline.programs import cartesian
@@ -314,7 +320,7 @@ def _poses(
     return cartesian.table(model.robot, wanted, values, found), found.remarks
 
 
-def _force(given: Given) -> Array | None:
+def _force(given: CorrectionOptions) -> Array | None:
     """Force at every point [N], shape (3,); None if each point has its own."""
     return None if given.force is None else _newtons(given.force)
 
@@ -344,7 +350,7 @@ def listed_lines(lines: list[str]) -> list[str]:
 
 
 def _setting(
-    given: Given, notation: Notation, model: IdentifiedModel, path: bool = False
+    given: CorrectionOptions, notation: Notation, model: IdentifiedModel, path: bool = False
 ) -> Setting:
     """The options in SI units.
 
@@ -369,7 +375,7 @@ def _setting(
         np.eye(4) if one is None else _pose(option, one, notation)
         for option, one in (("--world", given.world), ("--flange", given.flange))
     )
-    in_tool = given.frame == Frame.TOOL
+    in_tool = given.frame == ForceFrame.TOOL
     setting = Setting(tools, bases, world, flange, tip, in_tool=in_tool)
     if given.start is None:
         return setting

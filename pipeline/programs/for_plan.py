@@ -265,13 +265,13 @@ def drive(
     wide = max(2, len(str(len(q))))
     return _Drive(
         name=name,
-        axes=axes.shown(robot, q)[:, order].round(6),
+        axes=axes.displayed(robot, q)[:, order].round(6),
         rail=mapped.slides[order],
         approach=np.asarray(approach),
-        stops=tuple(stops(k, own, zero_after, wide, k in lost) for k, own in enumerate(steps, 1)),
+        stops=tuple(_stops(k, own, zero_after, wide, k in lost) for k, own in enumerate(steps, 1)),
         lower=lower[order],
         upper=upper[order],
-        via=tuple(axes.shown(robot, one)[:, order].round(6) for one in via),
+        via=tuple(axes.displayed(robot, one)[:, order].round(6) for one in via),
         first=first,
     )
 
@@ -297,7 +297,7 @@ def _limits(robot: Robot, mapped: axes.Axes) -> tuple[Array, Array]:
     return lower, upper
 
 
-def stops(
+def _stops(
     pose: int, steps: Sequence[float], zero_after: bool, wide: int = 2, lost: bool = False
 ) -> tuple[_Stop, ...]:
     """Readings at a pose, with the group names of the measurement sheet.

@@ -26,7 +26,7 @@ from pipeline.base.strict import LEAST_FORCE
 from pipeline.machine.robot import Robot, configure
 from pipeline.programs.aim import Aimed
 from pipeline.programs.joint_path import FORCES
-from pipeline.programs.program import NUMBER, Target
+from pipeline.programs.program import NUMBER_PATTERN, Target
 from pipeline.readers import logs
 
 _SIGNS = {".src": ";", ".dat": ";", ".sub": ";", ".mod": "!", ".modx": "!", ".prg": "!",
@@ -175,7 +175,7 @@ def _sections(file: str, text: str) -> list[_Section]:
 
 def _cut(said: str) -> tuple[float, float] | None:
     """Tangential and axial force of a cut [N]; None if its words do not define one."""
-    pairs = dict(re.findall(rf"(\w+)\s*=\s*({NUMBER})", said.lower()))
+    pairs = dict(re.findall(rf"(\w+)\s*=\s*({NUMBER_PATTERN})", said.lower()))
     if not {*_WORDS[:3]} <= {*pairs} <= {*_WORDS}:
         return None
     kc, depth, feed = (float(pairs[one]) for one in _WORDS[:3])
@@ -196,9 +196,9 @@ def _section(file: str, line: int, word: str, said: str) -> _Section:
             return _Section(line, np.zeros(3), force)
     elif said.strip().upper() == "OFF":
         return _Section(line, np.zeros(3))
-    elif len(numbers := re.findall(NUMBER, said)) == 3 and not re.sub(NUMBER, "", said).strip(
-        ", \t"
-    ):
+    elif len(numbers := re.findall(NUMBER_PATTERN, said)) == 3 and not re.sub(
+        NUMBER_PATTERN, "", said
+    ).strip(", \t"):
         return _Section(line, np.array([float(one) for one in numbers]))
     raise InputError(f'"{word} {said}" is no force', _MEANT, file=file, line=line)
 

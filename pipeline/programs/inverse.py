@@ -58,7 +58,7 @@ class _Reached(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Arm(Locked):
+class FixedSlidingArm(Locked):
     """A robot whose sliding joints are fixed during inverse kinematics.
 
     Attributes:
@@ -195,9 +195,9 @@ class Arm(Locked):
         turning = ~self.axes.slides
         values = np.rad2deg(self.axes.values(q[None])[0])[turning]
         names = [name for name, turns in zip(self.axes.names, turning, strict=True) if turns]
-        said = ", ".join(f"{name} {x:.1f}" for name, x in zip(names, values, strict=True))
+        text = ", ".join(f"{name} {x:.1f}" for name, x in zip(names, values, strict=True))
         bits = sum(int(x < 0) << k for k, x in enumerate(values))
-        return f"{said} (T {bits})" if names[0] == "A1" else said
+        return f"{text} (T {bits})" if names[0] == "A1" else text
 
     def _beyond(self, q: Array) -> tuple[int, float]:
         """The joint furthest beyond its limits, and by how much [rad]."""

@@ -15,12 +15,27 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.programs._flow import Held, Kind, Step, Unsure, holding, interrupted
-from pipeline.programs._reading import Lexicon, Reading, array, constant, finished
-from pipeline.programs._text import Entry, Source, entries
+from pipeline.programs._flow import (
+    HeldState,
+    ProgramStep,
+    StepKind,
+    UnknownState,
+    holding,
+    interrupted,
+)
+from pipeline.programs._parser import Lexicon, ParserState, array, constant, finished
+from pipeline.programs._text import ListItem, Source, entries
 from pipeline.programs.inverse import Range
 from pipeline.programs.notation import KUKA
-from pipeline.programs.program import NUMBER, Left, Number, Program, Target, Use, number
+from pipeline.programs.program import (
+    NUMBER_PATTERN,
+    MotionUse,
+    Number,
+    Program,
+    Target,
+    Uncorrected,
+    number,
+)
 
 SUFFIXES = (".src", ".dat")
 
@@ -38,7 +53,7 @@ _POINT = re.compile(r"(\{[^{}]*\}|\w+(?:\s*\[[^\[\]]*\])?)\s*(?:C_\w+.*)?", re.I
 _WITH = re.compile(r"(.*?)\bWITH\b(.*)", re.IGNORECASE | re.DOTALL)
 _SPLINE = re.compile(r"\s*(?:PTP_)?SPLINE\b", re.IGNORECASE)
 _COMPONENT = re.compile(
-    rf"([A-Za-z]\w*)\s+(?:({NUMBER})|'\s*B\s*([01]{{1,32}})\s*'|'\s*H\s*([0-9A-F]{{1,8}})\s*')",
+    rf"([A-Za-z]\w*)\s+(?:({NUMBER_PATTERN})|'\s*B\s*([01]{{1,32}})\s*'|'\s*H\s*([0-9A-F]{{1,8}})\s*')",
     re.IGNORECASE,
 )
 _BAS = re.compile(r"\s*BAS\s*\(\s*#(\w+)\s*(?:,\s*([^)]*))?\)", re.IGNORECASE)
@@ -77,7 +92,7 @@ _ASIDE = re.compile(r"^[ \t]*(?:GLOBAL[ \t]+)?(?:INTERRUPT|TRIGGER)\b[^\r\n]*\bD
 _ROUTINE = re.compile(
     r"\s*(?:GLOBAL\s+)?DEF(?:FCT\s+\w+(?:\s*\[[^\]]*\])?)?\s+(\w+)\s*\(([^)]*)", re.IGNORECASE
 )
-_BLOCKS: tuple[tuple[Kind, re.Pattern[str]], ...] = (
+_BLOCKS: tuple[tuple[StepKind, re.Pattern[str]], ...] = (
     ("open", re.compile(r"\s*(?:IF|SWITCH)\b", re.IGNORECASE)),
     ("loop", re.compile(r"\s*(?:FOR|WHILE|LOOP|REPEAT)\b", re.IGNORECASE)),
     ("scope", _SPLINE),
@@ -133,16 +148,16 @@ class _Aggregate:
         """Whether it is a position or part of one, not a load or other data."""
         return not self.names.isdisjoint((*_POSE, *_AXES))
 
-    def target(self, name: str) -> Target | Left:
+    def target(self, name: str) -> Target | Uncorrected:
         """The point, or why it cannot be corrected."""
         joint = "a1" in self.numbers
         wanted = _AXES if joint else _POSE
         line = self.source.line(self.start)
         if not self.complete:
-            return Left(self.source.file, line, f"{name} is computed at run time")
+            return Uncorrected(self.source.file, line, f"{name} is computed at run time")
         if missing := [word.upper() for word in wanted if word not in self.numbers]:
             why = f"{name} has no {', '.join(missing)} of its own"
-            return Left(self.source.file, line, why)
+            return Uncorrected(self.source.file, line, why)
         return Target(
             name,
             self.source.file,
@@ -168,7 +183,7 @@ class _Aggregate:
 
 
 @dataclass
-class _Krl(Reading):
+class _Krl(ParserState):
     """What has been read so far of a KRL program.
 
     Attributes:
@@ -184,7 +199,7 @@ class _Krl(Reading):
     moved: bool = False
 
 
-_Frames = Mapping[str, Callable[[int], Held]]
+_Frames = Mapping[str, Callable[[int], HeldState]]
 
 
 def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
@@ -227,8 +242,8 @@ def _all(found: _Krl) -> None:
     for name, points in found.points.items():
         if name not in found.steady:
             found.named.add(name)
-            found.uses += [Use(one, "", "") for one in points if isinstance(one, Target)]
-            found.left += [one for one in points if isinstance(one, Left)]
+            found.uses += [MotionUse(one, "", "") for one in points if isinstance(one, Target)]
+            found.left += [one for one in points if isinstance(one, Uncorrected)]
 
 
 # --- declarations ---------------------------------------------------------------------------------
@@ -336,8 +351,8 @@ def _number(key: str) -> str:
 
 def _said(value: str) -> dict[str, str]:
     """Tool, base and interpolation mode according to the data of an inline form."""
-    said = {k.lower().removesuffix("_no"): n for k, n in _LINE_SAID.findall(value)}
-    return said | ({"mode": "outside"} if _OUTSIDE.search(value) else {"mode": ""})
+    stated = {k.lower().removesuffix("_no"): n for k, n in _LINE_SAID.findall(value)}
+    return stated | ({"mode": "outside"} if _OUTSIDE.search(value) else {"mode": ""})
 
 
 def _keep(found: _Krl, which: str, name: str, aggregate: _Aggregate) -> None:
@@ -366,7 +381,7 @@ def _aggregate(source: Source, start: int, value: str) -> _Aggregate | None:
     return _Aggregate(source, start, last + 1, names, len(given), dict(known))
 
 
-def _component(entry: Entry) -> tuple[str, Number] | None:
+def _component(entry: ListItem) -> tuple[str, Number] | None:
     """A component with its name in lower case; None if its value is not a number."""
     part = _COMPONENT.fullmatch(entry.text)
     if part is None:
@@ -384,31 +399,33 @@ def _component(entry: Entry) -> tuple[str, Number] | None:
 # --- state in force -------------------------------------------------------------------------------
 
 
-def _block(line: str) -> Kind | None:
+def _block(line: str) -> StepKind | None:
     """Role of a line in the control flow; None if it has none."""
     return next((kind for kind, pattern in _BLOCKS if pattern.match(line)), None)
 
 
-def _steps(found: _Krl, source: Source) -> dict[str, list[Step]]:
+def _steps(found: _Krl, source: Source) -> dict[str, list[ProgramStep]]:
     """Steps that set tool, base and interpolation mode, each with those of the control flow."""
     routines = {
         one[1].lower() for _, line in source.lines if (one := _ROUTINE.match(line)) is not None
     }
     lines = [(start, source.line(start), line) for start, line in source.lines]
-    blocks = [Step(at, kind, n) for at, n, line in lines for kind in _kinds(line, routines)]
-    forms = [Step(at, "set", n, act[1]) for at, n, line in lines if (act := _ACT.match(line))]
+    blocks = [ProgramStep(at, kind, n) for at, n, line in lines for kind in _kinds(line, routines)]
+    forms = [
+        ProgramStep(at, "set", n, act[1]) for at, n, line in lines if (act := _ACT.match(line))
+    ]
     form = holding(sorted([*blocks, *forms], key=lambda one: one.at), "", "inline form")
     out = {one: [*blocks] for one in _THINGS}
     for at, n, line in lines:
         for which, held in _settings(found, source, at, line, form(at)):
-            out[which].append(Step(at, "set", n, held))
+            out[which].append(ProgramStep(at, "set", n, held))
     return {one: sorted(steps, key=lambda step: step.at) for one, steps in out.items()}
 
 
 _CALL = re.compile(r"(?<!\w)(\w++)\s*+\(")
 
 
-def _kinds(line: str, routines: Set[str]) -> Iterator[Kind]:
+def _kinds(line: str, routines: Set[str]) -> Iterator[StepKind]:
     """Roles of a line in the control flow: a call of a routine of the file, or part of a block."""
     kind = _block(line)
     if kind != "routine" and {one[1].lower() for one in _CALL.finditer(line)} & routines:
@@ -418,8 +435,8 @@ def _kinds(line: str, routines: Set[str]) -> Iterator[Kind]:
 
 
 def _settings(
-    found: _Krl, source: Source, start: int, line: str, form: Held
-) -> Iterator[tuple[str, Held]]:
+    found: _Krl, source: Source, start: int, line: str, form: HeldState
+) -> Iterator[tuple[str, HeldState]]:
     """States that a line sets for those that follow it, given the inline form in force."""
     at = source.line(start)
     assigned = _ASSIGNED.match(line)
@@ -435,14 +452,16 @@ def _settings(
         yield from _unsure(setting[setting.lastindex or 1].upper(), at)
 
 
-def _unsure(word: str, at: int) -> Iterator[tuple[str, Held]]:
+def _unsure(word: str, at: int) -> Iterator[tuple[str, HeldState]]:
     """Unknown states due to a setting that cannot be interpreted."""
     only = "base" if word in ("$ROBROOT", "$WORLD") else _MODES.get(word.lower())
     for which in (only,) if only else _THINGS:
-        yield which, Unsure(f"what line {at} sets by {word} is not known")
+        yield which, UnknownState(f"what line {at} sets by {word} is not known")
 
 
-def _bas(found: _Krl, which: str, value: str, form: Held, at: int) -> Iterator[tuple[str, Held]]:
+def _bas(
+    found: _Krl, which: str, value: str, form: HeldState, at: int
+) -> Iterator[tuple[str, HeldState]]:
     """States set by BAS(#TOOL, n) and similar calls."""
     if which == "initmov":
         yield "tool", ""
@@ -450,7 +469,9 @@ def _bas(found: _Krl, which: str, value: str, form: Held, at: int) -> Iterator[t
     elif which in _THINGS:
         yield (
             which,
-            value if value.isdecimal() else Unsure(f"{which} {value} of line {at} is not known"),
+            value
+            if value.isdecimal()
+            else UnknownState(f"{which} {value} of line {at} is not known"),
         )
     elif which in _OF_FORM and isinstance(form, str) and form:
         yield from _form(found, _key(form), at)
@@ -458,17 +479,17 @@ def _bas(found: _Krl, which: str, value: str, form: Held, at: int) -> Iterator[t
         yield from _unsure("BAS", at)
 
 
-def _form(found: _Krl, key: str, at: int) -> Iterator[tuple[str, Held]]:
+def _form(found: _Krl, key: str, at: int) -> Iterator[tuple[str, HeldState]]:
     """States set by the data of an inline form."""
     said = _said(key) if key.startswith("{") else found.lines.get(key)
     for which in _THINGS:
         if said is None or key in found.changed:
-            yield which, Unsure(f"{key.upper()} of line {at} is not known")
+            yield which, UnknownState(f"{key.upper()} of line {at} is not known")
         else:
             yield which, said.get(which, "")
 
 
-def _with(found: _Krl, source: Source, start: int, words: str) -> Iterator[tuple[str, Held]]:
+def _with(found: _Krl, source: Source, start: int, words: str) -> Iterator[tuple[str, HeldState]]:
     """States that WITH sets for one motion."""
     for entry in entries(source.plain, start, start + len(words)):
         name, _, value = entry.text.partition("=")
@@ -477,16 +498,16 @@ def _with(found: _Krl, source: Source, start: int, words: str) -> Iterator[tuple
         if which:
             yield which, _frame(found, source, where, which, value.strip())
         elif _key(name).startswith("$load") and "sload(" not in _key(value):
-            yield "tool", Unsure(f"line {source.line(start)} sets $LOAD")
+            yield "tool", UnknownState(f"line {source.line(start)} sets $LOAD")
 
 
-def _frame(found: _Krl, source: Source, start: int, which: str, value: str) -> Held:
+def _frame(found: _Krl, source: Source, start: int, which: str, value: str) -> HeldState:
     """Name of the frame that is assigned; the frame is stored if known."""
     key, at = _key(value), source.line(start)
     if selected := _SELECTED.fullmatch(key):
         return dict(_form(found, selected[selected.lastindex or 1], at))[which]
     if which == "mode":
-        outside = Unsure(f"{key.upper()} of line {at} is not known")
+        outside = UnknownState(f"{key.upper()} of line {at} is not known")
         return {"#tcp": "outside", "#base": ""}.get(key, outside)
     if key in _NULL:
         return "0"
@@ -499,23 +520,23 @@ def _frame(found: _Krl, source: Source, start: int, which: str, value: str) -> H
     return _named_frame(found, which, key, at)
 
 
-def _named_frame(found: _Krl, which: str, key: str, at: int) -> Held:
+def _named_frame(found: _Krl, which: str, key: str, at: int) -> HeldState:
     """Name of a frame given as a variable."""
     known = found.frames.get(key, [])
     if len(known) > 1 or not _PLAIN_NAME.fullmatch(key) or not constant(key):
-        return Unsure(f"{key.upper()} of line {at} is computed or set more than once")
+        return UnknownState(f"{key.upper()} of line {at} is computed or set more than once")
     if known:
         _keep(found, which, key, known[0])
         found.framed.add(key)
     return key
 
 
-def _data(found: _Krl, key: str, at: int) -> Held:
+def _data(found: _Krl, key: str, at: int) -> HeldState:
     """Number of an element of TOOL_DATA or BASE_DATA."""
     changed = found.unsettled(key)
     if not _NUMBERED.fullmatch(key):
-        return Unsure(f"{key.upper()} of line {at} is not known")
-    return Unsure(f"{key.upper()} {changed}") if changed else _number(key)
+        return UnknownState(f"{key.upper()} of line {at} is not known")
+    return UnknownState(f"{key.upper()} {changed}") if changed else _number(key)
 
 
 # --- motions --------------------------------------------------------------------------------------
@@ -555,14 +576,14 @@ def _move(found: _Krl, source: Source, start: int, motion: re.Match[str], held: 
 
 def _by_distance(found: _Krl, line: int, file: str, word: str) -> None:
     """Record a relative motion, whose end moves with the point before it."""
-    one = Left(file, line, f"{word} moves by a distance")
+    one = Uncorrected(file, line, f"{word} moves by a distance")
     found.following.append((one, found.last if found.moved else None))
 
 
 def _go(
-    found: _Krl, source: Source, entry: Entry, now: Mapping[str, Held], by_axes: bool
-) -> Left | None:
-    """Record a motion to a point; return a `Left` if it cannot be corrected."""
+    found: _Krl, source: Source, entry: ListItem, now: Mapping[str, HeldState], by_axes: bool
+) -> Uncorrected | None:
+    """Record a motion to a point; return a `Uncorrected` if it cannot be corrected."""
     line, key = source.line(entry.start), _key(entry.text)
     point = _POINT.fullmatch(entry.text)
     mode, why, counts = now["mode"], None, True
@@ -572,23 +593,23 @@ def _go(
         why, counts = f"{entry.text} is a home position of the controller", False
     elif point is None:
         why = f"{entry.text} is computed at run time"
-    elif isinstance(mode, Unsure):
+    elif isinstance(mode, UnknownState):
         why = mode.why
     elif mode:
         why = f"{point[1]} moves the workpiece at a fixed tool"
     else:
         why = _use(found, source, entry.start, point[1], now, by_axes)
-    return Left(source.file, line, why, counts) if why else None
+    return Uncorrected(source.file, line, why, counts) if why else None
 
 
 def _use(
-    found: _Krl, source: Source, start: int, word: str, now: Mapping[str, Held], by_axes: bool
+    found: _Krl, source: Source, start: int, word: str, now: Mapping[str, HeldState], by_axes: bool
 ) -> str | None:
     """Record a motion to a point; return why it cannot be corrected, or None.
 
     S and T of a point apply to PTP; other motions keep the arm configuration from which they start.
     """
-    points: Sequence[Target | Left]
+    points: Sequence[Target | Uncorrected]
     if word.startswith("{"):
         inline = _aggregate(source, start, word)
         name = f"the target in line {source.line(start)}"
@@ -598,13 +619,15 @@ def _use(
     if not points:
         return f"{word} is not in this program"
     stated = [
-        one if by_axes or not found.uses or isinstance(one, Left) else replace(one, ranges=())
+        one
+        if by_axes or not found.uses or isinstance(one, Uncorrected)
+        else replace(one, ranges=())
         for one in points
     ]
     return found.use(stated, now["tool"], now["base"])
 
 
-def _named(found: _Krl, key: str) -> Sequence[Target | Left]:
+def _named(found: _Krl, key: str) -> Sequence[Target | Uncorrected]:
     """The points of a name; all elements of an array if the index is computed."""
     if key in found.points or not key.endswith("]"):
         found.named.add(key)

@@ -15,7 +15,7 @@ from pipeline.base.errors import InputError, UsageError
 from pipeline.base.shown import typed
 
 
-class Of(StrEnum):
+class PredictionModel(StrEnum):
     """The model used for prediction."""
 
     RECOMMENDED = "recommended"
@@ -32,7 +32,9 @@ def predict(
             help="Joint values, with columns as in joints.csv; also fx_n, fy_n, fz_n, payload.",
         ),
     ],
-    model: Annotated[Of, Option(help="Identified model, or the nominal robot.")] = Of.RECOMMENDED,
+    model: Annotated[
+        PredictionModel, Option(help="Identified model, or the nominal robot.")
+    ] = PredictionModel.RECOMMENDED,
     output: Annotated[Path | None, Option(help="CSV file to write; stdout if omitted.")] = None,
     root: Root = Path(),
 ) -> None:
@@ -47,7 +49,9 @@ def predict(
         typer.echo(output)
 
 
-def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> str:
+def predicted(
+    root: Path, name: str, file: Path, model: PredictionModel = PredictionModel.RECOMMENDED
+) -> str:
     """Predictions as CSV, rows of `row,target,x_m,...` as in docs/campaign.md.
 
     Raises:
@@ -56,9 +60,9 @@ def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> 
     """
     import numpy as np
 
-    from pipeline.library import standing
+    from pipeline.library import target_model
     from pipeline.prediction.model import IdentifiedModel
-    from pipeline.programs.asked import as_csv, asked, under_pulls
+    from pipeline.programs.points_file import as_csv, read_points, under_pulls
     from pipeline.store import campaign as campaigns
 
     reports = campaigns.find(root, name).reports
@@ -73,14 +77,19 @@ def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> 
         raise UsageError(f"{file} cannot be read ({problem.strerror}): check the path") from problem
     if kept.is_file():
         missing = InputError("there is no such file", "run the campaign again", file=str(kept))
-        one = standing.loads(files.read(kept, str(kept), standing.LARGEST, missing), str(kept))
-        as_asked = {Of.NOMINAL: standing.nominal, Of.JOINT_SPRINGS: standing.springs}
+        one = target_model.loads(
+            files.read(kept, str(kept), target_model.LARGEST_MODEL, missing), str(kept)
+        )
+        as_asked = {
+            PredictionModel.NOMINAL: target_model.nominal,
+            PredictionModel.JOINT_SPRINGS: target_model.springs,
+        }
         chosen = as_asked.get(model, lambda same: same)(one)
-        rows = asked(file.name, data, chosen.mechanism.table, chosen.payloads)
-        return as_csv(chosen.targets, chosen.six, standing.predict(chosen, *rows))
-    if model is not Of.RECOMMENDED:
+        rows = read_points(file.name, data, chosen.mechanism.table, chosen.payloads)
+        return as_csv(chosen.targets, chosen.six, target_model.predict(chosen, *rows))
+    if model is not PredictionModel.RECOMMENDED:
         raise UsageError(f"{name} is a campaign of pulls: only its recommended model is kept")
     held = IdentifiedModel.load(pulled)
-    q, force, *_ = asked(file.name, data, held.robot, ())
+    q, force, *_ = read_points(file.name, data, held.robot, ())
     targets = held.tool.targets
     return as_csv(targets, np.zeros(len(targets), dtype=bool), under_pulls(held, q, force))

@@ -16,7 +16,7 @@ from pipeline.programs.notation import Notation
 
 _Kind = Literal["joint", "cartesian"]
 
-NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?"
+NUMBER_PATTERN = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?"
 _PARTS = re.compile(r"([-+]?)(\d*)(?:\.(\d*))?(?:([eE])([-+]?)(\d+))?")
 _LARGEST = 1e10
 """Limit for all numbers of a target, whatever their unit; ABB writes 9E9 for an absent axis."""
@@ -47,7 +47,7 @@ def number(start: int, text: str) -> Number | None:
     return Number(start, start + len(text), value) if abs(value) < _LARGEST else None
 
 
-class Left(NamedTuple):
+class Uncorrected(NamedTuple):
     """Something that is not corrected, and why.
 
     Attributes:
@@ -122,8 +122,8 @@ class Program:
     text: str
     notation: Notation
     targets: tuple[Target, ...]
-    left: tuple[Left, ...] = ()
-    elsewhere: tuple[Left, ...] = ()
+    left: tuple[Uncorrected, ...] = ()
+    elsewhere: tuple[Uncorrected, ...] = ()
     tools: Mapping[str, Array] = field(default_factory=dict)
     bases: Mapping[str, Array] = field(default_factory=dict)
 
@@ -212,7 +212,7 @@ def _with_exponent(new: str, letter: str, sign: str, digits: int) -> str:
     return f"{mantissa}{letter}{own}{exponent.lstrip('+-').zfill(digits)}"
 
 
-class Use(NamedTuple):
+class MotionUse(NamedTuple):
     """A motion to a point, with the tool and frame in force."""
 
     target: Target
@@ -221,8 +221,8 @@ class Use(NamedTuple):
 
 
 def gathered(
-    uses: Iterable[Use], changed: Mapping[tuple[str, int], str]
-) -> tuple[list[Target], list[Left]]:
+    uses: Iterable[MotionUse], changed: Mapping[tuple[str, int], str]
+) -> tuple[list[Target], list[Uncorrected]]:
     """Each point once, in the order of the motions to it, with its tool and frame.
 
     A point that is changed, or used with several tools or frames, is listed as not corrected.
@@ -240,11 +240,11 @@ def gathered(
     for place, found in frames.items():
         first, *more = found.values()
         if place in changed:
-            left.append(Left(first.file, first.line, f"{first.name} {changed[place]}"))
+            left.append(Uncorrected(first.file, first.line, f"{first.name} {changed[place]}"))
         elif more:
             said = listed(sorted(" in ".join(filter(None, one)) or "none" for one in found))
             why = f"{first.name} is used with different tools or frames ({said})"
-            left.append(Left(first.file, first.line, why))
+            left.append(Uncorrected(first.file, first.line, why))
         else:
             targets.append(first)
     return targets, left

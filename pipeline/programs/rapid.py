@@ -17,12 +17,19 @@ from itertools import dropwhile
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.programs._flow import Held, Kind, Step, Unsure, holding, interrupted
-from pipeline.programs._reading import Lexicon, Reading, finished
-from pipeline.programs._text import Entry, Source, entries, inner, numbers
+from pipeline.programs._flow import (
+    HeldState,
+    ProgramStep,
+    StepKind,
+    UnknownState,
+    holding,
+    interrupted,
+)
+from pipeline.programs._parser import Lexicon, ParserState, finished
+from pipeline.programs._text import ListItem, Source, entries, inner, numbers
 from pipeline.programs.inverse import Range
 from pipeline.programs.notation import ABB
-from pipeline.programs.program import Left, Number, Program, Target, Use
+from pipeline.programs.program import MotionUse, Number, Program, Target, Uncorrected
 
 SUFFIXES = (".mod", ".modx", ".prg")
 
@@ -108,7 +115,7 @@ _DISPLACED = {
 _CHECKED = ("confl", "confj")
 """Instructions that switch the checking of configurations, for linear and for other motions."""
 _BY_AXES = ("movej", "triggj")
-_BLOCKS: dict[str, Kind] = {
+_BLOCKS: dict[str, StepKind] = {
     "if": "open", "test": "open", "for": "loop", "while": "loop", "proc": "routine",
     "func": "routine", "trap": "routine", "elseif": "branch", "case": "branch", "else": "else",
     "default": "else", "endif": "close", "endtest": "close", "endfor": "close",
@@ -123,7 +130,7 @@ _NAME = re.compile(r'%\s*+"((?:[^"\r\n]|"")*)"\s*+(%)?')
 
 
 @dataclass
-class _Rapid(Reading):
+class _Rapid(ParserState):
     """A module as far as it was read.
 
     Attributes:
@@ -174,7 +181,7 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     if not (found.uses or found.left):  # a module of data only
         found.named |= {*found.points}
         points = (one for all_ in found.points.values() for one in all_)
-        found.uses = [Use(one, "", "") for one in points if isinstance(one, Target)]
+        found.uses = [MotionUse(one, "", "") for one in points if isinstance(one, Target)]
     return finished(found, file, text, ABB)
 
 
@@ -222,16 +229,18 @@ def _define(found: _Rapid) -> None:
             found.unsettle(name, why)
 
 
-def _literal(found: _Rapid, start: int) -> Entry | None:
+def _literal(found: _Rapid, start: int) -> ListItem | None:
     """List that begins at an index, if the statement ends with it; otherwise None."""
     last = found.source.closing.get(start)
     plain = found.source.plain
     if last is None or plain[start] != "[" or plain[last + 1 : found.end(last)].strip():
         return None
-    return Entry(start, last + 1, plain[start : last + 1])
+    return ListItem(start, last + 1, plain[start : last + 1])
 
 
-def _declare_frame(found: _Rapid, kind: str, name: str, value: Entry | None, again: bool) -> None:
+def _declare_frame(
+    found: _Rapid, kind: str, name: str, value: ListItem | None, again: bool
+) -> None:
     """Record a tool or a work object; one that is declared more than once is unknown."""
     frames = found.tools if kind == "tooldata" else found.bases
     frame, why = _framed(found.source, kind, value)
@@ -274,14 +283,14 @@ def _assign(found: _Rapid, one: re.Match[str]) -> int:
 
 
 def _points(
-    found: _Rapid, name: str, value: Sequence[Entry], dimensions: int = 3
-) -> Iterator[Target | Left]:
+    found: _Rapid, name: str, value: Sequence[ListItem], dimensions: int = 3
+) -> Iterator[Target | Uncorrected]:
     """Yield the points of a value, several for an array, or why one cannot be corrected."""
     for entry in value:
         line = found.source.line(entry.start)
         parts = inner(found.source, entry)
         if parts is None:
-            yield Left(found.source.file, line, f"{name} is computed at run time")
+            yield Uncorrected(found.source.file, line, f"{name} is computed at run time")
             continue
         deeper = inner(found.source, parts[0])
         if dimensions and deeper and inner(found.source, deeper[0]) is not None:  # an array
@@ -292,7 +301,9 @@ def _points(
             yield _point(found, name, entry, parts)
 
 
-def _point(found: _Rapid, name: str, entry: Entry, parts: Sequence[Entry]) -> Target | Left:
+def _point(
+    found: _Rapid, name: str, entry: ListItem, parts: Sequence[ListItem]
+) -> Target | Uncorrected:
     """Point of a robtarget (four lists) or a jointtarget (two lists)."""
     read = [numbers(inner(found.source, part)) or () for part in parts]
     place = name, found.source.file, found.source.line(entry.start)
@@ -304,7 +315,7 @@ def _point(found: _Rapid, name: str, entry: Entry, parts: Sequence[Entry]) -> Ta
             pose = (*read[0], *read[1])
             return Target(*place, "cartesian", pose, external, ranges=_ranges(read[2]))
         case _:
-            return Left(*place[1:], f"{name} is computed at run time")
+            return Uncorrected(*place[1:], f"{name} is computed at run time")
 
 
 def _ranges(configuration: Sequence[Number]) -> tuple[Range, ...]:
@@ -320,14 +331,14 @@ _Framed = tuple[Array | None, str | None]
 """Frame, None if it cannot be read, and why it is not fixed, None if it is."""
 
 
-def _framed(source: Source, kind: str, value: Entry | None) -> _Framed:
+def _framed(source: Source, kind: str, value: ListItem | None) -> _Framed:
     """Frame of tooldata or wobjdata, and why it is not fixed to the robot or to the cell."""
     parts = (None if value is None else inner(source, value)) or []
-    said = [part.text.upper() for part in parts]
-    return (_tool if kind == "tooldata" else _work_object)(source, said, parts)
+    labels = [part.text.upper() for part in parts]
+    return (_tool if kind == "tooldata" else _work_object)(source, labels, parts)
 
 
-def _tool(source: Source, said: Sequence[str], parts: Sequence[Entry]) -> _Framed:
+def _tool(source: Source, said: Sequence[str], parts: Sequence[ListItem]) -> _Framed:
     match said:
         case ["TRUE", _, _]:
             return _pose(source, parts[1]), None
@@ -336,7 +347,7 @@ def _tool(source: Source, said: Sequence[str], parts: Sequence[Entry]) -> _Frame
     return None, None
 
 
-def _work_object(source: Source, said: Sequence[str], parts: Sequence[Entry]) -> _Framed:
+def _work_object(source: Source, said: Sequence[str], parts: Sequence[ListItem]) -> _Framed:
     match said:
         case ["FALSE", "TRUE", _, _, _]:
             user, object_ = (_pose(source, one) for one in parts[3:])
@@ -346,7 +357,7 @@ def _work_object(source: Source, said: Sequence[str], parts: Sequence[Entry]) ->
     return None, None
 
 
-def _pose(source: Source, entry: Entry) -> Array | None:
+def _pose(source: Source, entry: ListItem) -> Array | None:
     parts = inner(source, entry)
     lists = [numbers(inner(source, part)) for part in parts or ()]
     if [len(one or ()) for one in lists] != [3, 4]:
@@ -355,7 +366,7 @@ def _pose(source: Source, entry: Entry) -> Array | None:
     return ABB.frame(values) if any(values[3:]) else None
 
 
-def _steps(found: _Rapid) -> Iterator[Step]:
+def _steps(found: _Rapid) -> Iterator[ProgramStep]:
     """Yield displacement changes and the blocks around them; an IF without THEN is a block."""
     plain, compact, before = found.source.plain, False, ""
     jumps = {*map(str.lower, re.findall(r"\bGOTO\s+(\w+)", plain, re.IGNORECASE))}
@@ -367,27 +378,29 @@ def _steps(found: _Rapid) -> Iterator[Step]:
         if token[0].startswith("%") and not token[0].startswith(_HEAD):
             yield _called_by_name(found, at)
         elif kind:
-            yield Step(at, kind, found.source.line(at), _DISPLACED.get(word, ""))
+            yield ProgramStep(at, kind, found.source.line(at), _DISPLACED.get(word, ""))
         compact = word == "if" or (compact and token[0].lower() not in _ENDS_IF)
         before = word
 
 
-def _called_by_name(found: _Rapid, at: int) -> Step:
+def _called_by_name(found: _Rapid, at: int) -> ProgramStep:
     """What a routine does whose name is a string; the beginning may be all that is said of it."""
     line, said = found.source.line(at), _NAME.match(found.source.text, at)
     name = said[1].lower() if said else ""
     if said and said[2] and name in _DISPLACED:
-        return Step(at, "set", line, _DISPLACED[name])
+        return ProgramStep(at, "set", line, _DISPLACED[name])
     if (said and said[2]) or not any(one.startswith(name) for one in _DISPLACED):
-        return Step(at, "call", line)
-    return Step(at, "set", line, Unsure(f"what line {line} calls by a string may displace points"))
+        return ProgramStep(at, "call", line)
+    return ProgramStep(
+        at, "set", line, UnknownState(f"what line {line} calls by a string may displace points")
+    )
 
 
 _ENDS_IF = (";", "then")
 """What ends an IF that may have no block: its statement does, or THEN, which begins one."""
 
 
-def _kind(found: _Rapid, word: str, before: str, label: bool) -> Kind | None:
+def _kind(found: _Rapid, word: str, before: str, label: bool) -> StepKind | None:
     """Kind of step that a word makes, or None."""
     if word in _DISPLACED:
         return "set"
@@ -400,7 +413,7 @@ def _kind(found: _Rapid, word: str, before: str, label: bool) -> Kind | None:
 
 
 def _follow(
-    found: _Rapid, motion: re.Match[str], following: int, displaced: Callable[[int], Held]
+    found: _Rapid, motion: re.Match[str], following: int, displaced: Callable[[int], HeldState]
 ) -> None:
     """Process one instruction, in the order of the text."""
     plain, word = found.source.plain, motion[motion.lastindex or 0]
@@ -425,7 +438,7 @@ def _follow(
         found.leave(found.source, start, f"{word} is no motion known here")
 
 
-def _switch(entry: Entry) -> bool:
+def _switch(entry: ListItem) -> bool:
     """Whether an argument is optional."""
     return entry.text.startswith("\\")
 
@@ -435,7 +448,9 @@ def _moves_nothing(name: str) -> bool:
     return _NO_MOTION.fullmatch(name) is not None
 
 
-def _move(found: _Rapid, name: str, start: int, given: Sequence[Entry], displaced: Held) -> None:
+def _move(
+    found: _Rapid, name: str, start: int, given: Sequence[ListItem], displaced: HeldState
+) -> None:
     """Record the points of a motion with its tool and its frame."""
     which, tool_at = _MOTIONS[name]
     plain = sum(not _switch(one) for one in given)
@@ -452,21 +467,23 @@ def _move(found: _Rapid, name: str, start: int, given: Sequence[Entry], displace
             found.leave(found.source, given[k].start, why)
 
 
-def _displaced(entry: Entry, displaced: Held) -> str | None:
+def _displaced(entry: ListItem, displaced: HeldState) -> str | None:
     """Why a point is not where it was taught, if the program displaces points."""
-    if isinstance(displaced, Unsure):
+    if isinstance(displaced, UnknownState):
         return displaced.why
     return f"{entry.text} is displaced by the program" if displaced else None
 
 
-def _named_frame(text: str) -> Held:
+def _named_frame(text: str) -> HeldState:
     """Name of a tool or a work object, in lower case."""
     text = text.strip()
     word = _WORD.fullmatch(text)
-    return word[1].lower() if word else Unsure(f"{text} is computed at run time")
+    return word[1].lower() if word else UnknownState(f"{text} is computed at run time")
 
 
-def _use(found: _Rapid, entry: Entry, frames: tuple[Held, Held], checked: bool) -> str | None:
+def _use(
+    found: _Rapid, entry: ListItem, frames: tuple[HeldState, HeldState], checked: bool
+) -> str | None:
     """Record a motion to a point; return why, if it cannot be corrected.
 
     Args:
@@ -476,9 +493,9 @@ def _use(found: _Rapid, entry: Entry, frames: tuple[Held, Held], checked: bool) 
         checked: Whether the stated configuration is kept.
     """
     text = _SWITCHES.sub("", entry.text)
-    points: Sequence[Target | Left]
+    points: Sequence[Target | Uncorrected]
     if text.startswith("["):
-        inline = Entry(entry.start, entry.start + len(text), text)
+        inline = ListItem(entry.start, entry.start + len(text), text)
         name = f"the target in line {found.source.line(entry.start)}"
         points = list(_points(found, name, [inline]))
     elif named := _POINT.match(text):
@@ -488,12 +505,13 @@ def _use(found: _Rapid, entry: Entry, frames: tuple[Held, Held], checked: bool) 
     if not points:
         return f"{text} is not in this program"
     stated = [
-        one if checked or isinstance(one, Left) else replace(one, ranges=()) for one in points
+        one if checked or isinstance(one, Uncorrected) else replace(one, ranges=())
+        for one in points
     ]
     return found.use(stated, *frames)
 
 
-def _named(found: _Rapid, name: str, index: str | None) -> Sequence[Target | Left]:
+def _named(found: _Rapid, name: str, index: str | None) -> Sequence[Target | Uncorrected]:
     """Points of a name; all elements of an array if the index is computed."""
     points = found.points.get(name, [])
     found.named.add(name)

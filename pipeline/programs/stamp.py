@@ -49,11 +49,11 @@ def words(version: str, campaign: str, model: bytes, force: str, date: str, text
         date: Date of the correction.
         text: The corrected text, without the stamp.
     """
-    said = (
+    sentence = (
         f"{_MARK} {version}: campaign {campaign}, model {_digest(model)}, force {force}, {date}, "
         f"text {_digest(text.encode('latin-1', 'replace'))}"
     )
-    return said.encode("ascii", "replace").decode()
+    return sentence.encode("ascii", "replace").decode()
 
 
 def refuse(file: str, text: str) -> None:

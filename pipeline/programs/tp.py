@@ -22,11 +22,19 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.programs._reading import Lexicon, Reading, finished
+from pipeline.programs._parser import Lexicon, ParserState, finished
 from pipeline.programs._text import Source
 from pipeline.programs.inverse import Range
 from pipeline.programs.notation import FANUC
-from pipeline.programs.program import NUMBER, Left, Number, Program, Target, Use, number
+from pipeline.programs.program import (
+    NUMBER_PATTERN,
+    MotionUse,
+    Number,
+    Program,
+    Target,
+    Uncorrected,
+    number,
+)
 
 SUFFIXES = (".ls",)
 
@@ -40,7 +48,7 @@ _POINT = re.compile(
 )
 _GROUP = re.compile(r"\bGP(\d)\s*:", re.IGNORECASE)
 _FRAMES = re.compile(r"\b(UF|UT)\s*:\s*(\w+)", re.IGNORECASE)
-_VALUE = re.compile(rf"\b([XYZWPR]|[JE]\d)\s*=\s*({NUMBER})\s*(mm|deg)\b", re.IGNORECASE)
+_VALUE = re.compile(rf"\b([XYZWPR]|[JE]\d)\s*=\s*({NUMBER_PATTERN})\s*(mm|deg)\b", re.IGNORECASE)
 _TURNS = re.compile(
     r"CONFIG\s*:\s*'[^',]*,\s*(-?\d{1,3})\s*,\s*(-?\d{1,3})\s*,\s*(-?\d{1,3})\b", re.IGNORECASE
 )
@@ -74,7 +82,7 @@ _LEXICON = Lexicon(
 
 
 @dataclass
-class _Tp(Reading):
+class _Tp(ParserState):
     """What has been read so far of a TP program; points are named by their numbers.
 
     Attributes:
@@ -167,30 +175,30 @@ def _move(found: _Tp, source: Source, one: re.Match[str]) -> None:
     line = source.line(one.start(1))
     why = _computed(one[1], named)
     if why is not None and why.endswith(_DISTANCE):
-        found.following.append((Left(source.file, line, why), found.last))
+        found.following.append((Uncorrected(source.file, line, why), found.last))
         for label in named:
             found.changed.setdefault(label, _DISTANCE)
     elif why is not None:
-        found.left.append(Left(source.file, line, why))
+        found.left.append(Uncorrected(source.file, line, why))
     for label in named if why is None else ():
         points = found.points.get(label, [])
         if points:
             _note(found, points, source, line)
         else:
-            found.left.append(Left(source.file, line, f"{label} is not in this program"))
+            found.left.append(Uncorrected(source.file, line, f"{label} is not in this program"))
 
 
-def _note(found: _Tp, points: Sequence[Target | Left], source: Source, line: int) -> None:
+def _note(found: _Tp, points: Sequence[Target | Uncorrected], source: Source, line: int) -> None:
     """Record a motion to each of these points, or why it cannot be corrected."""
     for point in points:
-        if isinstance(point, Left):
+        if isinstance(point, Uncorrected):
             found.left.append(point)
             continue
         why = _unsteady(found, point)
         if why:
-            found.left.append(Left(source.file, line, f"{point.name}: {why}"))
+            found.left.append(Uncorrected(source.file, line, f"{point.name}: {why}"))
         else:
-            found.note(Use(point, point.tool, point.base))
+            found.note(MotionUse(point, point.tool, point.base))
 
 
 def _unsteady(found: _Tp, point: Target) -> str | None:
@@ -219,7 +227,7 @@ def _computed(words: str, named: Sequence[str]) -> str | None:
 _DISTANCE = "is a distance"
 
 
-def _point(source: Source, found: re.Match[str]) -> Target | Left:
+def _point(source: Source, found: re.Match[str]) -> Target | Uncorrected:
     """A point of /POS, or why it cannot be corrected."""
     name, line = _number(found[1]), source.line(found.start(1))
     start, end = _first_group(source.plain, *found.span(2))
@@ -227,7 +235,7 @@ def _point(source: Source, found: re.Match[str]) -> Target | Left:
     joint = "j1" in values
     wanted = _AXES if joint else _POSE
     if missing := [word.upper() for word in wanted if word not in values]:
-        return Left(source.file, line, f"{name} has no {', '.join(missing)}")
+        return Uncorrected(source.file, line, f"{name} has no {', '.join(missing)}")
     return Target(
         name,
         source.file,
@@ -259,13 +267,13 @@ def _values(plain: str, start: int, end: int) -> dict[str, Number]:
 
 def _frames(words: str) -> Mapping[str, Any]:
     """Tool, frame and axis ranges of a point."""
-    said = {key.upper(): value.lower() for key, value in _FRAMES.findall(words)}
+    entries = {key.upper(): value.lower() for key, value in _FRAMES.findall(words)}
     turns = _TURNS.search(words)
     ranges: tuple[Range, ...] = ()
     if turns:
         first, fourth, sixth = (_turn(int(k)) for k in turns.groups())
         ranges = (first, None, None, fourth, None, sixth)
-    return {"tool": said.get("UT", ""), "base": said.get("UF", ""), "ranges": ranges}
+    return {"tool": entries.get("UT", ""), "base": entries.get("UF", ""), "ranges": ranges}
 
 
 def _turn(count: int) -> Range:

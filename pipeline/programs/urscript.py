@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.programs._flow import Held, Kind, Step, holding, interrupted
-from pipeline.programs._reading import Lexicon, Reading, finished
-from pipeline.programs._text import Entry, Source, entries, inner, numbers
+from pipeline.programs._flow import HeldState, ProgramStep, StepKind, holding, interrupted
+from pipeline.programs._parser import Lexicon, ParserState, finished
+from pipeline.programs._text import ListItem, Source, entries, inner, numbers
 from pipeline.programs.notation import UR
-from pipeline.programs.program import Left, Program, Target
+from pipeline.programs.program import Program, Target, Uncorrected
 
 SUFFIXES = (".script", ".urscript")
 
@@ -47,7 +47,7 @@ _ROUTINE = re.compile(r"^[ \t]*(def|thread|sec)[ \t]+(\w+)[ \t]*\(([^()]*)", re.
 _BLOCK = re.compile(
     r"(?<![\w.])(if|elif|else|while|for|switch|case|default|def|thread|sec|end)\b(?!\s*=)"
 )
-_BLOCKS: dict[str, Kind] = {
+_BLOCKS: dict[str, StepKind] = {
     "if": "open", "switch": "open", "elif": "branch", "case": "branch", "else": "else",
     "default": "else", "while": "loop", "for": "loop", "def": "routine", "thread": "routine",
     "sec": "routine", "end": "close",
@@ -70,7 +70,7 @@ _LEXICON = Lexicon(
 
 
 @dataclass
-class _Script(Reading):
+class _Script(ParserState):
     """What has been read so far of a script."""
 
     @property
@@ -131,23 +131,23 @@ def _assign(found: _Script, assigned: re.Match[str]) -> int:
     return value.end
 
 
-def _value(source: Source, start: int) -> Entry:
+def _value(source: Source, start: int) -> ListItem:
     """Text behind an equals sign: a list over several lines, or the rest of the line."""
     plain = source.plain
     opening = _OPENING.match(plain, start)
     last = source.closing.get(opening.end() - 1) if opening else None
     end = _EOL.search(plain, start if last is None else last)
     text = plain[start : end.start() if end else len(plain)]
-    return Entry(start, start + len(text), text.rstrip())
+    return ListItem(start, start + len(text), text.rstrip())
 
 
 def _points(
-    found: _Script, name: str, value: Entry, several: bool = True
-) -> Iterator[Target | Left]:
+    found: _Script, name: str, value: ListItem, several: bool = True
+) -> Iterator[Target | Uncorrected]:
     """The points of a value, several if it is a list of them, or why one cannot be corrected."""
     source, pose = found.source, value.text.startswith("p")
     shift = len(value.text) - len(value.text[1:].lstrip()) if pose else 0
-    listed = Entry(value.start + shift, value.end, value.text[shift:])
+    listed = ListItem(value.start + shift, value.end, value.text[shift:])
     parts = inner(source, listed)
     own = numbers(parts)
     line = source.line(value.start)
@@ -159,31 +159,31 @@ def _points(
         for k, part in enumerate(parts):
             yield from _points(found, f"{name}[{k}]", part, several=False)
     else:
-        yield Left(source.file, line, f"{name} is computed at run time")
+        yield Uncorrected(source.file, line, f"{name} is computed at run time")
 
 
-def _steps(found: _Script, calls: Sequence[re.Match[str]]) -> Iterator[Step]:
+def _steps(found: _Script, calls: Sequence[re.Match[str]]) -> Iterator[ProgramStep]:
     """Steps that set the tool, and those of the control flow."""
     source = found.source
     for block in _BLOCK.finditer(source.plain):
-        yield Step(block.start(1), _BLOCKS[block[1]], source.line(block.start(1)))
+        yield ProgramStep(block.start(1), _BLOCKS[block[1]], source.line(block.start(1)))
     for call in calls:
         if call[1] == "set_tcp":
             line = source.line(call.start())
-            yield Step(call.start(), "set", line, _tool(found, call, line))
+            yield ProgramStep(call.start(), "set", line, _tool(found, call, line))
     names = {one[2] for one in _ROUTINE.finditer(source.plain)}
     for called in re.finditer(r"(?<!\w)(?<!def )(?<!thread )(\w++)\s*+\(", source.plain):
         if called[1] in names:
-            yield Step(called.start(), "call", source.line(called.start()))
+            yield ProgramStep(called.start(), "call", source.line(called.start()))
 
 
-def _arguments(found: _Script, call: re.Match[str]) -> list[Entry] | None:
+def _arguments(found: _Script, call: re.Match[str]) -> list[ListItem] | None:
     """Arguments of a call; None if its brackets are not closed."""
     last = found.source.closing.get(call.end())
     return None if last is None else entries(found.source.plain, call.end() + 1, last)
 
 
-def _follow(found: _Script, call: re.Match[str], tool: Callable[[int], Held]) -> None:
+def _follow(found: _Script, call: re.Match[str], tool: Callable[[int], HeldState]) -> None:
     """Process a call in execution order: record the targets of a motion."""
     source, name = found.source, call[1]
     given = _arguments(found, call)
@@ -201,7 +201,7 @@ def _follow(found: _Script, call: re.Match[str], tool: Callable[[int], Held]) ->
 def _tool(found: _Script, call: re.Match[str], line: int) -> str:
     """Name of the tool that is set; the tool is stored if known."""
     name = f"line {line}"
-    given = _arguments(found, call) or [Entry(call.end(), call.end(), "")]
+    given = _arguments(found, call) or [ListItem(call.end(), call.end(), "")]
     said = _without(given[0], _ARGUMENT)
     points = found.points.get(said.text, []) if said.text not in found.changed else []
     if not points:
@@ -213,10 +213,10 @@ def _tool(found: _Script, call: re.Match[str], line: int) -> str:
     return name
 
 
-def _use(found: _Script, entry: Entry, tool: Held) -> str | None:
+def _use(found: _Script, entry: ListItem, tool: HeldState) -> str | None:
     """Record a motion to a point; return why it cannot be corrected, or None."""
     entry, near = _inside(found, _without(entry, _ARGUMENT))
-    points: Sequence[Target | Left]
+    points: Sequence[Target | Uncorrected]
     if entry.text.startswith("[") or re.match(r"p\s*\[", entry.text):
         points = list(_points(found, f"the target in line {found.source.line(entry.start)}", entry))
     elif named := _NAMED.match(entry.text):
@@ -225,19 +225,19 @@ def _use(found: _Script, entry: Entry, tool: Held) -> str | None:
         return f"{entry.text} is computed at run time"
     if not points:
         return f"{entry.text} is computed at run time"
-    stated = [one if isinstance(one, Left) else replace(one, near=near) for one in points]
+    stated = [one if isinstance(one, Uncorrected) else replace(one, near=near) for one in points]
     return found.use(stated, tool, "")
 
 
-def _without(entry: Entry, prefix: re.Pattern[str]) -> Entry:
+def _without(entry: ListItem, prefix: re.Pattern[str]) -> ListItem:
     """An argument without its keyword."""
     named = prefix.match(entry.text)
     if named is None:
         return entry
-    return Entry(entry.start + named.end(), entry.end, entry.text[named.end() :])
+    return ListItem(entry.start + named.end(), entry.end, entry.text[named.end() :])
 
 
-def _inside(found: _Script, entry: Entry) -> tuple[Entry, tuple[float, ...]]:
+def _inside(found: _Script, entry: ListItem) -> tuple[ListItem, tuple[float, ...]]:
     """The pose within get_inverse_kin(pose, qnear), and the joint values near it."""
     source, call = found.source, _INVERSE.match(entry.text)
     if call is None:
@@ -258,7 +258,7 @@ def _inside(found: _Script, entry: Entry) -> tuple[Entry, tuple[float, ...]]:
     return _without(first, _ARGUMENT), near
 
 
-def _named(found: _Script, name: str, index: str | None) -> Sequence[Target | Left]:
+def _named(found: _Script, name: str, index: str | None) -> Sequence[Target | Uncorrected]:
     """The points of a name; all of a list whose index is computed or that is assigned again."""
     points = found.points.get(name, [])
     found.named.add(name)

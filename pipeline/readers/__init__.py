@@ -11,18 +11,18 @@ from pipeline.readers import plain
 from pipeline.readers._cells import text_of
 from pipeline.readers._names import split
 from pipeline.readers._opened import opened
-from pipeline.readers._reader import TABLE, Export, Faces, Reader, Readings
+from pipeline.readers._reader import TABLE, Export, Faces, OutgoingReadings, Reader
 from pipeline.readers._text import Text, largest, refuse_other_programs, text
-from pipeline.readers.said import Columns, Hints
+from pipeline.readers.export_settings import Columns, ExportSettings
 
 __all__ = [
     "TABLE",
     "Columns",
     "Export",
+    "ExportSettings",
     "Faces",
-    "Hints",
+    "OutgoingReadings",
     "Reader",
-    "Readings",
     "Text",
     "catalogue",
     "largest",
@@ -82,7 +82,7 @@ def _fitting(dialects: Iterable[Reader], sample: Sequence[str]) -> list[Reader]:
     return [reader for reader in fitting if not reader.general] or fitting
 
 
-def read(name: str, data: bytes, hints: Hints | None = None) -> Export:
+def read(name: str, data: bytes, hints: ExportSettings | None = None) -> Export:
     """Readings of a tracker export.
 
     Args:
@@ -93,24 +93,24 @@ def read(name: str, data: bytes, hints: Hints | None = None) -> Export:
     Raises:
         InputError: The file cannot be read or trusted as a whole.
     """
-    hints = hints or Hints()
+    hints = hints or ExportSettings()
     with at(name):
         return split(_read(opened_as_text(name, data, hints), hints), hints.names)
 
 
-def opened_as_text(name: str, data: bytes, hints: Hints) -> Text:
+def opened_as_text(name: str, data: bytes, hints: ExportSettings) -> Text:
     """Open an export as text; of a workbook, the sheet that holds the readings."""
     refuse_other_programs(name, data)
     return opened(name, data, hints.sheet, hints.decimal, "tracker", lambda one: _fits(one, hints))
 
 
-def _read(file: Text, hints: Hints) -> Export:
+def _read(file: Text, hints: ExportSettings) -> Export:
     read_by = doors.opened(_MAPPED) if hints.mapping else recognise(file).read
     export: Export = read_by(file, hints)
     return export
 
 
-def _fits(sheet: Text, hints: Hints) -> int:
+def _fits(sheet: Text, hints: ExportSettings) -> int:
     """Rate how well a sheet of a workbook fits.
 
     Returns:

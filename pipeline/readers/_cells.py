@@ -10,7 +10,7 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.readers._layout import Layout
 from pipeline.readers._text import Text
 
-NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+NUMBER_START = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _SIGN = r"(?P<sign>[+-]?)"
 _GROUPS = tuple(
     re.compile(rf"{_SIGN}(?P<whole>[0-9]{{1,3}}(?:{between}[0-9]{{3}})+)(?P<rest>[{mark}][0-9]+)")
@@ -25,9 +25,9 @@ _TURNS = re.compile(
 """Degrees, minutes and seconds; separated by hyphens only if decimals show that it is not a
 date."""
 _FORTRAN = re.compile(r"(?<=[0-9.])[dD](?=[+-][0-9])")
-ODD = "[ '’\u00a0\u202f\u2009−°dD]|,.*\\.|\\..*,|[0-9]-[0-9]"
+NOT_IN_NUMBERS = "[ '’\u00a0\u202f\u2009−°dD]|,.*\\.|\\..*,|[0-9]-[0-9]"
 """Characters and combinations that do not occur in numbers as programs parse them."""
-_IS_ODD = re.compile(ODD)
+_IS_ODD = re.compile(NOT_IN_NUMBERS)
 _MINUTES = 60
 """Minutes in a degree, and seconds in a minute [1]."""
 IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]")
@@ -44,7 +44,7 @@ _LOOKED_AT = 50
 """Number of rows before the last that determine the expected length of its last cell [1]."""
 
 
-class Bad(Exception):
+class BadCell(Exception):
     """A row is rejected; the message says why."""
 
 
@@ -55,7 +55,7 @@ def cells(line: str, delimiter: str) -> list[str]:
     try:
         found = next(csv.reader([line], delimiter=delimiter, strict=True, skipinitialspace=True))
     except (csv.Error, StopIteration):
-        raise Bad("has a quotation mark that is not closed; close or remove it") from None
+        raise BadCell("has a quotation mark that is not closed; close or remove it") from None
     return [cell.strip() for cell in found]
 
 
@@ -63,7 +63,7 @@ def cells_or_none(line: str, delimiter: str) -> list[str] | None:
     """The cells of a line, or None when its quotes do not match."""
     try:
         return cells(line, delimiter)
-    except Bad:
+    except BadCell:
         return None
 
 
@@ -102,7 +102,7 @@ def bare(title: str) -> str:
 
 def is_number(cell: str) -> bool:
     """Whether a cell holds a number, with either decimal mark."""
-    return NUMBER.fullmatch(bare_number(cell).replace(",", ".", 1)) is not None
+    return NUMBER_START.fullmatch(bare_number(cell).replace(",", ".", 1)) is not None
 
 
 def bare_number(cell: str) -> str:
@@ -132,7 +132,7 @@ def _in_degrees(turn: re.Match[str]) -> str:
     return turn["sign"] + f"{int(turn['d']) + minutes / _MINUTES:.12f}".replace(".", mark)
 
 
-def shown(cell: str, most: int = _GLANCE) -> str:
+def shortened(cell: str, most: int = _GLANCE) -> str:
     """Shorten a cell for a message, with control characters replaced."""
     plain = "".join(c if c.isprintable() else "?" for c in cell)
     return plain if len(plain) <= most else plain[: most - 1] + "…"

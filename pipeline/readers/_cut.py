@@ -16,7 +16,7 @@ from pyarrow import csv as arrow_csv
 
 from pipeline.base.arrays import Bools, Ints, Locked
 from pipeline.base.errors import InputError
-from pipeline.readers._cells import Bad, cells, is_special
+from pipeline.readers._cells import BadCell, cells, is_special
 from pipeline.readers._layout import JOINT, Layout
 from pipeline.readers._text import Text
 
@@ -133,7 +133,7 @@ def _each(text: Text, layout: Layout, line: Ints) -> _Cut:
         try:
             found.append(_row(text.line(number), layout))
             kept.append(number)
-        except Bad as reason:
+        except BadCell as reason:
             rejected.append((number, str(reason)))
             if not found and len(rejected) == HOPELESS:
                 raise hopeless(*rejected[0], HOPELESS) from reason
@@ -168,14 +168,14 @@ def _row(line: str, layout: Layout) -> list[str]:
     if layout.joined:
         names = found[0].split(JOINT)
         if len(names) != layout.joined:
-            raise Bad(
+            raise BadCell(
                 f"has {len(names)} names in its first cell where {layout.joined} are expected; "
                 "write the name again or remove the row"
             )
         found = [*names, *found[1:]]
     found = _to_width(found, layout)
     if len(found) != len(layout.fields):
-        raise Bad(_wrong_count(found, layout))
+        raise BadCell(_wrong_count(found, layout))
     return found
 
 
@@ -190,9 +190,9 @@ def _to_width(found: list[str], layout: Layout) -> list[str]:
 
 
 def _wrong_count(found: Sequence[str], layout: Layout) -> str:
-    said = f"has {len(found)} fields where {len(layout.fields)} are expected"
+    text = f"has {len(found)} fields where {len(layout.fields)} are expected"
     if layout.delimiter == "," and len(found) > len(layout.fields):
         return (
-            f"{said}, as if a comma stood where a decimal point belongs; write numbers with a point"
+            f"{text}, as if a comma stood where a decimal point belongs; write numbers with a point"
         )
-    return f"{said}; write the row again or remove it"
+    return f"{text}; write the row again or remove it"

@@ -16,9 +16,16 @@ import pyarrow.compute as pc
 
 from pipeline.base.arrays import Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError
-from pipeline.base.threads import MUCH, spread
+from pipeline.base.threads import WORTH_A_THREAD, spread
 from pipeline.readers import _time
-from pipeline.readers._cells import NUMBER, ODD, bare_number, cut_off, is_turn, shown
+from pipeline.readers._cells import (
+    NOT_IN_NUMBERS,
+    NUMBER_START,
+    bare_number,
+    cut_off,
+    is_turn,
+    shortened,
+)
 from pipeline.readers._cut import HOPELESS, cut, hopeless
 from pipeline.readers._layout import Field, Layout, TypedRows
 from pipeline.readers._text import Text
@@ -60,7 +67,7 @@ def rows(text: Text, layout: Layout) -> TypedRows:
     """
     found = cut(text, layout)
     fields = [field for field in layout.fields if field.kind != "any"]
-    much = len(found.line) > MUCH
+    much = len(found.line) > WORTH_A_THREAD
     cells = spread(_trimmed, found.columns, much)
     cells = [
         _bare_numbers(_without(c, field.unit)) if field.kind == "number" else c
@@ -120,7 +127,7 @@ def _bare_numbers(cells: pa.StringArray) -> pa.StringArray:
     turns = any(map(is_turn, cells[:_GLIMPSE].to_pylist()))
     if plain and not turns and not ((letters == ord(",")).any() and (letters == ord(".")).any()):
         return cells
-    odd = pc.match_substring_regex(cells, ODD)
+    odd = pc.match_substring_regex(cells, NOT_IN_NUMBERS)
     bare = pa.array(map(bare_number, cells.filter(odd).to_pylist()), pa.string())
     return pc.replace_with_mask(cells, odd, bare)
 
@@ -225,7 +232,7 @@ def _cast(cells: pa.Array, mark: str) -> pa.DoubleArray:
 
 
 def _number(mark: str) -> str:
-    return NUMBER.pattern.replace(r"\.", re.escape(mark))
+    return NUMBER_START.pattern.replace(r"\.", re.escape(mark))
 
 
 # --- why they may not stay ------------------------------------------------------------------------
@@ -244,11 +251,11 @@ def _why_not(
 
 def _why(cell: str, field: Field, layout: Layout) -> str:
     if field.kind == "blank":
-        return f'has "{shown(cell)}" behind the last column; remove it'
+        return f'has "{shortened(cell)}" behind the last column; remove it'
     if not cell:
         return f"has nothing in column {field.said}; fill it in or remove the row"
     why = _why_no_number if field.kind == "number" else _why_no_time
-    return f'{field.said} is "{shown(cell)}"{why(cell, layout)}'
+    return f'{field.said} is "{shortened(cell)}"{why(cell, layout)}'
 
 
 def _why_no_number(cell: str, layout: Layout) -> str:

@@ -19,7 +19,7 @@ from pipeline.readers._text import (
     squeezed,
     text,
 )
-from pipeline.readers.said import LogForm
+from pipeline.readers.export_settings import LogForm
 
 _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
 """Synonyms of units: a scale in kilograms shows kilogram-force."""

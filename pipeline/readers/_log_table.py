@@ -16,18 +16,18 @@ from pipeline.base.errors import InputError, at, listed
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, TypedRows
 from pipeline.readers._log_form import Titled, opened
-from pipeline.readers.said import OURS, LogForm
+from pipeline.readers.export_settings import OWN_LOG, LogForm
 
 _Rejection = tuple[str, int | None, str]
 """File, line and reason of a rejection."""
 
-BEYOND = 2**31
+NUMBER_LIMIT = 2**31
 """Upper limit of pose and pull numbers [1]: tables hold them in 32 bits."""
 _LARGEST = 1e7
 """Largest magnitude accepted for lengths, angles and forces [SI], however units were confused."""
 
 
-class State(NamedTuple):
+class GroupState(NamedTuple):
     """State of a pose in which a group was read, and the line of the log that says so."""
 
     pose: int
@@ -54,7 +54,7 @@ class Log(Locked):
     word: dict[str, Strings]
     line: Ints
     rejected: tuple[_Rejection, ...]
-    states: dict[str, State] = field(default_factory=dict)
+    states: dict[str, GroupState] = field(default_factory=dict)
 
     def only(self, good: Bools, reason: str) -> Log:
         """Keep the good rows; reject the others, all for the same reason."""
@@ -107,7 +107,7 @@ def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
     Raises:
         InputError: The table is empty, or a needed column or its unit is missing.
     """
-    return typed(opened(name, data, OURS, None, wanted[0].stem), wanted, OURS, None)
+    return typed(opened(name, data, OWN_LOG, None, wanted[0].stem), wanted, OWN_LOG, None)
 
 
 def typed(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str | None) -> Log:
@@ -215,7 +215,7 @@ def whole_numbers(log: Log) -> Log:
     """Keep only rows whose pose and repeat are non-negative integers."""
 
     def whole(values: Array) -> Bools:
-        return (values >= 0) & (values == np.round(values)) & (values < BEYOND)
+        return (values >= 0) & (values == np.round(values)) & (values < NUMBER_LIMIT)
 
     for name in ("pose", "repeat"):
         log = log.where(name, whole, f"{name} is not a whole number; correct or remove the row")

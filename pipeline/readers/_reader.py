@@ -15,7 +15,7 @@ from pipeline.readers._cells import text_of
 from pipeline.readers._layout import TypedRows
 from pipeline.readers._text import Text
 from pipeline.readers._units import in_unit
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 TABLE = "table"
 """Name that `inspect` gives to a file of no known dialect."""
@@ -127,7 +127,7 @@ OF_EACH = ("group", "target", "position", "covariance", "time", "line", "order")
 
 
 @dataclass(frozen=True, eq=False)
-class Readings(Locked):
+class OutgoingReadings(Locked):
     """Readings to be written.
 
     Attributes:
@@ -145,7 +145,7 @@ class Readings(Locked):
     covariance: Array | None = None
 
 
-_Write = Callable[[Readings, str, int | None], bytes]
+_Write = Callable[[OutgoingReadings, str, int | None], bytes]
 """Function of readings, unit of length and number of decimals (None: all significant digits) that
 returns the content of a file."""
 
@@ -168,7 +168,7 @@ class Reader:
 
     name: str
     recognise: Callable[[Sequence[str]], bool]
-    read: Callable[[Text, Hints], Export]
+    read: Callable[[Text, ExportSettings], Export]
     write: _Write | None = None
     suffix: str = ".csv"
     says_unit: bool = True
@@ -267,7 +267,7 @@ def kept(readings: Export, keep: Bools, why_not: str) -> Export:
 
 
 def written(
-    readings: Readings, unit: str, digits: int | None
+    readings: OutgoingReadings, unit: str, digits: int | None
 ) -> Iterator[tuple[str, str, list[str], datetime]]:
     """Iterate over group, target, Cartesian coordinates as text, and time, for the writers."""
     numbers = text_of(in_unit(readings.position, unit), digits)

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.base.arrays import Ints, Locked
 from pipeline.base.errors import InputError
-from pipeline.base.files import BEGIN
+from pipeline.base.files import TYPE_BYTES
 from pipeline.base.shown import too_large
 from pipeline.base.threads import spread
 
@@ -133,7 +133,7 @@ def refuse_other_programs(name: str, begin: bytes) -> None:
         if begin.startswith(known):
             raise InputError(f"the file is {what}", "save it as .xlsx, CSV or text", file=name)
     marked = begin.startswith(tuple(_MARKS)) or _unmarked(begin)
-    if not marked and b"\0" in begin[:BEGIN]:
+    if not marked and b"\0" in begin[:TYPE_BYTES]:
         raise InputError(_ZERO, "export it as text", file=name)
 
 
@@ -157,7 +157,7 @@ def _as_utf8(data: bytes) -> tuple[bytes, str]:
 
 def _unmarked(data: bytes) -> str | None:
     """Detect UTF-16 without a byte order mark: nearly every second leading byte is zero."""
-    begin = data[: min(BEGIN, len(data) // 2 * 2)]
+    begin = data[: min(TYPE_BYTES, len(data) // 2 * 2)]
     zeros = {"utf-16-le": begin[1::2].count(0), "utf-16-be": begin[::2].count(0)}
     encoding, most = max(zeros.items(), key=lambda one: one[1])
     clear = most > _NEARLY * len(begin) / 2 and sum(zeros.values()) == most

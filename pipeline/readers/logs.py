@@ -20,10 +20,10 @@ from pipeline.base.strict import LEAST_FORCE, LEAST_MASS, STANDARD_GRAVITY
 from pipeline.machine.robot import Robot
 from pipeline.readers._log_form import opened
 from pipeline.readers._log_table import (
-    BEYOND,
+    NUMBER_LIMIT,
+    GroupState,
     Log,
     Quantity,
-    State,
     known_columns,
     once,
     suffixed,
@@ -31,19 +31,19 @@ from pipeline.readers._log_table import (
     typed,
     whole_numbers,
 )
-from pipeline.readers.said import OURS, LogForm
+from pipeline.readers.export_settings import OWN_LOG, LogForm
 
 __all__ = [
-    "BEYOND",
     "FORCE",
     "LENGTH",
     "MASS",
+    "NUMBER_LIMIT",
     "POSE",
     "REPEAT",
     "SCALE",
+    "GroupState",
     "Log",
     "Quantity",
-    "State",
     "columns",
     "displacements",
     "forces",
@@ -93,7 +93,7 @@ REMARK = Quantity("remark", {}, "name", needed=False)
 """Remark of the operator on a row; `check` repeats it."""
 
 
-def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
+def loads(name: str, data: bytes, said: LogForm = OWN_LOG) -> Log:
     """Read the log of loads: pose, repeat, branch if known, and one kind of load in each row.
 
     The load is `force` [N], read on a scale in a chain, `mass` [kg] of a weight at the load point
@@ -163,7 +163,8 @@ def _pulls(log: Log) -> Log:
         log = once(log, ["group"])
         columns = (log.number["pose"], log.number["repeat"], log.number["resting"] == 0, log.line)
         states = (
-            State(int(p), int(r), bool(up), int(k)) for p, r, up, k in zip(*columns, strict=True)
+            GroupState(int(p), int(r), bool(up), int(k))
+            for p, r, up, k in zip(*columns, strict=True)
         )
         names = map(group_name, log.word["group"].tolist())
         log = replace(log, states=dict(zip(names, states, strict=True)))
@@ -246,7 +247,7 @@ def _one_load(log: Log) -> Log:
 
 
 def joints(
-    name: str, data: bytes, robot: Robot, said: LogForm = OURS, section: str | None = "joints"
+    name: str, data: bytes, robot: Robot, said: LogForm = OWN_LOG, section: str | None = "joints"
 ) -> Log:
     """Read the controller's joint log, by the robot's joint names or the controller's axis names.
 
@@ -355,4 +356,4 @@ def forces(name: str, data: bytes) -> Log:
 
 def columns(name: str, data: bytes) -> tuple[str, ...]:
     """Names of the columns in the header of a delimited table."""
-    return opened(name, data, OURS, None, POSE.stem).titles
+    return opened(name, data, OWN_LOG, None, POSE.stem).titles

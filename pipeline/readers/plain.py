@@ -17,8 +17,8 @@ from pipeline.readers._layout import Field, Layout
 from pipeline.readers._reader import (
     Export,
     Meaning,
+    OutgoingReadings,
     Reader,
-    Readings,
     export,
     in_a_hall,
     of_targets,
@@ -26,7 +26,7 @@ from pipeline.readers._reader import (
 )
 from pipeline.readers._text import Text
 from pipeline.readers._units import metres
-from pipeline.readers.said import Hints
+from pipeline.readers.export_settings import ExportSettings
 
 _TITLES = re.compile(r"group,target,x_(mm|m|in),y_\1,z_\1(,time)?\s*")
 _OF_OURS = {"names", "sheet"}
@@ -40,7 +40,7 @@ def recognise(lines: Sequence[str]) -> bool:
     return bool(lines and _TITLES.fullmatch(lines[0]))
 
 
-def read(text: Text, hints: Hints) -> Export:
+def read(text: Text, hints: ExportSettings) -> Export:
     """Readings of a plain CSV.
 
     Raises:
@@ -48,8 +48,8 @@ def read(text: Text, hints: Hints) -> Export:
             installed.
         InputError: It cannot be trusted as a whole.
     """
-    said = [key for key in Hints.model_fields if getattr(hints, key) is not None]
-    titles = None if {*said} - _OF_OURS else _TITLES.fullmatch(text.line(1))
+    selected = [key for key in ExportSettings.model_fields if getattr(hints, key) is not None]
+    titles = None if {*selected} - _OF_OURS else _TITLES.fullmatch(text.line(1))
     readings = _own(text, *titles.groups()) if titles else None
     if readings is None or (readings.rejected and doors.is_there(_TITLED)):
         found: Export = doors.opened(_TITLED)(text, hints)
@@ -70,7 +70,7 @@ def _own(text: Text, unit: str, timed: str | None) -> Export:
     return in_a_hall(of_targets(export(text, READER.name, found, Meaning(unit), position), numbers))
 
 
-def write(readings: Readings, unit: str, digits: int | None) -> bytes:
+def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     """Write a plain CSV with times to the second."""
     rows = [
         f"{group},{target},{','.join(xyz)},{time:%Y-%m-%dT%H:%M:%S}\n"

@@ -7,8 +7,8 @@ import numpy as np
 from pipeline.machine.robot import Robot
 from pipeline.readers._log_form import opened
 from pipeline.readers._log_table import Log, Quantity, known_columns, suffixed, typed
+from pipeline.readers.export_settings import OWN_LOG, LogForm
 from pipeline.readers.logs import ANGLE, LENGTH, controller_axes, own_joints
-from pipeline.readers.said import OURS, LogForm
 
 AXES, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 
@@ -19,7 +19,7 @@ TEMPERATURE = {"c": 1.0}
 """Units of temperature [degC]."""
 
 
-def positions(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
+def positions(name: str, data: bytes, robot: Robot, said: LogForm = OWN_LOG) -> Log:
     """Read a table of positions: joint values, x, y, z and, for 6D targets, rx, ry, rz.
 
     Args:

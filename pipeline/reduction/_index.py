@@ -13,7 +13,7 @@ import pandas as pd
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import each
-from pipeline.readers._log_table import BEYOND
+from pipeline.readers._log_table import NUMBER_LIMIT
 
 
 def places(column: pd.Series[str], words: Sequence[str]) -> Ints:
@@ -39,7 +39,7 @@ def pull_numbers(table: pd.DataFrame) -> Ints:
 
 def pull_number(pose: Ints, repeat: Ints) -> Ints:
     """The same from pose and repeat themselves."""
-    return pose.astype(np.int64, copy=False) * BEYOND + repeat
+    return pose.astype(np.int64, copy=False) * NUMBER_LIMIT + repeat
 
 
 def taken(table: pd.DataFrame, names: Sequence[str], rows: Ints | slice) -> dict[str, Array]:

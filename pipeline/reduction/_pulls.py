@@ -10,7 +10,7 @@ from pipeline.base.arrays import Bools, Ints, Locked
 from pipeline.base.errors import listed
 from pipeline.readers.logs import Log
 from pipeline.reduction._index import found, numbered, pull_number
-from pipeline.reduction._shots import Rejection, Shots
+from pipeline.reduction._raw_readings import RawReadings, Rejection
 from pipeline.reduction.settings import Settings
 
 
@@ -41,7 +41,9 @@ _ONE_PLACE_M = 1e-6
 metre in a wrong unit is longer."""
 
 
-def complete(shots: Shots, settings: Settings, loads: Log, joints: Log) -> tuple[Shots, Log]:
+def complete(
+    shots: RawReadings, settings: Settings, loads: Log, joints: Log
+) -> tuple[RawReadings, Log]:
     """Readings and loads without those that have no counterpart, and only those.
 
     Missing readings that should be there are listed as rejected, too.
@@ -61,7 +63,7 @@ def complete(shots: Shots, settings: Settings, loads: Log, joints: Log) -> tuple
     return left, _loads(states, dropped, why, loads)
 
 
-def _states(shots: Shots, t: int, loads: Log, joints: Log) -> _States:
+def _states(shots: RawReadings, t: int, loads: Log, joints: Log) -> _States:
     present = np.asfortranarray(shots.counted(t + 2) > 0)  # read by column
     poses, of = numbered(shots.pose)
     zero = np.zeros((len(poses), t), dtype=bool)
@@ -80,7 +82,7 @@ def _states(shots: Shots, t: int, loads: Log, joints: Log) -> _States:
     )
 
 
-def _apart(shots: Shots, t: int) -> Bools:
+def _apart(shots: RawReadings, t: int) -> Bools:
     """Whether the two ends of the chain, roles t and t + 1, are not in one place, shape (s,)."""
     ends = np.full((2, len(shots.pose), 3), np.nan)
     for k in (0, 1):
@@ -90,7 +92,7 @@ def _apart(shots: Shots, t: int) -> Bools:
 
 
 def _why_not(
-    shots: Shots, settings: Settings, states: _States, load_file: str, joint_file: str
+    shots: RawReadings, settings: Settings, states: _States, load_file: str, joint_file: str
 ) -> dict[int, str]:
     """Slots that cannot be used, and why."""
     t = len(settings.measured)
@@ -123,7 +125,7 @@ def _why_not(
     return why
 
 
-def _without_zero(shots: Shots, states: _States) -> Bools:
+def _without_zero(shots: RawReadings, states: _States) -> Bools:
     """Loaded readings of a target whose zero is missing."""
     t = states.zero.shape[1]
     if not (states.present[:, :t] & ~states.zero)[shots.loaded].any():
@@ -134,7 +136,9 @@ def _without_zero(shots: Shots, states: _States) -> Bools:
     return out
 
 
-def _absent(shots: Shots, settings: Settings, states: _States, dropped: Bools) -> list[Rejection]:
+def _absent(
+    shots: RawReadings, settings: Settings, states: _States, dropped: Bools
+) -> list[Rejection]:
     """Measured targets missing in a usable pull: reported, although nothing is left out."""
     t = len(settings.measured)
     lacking = shots.loaded & ~dropped & states.present.any(axis=1)

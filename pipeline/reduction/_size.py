@@ -8,7 +8,7 @@ import pyarrow as pa
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
 from pipeline.base.quantities import plain
-from pipeline.reduction._shots import BASE, Shots
+from pipeline.reduction._raw_readings import BASE, RawReadings
 from pipeline.reduction.settings import Settings
 
 _CERTAIN_FACTORS = {
@@ -27,7 +27,7 @@ _NEAR = 0.2
 better than 20 %."""
 
 
-def check_units(shots: Shots, settings: Settings) -> None:
+def check_units(shots: RawReadings, settings: Settings) -> None:
     """Check that distances between reflectors have the size that campaign.toml states.
 
     Raises:
@@ -46,7 +46,7 @@ def check_units(shots: Shots, settings: Settings) -> None:
     _check_size(shots, rows, group.astype(np.int64), nominal[target], "[base_frame]")
 
 
-def _check_size(shots: Shots, rows: Ints, together: Ints, nominal: Array, said: str) -> None:
+def _check_size(shots: RawReadings, rows: Ints, together: Ints, nominal: Array, said: str) -> None:
     """Compare the spread of points read together with the spread of their nominal positions.
 
     A unit holds for a whole file: only a factor shared by most sets of a file counts.

@@ -12,17 +12,22 @@ import pyarrow as pa
 from pipeline import tables
 from pipeline.base.arrays import Array, Ints
 from pipeline.machine.cell import Cell, Tool, paper_cell
+from pipeline.machine.positions_estimate import PositionsEstimate
 from pipeline.machine.robot import Robot
-from pipeline.machine.stance import Stance
 from pipeline.readers import Faces
-from pipeline.reduction._shots import NONE_LOST, Contradiction, Lost, Stale
+from pipeline.reduction._raw_readings import (
+    NONE_LOST,
+    Contradiction,
+    RepeatedReading,
+    UnusedReadings,
+)
 from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.stations import Station
 
 
 @dataclass(frozen=True)
-class Treated:
+class ExportTreatment:
     """What was done to an export, or left out of it, before it was used.
 
     Attributes:
@@ -70,16 +75,16 @@ class Case:
     rejected: pd.DataFrame
     displacements: pa.Table | None = None
     forces: pa.Table | None = None
-    stale: tuple[Stale, ...] = ()
+    stale: tuple[RepeatedReading, ...] = ()
     contradictions: tuple[Contradiction, ...] = ()
-    lost: Lost = NONE_LOST
+    lost: UnusedReadings = NONE_LOST
     unused: tuple[str, ...] = ()
-    treated: tuple[Treated, ...] = ()
+    treated: tuple[ExportTreatment, ...] = ()
     torques: pd.DataFrame | None = None
     stations: tuple[Station, ...] = ()
-    stance: Stance | None = None
+    stance: PositionsEstimate | None = None
 
-    def standing(self, stance: Stance) -> Case:
+    def standing(self, stance: PositionsEstimate) -> Case:
         """The same with the robot's table, tool and joint values estimated from positions."""
         points = {name: tuple(at.tolist()) for name, at in stance.points.items()}
         known = {name: at for name, at in points.items() if name in self.settings.tool}

@@ -21,17 +21,24 @@ from pipeline.base.covariance import columns as covariance_columns
 from pipeline.base.doors import found, opened
 from pipeline.base.errors import InputError, listed
 from pipeline.base.patterns import fits, is_glob
-from pipeline.base.threads import MUCH, both
+from pipeline.base.threads import WORTH_A_THREAD, both
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot
 from pipeline.machine.room import turns
 from pipeline.readers import Export, logs
-from pipeline.readers.known import ReflectorSet
-from pipeline.reduction import _pulls, _shots, _size, limits
+from pipeline.readers.reflector_sets import ReflectorSet
+from pipeline.reduction import _pulls, _raw_readings, _size, limits
 from pipeline.reduction._index import numbered, pull_number
-from pipeline.reduction._shots import NONE_LOST, Contradiction, Lost, Rejection, Shots, Stale
-from pipeline.reduction.case import Treated
+from pipeline.reduction._raw_readings import (
+    NONE_LOST,
+    Contradiction,
+    RawReadings,
+    Rejection,
+    RepeatedReading,
+    UnusedReadings,
+)
+from pipeline.reduction.case import ExportTreatment
 from pipeline.reduction.digits import rounding
 from pipeline.reduction.register import read_apart
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
@@ -76,11 +83,11 @@ class _Ingested:
     forces: pa.Table | None = None
     torques: pd.DataFrame | None = None
     doubt: InputError | None = None
-    stale: tuple[Stale, ...] = ()
+    stale: tuple[RepeatedReading, ...] = ()
     contradictions: tuple[Contradiction, ...] = ()
-    lost: Lost = NONE_LOST
+    lost: UnusedReadings = NONE_LOST
     unused: tuple[str, ...] = ()
-    treated: tuple[Treated, ...] = ()
+    treated: tuple[ExportTreatment, ...] = ()
 
 
 def ingest(
@@ -164,19 +171,19 @@ def _raw(
     loads, exports = both(
         lambda: _known_loads(settings, logs.loads(file, log, settings.loads_log)),
         lambda: _exports(settings, tracker, raw),
-        much=len(log) > MUCH,
+        much=len(log) > WORTH_A_THREAD,
     )
     _some_reading(exports)
-    everything = _shots.gather(exports, settings, loads.states)
-    shots = _shots.known(everything, settings, loads.states)
+    everything = _raw_readings.gather(exports, settings, loads.states)
+    shots = _raw_readings.known(everything, settings, loads.states)
     if loads.states:
-        _shots.pulled_at_rest(shots, settings.naming.chain, loads.states, file)
+        _raw_readings.pulled_at_rest(shots, settings.naming.chain, loads.states, file)
     doubt = _doubt(lambda: _size.check_units(shots, settings), plausible) or doubt
     width = len(settings.measured) + 2
-    rounds = _shots.in_rounds(shots, width)
-    once = _shots.once(rounds, width)
+    rounds = _raw_readings.in_rounds(shots, width)
+    once = _raw_readings.once(rounds, width)
     noisy = settings.reading_noise is not None or tracker.sigma_m is not None
-    weighed = _shots.weighed(once, noisy)
+    weighed = _raw_readings.weighed(once, noisy)
     _three_base_reflectors(weighed, settings)
     _some_pull(weighed, settings, loads)
     weighed, loads = weighed.without_poses(left_out), _leaving(loads, left_out)
@@ -193,12 +200,12 @@ def _raw(
         joints=_joints(joints, robot),
         rejected=_rejected([*whole.rejected, *loads.rejected, *joints.rejected]),
         doubt=doubt,
-        stale=_shots.stale(weighed),
-        contradictions=_shots.contradictions(rounds, width),
-        lost=_shots.lost(shots, whole),
-        unused=_shots.unused(everything, whole),
+        stale=_raw_readings.stale(weighed),
+        contradictions=_raw_readings.contradictions(rounds, width),
+        lost=_raw_readings.lost(shots, whole),
+        unused=_raw_readings.unused(everything, whole),
         treated=tuple(
-            Treated(name, one.faces, one.untimed, one.settled)
+            ExportTreatment(name, one.faces, one.untimed, one.settled)
             for name, one in exports.items()
             if one.faces or one.untimed or one.settled
         ),
@@ -252,7 +259,7 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
     return exports
 
 
-_SETTLED = "pipeline.intake.known:settled"
+_SETTLED = "pipeline.intake.by_reflectors:settled"
 """Door to what known reflectors settle of an ambiguous export."""
 
 
@@ -270,7 +277,7 @@ def _export(name: str, data: bytes, tracker: Tracker, bodies: Sequence[Reflector
 
 def _some_reading(exports: Mapping[str, Export]) -> None:
     if not any(len(export.line) for export in exports.values()):
-        if unread := _shots.unread(exports):
+        if unread := _raw_readings.unread(exports):
             raise _nothing_left(unread)
         raise InputError(
             "there is no reading in it, only a header",
@@ -279,10 +286,13 @@ def _some_reading(exports: Mapping[str, Export]) -> None:
         )
 
 
-def _three_base_reflectors(shots: Shots, settings: Settings) -> None:
+def _three_base_reflectors(shots: RawReadings, settings: Settings) -> None:
     if not settings.base_frame:
         return
-    names, base = shots.target.dictionary.to_pylist(), np.flatnonzero(shots.role == _shots.BASE)
+    names, base = (
+        shots.target.dictionary.to_pylist(),
+        np.flatnonzero(shots.role == _raw_readings.BASE),
+    )
     read = [names[k] for k in np.asarray(shots.target.indices)[base]]
     seen = sorted(set(read))
     if len(seen) < BASE_REFLECTORS:
@@ -298,7 +308,7 @@ def _three_base_reflectors(shots: Shots, settings: Settings) -> None:
     read_apart(seen, shots.position[base], nominal, *first)
 
 
-def _some_pull(shots: Shots, settings: Settings, loads: logs.Log) -> None:
+def _some_pull(shots: RawReadings, settings: Settings, loads: logs.Log) -> None:
     if shots.loaded.any():
         return
     if pulls := [name for name, one in loads.states.items() if one.loaded]:
@@ -315,7 +325,7 @@ def _some_pull(shots: Shots, settings: Settings, loads: logs.Log) -> None:
     )
 
 
-def _readings(shots: Shots, settings: Settings) -> pa.Table:
+def _readings(shots: RawReadings, settings: Settings) -> pa.Table:
     covariance, source = _covariance(shots, settings)
     slot = pa.array(shots.slot, mask=shots.slot < 0)
     pose, repeat, loaded = (
@@ -342,7 +352,7 @@ def _column(values: Array) -> pa.Array:
     return pa.array(np.ascontiguousarray(values))
 
 
-def _covariance(shots: Shots, settings: Settings) -> tuple[list[Array], pa.DictionaryArray]:
+def _covariance(shots: RawReadings, settings: Settings) -> tuple[list[Array], pa.DictionaryArray]:
     """Covariance of every reading, six columns, and the source of each."""
     stated, source = _stated_covariance(shots, settings)
     if shots.covariance is None:
@@ -357,7 +367,7 @@ def _covariance(shots: Shots, settings: Settings) -> tuple[list[Array], pa.Dicti
     return _rounded(shots, columns), _chosen(own, [source, "file"])
 
 
-def _rounded(shots: Shots, columns: list[Array]) -> list[Array]:
+def _rounded(shots: RawReadings, columns: list[Array]) -> list[Array]:
     """The same plus the variance of the last digit, where this is not negligible."""
     variance = rounding(shots.position) ** 2
     out = list(columns)
@@ -376,7 +386,7 @@ def _chosen(which: Array | Ints | Bools, words: Sequence[str]) -> pa.DictionaryA
     return pa.DictionaryArray.from_arrays(which.astype(np.int32), list(words))
 
 
-def _stated_covariance(shots: Shots, settings: Settings) -> tuple[list[Array], str]:
+def _stated_covariance(shots: RawReadings, settings: Settings) -> tuple[list[Array], str]:
     noise, n = settings.reading_noise, len(shots)
     if isinstance(noise, InstrumentNoise):
         source = "instrument" if settings.sheet is None else "sheet"

@@ -15,9 +15,9 @@ from pipeline.base.errors import InputError, listed
 from pipeline.machine import six
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import MOUNTED, Pulls
+from pipeline.machine.positions_estimate import PositionsEstimate
 from pipeline.machine.robot import Robot, configure
-from pipeline.machine.stance import Stance
-from pipeline.readers.known import GROSS_M
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction._index import coded, found, numbered, places, pull_numbers
 from pipeline.reduction.effector import tool
 from pipeline.reduction.idle import Idle, idle
@@ -119,7 +119,7 @@ class Measured(Locked):
     day_rel: float = 0.0
     idle: Idle | None = None
     tracker: Array | None = None
-    stance: Stance | None = None
+    stance: PositionsEstimate | None = None
 
     def __post_init__(self) -> None:
         """Fill in that pulls without further data have no body."""
@@ -135,7 +135,7 @@ class Measured(Locked):
         """Displacements that a shift of the instrument affects: all but rotations, shape (d,)."""
         return np.asarray(~(self.poses & (self.target == 1)))
 
-    def standing(self, stance: Stance | None, tool: Tool) -> Measured:
+    def standing(self, stance: PositionsEstimate | None, tool: Tool) -> Measured:
         """The same given absolute positions: unloaded points as by the corrected table alone.
 
         The motion of the unloaded points due to weight, laws of joints and a crooked rail is
@@ -202,7 +202,7 @@ def _in_frame(at: Array, there: Array) -> Array:
         return at
     R, t = linear.rigid(at[seen], there[seen])
     moved = at @ R.T + t
-    return moved if np.linalg.norm(moved - at, axis=1)[seen].max() < GROSS_M else at
+    return moved if np.linalg.norm(moved - at, axis=1)[seen].max() < GROSS_DISTANCE_M else at
 
 
 _FEWEST = 12

@@ -13,7 +13,7 @@ from pipeline.reduction.settings import AskedPose
 
 
 @dataclass(frozen=True, eq=False)
-class Where:
+class PoseOfInterest:
     """The user's test pose.
 
     Attributes:
@@ -27,7 +27,7 @@ class Where:
     stated: bool
 
 
-def place_of_interest(stated: AskedPose | None, robot: Robot, pulls: Pulls) -> Where:
+def place_of_interest(stated: AskedPose | None, robot: Robot, pulls: Pulls) -> PoseOfInterest:
     """The campaign's test pose, or its strongest pull where campaign.toml has none.
 
     Raises:
@@ -35,5 +35,5 @@ def place_of_interest(stated: AskedPose | None, robot: Robot, pulls: Pulls) -> W
     """
     if stated is None:
         strongest = int(np.argmax(np.linalg.norm(pulls.force, axis=1)))
-        return Where(pulls.q[strongest], pulls.force[strongest], stated=False)
-    return Where(stated.joint_values(robot), np.array(stated.force_n), stated=True)
+        return PoseOfInterest(pulls.q[strongest], pulls.force[strongest], stated=False)
+    return PoseOfInterest(stated.joint_values(robot), np.array(stated.force_n), stated=True)

@@ -16,7 +16,7 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine.effects.tracker_drift import GROUP_S
-from pipeline.readers.known import GROSS_M
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction._index import run
 from pipeline.reduction.growth import BaseGrowth, by_temperature, with_reflectors
 from pipeline.reduction.settings import BASE_REFLECTORS, ONE_LINE, Settings
@@ -162,8 +162,8 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
 
     It starts from the triple of reflectors whose rigid motion minimises the sum of the (m + 3) / 2
     smallest squared distances (least trimmed squares, Rousseeuw, J. Am. Stat. Assoc. 79, 1984), so
-    that fewer than half of the readings may lie anywhere. Readings nearer than `GROSS_M` are then
-    fitted as in `register`; residuals are given for all readings.
+    that fewer than half of the readings may lie anywhere. Readings nearer than `GROSS_DISTANCE_M`
+    are then fitted as in `register`; residuals are given for all readings.
 
     Args:
         registration: The registration with all readings.
@@ -211,7 +211,7 @@ def agreeing(points: Array, nominal: Array) -> Bools:
     some = slice(None, None, -(-m // _JUDGES))
     away = np.array([_away(points[some], nominal[some], *motion) for motion in motions])
     near = np.sort(away**2, axis=1)[:, : (away.shape[1] + 3) // 2].sum(axis=1)
-    return np.asarray(_away(points, nominal, *motions[int(np.argmin(near))]) < GROSS_M)
+    return np.asarray(_away(points, nominal, *motions[int(np.argmin(near))]) < GROSS_DISTANCE_M)
 
 
 def _away(points: Array, nominal: Array, R: Array, t: Array) -> Array:

@@ -39,12 +39,12 @@ from pipeline.base.strict import (
     checked,
     with_parts,
 )
-from pipeline.machine.instrument import InstrumentNoise, Sheet, sheet
+from pipeline.machine.instrument import DataSheet, InstrumentNoise, sheet
 from pipeline.machine.robot import Robot, axes
 from pipeline.machine.robot.axes import LIMIT_SLACK, from_log_units
 from pipeline.machine.surroundings import Surrounded
-from pipeline.readers.known import ReflectorSet
-from pipeline.readers.said import Hints, LogForm
+from pipeline.readers.export_settings import ExportSettings, LogForm
+from pipeline.readers.reflector_sets import ReflectorSet
 
 BASE_REFLECTORS = 3
 """Minimum number of reflectors of a base frame; the third fixes the rotation about the other
@@ -86,7 +86,7 @@ _Centre = Annotated[Point, AfterValidator(_on_the_effector)]
 """Centre of mass in the flange frame [m]."""
 
 
-class Tracker(Hints):
+class Tracker(ExportSettings):
     """The tracker's exports and its noise; without noise it is estimated from the residuals."""
 
     files: list[Glob] = Field(min_length=1)
@@ -146,9 +146,9 @@ class Naming(Strict):
     @model_validator(mode="after")
     def one_state_each(self) -> Naming:
         """Refuse a word for both states, whatever its case."""
-        said = {word.lower(): state for word, state in self.states.items()}
+        entries = {word.lower(): state for word, state in self.states.items()}
         for word, state in self.states.items():
-            if said[word.lower()] != state:
+            if entries[word.lower()] != state:
                 raise ValueError(f'states has "{word}" for unloaded and for loaded; keep one')
         return self
 
@@ -176,7 +176,7 @@ class Scale(LogForm):
     calibrated: datetime.date | None = None
 
 
-class Gravity(Strict):
+class _Gravity(Strict):
     """Direction and size of gravity, F_b [m/s^2]; by default rail or foot are level."""
 
     direction: Point = (0.0, 0.0, -1.0)
@@ -213,7 +213,7 @@ class _JointLog(LogForm):
     sigma_rad: Uncertainty = 0.0
 
 
-class ToolUncertainty(Strict):
+class _ToolUncertainty(Strict):
     """Standard uncertainty per axis of the nominal points in [tool]."""
 
     sigma_m: Uncertainty = 0.0
@@ -420,7 +420,7 @@ class Instrument(Strict):
         return self
 
 
-class RepairSettings(Strict):
+class _RepairSettings(Strict):
     """Work on a machine that changed some of its joints.
 
     Attributes:
@@ -447,7 +447,7 @@ class UnitSettings(Strict):
     serial: Name | None = None
     certificate: Name | None = None
     calibrated: datetime.date | None = None
-    history: tuple[RepairSettings, ...] = ()
+    history: tuple[_RepairSettings, ...] = ()
 
 
 class CausePrior(Strict):
@@ -464,7 +464,7 @@ class CausePrior(Strict):
     size: Annotated[float, Field(ge=1 / 3, le=3.0)] = 1.0
 
 
-class ModelSettings(Strict):
+class _ModelSettings(Strict):
     """What the forward model takes into account."""
 
     equilibrium: Literal["undeformed", "deformed"] = "undeformed"
@@ -488,7 +488,7 @@ class Settings(Surrounded):
     naming: Naming = Naming()
     base_frame: dict[Name, Point] = Field(default_factory=dict)
     scale: Scale | None = None
-    gravity: Gravity = Gravity()
+    gravity: _Gravity = _Gravity()
     payload: dict[Name, PayloadSettings] = Field(default_factory=dict)
     joints: _JointLog = _JointLog()
     displacements: Displacements | None = None
@@ -496,10 +496,10 @@ class Settings(Surrounded):
     instrument: Instrument = Instrument()
     robot_unit: UnitSettings = UnitSettings()
     tool: dict[Name, Point] = Field(default_factory=dict)
-    tool_uncertainty: ToolUncertainty = ToolUncertainty()
+    tool_uncertainty: _ToolUncertainty = _ToolUncertainty()
     test_pose: AskedPose | None = None
     tolerance: ToleranceSettings | None = None
-    model: ModelSettings = ModelSettings()
+    model: _ModelSettings = _ModelSettings()
     priors: dict[Name, CausePrior] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -590,7 +590,7 @@ class Settings(Surrounded):
         return self
 
     @property
-    def sheet(self) -> Sheet | None:
+    def sheet(self) -> DataSheet | None:
         """Data sheet from which the noise of the readings is taken; None where there is none.
 
         Any stated noise takes precedence. A sheet is valid for points, relative to the instrument,

@@ -49,8 +49,8 @@ class Weights(Locked):
         hung, on = loads["mass_kg"].notna().to_numpy(), mounted >= 0
         own = loads[["mass_kg", "mass_sigma_kg"]].to_numpy(float)
         which = np.unique(np.nan_to_num(own), axis=0, return_inverse=True)[1].ravel()
-        said = [(p.mass_kg, p.mass_sigma_kg, p.center_sigma_m) for p in payloads.values()]
-        table = np.array([*said, (np.nan, 0.0, 0.0)])[mounted]
+        selected = [(p.mass_kg, p.mass_sigma_kg, p.center_sigma_m) for p in payloads.values()]
+        table = np.array([*selected, (np.nan, 0.0, 0.0)])[mounted]
         centers = np.array([*(p.center_m for p in payloads.values()), (np.nan,) * 3])
         return cls(
             by=np.where(on, MOUNTED, np.where(hung, HUNG, PULLED)),

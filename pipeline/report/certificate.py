@@ -10,9 +10,9 @@ import numpy as np
 from pipeline.answer.amounts import amount
 from pipeline.answer.contract import About, Answer, Cause, Data, Placed, Reason, Stiffness, Which
 from pipeline.answer.words import DO, capital
+from pipeline.base.appearance import PLAIN, Appearance
 from pipeline.base.files import sha256
-from pipeline.base.language import Say, said
-from pipeline.base.look import PLAIN, Look
+from pipeline.base.language import Say, translated
 from pipeline.base.quantities import (
     MISSING,
     common_prefix,
@@ -28,8 +28,8 @@ from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.figures.certificate import drawn_as, stand
-from pipeline.report.record import Bar, Certificate, Item
-from pipeline.report.sections.identity import NAMES, rows
+from pipeline.report.identity import IDENTITY_NAMES, rows
+from pipeline.report.record import Certificate, Item, StiffnessBar
 from pipeline.report.summaries import Tables, interval
 from pipeline.store.campaign import dump
 
@@ -46,7 +46,9 @@ _DIGEST = 16
 """Number of hexadecimal digits of the digest that are printed."""
 
 
-def certificate(answer: Answer, tables: Tables, say: Say = str, look: Look = PLAIN) -> Certificate:
+def certificate(
+    answer: Answer, tables: Tables, say: Say = str, look: Appearance = PLAIN
+) -> Certificate:
     """Certificate of a campaign, which an engineer files.
 
     Args:
@@ -56,22 +58,25 @@ def certificate(answer: Answer, tables: Tables, say: Say = str, look: Look = PLA
         look: Logo and further lines of the house.
     """
     say = words.by_axis(answer, say)
-    pictures = {one.name: said(one, say) for one in figures(_PICTURES, answer, tables)}
+    pictures = {one.name: translated(one, say) for one in figures(_PICTURES, answer, tables)}
     bars, nominal = _bars(answer)
     compared = nominal is not None
     return Certificate(
         found=found(answer, say),
         to_do=say(" ".join((*_by_tolerance(answer), to_do(answer), *_to_controller(answer)))),
-        measure=measure(answer, say),
-        tolerance=say(unjudged(answer)),
+        measure=_measure(answer, say),
+        tolerance=say(_unjudged(answer)),
         picture=pictures.get("certificate"),
         gauge=pictures.get("gauge"),
-        bars=said(bars, say),
+        bars=translated(bars, say),
         nominal=nominal,
         beside=say("Of nominal" if compared else "Uncertainty"),
         note=say(_note(answer, compared) if bars else _NO_TABLE),
         filed=(
-            *(Item(say(name), text if name in NAMES else say(text)) for name, text in rows(answer)),
+            *(
+                Item(say(name), text if name in IDENTITY_NAMES else say(text))
+                for name, text in rows(answer)
+            ),
             *(Item(name, text) for name, text in look.fields),
         ),
         logo=look.logo,
@@ -195,7 +200,7 @@ _OPEN = {
 _NO_VALUE = "enter none of these values into a controller."
 
 
-def unjudged(answer: Answer) -> str:
+def _unjudged(answer: Answer) -> str:
     """Why no tolerance is judged; empty if one is."""
     if answer.tolerance is not None:
         return ""
@@ -204,7 +209,7 @@ def unjudged(answer: Answer) -> str:
     return "Not judged: none is stated in campaign.toml."
 
 
-def measure(answer: Answer, say: Say = str) -> str:
+def _measure(answer: Answer, say: Say = str) -> str:
     """What to measure next: the first sentences of that line of the first screen."""
     line = next((one.text for one in answer.first_screen if one.about == About.NEXT), "")
     every = say(" ".join(one for one in _ENDS.split(line) if "standard uncertainty" not in one))
@@ -242,7 +247,7 @@ def _by_tolerance(answer: Answer) -> Iterator[str]:
 # --- the stiffnesses ------------------------------------------------------------------------------
 
 
-def _bars(answer: Answer) -> tuple[tuple[Bar, ...], float | None]:
+def _bars(answer: Answer) -> tuple[tuple[StiffnessBar, ...], float | None]:
     """One bar per joint and the nominal value's place along them, 0 to 1 (None without nominals).
 
     There are no bars if no stiffness has a value.
@@ -255,7 +260,7 @@ def _bars(answer: Answer) -> tuple[tuple[Bar, ...], float | None]:
     tracks, nominal = (_beside_nominal(compared), True) if compared else (_rough(joints), False)
     at = tracks.pop("", None)
     bars = tuple(
-        Bar(
+        StiffnessBar(
             name=_name(one),
             value=_value(one, units),
             beside=stand(one).said if one.value is not None else MISSING,
@@ -338,8 +343,8 @@ effective stiffnesses, which absorb part of the cause."""
 
 def _substituted(answer: Answer) -> bool:
     """Whether effective stiffnesses replace the values in a controller; only for pulls."""
-    said = answer.recommended
-    beside = said.reason in _SUBSTITUTES and said.model is not Which.JOINT_SPRINGS
+    recommended = answer.recommended
+    beside = recommended.reason in _SUBSTITUTES and recommended.model is not Which.JOINT_SPRINGS
     return beside and not answer.of_positions
 
 

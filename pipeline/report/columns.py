@@ -14,19 +14,19 @@ Cells = tuple[Column, Callable[[_Thing], TableEntry]]
 """A column, and the function that gives its cell for one record."""
 
 
-def said(title: str, words: Callable[[_Thing], object], code: bool = False) -> Cells[_Thing]:
+def word_column(title: str, words: Callable[[_Thing], object], code: bool = False) -> Cells[_Thing]:
     """A column of words."""
     return Column(title, code=code), lambda thing: text_entry(words(thing))
 
 
-def number(
+def number_column(
     title: str, value: Callable[[_Thing], float | None], shown: Callable[[Any], str] = plain
 ) -> Cells[_Thing]:
     """A column of numbers."""
     return Column(title, numeric=True), lambda thing: entry(shown(value(thing)), value(thing))
 
 
-def measured(
+def measured_column(
     title: str, both: Callable[[_Thing], tuple[float | None, float | None]]
 ) -> Cells[_Thing]:
     """A column of values with their standard uncertainties."""

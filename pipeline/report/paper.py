@@ -8,7 +8,7 @@ from dataclasses import replace
 from pipeline.answer.words import listed
 from pipeline.report.record import Block, Paragraph, Report, ReportTable, Section
 
-ON_THE_PAGE = frozenset(
+_ON_THE_PAGE = frozenset(
     {
         "alone",
         "arrows",
@@ -44,7 +44,7 @@ ON_THE_PAGE = frozenset(
 )
 """Tables and figures that only a statistician needs; they are on the page only."""
 
-MOST_ROWS = 30
+_MOST_ROWS = 30
 """Maximum number of rows of a table that are printed."""
 
 
@@ -71,15 +71,15 @@ def _section(one: Section) -> Section | None:
 
 
 def _stays(block: Block) -> bool:
-    return not isinstance(block, Paragraph) and block.name in ON_THE_PAGE
+    return not isinstance(block, Paragraph) and block.name in _ON_THE_PAGE
 
 
 def _shortened(block: Block) -> Block:
-    """Cut a long table to its first `MOST_ROWS` rows."""
-    if not isinstance(block, ReportTable) or len(block.rows) <= MOST_ROWS:
+    """Cut a long table to its first `_MOST_ROWS` rows."""
+    if not isinstance(block, ReportTable) or len(block.rows) <= _MOST_ROWS:
         return block
-    more = f"{len(block.rows) - MOST_ROWS} more rows are in index.html."
-    return replace(block, rows=block.rows[:MOST_ROWS], note=f"{more} {block.note}".strip())
+    more = f"{len(block.rows) - _MOST_ROWS} more rows are in index.html."
+    return replace(block, rows=block.rows[:_MOST_ROWS], note=f"{more} {block.note}".strip())
 
 
 def _left_out(report: Report) -> Iterator[str]:

@@ -163,7 +163,7 @@ def unlabelled(*texts: str) -> tuple[Item, ...]:
 
 
 @dataclass(frozen=True)
-class Bar:
+class StiffnessBar:
     """One stiffness of the certificate.
 
     Attributes:
@@ -214,7 +214,7 @@ class Certificate:
     tolerance: str
     picture: Figure | None
     gauge: Figure | None
-    bars: tuple[Bar, ...]
+    bars: tuple[StiffnessBar, ...]
     nominal: float | None
     beside: str
     note: str
@@ -229,7 +229,7 @@ class Certificate:
             object.__setattr__(self, name, typeset(getattr(self, name)))
 
 
-TONES = ("good", "neutral", "attention", "bad")
+_TONES = ("good", "neutral", "attention", "bad")
 """Tones of a headline from best to worst."""
 
 
@@ -239,7 +239,7 @@ class Headline:
 
     Attributes:
         word: The decision in a few words.
-        tone: One of `TONES`.
+        tone: One of `_TONES`.
     """
 
     word: str
@@ -247,7 +247,7 @@ class Headline:
 
 
 @dataclass(frozen=True)
-class Frame:
+class PageFrame:
     """Fixed texts of page and paper around the content of the report, and their language."""
 
     language: str = "en"
@@ -281,7 +281,7 @@ class Report:
         heading: Heading, the name of a campaign.
         title: Title of page and PDF, complete in itself.
         verdict: The verdict in a few words.
-        tone: Tone of the verdict, one of `TONES`.
+        tone: Tone of the verdict, one of `_TONES`.
         first: The answer in words, line by line.
         sections: The remaining sections, in order of use.
         elsewhere: Other files with the same content.
@@ -302,13 +302,13 @@ class Report:
     run_time: str | None = None
     judged: Headline | None = None
     certificate: Certificate | None = None
-    frame: Frame = Frame()
+    frame: PageFrame = PageFrame()
 
     @property
     def worst(self) -> str:
         """The worse of the tones of verdict and tolerance, so that no colour is too optimistic."""
         tones = (self.tone, *([self.judged.tone] if self.judged else []))
-        return max(tones, key=TONES.index)
+        return max(tones, key=_TONES.index)
 
     @property
     def figures(self) -> tuple[Figure, ...]:

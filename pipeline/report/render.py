@@ -19,8 +19,8 @@ import pandas as pd
 from markupsafe import Markup
 
 from pipeline.answer.contract import Answer
+from pipeline.base.appearance import PLAIN, Appearance
 from pipeline.base.language import spoken
-from pipeline.base.look import PLAIN, Look
 from pipeline.base.quantities import typeset
 from pipeline.base.shown import runs
 from pipeline.base.version import __version__
@@ -37,7 +37,7 @@ def render(
     previous: Answer | None = None,
     beside: Collection[str] = (),
     wear: str | None = None,
-    look: Look = PLAIN,
+    look: Appearance = PLAIN,
 ) -> dict[str, bytes]:
     """Render every file of a campaign's report.
 
@@ -81,7 +81,7 @@ def _rendered(
     previous: Answer | None,
     beside: Collection[str],
     wear: str | None,
-    look: Look,
+    look: Appearance,
 ) -> dict[str, bytes]:
     """Render every file of a report; arguments and result as for `render`."""
     from pipeline.report.figures.catalogue import draw, live  # matplotlib imports for half a second

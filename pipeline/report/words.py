@@ -122,8 +122,10 @@ def at(name: str, where: int | str | None, axes: Axes) -> str:
 
 def values_of(answer: Answer) -> str:
     """Model and data from which the answer's values are taken."""
-    said = answer.recommended
-    return MODELS[said.model] + (", data corrected" if said.data == Data.CORRECTED else "")
+    recommended = answer.recommended
+    return MODELS[recommended.model] + (
+        ", data corrected" if recommended.data == Data.CORRECTED else ""
+    )
 
 
 def beside(answer: Answer) -> tuple[str, Values] | None:
@@ -131,7 +133,7 @@ def beside(answer: Answer) -> tuple[str, Values] | None:
 
     None if these are the answer's own values.
     """
-    said = answer.recommended
-    names = ["joint springs alone"] if said.model != Which.JOINT_SPRINGS else []
-    names += ["data as given"] if said.data == Data.CORRECTED else []
+    recommended = answer.recommended
+    names = ["joint springs alone"] if recommended.model != Which.JOINT_SPRINGS else []
+    names += ["data as given"] if recommended.data == Data.CORRECTED else []
     return (", ".join(names), answer.joint_springs) if names else None

@@ -7,6 +7,6 @@ Tests: `tests/service/`.
 
 import os
 
-from pipeline.base.environment import OURS
+from pipeline.base.environment import OWN_VARIABLES
 
-os.environ |= OURS
+os.environ |= OWN_VARIABLES

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from pipeline.base.errors import Unfinished, UsageError
 from pipeline.base.shown import printable
-from pipeline.service.executor import SEE, Done, Sent, tried
+from pipeline.service.executor import SEE, ItemResult, Sent, tried
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -41,7 +41,7 @@ class Cluster:
     address: str
     near: ClassVar[bool] = False
 
-    def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
+    def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[ItemResult[S, T]]:
         """Yield results in the order in which they finish.
 
         Raises:
@@ -86,18 +86,18 @@ class Cluster:
         thing = f"the scheduler at {self.address} is gone"
         return Unfinished(thing, "start it and run it again to go on")
 
-    def _done(self, item: S, future: Any) -> Done[S, T]:
+    def _done(self, item: S, future: Any) -> ItemResult[S, T]:
         """Result of an item."""
         try:
-            return Done(item, *future.result())
+            return ItemResult(item, *future.result())
         except _dask().KilledWorker:
-            return Done(item, None, Unfinished("its worker was lost again and again", SEE))
+            return ItemResult(item, None, Unfinished("its worker was lost again and again", SEE))
         except _dask().CancelledError:
             raise self._lost() from None
         except Exception as problem:  # of transfer: `tried` catches those of the work
             words = printable(f"{type(problem).__name__}: {problem}", 200)
             thing = f"what its worker has made of it cannot be read here ({words})"
-            return Done(item, None, Unfinished(thing, SEE))
+            return ItemResult(item, None, Unfinished(thing, SEE))
 
 
 @dataclass

@@ -30,7 +30,7 @@ take."""
 
 
 @dataclass(frozen=True)
-class Finding:
+class CheckResult:
     """Result of one check.
 
     Attributes:
@@ -46,7 +46,7 @@ class Finding:
     needed: bool = True
 
 
-def examine(root: Path) -> Iterator[Finding]:
+def examine(root: Path) -> Iterator[CheckResult]:
     """Check everything that `run`, `serve` and the report need."""
     yield _python()
     yield from _libraries()
@@ -58,27 +58,27 @@ def examine(root: Path) -> Iterator[Finding]:
     yield from _service(root)
 
 
-def _python() -> Finding:
+def _python() -> CheckResult:
     low, high = _PYTHONS
     here = _dotted(sys.version_info[:3])
     good = low <= sys.version_info[:2] <= high
     known = f"Python {_dotted(low)} to {_dotted(high)}"
     way_out = "" if good else f"; build the environment with {known}: make PYTHON=..."
-    return Finding("Python", good, f"{here}{way_out}")
+    return CheckResult("Python", good, f"{here}{way_out}")
 
 
 def _dotted(version: tuple[int, ...]) -> str:
     return ".".join(str(part) for part in version)
 
 
-def _libraries() -> Iterator[Finding]:
+def _libraries() -> Iterator[CheckResult]:
     """Check that every required library is installed in a supported version."""
     from packaging.requirements import Requirement
 
     try:
         wanted = [Requirement(text) for text in installed.requires("rail-stiffness") or []]
     except installed.PackageNotFoundError:
-        yield Finding("libraries", False, "the project is not installed; run make once")
+        yield CheckResult("libraries", False, "the project is not installed; run make once")
         return
     sound = True
     for one in wanted:
@@ -92,56 +92,56 @@ def _libraries() -> Iterator[Finding]:
             wrong, good = "is missing", False
         if not good:
             sound = False
-            yield Finding(one.name, False, f"{wrong}; python -m pip install '{one}'")
+            yield CheckResult(one.name, False, f"{wrong}; python -m pip install '{one}'")
     if sound:
-        yield Finding("libraries", True, f"all {len(wanted)} required libraries are installed")
+        yield CheckResult("libraries", True, f"all {len(wanted)} required libraries are installed")
 
 
-def _writable(root: Path, name: str) -> Finding:
+def _writable(root: Path, name: str) -> CheckResult:
     folder = root / name
     there = next(path for path in (folder, *folder.absolute().parents) if path.is_dir())
     good = os.access(there, os.W_OK)
-    said = "can be written" if good else f"{there} cannot be written; change its permissions"
-    return Finding(name, good, said)
+    text = "can be written" if good else f"{there} cannot be written; change its permissions"
+    return CheckResult(name, good, text)
 
 
-def _room(root: Path) -> Finding:
+def _room(root: Path) -> CheckResult:
     free = shutil.disk_usage(root.absolute()).free
     good = free > _ROOM_BYTES
-    said = f"{free / 2**30:.0f} GiB free"
-    return Finding("disk", good, said if good else f"{said}; make room")
+    text = f"{free / 2**30:.0f} GiB free"
+    return CheckResult("disk", good, text if good else f"{text}; make room")
 
 
-def _raw(root: Path) -> Finding:
+def _raw(root: Path) -> CheckResult:
     found = len(campaigns.every(root))
     if found:
-        return Finding("campaigns", True, f"{found} under {root / 'data' / 'raw'}")
-    said = "none under data/raw; `pipeline init NAME`, `pipeline simulate`, or another --root"
-    return Finding("campaigns", False, said, needed=False)
+        return CheckResult("campaigns", True, f"{found} under {root / 'data' / 'raw'}")
+    text = "none under data/raw; `pipeline init NAME`, `pipeline simulate`, or another --root"
+    return CheckResult("campaigns", False, text, needed=False)
 
 
-def _preferences(root: Path) -> Iterator[Finding]:
+def _preferences(root: Path) -> Iterator[CheckResult]:
     """Check pipeline.toml, and the object storage that it names."""
     there = (root / preferences.FILE).is_file()
     said, what = "is valid" if there else "not found (optional)", preferences.FILE
     try:
         address = preferences.load(root).storage.raw
-        yield Finding(what, True, said)
+        yield CheckResult(what, True, said)
         if address is not None:
             what, store = "storage", Store(address)
-            yield Finding(what, True, f"{len(store.marks())} objects at {store.shown}")
+            yield CheckResult(what, True, f"{len(store.marks())} objects at {store.shown}")
     except InputError as problem:
-        yield Finding(what, False, str(problem))
+        yield CheckResult(what, False, str(problem))
 
 
-def _service(root: Path) -> Iterator[Finding]:
+def _service(root: Path) -> Iterator[CheckResult]:
     """Check whether a service runs, its scans, and the campaigns it could not finish."""
     yield _server(root)
     running = service.Running.of(root)
     if running is None or not alive(running.process):
-        yield Finding("service", True, "not running; `pipeline serve` starts it", needed=False)
+        yield CheckResult("service", True, "not running; `pipeline serve` starts it", needed=False)
         return
-    yield Finding("service", True, f"runs as process {running.process}")
+    yield CheckResult("service", True, f"runs as process {running.process}")
     yield looks(root, running)
     yield from _waiting(root, _wanted(root).notify.webhook)
 
@@ -154,50 +154,52 @@ def _wanted(root: Path) -> Preferences:
         return Preferences()
 
 
-def looks(root: Path, running: service.Running) -> Finding:
+def looks(root: Path, running: service.Running) -> CheckResult:
     """Check when data/raw was last scanned, and whether that is as scheduled."""
-    wanted, look, now = _wanted(root).service, service.Looked.of(root), time.time()
+    wanted, look, now = _wanted(root).service, service.LastScan.of(root), time.time()
     if look is None:
-        return Finding("looks", True, "none yet", needed=False)
+        return CheckResult("looks", True, "none yet", needed=False)
     log = root / service.HOME / "schedule.log"
     at = datetime.fromtimestamp(look.began).isoformat(" ", "seconds")
     last = look.began if look.ended is None else look.ended
     if last > now + service.SLOW_S:
-        return Finding("looks", False, f"the last was at {at}: this machine's clock was set back")
+        return CheckResult(
+            "looks", False, f"the last was at {at}: this machine's clock was set back"
+        )
     if look.ended is None:
         ok = not look.hangs(now, wanted.limit_s + wanted.quiet_s)
-        return Finding("looks", ok, f"one is at work since {at}", needed=not ok)
+        return CheckResult("looks", ok, f"one is at work since {at}", needed=not ok)
     if look.overdue(now, running.every_s):
-        said = f"none since {at}; is the schedule paused on Prefect's page? {log} may say why"
-        return Finding("looks", False, said)
-    return Finding("looks", True, f"the last was at {at}")
+        text = f"none since {at}; is the schedule paused on Prefect's page? {log} may say why"
+        return CheckResult("looks", False, text)
+    return CheckResult("looks", True, f"the last was at {at}")
 
 
-def _waiting(root: Path, webhook: str | None) -> Iterator[Finding]:
+def _waiting(root: Path, webhook: str | None) -> Iterator[CheckResult]:
     """Report campaigns that will be tried again, and verdicts that the webhook did not accept."""
     for campaign in campaigns.every(root):
         seen = watch.recall(campaign)
         if seen.verdict == "failed":
             again = datetime.fromtimestamp(seen.tried + seen.pause_s).isoformat(" ", "minutes")
-            said = f"tried {seen.attempts} times, again at {again}: {seen.said}"
-            yield Finding(campaign.name, False, said, needed=False)
+            text = f"tried {seen.attempts} times, again at {again}: {seen.said}"
+            yield CheckResult(campaign.name, False, text, needed=False)
         elif webhook and seen.settled and seen.verdict != seen.told:
-            said = f"the webhook did not accept the message that it is {seen.verdict}; see [notify]"
-            yield Finding(campaign.name, False, said, needed=False)
+            text = f"the webhook did not accept the message that it is {seen.verdict}; see [notify]"
+            yield CheckResult(campaign.name, False, text, needed=False)
 
 
-def _server(root: Path) -> Finding:
+def _server(root: Path) -> CheckResult:
     api = os.environ.get("PREFECT_API_URL")
     if api:
         good = service.answers(api)
-        said = "answers" if good else "does not answer; start it or unset PREFECT_API_URL"
-        return Finding("Prefect server", good, f"{api} {said}")
+        text = "answers" if good else "does not answer; start it or unset PREFECT_API_URL"
+        return CheckResult("Prefect server", good, f"{api} {text}")
     noted = recalled(root / service.HOME / service.SERVING)
     urls = service.serving(root)
     if urls:
-        return Finding("Prefect server", True, f"answers at {urls['page']}")
+        return CheckResult("Prefect server", True, f"answers at {urls['page']}")
     if noted:
         log = root / service.HOME / "server.log"
-        said = f"does not answer; a running `serve` starts it again, and {log} may say why"
-        return Finding("Prefect server", False, said)
-    return Finding("Prefect server", True, "not running (not required)", needed=False)
+        text = f"does not answer; a running `serve` starts it again, and {log} may say why"
+        return CheckResult("Prefect server", False, text)
+    return CheckResult("Prefect server", True, "not running (not required)", needed=False)

@@ -21,7 +21,7 @@ from multiprocessing.context import SpawnProcess
 from multiprocessing.process import BaseProcess
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
-from pipeline.base.environment import OURS
+from pipeline.base.environment import OWN_VARIABLES
 from pipeline.base.errors import PipelineError, Unfinished
 
 S = TypeVar("S")
@@ -40,7 +40,7 @@ SEE = "see whether it is computed alone, and how much memory it needs"
 
 
 @dataclass(frozen=True)
-class Done(Generic[S, T]):
+class ItemResult(Generic[S, T]):
     """Result of one item.
 
     Attributes:
@@ -75,7 +75,7 @@ class Executor(Protocol):
 
     near: ClassVar[bool]
 
-    def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
+    def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[ItemResult[S, T]]:
         """Yield the result of each item as it finishes; items are consumed as capacity allows.
 
         Closing the iterator stops the work.
@@ -119,23 +119,23 @@ def _portable(problem: Exception) -> Exception:
 
 
 @dataclass(frozen=True)
-class Here:
+class InThisProcess:
     """In this process, one item after another."""
 
     near: ClassVar[bool] = True
 
-    def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
+    def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[ItemResult[S, T]]:
         """Yield results in the order of the items."""
         for item in items:
             try:
-                done = Done[S, T](item, work(item))
+                done = ItemResult[S, T](item, work(item))
             except Exception as problem:
-                done = Done[S, T](item, None, problem)
+                done = ItemResult[S, T](item, None, problem)
             yield done
 
 
 @dataclass(frozen=True)
-class Processes:
+class InProcesses:
     """In several processes of this machine.
 
     Attributes:
@@ -145,9 +145,9 @@ class Processes:
     number: int = field(default_factory=lambda: os.cpu_count() or 1)
     near: ClassVar[bool] = True
 
-    def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
+    def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[ItemResult[S, T]]:
         """Yield results as they finish; an item is restarted twice if its process is lost."""
-        os.environ |= OURS  # inherited by the processes
+        os.environ |= OWN_VARIABLES  # inherited by the processes
         left = iter(items)
         workers: list[_Worker[S, T]] = []
         try:
@@ -203,16 +203,16 @@ class _Worker(Generic[S, T]):
         self.end()
         return False
 
-    def heard(self) -> Done[S, T] | None:
+    def heard(self) -> ItemResult[S, T] | None:
         """Result of the item; None if it is restarted."""
         try:
-            return Done(self.item, *self.line.recv())
+            return ItemResult(self.item, *self.line.recv())
         except (EOFError, OSError):
             self._process.join(_GRACE_S)
         code = self.end()
         self._start()
         if self._lost == _AGAIN:
-            return Done(self.item, None, Unfinished(gone(code), SEE))
+            return ItemResult(self.item, None, Unfinished(gone(code), SEE))
         self._lost += 1
         self._send()
         return None

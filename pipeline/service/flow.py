@@ -35,8 +35,8 @@ from prefect.types.entrypoint import EntrypointType
 
 from pipeline.answer.archive import read
 from pipeline.answer.contract import Answer
-from pipeline.app.outcome import Outcome, failed, shown
-from pipeline.app.progress import Tell, told
+from pipeline.app.outcome import Outcome, failed, stiffness_text
+from pipeline.app.progress import Tell, reporting
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, UsageError
 from pipeline.base.preferences import Service, load
@@ -48,7 +48,7 @@ from pipeline.service.guard import Guard
 from pipeline.service.processes import PARENT, REPORTS_URL, ROOT, follow, log
 from pipeline.store.campaign import CampaignFolder, every, find
 
-TAG = "campaign"
+_TAG = "campaign"
 """Tag of the task that computes: a Prefect limit for `tag:campaign` holds for the whole team."""
 
 _DEPLOYED = "data-raw"
@@ -64,7 +64,7 @@ def _named() -> str:
 
 
 @flow(name="identify-stiffness", flow_run_name=_named, persist_result=False)
-def identify(root: str, campaign: str, force: bool = False) -> Answer:
+def _identify(root: str, campaign: str, force: bool = False) -> Answer:
     """Run every stage of one campaign as a Prefect task and return its answer."""
     found = find(Path(root), campaign)
     try:
@@ -187,7 +187,7 @@ class _Pool:
             parameters={"campaign": campaign.name, "seen": seen},
             idempotency_key=known,
             flow_run_name=campaign.name,
-            tags=[TAG],
+            tags=[_TAG],
             timeout=0,
             as_subflow=False,
         )
@@ -212,7 +212,7 @@ def attend(campaign: str, seen: str) -> Any:
     found = {one.name: one for one in every(root)}.get(campaign)
     if found is None:
         return Failed(message=f"There is no campaign {printable(campaign, 80)} any more.")
-    with tags(TAG), Guard(root, "local", load(root).service) as guard:
+    with tags(_TAG), Guard(root, "local", load(root).service) as guard:
         made = watch.attend(found, seen, _Slot(guard))
     if made is None:
         return Completed(message="It has changed since, or is done; the next scan sees to it.")
@@ -225,7 +225,7 @@ def attend(campaign: str, seen: str) -> Any:
 
 @dataclass(frozen=True)
 class _Slot:
-    """Works on a campaign while it holds one of the slots of `TAG`, if these are limited."""
+    """Works on a campaign while it holds one of the slots of `_TAG`, if these are limited."""
 
     guard: Guard
 
@@ -258,7 +258,7 @@ def identified(campaign: CampaignFolder, force: bool = False) -> Answer:
         CannotWrite: Prefect's server cannot store the run.
     """
     try:
-        answer: Answer = _result(identify(str(campaign.root), str(campaign.folder), force))
+        answer: Answer = _result(_identify(str(campaign.root), str(campaign.folder), force))
     except (httpx.HTTPError, PrefectException, RuntimeError) as problem:
         ours = isinstance(problem, RuntimeError)
         if ours and not re.search("Prefect|Failed to reach API", str(problem)):
@@ -318,7 +318,7 @@ def _cell(text: str) -> str:
 
 def serve(wanted: Service) -> None:
     """Scan on a schedule, one scan at a time, until this process is told to stop."""
-    clear()
+    _clear()
     with warnings.catch_warnings():  # Prefect misses an await when it stops on SIGTERM
         warnings.filterwarnings("ignore", "coroutine 'Runner.astop' was never awaited")
         scan.serve(
@@ -356,7 +356,7 @@ def _zone() -> str:
     return "UTC"
 
 
-def clear() -> None:
+def _clear() -> None:
     """Mark runs that a killed service left as crashed, and delete the scans that it missed."""
     open_states = [StateType.RUNNING, StateType.PENDING, StateType.SCHEDULED, StateType.CANCELLING]
     left = FlowRunFilter.model_validate({"state": {"type": {"any_": open_states}}})
@@ -403,7 +403,7 @@ def _as_task(stage: Callable[..., Any]) -> Callable[..., Any]:
         retry_delay_seconds=2,
         retry_condition_fn=_may_heal,
     )(quietly)
-    return told(_LISTENER.get(), lambda *given, **named: _result(carried_out(*given, **named)))
+    return reporting(_LISTENER.get(), lambda *given, **named: _result(carried_out(*given, **named)))
 
 
 def _may_heal(task: Any, run: Any, state: Any) -> bool:
@@ -416,7 +416,9 @@ def _publish(campaign: CampaignFolder, answer: Answer) -> None:
     key = "".join(c if c.isascii() and c.isalnum() else "-" for c in campaign.name.lower())
     artifacts.create_table_artifact(
         key=f"{key}-stiffness",
-        table=[{"joint": joint.name, "stiffness": shown(joint)} for joint in answer.stiffness],
+        table=[
+            {"joint": joint.name, "stiffness": stiffness_text(joint)} for joint in answer.stiffness
+        ],
         description=" ".join(answer.verdict_sentence[:2]),
     )
     artifacts.create_link_artifact(key=f"{key}-report", link=_link(campaign))

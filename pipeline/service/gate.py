@@ -146,7 +146,7 @@ def reports(folder: str) -> ASGIApp:
     """The reports of a project; links to files elsewhere are not followed."""
 
     def first(_: Request) -> Response:
-        from pipeline.service.standing import now  # imports pandas, which takes a second
+        from pipeline.service.status import now  # imports pandas, which takes a second
 
         return HTMLResponse(now(Path(folder).parent), headers={**_UNKEPT, "refresh": "10"})
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.app.outcome import Meant, Outcome, Several, failed, named, outcome
 from pipeline.base import files
 from pipeline.base.errors import Unfinished, UsageError
-from pipeline.service.executor import Done, Executor, Processes
+from pipeline.service.executor import Executor, InProcesses, ItemResult
 from pipeline.store.campaign import MANIFEST, CampaignFolder, find, label
 
 if TYPE_CHECKING:  # these types import the numerical libraries, which takes a second
@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # these types import the numerical libraries, which takes a s
 def executor(jobs: int | None, on: str | None) -> Executor | None:
     """The executor that the options ask for; None if they ask for none."""
     if on is None:
-        return Processes(jobs) if jobs else None
+        return InProcesses(jobs) if jobs else None
     from pipeline.service.cluster import Cluster
 
     return Cluster(on)
@@ -37,7 +37,7 @@ def executor(jobs: int | None, on: str | None) -> Executor | None:
 
 def several(jobs: int | None, on: str | None) -> Several:
     """Function that processes many campaigns: in processes of this machine, or on a cluster."""
-    return partial(outcomes, executor(jobs, on) or Processes())
+    return partial(outcomes, executor(jobs, on) or InProcesses())
 
 
 def outcomes(
@@ -61,7 +61,7 @@ def _name(one: Meant) -> str:
     return one.name if isinstance(one, CampaignFolder) else label(one)
 
 
-def _problem(done: Done[Meant, Outcome]) -> Exception:
+def _problem(done: ItemResult[Meant, Outcome]) -> Exception:
     assert done.problem is not None  # an outcome is always truthy
     return done.problem
 
@@ -196,7 +196,7 @@ def _refused(problem: Exception, campaign: CampaignFolder) -> Answer:
     raise problem
 
 
-def _received(done: Done[Parcel, _Made], campaign: CampaignFolder) -> Answer:
+def _received(done: ItemResult[Parcel, _Made], campaign: CampaignFolder) -> Answer:
     """Write the results received and return the answer; the caller holds the lock."""
     from pipeline.answer.archive import read
 

@@ -48,7 +48,7 @@ PATIENCE_S = 120.0
 RUNNING, LOOKED = "service.json", "look.json"
 """Files in data/processed: who serves this project, and when data/raw was last looked at."""
 
-LOCK, LOOKING = ".service.lock", ".look.lock"
+LOCK, _LOOKING = ".service.lock", ".look.lock"
 """Beside them, held by who serves, and by a worker that looks; no campaign's own folder begins with
 a dot."""
 
@@ -85,7 +85,7 @@ class Running(Strict):
         return _noted(cls, root / "data" / "processed" / RUNNING)
 
 
-class Looked(Strict):
+class LastScan(Strict):
     """Times of the last scan of data/raw, by this machine's clock [s].
 
     Attributes:
@@ -113,7 +113,7 @@ class Looked(Strict):
         return now - self.ended > max(_LATE * every_s, SLOW_S)
 
     @classmethod
-    def of(cls, root: Path) -> Looked | None:
+    def of(cls, root: Path) -> LastScan | None:
         """Read the last scan of a project; None before the first."""
         return _noted(cls, root / "data" / "processed" / LOOKED)
 
@@ -124,7 +124,7 @@ def looking(root: Path) -> Iterator[bool]:
     processed = root / "data" / "processed"
     with files.writing(processed):
         processed.mkdir(parents=True, exist_ok=True)
-    lock = FileLock(processed / LOOKING)
+    lock = FileLock(processed / _LOOKING)
     try:
         lock.acquire(timeout=0)
     except Timeout:

@@ -137,9 +137,9 @@ class Store:
 
 def _put(said: Mapping[bytes | str, bytes | str] | None) -> float | None:
     """Time at which an object just read was stored [s since 1970]; None if it is not given."""
-    told = {_text(word): _text(value) for word, value in (said or {}).items()}
+    entries = {_text(word): _text(value) for word, value in (said or {}).items()}
     with contextlib.suppress(KeyError, ValueError):
-        return datetime.fromisoformat(told["Last-Modified"]).timestamp()
+        return datetime.fromisoformat(entries["Last-Modified"]).timestamp()
     return None
 
 

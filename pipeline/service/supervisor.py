@@ -111,8 +111,8 @@ class _Child:
         if code is None and now - self._heard < _SILENT_S:
             self._cut_log()
             return
-        said = "answers no more" if code is None else f"ended (exit code {code})"
-        tell(f"{self.what} {said} and is started again; {self.log} may say why.")
+        text = "answers no more" if code is None else f"ended (exit code {code})"
+        tell(f"{self.what} {text} and is started again; {self.log} may say why.")
         self._fails = 0 if now - self._began > _STEADY_S else self._fails + 1
         self.stop()
         self._began = now
@@ -198,9 +198,9 @@ def _mended(root: Path, schedule: _Child, tell: _Tell) -> None:
 
 def _stuck(root: Path, wanted: Service, since: float, api: str) -> bool:
     """Whether a scan begun since then hangs, or the next one is overdue."""
-    look, now = service.Looked.of(root), time.time()
+    look, now = service.LastScan.of(root), time.time()
     if look is None or look.began < since:
-        look = service.Looked(began=since, ended=since)
+        look = service.LastScan(began=since, ended=since)
     if look.hangs(now, wanted.limit_s + wanted.quiet_s):
         return True
     return look.overdue(now, wanted.every_s) and not service.paused(api)

@@ -108,7 +108,7 @@ def _left_out(
     return None
 
 
-_OF_THE_DISK = (*files.FULL, errno.EROFS)
+_OF_THE_DISK = (*files.DISK_FULL, errno.EROFS)
 """Errors of the disk that concern every file, not only those of one campaign."""
 
 _RENAME = "rename it in the storage, or take it out"

@@ -43,7 +43,7 @@ _ENTRIES = 100_000
 """Maximum number of entries of a folder that are examined; a campaign has ten."""
 
 
-class Seen(Strict):
+class _LastOutcome(Strict):
     """Outcome of a campaign as `watch` and `serve` remember it.
 
     Attributes:
@@ -90,7 +90,7 @@ class Clock:
     pause: Callable[[float], None] = time.sleep
 
 
-class Work(Protocol):
+class _Work(Protocol):
     """Brings campaigns up to date: guard.Guard, or a pool of Prefect's workers."""
 
     def campaign(self, campaign: CampaignFolder) -> Outcome | None:
@@ -130,15 +130,15 @@ def _some(entries: Iterator[os.DirEntry[str]], most: int) -> list[os.DirEntry[st
     return [entry for _, entry in zip(range(most), entries, strict=False)]
 
 
-def recall(campaign: CampaignFolder) -> Seen:
+def recall(campaign: CampaignFolder) -> _LastOutcome:
     """Remembered outcome of a campaign."""
     try:
-        return Seen.model_validate(recalled(campaign.processed / MEMORY))
+        return _LastOutcome.model_validate(recalled(campaign.processed / MEMORY))
     except ValidationError:
-        return Seen()
+        return _LastOutcome()
 
 
-def _remember(campaign: CampaignFolder, seen: Seen) -> None:
+def _remember(campaign: CampaignFolder, seen: _LastOutcome) -> None:
     """Save the outcome beside the tables."""
     files.write(campaign.processed / MEMORY, dump(seen.model_dump()))
 
@@ -164,7 +164,7 @@ def _due(campaign: CampaignFolder, seen: str, now: float) -> bool:
 def scan(
     root: Path,
     preferences: Preferences,
-    work: Work,
+    work: _Work,
     clock: Clock = Clock(),
 ) -> Iterator[Outcome]:
     """Run campaigns that are new or changed and no longer grow; a failure does not stop the others.
@@ -175,8 +175,8 @@ def scan(
         work: How campaigns are brought up to date.
         clock: Clock of this machine.
     """
-    last = service.Looked.of(root)
-    look = service.Looked(began=clock.now())
+    last = service.LastScan.of(root)
+    look = service.LastScan(began=clock.now())
     trouble = _noted(root, look)
     drawn = last is not None and last.drawn  # otherwise it was killed or could not draw
 
@@ -208,7 +208,7 @@ def scan(
     yield from told_once(root, trouble)
 
 
-def _noted(root: Path, look: service.Looked) -> list[Outcome]:
+def _noted(root: Path, look: service.LastScan) -> list[Outcome]:
     """Record a scan for `doctor`; return what failed."""
     path = root / "data" / "processed" / service.LOOKED
     return _wrong(SERVICE, partial(files.write, path, dump(look.model_dump())))
@@ -217,7 +217,7 @@ def _noted(root: Path, look: service.Looked) -> list[Outcome]:
 def _scan(
     root: Path,
     preferences: Preferences,
-    work: Work,
+    work: _Work,
     clock: Clock,
     trouble: list[Outcome],
     at: Callable[[str], None],
@@ -243,7 +243,7 @@ def _scan(
         yield made
 
 
-def attend(campaign: CampaignFolder, seen: str, work: Work) -> Outcome | None:
+def attend(campaign: CampaignFolder, seen: str, work: _Work) -> Outcome | None:
     """Bring one campaign up to date that a scan has handed out, with its fingerprint at that time.
 
     Returns:
@@ -335,11 +335,11 @@ def _tell(campaign: CampaignFolder, whom: Notify) -> None:
     seen = recall(campaign)
     if seen.verdict == seen.told or not seen.settled:
         return
-    if whom.webhook is None or notify.posted(whom.webhook, message(campaign, seen)):
+    if whom.webhook is None or notify.posted(whom.webhook, _message(campaign, seen)):
         _remember(campaign, recall(campaign).model_copy(update={"told": seen.verdict}))
 
 
-def message(campaign: CampaignFolder, seen: Seen) -> dict[str, str | None]:
+def _message(campaign: CampaignFolder, seen: _LastOutcome) -> dict[str, str | None]:
     """Message for a webhook; `text` is the key that chat programs display."""
     news = f"{seen.told} -> {seen.verdict}" if seen.told else str(seen.verdict)
     return {

@@ -1,6 +1,7 @@
 """Outbuilding: the virtual cell; raw files from poses, pulls, noise and hidden effects.
 
-Door: `simulate.command` for the command line, `simulate.library` for `import pipeline`.
+Door: `simulate.command` for the command line, also for the list of `effects` that can be planted;
+`simulate.library` for `import pipeline`.
 Tests: `tests/simulate/`; nearly all others measure with it.
 """
 

@@ -17,14 +17,14 @@ from pipeline.base.errors import UsageError, listed
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.robot.variants import misread
-from pipeline.readers import Readings
+from pipeline.readers import OutgoingReadings
 from pipeline.simulate._words import amounts, parts
 
-KGF_N, LBF_N, INCH_M = 9.80665, 4.4482216152605, 0.0254
+KGF_N, _LBF_N, INCH_M = 9.80665, 4.4482216152605, 0.0254
 """Newtons in a kilogram-force and in a pound-force, metres in an inch; all exact by definition."""
 
 _METRES = {"inch": INCH_M, "m": 1.0}
-_NEWTONS = {"kgf": KGF_N, "lbf": LBF_N}
+_NEWTONS = {"kgf": KGF_N, "lbf": _LBF_N}
 _SISTER = {"kr500_rail": "kr500_rail_kuka", "kr500_rail_kuka": "kr500_rail"}
 
 
@@ -48,7 +48,7 @@ class Notebook(Locked):
     robot_text: str
     targets: tuple[str, ...]
     tool: Mapping[str, Sequence[float]]
-    readings: Readings
+    readings: OutgoingReadings
     reading_n: Array
     prismatic: Bools
     joints: Array
@@ -83,7 +83,7 @@ class _Blunder:
 
 
 @dataclass(frozen=True, eq=False)
-class Committed(Locked):
+class PlantedBlunder(Locked):
     """A blunder with its place and size.
 
     Attributes:
@@ -97,7 +97,7 @@ class Committed(Locked):
     size: Array
 
 
-def commit(text: str) -> Committed:
+def commit(text: str) -> PlantedBlunder:
     """Parse the blunder that `text` names, such as `outlier:pose03_rep1_loaded/P2=3e-4`.
 
     Raises:
@@ -108,7 +108,7 @@ def commit(text: str) -> Committed:
     blunder = BLUNDERS[name]
     if where and blunder.places:
         _known(where, blunder.places)
-    return Committed(blunder, where, amounts(size, blunder.size, text))
+    return PlantedBlunder(blunder, where, amounts(size, blunder.size, text))
 
 
 def _outlier(

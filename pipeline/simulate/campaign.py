@@ -16,10 +16,10 @@ from pipeline.base.errors import UsageError
 from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
-from pipeline.machine.robot.axes import in_log_units, shown
+from pipeline.machine.robot.axes import displayed, in_log_units
 from pipeline.machine.robot.axes import of as axes_of
 from pipeline.machine.surroundings import tooled
-from pipeline.readers import Readings, catalogue, text_of, writers
+from pipeline.readers import OutgoingReadings, catalogue, text_of, writers
 from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.noise import stated_covariance
@@ -73,7 +73,7 @@ def simulate(
         done.append(
             _effect(one.blunder.called or one.blunder.name, where, one.blunder.size, one.size)
         )
-    return RawCampaign(plan.name, _written(scene, notes), truth(scene, draws, done))
+    return RawCampaign(plan.name, _written(scene, notes), _truth(scene, draws, done))
 
 
 _TO_FILL = b"""
@@ -119,7 +119,7 @@ def _notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
         robot_text=robot.text,
         targets=tuple(scene.plan.targets),
         tool=scene.plan.tool,
-        readings=readings(scene, draws, which),
+        readings=_readings(scene, draws, which),
         reading_n=draws.reading_n[which],
         prismatic=robot.prismatic,
         joints=in_log_units(robot, q),
@@ -154,7 +154,7 @@ def _written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
     return files
 
 
-def _assignment(readings: Readings) -> bytes:
+def _assignment(readings: OutgoingReadings) -> bytes:
     """Group and target of each reading, for exports that contain numbers only."""
     order = range(1, len(readings.group) + 1)
     return _csv("order,group,target", zip(order, readings.group, readings.target, strict=True))
@@ -165,7 +165,7 @@ def _csv(head: str, rows: Iterable[Iterable[object]]) -> bytes:
     return "\n".join(lines).encode()
 
 
-def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
+def _readings(scene: Scene, draws: Draws, which: int = 0) -> OutgoingReadings:
     """All readings of one drawn campaign in chronological order."""
     plan = scene.plan
     named = _names(scene)
@@ -177,7 +177,7 @@ def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
     time = np.concatenate([t.ravel() for t in times])
     order = np.argsort(time, kind="stable")
     stated = stated_covariance(plan.tracker.model, xyz[order]) if plan.tracker.stated else None
-    return Readings(
+    return OutgoingReadings(
         group=[named[i][0] for i in order],
         target=[named[i][1] for i in order],
         position=xyz[order],
@@ -246,7 +246,10 @@ def _axes(scene: Scene) -> bytes:
     units = ["mm" if slide else "deg" for slide in axes_of(robot).slides]
     names = [f"{n}_{u}" for n, u in zip(axes_of(robot).names, units, strict=True)]
     rows = zip(
-        stands.pose, text_of(shown(robot, stands.q), 6), stands.approach.astype(int), strict=True
+        stands.pose,
+        text_of(displayed(robot, stands.q), 6),
+        stands.approach.astype(int),
+        strict=True,
     )
     head = ",".join(["pose", *names, "approach"])
     return _csv(head, ((pose, *values, way) for pose, values, way in rows))
@@ -307,7 +310,7 @@ def _stated(plan: Plan) -> dict[str, Any]:
     return {"noise": model if isinstance(model, str) else model.model_dump()}
 
 
-def truth(scene: Scene, draws: Draws, done: list[dict[str, Any]]) -> dict[str, Any]:
+def _truth(scene: Scene, draws: Draws, done: list[dict[str, Any]]) -> dict[str, Any]:
     """The truth of the first drawn campaign and its blunders, in SI, JSON-able."""
     plan, robot = scene.plan, scene.cell.robot
     stiffness = 1 / scene.values[: robot.n]

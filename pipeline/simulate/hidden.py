@@ -12,7 +12,7 @@ from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue, table
 from pipeline.machine.robot import Robot
 from pipeline.simulate._words import amounts, parts
-from pipeline.simulate.blunders import BLUNDERS, Committed, commit
+from pipeline.simulate.blunders import BLUNDERS, PlantedBlunder, commit
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Planted(Locked):
     values: Array
 
 
-def plant(text: str, robot: Robot) -> Planted | Committed:
+def plant(text: str, robot: Robot) -> Planted | PlantedBlunder:
     """The effect or blunder that `text` names, at its size.
 
     Args:
@@ -72,6 +72,6 @@ def effects(texts: Iterable[str], robot: Robot) -> tuple[Planted, ...]:
     return tuple(one for text in texts if isinstance(one := plant(text, robot), Planted))
 
 
-def blunders(texts: Iterable[str], robot: Robot) -> tuple[Committed, ...]:
+def blunders(texts: Iterable[str], robot: Robot) -> tuple[PlantedBlunder, ...]:
     """The named blunders, which change the files."""
-    return tuple(one for text in texts if isinstance(one := plant(text, robot), Committed))
+    return tuple(one for text in texts if isinstance(one := plant(text, robot), PlantedBlunder))

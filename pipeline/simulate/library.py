@@ -9,7 +9,7 @@ from typing import Any
 
 from pipeline.base import files
 from pipeline.base.errors import InputError
-from pipeline.base.toml import LARGEST, given
+from pipeline.base.toml import LARGEST_TEXT, given
 from pipeline.library.campaign import Campaign, load_campaign
 from pipeline.machine.robot import load as load_robot
 from pipeline.simulate import Plan, RawCampaign, parse, revised, simulate, with_noise
@@ -122,4 +122,4 @@ def _plan_of(path: Path | None) -> Plan:
     if path is None:
         return Plan()
     missing = InputError("there is no such plan", "check the path", file=str(path))
-    return parse(files.words(path, str(path), LARGEST, missing), path.name)
+    return parse(files.words(path, str(path), LARGEST_TEXT, missing), path.name)

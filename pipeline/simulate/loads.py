@@ -16,7 +16,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Run(Locked):
+class PullLoads(Locked):
     """Loads of all pulls, pose after pose.
 
     Attributes:
@@ -38,7 +38,7 @@ class Run(Locked):
     what: tuple[str, ...]
 
 
-def run(plan: Plan, poses: int, rng: np.random.Generator) -> Run:
+def run(plan: Plan, poses: int, rng: np.random.Generator) -> PullLoads:
     """The loads of a plan; errors of weights and payloads are drawn once for each body.
 
     Args:
@@ -53,7 +53,7 @@ def run(plan: Plan, poses: int, rng: np.random.Generator) -> Run:
     signs = [np.tile(branches(np.array(steps, float)), plan.pulls.repeats) for steps in each]
     shown = np.abs(np.concatenate(runs))
     chain = plan.pulls.load == "chain"
-    return Run(
+    return PullLoads(
         count=np.array([len(one) for one in runs]),
         by=np.full(len(shown), PULLED if chain else HUNG),
         shown=shown,
@@ -78,7 +78,7 @@ def _heavier(plan: Plan, shown: Array, rng: np.random.Generator) -> Array:
     return np.asarray((1 + off / masses)[which.ravel()])
 
 
-def _payloads(plan: Plan, poses: int, rng: np.random.Generator) -> Run:
+def _payloads(plan: Plan, poses: int, rng: np.random.Generator) -> PullLoads:
     """Each payload mounted in turn at every pose."""
     every = list(plan.payload.values())
     off = rng.standard_normal((len(every), 4))
@@ -87,7 +87,7 @@ def _payloads(plan: Plan, poses: int, rng: np.random.Generator) -> Run:
     center = np.array([one.center_m for one in every])
     center = center + off[:, 1:] * np.array([[one.center_sigma_m] for one in every])
     each = plan.pulls.repeats * poses
-    return Run(
+    return PullLoads(
         count=np.full(poses, plan.pulls.repeats * len(every)),
         by=np.full(each * len(every), MOUNTED),
         shown=np.tile(STANDARD_GRAVITY * mass, each),

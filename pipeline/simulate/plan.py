@@ -62,7 +62,7 @@ _PAYLOADS = {
 """Two payloads within the rating of a KR500, their centres off the axis of its last joint."""
 
 
-class Poses(Strict):
+class _PosePlan(Strict):
     """Poses of the robot: joint values, or the number of feasible poses to draw.
 
     Attributes:
@@ -82,7 +82,7 @@ class Poses(Strict):
         return self.count if self.q is None else len(self.q)
 
     @model_validator(mode="after")
-    def one_approach_per_pose(self) -> Poses:
+    def one_approach_per_pose(self) -> _PosePlan:
         """Require as many approaches as poses, and only one of count and q."""
         if self.q is not None and "count" in self.model_fields_set:
             raise ValueError("count and q are both given; keep one of them")
@@ -91,7 +91,7 @@ class Poses(Strict):
         return self
 
 
-class Pull(Strict):
+class _PullPlan(Strict):
     """Loads of the robot at every pose; loads that are not stated are chosen to suit the robot.
 
     Attributes:
@@ -120,7 +120,7 @@ class Pull(Strict):
     setting_sd_n: ForceUncertainty = 15.0
 
 
-class Instrument(Strict):
+class _TrackerPlan(Strict):
     """The tracker: its pose, its noise and its export.
 
     Attributes:
@@ -163,7 +163,7 @@ class Instrument(Strict):
         raise ValueError(f'"{said}" is neither a number from 0 to 15 nor full')
 
     @model_validator(mode="after")
-    def one_noise(self) -> Instrument:
+    def one_noise(self) -> _TrackerPlan:
         """Allow sigma_m or noise, not both."""
         if self.sigma_m is not None and self.noise is not None:
             raise ValueError("sigma_m and noise are both given; keep one of them")
@@ -195,7 +195,7 @@ class SpringScale(Scale):
     gain_error: Annotated[float, Field(ge=-1, le=10)] | None = None
 
 
-class Clock(Strict):
+class _Timing(Strict):
     """Start and durations of the readings."""
 
     start: datetime = datetime(2026, 11, 3, 8, 0, 8)
@@ -204,7 +204,7 @@ class Clock(Strict):
     pose_s: Seconds = 120.0
 
 
-class Hidden(Strict):
+class _TrueValues(Strict):
     """True values that no file of the campaign contains.
 
     Attributes:
@@ -230,13 +230,13 @@ class Plan(Surrounded):
     seed: int = Field(default=1, ge=0)
     tool: dict[Name, Point] = Field(default=TOOL)
     base_frame: dict[Name, Point] = Field(default=BASE)
-    poses: Poses = Poses()
-    pulls: Pull = Pull()
-    tracker: Instrument = Instrument()
+    poses: _PosePlan = _PosePlan()
+    pulls: _PullPlan = _PullPlan()
+    tracker: _TrackerPlan = _TrackerPlan()
     scale: SpringScale = SpringScale()
     payload: dict[Name, PayloadSettings] = Field(default=_PAYLOADS, min_length=1)
-    clock: Clock = Clock()
-    hidden: Hidden = Hidden()
+    clock: _Timing = _Timing()
+    hidden: _TrueValues = _TrueValues()
     test_pose: AskedPose | None = None
 
     @field_validator("name")

@@ -21,7 +21,7 @@ from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.axes import from_log_units, in_log_units
 from pipeline.simulate import noise
 from pipeline.simulate.hidden import Planted, effects
-from pipeline.simulate.loads import DOWN, Run, run
+from pipeline.simulate.loads import DOWN, PullLoads, run
 from pipeline.simulate.plan import Plan, fitted
 
 _CHAIN_POINTS_M = (0.1, 0.5)
@@ -67,7 +67,7 @@ class Scene(Locked):
     planted: tuple[Planted, ...]
     pulls: Pulls
     stands: Pulls
-    run: Run
+    run: PullLoads
     anchor: Array
     schedule: _Schedule
 

@@ -197,7 +197,7 @@ class CampaignFolder:
             "the file is missing", f"copy it into {self.name} or correct campaign.toml", file=name
         )
         if name.endswith(".toml"):
-            return files.read(path, name, toml.LARGEST, missing)
+            return files.read(path, name, toml.LARGEST_TEXT, missing)
         return files.read(path, name, largest(name), missing, partial(refuse_other_programs, name))
 
     def keep(
@@ -472,7 +472,7 @@ def _has_settings(folder: Path) -> bool:
     except (FileNotFoundError, NotADirectoryError):
         return False
     except OSError as problem:
-        return problem.errno not in files.NEVER
+        return problem.errno not in files.HOPELESS_ERRORS
     return True
 
 

@@ -3,16 +3,16 @@
 Every test that can call a clean campaign anything but `adequate` takes its rate from here, so that
 the total is one sum. The rate of a family of tests (all suspects, all readings) holds for the
 family, not for each member. There is one budget, shared by the pulls and the positions of one
-campaign: every rate is a fraction of it, and together they do not exceed it (`TOGETHER`).
+campaign: every rate is a fraction of it, and together they do not exceed it (`OF_BOTH`).
 """
 
 from __future__ import annotations
 
-MOST = 0.01
+MOST_ALARMS = 0.01
 """Upper limit of the false-alarm rate of all tests of one campaign together, whether of pulls, of
 positions or of both [1]: one clean campaign in a hundred, also where a thousand are counted."""
 
-SUSPECT = 0.20 * MOST
+SUSPECT = 0.20 * MOST_ALARMS
 """False-alarm rate of finding any suspect of the catalogue in addition to the joint springs [1]."""
 
 PLANNED = SUSPECT / 70
@@ -20,10 +20,10 @@ PLANNED = SUSPECT / 70
 with the catalogue of a robot on a rail. A measured campaign finds its own threshold
 (`detect.threshold`)."""
 
-LACK_OF_FIT = 0.025 * MOST
+LACK_OF_FIT = 0.025 * MOST_ALARMS
 """False-alarm rate of each of the two tests of lack of fit, by poses and by pulls [1]."""
 
-READING = 0.02 * MOST
+READING = 0.02 * MOST_ALARMS
 """False-alarm rate of each family of tests on readings [1]: single readings of poses, whole poses,
 base readings, whole base reflectors, the chain, the scale, readings with equal digits, and too many
 outliers among the readings in use."""
@@ -41,7 +41,7 @@ these differ by 3 % or more."""
 SCALE = READING - EXCHANGED - LADDERS
 """False-alarm rate that remains for single readings of the scale [1]."""
 
-FRAME = 0.01 * MOST
+FRAME = 0.01 * MOST_ALARMS
 """False-alarm rate of stated covariances being given in another frame [1]."""
 
 MOVED = 1e-9
@@ -51,32 +51,32 @@ move reach a test value a quarter smaller than readings without a move, of which
 p < 1e-3 and the smallest p was 1e-6; a move by the noise of one reading has p of 1e-9 to 1e-7,
 twice that 1e-26."""
 
-DRIFT = 0.05 * MOST - MOVED
+DRIFT = 0.05 * MOST_ALARMS - MOVED
 """False-alarm rate of a motion of the tracker that the base reflectors show [1]."""
 
-MISFIT = 0.04 * MOST
+MISFIT = 0.04 * MOST_ALARMS
 """False-alarm rate of the chi-square test of the residuals with the noise stated or found [1]: a
 fit less probable than this is never called adequate."""
 
-SCATTER = 0.05 * MOST
+SCATTER = 0.05 * MOST_ALARMS
 """False-alarm rate of a scatter beyond `TOLERATED` times the stated one [1]; this is no fault of
 the model, and the joint springs are kept."""
 
-LAW = 0.10 * MOST
+LAW = 0.10 * MOST_ALARMS
 """False-alarm rate of a law that is not in the catalogue, in displacements or in positions [1]."""
 
-GEOMETRY = 0.05 * MOST
+GEOMETRY = 0.05 * MOST_ALARMS
 """False-alarm rate of one cause among all that unloaded readings are tested for, and of DH
 parameters with larger errors than usual throughout [1]."""
 
-LOOSE = 0.01 * MOST - MOVED
+LOOSE = 0.01 * MOST_ALARMS - MOVED
 """False-alarm rate of targets that seem to move against each other under load [1]."""
 
 COMPONENT = 0.003
 """False-alarm rate of each noise component that repeats show to be larger than stated [1]; it
 changes weights and uncertainties only."""
 
-ACCUSING = {
+OF_PULLS = {
     "a cause": SUSPECT,
     "lack of fit by poses": LACK_OF_FIT,
     "lack of fit by pulls": LACK_OF_FIT,
@@ -109,8 +109,8 @@ OF_POSITIONS = {
 }
 """Every such test of a campaign of positions, with its rate."""
 
-TOGETHER = {
-    **ACCUSING,
+OF_BOTH = {
+    **OF_PULLS,
     **{f"{what}, of positions": rate for what, rate in OF_POSITIONS.items()},
     "springs that disagree": MISFIT,
     "tables that disagree": GEOMETRY,

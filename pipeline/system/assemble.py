@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.machine.cell import Cell, jacobian, predict, sensitivity
 from pipeline.machine.robot import Robot
 from pipeline.reduction.measured import Measured
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, RowIndex, System
 
 TRACKED = ("tracker", "zero", "direction")
 """Sources of error whose standard uncertainty is proportional to the noise of the tracker."""
@@ -57,9 +57,9 @@ def assemble(cell: Cell, data: Measured, values: Array) -> System:
     )
 
 
-def _rows(data: Measured) -> Rows:
+def _rows(data: Measured) -> RowIndex:
     pull = np.repeat(data.pull, 3)
-    return Rows(
+    return RowIndex(
         pose=data.pulls.pose[pull],
         repeat=data.pulls.repeat[pull],
         target=np.repeat(data.name, 3),
@@ -83,15 +83,15 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
     return with_readings(inputs(cell, data, values), data)
 
 
-def with_readings(others: Sequence[Block], data: Measured) -> Errors:
+def with_readings(others: Sequence[ErrorBlock], data: Measured) -> Errors:
     """Combine the errors of the readings, with the covariances of `data`, and all `others`."""
     d, factors = len(data.pull), covariance.factors
-    tracker = Block("tracker", False, factors(data.loaded_cov), np.arange(d), d)
-    zero = Block("zero", False, factors(data.zero_cov), data.zero, data.zero.max() + 1)
+    tracker = ErrorBlock("tracker", False, factors(data.loaded_cov), np.arange(d), d)
+    zero = ErrorBlock("zero", False, factors(data.zero_cov), data.zero, data.zero.max() + 1)
     return _together([tracker, zero, *others])
 
 
-def inputs(cell: Cell, data: Measured, values: Array) -> list[Block]:
+def inputs(cell: Cell, data: Measured, values: Array) -> list[ErrorBlock]:
     """Errors of every input except the readings, arguments as for `errors`.
 
     They do not depend on how the readings are weighted.
@@ -105,8 +105,8 @@ def inputs(cell: Cell, data: Measured, values: Array) -> list[Block]:
     turn = covariance.factors(data.rotation_cov[None])[0].T
     scaled = _scaled(cell, data, values)
     blocks = [
-        Block("force_reading", False, pulled.pop("force_reading"), data.pull, m),
-        Block("direction", False, pulled.pop("direction") / unit, data.pull, m),
+        ErrorBlock("force_reading", False, pulled.pop("force_reading"), data.pull, m),
+        ErrorBlock("direction", False, pulled.pop("direction") / unit, data.pull, m),
         *_by_time(data, scaled),
     ]
     once = {
@@ -119,11 +119,11 @@ def inputs(cell: Cell, data: Measured, values: Array) -> list[Block]:
         once[POSITIONS] = _beside_positions(cell, data, values)
     if data.bends and cell.equilibrium == "undeformed":
         once["second_order"] = second_order(cell, data, values)[..., None]
-    blocks += [Block(source, True, part, np.zeros(d, int), 1) for source, part in once.items()]
+    blocks += [ErrorBlock(source, True, part, np.zeros(d, int), 1) for source, part in once.items()]
     return blocks
 
 
-def _by_time(data: Measured, scaled: Array) -> Iterator[Block]:
+def _by_time(data: Measured, scaled: Array) -> Iterator[ErrorBlock]:
     """Errors common to the readings of one pose (wander) or of one day, where they are nonzero.
 
     Args:
@@ -132,10 +132,10 @@ def _by_time(data: Measured, scaled: Array) -> Iterator[Block]:
     """
     if data.wander is not None and data.wander.any():
         pose = np.unique(data.pulls.pose, return_inverse=True)[1][data.pull]
-        yield Block("wander", False, data.wander, pose, int(pose.max()) + 1)
+        yield ErrorBlock("wander", False, data.wander, pose, int(pose.max()) + 1)
     if data.day_rel:
         day = data.day[data.pull]
-        yield Block("day", True, data.day_rel * scaled, day, int(day.max()) + 1)
+        yield ErrorBlock("day", True, data.day_rel * scaled, day, int(day.max()) + 1)
 
 
 def _scaled(cell: Cell, data: Measured, values: Array) -> Array:
@@ -176,7 +176,7 @@ def _of_body(data: Measured) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class ErrorBlock:
     """Errors of one source: displacement d has `factor[d]` (3, r) times those of `owner[d]`."""
 
     source: str
@@ -186,7 +186,7 @@ class Block:
     owners: int
 
 
-def _together(blocks: list[Block]) -> Errors:
+def _together(blocks: list[ErrorBlock]) -> Errors:
     """G of all sources, without columns that are zero."""
     ends = np.cumsum([block.owners * block.factor.shape[2] for block in blocks]).tolist()
     firsts = [0, *ends[:-1]]
@@ -205,7 +205,7 @@ def _together(blocks: list[Block]) -> Errors:
     )
 
 
-def _where(block: Block, first: int) -> tuple[Ints, Ints]:
+def _where(block: ErrorBlock, first: int) -> tuple[Ints, Ints]:
     """Row and column in G of every entry of a block whose first column is `first`."""
     d, _, r = block.factor.shape
     row = np.broadcast_to(np.arange(3 * d).reshape(d, 3, 1), (d, 3, r))
@@ -270,7 +270,7 @@ def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
 
 
 def by_stance(cell: Cell, data: Measured, values: Array) -> Array:
-    """Effect on c of each error a of table and points, `Stance.parts`, shape (d, 3, r) [m]."""
+    """Effect on c of each error of table and points, `PositionsEstimate.parts`, (d, 3, r) [m]."""
     assert data.stance is not None
     stance = data.stance
 
@@ -287,8 +287,8 @@ def by_stance(cell: Cell, data: Measured, values: Array) -> Array:
 def _beside_positions(cell: Cell, data: Measured, values: Array) -> Array:
     """Effect on c of errors of absolute positions via table, points and elements, (d, 3, r) [m].
 
-    The elements of `Stance` are held in the cell at the values estimated from positions; their
-    errors are K a + W w.
+    The elements of `PositionsEstimate` are held in the cell at the values estimated from positions;
+    their errors are K a + W w.
     """
     assert data.stance is not None
     stance, n = data.stance, len(data.stance.compliance)

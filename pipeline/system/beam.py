@@ -66,7 +66,7 @@ too, hardly matter and stay as stated."""
 
 
 @dataclass(frozen=True, eq=False)
-class Beam(Locked):
+class BeamNoise(Locked):
     """The two parts of the noise, relative to the stated ones.
 
     Attributes:
@@ -87,7 +87,7 @@ class Beam(Locked):
     p_value: float = 1.0
 
     @classmethod
-    def stated(cls, data: Measured) -> Beam:
+    def stated(cls, data: Measured) -> BeamNoise:
         """Both parts as stated."""
         return cls(1.0, np.ones(len(data.pull)))
 
@@ -110,13 +110,13 @@ class Beam(Locked):
         """Largest variance of a part of a reading relative to the stated one, at least 1 [1]."""
         return max(1.0, self.along**2, float(self.across.max()) ** 2)
 
-    def change(self, other: Beam) -> float:
+    def change(self, other: BeamNoise) -> float:
         """Largest difference between the log variances of two results [1]."""
         across = np.abs(np.log(self.across / other.across)).max()
         return 2 * float(max(across, abs(np.log(self.along / other.along))))
 
 
-def beam(data: Measured, system: System, Q: Array, dof: int) -> Beam:
+def beam(data: Measured, system: System, Q: Array, dof: int) -> BeamNoise:
     """Estimate both parts from the rows of a campaign.
 
     L is minus twice the restricted log likelihood, L_0 that of the stated proportion,
@@ -129,7 +129,7 @@ def beam(data: Measured, system: System, Q: Array, dof: int) -> Beam:
         Q: Orthonormal columns that span springs and causes, shape (M, k).
         dof: Degrees of freedom of the residuals.
     """
-    stated, beams = Beam.stated(data), _beams(data)
+    stated, beams = BeamNoise.stated(data), _beams(data)
     if beams is None or dof < _FEWEST:
         return stated
     u, r = beams
@@ -143,7 +143,7 @@ def beam(data: Measured, system: System, Q: Array, dof: int) -> Beam:
     weight = special.softmax(np.append(0.0, logs))
     used = [_taken(*one, ratio) for one in zip(along, (across * grown).T, strict=True)]
     best = int(np.argmax(more))
-    return Beam(
+    return BeamNoise(
         along=float(np.sqrt(weight @ np.square([1.0, *(a for a, _ in used)]))),
         across=np.sqrt(weight @ np.square([stated.across, *(b for _, b in used)])),
         found=(float(along[best]), float(across[best])),

@@ -158,10 +158,10 @@ class _Known(Locked):
         """Independent determined mixes of some parameters, the best determined first."""
         while True:
             first = [self.line(pivot, left) for pivot in left.tolist()]
-            told = [(line.loose, k) for k, line in enumerate(first) if self.tells(line)]
-            if not told:
+            selected = [(line.loose, k) for k, line in enumerate(first) if self.tells(line)]
+            if not selected:
                 return
-            _, k = min(told)
+            _, k = min(selected)
             yield self.fewest(int(left[k]), left)
             left = np.delete(left, k)
 
@@ -169,7 +169,7 @@ class _Known(Locked):
         """The best determined mix of some members in which the pivot has weight one."""
         rest = eliminate(self.W, np.setdiff1d(np.arange(len(self.W)), members))
         w, kept = np.zeros(len(self.W)), float(rest[pivot, pivot])
-        if kept <= linear.LEFT:
+        if kept <= linear.ROUNDING_LEFT:
             w[pivot] = 1.0
             return _Line(w, np.inf)
         w[members] = rest[members, pivot] * self.size[members] / (kept * self.size[pivot])

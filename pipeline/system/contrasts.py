@@ -21,7 +21,7 @@ from pipeline.machine.robot import configure
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Settings
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, RowIndex, System
 
 _SAME_FORCE = 0.03
 """Maximum relative difference of force between a repeat and the first pull of its group [1]; a
@@ -116,7 +116,7 @@ def pure_error(system: System, residual: Array, data: Measured, zeros: Zeros, ce
     K = _contrasts(stack.group, stack.modes)
     contrasts = K.shape[1]
     at = np.asarray(np.abs(K).argmax(axis=0)).ravel()
-    rows = Rows(
+    rows = RowIndex(
         pose=stack.pose[at],
         repeat=np.zeros(contrasts, np.int64),
         target=np.full(contrasts, "", dtype=object),

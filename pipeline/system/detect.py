@@ -9,7 +9,7 @@ from scipy import special
 
 from pipeline.base.arrays import Array, Ints
 from pipeline.system import alarms
-from pipeline.system.beside import Base, Beside, by_products
+from pipeline.system.score_tests import Base, ScoreTests, by_products
 from pipeline.system.whitened import Whitened, by_pose_drop
 
 
@@ -78,7 +78,7 @@ def _least(drop: Array, rank: Ints, rest: Array, dof: int) -> Array:
 
 
 @dataclass(frozen=True)
-class Lack:
+class LackOfFit:
     """Lack of fit: what free motions of the effector explain beyond the model.
 
     Attributes:
@@ -95,7 +95,7 @@ class Lack:
         return min(self.p_poses, self.p_pulls) < alarms.LACK_OF_FIT
 
 
-def lack_of_fit(view: Whitened, base: Ints, score: Beside) -> Lack:
+def lack_of_fit(view: Whitened, base: Ints, score: ScoreTests) -> LackOfFit:
     """Test the base against free motions; the scatter comes from the rigidity of the effector.
 
     F = (drop / k) / (scatter / nu), with k and nu degrees of freedom: the lack of fit against the
@@ -106,11 +106,11 @@ def lack_of_fit(view: Whitened, base: Ints, score: Beside) -> Lack:
     free motions add no degrees of freedom.
     """
     if not view.tells_scatter:
-        return Lack(1.0, 1.0)
+        return LackOfFit(1.0, 1.0)
     noise = max(view.scatter / view.scatter_dof, view.least)
 
     def p(drop: float, dof: int) -> float:
         return float(special.fdtrc(dof, view.scatter_dof, drop / dof / noise)) if dof > 0 else 1.0
 
     by_pulls = max(score.rest - view.scatter, 0.0), score.dof - view.scatter_dof
-    return Lack(p(*by_pose_drop(view, base)), p(*by_pulls))
+    return LackOfFit(p(*by_pose_drop(view, base)), p(*by_pulls))

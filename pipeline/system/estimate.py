@@ -11,7 +11,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
 from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
-from pipeline.system import beside
+from pipeline.system import score_tests
 from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.restricted import PaddedRows, lowest
 from pipeline.system.system import Estimate, Goodness, System
@@ -32,7 +32,7 @@ _NO_NOISE_M = 1e-12
 """Residuals below this are rounding [m]."""
 
 
-def fits(estimate: Estimate, tracked: bool = True) -> bool:
+def is_plausible(estimate: Estimate, tracked: bool = True) -> bool:
     """Whether chance alone may have caused the misfit.
 
     Args:
@@ -199,5 +199,5 @@ def left_out(system: System, white: Whitener | None = None) -> Array:
     B = system.B * system.typical
     X = np.hstack([white.with_priors(B), white.columns])
     rows = np.hstack([B, np.zeros_like(white.common)])
-    left, lost = beside.left_out(X, white.with_priors(system.c), white.key, rows, system.c)
+    left, lost = score_tests.left_out(X, white.with_priors(system.c), white.key, rows, system.c)
     return np.where(lost, np.nan, left)

@@ -20,7 +20,7 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array
-from pipeline.system.beside import Beside
+from pipeline.system.score_tests import ScoreTests
 
 WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])
 """Prior standard deviations of a parameter in its typical size [1]; all have the same weight."""
@@ -36,7 +36,7 @@ the logarithms finite."""
 
 
 @dataclass(frozen=True, eq=False)
-class Scores(Beside):
+class Scores(ScoreTests):
     """Every suspect of the catalogue in addition to one base.
 
     Attributes:

@@ -31,14 +31,14 @@ FREEDOM = (3.0, 4.0, 5.0, 7.0, 10.0, 15.0)
 
 BURSTS = ((0.03, 3.0), (0.03, 5.0), (0.1, 3.0))
 """Trial pairs: fraction of the readings in bursts, and their width relative to the others.  Noise
-is bounded: no trial law has more than `THROWN` of its readings beyond `AWAY` times the width of its
-core. What a campaign holds beyond that are mistakes."""
+is bounded: no trial law has more than `FAILED_LOCKS` of its readings beyond `FAR_OFF` times the
+width of its core. What a campaign holds beyond that are mistakes."""
 
-AWAY = 10.0
+FAR_OFF = 10.0
 """Distance from which a reading is far off, in widths of the core [1]: never reached by a normal
 one."""
 
-THROWN = 0.013
+FAILED_LOCKS = 0.013
 """Maximum fraction of readings that an instrument in order produces so far off [1]: of 1000 rows of
 a published stationary series of an absolute tracker 13 are farther off, and these are failed locks.
 Student's with 3 degrees of freedom gives 0.8 %, bursts five times as wide 0.8 %."""
@@ -63,7 +63,7 @@ _SCATTER = 6.0
 """Standard uncertainties below which an outlier is scatter, not a mistake [1]: a normal reading
 reaches this once in a hundred million."""
 
-LIKELY = 0.5
+PRESENT = 0.5
 """Probability above which something is taken to be present [1]."""
 
 _REACH = (2.4, 4.8, 22.0)
@@ -133,7 +133,7 @@ class Family(Locked):
     @property
     def likely_heavy(self) -> bool:
         """Whether tails heavier than stated are more likely than not."""
-        return self.heavy > LIKELY
+        return self.heavy > PRESENT
 
     @property
     def rather(self) -> Family:

@@ -19,7 +19,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.system.assemble import assemble
 from pipeline.system.estimate import identify
 from pipeline.system.linearised import CurrentModel, Linearised, linearise
-from pipeline.system.shape import Shape, goodness, shape
+from pipeline.system.noise_shape import NoiseShape, goodness, shape
 from pipeline.system.system import Estimate, System
 from pipeline.system.turning import apart
 from pipeline.system.variance import Components, noise, rescaled, resting_on
@@ -50,7 +50,7 @@ class Fitted:
     system: System
     estimate: Estimate
     noise: Components
-    shape: Shape
+    shape: NoiseShape
 
     @property
     def excess(self) -> Components:
@@ -67,7 +67,7 @@ class Fitted:
         """Measurements of the same campaign with the size of the noise in use."""
         return rescaled(data, self.noise) if self.noise.used else data
 
-    def shaped(self, found: Shape) -> Fitted:
+    def shaped(self, found: NoiseShape) -> Fitted:
         """The same campaign weighted with another shape of the noise."""
         near = self.estimate.value
         return _shaped(self.case, self.reduced, self.plain, self.noise, found, near)
@@ -106,7 +106,7 @@ def fit(case: Case, reduced: Reduced, taken: bool = False) -> Fitted:
     if data.noise_stated:
         of = shape(beside_everything(case.cell, data, estimate.value))
     else:  # noise from residuals has the shape of the misfit
-        of = Shape.unseen(data)
+        of = NoiseShape.unseen(data)
     return _shaped(case, reduced, data, found, of, estimate.value)
 
 
@@ -119,7 +119,7 @@ def beside_everything(cell: Cell, data: Measured, values: Array) -> Linearised:
 
 
 def _shaped(
-    case: Case, reduced: Reduced, plain: Measured, found: Components, of: Shape, near: Array
+    case: Case, reduced: Reduced, plain: Measured, found: Components, of: NoiseShape, near: Array
 ) -> Fitted:
     return _weighed(case, reduced, plain, of.on(plain), found, of, near)
 
@@ -130,7 +130,7 @@ def _weighed(
     plain: Measured,
     data: Measured,
     found: Components,
-    of: Shape,
+    of: NoiseShape,
     near: Array,
 ) -> Fitted:
     """Joint springs of weighted measurements; the misfit is tested with the shape of the noise."""

@@ -12,7 +12,7 @@ from pipeline.machine.effect import Effect, Loaded
 from pipeline.machine.robot.configuration import rotation_about, velocity
 from pipeline.reduction.measured import Measured
 from pipeline.system.assemble import assemble
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, RowIndex, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Linearised(Locked):
     model: CurrentModel
     data: Measured
     suspects: tuple[Effect, ...]
-    rows: Rows
+    rows: RowIndex
     errors: Errors
     B: Array
     Z: Array

@@ -9,12 +9,12 @@ import scipy.sparse
 
 from pipeline.base.tails import chi2_beyond
 from pipeline.system import alarms
-from pipeline.system.beside import Base
 from pipeline.system.restricted import PaddedRows
+from pipeline.system.score_tests import Base
 from pipeline.system.system import ScatterRatio, System
 from pipeline.system.whitened import Whitened
 
-TOLERATED = 1.3
+TOLERATED_FACTOR = 1.3
 """Factor by which a certificate may be wrong without being reported [1]."""
 
 _LEAST = 0.01
@@ -40,8 +40,8 @@ def scatter(view: Whitened, system: System, known: tuple[float, float]) -> Scatt
     """Scatter of tracker and scale, relative to the noise that the data are weighted with.
 
     The tracker's is that of the campaign's contrasts, which no model of the robot can produce:
-    p = P[chi2(nu) > nu s^2 / `TOLERATED`^2] with nu = (u(s) / s)^-2 / 2. Where they cannot resolve
-    it, it is that of the residuals of the joint springs.
+    p = P[chi2(nu) > nu s^2 / `TOLERATED_FACTOR`^2] with nu = (u(s) / s)^-2 / 2. Where they cannot
+    resolve it, it is that of the residuals of the joint springs.
 
     Args:
         view: The campaign from the joint springs alone, with nothing scaled.
@@ -58,7 +58,7 @@ def scatter(view: Whitened, system: System, known: tuple[float, float]) -> Scatt
         tracker = float(np.sqrt(Base.of(view.A[:, view.base], view.A[:, -1]).rest / dof))
     stated = system.noise_stated
     tracker = max(tracker, _LEAST if stated else _LEAST_M)
-    p = float(chi2_beyond(dof * (tracker / TOLERATED) ** 2, dof)) if stated else 1.0
+    p = float(chi2_beyond(dof * (tracker / TOLERATED_FACTOR) ** 2, dof)) if stated else 1.0
     force, force_std, force_p = _force(view, system, tracker) if source == "contrasts" else _AS_SAID
     return ScatterRatio(
         tracker, tracker / float(np.sqrt(2 * dof)), p, force, force_std, force_p, source

@@ -142,12 +142,14 @@ def reliability(system: System, at: Solution) -> Reliability:
 
 
 def _reliability(r: Array, g: Array, moves: Array, scale: float) -> Reliability:
-    """From r, g = g_j' W (c - B x) and the effect of unit errors; r up to `linear.LEFT` is 0."""
-    seen = r > linear.LEFT
+    """From r, g = g_j' W (c - B x), effect of unit errors; r to `linear.ROUNDING_LEFT` is 0."""
+    seen = r > linear.ROUNDING_LEFT
     root = np.sqrt(np.where(seen, r, 1.0))
     visible = np.where(seen, scale * _SHIFT / root, np.inf)
     with np.errstate(invalid="ignore"):
-        moved = np.where(np.abs(moves) > linear.LEFT, np.abs(moves) * visible[:, None], 0.0)
+        moved = np.where(
+            np.abs(moves) > linear.ROUNDING_LEFT, np.abs(moves) * visible[:, None], 0.0
+        )
     return Reliability(np.maximum(r, 0.0), np.where(seen, g / (root * scale), 0.0), visible, moved)
 
 
@@ -243,8 +245,8 @@ def influence(system: System, at: Solution) -> Array:
     g = np.einsum("msn,ms->mn", D, blocks.padded(at.left[:M])[pose])
     steps = at.sigmas(along / np.sqrt(whole)[..., None])
     left, V = linear.directions(N / np.sqrt(whole[:, :, None] * whole[:, None, :]))
-    seen = left > linear.LEFT
+    seen = left > linear.ROUNDING_LEFT
     mine = np.swapaxes(V, 1, 2) @ steps  # effect of each direction, (m, n, q)
     size = np.einsum("mni,mn->mi", V, g / np.sqrt(whole)) * seen / np.where(seen, left, 1.0)
-    alone = (np.abs(mine) * ~seen[..., None]).max(axis=1, initial=0.0) > linear.LEFT
+    alone = (np.abs(mine) * ~seen[..., None]).max(axis=1, initial=0.0) > linear.ROUNDING_LEFT
     return np.where(alone, np.inf, np.abs(np.einsum("mi,miq->mq", size, mine)))

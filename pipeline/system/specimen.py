@@ -88,7 +88,7 @@ def common(value: Array, std: Array, joints: Sequence[Joint]) -> Common:
     return Common(g, float(np.sqrt(variance / weight.sum())), dof)
 
 
-def told(joint: Joint) -> bool:
+def has_stated_stiffness(joint: Joint) -> bool:
     """Whether the robot file states a stiffness for a joint."""
     return bool(joint.stiffness or joint.stiffness_range)
 

@@ -12,7 +12,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked, Parameter, Strings
 
 
 @dataclass(frozen=True, eq=False)
-class Rows(Locked):
+class RowIndex(Locked):
     """Identity of each row of c and B: one coordinate of one target in one pull.
 
     Attributes:
@@ -72,7 +72,7 @@ class System(Locked):
     """
 
     parameters: tuple[Parameter, ...]
-    rows: Rows
+    rows: RowIndex
     B: Array
     c: Array
     errors: Errors
@@ -82,7 +82,7 @@ class System(Locked):
     def part(self, rows: Bools) -> System:
         """Some rows of the system, (M,)."""
         old, errors = self.rows, self.errors
-        kept = Rows(
+        kept = RowIndex(
             old.pose[rows], old.repeat[rows], old.target[rows], old.axis[rows], old.pull[rows]
         )
         G = errors.G[np.flatnonzero(rows)]

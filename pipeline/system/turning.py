@@ -24,7 +24,7 @@ from pipeline.system.contrasts import pure_error, repeated_zeros, stacked
 from pipeline.system.estimate import identify
 from pipeline.system.restricted import PaddedRows, maximum
 from pipeline.system.system import Errors, System
-from pipeline.system.variance import UNTOLD
+from pipeline.system.variance import UNDETERMINED
 
 _TURNED = "turned"
 """Name of the sources `tracker` and `zero` where they act on a rotation."""
@@ -76,4 +76,4 @@ def _ratio(system: System) -> float | None:
     columns = system.B * system.typical if system.B.shape[1] else system.B
     blocks = PaddedRows.of(system, columns, [TRACKED, (_TURNED,)])
     log_scale, std, _ = maximum(blocks, np.array([True, True]))
-    return float(np.exp(log_scale[1] - log_scale[0])) if (std < UNTOLD).all() else None
+    return float(np.exp(log_scale[1] - log_scale[0])) if (std < UNDETERMINED).all() else None

@@ -43,7 +43,7 @@ NAMES = {"tracker": "tracker_noise", "force_reading": "force_noise"}
 """Name in the contract of each component that is larger than stated."""
 
 
-UNTOLD = 0.5
+UNDETERMINED = 0.5
 """Relative standard uncertainty of a scale above which the data do not determine it [1]."""
 
 
@@ -180,7 +180,7 @@ def variance_components(
 def _components(
     system: System, names: Sequence[str], log_scale: Array, std: Array, p: Array, dof: int
 ) -> Components:
-    lost = ~(std < UNTOLD)
+    lost = ~(std < UNDETERMINED)
     log_scale, std = np.where(lost, 0.0, log_scale), np.where(lost, np.inf, std)
     name = np.array(names, object)
     missing = (name == "tracker") & (not system.noise_stated)

@@ -27,8 +27,8 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.machine.effects.nameless import NAMELESS
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
-from pipeline.system.beyond import Beyond
 from pipeline.system.restricted import of_fixed
+from pipeline.system.rows_by_pose import RowsByPose
 
 TIMES_S = (300.0, 1200.0, 4800.0)
 """Trial correlation times [s]: from the length of a pose to that of a campaign; longer ones are a
@@ -156,7 +156,9 @@ def restless(data: Measured, moves: Array, time_s: float) -> Array:
     return np.asarray(out / np.sqrt(mean))
 
 
-def wander(data: Measured, beyond: Beyond, told: bool = True, moves: Array | None = None) -> Wander:
+def wander(
+    data: Measured, beyond: RowsByPose, told: bool = True, moves: Array | None = None
+) -> Wander:
     """Estimate the wander by restricted likelihood over `SIZES` and `TIMES_S`.
 
     With W = L^-1 K L^-T of each pose, rotated to diag(w), and a the size:
@@ -267,7 +269,7 @@ def _likely(losses: Array) -> tuple[Array, float]:
 
 
 def _not_joints(
-    data: Measured, beyond: Beyond, moves: Array | None, losses: Array, weight: Array
+    data: Measured, beyond: RowsByPose, moves: Array | None, losses: Array, weight: Array
 ) -> float:
     """Probability of a wander or of nothing against `restless` joints; 1 where nothing competes."""
     if moves is None or weight[:, 1:].sum() <= _NONE:
@@ -279,7 +281,7 @@ def _not_joints(
     return float(special.expit(ours - joints))
 
 
-def _along_one_axis(beyond: Beyond, factor: Array, size: float) -> bool:
+def _along_one_axis(beyond: RowsByPose, factor: Array, size: float) -> bool:
     """Whether one axis of F_b fits better than three equal ones, and as well as individual sizes.
 
     Tested by chi2(2) each; the sizes are optimised one after the other, twice.
@@ -306,7 +308,7 @@ def _along_one_axis(beyond: Beyond, factor: Array, size: float) -> bool:
 _ONE = np.ones(1)
 
 
-def _losses(beyond: Beyond, factor: Array, sizes: Array) -> Array:
+def _losses(beyond: RowsByPose, factor: Array, sizes: Array) -> Array:
     """Minus twice the restricted log likelihood at some sizes."""
     blocks = beyond.white.blocks
     A = beyond.white.inverse @ blocks.padded(factor.reshape(-1, factor.shape[2]))

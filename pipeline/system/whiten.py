@@ -9,8 +9,8 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
-from pipeline.system.beside import Base
 from pipeline.system.blocks import Blocks
+from pipeline.system.score_tests import Base
 from pipeline.system.system import Errors
 
 

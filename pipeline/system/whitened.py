@@ -20,11 +20,11 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect, same_element
 from pipeline.system import alarms
-from pipeline.system.beside import Base, by_products, left_out, padded
 from pipeline.system.elimination import coefficients
 from pipeline.system.evidence import ROUNDING, Scores
 from pipeline.system.linearised import CurrentModel, Linearised, accepted_columns, owners
-from pipeline.system.system import Errors, Rows
+from pipeline.system.score_tests import Base, by_products, left_out, padded
+from pipeline.system.system import Errors, RowIndex
 from pipeline.system.whiten import Whitener, whitener
 
 _FEWEST = 10
@@ -66,7 +66,7 @@ class Whitened(Locked):
     suspects: tuple[Effect, ...]
     owner: Ints
     typical: Array
-    rows: Rows
+    rows: RowIndex
     raw: Array
     A: Array
     pose: Ints
@@ -375,7 +375,7 @@ def _loose(seen: Linearised) -> Array:
     return out
 
 
-def _place_in_pose(rows: Rows) -> Ints:
+def _place_in_pose(rows: RowIndex) -> Ints:
     """Number of each row's pull within its pose, from 0."""
     _, first = np.unique(rows.pose, return_inverse=True)
     start = np.full(first.max() + 1, np.iinfo(np.int64).max)

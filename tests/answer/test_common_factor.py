@@ -6,7 +6,7 @@ import report_sample
 
 from pipeline.answer.common_factor import common_factor, told_factor
 from pipeline.machine.robot import load
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
@@ -94,7 +94,7 @@ def test_forces_written_too_large_are_told_on_the_first_screen(factor, told):
     for row in cells:
         row[at] = f"{factor * float(row[at]):.4f}"
     files["loads.csv"] = "\n".join([head, *(",".join(row) for row in cells)]).encode()
-    found = answered("many", in_memory(files)).answer
+    found = campaign_answer("many", in_memory(files)).answer
     fact = found.common_factor
 
     assert (fact is not None) is told

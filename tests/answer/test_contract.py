@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from bench import schema
 from pipeline.answer.contract import Answer, Drawn, Fit, TargetDeflection
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
@@ -26,7 +26,7 @@ def answer():
         pulls={"steps_n": [1000.0, 2000.0, 3000.0]},
         hidden={"effects": ["rail_roll=2x"]},
     )
-    return answered("rolls", in_memory(simulate(plan).files)).answer
+    return campaign_answer("rolls", in_memory(simulate(plan).files)).answer
 
 
 def test_the_schema_and_the_table_of_keys_are_those_of_the_types():

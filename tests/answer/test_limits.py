@@ -10,7 +10,7 @@ from pipeline.answer.inputs import limit_findings
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed, plain
-from pipeline.run import answered, ingested
+from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import simulate
 from pipeline.store.campaign import in_memory
 
@@ -100,7 +100,7 @@ def test_a_row_that_no_robot_can_take_and_its_readings_contradict_is_a_mistake()
         "joints.csv": flipped(pose, "theta3_deg"),
     }
 
-    said = answered("flipped", in_memory(files)).answer
+    said = campaign_answer("flipped", in_memory(files)).answer
 
     assert said.diagnosis.verdict == "bad_data"
     (cause,) = [one for one in said.diagnosis.causes if one.name == "outlier"]

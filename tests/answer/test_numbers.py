@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.base.errors import InputError
 from pipeline.report.render import render
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import dump, in_memory
 
@@ -38,7 +38,7 @@ def scaled(content, factor, column, row=None):
 
 def answer(raw):
     """The answer, through JSON and the report, as a run writes them."""
-    found = answered("c", in_memory(raw))
+    found = campaign_answer("c", in_memory(raw))
     assert b"NaN" not in dump(found.answer.as_json())
     return found
 
@@ -127,4 +127,4 @@ def test_few_poses_get_an_honest_answer(poses, sigma):
 def test_tables_that_say_nothing_get_a_sentence(spoil, said):
     """Two poses without a noise, headers only, nothing at all, no force."""
     with pytest.raises(InputError, match=said):
-        answered("c", in_memory(spoil(reduced(3))))
+        campaign_answer("c", in_memory(spoil(reduced(3))))

@@ -11,7 +11,7 @@ import report_sample
 from pipeline.answer.pose_budget import HELD_OUT, pose_budget
 from pipeline.answer.recommended import ModelValues, joint_springs
 from pipeline.prediction import model as handover
-from pipeline.prediction.tolerance import Shown, tip
+from pipeline.prediction.tolerance import HeldOutError, tip
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.report.model import compose
 from pipeline.run import ingested
@@ -21,7 +21,7 @@ from pipeline.store import campaign
 from pipeline.system.fit import fit
 
 FORCE = np.array([400.0, -900.0, 300.0])
-NOTHING = Shown(None, 3000.0)
+NOTHING = HeldOutError(None, 3000.0)
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +81,7 @@ def test_what_left_out_poses_show_beyond_the_model_is_a_line(springs):
     """If left-out poses were missed by more than the model states; the squares add up to it."""
     model, q = handed(springs), springs.fitted.data.pulls.q[0]
     stated = 1e3 * tip(model, q[None], FORCE[None], NOTHING).std[0]
-    at = tip(model, q[None], FORCE[None], Shown(2e-3 * stated, 3000.0))
+    at = tip(model, q[None], FORCE[None], HeldOutError(2e-3 * stated, 3000.0))
     lines = {part.source: part.std_mm for part in pose_budget(springs, model, q, FORCE, at)}
 
     assert lines[HELD_OUT] == pytest.approx(np.sqrt(3) * stated, rel=1e-6)

@@ -5,7 +5,7 @@ from itertools import product
 import pytest
 
 from pipeline.answer.contract import Data, Reason, Which
-from pipeline.answer.recommended import TABLE, Basis, decide
+from pipeline.answer.recommended import TABLE, DecisionBasis, decide
 
 SPRINGS, EXTENDED, AVERAGED = Which.JOINT_SPRINGS, Which.EXTENDED, Which.AVERAGED
 GIVEN, CORRECTED = Data.AS_GIVEN, Data.CORRECTED
@@ -35,14 +35,14 @@ def test_the_values_are_those_of_the_model_that_holds(
     mistakes, verdict, modelled, rivals, model, data, reason
 ):
     """Model, data and reason follow from mistakes, verdict and what was identified."""
-    row = decide(Basis(mistakes, verdict, modelled, rivals))
+    row = decide(DecisionBasis(mistakes, verdict, modelled, rivals))
 
     assert (row.model, row.data, row.reason) == (model, data, reason)
 
 
 def test_what_changes_no_model_only_weighs_the_springs_anew():
     """Where the robot stands was put right, nothing stands beside the springs."""
-    row = decide(Basis(False, "explained", modelled=True, rivals=False, beside=False))
+    row = decide(DecisionBasis(False, "explained", modelled=True, rivals=False, beside=False))
 
     assert (row.model, row.data, row.reason) == (EXTENDED, GIVEN, Reason.WEIGHED_ANEW)
 
@@ -61,7 +61,7 @@ def test_what_is_too_small_to_name_counts_where_nothing_else_is_wrong(
     mistakes, verdict, model, reason
 ):
     """Springs are averaged over it only beside the verdict that nothing is missing."""
-    row = decide(Basis(mistakes, verdict, modelled=False, rivals=False, too_small=True))
+    row = decide(DecisionBasis(mistakes, verdict, modelled=False, rivals=False, too_small=True))
 
     assert (row.model, row.reason) == (model, reason)
     assert reason.unseen is (model == AVERAGED)
@@ -71,7 +71,7 @@ def test_every_campaign_has_a_row_and_every_row_a_campaign():
     """Whatever the facts, one row decides; and no row stands in the table for nothing."""
     verdicts = ("adequate", "explained", "ambiguous", "unexplained")
     decided = {
-        decide(Basis(mistakes, verdict, modelled, modelled and rivals, *more)).reason
+        decide(DecisionBasis(mistakes, verdict, modelled, modelled and rivals, *more)).reason
         for mistakes, verdict, modelled, rivals, *more in product(
             (False, True), verdicts, *[(False, True)] * 5
         )

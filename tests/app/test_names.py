@@ -10,19 +10,18 @@ import xml.etree.ElementTree as ET
 import pyarrow as pa
 import pytest
 
-from pipeline.answer import archive
 from pipeline.app import cli
 from pipeline.base import files, patterns, toml
 from pipeline.base.errors import InputError, PipelineError
 from pipeline.base.shown import in_json, in_toml, in_xml, printable
 from pipeline.design.poses import default_anchors
 from pipeline.exchange.files import simulators
-from pipeline.fleet import pages
+from pipeline.fleet import history, pages
 from pipeline.machine.robot import load
 from pipeline.machine.robot import mdh as robots
 from pipeline.prediction import model as own
 from pipeline.reduction.settings import parse
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import CampaignFolder, dump, every, find, in_memory
 
@@ -102,7 +101,7 @@ def test_a_model_of_any_names_can_be_read_elsewhere():
     text = made.files["campaign.toml"].decode().replace("P1", "P😀").replace("\nP😀", '\n"P😀"')
     tracker = made.files["tracker.csv"].replace(b",P1,", ",P😀,".encode())
     changed = {"campaign.toml": text.encode()}
-    found = answered("c--\x1b", in_memory(made.files | changed | {"tracker.csv": tracker}))
+    found = campaign_answer("c--\x1b", in_memory(made.files | changed | {"tracker.csv": tracker}))
 
     written = simulators(found.model)
     model = own.dumps(found.model)
@@ -439,7 +438,7 @@ def test_a_name_that_no_folder_can_have_is_told(name, command, tmp_path, say):
 def finished(tmp_path_factory):
     """Two finished campaigns without their computation: a result of one is kept for both."""
     root = tmp_path_factory.mktemp("finished")
-    found = answered("a", in_memory(GOOD))
+    found = campaign_answer("a", in_memory(GOOD))
     for name in ("a", "b"):
         result = dump(found.answer.as_json() | {"campaign": name})
         files.write(root / "reports" / name / "result.json", result)
@@ -467,7 +466,7 @@ def test_a_damaged_result_is_left_out(path, content, finished):
     kept = (finished / path).read_bytes()
     (finished / path).write_bytes(content)
     try:
-        left = [one.campaign.name for one in archive.finished(finished)]
+        left = [one.campaign.name for one in history.finished(finished)]
     finally:
         (finished / path).write_bytes(kept)
 
@@ -476,7 +475,7 @@ def test_a_damaged_result_is_left_out(path, content, finished):
 
 def test_the_overview_is_drawn_of_what_is_there_at_last(finished, monkeypatch):
     """Who waited for another run's page does not draw what he had read before."""
-    both = archive.finished(finished)
+    both = history.finished(finished)
     drawn = []
     monkeypatch.setattr(
         "pipeline.fleet.overview.render_overview", lambda all_, wear: drawn.append(len(all_)) or b""

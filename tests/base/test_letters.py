@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.machine.robot import configure, load
-from pipeline.machine.robot.letters import changed, letters, twists
+from pipeline.machine.robot.dh_parameters import changed, dh_parameters, twists
 
 
 @pytest.mark.parametrize(
@@ -12,7 +12,7 @@ from pipeline.machine.robot.letters import changed, letters, twists
 )
 def test_a_letter_moves_the_flange_as_the_table_that_has_it(name):
     robot = load(name)
-    known = letters(robot)
+    known = dh_parameters(robot)
     rng = np.random.default_rng(1)
     q = rng.uniform(-1, 1, (5, robot.n))
     here = configure(robot, q)

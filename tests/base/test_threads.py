@@ -11,7 +11,7 @@ import pytest
 import threadpoolctl
 
 from pipeline.base.threads import alone, both, spread
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.store.campaign import dump, find
 
 
@@ -103,6 +103,6 @@ def test_an_answer_does_not_hang_on_threads_of_somebody_else():
     made = []
     for number in (1, 2):
         with threadpoolctl.threadpool_limits(number):
-            made.append(dump(answered("c", raw).answer.as_json()))
+            made.append(dump(campaign_answer("c", raw).answer.as_json()))
 
     assert made[0] == made[1]

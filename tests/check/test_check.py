@@ -15,7 +15,7 @@ from bench.bench_check import KINDS, named
 from pipeline.app import cli
 from pipeline.check.wrong_lines import wrong_lines
 from pipeline.machine.robot import load
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
 
@@ -285,7 +285,7 @@ def test_what_check_says_of_a_point_run_says_too():
     text = files["campaign.toml"].decode().replace("P3 = [-0.1, -0.18,", "P3 = [-0.1, -0.188,")
     raw = in_memory(files | {"campaign.toml": text.encode()})
     (wrong,) = wrong_lines(raw)
-    answer = answered("demo", raw).answer
+    answer = campaign_answer("demo", raw).answer
 
     assert "P3 in [tool] is 8.0" in wrong.sentence
     assert f"{wrong.sentence}." in answer.findings
@@ -347,6 +347,6 @@ def test_a_wrong_link_of_the_robot_file_is_told_before_a_run(said):
 @pytest.mark.slow
 def test_a_wrong_link_of_the_robot_file_is_a_cause_in_the_answer():
     """`run` names the same."""
-    found = answered("c", in_memory(wrong_link())).answer
+    found = campaign_answer("c", in_memory(wrong_link())).answer
 
     assert "link_length" in {cause.name for cause in found.diagnosis.causes}

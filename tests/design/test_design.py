@@ -14,15 +14,15 @@ from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.base.toml import loads
 from pipeline.design import criteria, search, spec
-from pipeline.design.bound import Worst, bounds, certify
+from pipeline.design.bound import WorstDirection, bounds, certify
 from pipeline.design.curves import by_anchor, by_size
 from pipeline.design.descent import descend
+from pipeline.design.finished import make
 from pipeline.design.information import Experiment, information, station, value_and_slope
 from pipeline.design.library import problem_of
 from pipeline.design.limits import kept, penalty, slacks
-from pipeline.design.made import make
 from pipeline.design.propose import propose
-from pipeline.design.scatter import Beam, Scatter
+from pipeline.design.scatter import PulledReadings, TrackerBeam
 from pipeline.design.schedule import starts
 from pipeline.design.search import Effort, evaluate, objective
 from pipeline.machine.cell import Tool, jacobian, paper_cell
@@ -46,20 +46,22 @@ TRACKER = np.array([6.5, 8.0, 0.7])
 NORMAL = Effort(first=0, rounds=1, poses=384, bounds=8, directions=64)
 QUICK = Effort(first=0, rounds=1, poses=96, settled=12, exchanged=3, bounds=5, directions=32)
 SCATTERS = {
-    "paper": Scatter(np.array([950.0]), np.array([4.0]), np.zeros(1), 0.0, 9e-10 * np.eye(3)),
-    "half sphere": Scatter(
+    "paper": PulledReadings(
+        np.array([950.0]), np.array([4.0]), np.zeros(1), 0.0, 9e-10 * np.eye(3)
+    ),
+    "half sphere": PulledReadings(
         np.array([1200.0, 3000.0]),
         np.array([2.0, 1.0]),
         np.array([3.0, 5.0]),
         1.0,
         9e-10 * np.diag([0.25, 0.25, 0.5]),
     ),
-    "beam": Scatter(
+    "beam": PulledReadings(
         np.array([1200.0, 3000.0]),
         np.array([2.0, 1.0]),
         np.array([3.0, 5.0]),
         0.5,
-        Beam(BEAM, tuple(TRACKER)),
+        TrackerBeam(BEAM, tuple(TRACKER)),
     ),
 }
 
@@ -147,7 +149,7 @@ def test_information_of_a_pose_is_that_of_its_dense_covariance(noise):
     for k in range(3):
         A = at.A[..., k].transpose(0, 2, 1).reshape(9, 7)
         points, d = at.points[..., k], A.sum(axis=1)
-        if isinstance(scatter.tracker, Beam):
+        if isinstance(scatter.tracker, TrackerBeam):
             blocks = []
             for point in points:
                 reach = np.linalg.norm(point - TRACKER)
@@ -263,7 +265,7 @@ def among(candidates):
     """The worst direction among a finite list, by enumeration."""
 
     def oracle(Z, hard):
-        return Worst(
+        return WorstDirection(
             float(np.sum(Z * candidates, axis=(1, 2)).max()), candidates, len(candidates), 1.0
         )
 
@@ -463,7 +465,7 @@ def test_no_random_plan_is_below_the_bound(reference, proposal):
     free = problem_of("paper_reference", {"limits": {"max_relative_std": 100.0}})
     start = np.random.default_rng(99).uniform(size=(60, 22))
     found = descend(objective(free, 50.0), start, rounds=150)
-    plans = evaluate(free, *search.Box(free, 3).opened(found.x))
+    plans = evaluate(free, *search.PlanCoordinates(free, 3).opened(found.x))
 
     assert min(p.figure for p in plans if p.kept) > proposal.certificate.figure
 
@@ -606,7 +608,7 @@ def test_a_problem_file_and_its_mistakes(tmp_path):
 @pytest.mark.xdist_group("design")
 def test_the_certificate_gets_better_and_stays_below_the_continuous_design(reference, proposal):
     """Bounds rise, continuous designs fall, and they agree to about a thousandth."""
-    pool = search.Box(reference, 1).closed(
+    pool = search.PlanCoordinates(reference, 1).closed(
         proposal.plan.q[:, None], np.tile(proposal.plan.anchor, (3, 1))
     )
     found = list(certify(reference, pool, np.random.default_rng(1), rounds=4, starts=24))

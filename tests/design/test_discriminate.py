@@ -8,14 +8,14 @@ import pytest
 from scipy import optimize, stats
 
 from pipeline.design.discriminate import (
-    Lens,
+    CauseTests,
     _classes,
     _first,
     _sizes,
-    lens,
+    cause_tests,
+    detectabilities,
     named_from,
     rows,
-    sights,
 )
 from pipeline.design.library import problem_of
 from pipeline.design.problem import with_steps
@@ -37,7 +37,7 @@ def made_lens():
     at = np.full((6, 2), -1)
     for row, start, count in zip(at, ends, OWNER, strict=False):
         row[:count] = np.arange(start, start + count)
-    return Lens(
+    return CauseTests(
         problem=SimpleNamespace(robot=ROBOT),
         cell=None,
         suspects=tuple(SimpleNamespace(label=one, needs=f"needs of {one}") for one in LABELS),
@@ -119,7 +119,7 @@ def test_a_cause_is_told_by_its_main_form_and_twins_as_one(columns):
     view, X = made_lens(), columns
     truth = expected(view, X)
 
-    said = {one.name: one for one in sights(view, X.T @ X)}
+    said = {one.name: one for one in detectabilities(view, X.T @ X)}
 
     assert list(said) == ["a", "b", "c = twin of c", "alone", "rail_yaw"]
     b, c = said["b"], said["c = twin of c"]
@@ -146,7 +146,7 @@ def test_what_needs_ten_thousand_typical_sizes_is_never_seen(columns):
         X = columns.copy()
         alone = expected(view, X)[5]
         X[:, 13] *= alone[1] / (1e4 * factor)
-        said = {one.name: one for one in sights(view, X.T @ X)}["alone"]
+        said = {one.name: one for one in detectabilities(view, X.T @ X)}["alone"]
         assert bool(np.isfinite(said.named_from)) is seen
 
 
@@ -163,7 +163,7 @@ def test_twins_of_twins_are_one_class():
 
 @pytest.fixture(scope="module")
 def real():
-    return lens(problem_of("paper_reference", {}))
+    return cause_tests(problem_of("paper_reference", {}))
 
 
 def test_the_causes_of_a_plan_are_those_that_pulls_can_show(real):

@@ -13,7 +13,7 @@ from cell_check import Checked
 
 from pipeline.design import spec
 from pipeline.design.arm import bodied, hulls
-from pipeline.design.driven import legs, standing, unwound
+from pipeline.design.driven import legs, pose_violations, unwound
 from pipeline.design.library import problem_of
 from pipeline.design.problem import build
 from pipeline.design.search import Effort, search
@@ -80,7 +80,7 @@ def test_no_pose_and_no_way_between_poses_meets_the_arm(name):
     checked = Checked(problem.robot, {}, {})
     found = legs(problem, q, problem.anchor_lower)
 
-    assert not standing(problem, q)
+    assert not pose_violations(problem, q)
     for (a, b), leg in zip(pairwise(q), found, strict=True):
         if leg.blocked is None:
             for at in driven((a, b), leg.via):
@@ -114,8 +114,8 @@ def test_a_way_through_the_arm_is_refused_with_pose_and_reason():
     (found,) = legs(problem, np.stack([there, q]), problem.anchor_lower)
 
     assert "from pose 1 to pose 2 the arm does not keep the arm clear of itself" in found.sentence
-    assert standing(problem, q[None]) == ["pose 1 does not keep the arm clear of itself"]
-    assert standing(problem, there[None]) == []
+    assert pose_violations(problem, q[None]) == ["pose 1 does not keep the arm clear of itself"]
+    assert pose_violations(problem, there[None]) == []
 
 
 def test_joints_that_turn_twice_stand_in_one_turn():

@@ -15,7 +15,7 @@ from cell_check import Checked
 
 from pipeline.design import spec
 from pipeline.design.arm import bodied
-from pipeline.design.driven import in_order, legs, standing, unwound
+from pipeline.design.driven import in_order, legs, pose_violations, unwound
 from pipeline.design.problem import build
 from pipeline.design.search import Effort, search
 from pipeline.design.trade import feasible_poses
@@ -108,7 +108,7 @@ def complaints(name, seed):
         tool = {"load_point": tool["load_point"]}
     checked = Checked(robot, {"tracker_m": tracker, "floor_z_m": floor}, tool, hulls)
     lever = 1e-6
-    out, told = [], list(standing(problem, q))
+    out, told = [], list(pose_violations(problem, q))
     for (a, b), leg in zip(itertools.pairwise(q), ways, strict=True):
         if leg.blocked:
             told.append(leg.sentence)

@@ -12,7 +12,7 @@ from pipeline.design.information import (
     station,
     value_and_slope,
 )
-from pipeline.design.scatter import Scatter
+from pipeline.design.scatter import PulledReadings
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
@@ -29,7 +29,7 @@ def made():
     robot = load("kr500_rail")
     return Experiment(
         robot, LOAD, RING, robot.nominal_compliance,
-        Scatter(STEPS, REPEATS, np.array([4.0, 9.0]), 0.5, COV),
+        PulledReadings(STEPS, REPEATS, np.array([4.0, 9.0]), 0.5, COV),
     )  # fmt: skip
 
 
@@ -101,11 +101,11 @@ def test_more_of_anything_is_more_information(made):
     plain = information(made, at)
     s = made.scatter
     for better in (
-        Scatter(STEPS, REPEATS + 2, s.force_std, 0.5, COV),
-        Scatter(1.5 * STEPS, REPEATS, s.force_std, 0.5, COV),
-        Scatter(STEPS, REPEATS, 0 * s.force_std, 0.5, COV),
-        Scatter(STEPS, REPEATS, s.force_std, 0.0, COV),
-        Scatter(STEPS, REPEATS, s.force_std, 0.5, COV / 2),
+        PulledReadings(STEPS, REPEATS + 2, s.force_std, 0.5, COV),
+        PulledReadings(1.5 * STEPS, REPEATS, s.force_std, 0.5, COV),
+        PulledReadings(STEPS, REPEATS, 0 * s.force_std, 0.5, COV),
+        PulledReadings(STEPS, REPEATS, s.force_std, 0.0, COV),
+        PulledReadings(STEPS, REPEATS, s.force_std, 0.5, COV / 2),
     ):
         more = information(replace(made, scatter=better), at) - plain
         assert (np.linalg.eigvalsh(more)[:, 0] > -1e-9 * np.abs(plain).max()).all()
@@ -117,7 +117,7 @@ def test_a_slope_by_joints_and_anchor_is_the_difference(name):
     """Of the displacements themselves, weighted at random, sliding and turning joints."""
     robot = load(name)
     one = Experiment(
-        robot, LOAD, RING, np.ones(robot.n), Scatter(STEPS, REPEATS, np.zeros(2), 0.0, COV)
+        robot, LOAD, RING, np.ones(robot.n), PulledReadings(STEPS, REPEATS, np.zeros(2), 0.0, COV)
     )
     q, rng = drawn_poses(robot, 3, 4), np.random.default_rng(6)
     anchor = ANCHOR + rng.normal(size=(3, 3))
@@ -146,7 +146,7 @@ def test_one_weighting_for_all_poses_is_that_of_each(made):
     at = station(made, drawn_poses(made.robot, 3, 7), ANCHOR)
     W = np.random.default_rng(8).normal(size=(7, 7))
     W = W @ W.T
-    exact = replace(made, scatter=Scatter(STEPS, REPEATS, np.zeros(2), 0.5, COV))
+    exact = replace(made, scatter=PulledReadings(STEPS, REPEATS, np.zeros(2), 0.5, COV))
     for one in (made, exact):
         shared = value_and_slope(one, at, W)
         each = value_and_slope(one, at, np.stack([W] * 3))

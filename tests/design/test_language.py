@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from english import ENGLISH
 
-from pipeline.base.language import Language, said, spoken
+from pipeline.base.language import Language, spoken, translated
 from pipeline.design import spec as specs
 from pipeline.design.control import controls
 from pipeline.design.library import problem_of
 from pipeline.design.plan_files import plan_files
-from pipeline.design.plan_sheet import Extras, sheet
-from pipeline.design.propose import Proposal
+from pipeline.design.plan_sheet import SheetExtras, sheet
+from pipeline.design.propose import BoundedPlan
 from pipeline.design.search import evaluate
 from pipeline.design.trade import feasible_poses
 from pipeline.design.unpulled import Unpulled
@@ -28,7 +28,7 @@ def drawn(name, changes):
     q = feasible_poses(made, anchor, np.random.default_rng(3), made.poses)
     plan = evaluate(made, q[None], anchor[None])[0]
     more = Unpulled(q[:1], 0.4, 0.9, 0.3, 600)
-    return Proposal(made, plan, None, "by chance", unpulled=more)
+    return BoundedPlan(made, plan, None, "by chance", unpulled=more)
 
 
 @pytest.fixture(scope="module", params=[("paper_reference", {}), ("paper_cell", {}),
@@ -37,7 +37,7 @@ def report(request):
     """A sheet in English."""
     made = drawn(*request.param)
     return sheet(
-        made, Extras(made.sights(), controls=controls(made.problem, made.measurement)), 1.0
+        made, SheetExtras(made.sights(), controls=controls(made.problem, made.measurement)), 1.0
     )
 
 
@@ -65,7 +65,9 @@ def test_nothing_stays_english(report, language):
     """But names, and the sources that a robot file states."""
     say = spoken(language)
     source = problem_of("paper_cell", {}).robot.capsules.source
-    left = {one for one in prose(said(report, say)) if ENGLISH.search(one.replace(source, ""))}
+    left = {
+        one for one in prose(translated(report, say)) if ENGLISH.search(one.replace(source, ""))
+    }
 
     assert left == set()
 

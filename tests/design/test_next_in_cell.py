@@ -7,14 +7,14 @@ import pytest
 from cell_check import CELL, TOOL, Checked
 
 from pipeline.answer.inputs import shot_findings
-from pipeline.design.nextpose import Question, candidates, propose
+from pipeline.design.nextpose import PlaceQuestion, candidates, propose
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot.axes import from_log_units, in_log_units
 from pipeline.machine.room import room_of
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.effector import tool
-from pipeline.run import answered, ingested, reduce
+from pipeline.run import campaign_answer, ingested, reduce
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
 from pipeline.store import campaign
@@ -54,7 +54,7 @@ def asked():
 def question(view, labels):
     """These causes could stand in one place, alike likely."""
     labelled = [effect.label for effect in view.suspects]
-    return Question(tuple(labelled.index(one) for one in labels), (0.5, 0.5), ())
+    return PlaceQuestion(tuple(labelled.index(one) for one in labels), (0.5, 0.5), ())
 
 
 def proposals(asked, seed):
@@ -134,8 +134,8 @@ def test_a_measured_pose_beyond_the_acceptance_is_a_fact():
 @pytest.mark.slow
 def test_the_answer_says_what_next_poses_keep_and_what_nobody_checked():
     """Under one key, which a campaign without a cell does not have."""
-    found = answered("cell", made()).answer.diagnosis
-    free = answered("free", made(cell=None)).answer.diagnosis
+    found = campaign_answer("cell", made()).answer.diagnosis
+    free = campaign_answer("free", made(cell=None)).answer.diagnosis
 
     assert "theta7 within -270 to 270 deg" in found.next_poses_in.kept
     assert "the arm clear of itself" in found.next_poses_in.kept

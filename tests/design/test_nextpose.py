@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.design.nextpose import (
     Candidates,
-    Question,
+    PlaceQuestion,
     _Contest,
     _series,
     candidates,
@@ -144,7 +144,7 @@ def number(among, proposal):
 def question(view, *labels, odds=None):
     """These causes could stand in one place, alike likely unless said otherwise."""
     odds = odds or (1 / len(labels),) * len(labels)
-    return Question(tuple(suspect(view, label) for label in labels), odds, ())
+    return PlaceQuestion(tuple(suspect(view, label) for label in labels), odds, ())
 
 
 def enlarged(view, label, times):
@@ -311,7 +311,7 @@ def test_where_only_its_worth_is_open_the_pose_is_taken_that_shows_most_of_a_cau
     few = weak(among, 12, 1.0)
     mine, other = suspect(view, "joint_tilt:3"), tuple(suspect(view, one) for one in rest)
 
-    first, *_ = propose(view, [Question((mine, None), (0.5, 0.5), other)], few)
+    first, *_ = propose(view, [PlaceQuestion((mine, None), (0.5, 0.5), other)], few)
 
     shown = [beside(view, "joint_tilt:3", rest, of(few, [k])) for k in range(12)]
     assert first.separates == ("joint_tilt:3", "joint_springs")
@@ -378,7 +378,7 @@ def test_a_contest_weighs_pairs_by_the_root_of_their_odds(asked):
     contest = _Contest.of(view, [question(view, *labels, odds=odds)])
 
     assert contest.weight == pytest.approx(np.sqrt([0.05, 0.2, 0.04]))
-    worth = Question((suspect(view, labels[0]), None), (0.5, 0.5), ())
+    worth = PlaceQuestion((suspect(view, labels[0]), None), (0.5, 0.5), ())
     assert contest.rivals
     assert not _Contest.of(view, [question(view, *labels, odds=odds), worth]).rivals
     few = weak(among, 3, 1.0)

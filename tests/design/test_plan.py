@@ -16,16 +16,16 @@ from pipeline.design import spec as specs
 from pipeline.design.command import write
 from pipeline.design.control import controls
 from pipeline.design.curves import by_anchor
-from pipeline.design.discriminate import APART, _covariance, lens, rows, sights
+from pipeline.design.discriminate import SEPARATED, _covariance, cause_tests, detectabilities, rows
+from pipeline.design.finished import FinishedDesign
 from pipeline.design.information import information, station
-from pipeline.design.known import information_of
 from pipeline.design.library import added_to
-from pipeline.design.made import Made
 from pipeline.design.measurement import Measurement, of_plan, seen_by
-from pipeline.design.plan_sheet import Extras, _log, expected, sheet
+from pipeline.design.plan_sheet import SheetExtras, _log, expected, sheet
 from pipeline.design.planfile import plan_content
+from pipeline.design.prior_information import information_of
 from pipeline.design.problem import with_steps
-from pipeline.design.propose import Proposal
+from pipeline.design.propose import BoundedPlan
 from pipeline.design.schedule import crossed, pulls_at, starts
 from pipeline.design.search import Plan, evaluate
 from pipeline.design.trade import feasible_poses, products, trade
@@ -66,7 +66,7 @@ def proposal(realistic):
     q = feasible_poses(realistic, anchor, np.random.default_rng(SEED), 6)
     slides = realistic.robot.prismatic
     q = np.where(slides, q.round(6), np.deg2rad(np.rad2deg(q).round(6)))
-    return Proposal(realistic, evaluate(realistic, q[None], anchor[None])[0], None, "by chance")
+    return BoundedPlan(realistic, evaluate(realistic, q[None], anchor[None])[0], None, "by chance")
 
 
 def reduced(files):
@@ -168,7 +168,7 @@ def test_the_carriage_comes_both_ways_for_either_sign_of_the_pull():
 def test_sizes_are_those_of_plain_least_squares(proposal):
     """At its smallest nameable size a cause is 4.6 sigmas from every rival, solved one by one."""
     made = proposal.problem
-    view, measurement = lens(made), proposal.measurement
+    view, measurement = cause_tests(made), proposal.measurement
     steps, start_s = measurement.steps[0], starts(np.full(6, 2))
     X = rows(view, measurement.q, measurement.anchor, measurement.approach, steps, start_s)
     X = X.reshape(-1, X.shape[-1])
@@ -191,7 +191,7 @@ def test_sizes_are_those_of_plain_least_squares(proposal):
         rivals = [j for j in columns if view.group[j] != view.group[i]]
         apart = min(left(columns[i], columns[j]) for j in rivals)
         if found[name].named_from > found[name].detected_from * 1.0001:
-            assert APART / apart == pytest.approx(found[name].named_from, rel=2e-3)
+            assert SEPARATED / apart == pytest.approx(found[name].named_from, rel=2e-3)
             checked += 1
 
     assert checked >= 15
@@ -200,7 +200,7 @@ def test_sizes_are_those_of_plain_least_squares(proposal):
 def test_whitened_springs_are_the_information(proposal):
     """The columns of the diagnosis and the information of the search agree about the springs."""
     made, measurement = proposal.problem, proposal.measurement
-    view = lens(made)
+    view = cause_tests(made)
     X = rows(
         view,
         measurement.q,
@@ -216,7 +216,7 @@ def test_whitened_springs_are_the_information(proposal):
 
 def test_more_load_steps_never_hide_a_cause(proposal):
     """With a third step added at every pose, nothing is noticed or named later than before."""
-    view, m = lens(proposal.problem), proposal.measurement
+    view, m = cause_tests(proposal.problem), proposal.measurement
     more = Measurement(m.q, m.anchor, m.approach, (np.array([4000.0, 1500.0, 600.0]),) * 6)
     before, after = ({s.name: s for s in seen_by(view, one)} for one in (m, more))
 
@@ -248,7 +248,7 @@ def test_an_exchange_names_more_within_what_is_allowed(proposal):
     anchor = np.array([2.5, 6.0, -0.891])
     q = feasible_poses(made, anchor, np.random.default_rng(4), 8)
     plan = evaluate(made, q[None], anchor[None])[0]
-    view, asked, rng = lens(made), made.spec.diagnosis, np.random.default_rng(1)
+    view, asked, rng = cause_tests(made), made.spec.diagnosis, np.random.default_rng(1)
     first, *_, last = trade(view, plan, asked, rng, sweeps=3, tried=24, pool=40, restarts=1)
     pulls = sum(len(visit.steps) for visit in last.visits)
 
@@ -257,7 +257,7 @@ def test_an_exchange_names_more_within_what_is_allowed(proposal):
     assert last.figure <= 1.6 * plan.figure
     assert pulls == 8
     assert len(last.visits) == 6
-    again = {s.name: s.named_from for s in sights(view, products(last.visits))}
+    again = {s.name: s.named_from for s in detectabilities(view, products(last.visits))}
     assert last.named == sum(size <= 1 for size in again.values())
 
 
@@ -270,12 +270,12 @@ def test_readings_that_cannot_be_shared_are_refused():
     plan = evaluate(made, q[None], anchor[None])[0]
 
     with pytest.raises(InputError, match="4 readings cannot be shared among 9 poses"):
-        next(trade(lens(made), plan, made.spec.diagnosis, np.random.default_rng(1), 1, 8))
+        next(trade(cause_tests(made), plan, made.spec.diagnosis, np.random.default_rng(1), 1, 8))
 
 
 def test_the_sheet_says_what_to_do_and_what_to_expect(proposal):
     """Every pose with its pulls, turns of the turnbuckle, tracker groups and expected motion."""
-    report = sheet(proposal, Extras(proposal.sights()), 1.0)
+    report = sheet(proposal, SheetExtras(proposal.sights()), 1.0)
     words = json.dumps([block for s in report.sections for block in map(str, s.blocks)])
     moved = expected(proposal.problem, proposal.measurement)
 
@@ -289,7 +289,7 @@ def test_the_sheet_says_what_to_do_and_what_to_expect(proposal):
 
 def test_the_sheet_gives_the_axes_of_the_controller(proposal):
     """Axes of the sheet, mm and degrees, turn back into the joint values of the plan."""
-    report = sheet(proposal, Extras(proposal.sights()), 1.0)
+    report = sheet(proposal, SheetExtras(proposal.sights()), 1.0)
     tables = {b.name: b for s in report.sections for b in s.blocks if hasattr(b, "rows")}
     robot = proposal.problem.robot
     rows = [row[1 : 1 + len(robot.controller)] for row in tables["axes"].rows]
@@ -309,7 +309,7 @@ def test_each_pose_says_where_to_drive_and_how_to_pull(proposal):
     twice = Measurement(
         measurement.q, measurement.anchor, measurement.approach, (np.array([3000.0, 3000.0]),) * 6
     )
-    report = sheet(proposal, Extras(proposal.sights()), 1.0)
+    report = sheet(proposal, SheetExtras(proposal.sights()), 1.0)
     axes = next(
         block for s in report.sections for block in s.blocks if getattr(block, "name", "") == "axes"
     )
@@ -332,7 +332,7 @@ def readings(proposal):
 
 def test_a_plan_knows_which_readings_nobody_will_control(proposal, readings):
     """That of the scale is what g' W (I - H) g of the whole plan gives, in plain numpy."""
-    view, measurement = lens(proposal.problem), proposal.measurement
+    view, measurement = cause_tests(proposal.problem), proposal.measurement
     steps, zero = measurement.steps[0], np.zeros(len(measurement.q))
     made = with_steps(proposal.problem, steps)
     V = _covariance(made, measurement.q, measurement.anchor)
@@ -353,7 +353,7 @@ def test_a_plan_knows_which_readings_nobody_will_control(proposal, readings):
 
 def test_the_sheet_says_which_readings_nobody_controls(proposal, readings):
     """Ten of them, the least controlled first, and the one that does most harm unseen."""
-    report = sheet(proposal, Extras(proposal.sights(), controls=readings), 1.0)
+    report = sheet(proposal, SheetExtras(proposal.sights(), controls=readings), 1.0)
     section = next(s for s in report.sections if s.key == "control")
     worst = max(readings, key=lambda one: one.moves)
 
@@ -377,7 +377,7 @@ def test_each_place_of_the_anchor_is_searched_as_if_alone(proposal):
 @pytest.fixture(scope="module")
 def written(proposal, tmp_path_factory):
     root = tmp_path_factory.mktemp("project")
-    made = write(root, Made(proposal, 1.0, False), seed=1)
+    made = write(root, FinishedDesign(proposal, 1.0, False), seed=1)
     return root, made
 
 
@@ -405,7 +405,7 @@ def test_a_plan_written_by_hand_is_not_overwritten(proposal, tmp_path):
     path.parent.mkdir(parents=True)
     path.write_text("# my own\n")
     with pytest.raises(UsageError, match="by hand"):
-        write(tmp_path, Made(proposal, 1.0, False), seed=1)
+        write(tmp_path, FinishedDesign(proposal, 1.0, False), seed=1)
 
     assert path.read_text() == "# my own\n"
 

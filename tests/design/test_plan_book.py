@@ -15,7 +15,7 @@ from pipeline.design import problem
 from pipeline.design import spec as specs
 from pipeline.design.plan_book import book
 from pipeline.design.planfile import plan_content
-from pipeline.design.propose import Proposal
+from pipeline.design.propose import BoundedPlan
 from pipeline.design.search import evaluate
 from pipeline.design.trade import feasible_poses
 from pipeline.machine.robot import load
@@ -42,7 +42,7 @@ def proposal():
     anchor = np.array([2.5, 6.0, -0.891])
     q = feasible_poses(made, anchor, np.random.default_rng(SEED), 6)
     q = np.where(made.robot.prismatic, q.round(6), np.deg2rad(np.rad2deg(q).round(6)))
-    return Proposal(made, evaluate(made, q[None], anchor[None])[0], None, "by chance")
+    return BoundedPlan(made, evaluate(made, q[None], anchor[None])[0], None, "by chance")
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from pipeline.base.errors import InputError
 from pipeline.design import problem, spec
 from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.simulate.plan import fitted
 from pipeline.store.campaign import in_memory
@@ -107,7 +107,7 @@ def test_a_force_that_the_robot_would_not_hold_is_told_and_the_robot_called_by_i
     """The report says which pull and how many times the payload, as a fact and as a sentence."""
     text = load("kr500_rail").text.replace('name = "kr500_rail"', 'name = "lab_arm"', 1)
     files = own(text.replace("payload_kg = 480", "payload_kg = 50"))
-    found = answered("few", in_memory(files)).answer
+    found = campaign_answer("few", in_memory(files)).answer
     fact = found.overload
 
     assert found.robot == "lab_arm"

@@ -11,7 +11,7 @@ from pipeline.design.gaps import free
 from pipeline.design.library import problem_of
 from pipeline.design.limits import kept, narrow, penalty
 from pipeline.design.search import Effort, rounded, search
-from pipeline.design.space import Box
+from pipeline.design.space import PlanCoordinates
 from pipeline.design.unpulled import unpulled
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.mdh import parse
@@ -156,7 +156,7 @@ def differences(function, x, h=1e-6):
 
 def test_slopes_of_every_gap_are_finite_differences(problem):
     """By joints and anchor, rule by rule; each is broken somewhere."""
-    box, rng = Box(problem, 1), np.random.default_rng(3)
+    box, rng = PlanCoordinates(problem, 1), np.random.default_rng(3)
     x = rng.uniform(0.01, 0.99, (400, box.size))
     for rule in problem.room.rules:
         room = problem.room.only(rule)
@@ -187,7 +187,7 @@ RULES = {
 
 def test_a_rule_is_broken_where_coal_and_a_ray_say_so(problem):
     """Rule by rule, and nowhere else, but for what is within 5 mm or 0.005 of a cosine."""
-    box, rng = Box(problem, 1), np.random.default_rng(4)
+    box, rng = PlanCoordinates(problem, 1), np.random.default_rng(4)
     at = box.stations(rng.uniform(size=(300, box.size)))
     q, anchor = at.configuration.q, (at.load_point + at.chain_m * at.direction).T
     checked = Checked(problem.robot, CELL, TOOL)

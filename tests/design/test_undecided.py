@@ -8,7 +8,7 @@ import pytest
 from pipeline.base.errors import InputError
 from pipeline.design import undecided
 from pipeline.design.undecided import _open, _standing_there, next_poses
-from pipeline.diagnosis.identify import Replacement, Stranger
+from pipeline.diagnosis.cause_search import NamelessReplacement, Replacement
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.verdict import CERTAIN
 
@@ -70,7 +70,7 @@ def test_what_has_no_name_takes_its_part_of_the_odds():
     place = (rival("a", 0, 0.7), rival("b", 1, 0.3))
     for share, there in ((0.4, True), (0.05, False), (0.06, True)):
         odds = _standing_there(
-            found(place, strange=(Stranger(share, 9),)), 0, cause("a", 0.7), NONE
+            found(place, strange=(NamelessReplacement(share, 9),)), 0, cause("a", 0.7), NONE
         )
         rest = 1 - share if there else 1.0
         expected = {0: 0.7 * rest, 1: 0.3 * rest} | ({9: share} if there else {})

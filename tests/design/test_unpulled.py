@@ -21,7 +21,7 @@ from pipeline.design.search import Effort
 from pipeline.design.spec import validated
 from pipeline.design.unpulled import _Told, unpulled
 from pipeline.machine.robot import load
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import parse, simulate
 from pipeline.store.campaign import in_memory
 
@@ -151,8 +151,8 @@ def test_poses_without_a_pull_find_what_three_poses_cannot(proposal):
     lines = files["tracker.csv"].decode().splitlines()
     fewer = "\n".join(line for line in lines if not line.startswith(idle)) + "\n"
 
-    whole = answered("short", in_memory(files)).answer
-    alone = answered("short", in_memory(files | {"tracker.csv": fewer.encode()})).answer
+    whole = campaign_answer("short", in_memory(files)).answer
+    alone = campaign_answer("short", in_memory(files | {"tracker.csv": fewer.encode()})).answer
 
     assert whole.identity.unloaded_only == 9
     assert whole.identity.poses == alone.identity.poses == 3

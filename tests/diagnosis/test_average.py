@@ -10,8 +10,8 @@ from scipy import optimize, stats
 
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.diagnosis.average import (
-    LEAST,
-    LIKELY,
+    LEAST_PROBABILITY,
+    POSSIBLE,
     Hypothesis,
     average,
     dependences,
@@ -19,13 +19,13 @@ from pipeline.diagnosis.average import (
     springs,
     weighed,
 )
+from pipeline.diagnosis.cause_search import NamelessReplacement, Replacement
 from pipeline.diagnosis.hypotheses import _likely
-from pipeline.diagnosis.identify import Replacement, Stranger
 from pipeline.machine.cell import baseline
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.system.estimate import identifiable, solve
-from pipeline.system.system import Errors, Estimate, Goodness, Rows, System
+from pipeline.system.system import Errors, Estimate, Goodness, RowIndex, System
 
 KR500 = load("kr500_rail")
 X = KR500.nominal_compliance
@@ -46,7 +46,9 @@ def hypothesis(weight, factor=1.0, relative=0.01, lost=None, instead=None, cov=N
     if lost is not None:
         whole[lost, lost] = np.inf
     k = len(value)
-    rows = Rows(*[np.arange(3)] * 2, np.array(["P1"] * 3, object), np.arange(3), np.zeros(3, int))
+    rows = RowIndex(
+        *[np.arange(3)] * 2, np.array(["P1"] * 3, object), np.arange(3), np.zeros(3, int)
+    )
     errors = Errors(
         scipy.sparse.csr_array(np.eye(3)), np.array(["tracker"] * 3, object), [False] * 3
     )
@@ -169,9 +171,9 @@ def test_what_a_likely_hypothesis_leaves_undetermined_is_undetermined():
 
 def test_an_unlikely_hypothesis_takes_no_stiffness_away():
     """Below 5 % a hypothesis that loses a joint is left out, and below 1 % any is."""
-    first, loses = hypothesis(0.9), hypothesis(0.9 * LIKELY, lost=5, instead="joint_tilt:6")
-    moves = hypothesis(2 * LEAST, 1.1, instead="tool_flex")
-    rare = hypothesis(0.5 * LEAST, 1.1, instead="joint_tilt:7")
+    first, loses = hypothesis(0.9), hypothesis(0.9 * POSSIBLE, lost=5, instead="joint_tilt:6")
+    moves = hypothesis(2 * LEAST_PROBABILITY, 1.1, instead="tool_flex")
+    rare = hypothesis(0.5 * LEAST_PROBABILITY, 1.1, instead="joint_tilt:7")
 
     kept = weighed([first, loses, moves, rare])
 
@@ -221,7 +223,7 @@ def measured(weight, factor, instead=None, ratio=1.0):
     G = scipy.sparse.csr_array(np.hstack([1e-5 * np.eye(60), 1e-5 * rng.standard_normal((60, 1))]))
     source = np.array(["tracker"] * 60 + ["force_gain"], object)
     errors = Errors(G, source, source == "force_gain")
-    rows = Rows(pose, pose, np.array(["P1"] * 60, object), np.tile(np.arange(3), 20), pose)
+    rows = RowIndex(pose, pose, np.array(["P1"] * 60, object), np.tile(np.arange(3), 20), pose)
     system = System(parameters, rows, B, B @ value, errors, True)
     told = (("joint_tilt:5", instead),) if instead else ()
     return Hypothesis(weight, (effect,), CELL, system, solve(system, value), told, ratio)
@@ -265,7 +267,7 @@ def test_one_stranger_for_two_causes_is_one_hypothesis():
     def rival(i, probability):
         return Replacement(label[i], i, probability, ((i, 1.0),))
 
-    both = Stranger(0.4, 3, (0, 1))
+    both = NamelessReplacement(0.4, 3, (0, 1))
     found = SimpleNamespace(
         accepted=(0, 1),
         rivals=((rival(0, 0.6), rival(2, 0.4)), (rival(1, 0.7), rival(2, 0.3))),
@@ -398,7 +400,7 @@ def test_few_degrees_of_freedom_widen_their_own_hypothesis():
 
 def test_an_interval_holds_what_is_just_likely_and_not_what_is_not():
     """Above a limit of 5 %, the whole interval of the hypothesis is included."""
-    for weight, held in ((1.2 * LIKELY, True), (0.4 * LIKELY, False)):
+    for weight, held in ((1.2 * POSSIBLE, True), (0.4 * POSSIBLE, False)):
         pair = [hypothesis(1 - weight, 1.0), hypothesis(weight, 1.3, instead="tool_flex")]
         assert bool(low_and_high(pair)[1] >= 1.3 + 0.0195) is held
 
@@ -437,7 +439,7 @@ def test_a_stiffness_that_no_single_hypothesis_doubts_may_be_doubtful_together()
         (0.994, 0.01, 0.3, True),
         (1.0, 0.0151, 0.3, True),
         (1.0, 0.0149, 0.3, False),
-        (1.1, 0.01, 0.9 * LIKELY, False),
+        (1.1, 0.01, 0.9 * POSSIBLE, False),
     ],
     ids=["softer", "the same", "stiffer", "less sure", "as sure", "unlikely"],
 )
@@ -456,7 +458,7 @@ def test_half_a_standard_uncertainty_is_a_dependence(factor, relative, weight, t
 
 def test_weights_that_are_kept_stay_in_proportion():
     """Weights of omitted ones go to the others; the first stays even with weight zero."""
-    rare = hypothesis(0.5 * LEAST, instead="joint_tilt:7")
+    rare = hypothesis(0.5 * LEAST_PROBABILITY, instead="joint_tilt:7")
     kept = weighed([hypothesis(0.2), hypothesis(0.6, instead="tool_flex"), rare])
 
     assert [one.weight for one in kept] == pytest.approx([0.25, 0.75])

@@ -8,7 +8,7 @@ import pytest
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline import tables
-from pipeline.answer.diagnosis import entry
+from pipeline.answer.diagnosis import diagnosis_of_good_data
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.diagnosis.average import dependences
 from pipeline.diagnosis.diagnose import diagnose
@@ -23,7 +23,7 @@ from pipeline.reduction.measured import measured
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.reduction.register import place, register
 from pipeline.reduction.settings import parse
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
 from pipeline.store.campaign import in_memory
@@ -162,7 +162,7 @@ def test_what_comes_nearest_predicts_better_and_is_not_believed():
     walks = SECRETS["carriage_walks"]
     files = play(KR500, plan, [(walks, 2.0)], np.random.default_rng([1, 10]), rules).files
 
-    said = answered("walks", in_memory(files)).answer
+    said = campaign_answer("walks", in_memory(files)).answer
     found = said.diagnosis
     assert found.verdict == "unexplained"
     assert all(one.gain.reduction > 0 for one in found.causes)
@@ -187,7 +187,7 @@ def test_two_laws_of_a_gear_that_a_plan_hardly_tells_ask_for_a_pull():
     asked = [p for p in found.next_poses if "joint_hardening:4" in p.separates]
     assert asked
     assert asked[-1].after > asked[0].before + 1.0
-    said = entry(found, load("kr500_rail")).next_poses
+    said = diagnosis_of_good_data(found, load("kr500_rail")).next_poses
     assert [one.approach for one in said] == [one.at.approach for one in found.next_poses]
     assert {abs(one.approach) for one in said} == {1.0}
 
@@ -246,7 +246,7 @@ def test_what_the_diagnosis_says_fits_into_result_json_and_the_tables():
     """The answer is JSON without NaN, and the tables conform to their schemas."""
     found, cell, data, system, estimate = examined(27, "rail_roll")
 
-    said = entry(found, KR500)
+    said = diagnosis_of_good_data(found, KR500)
     assert json.loads(said.model_dump_json())["verdict"] == "explained"
     assert said.causes[0].gain.reduction > 0
     tables.conform(clues_table(found), tables.DIAGNOSIS)
@@ -263,4 +263,4 @@ def test_the_same_campaign_gets_the_same_diagnosis():
     first, *_ = examined(28, "compensator=2x")
     second, *_ = examined(28, "compensator=2x")
 
-    assert entry(first, KR500) == entry(second, KR500)
+    assert diagnosis_of_good_data(first, KR500) == diagnosis_of_good_data(second, KR500)

@@ -16,7 +16,7 @@ from pipeline.machine.effects.tracker_drift import GROUP_S, by_order
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.register import XYZ, Registration, register, timed
-from pipeline.run import answered, ingested
+from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system import alarms
@@ -96,7 +96,9 @@ def test_the_answer_names_it_and_blames_no_reflector():
         if group == "base_end":
             x = 1e3 * moved(np.array(xyz[:3], float) / 1e3, 1.5)
             lines[k] = ",".join([group, target, *(f"{v:.4f}" for v in x), *xyz[3:]])
-    said = answered("here", in_memory(files() | {"tracker.csv": "\n".join(lines).encode()})).answer
+    said = campaign_answer(
+        "here", in_memory(files() | {"tracker.csv": "\n".join(lines).encode()})
+    ).answer
 
     (cause,) = said.diagnosis.causes
     assert (cause.name, cause.location) == ("tracker_drift", "metrology")

@@ -8,9 +8,9 @@ import pytest
 from small_case import asked, small
 
 from pipeline.diagnosis import hypotheses as module
+from pipeline.diagnosis.cause_search import NamelessReplacement, Replacement, remainder, search
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.diagnosis.hypotheses import _scales, _solved, hypotheses, too_small
-from pipeline.diagnosis.identify import Replacement, Stranger, remainder, search
 from pipeline.machine.cell import predict
 
 
@@ -64,7 +64,9 @@ def test_each_set_has_its_own_fit_and_says_what_it_has_instead(tilted):
     """The accepted cause first, then a rival of a quarter, and an unnamed one."""
     case, found, _ = tilted
     mine, rival = found.accepted[0], other(case, "joint_tilt:4")
-    odds = placed(case, found, {mine: 0.7, rival: 0.3}, (Stranger(0.2, len(case.suspects), (0,)),))
+    odds = placed(
+        case, found, {mine: 0.7, rival: 0.3}, (NamelessReplacement(0.2, len(case.suspects), (0,)),)
+    )
 
     first, second, third = hypotheses(case, odds, moved=False, helps=True)
 

@@ -7,8 +7,8 @@ import pytest
 from linear_campaign import FREE, case_of, left, made, suspect
 from scipy import integrate, stats
 
-from pipeline.diagnosis import identify
-from pipeline.diagnosis.identify import by_label, search
+from pipeline.diagnosis import cause_search
+from pipeline.diagnosis.cause_search import by_label, search
 from pipeline.machine.effects.nameless import NAMELESS
 
 SUSPECTS = (
@@ -130,7 +130,7 @@ def test_one_that_is_no_longer_needed_is_dropped():
     case = case_of(truth)
 
     def better(*accepted, tried=frozenset()):
-        return identify._better(case, truth.view(accepted), set(tried) | {frozenset(accepted)})
+        return cause_search._better(case, truth.view(accepted), set(tried) | {frozenset(accepted)})
 
     assert better(3, 0, 2) == (0, 2)
     assert better(0, 3, 2) == (0, 2)
@@ -161,15 +161,15 @@ def test_two_take_the_places_of_two_in_one_move():
     truth = made(np.random.default_rng(12), MIXED, {0: [3.0], 1: [3.0], 2: [3.0]}, mixed=PAIRS)
     case = case_of(truth)
 
-    assert sorted(identify._better(case, truth.view((3, 4, 2)), {frozenset({2, 3, 4})})) == [
+    assert sorted(cause_search._better(case, truth.view((3, 4, 2)), {frozenset({2, 3, 4})})) == [
         0,
         1,
         2,
     ]
-    assert identify._better(case, truth.view((0, 1, 2)), {frozenset({0, 1, 2})}) is None
+    assert cause_search._better(case, truth.view((0, 1, 2)), {frozenset({0, 1, 2})}) is None
     one = truth.view((0, 4))
-    assert sorted(identify._better(case, one, {frozenset({0, 4})}, 1e-3)) == [0, 1, 2]
-    assert identify._better(case, one, {frozenset({0, 4})}, 1e-30) != (0, 1, 2)
+    assert sorted(cause_search._better(case, one, {frozenset({0, 4})}, 1e-3)) == [0, 1, 2]
+    assert cause_search._better(case, one, {frozenset({0, 4})}, 1e-30) != (0, 1, 2)
 
 
 def test_where_three_leave_something_a_fourth_shows_which_was_a_mixture():
@@ -177,7 +177,7 @@ def test_where_three_leave_something_a_fourth_shows_which_was_a_mixture():
     truth = made(np.random.default_rng(13), MIXED, {0: [3.0], 1: [3.0], 6: [2.0]}, mixed=PAIRS)
     case = case_of(truth)
 
-    left = identify._dropped(case, case.fitted((3, 0, 1, 6), np.zeros(0)))
+    left = cause_search._dropped(case, case.fitted((3, 0, 1, 6), np.zeros(0)))
 
     assert sorted(left.model.accepted) == [0, 1, 6]
 
@@ -187,14 +187,14 @@ def test_three_that_leave_something_make_room_for_the_parts_of_a_mixture():
     truth = made(np.random.default_rng(13), MIXED, {0: [3.0], 1: [3.0], 6: [2.0]}, mixed=PAIRS)
     case, accepted = case_of(truth), (3, 6, 7)
     first = case.whitened(case.fitted((), np.zeros(0)))
-    limit = identify.threshold(first, first.base, DOF, np.random.default_rng(1))
-    end = identify._stand(case, case.fitted(accepted, np.zeros(0)), accepted)
-    assert identify._open(end, limit)
+    limit = cause_search.threshold(first, first.base, DOF, np.random.default_rng(1))
+    end = cause_search._stand(case, case.fitted(accepted, np.zeros(0)), accepted)
+    assert cause_search._open(end, limit)
 
-    better = identify._fewer(case, end, limit, {})
+    better = cause_search._fewer(case, end, limit, {})
 
     assert sorted(better.seen.model.accepted) == [0, 1, 6]
-    assert identify._worth(case, better) > identify._worth(case, end)
+    assert cause_search._worth(case, better) > cause_search._worth(case, end)
 
 
 def test_the_same_is_found_in_whatever_order_poses_and_causes_stand():
@@ -215,9 +215,9 @@ def test_the_same_is_found_in_whatever_order_poses_and_causes_stand():
 
     assert {MIXED[i].label for i in one.accepted} == {"a", "b", "c"}
     assert {MIXED[::-1][i].label for i in other.accepted} == {"a", "b", "c"}
-    mine = identify._chained(case_of(truth), truth.view((0, 1, 2)), (), (0, 1, 2))
+    mine = cause_search._chained(case_of(truth), truth.view((0, 1, 2)), (), (0, 1, 2))
     assert mine == pytest.approx(
-        identify._chained(case_of(turned), turned.view((7, 5, 6)), (), (7, 5, 6)), rel=1e-9
+        cause_search._chained(case_of(turned), turned.view((7, 5, 6)), (), (7, 5, 6)), rel=1e-9
     )
 
 
@@ -226,9 +226,9 @@ def test_of_two_alike_causes_the_likelier_leads_and_twins_stay():
     twins = made(np.random.default_rng(5), SUSPECTS, {0: [2.0]}, alike={4: (0, 1e-9)})
     view = twins.view((4,))
 
-    assert identify._better(case_of(twins), view, {frozenset({4})}) is None
+    assert cause_search._better(case_of(twins), view, {frozenset({4})}) is None
     alike = made(np.random.default_rng(5), SUSPECTS, {0: [4.0]}, alike={4: (0, 0.5)})
-    assert identify._better(case_of(alike), alike.view((4,)), {frozenset({4})}) == (0,)
+    assert cause_search._better(case_of(alike), alike.view((4,)), {frozenset({4})}) == (0,)
 
 
 def test_the_odds_of_rivals_are_those_of_bayes():
@@ -240,7 +240,7 @@ def test_the_odds_of_rivals_are_those_of_bayes():
     causes = np.array([each[0], each[1:3].mean(), each[3]])
     expected = dict(zip(("a", "c", "like a"), causes / causes.sum(), strict=True))
 
-    got = identify._odds(case_of(truth), now, (), 0.0)
+    got = cause_search._odds(case_of(truth), now, (), 0.0)
 
     assert {one.label: one.probability for one in got} == pytest.approx(expected, rel=0.03)
     order = [one.probability for one in got]
@@ -250,11 +250,11 @@ def test_the_odds_of_rivals_are_those_of_bayes():
         {i: each[i] / each[1:3].sum() for i in (1, 2)}, rel=0.03
     )
     assert of_c.suspect == 1 + int(np.argmax(each[1:3]))
-    few = identify._odds(case_of(truth), now, (3,), 0.0)
+    few = cause_search._odds(case_of(truth), now, (3,), 0.0)
     assert "like a" not in {one.label for one in few}
     assert sum(one.probability for one in few) == pytest.approx(1.0)
     least = sorted(expected.values())[0]
-    assert len(identify._odds(case_of(truth), now, (), 1.01 * least)) == 2
+    assert len(cause_search._odds(case_of(truth), now, (), 1.01 * least)) == 2
 
 
 def test_a_size_that_physics_forbids_is_no_evidence():
@@ -295,7 +295,7 @@ def test_bounds_have_two_sigma_and_a_third_of_slack():
     for beyond, said in ((-0.02, True), (0.02, False)):
         most = x[4] - 2 * std - 0.3 - beyond
         case = case_of(truth, refuted={"a": most})
-        assert identify._possible(case, now, 0) is said
+        assert cause_search._possible(case, now, 0) is said
 
 
 def test_no_more_than_three_join_and_one_cause_joins_in_one_form():
@@ -323,22 +323,22 @@ def test_what_has_no_name_competes_with_the_causes():
     def odds(strange, named):
         return NAMELESS * strange / (NAMELESS * strange + named)
 
-    one = identify._instead(case, truth.view((0, 2)), (0,))
+    one = cause_search._instead(case, truth.view((0, 2)), (0,))
     named = np.exp([evidence(truth, (2,), i) for i in (0, 1)])
     assert one.probability == pytest.approx(
         odds(np.exp(evidence(truth, (2,), 3)), named.sum()), rel=0.05
     )
     assert one.suspect == 3
-    both = identify._instead(case, truth.view((0, 2)), (0, 1))
+    both = cause_search._instead(case, truth.view((0, 2)), (0, 1))
     named = np.exp(evidence(truth, (), 0) + evidence(truth, (0,), 2))
     assert both.probability == pytest.approx(odds(np.exp(evidence(truth, (), 3)), named), rel=0.05)
     assert both.places == (0, 1)
-    worst = identify._strange(case, truth.view((0, 2)))
+    worst = cause_search._strange(case, truth.view((0, 2)))
     assert [s.probability for s in worst] == [
-        max(both.probability, identify._instead(case, truth.view((0, 2)), (k,)).probability)
+        max(both.probability, cause_search._instead(case, truth.view((0, 2)), (k,)).probability)
         for k in (0, 1)
     ]
-    assert identify._strange(replace(case, nameless=()), truth.view((0, 2))) == ()
+    assert cause_search._strange(replace(case, nameless=()), truth.view((0, 2))) == ()
 
 
 def test_forms_of_a_cause_are_kept_together():

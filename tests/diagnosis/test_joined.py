@@ -10,13 +10,13 @@ from bench.as_pinocchio import model as pin_model
 from pipeline.annex.seen_laws import laws
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.average import springs as springs_of
-from pipeline.diagnosis.joined import agreement, joined
+from pipeline.diagnosis.combined import combined, spring_agreement
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects import catalogue
+from pipeline.machine.positions_estimate import PositionsEstimate
 from pipeline.machine.robot import load
-from pipeline.machine.robot.letters import letters
-from pipeline.machine.stance import Stance
+from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale
 from pipeline.system import alarms
@@ -106,9 +106,9 @@ def stance_of(one):
     """Results of the positions in the form the pipeline uses."""
     u = one.estimate
     names = [f"P{k}" for k in (1, 2, 3)]
-    return Stance(
+    return PositionsEstimate(
         robot=one.robot,
-        letters=tuple(x for x in letters(one.robot) if x.name == "joint_offset"),
+        letters=tuple(x for x in dh_parameters(one.robot) if x.name == "joint_offset"),
         points=dict(zip(names, u[11:].reshape(3, 3), strict=True)),
         compliance=u[:6],
         told=np.ones(6, dtype=bool),
@@ -202,7 +202,7 @@ def test_both_together_are_one_least_squares_of_all_readings(seed):
     """Springs, DH parameters and tool with full covariance, to the accuracy of differences."""
     one = world(seed)
     springs, data = hypothesis(one)
-    found = joined(springs, data)
+    found = combined(springs, data)
     x, cov = stacked(one, springs.estimate.value)
 
     std = np.sqrt(np.diag(cov))
@@ -217,7 +217,7 @@ def test_neither_kind_of_readings_alone_knows_a_spring_better(seed):
     """Information adds up: no variance of any combination increases."""
     one = world(seed)
     springs, data = hypothesis(one)
-    both = joined(springs, data).hypothesis.estimate.cov
+    both = combined(springs, data).hypothesis.estimate.cov
 
     for alone in (springs.estimate.cov, one.covariance[:6, :6]):
         scale = np.sqrt(np.diag(alone))
@@ -231,8 +231,8 @@ def many():
     for seed in range(40):
         one = world(seed)
         springs, data = hypothesis(one)
-        both = joined(springs, data)
-        held = agreement(springs, both, 1.0)
+        both = combined(springs, data)
+        held = spring_agreement(springs, both, 1.0)
         out.append((springs.estimate, both.hypothesis.estimate, one.truth[:6], held))
     return out
 
@@ -260,7 +260,7 @@ def test_a_scale_that_reads_too_much_contradicts_the_weight():
     """A quarter more force makes springs stiffer than the weight of the arm implies."""
     one = world(1, off=1.25)
     springs, data = hypothesis(one)
-    held = agreement(springs, joined(springs, data), 1.0)
+    held = spring_agreement(springs, combined(springs, data), 1.0)
 
     assert held.p < alarms.MISFIT
     assert (np.abs(held.pulls[:, 0] - one.truth[:6] / 1.25) < 4 * held.pulls[:, 1]).all()
@@ -274,7 +274,7 @@ def test_springs_up_to_a_factor_add_to_those_of_the_pulls():
     C[:6, :6] += 1.1**2 * np.outer(known.compliance, known.compliance)
     springs, data = hypothesis(one)
     pulls = springs.estimate
-    found = joined(springs, replace(data, stance=replace(known, cov=C, factor=1.1**2)))
+    found = combined(springs, replace(data, stance=replace(known, cov=C, factor=1.1**2)))
 
     std = np.sqrt(np.diag(found.cov))[:6]
     assert (np.abs(found.value[:6] - one.truth[:6]) < 4 * std).all()
@@ -285,7 +285,7 @@ def test_causes_of_the_pulls_keep_their_place_beside_elements_of_the_positions()
     """Springs, then causes, then elements; the partial residuals are those of the cause."""
     one = world(4)
     alone, data = with_tilt(one)
-    both = joined(alone, data).hypothesis
+    both = combined(alone, data).hypothesis
     k = len(alone.effects[0].parameters)
     names = [p.name for p in both.estimate.parameters]
 
@@ -316,7 +316,7 @@ def test_a_cause_that_positions_hold_is_one_parameter():
     one = world(4)
     tilt = {e.where: e for e in catalogue(one.robot) if e.name == "joint_tilt"}[3]
     alone, data = with_causes(one, tilt)
-    found = joined(alone, data)
+    found = combined(alone, data)
     names = [p.name for p in found.hypothesis.estimate.parameters]
 
     assert len(set(names)) == len(names) == 6 + len(tilt.parameters)
@@ -331,7 +331,7 @@ def test_springs_are_averaged_where_each_hypothesis_lacks_another_element():
     one = world(4)
     tilts = {e.where: e for e in catalogue(one.robot) if e.name == "joint_tilt"}
     several = [
-        joined(*with_causes(one, *causes)).hypothesis for causes in ((tilts[3],), (tilts[2],))
+        combined(*with_causes(one, *causes)).hypothesis for causes in ((tilts[3],), (tilts[2],))
     ]
     assert len({len(each.estimate.value) for each in several}) == 2
     both = springs_of(several)
@@ -349,13 +349,13 @@ def test_the_spring_of_a_gear_with_a_second_law_is_not_joined():
     alone, data = with_causes(one, effect)
     off = data.stance.cov[1, 1] ** 0.5 * np.eye(len(data.stance.cov))[1]
     far = replace(data.stance, compliance=data.stance.compliance + 50 * off[:6])
-    moved = joined(alone, replace(data, stance=far))
-    here = joined(alone, data)
+    moved = combined(alone, replace(data, stance=far))
+    here = combined(alone, data)
 
     assert moved.springs.chi2 == pytest.approx(here.springs.chi2, abs=1e-6)
     assert here.springs.dof == 5
     assert moved.hypothesis.estimate.value == pytest.approx(here.hypothesis.estimate.value)
-    assert np.isinf(agreement(alone, here, 1.0).weight[1, 1])
+    assert np.isinf(spring_agreement(alone, here, 1.0).weight[1, 1])
     # positions keep their own value of it, with the joint values of the others
     back = moved.value[:6] - here.value[:6]
     assert back[[0, 2, 3, 4, 5]] == pytest.approx(0.0, abs=1e-12)
@@ -382,8 +382,8 @@ def test_what_positions_say_anew_of_an_element_is_what_is_joined():
     system = assemble(cell, data, start)
     alone = Hypothesis(1.0, (tilts[3],), cell, system, solve(system, start))
 
-    now = joined(alone, replace(data, stance=before))
-    same = joined(alone, replace(data, stance=new))
+    now = combined(alone, replace(data, stance=before))
+    same = combined(alone, replace(data, stance=new))
     assert now.value == pytest.approx(same.value, rel=1e-9)
     assert now.hypothesis.estimate.cov == pytest.approx(same.hypothesis.estimate.cov, rel=1e-9)
     assert len(now.hypothesis.estimate.value) == 6 + 2 * k

@@ -10,10 +10,10 @@ from scipy import stats
 
 from bench.league.visible import identifiable
 from pipeline.diagnosis.blindspots import blind_spots, needed, smallest_visible, visible
-from pipeline.diagnosis.facts import APART, DETECTED
+from pipeline.diagnosis.facts import DETECTED, SEPARATED
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.separability import separation, separation_found
-from pipeline.diagnosis.suspect_statistics import clues, misfits
+from pipeline.diagnosis.suspect_statistics import misfits, suspect_statistics
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 
@@ -97,11 +97,11 @@ def test_a_cause_is_identifiable_from_where_its_least_form_is_apart_from_all(tru
     with_twins = identifiable(view, Twins((), (("a", "like a"),), ()))
 
     def least(a, others):
-        return min(min(APART / DETECTED * apart[a, a], *(apart[a, b] for b in others)), 1e9)
+        return min(min(SEPARATED / DETECTED * apart[a, a], *(apart[a, b] for b in others)), 1e9)
 
-    assert found["a"] == pytest.approx(APART / least(0, [1, 2, 3, 4]))
-    assert found["c"] == pytest.approx(APART / min(least(2, [0, 1, 4]), least(3, [0, 1, 4])))
-    assert with_twins["a"] == pytest.approx(APART / least(0, [1, 2, 3]))
+    assert found["a"] == pytest.approx(SEPARATED / least(0, [1, 2, 3, 4]))
+    assert found["c"] == pytest.approx(SEPARATED / min(least(2, [0, 1, 4]), least(3, [0, 1, 4])))
+    assert with_twins["a"] == pytest.approx(SEPARATED / least(0, [1, 2, 3]))
     assert with_twins["a"] < found["a"]
     assert set(found) == {"a", "b", "c", "like a"}
 
@@ -225,7 +225,7 @@ def test_a_clue_is_the_likeliest_form_of_a_cause(truth):
     scores = view.beside(view.base)
     found = SimpleNamespace(first=view, scores=scores, threshold=SimpleNamespace(p=1e-3))
 
-    got = {one.effect.label: one for one in clues(found)}
+    got = {one.effect.label: one for one in suspect_statistics(found)}
 
     assert list(got) == ["a", "b", "c", "like a"]
     seen = smallest_visible(view, view.base, 1e-3)

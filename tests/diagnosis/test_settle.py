@@ -9,8 +9,8 @@ import pyarrow as pa
 import pytest
 from small_case import moved, small, where
 
-from pipeline.diagnosis import settle as module
-from pipeline.diagnosis.settle import settle
+from pipeline.diagnosis import converge as module
+from pipeline.diagnosis.converge import converge
 from pipeline.diagnosis.verdict import verdict
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
@@ -23,7 +23,7 @@ KEPT = Path(__file__).parents[2] / "data" / "raw"
 def settled(case):
     """Final state of a campaign."""
     reduced = bring(case)
-    return settle(case, reduced, fit(case, reduced), plain)
+    return converge(case, reduced, fit(case, reduced), plain)
 
 
 def spoilt(case, count, size_m, seed):
@@ -203,4 +203,4 @@ def test_ends_that_follow_each_other_for_ever_are_as_good(monkeypatch):
     monkeypatch.setattr(module, "_screened", lambda _, end: made[follows[end.screened.key]])
     monkeypatch.setattr(module, "_bounded", lambda end: end)
 
-    assert settle(None, None, None, plain).screened.key == 5
+    assert converge(None, None, None, plain).screened.key == 5

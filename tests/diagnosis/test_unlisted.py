@@ -13,11 +13,11 @@ from bench.league.judge import SCATTER, score
 from bench.league.machine import Machine, Spring
 from bench.league.play import Rules, drawn, play
 from bench.league.run import answer_of
-from pipeline.answer.diagnosis import entry
+from pipeline.answer.diagnosis import diagnosis_of_good_data
 from pipeline.diagnosis import unlisted as search
+from pipeline.diagnosis.cause_search import Replacement, may_join, merged, statistics_given
 from pipeline.diagnosis.causes import _either
 from pipeline.diagnosis.diagnose import diagnose
-from pipeline.diagnosis.identify import Replacement, given, may_join, merged
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
 from pipeline.machine.cell import load, paper_cell, sensitivity
 from pipeline.machine.effects import catalogue, unlisted
@@ -27,13 +27,13 @@ from pipeline.prediction.model import IdentifiedModel, dumps, part
 from pipeline.prediction.model import parse as parse_model
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.pose_of_interest import place_of_interest
-from pipeline.run import answered, ingested
+from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
-from pipeline.system.beside import by_products
 from pipeline.system.detect import threshold
 from pipeline.system.estimate import identify
 from pipeline.system.evidence import Scores
+from pipeline.system.score_tests import by_products
 
 KR500 = robot_of("kr500_rail")
 RNG = np.random.default_rng(36)
@@ -244,7 +244,7 @@ def test_a_scale_with_a_dead_band_is_named_and_leaves_the_springs_alone(lost_n):
         pulls={"steps_n": [900.0, 1600.0, 2400.0, 3200.0]},
     )
     files = dict(simulate(plan).files)
-    clean = answered("clean", in_memory(dict(files))).answer
+    clean = campaign_answer("clean", in_memory(dict(files))).answer
     head, *rows = [row.split(",") for row in files["loads.csv"].decode().splitlines()]
     at = head.index("force_n")
     for row in rows:
@@ -252,7 +252,7 @@ def test_a_scale_with_a_dead_band_is_named_and_leaves_the_springs_alone(lost_n):
         row[at] = f"{force - lost_n * (force < 1800.0):.2f}"
     files["loads.csv"] = ("\n".join(",".join(row) for row in [head, *rows]) + "\n").encode()
 
-    said = answered("sticks", in_memory(files)).answer
+    said = campaign_answer("sticks", in_memory(files)).answer
 
     assert str(said.diagnosis.verdict) == "explained"
     (cause,) = [one for one in said.diagnosis.causes if one.probability > 0.9]
@@ -326,8 +326,8 @@ def test_a_law_joins_in_the_place_of_the_one_that_it_extends():
     assert [may_join(these, [0], k) for k in range(4)] == [False, True, False, True]
     assert not may_join(these, [1], 0)
     assert merged(these, (3, 0, 1)) == (3, 1)
-    np.testing.assert_allclose(given(these, now, [0]).log_odds, [0, -np.log(0.01), 0, 0])
-    assert given(these, now, [3]) is now
+    np.testing.assert_allclose(statistics_given(these, now, [0]).log_odds, [0, -np.log(0.01), 0, 0])
+    assert statistics_given(these, now, [3]) is now
 
 
 ROWS, BASE, POSES = 48, 4, 12
@@ -430,7 +430,7 @@ def test_a_law_that_nobody_listed_is_found():
 
     found = diagnose(case.cell, data, estimate, where, np.random.default_rng(0))
 
-    rippled(json.loads(entry(found, KR500).model_dump_json()))
+    rippled(json.loads(diagnosis_of_good_data(found, KR500).model_dump_json()))
 
 
 @pytest.mark.slow

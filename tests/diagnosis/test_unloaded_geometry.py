@@ -9,16 +9,16 @@ from small_case import PLAN, asked, small
 
 from pipeline.answer.contract import TableSource
 from pipeline.diagnosis.causes import of_unloaded
-from pipeline.diagnosis.facts import NOTHING, TableCause
+from pipeline.diagnosis.facts import NO_UNLOADED, TableCause
 from pipeline.diagnosis.finding import Verdict
-from pipeline.diagnosis.unloaded_geometry import BEYOND, as_stiff, corrected, standing
+from pipeline.diagnosis.unloaded_geometry import OUTSTANDING, as_stiff, corrected, from_unloaded
 from pipeline.geometry.unloaded import USUAL
 from pipeline.machine.cell import predict
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import configure
-from pipeline.machine.robot.letters import changed, letters, nominal
+from pipeline.machine.robot.dh_parameters import changed, dh_parameters, nominal
 from pipeline.reduction.bring import bring, conformed, plain
-from pipeline.run import answered, ingested
+from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.fit import fit
@@ -44,7 +44,7 @@ def causes(off):
 
 @pytest.fixture(scope="module")
 def stood(off, causes):
-    return standing(off.cell, off.reduced.data, 1.0, causes)
+    return from_unloaded(off.cell, off.reduced.data, 1.0, causes)
 
 
 def by_label(causes, label):
@@ -72,7 +72,7 @@ def test_what_the_instrument_wanders_by_is_no_cause(off, causes, stood):
     moved = np.hypot(stood.miss_m, stood.left_m)
 
     for wander, found in ((moved / 20, 1), (moved / 2, 0)):
-        assert len(standing(off.cell, off.reduced.data, 1.0, causes, wander).causes) == found
+        assert len(from_unloaded(off.cell, off.reduced.data, 1.0, causes, wander).causes) == found
 
 
 def test_a_gain_that_is_none_is_not_believed(stood):
@@ -95,7 +95,7 @@ def test_no_entry_is_believed_that_leaves_the_robot_centimetres_off(stood):
     near = replace(far, left_m=2e-3)
     assert (near.refuted, near.believed, near.corrects) == (False, True, True)
     assert replace(far, causes=(), miss_m=0.05).refuted
-    assert not NOTHING.refuted  # nothing was read
+    assert not NO_UNLOADED.refuted  # nothing was read
 
 
 def test_corrected_data_stand_where_the_causes_put_them(off, stood):
@@ -140,7 +140,7 @@ def test_a_table_that_is_rough_everywhere_is_corrected_and_not_accused(causes):
     """Small errors of every parameter: no cause, but left-out poses are predicted better."""
     rough = asked(small(3, poses={"count": 16}, hidden={"effects": ROUGH}))
 
-    found = standing(rough.cell, rough.reduced.data, 1.0, causes)
+    found = from_unloaded(rough.cell, rough.reduced.data, 1.0, causes)
 
     assert found.causes == ()
     assert not found.believed
@@ -159,7 +159,7 @@ def test_stiffnesses_rest_on_the_table_that_is_proven():
     plan = revised(PLAN, {"poses": {"count": 16}, "hidden": {"effects": ROUGH}})
     raw = in_memory(simulate(plan, np.random.default_rng(5)).files)
 
-    found = answered("rough", raw)
+    found = campaign_answer("rough", raw)
 
     said = found.answer
     assert said.diagnosis.verdict == Verdict.ADEQUATE
@@ -169,8 +169,8 @@ def test_stiffnesses_rest_on_the_table_that_is_proven():
     assert said.fit.chi2 < said.joint_springs.fit.chi2
     cell = found.model.hypotheses[0].cell
     off = [one.value - one.nominal for one in said.geometry]
-    np.testing.assert_allclose(nominal(cell.robot, letters(cell.robot)) - nominal(
-        raw.robot, letters(raw.robot)), off, atol=1e-12)  # fmt: skip
+    np.testing.assert_allclose(nominal(cell.robot, dh_parameters(cell.robot)) - nominal(
+        raw.robot, dh_parameters(raw.robot)), off, atol=1e-12)  # fmt: skip
 
 
 @pytest.mark.whole
@@ -188,7 +188,7 @@ def test_without_noise_geometry_and_springs_come_back(causes, label, size):
     delivered = fit(case, bring(case))
 
     stiff = as_stiff(case.cell, delivered.estimate)
-    found = standing(stiff, delivered.data, 0.1, causes)  # scatter, over the stated one
+    found = from_unloaded(stiff, delivered.data, 0.1, causes)  # scatter, over the stated one
     robot = corrected(case.cell, delivered.data, found)[0].robot
     stands = delivered.standing(robot, lambda data: corrected(case.cell, data, found)[1])
 
@@ -196,7 +196,7 @@ def test_without_noise_geometry_and_springs_come_back(causes, label, size):
     assert one.effect.label == label
     assert one.value[0] == pytest.approx(size, abs=1e-9)
     for scale in (1e-2, 1e-6):  # less than the scatter of any instrument
-        (again,) = standing(stiff, delivered.data, scale, causes).causes
+        (again,) = from_unloaded(stiff, delivered.data, scale, causes).causes
         assert again.value[0] == pytest.approx(size, abs=1e-8)
     true = case.robot.nominal_compliance
     np.testing.assert_allclose(stands.estimate.value, true, rtol=1e-9)
@@ -227,18 +227,18 @@ def test_a_robot_on_its_table_is_let_be(causes):
     """Nothing is named; visible sizes are reported, from five times the usual DH errors."""
     good = asked(small(3, poses={"count": 8}))
 
-    found = standing(good.cell, good.reduced.data, 1.0, causes)
+    found = from_unloaded(good.cell, good.reduced.data, 1.0, causes)
 
     assert found.causes == ()
     assert found.left_m <= found.miss_m < 1e-4
-    assert found.visible["joint_offset:3"] == pytest.approx(BEYOND * USUAL[1] / 1e-3)
+    assert found.visible["joint_offset:3"] == pytest.approx(OUTSTANDING * USUAL[1] / 1e-3)
     assert {"link_length:4", "base_rotation", "gravity_sag"} <= set(found.visible)
-    assert standing(good.cell, good.reduced.data, np.nan, causes) is NOTHING
+    assert from_unloaded(good.cell, good.reduced.data, np.nan, causes) is NO_UNLOADED
 
 
 def rough(case, size, seed, **wrong):
     """Screening of a campaign of a robot with errors of `size` in every DH parameter."""
-    every = letters(case.robot)
+    every = dh_parameters(case.robot)
     off = size * np.random.default_rng(seed).standard_normal(len(every))
     for label, value in wrong.items():
         off[[one.label for one in every].index(label.replace("__", ":"))] += value
@@ -253,10 +253,10 @@ def test_a_table_rough_everywhere_is_carried_and_not_accused(seed, causes):
     good = small(seed, poses={"count": 14})
     calm, worse = (rough(good, 5e-4, seed, **one) for one in ({}, {"link_length__4": -0.02}))
 
-    found = standing(calm.cell, calm.reduced.data, 1.0, causes)
+    found = from_unloaded(calm.cell, calm.reduced.data, 1.0, causes)
     assert found.causes == ()
     assert found.gain.rms_after_m < found.gain.rms_before_m / 5
-    found = standing(worse.cell, worse.reduced.data, 1.0, causes)
+    found = from_unloaded(worse.cell, worse.reduced.data, 1.0, causes)
     assert [one.label for one in found.effects] == ["link_length:4"]
     (one,) = found.causes
     assert one.value[0] == pytest.approx(0.02, abs=3e-3)

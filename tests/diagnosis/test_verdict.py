@@ -9,10 +9,12 @@ import pytest
 from pipeline.answer.diagnosis import cause_entry
 from pipeline.answer.words import enormous, why
 from pipeline.diagnosis.bounds import Bounds
+from pipeline.diagnosis.cause_search import Replacement
 from pipeline.diagnosis.causes import missing
+from pipeline.diagnosis.combined import SpringAgreement
 from pipeline.diagnosis.diagnose import _refused
 from pipeline.diagnosis.facts import (
-    NOTHING,
+    NO_UNLOADED,
     CrossValidation,
     EffectSize,
     Facts,
@@ -20,12 +22,10 @@ from pipeline.diagnosis.facts import (
     PossibleCause,
 )
 from pipeline.diagnosis.finding import Finding, Verdict
-from pipeline.diagnosis.identify import Replacement
-from pipeline.diagnosis.joined import Agreement
 from pipeline.diagnosis.verdict import TABLE, findings, of_both, verdict
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
-from pipeline.system.far import Far
+from pipeline.system.outlying import OutlyingReadings
 
 EFFECTS = {(effect.label, effect.form): effect for effect in catalogue(load("kr500_rail"))}
 
@@ -106,14 +106,14 @@ ROLL = (cause("rail_roll"),)
 FOUND = Facts(detected=True, explains=True, causes=ROLL, gain=gain(0.5, 0.3), remainder=1.0)
 STRANGE = PossibleCause(effect("rail_pitch"), 0.6)
 MISTAKE = SimpleNamespace(evidence="the reading a/P1 is 9 mm off")
-MISPLACED = replace(NOTHING, miss_m=2e-3, left_m=1e-4)
+MISPLACED = replace(NO_UNLOADED, miss_m=2e-3, left_m=1e-4)
 USELESS = replace(
     MISPLACED, gain=gain(-0.1, -0.3), causes=(SimpleNamespace(effect=ROLL[0].effect),)
 )
 TILTS = (cause("joint_tilt:5", 0.6, rivals=(PossibleCause(effect("joint_tilt:6"), 0.4),)),)
 GEAR = (cause("joint_hardening:3"), cause("joint_lost_motion:3"))
 
-APART = Agreement(40.0, 5, np.ones((6, 2)), np.ones((6, 2)), None)
+APART = SpringAgreement(40.0, 5, np.ones((6, 2)), np.ones((6, 2)), None)
 
 ROWS = {
     Finding.MISTAKE: (Facts(mistakes=(MISTAKE,)), Verdict.BAD_DATA),
@@ -178,7 +178,7 @@ ROWS = {
         Verdict.UNEXPLAINED,
     ),
     Finding.SCATTERED: (
-        Facts(bounds=Bounds(far=Far(np.array([4, 2]), np.array([0, 1]), 1e-5))),
+        Facts(bounds=Bounds(far=OutlyingReadings(np.array([4, 2]), np.array([0, 1]), 1e-5))),
         Verdict.UNEXPLAINED,
     ),
 }
@@ -330,8 +330,8 @@ def test_what_makes_the_same_robot_is_named_as_the_controller_does():
     "kept",
     [
         Bounds(tracker=10.0, force=10.0, left=0.25),
-        Bounds(far=Far(np.array([4]), np.array([0]), 1e-9)),
-        Bounds(far=Far(np.array([4, 5]), np.array([0, 0]), 1e-3)),
+        Bounds(far=OutlyingReadings(np.array([4]), np.array([0]), 1e-9)),
+        Bounds(far=OutlyingReadings(np.array([4, 5]), np.array([0, 0]), 1e-3)),
     ],
     ids=["at the bound", "one reading", "as many as tails throw"],
 )

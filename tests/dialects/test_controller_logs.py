@@ -11,7 +11,7 @@ from pipeline.intake.which_logs import propose_logs
 from pipeline.machine.robot import axes, load
 from pipeline.programs.for_plan import drive, programs
 from pipeline.readers import logs
-from pipeline.readers.said import LogForm
+from pipeline.readers.export_settings import LogForm
 
 SEED = 20261125
 SUFFIX = {"kuka": ".dat", "abb": ".mod", "fanuc": ".ls"}
@@ -81,7 +81,7 @@ def test_taught_points_are_poses_by_their_numbers(end):
 
     assert log.number["pose"][order].tolist() == [1, 2]
     assert log.line[order].tolist() == [9, 8]
-    shown = axes.shown(load("kr210_r2700_2"), found)
+    shown = axes.displayed(load("kr210_r2700_2"), found)
     assert shown[order] == pytest.approx(
         np.array([[-15, -60, 70, -10, -35, 12.5], [20.5, -75.25, 80.125, 10, 45, -30]])
     )
@@ -138,8 +138,8 @@ def test_a_recording_is_read_where_the_robot_stood(form, name, homed):
     """As many poses as stops, to encoder noise; the home position is not a pose."""
     robot, rng = load(name), np.random.default_rng(SEED)
     q = poses(robot, 5)[0]
-    mid = axes.shown(robot, (robot.lower + robot.upper) / 2)
-    data = recording(axes.shown(robot, q), rng, form, mid if homed else None)
+    mid = axes.displayed(robot, (robot.lower + robot.upper) / 2)
+    data = recording(axes.displayed(robot, q), rng, form, mid if homed else None)
     log, found = read_as_init(f"{form}.csv", data, name)
 
     assert log.number["pose"].tolist() == [1, 2, 3, 4, 5]

@@ -12,8 +12,8 @@ from pipeline import readers
 from pipeline.base.errors import InputError
 from pipeline.base.files import read as read_file
 from pipeline.intake.offer import offer
-from pipeline.readers import Hints, logs
-from pipeline.readers.said import LogForm
+from pipeline.readers import ExportSettings, logs
+from pipeline.readers.export_settings import LogForm
 
 TITLES = ["group", "target", "x_mm", "y_mm", "z_mm", "time"]
 NOON = datetime(2026, 11, 3, 12, 0, 0, 250_000)
@@ -21,7 +21,7 @@ ROWS = [["a", "P1", 1.0625, -2, 3e-7, NOON], ["a", 2, 4.5, 5.25, 6.125, NOON]]
 
 
 def read(data, name="t.xlsx", **hints):
-    return readers.read(name, data, Hints(**hints))
+    return readers.read(name, data, ExportSettings(**hints))
 
 
 def test_cells_say_what_they_show():
@@ -84,7 +84,7 @@ def test_a_sheet_that_leaves_its_unit_open_is_asked_for_it_alone():
     """The sheet with the points is taken, and a mapping of its columns is proposed."""
     rows = [[*row[:2], 1000.5 * row[2], 2000.5, -3000.5] for row in ROWS]
     data = workbook(info=[["hall", 7]], points=rows)
-    found = offer("t.xlsx", data, Hints())
+    found = offer("t.xlsx", data, ExportSettings())
 
     assert found.question.about == "unit"
     with pytest.raises(InputError, match="does not say its unit of length"):

@@ -8,15 +8,15 @@ import pytest
 from scipy import stats
 from small_case import asked, moved, small, where
 
-from pipeline.diagnosis.bounded import bounds
 from pipeline.diagnosis.bounds import FAULTY
+from pipeline.diagnosis.noise_bounds import bounds
 from pipeline.faults.base_reading import astray
 from pipeline.reduction.bring import bring
 from pipeline.reduction.register import XYZ
-from pipeline.system.family import AWAY, FREEDOM, Family
-from pipeline.system.far import Far, _chance, far
+from pipeline.system.family import FAR_OFF, FREEDOM, Family
 from pipeline.system.fit import fit
 from pipeline.system.linearised import CurrentModel, linearise
+from pipeline.system.outlying import OutlyingReadings, _chance, far
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def seen(case):
 def kept(case, force=1.0, left=None):
     """Bounds of a campaign whose springs are used."""
     right = fit(case, bring(case))
-    return bounds(right, right.system, right.estimate, left or Far.none(), force)
+    return bounds(right, right.system, right.estimate, left or OutlyingReadings.none(), force)
 
 
 def test_a_clean_campaign_keeps_them(case):
@@ -65,10 +65,10 @@ def test_tails_are_a_part_of_the_noise(case, wide, faulty):
     variance = np.full(len(right.shape.variance), wide)
     heavy = replace(right, shape=replace(right.shape, variance=variance))
 
-    got = bounds(heavy, right.system, right.estimate, Far.none(), 1.0)
+    got = bounds(heavy, right.system, right.estimate, OutlyingReadings.none(), 1.0)
 
-    usual = bounds(right, right.system, right.estimate, Far.none(), 1.0).tracker
-    assert got.tracker / usual == pytest.approx(np.sqrt(min(wide, AWAY**2 / 3)), rel=0.02)
+    usual = bounds(right, right.system, right.estimate, OutlyingReadings.none(), 1.0).tracker
+    assert got.tracker / usual == pytest.approx(np.sqrt(min(wide, FAR_OFF**2 / 3)), rel=0.02)
     assert replace(got, tracker=2 * got.tracker).faulty is faulty
 
 
@@ -78,7 +78,7 @@ def test_a_robot_that_does_not_move_at_all_is_predicted_by_nothing(case):
     data = replace(right.reduced.data, delta=0 * right.reduced.data.delta)
     still = replace(right, reduced=replace(right.reduced, data=data))
 
-    got = bounds(still, right.system, right.estimate, Far.none(), 1.0)
+    got = bounds(still, right.system, right.estimate, OutlyingReadings.none(), 1.0)
 
     assert got.left == 1.0
     assert not got.predicts
@@ -138,7 +138,9 @@ def test_readings_far_off_are_counted_with_their_places(case):
     ]
     assert got.p_value < 1e-9
     assert kept(case, left=got).scattered
-    assert not kept(case, left=Far(got.pose[:1], got.target[:1], got.p_value)).scattered
+    assert not kept(
+        case, left=OutlyingReadings(got.pose[:1], got.target[:1], got.p_value)
+    ).scattered
     assert not len(far(seen(case), Family.stated()).pose)
     assert far(seen(case), Family.stated()).p_value == 1.0
 
@@ -153,9 +155,9 @@ def student(nu):
 @pytest.mark.parametrize("nu", [3.0, 5.0])
 def test_the_chance_of_a_far_reading_is_that_of_the_family(nu):
     """|t|^2 / 3 of a Student vector with nu degrees of freedom is F(3, nu), by scipy."""
-    (p,) = student(nu).away(AWAY, np.zeros((4, 3)))
+    (p,) = student(nu).away(FAR_OFF, np.zeros((4, 3)))
 
-    assert p == pytest.approx(stats.f.sf(AWAY**2 / 3, 3, nu), rel=0.03)
+    assert p == pytest.approx(stats.f.sf(FAR_OFF**2 / 3, 3, nu), rel=0.03)
 
 
 def test_what_the_others_do_not_know_of_a_reading_has_a_part_in_its_chance():
@@ -164,16 +166,16 @@ def test_what_the_others_do_not_know_of_a_reading_has_a_part_in_its_chance():
     n = 200_000
     t = rng.standard_normal((n, 4, 3)) * np.sqrt(3 / rng.chisquare(3, (n, 4, 1)))
     x = t + np.sqrt(others)[:, None] * rng.standard_normal((n, 4, 3))
-    far_off = np.sum(x**2, axis=2) / np.maximum(others, 1) > AWAY**2
+    far_off = np.sum(x**2, axis=2) / np.maximum(others, 1) > FAR_OFF**2
 
-    (p,) = student(3.0).away(AWAY, np.tile(others[:, None], 3))
+    (p,) = student(3.0).away(FAR_OFF, np.tile(others[:, None], 3))
 
     assert p == pytest.approx(far_off.mean(), rel=0.05)
 
 
 def test_heavy_tails_explain_some_far_readings_and_not_a_dozen():
     """Of 1000 readings, Student's with 3 degrees of freedom throws eight so far, never thirty."""
-    p = student(3.0).away(AWAY, np.zeros((1, 3)))
+    p = student(3.0).away(FAR_OFF, np.zeros((1, 3)))
 
     assert _chance(10, 1000, p) > 0.1
     assert _chance(30, 1000, p) < 1e-4
@@ -231,14 +233,14 @@ def test_base_rounds_that_contradict_each_other_are_no_noise(seed):
         way = rng.standard_normal(3)
         spoilt = moved(spoilt, spoilt.readings.index == k, 4e-3 * way / np.linalg.norm(way))
 
-    count, of = astray(bring(spoilt).registration, 1.0, AWAY)
+    count, of = astray(bring(spoilt).registration, 1.0, FAR_OFF)
     left = far(seen(given), Family.stated(), (count, of))
 
     assert (2 <= count <= 4, of) == (True, 8)
     assert kept(given, left=left).scattered
-    assert astray(bring(given).registration, 1.0, AWAY) == (0, 8)
+    assert astray(bring(given).registration, 1.0, FAR_OFF) == (0, 8)
     one = moved(given, given.readings.index == rounds.index[0], [4e-3, 0, 0])
-    assert astray(bring(one).registration, 1.0, AWAY) == (1, 8)
+    assert astray(bring(one).registration, 1.0, FAR_OFF) == (1, 8)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -255,7 +257,7 @@ def test_one_contradiction_of_the_base_is_not_let_pass(seed):
         way = rng.standard_normal(3)
         spoilt = moved(spoilt, spoilt.readings.index == k, 5e-4 * way / np.linalg.norm(way))
 
-    count, of = astray(bring(spoilt).registration, 1.0, AWAY)
+    count, of = astray(bring(spoilt).registration, 1.0, FAR_OFF)
 
     assert (count >= 1, of) == (True, 8)
     assert kept(given, left=far(seen(given), Family.stated(), (1, of))).scattered
@@ -276,4 +278,4 @@ def test_many_rounds_that_only_scatter_contradict_nothing():
     placed = bring(many).registration
 
     assert placed.dof > 500
-    assert astray(placed, 1.0, AWAY) == (0, len(placed.table))
+    assert astray(placed, 1.0, FAR_OFF) == (0, len(placed.table))

@@ -13,10 +13,10 @@ from pipeline.faults.base_names import base_names
 from pipeline.faults.conventions import (
     anchored_miss,
     conventions,
-    hypotheses,
     miss,
     renamed,
     scaled,
+    supposed_mistakes,
     unloaded,
 )
 from pipeline.faults.placement import placement
@@ -170,7 +170,7 @@ def test_every_hypothesis_undoes_its_own_mistake(where, plant):
     assert miss(bad) > 0.03 or anchored_miss(bad) > 0.3
     exact = [
         h.where
-        for h in hypotheses(bad)
+        for h in supposed_mistakes(bad)
         if np.allclose(h.correct(bad).readings[XYZ], good().readings[XYZ], rtol=1e-12, atol=1e-12)
         and np.allclose(
             h.correct(bad).joints[good().joint_columns], good().joints[good().joint_columns],
@@ -190,7 +190,7 @@ def test_exchanged_names_are_put_back_whatever_they_were(names):
     bad = written(names)(good())
     right = [
         h
-        for h in hypotheses(bad)
+        for h in supposed_mistakes(bad)
         if h.name == "label_swap"
         and h.where == "all groups"
         and (h.correct(bad).readings["target"] == good().readings["target"]).all()
@@ -307,7 +307,7 @@ def test_a_mirrored_frame_mirrors_the_covariances():
     half = 1e-5 * np.random.default_rng(3).standard_normal((len(good().readings), 3, 3))
     six = covariance.flat(half @ half.swapaxes(1, 2))
     slanted = with_readings(good(), **dict(zip(covariance.columns(), six.T, strict=True)))
-    mirror = next(h for h in hypotheses(slanted) if h.where == "left_handed")
+    mirror = next(h for h in supposed_mistakes(slanted) if h.where == "left_handed")
 
     same(mirror.correct(mirrored(slanted)), slanted)
 

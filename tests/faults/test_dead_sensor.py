@@ -9,7 +9,7 @@ from test_exchanged import case, files, table, written
 
 from pipeline.faults.conventions import conventions
 from pipeline.faults.dead_sensor import dead
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
@@ -51,7 +51,7 @@ def with_forces(made, force):
 @pytest.mark.parametrize("factor", [1e-9, 0.0, 1e-300])
 def test_displacements_of_a_dead_sensor(factor):
     """Also in a campaign that arrives reduced: bad data, and no usable value."""
-    said = answered("dead", in_memory(moved(factor))).answer
+    said = campaign_answer("dead", in_memory(moved(factor))).answer
 
     assert str(said.diagnosis.verdict) == "bad_data"
     assert [one.name for one in said.diagnosis.causes] == ["dead_sensor"]
@@ -89,8 +89,8 @@ def test_no_interval_beside_a_copied_force_misses_what_the_true_forces_give(seed
     _, rows = table(files(seed), "loads.csv")
     most = max(float(row[2]) for row in rows)
     made = with_forces(files(seed), force)
-    right = answered("right", in_memory(files(seed))).answer.stiffness
-    said = answered("copied", in_memory(made)).answer
+    right = campaign_answer("right", in_memory(files(seed))).answer.stiffness
+    said = campaign_answer("copied", in_memory(made)).answer
 
     assert most > 2500
     assert [one.value for one in said.stiffness] == [None] * len(right)

@@ -5,7 +5,7 @@ import pytest
 from test_exchanged import LAYOUTS, case, table, written
 
 from pipeline.reduction.register import agreed, register
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
@@ -13,7 +13,7 @@ ONE_TARGET = {"load_point": (0.15, 0.0, 0.25), "P1": (0.2, 0.05, 0.12)}
 
 
 def verdict(made):
-    return str(answered("few", in_memory(made)).answer.diagnosis.verdict)
+    return str(campaign_answer("few", in_memory(made)).answer.diagnosis.verdict)
 
 
 def lost(made, pose):

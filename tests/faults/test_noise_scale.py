@@ -9,7 +9,7 @@ from scipy import integrate, stats
 
 from pipeline.faults import noise_scale as module
 from pipeline.faults.noise_scale import noise_scale
-from pipeline.system.system import Errors, Rows
+from pipeline.system.system import Errors, RowIndex
 
 
 class Contrasts(SimpleNamespace):
@@ -20,7 +20,7 @@ def contrasts(draws, stated=1.0):
     n = len(draws)
     stated = np.broadcast_to(stated, n)
     none = np.zeros(n, np.int64)
-    rows = Rows(np.arange(n) % max(n // 20, 1), none, np.full(n, "", object), none, none)
+    rows = RowIndex(np.arange(n) % max(n // 20, 1), none, np.full(n, "", object), none, none)
     G = scipy.sparse.csr_array(scipy.sparse.diags_array(stated))
     errors = Errors(G, np.full(n, "tracker", object), np.zeros(n, bool))
     return Contrasts(rows=rows, c=draws, errors=errors)

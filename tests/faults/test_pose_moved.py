@@ -12,7 +12,7 @@ from pipeline.faults.fault import Screening
 from pipeline.faults.pose_moved import moved
 from pipeline.faults.screen import screen
 from pipeline.reduction.bring import bring, conformed, plain
-from pipeline.run import answered, ingested
+from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.fit import fit
@@ -60,7 +60,7 @@ def found(made):
 @pytest.fixture(scope="module")
 def said():
     """Answer if the tracker is knocked between the zero and the pulls of pose 4."""
-    return answered("knocked", in_memory(knocked(files(), "pose04_rep1_loaded"))).answer
+    return campaign_answer("knocked", in_memory(knocked(files(), "pose04_rep1_loaded"))).answer
 
 
 @pytest.mark.whole
@@ -133,7 +133,7 @@ def test_the_engineer_is_told_to_measure_that_pose_again(said):
 def test_a_cause_that_displaces_some_poses_is_no_knock():
     """Most of its effect may be in one pose, but other poses show it too."""
     made = files(1, hidden={"effects": ["link_bending:upper_arm=2x"]})
-    said = answered("bent", in_memory(made)).answer
+    said = campaign_answer("bent", in_memory(made)).answer
 
     assert found(made) == ()
     assert [one.name for one in said.diagnosis.causes] == ["link_bending"]

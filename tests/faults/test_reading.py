@@ -19,8 +19,8 @@ from pipeline.faults.reading import (
 )
 from pipeline.machine.robot import configure
 from pipeline.system import alarms
-from pipeline.system.beside import Beside
 from pipeline.system.contrasts import stacked
+from pipeline.system.score_tests import ScoreTests
 
 
 @pytest.fixture(scope="module")
@@ -182,7 +182,7 @@ def freer(normal, drop):
     N = np.zeros((1, 3, 3))
     N[0, 0, 0] = normal
     g = np.array([[np.sqrt(drop * normal), 0.0, 0.0]])
-    return Beside(N, g, np.full((1, 3), normal), 1000.0, 50)
+    return ScoreTests(N, g, np.full((1, 3), normal), 1000.0, 50)
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def tests(monkeypatch):
     """Replace the real tests; each finds the mistakes of its letter."""
     calls = []
     monkeypatch.setattr(module, "lock_lost", lambda one, _: one)
-    monkeypatch.setattr(module, "tells", lambda _: True)
+    monkeypatch.setattr(module, "_has_redundancy", lambda _: True)
     monkeypatch.setattr(module, "misfit", lambda _: np.nan)
 
     def put(*letters, **more):
@@ -119,7 +119,7 @@ def test_after_each_finding_the_grossest_test_is_asked_first(tests):
 def test_a_mistake_that_would_leave_nothing_stays_and_is_said_to(tests, monkeypatch):
     """The campaign unchanged, with a finding that nothing corrects; no test repeats for ever."""
     calls = tests("F", "a")
-    monkeypatch.setattr(module, "tells", lambda case: len(case.wrong) > 0)
+    monkeypatch.setattr(module, "_has_redundancy", lambda case: len(case.wrong) > 0)
 
     got = screen(Bench(("a1",)), object())
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.faults.typed import intended
+from pipeline.faults.typing_errors import intended
 
 
 @pytest.mark.parametrize(

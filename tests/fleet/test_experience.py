@@ -14,7 +14,7 @@ from pipeline.diagnosis.finding import Verdict
 from pipeline.fleet.experience import experience
 from pipeline.fleet.priors import toml
 from pipeline.reduction.settings import CausePrior
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import simulate
 from pipeline.store.campaign import in_memory
 
@@ -131,8 +131,8 @@ def raw(small_plan):
 @pytest.mark.whole
 def test_priors_change_odds_and_nothing_where_they_say_nothing(raw):
     """Odds of 1 and sizes of 1 give the answer to the last digit; others are said."""
-    plain = answered("a", raw()).answer
-    same = answered("a", raw("\n[priors.rail_roll]\nodds = 1.0\n")).answer
+    plain = campaign_answer("a", raw()).answer
+    same = campaign_answer("a", raw("\n[priors.rail_roll]\nodds = 1.0\n")).answer
 
     assert same.model.priors == ("rail_roll",)
     assert "estimated from other campaigns" in " ".join(same.assumptions)
@@ -143,4 +143,4 @@ def test_priors_change_odds_and_nothing_where_they_say_nothing(raw):
 def test_a_cause_that_is_none_is_refused(raw):
     """With the names that there are."""
     with pytest.raises(InputError, match=r"\[priors\] has rail_rol, .* rail_roll"):
-        answered("a", raw("\n[priors.rail_rol]\nodds = 2.0\n"))
+        campaign_answer("a", raw("\n[priors.rail_rol]\nodds = 2.0\n"))

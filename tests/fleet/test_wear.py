@@ -10,14 +10,14 @@ import pytest
 from test_history import campaign, unit
 
 from pipeline.base.quantities import typeset
-from pipeline.fleet import worn
+from pipeline.fleet import wear_table
 from pipeline.fleet.overview import comparison, overview, render_overview
-from pipeline.fleet.sentences import alarm, told
-from pipeline.fleet.wear.alarm import A_YEAR, Kind, looks
+from pipeline.fleet.sentences import alarm, fleet_sentences
+from pipeline.fleet.wear.alarm import A_YEAR, ChangeKind, interim_tests
 from pipeline.fleet.wear.hierarchy import hierarchy
 from pipeline.fleet.wear.machine import Machine, Repair, Visit
 from pipeline.fleet.wear.scatter import scatter
-from pipeline.fleet.wear.standing import fleet
+from pipeline.fleet.wear.state import fleet
 from pipeline.fleet.wear.trend import trends
 
 NEW = np.array([2e-7, 1.5e-7, 2.5e-7, 1.8e-6])
@@ -101,7 +101,7 @@ def test_steady_robots_rarely_raise_an_alarm():
         machines = robots(rng, 8)
         found = scatter(machines)
         for machine in machines:
-            raised += any(look.alarm for look in looks(machine, found))
+            raised += any(look.alarm for look in interim_tests(machine, found))
             years += machine.t[-1]
 
     assert years > 500
@@ -117,9 +117,11 @@ def test_errors_that_joints_share_cancel():
     whole, apart = (Machine.of("", one) for one in (visits, alone))
     stated = scatter([whole], stated=0.003)
 
-    assert looks(whole, stated)[-1].alarm
-    assert looks(whole, stated)[-1].joints == (0,)
-    assert looks(whole, stated)[-1].p_value < 1e-3 * looks(apart, stated)[-1].p_value
+    assert interim_tests(whole, stated)[-1].alarm
+    assert interim_tests(whole, stated)[-1].joints == (0,)
+    assert (
+        interim_tests(whole, stated)[-1].p_value < 1e-3 * interim_tests(apart, stated)[-1].p_value
+    )
 
 
 def test_a_repair_that_is_told_is_no_wear():
@@ -129,12 +131,12 @@ def test_a_repair_that_is_told_is_no_wear():
     knows = Machine.of("", visits, [Repair(2002.9, (2,))])
     knows_not = Machine.of("", visits)
     found = scatter(robots(rng, 3))
-    steps = [look for look in looks(knows_not, found) if look.alarm]
+    steps = [look for look in interim_tests(knows_not, found) if look.alarm]
 
-    assert not any(look.alarm for look in looks(knows, found))
-    assert len(looks(knows, found)) == 4, "looks begin again with the repair"
+    assert not any(look.alarm for look in interim_tests(knows, found))
+    assert len(interim_tests(knows, found)) == 4, "looks begin again with the repair"
     assert steps[0].campaign == "c6"
-    assert (steps[0].kind, steps[0].after, steps[0].joints) == (Kind.STEP, "c5", (2,))
+    assert (steps[0].kind, steps[0].after, steps[0].joints) == (ChangeKind.STEP, "c5", (2,))
     assert trends(knows, found).std[2] > 2 * trends(knows_not, found).std[2]
 
 
@@ -143,7 +145,7 @@ def test_campaigns_of_one_day_are_looked_at_once():
     visits = robot(np.random.default_rng(6), years=3)
     again = Visit("again", visits[-1].year, visits[-1].x, visits[-1].cov)
 
-    seen = looks(Machine.of("", [*visits, again]), scatter([Machine.of("", visits)]))
+    seen = interim_tests(Machine.of("", [*visits, again]), scatter([Machine.of("", visits)]))
 
     assert len(seen) == len(visits) - 1
     # of the years since the campaign before, which may all be spent
@@ -189,11 +191,11 @@ def tables(serials=("1",), years=4, **what):
                     {"campaign": name, "parameter": f"c_{j}", "other": f"c_{i}", "covariance": c}
                     for i, c in enumerate(visit.cov[j])
                 ]
-    return worn.History(campaigns, stiffness, covariance, [])
+    return wear_table.History(campaigns, stiffness, covariance, [])
 
 
 def standing(history, scatter=None):
-    return worn.robots("kr500_rail", worn.rows(history, scatter))
+    return wear_table.robots("kr500_rail", wear_table.rows(history, scatter))
 
 
 def test_a_worn_joint_is_told_in_one_sentence():
@@ -236,17 +238,17 @@ def test_only_the_newest_campaign_tells_the_alarm():
         campaign(name, [2e-7] * 4).model_copy(update=serial) for name in ("r1-7", "r1-6")
     )
 
-    assert told(newest, wear) == alarm(wear[0]) != ""
-    assert told(earlier, wear) == ""
-    assert told(campaign("r1-0", [2e-7]).model_copy(update=serial), few) is None
-    assert told(newest, ()) is None
+    assert fleet_sentences(newest, wear) == alarm(wear[0]) != ""
+    assert fleet_sentences(earlier, wear) == ""
+    assert fleet_sentences(campaign("r1-0", [2e-7]).model_copy(update=serial), few) is None
+    assert fleet_sentences(newest, ()) is None
 
 
 @pytest.mark.parametrize("verdict", ["bad_data", "unexplained"])
 def test_what_is_not_trusted_does_not_count(verdict):
     """A campaign with bad data or without an explanation moves nothing."""
     history = tables()
-    before = worn.rows(history)
+    before = wear_table.rows(history)
     spoilt = [dict(row) for row in history.stiffness]
     for row in spoilt:
         row["compliance"] *= 2.0 if row["campaign"] == "r1-4" else 1.0
@@ -257,7 +259,7 @@ def test_what_is_not_trusted_does_not_count(verdict):
     without = [row for row in history.campaigns if row["campaign"] != "r1-4"]
 
     def rows(campaigns):
-        return worn.rows(worn.History(campaigns, spoilt, history.covariance, ()))
+        return wear_table.rows(wear_table.History(campaigns, spoilt, history.covariance, ()))
 
     assert rows(campaigns) == rows(without)
     assert rows(campaigns)[0]["campaigns"] == before[0]["campaigns"] - 1
@@ -267,7 +269,7 @@ def test_what_is_not_trusted_does_not_count(verdict):
 def test_the_same_readings_computed_twice_count_once():
     """A copy of a campaign under another name begins at the same second."""
     history = tables()
-    copied = worn.History(
+    copied = wear_table.History(
         [*history.campaigns, history.campaigns[3] | {"campaign": "copy"}],
         [*history.stiffness, *({**row, "campaign": "copy"} for row in history.stiffness
                                if row["campaign"] == "r1-3")],
@@ -276,18 +278,20 @@ def test_the_same_readings_computed_twice_count_once():
         (),
     )  # fmt: skip
 
-    assert worn.rows(copied)[0]["campaigns"] == worn.rows(history)[0]["campaigns"]
-    assert worn.rows(copied)[1]["std"] == pytest.approx(worn.rows(history)[1]["std"], rel=1e-9)
+    assert wear_table.rows(copied)[0]["campaigns"] == wear_table.rows(history)[0]["campaigns"]
+    assert wear_table.rows(copied)[1]["std"] == pytest.approx(
+        wear_table.rows(history)[1]["std"], rel=1e-9
+    )
 
 
 def test_a_repair_in_any_campaign_holds_for_the_robot():
     """Told once, also in a campaign that does not count, it begins a new life of the joint."""
     history = tables(("1", "2", "3", "4"), steps=[(2002.0, 1, 1.3)])
     repair = {"campaign": "r1-7", "day": date(2021, 12, 1), "joint": 2, "what": "gearbox"}
-    knows = worn.History(history.campaigns, history.stiffness, history.covariance, [repair])
+    knows = wear_table.History(history.campaigns, history.stiffness, history.covariance, [repair])
 
-    assert worn.rows(history)[0]["alarm"] == "step"
-    assert worn.rows(knows)[0]["alarm"] is None
+    assert wear_table.rows(history)[0]["alarm"] == "step"
+    assert wear_table.rows(knows)[0]["alarm"] is None
 
 
 def test_a_joint_that_nobody_can_size_has_no_percentage():
@@ -298,7 +302,9 @@ def test_a_joint_that_nobody_can_size_has_no_percentage():
         for row in history.covariance
     ]
 
-    first, second, *_ = worn.rows(worn.History(history.campaigns, history.stiffness, loose, ()))
+    first, second, *_ = wear_table.rows(
+        wear_table.History(history.campaigns, history.stiffness, loose, ())
+    )
 
     assert first["percent_a_year"] is None
     assert second["percent_a_year"] is not None
@@ -308,20 +314,20 @@ def test_a_stated_scatter_counts_until_campaigns_tell_it():
     """Where there are too few, it is the stated one; then it follows the campaigns."""
     few, many = tables(years=1), tables(years=6)
 
-    assert worn.rows(few, 0.03)[1]["scatter"] == pytest.approx(3.0, rel=1e-3)
-    assert worn.rows(few, 0.03)[1]["scatter_stated"]
-    assert worn.rows(many, 0.03)[1]["scatter"] < 2.0
+    assert wear_table.rows(few, 0.03)[1]["scatter"] == pytest.approx(3.0, rel=1e-3)
+    assert wear_table.rows(few, 0.03)[1]["scatter_stated"]
+    assert wear_table.rows(many, 0.03)[1]["scatter"] < 2.0
     assert fleet([Machine.of("", robot(np.random.default_rng(9)))], 0.01).robots[0].look
 
 
 def test_only_the_newest_campaigns_are_followed(monkeypatch):
     """What is older says nothing of today, and costs."""
     history = tables(years=4)
-    monkeypatch.setattr(worn, "_MOST", 5)
+    monkeypatch.setattr(wear_table, "_MOST", 5)
     newest = replace(history, campaigns=history.campaigns[-5:])
 
-    assert worn.rows(history) == worn.rows(newest)
-    assert worn.rows(history)[0]["campaigns"] == 5
+    assert wear_table.rows(history) == wear_table.rows(newest)
+    assert wear_table.rows(history)[0]["campaigns"] == 5
 
 
 # --- one comparison ------------------------------------------------------------------------
@@ -348,7 +354,7 @@ def told_by(answers):
                 }
                 for other in one.stiffness
             ]
-    return standing(worn.History(campaigns, stiffness, covariance, []))
+    return standing(wear_table.History(campaigns, stiffness, covariance, []))
 
 
 SOFTER = [2e-7, 2.6e-7, 2e-7]

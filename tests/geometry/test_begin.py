@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_position_facts import ROBOT, read
 
-from pipeline.geometry.begin import begin
+from pipeline.geometry.initial import begin
 
 
 @pytest.mark.parametrize("size", [0.02, 0.5])

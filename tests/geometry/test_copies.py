@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.geometry.search import _as_noise
+from pipeline.geometry.law_tests import _as_noise
 
 POSES, ROWS, KNOWN, DRAWS = 30, 9, 60, 300
 

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.geometry.curves import matern, over
+from pipeline.geometry.cross_validation import Partition
 from pipeline.geometry.laws import Inputs, JointLaw
 from pipeline.geometry.mechanism import ArmWeights, Payloads, layout, linearised
 from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.study import Step, study
-from pipeline.geometry.worth import Parting
-from pipeline.library.standing import loads, predict
+from pipeline.geometry.spline import matern, over
+from pipeline.geometry.study import ModelStage, study
+from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import load
-from pipeline.prediction.standing import dumps, standing
+from pipeline.prediction.kinematic_model import dumps, kinematic_model
 
 # UR10 from its maker's table (distal DH), and the weights of its links
 D = [0.1273, 0.0, 0.0, 0.163941, 0.1157, 0.0922]
@@ -109,14 +109,14 @@ def test_a_wrong_table_is_corrected_and_poses_left_out_are_predicted(rippled):
     _, found, _ = rippled
 
     before, after = found.stages[0], found.stages[-1]
-    assert before.step is Step.TABLE
-    assert after.mean(Parting.BETWEEN) < 0.05e-3 < before.mean(Parting.BETWEEN) / 10
-    assert after.mean(Parting.SPACE) < 0.06e-3
+    assert before.step is ModelStage.TABLE
+    assert after.mean(Partition.BETWEEN) < 0.05e-3 < before.mean(Partition.BETWEEN) / 10
+    assert after.mean(Partition.SPACE) < 0.06e-3
 
 
 def test_predictions_of_poses_never_measured_hold_the_truth(rippled):
     readings, found, ripple = rippled
-    model = standing("made", found.final)
+    model = kinematic_model("made", found.final)
     rng = np.random.default_rng(9)
     fresh = made(300, rng, ripple, noise=0.0)
     told = predict(
@@ -137,7 +137,7 @@ def test_nothing_is_named_where_there_is_nothing():
 
     assert found.laws == ()
     assert found.bad == ()
-    assert found.stages[-1].mean(Parting.BETWEEN) < 0.04e-3
+    assert found.stages[-1].mean(Partition.BETWEEN) < 0.04e-3
 
 
 @pytest.mark.whole
@@ -149,12 +149,12 @@ def test_a_reading_metres_off_is_left_out_and_moves_nothing():
     found = studied(replace(readings, at=at))
 
     assert [(one.file, one.line) for one in found.bad] == [("poses.csv", 19)]
-    assert found.stages[-1].mean(Parting.BETWEEN) < 0.04e-3
+    assert found.stages[-1].mean(Partition.BETWEEN) < 0.04e-3
 
 
 def test_a_model_comes_back_from_its_file(rippled):
     _, found, _ = rippled
-    model = standing("made", found.final)
+    model = kinematic_model("made", found.final)
     again = loads(dumps(model), "positions.npz")
     q = np.random.default_rng(1).uniform(-1, 1, (50, 6))
     asked = (q, np.zeros((50, 3)), np.ones(50, dtype=np.int64), np.full(50, np.nan))
@@ -230,14 +230,14 @@ def test_a_joint_that_slipped_once_is_named_with_its_pose(slipped):
     assert law.since == ("two", 70)
     assert 2 * law.amplitude == pytest.approx(4e-4, abs=5 * 2 * law.std)
     assert found.moved == ()
-    assert found.stages[-1].mean(Parting.BETWEEN) < 0.03e-3
+    assert found.stages[-1].mean(Partition.BETWEEN) < 0.03e-3
 
 
 @pytest.mark.whole
 def test_predictions_are_of_the_robot_after_it_slipped(slipped):
     """A prediction has no time: it is for the robot after all readings."""
     _, found = slipped
-    model = loads(dumps(standing("made", found.final)), "positions.npz")
+    model = loads(dumps(kinematic_model("made", found.final)), "positions.npz")
     rng = np.random.default_rng(9)
 
     def after(q):
@@ -260,7 +260,7 @@ def test_a_step_of_torque_makes_no_prediction_uncertain_for_its_torque():
     """It is the same at any torque: only its amplitude is uncertain, as for a joint at rest."""
     found = studied(made(120, np.random.default_rng(8))).final
     step = JointLaw(2, "step", "torque", 2, 0.0)
-    plain = replace(standing("made", found), gravity=np.array([0, 0, -9.80665]))
+    plain = replace(kinematic_model("made", found), gravity=np.array([0, 0, -9.80665]))
     where = layout(found.mechanism).laws.start
     cov = np.insert(np.insert(plain.cov, where, 0.0, axis=0), where, 0.0, axis=1)
     cov[where, where] = 1e-12
@@ -290,7 +290,7 @@ def test_an_instrument_that_was_knocked_begins_a_series(size):
     assert moved.p < 1e-3
     assert found.laws == ()
     assert [(one.file, one.line) for one in found.bad] == [("poses.csv", 312)]
-    assert found.stages[-1].mean(Parting.BETWEEN) < 0.03e-3
+    assert found.stages[-1].mean(Partition.BETWEEN) < 0.03e-3
 
 
 @pytest.mark.slow

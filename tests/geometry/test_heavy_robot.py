@@ -17,17 +17,17 @@ from heavy_robot import (
     waves,
 )
 
-from pipeline.geometry.begin import begin
+from pipeline.geometry.cross_validation import Partition
+from pipeline.geometry.gross_errors import corrected
+from pipeline.geometry.initial import begin
 from pipeline.geometry.mechanism import ArmWeights, Payloads, layout, linearised
-from pipeline.geometry.mistaken import corrected
-from pipeline.geometry.study import Step, study
-from pipeline.geometry.worth import Parting
+from pipeline.geometry.study import ModelStage, study
 from pipeline.geometry.yielding import sizes, usual, yielding
-from pipeline.library.standing import loads, predict
+from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.variants import counted_back, turned
 from pipeline.machine.robot.weight import carried, work
-from pipeline.prediction.standing import dumps, standing
+from pipeline.prediction.kinematic_model import dumps, kinematic_model
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 NOTHING = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
@@ -79,7 +79,7 @@ def crooked():
 @pytest.mark.whole
 def test_poses_left_out_are_predicted_to_their_noise(crooked):
     """0.01 mm of the tracker and 0.01 mrad of each joint give about 0.04 mm at the tool."""
-    model = loads(dumps(standing("made", crooked.found.final)), "positions.npz")
+    model = loads(dumps(kinematic_model("made", crooked.found.final)), "positions.npz")
     there = crooked.readings.part(crooked.out)
     told = predict(model, there.q, np.zeros((len(there), 3)), there.payload, there.temperature)
     frame = model.mechanism.frames[0]
@@ -111,8 +111,8 @@ def test_weight_and_rail_are_named_before_laws_nobody_listed(crooked):
 def test_a_crooked_rail_is_no_instrument_that_moved(crooked):
     assert crooked.found.moved == ()
     assert crooked.found.bad == ()
-    steps = {stage.step: stage.mean(Parting.BETWEEN) for stage in crooked.found.stages}
-    assert steps[Step.CATALOGUE] < steps[Step.SPRINGS] / 2
+    steps = {stage.step: stage.mean(Partition.BETWEEN) for stage in crooked.found.stages}
+    assert steps[ModelStage.CATALOGUE] < steps[ModelStage.SPRINGS] / 2
 
 
 @pytest.mark.whole

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from test_geometry import made, weightless
 
-from pipeline.geometry.begin import begin
+from pipeline.geometry.calibrate import ModelStructure, calibrate
 from pipeline.geometry.estimate import precision
-from pipeline.geometry.identify import Wanted, identify
+from pipeline.geometry.initial import begin
 from pipeline.geometry.laws import JointLaw
-from pipeline.geometry.leftout import LeftOut, by_turns, errors
+from pipeline.geometry.left_out import LeftOut, by_turns, errors
 from pipeline.geometry.mechanism import layout
 from pipeline.geometry.scatter import start
 from pipeline.machine.robot import load
@@ -21,9 +21,9 @@ def found():
     """Forty poses of an arm with two laws; DH parameters and amplitudes estimated."""
     robot = load("ur10")
     readings, weights = made(40, np.random.default_rng(3)), weightless(40)
-    wanted = Wanted(springs=False, laws=WAVES, curves=((5, 0.7),))
+    wanted = ModelStructure(springs=False, laws=WAVES, curves=((5, 0.7),))
     begun = begin(robot, readings, {})
-    return identify(begun, readings, weights, wanted, start(robot, None))
+    return calibrate(begun, readings, weights, wanted, start(robot, None))
 
 
 def anew(found, mine, held):

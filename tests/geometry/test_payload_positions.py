@@ -10,15 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.answer.positions import payload_entries
 from pipeline.answer.remarks import contradicted
-from pipeline.geometry.begin import begin
-from pipeline.geometry.identify import Wanted, identify
+from pipeline.geometry.calibrate import ModelStructure, calibrate
+from pipeline.geometry.initial import begin
 from pipeline.geometry.mechanism import ArmWeights, Payloads, layout
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import PoseScatter
-from pipeline.library.standing import loads, predict
+from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
-from pipeline.prediction.standing import dumps, standing
+from pipeline.prediction.kinematic_model import dumps, kinematic_model
 
 # UR10 from its maker's table (distal DH)
 TABLE = list(
@@ -131,11 +131,11 @@ class Machine:
         std = np.stack([stated, 2 * STATED])
         known = Payloads(("tool", "other"), np.array([MASS, 4.0]), np.stack([CENTRE] * 2), std)
         scatter = PoseScatter(np.full(6, JOINT), NOISE, 1e-5, True)
-        return identify(
+        return calibrate(
             begin(self.robot, self.readings, {"T": TOOL}),
             self.readings,
             ArmWeights(GRAVITY, known, self.carried),
-            Wanted(table=False),
+            ModelStructure(table=False),
             scatter,
         )
 
@@ -202,7 +202,7 @@ def test_a_prediction_knows_what_it_shares_with_the_springs(one):
     """
     machine, found = one
     y, cov = dense(machine, found)
-    model = standing("made", found)
+    model = kinematic_model("made", found)
     q, carried = machine.poses(np.random.default_rng(5), 6)
     nothing = np.zeros((6, 3)), carried, np.full(6, np.nan)
     told = predict(model, q, *nothing)
@@ -229,7 +229,7 @@ def test_a_payload_that_was_never_carried_has_the_uncertainty_that_is_stated(one
     where = layout(found.mechanism)
     other = slice(where.payload.start + 4, where.payload.stop)
     q = np.array([[0.0, -0.3, 0.2, 0.0, 0.5, 0.0]])
-    model = standing("made", found)
+    model = kinematic_model("made", found)
 
     def told(payload):
         return predict(model, q, np.zeros((1, 3)), np.array([payload]), np.full(1, np.nan)).std
@@ -276,7 +276,7 @@ def test_intervals_hold_the_truth_over_30_campaigns():
             if kept is springs:
                 q, carried = machine.poses(machine.rng, 20)
                 told = predict(
-                    standing("m", found), q, np.zeros((20, 3)), carried, np.full(20, np.nan)
+                    kinematic_model("m", found), q, np.zeros((20, 3)), carried, np.full(20, np.nan)
                 )
                 true = machine.places(q + JOINT * machine.rng.standard_normal(q.shape), carried)
                 places.append(np.abs(told.at[:, 0] - true) < 1.96 * told.std[:, 0, :3])

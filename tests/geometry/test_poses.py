@@ -8,14 +8,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.errors import InputError
-from pipeline.diagnosis.unloaded_geometry import standing
+from pipeline.diagnosis.unloaded_geometry import from_unloaded
 from pipeline.geometry.roughness import cells, products
 from pipeline.machine import six
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import parse
-from pipeline.run import answered, ingested
+from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.fit import fit
@@ -65,14 +65,14 @@ def test_the_six_coordinates_are_shift_and_turn_of_a_rigid_motion():
 @pytest.fixture(scope="module")
 def answer():
     """Answer for sixteen 6D poses of a robot as delivered."""
-    return answered("six", in_memory(made(poses=16, tracker=SIX))).answer
+    return campaign_answer("six", in_memory(made(poses=16, tracker=SIX))).answer
 
 
 @pytest.mark.whole
 def test_a_6d_campaign_is_adequate_and_its_springs_are_right(answer):
     """Six rows per pull, noise from repeats and residuals if not stated."""
     files = made(poses=16, tracker=SIX)
-    quiet = answered("six", in_memory(silent(files))).answer
+    quiet = campaign_answer("six", in_memory(silent(files))).answer
     case = case_of(files)
     x = case.robot.nominal_compliance
     off = [
@@ -186,7 +186,7 @@ def test_only_a_laser_tracker_is_held_to_what_trackers_can(kind, verdict):
     tool = {name: at for name, at in Plan(name="s").tool.items() if name in ("load_point", "P1")}
     files = made(tool=tool, pulls={"zero": "before"},
                  tracker={"kind": kind, "sigma_m": 2.5e-4, "stated": False})  # fmt: skip
-    answer = answered("kind", in_memory(files)).answer
+    answer = campaign_answer("kind", in_memory(files)).answer
 
     assert answer.fit.noise_from == "residuals"
     assert answer.diagnosis.verdict == verdict
@@ -199,7 +199,7 @@ def test_a_rotation_without_a_position_is_asked_about():
     text = re.sub(rb"(?m)^sigma_m.*\n", b"", files["campaign.toml"])
 
     with pytest.raises(InputError, match=r"sigma_rad.*state \[tracker\] sigma_m"):
-        answered("turned", in_memory(files | {"campaign.toml": text}))
+        campaign_answer("turned", in_memory(files | {"campaign.toml": text}))
 
 
 BAD = {
@@ -231,7 +231,7 @@ def test_a_wrong_entry_of_the_table_is_identified_from_6d_poses(answer, hidden):
     name, _, rest = hidden.partition(":")
     joint, _, size = rest.partition("=")
     files = made(poses=16, tracker=SIX, hidden={"effects": [hidden]})
-    said = answered("six", in_memory(files)).answer
+    said = campaign_answer("six", in_memory(files)).answer
     (cause,) = said.diagnosis.causes
     (found,) = cause.parameters
     springs = zip(said.stiffness, answer.stiffness, strict=True)
@@ -253,7 +253,7 @@ def test_positions_and_rotations_of_6d_poses_are_weighed_by_what_is_stated_of_ea
         tracker = SIX | {"stated": True, "sigma_rad": rad}
         data = case_of(made(poses=16, tracker=tracker))
         reduced = bring(data)
-        stood = standing(data.cell, reduced.data, 1.0, catalogue(data.robot))
+        stood = from_unloaded(data.cell, reduced.data, 1.0, catalogue(data.robot))
         zeros = stood.cells.zeros
         k = zeros.columns.table.start + [one.label for one in zeros.letters].index("joint_offset:6")
         alone = cells(zeros, products(zeros.about(np.zeros(zeros.columns.count))))
@@ -271,7 +271,7 @@ def test_without_noise_6d_poses_give_the_entry_back():
     plan = Plan(name="s", seed=3, poses={"count": 16}, tracker=still,
                 hidden={"effects": ["link_twist:5=0.02"]}).without_noise()  # fmt: skip
     case = case_of(dict(simulate(plan).files))
-    stood = standing(case.cell, bring(case).data, 0.1, catalogue(case.robot))
+    stood = from_unloaded(case.cell, bring(case).data, 0.1, catalogue(case.robot))
 
     (one,) = stood.causes
     assert one.effect.label == "link_twist:5"

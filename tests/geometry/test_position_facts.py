@@ -11,19 +11,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_geometry import TOOL, made, stands, weightless
 
-from pipeline.answer.positions import PositionsFound, answer
+from pipeline.answer.positions import PositionsResults, answer
 from pipeline.diagnosis.positions import bounds_of, facts_of
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import outlying
-from pipeline.geometry import blunders
-from pipeline.geometry.begin import begin
-from pipeline.geometry.identify import Wanted
-from pipeline.geometry.named import LawData
+from pipeline.geometry import outliers
+from pipeline.geometry.calibrate import ModelStructure
+from pipeline.geometry.cross_validation import distances, partings
+from pipeline.geometry.initial import begin
+from pipeline.geometry.joint_laws import LawSearchData
 from pipeline.geometry.scatter import start
-from pipeline.geometry.study import Stage, Step, Study, _without_blunders
-from pipeline.geometry.worth import distances, partings
+from pipeline.geometry.study import ModelStage, StageResult, Study, _without_blunders
 from pipeline.machine.robot import load
-from pipeline.machine.robot.letters import changed, letters
+from pipeline.machine.robot.dh_parameters import changed, dh_parameters
 from pipeline.store.campaign import in_memory
 
 ROBOT = load("ur10")
@@ -51,7 +51,7 @@ def read(m=60, seed=1, noise=2e-5, targets=1):
 
 
 def data(readings, sigma=None):
-    return LawData(readings, weightless(len(readings)), (np.nan, np.nan), start(ROBOT, sigma))
+    return LawSearchData(readings, weightless(len(readings)), (np.nan, np.nan), start(ROBOT, sigma))
 
 
 def nothing(every):
@@ -61,8 +61,8 @@ def nothing(every):
 
 def estimated(every, robot=ROBOT):
     begun = begin(robot, every.readings, {})
-    nominal = every.identify(begun, Wanted(False, False))
-    return nominal, every.identify(nominal.mechanism, Wanted(springs=False))
+    nominal = every.identify(begun, ModelStructure(False, False))
+    return nominal, every.identify(nominal.mechanism, ModelStructure(springs=False))
 
 
 def studied(readings, sigma=None, robot=ROBOT):
@@ -70,9 +70,9 @@ def studied(readings, sigma=None, robot=ROBOT):
     every = data(readings, sigma)
     nominal, table = estimated(every, robot)
     parts = partings(readings, np.random.default_rng(0), rail=False)
-    steps = ((Step.TABLE, nominal), (Step.LETTERS, table), (Step.SPRINGS, table))
+    steps = ((ModelStage.TABLE, nominal), (ModelStage.LETTERS, table), (ModelStage.SPRINGS, table))
     stages = tuple(
-        Stage(step, found, {k: distances(found, part) for k, part in parts.items()})
+        StageResult(step, found, {k: distances(found, part) for k, part in parts.items()})
         for step, found in steps
     )
     return Study(stages, (), (), every=every)
@@ -93,7 +93,7 @@ def test_a_clean_campaign_keeps_the_bounds(clean):
 
 def test_an_entry_of_the_table_that_is_off_by_far_is_named_with_its_size():
     """The upper arm is 140 mm shorter than in the file: explained, and not refuted."""
-    every = letters(ROBOT)
+    every = dh_parameters(ROBOT)
     off = [0.14 * ((one.name, one.joint) == ("link_length", 3)) for one in every]
     short = changed(ROBOT, every, np.array(off))
     facts = facts_of(studied(read(), 2e-5, short), ROBOT)
@@ -143,7 +143,7 @@ def told(found, mistakes=()):
     toml = 'format = 1\nname = "h"\nrobot = "ur10"\n[positions]\nfile = "p.csv"\n'
     raw = in_memory({"campaign.toml": toml.encode(), "p.csv": rows.to_csv(index=False).encode()})
     none = pd.DataFrame(columns=["file", "line", "reason"])
-    return answer(PositionsFound.of("h", raw, found, mistakes, none))
+    return answer(PositionsResults.of("h", raw, found, mistakes, none))
 
 
 def test_mistakes_and_what_is_refuted_give_the_controller_no_number(clean):
@@ -182,7 +182,7 @@ def test_bad_readings_of_ten_times_the_noise_are_found_and_no_good_one():
     assert np.flatnonzero(out.which.any(axis=1)).tolist() == sorted(bad.tolist())
     assert len(left.readings) == 85
     assert np.allclose(out.size_m[sorted(bad), 0], 2e-3, rtol=0.3)
-    again = blunders.off(found, every.readings, every.weights, out.which)
+    again = outliers.find_outliers(found, every.readings, every.weights, out.which)
     assert np.array_equal(again.which, out.which)
 
 

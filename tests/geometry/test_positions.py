@@ -12,7 +12,7 @@ from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import configure, load
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis, dumps
-from pipeline.programs.predict import Of, predicted
+from pipeline.programs.predict import PredictionModel, predicted
 from pipeline.report.model import compose
 from pipeline.run import run
 from pipeline.store.campaign import find
@@ -108,7 +108,9 @@ def test_positions_are_predicted_from_a_table_of_joint_values(hall, tmp_path):
     pd.DataFrame(np.rad2deg(q), columns=JOINTS).to_csv(tmp_path / "asked.csv", index=False)
 
     told = pd.read_csv(io.StringIO(predicted(root, "hall", tmp_path / "asked.csv")))
-    by_table = pd.read_csv(io.StringIO(predicted(root, "hall", tmp_path / "asked.csv", Of.NOMINAL)))
+    by_table = pd.read_csv(
+        io.StringIO(predicted(root, "hall", tmp_path / "asked.csv", PredictionModel.NOMINAL))
+    )
 
     assert list(told.columns[:8]) == [
         "row", "target", "x_m", "y_m", "z_m", "std_x_m", "std_y_m", "std_z_m"
@@ -177,7 +179,7 @@ def test_a_campaign_of_pulls_predicts_where_its_targets_are_under_a_force(tmp_pa
     assert np.allclose(told[["x_m", "y_m", "z_m"]].to_numpy()[0], due, atol=2e-8)
     assert np.all(told[["std_x_m", "std_y_m", "std_z_m"]].to_numpy()[0] >= 0.99 * spread)
     with pytest.raises(UsageError, match="only its recommended model"):
-        predicted(tmp_path, "pulled", tmp_path / "asked.csv", Of.NOMINAL)
+        predicted(tmp_path, "pulled", tmp_path / "asked.csv", PredictionModel.NOMINAL)
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,12 @@ from small_case import asked, small
 from pipeline.answer.contract import Which
 from pipeline.diagnosis.causes import of_base, of_motion
 from pipeline.diagnosis.facts import Drift
-from pipeline.diagnosis.unloaded_geometry import corrected, standing
+from pipeline.diagnosis.unloaded_geometry import corrected, from_unloaded
 from pipeline.machine.effects import catalogue, tracker_drift
 from pipeline.machine.robot import configure
-from pipeline.machine.robot.letters import changed, letters
+from pipeline.machine.robot.dh_parameters import changed, dh_parameters
 from pipeline.reduction.register import register
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
@@ -35,7 +35,7 @@ def relogged(case, joint, pose, size):
 
 def stood(case):
     made = asked(case)
-    return made, standing(made.cell, made.reduced.data, 1.0, catalogue(case.robot))
+    return made, from_unloaded(made.cell, made.reduced.data, 1.0, catalogue(case.robot))
 
 
 @pytest.mark.whole
@@ -150,7 +150,7 @@ def test_a_changed_zero_is_found_beside_one_that_was_wrong_from_the_beginning():
 def test_what_is_visible_holds_for_a_cause_that_was_found_beside_a_change():
     """Beside a change, a DH parameter is determined as its standard uncertainty states."""
     case = bumped(clean(3), 6, 2e-3, 5e-4)
-    entry = next(one for one in letters(case.robot) if one.label == "link_length:4")
+    entry = next(one for one in dh_parameters(case.robot) if one.label == "link_length:4")
     longer = changed(case.robot, (entry,), np.array([8e-3]))
     _, found = stood(replace(case, robot=longer))
     (one,) = [one for one in found.causes if one.effect.name != "base_moved"]
@@ -207,7 +207,7 @@ def test_a_campaign_in_which_a_joint_was_mastered_anew_is_explained():
         out.append(",".join(cells))
     files["joints.csv"] = ("\n".join(out) + "\n").encode()
 
-    said = answered("anew", in_memory(files)).answer
+    said = campaign_answer("anew", in_memory(files)).answer
 
     assert str(said.diagnosis.verdict) == "explained"
     (one,) = [cause for cause in said.diagnosis.causes if cause.name == "joint_offset"]

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline.machine.robot import load
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
 from pipeline.store import campaign
@@ -27,7 +27,7 @@ def clean():
 
 def answer(files):
     """result.json of a campaign."""
-    return answered("here", campaign.in_memory(files)).answer
+    return campaign_answer("here", campaign.in_memory(files)).answer
 
 
 def said(files):

@@ -7,7 +7,7 @@ import pytest
 from rail_chain import LETTERS, stands
 from test_unloaded import estimated, of, poses, read
 
-from pipeline.annex.sections.geometry import letters
+from pipeline.annex.sections.geometry import dh_table
 from pipeline.answer.geometry import estimated_combinations, estimated_table
 
 ROUGH_M = 5e-4
@@ -70,7 +70,7 @@ def test_combinations_are_off_by_what_is_stated():
 
 def test_the_report_says_the_sum():
     entries, combinations, _ = told(1)
-    section = letters(SimpleNamespace(geometry=entries, geometry_combinations=combinations), {})
+    section = dh_table(SimpleNamespace(geometry=entries, geometry_combinations=combinations), {})
 
     table = next(block for block in section.blocks if block.name == "letter_combinations")
     assert table.rows[0][0].text == "offset 3 + offset 4"

@@ -11,7 +11,7 @@ import pytest
 from rail_chain import LETTERS, POINTS, stands
 
 from pipeline.geometry.roughness import (
-    Suspect,
+    SuspectUnknowns,
     cells,
     left_out,
     products,
@@ -19,7 +19,7 @@ from pipeline.geometry.roughness import (
     straight,
     unrefined,
 )
-from pipeline.geometry.unloaded import HELD, Unloaded, off, unloaded
+from pipeline.geometry.unloaded import FIXED_STD, Unloaded, off, unloaded
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects.gravity_sag import effects as gravity_sag
@@ -187,7 +187,7 @@ def test_a_suspect_that_is_freed_is_one_of_a_wide_prior():
         (tuple(range(where.loose.start, where.loose.stop)), 0.1),
         (tuple(range(where.masses.start, where.masses.stop)), 10.0),
     ):
-        one = Suspect("it", columns, wide)
+        one = SuspectUnknowns("it", columns, wide)
         again = coarse(zeros, (one,))
         assert found.freed(one) == pytest.approx(again.log, rel=1e-5, abs=1e-2)
 
@@ -210,7 +210,7 @@ def test_without_noise_the_entry_comes_back(label, size):
     at = stands(poses(), {label: size}).reshape(-1, 3)
     zeros = of(replace(data, unloaded=at))
     k = zeros.columns.table.start + [letter.label for letter in LETTERS].index(label)
-    std = np.full(zeros.columns.count, HELD)
+    std = np.full(zeros.columns.count, FIXED_STD)
     std[[0, 1, 2, k]] = 10.0
     x = np.zeros(zeros.columns.count)
     for _ in range(4):
@@ -230,7 +230,7 @@ def test_offsets_along_parallel_axes_are_one():
     _, rows = estimated(zeros)
     sums = products(rows)
     start = zeros.columns.table.start
-    at = {x.label: Suspect(x.label, (start + k,), 0.1) for k, x in enumerate(zeros.letters)}
+    at = {x.label: SuspectUnknowns(x.label, (start + k,), 0.1) for k, x in enumerate(zeros.letters)}
 
     assert same(zeros, sums, at["link_offset:3"], at["link_offset:4"])
     assert not same(zeros, sums, at["link_offset:3"], at["link_offset:5"])

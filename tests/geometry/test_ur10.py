@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.geometry import search
+from pipeline.geometry import law_tests
 from pipeline.geometry.positioned import as_read, usable
 from pipeline.geometry.study import study
-from pipeline.library.standing import predict
-from pipeline.prediction.standing import standing
+from pipeline.library.target_model import predict
+from pipeline.prediction.kinematic_model import kinematic_model
 from pipeline.store.campaign import find
 from pipeline.system import alarms
 
@@ -30,7 +30,7 @@ def taught(campaign, which):
         raw.robot, read.readings.part(rows), read.weights.part(rows), {}, None, (np.nan, np.nan),
         np.random.default_rng(1),
     )  # fmt: skip
-    return found, standing("ur10", found.final)
+    return found, kinematic_model("ur10", found.final)
 
 
 def judged(model, readings):
@@ -103,11 +103,11 @@ def test_residuals_with_flipped_signs_name_no_law(campaign):
     springs = found.stages[2].found
     rng = np.random.default_rng(3)
     inputs, slides = springs.linear.inputs, springs.mechanism.table.prismatic
-    laws = list(search.candidates(inputs, slides))
-    here = search.score(springs, search.flips(springs.readings, rng, 400))
+    laws = list(law_tests.candidates(inputs, slides))
+    here = law_tests.score(springs, law_tests.flips(springs.readings, rng, 400))
     named = 0
     for copy in range(200):
         own = np.concatenate([[1 + copy], 201 + np.arange(200)])
-        first = search.clues(replace(here, u=here.u[own]), inputs, laws, slides.tolist())
+        first = law_tests.law_tests(replace(here, u=here.u[own]), inputs, laws, slides.tolist())
         named += min(clue.p for clue in first) < alarms.LAW
     assert named <= 2

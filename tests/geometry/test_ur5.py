@@ -7,8 +7,8 @@ import pytest
 
 from pipeline.geometry.positioned import as_read, usable
 from pipeline.geometry.study import study
-from pipeline.library.standing import predict
-from pipeline.prediction.standing import standing
+from pipeline.library.target_model import predict
+from pipeline.prediction.kinematic_model import kinematic_model
 from pipeline.store.campaign import find
 
 ROOT = Path(__file__).parents[2]
@@ -26,7 +26,7 @@ def test_every_fifth_pose_of_the_grid_is_predicted_to_six_hundredths_of_a_millim
     )  # fmt: skip
     there = read.readings.part(out)
     told = predict(
-        standing("ur5", found.final), there.q, np.zeros((len(there), 3)), there.payload,
+        kinematic_model("ur5", found.final), there.q, np.zeros((len(there), 3)), there.payload,
         there.temperature,
     )  # fmt: skip
     final = found.final.readings  # series as split: that of the previous pose

@@ -8,17 +8,17 @@ import pytest
 from heavy_robot import TOOL, HeavyRobot, Truth, errors_of_table, read
 from mixed_campaign import HIGH, LOAD_POINT, LOW
 
-from pipeline.geometry.begin import begin
-from pipeline.geometry.identify import Wanted, identify
+from pipeline.geometry.calibrate import ModelStructure, calibrate
+from pipeline.geometry.initial import begin
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, Payloads, layout, linearised
 from pipeline.geometry.scatter import start
-from pipeline.geometry.stance import by_masses, stance
+from pipeline.geometry.with_pulls import by_masses, stance
 from pipeline.geometry.yielding import Virtual, carried_on, yielding
 from pipeline.machine.cell import Cell, Tool, baseline, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects.gravity_sag import under_pulls
 from pipeline.machine.robot import configure, load
-from pipeline.machine.robot.letters import letters
+from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.machine.robot.weight import by_moments, carried, link_moments, stiffening
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
@@ -48,7 +48,7 @@ def mechanism(robot, c):
     """The robot with its masses, springs and tool, and without errors."""
     tool = np.tile(np.eye(4), (len(TOOL), 1, 1))
     tool[:, :3, 3] = TOOL
-    none = np.zeros(len(letters(robot)))
+    none = np.zeros(len(dh_parameters(robot)))
     return Mechanism(robot, none, tool, np.eye(4)[None], c, np.zeros((0, 4)), link_moments(robot))
 
 
@@ -123,7 +123,9 @@ def test_masses_that_are_off_count_as_springs_that_are(arm):
     tool = {f"P{k}": at for k, at in enumerate(TOOL, 1)}
 
     def estimate(one):
-        return identify(begin(one, readings, tool), readings, weights, Wanted(), start(one, 1e-5))
+        return calibrate(
+            begin(one, readings, tool), readings, weights, ModelStructure(), start(one, 1e-5)
+        )
 
     given = estimate(robot)
     where = layout(given.mechanism).compliance
@@ -225,8 +227,8 @@ def test_lost_motion_that_the_weight_shows_is_handed_to_pulls(arm):
     weights = ArmWeights(GRAVITY, NOTHING, np.zeros(60, dtype=np.int64))
     begun = begin(robot, readings, {f"P{k}": at for k, at in enumerate(TOOL, 1)})
     tau = linearised(readings, begun, weights).inputs.tau
-    wanted = Wanted(yields=yielding(robot, tau))
-    found = identify(begun, readings, weights, wanted, start(robot, None))
+    wanted = ModelStructure(yields=yielding(robot, tau))
+    found = calibrate(begun, readings, weights, wanted, start(robot, None))
     said = stance(found, [])
 
     ((law, (value,)),) = said.effects

@@ -8,8 +8,8 @@ import pytest
 import report_sample
 from pdf_text import pages_of
 
+from pipeline.base.appearance import Appearance, appearances
 from pipeline.base.errors import InputError
-from pipeline.base.look import Look, looks
 from pipeline.house import house
 from pipeline.report.certificate import certificate
 from pipeline.report.model import compose
@@ -44,14 +44,14 @@ def root(tmp_path):
 @pytest.mark.whole
 def test_a_certificate_has_what_the_house_adds(root):
     """Logo, lines with fields of campaign.toml, and annexes in its order, on page and PDF."""
-    look = looks(root)({"fields": {"order": "4711"}}, FACTS)
+    look = appearances(root)({"fields": {"order": "4711"}}, FACTS)
     answer, tables = report_sample.answer(), report_sample.tables()
     keys = [one.key for one in compose(answer, tables, look=look).sections]
     plain = [one.key for one in compose(answer, tables).sections]
     made = render(answer, tables, look=look)
     page, first = made["index.html"].decode(), pages_of(made["report.pdf"])[0]
 
-    assert look == Look(
+    assert look == Appearance(
         "de", LOGO, (("Order", "4711"), ("Plan", "QS-kr500_rail, pass")), ("stiffness", "test-pose")
     )
     assert keys[:2] == ["stiffness", "test-pose"]
@@ -64,7 +64,7 @@ def test_a_certificate_has_what_the_house_adds(root):
 
 def test_a_line_without_its_field_is_left_out(root):
     """As everything not stated; the language of campaign.toml takes precedence."""
-    look = looks(root)({"fields": {}, "language": "fr"}, FACTS)
+    look = appearances(root)({"fields": {}, "language": "fr"}, FACTS)
 
     assert look.fields == (("Plan", "QS-kr500_rail, pass"),)
     assert look.language == "fr"
@@ -73,7 +73,7 @@ def test_a_line_without_its_field_is_left_out(root):
 def test_what_a_campaign_says_is_never_a_template(root):
     """Braces and markup in campaign.toml are plain text, also on the page."""
     evil = "{{ 7 * 7 }}<script>alert(1)</script>"
-    look = looks(root)({"fields": {"order": evil}}, FACTS)
+    look = appearances(root)({"fields": {"order": evil}}, FACTS)
     content = certificate(report_sample.answer(), {}, look=look)
     page = render(report_sample.answer(), {}, look=look)["index.html"].decode()
 
@@ -107,10 +107,10 @@ def test_a_line_that_does_more_is_refused_in_a_sentence(root, text):
     said = f"[fields]\n\"Line\" = '''{text}'''\n"
     (root / "house" / "house.toml").write_text(said)
     if text == "{{ fields.__class__ }}":  # an ordinary name, which campaign.toml does not have
-        assert looks(root)({"fields": {"order": "1"}}, FACTS).fields == ()
+        assert appearances(root)({"fields": {"order": "1"}}, FACTS).fields == ()
         return
     with pytest.raises(InputError) as refused:
-        looks(root)
+        appearances(root)
 
     assert "house/house.toml" in str(refused.value)
     assert '"Line"' in str(refused.value)
@@ -135,7 +135,7 @@ def test_a_logo_that_is_no_drawing_is_refused(root, inside, told):
     (root / "house" / "logo.svg").write_text(logo)
 
     with pytest.raises(InputError, match=re.escape(told)):
-        looks(root)
+        appearances(root)
 
 
 def test_nothing_outside_the_folder_is_read(root, tmp_path):
@@ -165,7 +165,7 @@ def test_a_png_is_a_logo_too(root):
     image = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
     (root / "house" / "logo.png").write_bytes(image)
     (root / "house" / "house.toml").write_text('logo = "logo.png"\n')
-    look = looks(root)({}, FACTS)
+    look = appearances(root)({}, FACTS)
 
     assert 'viewBox="0 0 3 2"' in look.logo
     assert render(report_sample.answer(), {}, look=look)["report.pdf"].startswith(b"%PDF")
@@ -181,12 +181,12 @@ def test_the_order_knows_every_annex_of_a_report(root):
     assert {one.key for one in compose(answer, tables).sections} <= {*get_args(Annex)}
     (root / "house" / "house.toml").write_text('order = ["stifness"]\n')
     with pytest.raises(InputError, match="stifness"):
-        looks(root)
+        appearances(root)
 
 
 def test_without_a_house_nothing_changes(tmp_path):
     """No pipeline.toml: English, and the default order."""
-    assert looks(tmp_path)({}, FACTS) == Look()
+    assert appearances(tmp_path)({}, FACTS) == Appearance()
     (tmp_path / "pipeline.toml").write_text('[report]\ntemplates = "lost"\n')
     with pytest.raises(InputError, match=r"lost/house\.toml"):
-        looks(tmp_path)
+        appearances(tmp_path)

@@ -6,8 +6,8 @@ from campaign_exports import POINTS, dms, german, polar, table, workbook, xyz
 
 from pipeline import readers
 from pipeline.base.errors import InputError
-from pipeline.intake import look
-from pipeline.readers import Hints
+from pipeline.intake import describe_file
+from pipeline.readers import ExportSettings
 
 PLACES = np.array([place for _, _, place in POINTS])
 NAMES = [(group, target) for group, target, _ in POINTS]
@@ -122,7 +122,7 @@ def test_what_a_program_writes_is_read(kind):
 )
 def test_degrees_minutes_and_seconds_are_degrees(form):
     """They state their unit themselves; gon or radians are not asked for."""
-    export = readers.read("t", angled(form).encode(), Hints(vertical="zenith"))
+    export = readers.read("t", angled(form).encode(), ExportSettings(vertical="zenith"))
 
     assert names(export) == NAMES
     np.testing.assert_allclose(export.position, PLACES, atol=6e-9 * 12, rtol=1e-8)
@@ -157,7 +157,7 @@ def packed(titles):
 )
 def test_minutes_behind_the_point_are_read_where_they_are_said(titles, said):
     """By a title or by the user, whatever else a title says of degrees."""
-    export = readers.read("t", packed(titles), Hints(vertical="zenith", **said))
+    export = readers.read("t", packed(titles), ExportSettings(vertical="zenith", **said))
 
     assert names(export) == NAMES
     np.testing.assert_allclose(export.position, PLACES, atol=6e-9 * 12, rtol=1e-8)
@@ -168,12 +168,12 @@ def test_angles_that_may_have_minutes_behind_the_point_are_asked(title, tmp_path
     """Decimals that are all possible minutes are only a hint; decimal degrees remain possible."""
     path = tmp_path / "t.txt"
     path.write_bytes(packed(f"Group;Point;{title};D [m]"))
-    question = look.inspect(path, {}).content["question"]
+    question = describe_file.inspect(path, {}).content["question"]
 
     assert question["about"] == "angle"
     assert question["answers"][0] == "dms"
     assert "deg" in question["answers"]
-    export = readers.read("t", path.read_bytes(), Hints(vertical="zenith", angle="deg"))
+    export = readers.read("t", path.read_bytes(), ExportSettings(vertical="zenith", angle="deg"))
     assert np.abs(export.position - PLACES).max() > 1e-3
 
 
@@ -181,7 +181,7 @@ def test_degrees_with_decimals_are_not_asked_for_minutes():
     """Decimals that cannot be minutes suffice; a few round angles show nothing."""
     for cells in (["10.75", "100.7512"], ["10.5", "100.25"]):
         line = f"Point;Hz [deg];V [deg];D [m]\nP1;{cells[0]};{cells[1]};2.5\n"
-        export = readers.read("t", line.encode(), Hints(vertical="zenith"))
+        export = readers.read("t", line.encode(), ExportSettings(vertical="zenith"))
         assert export.meaning.angle == "deg"
 
 
@@ -309,7 +309,7 @@ def test_the_right_answer_is_among_those_offered(kind, tmp_path):
     data = data if isinstance(data, bytes) else data.encode()
     path = tmp_path / ("export.xlsx" if data[:2] == b"PK" else "export.txt")
     path.write_bytes(data)
-    rows = look.inspect(path, {}, csv=True, ask=answering(answers)).text.splitlines()[1:]
+    rows = describe_file.inspect(path, {}, csv=True, ask=answering(answers)).text.splitlines()[1:]
     cells = [row.replace('"', "").split(",") for row in rows]
 
     assert [(row[1], row[2]) for row in cells] == NAMES
@@ -320,7 +320,7 @@ def test_a_question_is_the_one_that_the_error_names(tmp_path):
     """Not that of the unit if the coordinates are ambiguous."""
     path = tmp_path / "t.txt"
     path.write_text("1;1,234;2,345;3,456\n2;1,2345;2;3\n3;100,5;3,2;1\n")
-    answer = look.inspect(path, {}).content
+    answer = describe_file.inspect(path, {}).content
 
     assert "the coordinates may be" in answer["error"]["message"]
     assert answer["question"]["about"] == "coordinates"

@@ -14,11 +14,11 @@ from campaign_exports import polar as seen
 
 from pipeline.app.outcome import named
 from pipeline.base import toml
-from pipeline.check.look import check
-from pipeline.intake import look
-from pipeline.intake.known import settled
-from pipeline.readers import Hints
-from pipeline.readers.known import ReflectorSet
+from pipeline.check.report import check
+from pipeline.intake import describe_file
+from pipeline.intake.by_reflectors import settled
+from pipeline.readers import ExportSettings
+from pipeline.readers.reflector_sets import ReflectorSet
 from pipeline.reduction.ingest import ingest
 from pipeline.store.campaign import in_memory
 
@@ -246,7 +246,7 @@ def test_whoever_inspects_or_checks_is_told_what_settled_it(tmp_path):
     folder.mkdir(parents=True)
     for name, content in files_of(kind).items():
         (folder / name).write_bytes(content)
-    seen = look.inspect(folder / "tracker.txt", {})
+    seen = describe_file.inspect(folder / "tracker.txt", {})
     checked = named(tmp_path, "demo", check)
 
     assert (seen.exit_code, seen.content["coordinates"]) == (0, "spherical")
@@ -260,7 +260,7 @@ def test_whoever_inspects_or_checks_is_told_what_settled_it(tmp_path):
 def test_which_way_azimuths_grow_only_points_off_a_plane_settle():
     """Three points, or four coplanar ones, fit their mirror image; a tool's triangle does, too."""
     data = KINDS["name Hz V D"].data()
-    said = Hints(unit="mm", coordinates="spherical", angle="gon", vertical="zenith")
+    said = ExportSettings(unit="mm", coordinates="spherical", angle="gon", vertical="zenith")
     settings = in_memory(FILES).settings
     found, why = settled("t.txt", data, said, settings.bodies)
     assert (found.horizontal, why) == (None, ())

@@ -14,8 +14,8 @@ from pipeline.app.cli import main
 from pipeline.base.errors import InputError
 from pipeline.intake.inspect import inspect
 from pipeline.intake.offer import offer
-from pipeline.readers import Columns, Hints
-from pipeline.run import answered
+from pipeline.readers import Columns, ExportSettings
+from pipeline.run import campaign_answer
 from pipeline.store.campaign import in_memory
 
 
@@ -53,8 +53,8 @@ def test_every_kind_is_read_or_asked(name, tmp_path, capsys):
     kind, path = KINDS[name], tmp_path / "export.txt"
     path.write_bytes(kind.data)
     if kind.read:
-        right(readers.read("export.txt", kind.data, Hints(**kind.said)), kind)
-        seen = inspect("export.txt", kind.data, Hints(**kind.said)).to_json()
+        right(readers.read("export.txt", kind.data, ExportSettings(**kind.said)), kind)
+        seen = inspect("export.txt", kind.data, ExportSettings(**kind.said)).to_json()
         assert {word: seen.get(word) for word in kind.facts} == kind.facts
 
     code, out, _ = run(capsys, path, *options(kind.said if not kind.read else {}), "--json")
@@ -81,7 +81,7 @@ def hints_of(proposal, kind):
     import tomllib
 
     said = tomllib.loads(proposal)["tracker"]
-    return Hints.model_validate(said | kind.said | kind.answers)
+    return ExportSettings.model_validate(said | kind.said | kind.answers)
 
 
 @pytest.mark.parametrize("unit", ["mm", "m", "in"])
@@ -89,7 +89,7 @@ def hints_of(proposal, kind):
 def test_polar_is_never_cartesian_whatever_unit_is_stated(name, unit):
     """Read as polar, or asked."""
     try:
-        export = readers.read("t", KINDS[name].data, Hints(unit=unit))
+        export = readers.read("t", KINDS[name].data, ExportSettings(unit=unit))
     except InputError:
         return
 
@@ -119,11 +119,11 @@ def test_which_way_azimuths_grow_is_said_or_asked(head):
     x, y, z = polar(2.0, 100 * GON, 50 * GON)
     if SENSES[head] is None:
         with pytest.raises(InputError, match='write horizontal = "counter-clockwise" \\(or "clock'):
-            readers.read("t", data.encode(), Hints(vertical="zenith"))
+            readers.read("t", data.encode(), ExportSettings(vertical="zenith"))
     for said in ({}, {"horizontal": "clockwise"}, {"horizontal": "counter-clockwise"}):
         side = {"clockwise": -1, "counter-clockwise": 1}.get(said.get("horizontal"), SENSES[head])
         if side is not None:
-            export = readers.read("t", data.encode(), Hints(vertical="zenith", **said))
+            export = readers.read("t", data.encode(), ExportSettings(vertical="zenith", **said))
             np.testing.assert_allclose(export.position, [[x, side * y, z]], atol=1e-12)
 
 
@@ -175,12 +175,14 @@ def test_a_horizontal_distance_is_no_range(title):
     head, row = f"Pkt;Hz [gon];V [gon];{title}", "B1;326.99737;109.38258;10.56544"
     columns = {"target": "Pkt", "azimuth": "Hz [gon]", "vertical": "V [gon]", "range": title}
     for mapping in (None, Columns(columns=columns)):
-        hints = Hints(unit="m" if "[" not in title else None, vertical="zenith", mapping=mapping)
+        hints = ExportSettings(
+            unit="m" if "[" not in title else None, vertical="zenith", mapping=mapping
+        )
         with pytest.raises(InputError, match=r"t:1: .*is a horizontal distance.* slope distance"):
             readers.read("t", rows(head, row).encode(), hints)
 
     beside = rows(f"{head};SD [m]", f"{row};10.68124").encode()
-    got = readers.read("t", beside, Hints(vertical="zenith"))
+    got = readers.read("t", beside, ExportSettings(vertical="zenith"))
     assert np.linalg.norm(got.position[0]) == pytest.approx(10.68124, abs=1e-9)
 
 
@@ -194,7 +196,9 @@ def test_a_horizontal_distance_is_no_range(title):
 )
 def test_an_angle_beyond_its_circle_is_in_another_unit(head, row, wrong):
     """Neither its title nor campaign.toml is trusted; a circle rounded upwards is accepted."""
-    hints = Hints(vertical="elevation" if "Elev" in head else "zenith", unit="m", angle="gon")
+    hints = ExportSettings(
+        vertical="elevation" if "Elev" in head else "zenith", unit="m", angle="gon"
+    )
     if "[" in head:
         hints = hints.model_copy(update={"angle": None, "unit": None})
     first = "B2;6.28319;1;5"
@@ -221,7 +225,7 @@ def test_two_places_are_no_two_faces(moved, left):
     """A target displaced by more than any collimation error stays two readings."""
     far = 2.0 + moved
     data = rows("Pkt;Hz [gon];V [gon];SD [m]", "P1;50.0;98.0;2.0", f"P1;250.0;302.0;{far}").encode()
-    export = readers.read("t", data, Hints(vertical="zenith"))
+    export = readers.read("t", data, ExportSettings(vertical="zenith"))
 
     assert len(export.line) == left
     assert export.faces.pairs == 2 - left
@@ -300,13 +304,13 @@ def test_a_column_that_tells_frames_apart_is_asked_for(names):
     data = kinds_of_rows(head, "World", "Tracker", 1000.0)
     with pytest.raises(InputError, match=r't:1: .*"Frame" holds Tracker, World, .* in \[tracker'):
         readers.read("t", data)
-    asked = offer("t", data, Hints()).question
+    asked = offer("t", data, ExportSettings()).question
     assert [answer.said for answer in asked.answers] == ["Tracker", "World"]
-    chosen = readers.read("t", data, Hints(**asked.answers[0].hints))
+    chosen = readers.read("t", data, ExportSettings(**asked.answers[0].hints))
     np.testing.assert_allclose(chosen.position[:4] * 1e3, [p[1:] for p in SPREAD], atol=1e-9)
     columns = dict(zip(("group", "target"), names.split(";"), strict=True))
     columns |= {"instrument": "Frame"} | {axis: f"{axis} [mm]" for axis in "xyz"}
-    hints = Hints(mapping=Columns(columns=columns, instrument="Tracker"))
+    hints = ExportSettings(mapping=Columns(columns=columns, instrument="Tracker"))
     export = readers.read("t", kinds_of_rows(head, "World", "Tracker", 1000.0), hints)
     np.testing.assert_allclose(export.position[:4] * 1e3, [p[1:] for p in SPREAD], atol=1e-9)
 
@@ -344,10 +348,12 @@ def test_two_kinds_in_one_file_without_titles_are_refused(first):
             lines.append(f"g{pose};P{k};" + ";".join(f"{c:.5f}" for c in cells))
 
     with pytest.raises(InputError, match=r"t:10: .* of two kinds.* split the export"):
-        readers.read("t", rows(*lines).encode(), Hints(unit="mm"))
+        readers.read("t", rows(*lines).encode(), ExportSettings(unit="mm"))
     alone = rows(*(line for line in lines if (line < "g3") != first)).encode()
-    assert readers.read("t", alone, Hints(unit="mm")).meaning.kind == "cartesian"
-    every = readers.read("t", rows(*lines).encode(), Hints(unit="mm", coordinates="cartesian"))
+    assert readers.read("t", alone, ExportSettings(unit="mm")).meaning.kind == "cartesian"
+    every = readers.read(
+        "t", rows(*lines).encode(), ExportSettings(unit="mm", coordinates="cartesian")
+    )
     assert len(every.line) == 18
 
 
@@ -371,7 +377,7 @@ def test_a_covariance_without_titles_is_known_by_its_symmetry():
     """Row by row after the coordinates, in their unit squared."""
     kind = KINDS["uncertainties and covariance"]
     C = np.array([float(cell) for cell in MATRIX.split(",")])
-    got = readers.read("t", kind.data, Hints(unit="mm")).covariance
+    got = readers.read("t", kind.data, ExportSettings(unit="mm")).covariance
 
     np.testing.assert_allclose(got[0], C[[0, 1, 2, 4, 5, 8]] * 1e-6, rtol=1e-12)
 
@@ -380,7 +386,9 @@ def test_most_pairs_say_which_angle_is_which():
     """A point exactly to the left at instrument height is the same either way."""
     shots = [("100.0", "100.0"), ("300.0", "300.0"), ("40.0", "95.0"), ("240.0", "305.0")]
     lines = [f"P{k // 2} {hz} {v} 2500.0" for k, (hz, v) in enumerate(shots)]
-    export = readers.read("t", rows(*lines).encode(), Hints(unit="mm", horizontal="clockwise"))
+    export = readers.read(
+        "t", rows(*lines).encode(), ExportSettings(unit="mm", horizontal="clockwise")
+    )
 
     places = [mirrored(polar(2.5, float(hz) * GON, float(v) * GON)) for hz, v in shots[::2]]
     np.testing.assert_allclose(export.position, places, atol=1e-9)
@@ -391,7 +399,7 @@ def test_instruments_in_one_file_are_told_apart():
     kind = KINDS["two faces"]
     other = kind.data.replace(b"Instrument_0", b"Instrument_1")
     with pytest.raises(InputError, match=r"several instruments .*Instrument_0.*Instrument_1"):
-        readers.read("t", kind.data + other, Hints(unit="mm"))
+        readers.read("t", kind.data + other, ExportSettings(unit="mm"))
 
 
 def test_reports_of_two_instruments_in_one_file_are_told_apart(capsys, tmp_path):
@@ -411,7 +419,7 @@ def test_reports_of_two_instruments_in_one_file_are_told_apart(capsys, tmp_path)
     code, out, _ = run(capsys, path, "--mapping", mapping, "--json")
     assert json.loads(out)["readings"] == 2
 
-    hints = Hints(vertical="zenith")
+    hints = ExportSettings(vertical="zenith")
     for about in ("instrument", None):  # asked once
         found = offer("report.csv", data + second, hints)
         assert (found.question and found.question.about) == about
@@ -435,15 +443,15 @@ def test_a_tool_that_keeps_its_size_tells_metres_from_angles():
         lines = [f"P{k % 3} {' '.join(f'{v:.7f}' for v in row)}" for k, row in enumerate(columns)]
         return rows(*lines).encode()
 
-    cartesian = readers.read("t", text(places), Hints(unit="m"))
+    cartesian = readers.read("t", text(places), ExportSettings(unit="m"))
     angles = np.column_stack([far, azimuth, elevation])
     left = {"angle": "deg", "horizontal": "counter-clockwise"}
-    turned = readers.read("t", text(angles), Hints(unit="m", **left))
+    turned = readers.read("t", text(angles), ExportSettings(unit="m", **left))
 
     assert (cartesian.meaning.kind, turned.meaning.kind) == ("cartesian", "spherical")
     np.testing.assert_allclose(turned.position, places, atol=1e-6)
     with pytest.raises(InputError, match='may be "spherical", "cartesian"'):
-        readers.read("t", text(places[:3]), Hints(unit="m"))
+        readers.read("t", text(places[:3]), ExportSettings(unit="m"))
 
 
 def test_a_mapping_is_tried_and_what_is_wrong_with_it_is_said(capsys, tmp_path):
@@ -482,7 +490,7 @@ def test_on_a_terminal_one_question_is_asked_after_the_other(capsys, tmp_path, m
 
 def test_names_that_begin_again_begin_a_round():
     """Six readings of three numbers are two rounds, and still need an assignment."""
-    seen = inspect("t", KINDS["target only"].data, Hints(unit="mm"))
+    seen = inspect("t", KINDS["target only"].data, ExportSettings(unit="mm"))
 
     assert seen.rounds == 2
     assert "2 rounds of names" in seen.to_text()
@@ -492,7 +500,7 @@ def test_a_comma_between_digits_may_not_be_two_columns():
     """Numbers split by the delimiter are no coordinates."""
     text = rows("P1,4685,0611,5282,1400,-550,2172", "P2,4785,0611,5182,1400,-530,2172")
     with pytest.raises(InputError, match="does not say for certain which columns"):
-        readers.read("t", text.encode(), Hints(unit="mm"))
+        readers.read("t", text.encode(), ExportSettings(unit="mm"))
 
 
 def test_points_without_names_are_not_one_that_moves():
@@ -523,7 +531,7 @@ def test_titles_decide_and_not_places():
 def misread(table):
     """What is wrong with how a table was read; None for nothing, `asked` if it was asked about."""
     try:
-        export = readers.read("t", table.data, Hints(**table.said))
+        export = readers.read("t", table.data, ExportSettings(**table.said))
     except InputError:
         return "asked"
     places = np.array([place for _, _, place in table.points])
@@ -582,7 +590,7 @@ def test_whoever_runs_is_told_of_two_faces_and_of_times_that_are_none(small_camp
             lines.append("\t".join((row["group"], row["target"], *cells)))
     files = small_campaign.files | {"tracker.csv": "\n".join([*lines, ""]).encode()}
 
-    answer = answered("two", in_memory(files)).answer
+    answer = campaign_answer("two", in_memory(files)).answer
 
     (faces,) = [line for line in answer.findings if "two faces" in line]
     (clock,) = [line for line in answer.findings if "no reliable times" in line]
@@ -628,7 +636,7 @@ def test_a_foot_of_the_us_survey_is_no_international_one(unit):
 def test_north_is_y_and_east_is_x(titles):
     """Read left to right they would be mirrored, and every angle would be reversed."""
     data = rows(f"Group;Target;{titles}", "g;a;1.0;2.0;3.0", "g;b;4.0;5.5;6.0").encode()
-    export = readers.read("t", data, Hints(unit="m"))
+    export = readers.read("t", data, ExportSettings(unit="m"))
 
     np.testing.assert_allclose(export.position, [[2, 1, 3], [5.5, 4, 6]], atol=1e-12)
 
@@ -637,7 +645,7 @@ def test_north_is_y_and_east_is_x(titles):
 def test_east_north_up_is_read_as_it_stands(titles):
     """Also if a letter beside the direction agrees."""
     data = rows(f"Group;Target;{titles}", "g;a;1.0;2.0;3.0", "g;b;4.0;5.5;6.0").encode()
-    export = readers.read("t", data, Hints(unit="m"))
+    export = readers.read("t", data, ExportSettings(unit="m"))
 
     np.testing.assert_allclose(export.position, [[1, 2, 3], [4, 5.5, 6]], atol=1e-12)
 
@@ -666,7 +674,7 @@ def test_one_angle_that_is_none_leaves_its_row_out():
     """9999.5 is an angle in no unit; 390 may be gon under a title of degrees, which is refused."""
     head = "Group;Target;Azimuth ({});Zenith ({});Distance (mm)"
     points = [f"g;P{k};{20 * k}.5;{90 + k}.5;{3000 + 100 * k}.0" for k in range(1, 9)]
-    said = Hints(horizontal="clockwise")
+    said = ExportSettings(horizontal="clockwise")
     spoilt = [*points[:3], "g;P4;9999.5;94.5;3400.0", *points[4:]]
     other = [*points[:3], "g;P4;390.5;94.5;3400.0", *points[4:]]
     none = [f"g;P{k};{1000 * k}.5;94.5;3400.0" for k in range(1, 9)]

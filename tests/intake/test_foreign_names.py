@@ -14,11 +14,11 @@ from pipeline.intake._group_names import Group, states_of, ways_to_read
 from pipeline.intake.log_columns import understood_loads
 from pipeline.machine.robot import load
 from pipeline.readers import logs
-from pipeline.readers.said import LogForm
-from pipeline.reduction._shots import gather
+from pipeline.readers.export_settings import LogForm
+from pipeline.reduction._raw_readings import gather
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.settings import parse
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.store.campaign import dump, in_memory
 
 DEMO = Path(__file__).parents[2] / "data/raw/kr500_demo"
@@ -440,7 +440,7 @@ def blanks():
 
 def answer(files):
     """result.json of a campaign without the file details, and with our names."""
-    content = answered("demo", in_memory(files)).answer.as_json()
+    content = campaign_answer("demo", in_memory(files)).answer.as_json()
     assert {entry["file"] for entry in content.pop("inputs")} == {*files}
     said = dump(content).decode()
     for theirs, ours in FILES.items():

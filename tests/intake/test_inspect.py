@@ -11,7 +11,7 @@ from pipeline.app import cli
 from pipeline.app.cli import main
 from pipeline.intake import log_columns
 from pipeline.intake.inspect import inspect
-from pipeline.readers import Hints
+from pipeline.readers import ExportSettings
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 
@@ -65,7 +65,7 @@ def test_coordinates_that_are_not_cartesian_are_said():
 def test_a_file_without_names_or_times_says_so():
     """An emScon dump has neither."""
     name = "20200710_Exp1_laserData.csv"
-    seen = inspect(name, (GOLDEN / "emscon_vive" / name).read_bytes(), Hints(unit="mm"))
+    seen = inspect(name, (GOLDEN / "emscon_vive" / name).read_bytes(), ExportSettings(unit="mm"))
 
     assert (seen.groups, seen.targets, seen.time_first) == (None, None, None)
     assert (seen.readings, seen.covariance) == (16, "a-priori")
@@ -164,7 +164,7 @@ def test_a_point_may_have_a_number_behind_its_group():
     """Names that recur and are unique within a group; no question is asked about them."""
     rows = [row.replace("Pose ", "").replace(" ", "").replace(",", ".") for row in POSES]
     named = "\n".join(rows).replace(";A;", ";101;").replace(";B;", ";102;").replace(";", "  ")
-    seen = inspect("points.txt", named.encode(), Hints(unit="mm"))
+    seen = inspect("points.txt", named.encode(), ExportSettings(unit="mm"))
 
     assert (seen.groups, seen.targets) == (4, ["101", "102"])
     assert seen.preview[0]["x_mm"] == 1001.05

@@ -9,7 +9,7 @@ from pipeline.intake.files import propose
 from pipeline.intake.log_columns import settled
 from pipeline.machine.robot import axes, load
 from pipeline.readers import logs
-from pipeline.readers.said import LogForm
+from pipeline.readers.export_settings import LogForm
 
 NEWTON = {"N": 1.0, "kN": 1e3, "daN": 10.0, "kgf": 9.80665, "kp": 9.80665, "lbf": 4.4482216152605}
 """Units by ISO 80000-4; kilopond and pound-force by standard gravity."""

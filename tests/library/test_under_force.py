@@ -8,14 +8,14 @@ from heavy_robot import TOOL
 
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, Payloads, layout
 from pipeline.geometry.yielding import other_forms, yielding
-from pipeline.library.standing import loads, nominal, predict
+from pipeline.library.target_model import loads, nominal, predict
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
-from pipeline.machine.robot.letters import letters
+from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.machine.robot.weight import link_moments
+from pipeline.prediction.kinematic_model import ByPulls, KinematicModel, dumps
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
-from pipeline.prediction.standing import ByPulls, Standing, dumps
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 NOBODY = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
@@ -35,14 +35,14 @@ def standing(by_pulls=None):
     tool[:, :3, 3] = TOOL
     elements = yielding(ROBOT)
     one = Mechanism(
-        ROBOT, np.zeros(len(letters(ROBOT))), tool, np.eye(4)[None], SOFT, np.zeros((0, 4)),
+        ROBOT, np.zeros(len(dh_parameters(ROBOT))), tool, np.eye(4)[None], SOFT, np.zeros((0, 4)),
         link_moments(ROBOT), elements=elements,
         yields=np.zeros(sum(len(e.parameters) for e in elements)),
     )  # fmt: skip
     where = layout(one)
     cov, part = np.zeros((where.size, where.size)), where.compliance
     cov[part, part] = np.diag((0.03 * SOFT) ** 2)
-    return Standing(
+    return KinematicModel(
         "made", one, np.zeros(3, dtype=bool), NAMES, cov,
         np.zeros(6), NOBODY, GRAVITY, 0, TIP, by_pulls,
     )  # fmt: skip

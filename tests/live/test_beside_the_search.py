@@ -7,9 +7,9 @@ from test_live import BASE, OTHERS, TITLES, of_pose, steps, table, wide
 
 from pipeline import identify, load_campaign
 from pipeline.library.campaign import Result
-from pipeline.live.beside import Standing
-from pipeline.live.judged import judged
-from pipeline.live.watching import QUIET_S, Live
+from pipeline.live.last_search import LastSearch
+from pipeline.live.update import update_of
+from pipeline.live.updates import QUIET_S, LiveState
 
 SEVEN = [line for k in range(1, 8) for line in of_pose(k)]
 
@@ -21,7 +21,7 @@ def read(*lines):
 @pytest.fixture(scope="module")
 def standing():
     campaign = read(*SEVEN)
-    return Standing.of(campaign, identify(campaign))
+    return LastSearch.of(campaign, identify(campaign))
 
 
 @pytest.mark.whole
@@ -100,7 +100,7 @@ def test_the_last_planned_pose_is_searched_and_a_pause_too():
     cut = {**OTHERS}
     head, *rows = cut["joints.csv"].decode().splitlines(keepends=True)
     cut["joints.csv"] = "".join([head, *rows[:8]]).encode()
-    state = Live("demo")
+    state = LiveState("demo")
     told = []
     for k in range(6, 9):
         lines = [line for j in range(1, k + 1) for line in of_pose(j)]
@@ -113,7 +113,7 @@ def test_the_last_planned_pose_is_searched_and_a_pause_too():
     assert told[-1].verdict == result.verdict
     assert state.look(files, 480.0 + 2 * QUIET_S) is None
 
-    paused = Live("demo")
+    paused = LiveState("demo")
     for k in (6, 7):
         lines = [line for j in range(1, k + 1) for line in of_pose(j)]
         files = table(*lines)
@@ -130,19 +130,19 @@ def test_what_nothing_explains_is_told_though_the_search_is_silent(standing):
     zero, pull = steps(8)[:2]
     bad = [wide(line, 0.45) if ",P2," in line else line for line in pull]
     doubted = standing.beside(read(*SEVEN, *zero, *bad))
-    silent = judged(read(*SEVEN), standing.result, None, doubted)
+    silent = update_of(read(*SEVEN), standing.result, None, doubted)
 
     (suspect,) = silent.suspects
     assert suspect.readings == doubted[0].at
     assert len(suspect.readings) == 2
     assert "pose08_rep1_loaded/P2" in suspect.text
     assert suspect.text.endswith("Measure it again, or correct the file.")
-    assert judged(read(*SEVEN), standing.result).suspects == ()
+    assert update_of(read(*SEVEN), standing.result).suspects == ()
 
 
 @pytest.mark.whole
 def test_a_reading_that_is_shot_again_is_cleared_by_a_search():
-    state = Live("demo")
+    state = LiveState("demo")
     state.look(table(*SEVEN), 0.0)
     zero, pull = steps(8)[:2]
     bad = [wide(line, 0.45) if ",P2," in line else line for line in pull]

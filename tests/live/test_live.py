@@ -13,8 +13,8 @@ import pytest
 
 from pipeline import identify, load_campaign
 from pipeline.live.command import sentences
-from pipeline.live.judged import Update
-from pipeline.live.watching import QUIET_S, Live
+from pipeline.live.update import Update
+from pipeline.live.updates import QUIET_S, LiveState
 
 DEMO = Path(__file__).parents[2] / "data" / "raw" / "kr500_demo"
 OTHERS = {f.name: f.read_bytes() for f in DEMO.iterdir() if f.name != "tracker.csv"}
@@ -45,7 +45,7 @@ def steps(number):
 @pytest.fixture(scope="module")
 def told():
     """Two poses, and a third step by step; one of its readings is off, then read again."""
-    state, out, lines = Live("demo"), [], [*of_pose(1), *of_pose(2)]
+    state, out, lines = LiveState("demo"), [], [*of_pose(1), *of_pose(2)]
     out.append(state.look(table(*lines), 0.0))
     first, pulled, bad = steps(3)[:3]
     bad = [wide(line, 1.3) if ",P2," in line else line for line in bad]
@@ -83,7 +83,7 @@ def test_a_reading_that_is_shot_again_replaces_it(told):
 @pytest.mark.whole
 def test_a_pose_is_told_when_it_is_measured_and_not_when_the_next_begins():
     """The pose in progress is not reported."""
-    state, (first, *_) = Live("demo"), steps(2)
+    state, (first, *_) = LiveState("demo"), steps(2)
     assert state.look(table(*of_pose(1)), 0.0) is None
 
     begun = state.look(table(*of_pose(1), *first), 8.0)
@@ -93,7 +93,7 @@ def test_a_pose_is_told_when_it_is_measured_and_not_when_the_next_begins():
 
 
 def test_a_pose_that_stays_as_it_is_is_told_when_nothing_comes(told):
-    state = Live("demo")
+    state = LiveState("demo")
     files = table(*of_pose(1))
     first = state.look(files, 0.0)
 
@@ -106,7 +106,7 @@ def test_a_pose_that_stays_as_it_is_is_told_when_nothing_comes(told):
 
 
 def test_what_cannot_be_read_yet_is_no_alarm():
-    state = Live("demo")
+    state = LiveState("demo")
     files = table(*of_pose(1)[:4])
 
     assert state.look(files, 0.0) is None
@@ -117,7 +117,7 @@ def test_what_cannot_be_read_yet_is_no_alarm():
 
 def test_the_end_is_the_run():
     files = table(*(line for k in range(1, 6) for line in of_pose(k)))
-    state = Live("demo")
+    state = LiveState("demo")
     update = state.look(files, 0.0)
     result = identify(load_campaign(files, name="demo"))
 
@@ -136,7 +136,7 @@ def test_it_ends_when_the_tolerance_is_decided(most_mm, decided):
     files = table(*(line for k in range(1, 6) for line in of_pose(k)))
     asked = f"\n[tolerance]\ndeflection_mm = {most_mm}\n".encode()
     files["campaign.toml"] += asked
-    update = Live("demo").look(files, 0.0)
+    update = LiveState("demo").look(files, 0.0)
 
     assert update.stop.now == (decided is not None)
     if decided:

@@ -6,12 +6,12 @@ from test_live import BASE, of_pose, table
 
 from bench.live import _turn
 from pipeline import identify, load_campaign, simulate_campaign
-from pipeline.live.judged import judged
+from pipeline.live.update import update_of
 from pipeline.machine.robot import configure
 
 
 def warned(campaign):
-    return judged(campaign, identify(campaign)).warnings
+    return update_of(campaign, identify(campaign)).warnings
 
 
 @pytest.mark.whole

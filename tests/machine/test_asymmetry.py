@@ -15,9 +15,10 @@ from bench.league.hidden import SECRETS
 from bench.league.hidden_effect import NOMINAL, Secret, setup
 from bench.league.machine import Machine, Spring
 from bench.league.play import Rules, drawn, play
+from pipeline.annex.sections.stiffness import stiffness as section
 from pipeline.answer.contract import Stiffness
-from pipeline.answer.each_way import told
-from pipeline.answer.history import changes
+from pipeline.answer.each_way import both_stiffnesses
+from pipeline.fleet.history import changes
 from pipeline.library.compensate import Compensation, compensate
 from pipeline.library.compliance import cartesian_stiffness
 from pipeline.machine import cell as forward
@@ -31,8 +32,7 @@ from pipeline.prediction.model import dumps
 from pipeline.prediction.model import parse as parse_model
 from pipeline.prediction.path import Path
 from pipeline.report.record import ReportTable
-from pipeline.report.sections.stiffness import stiffness as section
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.store.campaign import in_memory
 
 KR500 = load("kr500_rail")
@@ -187,7 +187,7 @@ def soft_one_way():
     plan = drawn(KR500, rng, Rules())
     game = play(KR500, plan, [(two_sided(4, 0.6, 1), 1.0)], rng, Rules())
     true = game.truth["secrets"][0]["amplitudes"]
-    return plan, true, game.truth["stiffness"], answered("game", in_memory(game.files))
+    return plan, true, game.truth["stiffness"], campaign_answer("game", in_memory(game.files))
 
 
 def joint_4():
@@ -309,7 +309,7 @@ def test_the_first_screen_and_the_table_say_which_way_the_axis_turns():
 
     assert sense(KR500, 3) == -1
     assert joint.by_sign.positive.axis_turns == "minus"
-    said = told(joint)
+    said = both_stiffnesses(joint)
     assert said in " ".join(line.text for line in run.answer.first_screen)
     plus, minus = said.split(", and ")
     shown = f"{joint.by_sign.negative.value / 1e6:.2f}"[:3]
@@ -348,7 +348,7 @@ def test_pulls_that_turn_a_joint_one_way_leave_the_other_in_the_dark():
     )
     files = play(KR500, kept, [(two_sided(3, 0.5, 1), 1.0)], rng, rules).files
 
-    answer = answered("game", in_memory(files)).answer
+    answer = campaign_answer("game", in_memory(files)).answer
 
     assert "joint_asymmetry" not in {cause.name for cause in answer.diagnosis.causes}
     assert answer.stiffness[2].by_sign is None
@@ -380,14 +380,14 @@ def test_a_heavy_arm_has_its_kink_where_the_total_torque_is_zero():
     content = game.files["campaign.toml"].decode().replace('"kr500_rail"', '"heavy.toml"')
     files = game.files | {"campaign.toml": content.encode(), "heavy.toml": heavy(KR500).encode()}
 
-    answer = answered("game", in_memory(files)).answer
+    answer = campaign_answer("game", in_memory(files)).answer
 
     (cause,) = [c for c in answer.diagnosis.causes if c.name == "joint_asymmetry"]
     assert (cause.where, cause.form) == (3, "total")
     true = game.truth["secrets"][0]["amplitudes"]
     for parameter, sign in zip(cause.parameters, ("positive", "negative"), strict=True):
         assert parameter.value == pytest.approx(true[sign], abs=3 * parameter.std)
-    assert "load with the arm's own weight" in told(answer.stiffness[2])
+    assert "load with the arm's own weight" in both_stiffnesses(answer.stiffness[2])
 
 
 def test_two_campaigns_are_compared_on_one_side():

@@ -15,7 +15,7 @@ from pipeline.machine.instrument import (
     sheets,
 )
 from pipeline.reduction.bring import conformed, plain
-from pipeline.run import answered, ingested
+from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
 
@@ -176,12 +176,12 @@ def test_what_is_stated_comes_before_the_data_sheet(tables, source):
 @pytest.mark.whole
 def test_the_answer_says_where_the_noise_is_from():
     """From its data sheet, or that none is known, with similar names."""
-    known = answered("known", made(instrument=MODEL)).answer
+    known = campaign_answer("known", made(instrument=MODEL)).answer
     assert "AT402" in known.instrument.data_sheet
     assert any("that of a data sheet: 5.77 um" in one for one in known.assumptions)
     assert str(known.fit.noise_from) == "stated"
 
-    strange = answered("strange", made(instrument=['model = "Leica AT96O"'])).answer
+    strange = campaign_answer("strange", made(instrument=['model = "Leica AT96O"'])).answer
     (said,) = [one for one in strange.findings if "data sheet" in one]
     assert "did you mean Leica AT960" in said
     assert strange.instrument.data_sheet is None

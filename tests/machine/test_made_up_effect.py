@@ -13,13 +13,13 @@ from pipeline.diagnosis.isolability import twins
 from pipeline.machine import effects
 from pipeline.machine.effect import Elastic, linear
 from pipeline.machine.effects._anatomy import carriage
-from pipeline.machine.effects.listing import as_text
 from pipeline.machine.robot import load
 from pipeline.machine.robot.configuration import rotation_about
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.report import words
 from pipeline.run import run
 from pipeline.simulate import Plan, revised, simulate
+from pipeline.simulate.listing import as_text
 from pipeline.store.campaign import find
 
 ASLANT = np.array([1.0, 1.5, 0.8]) / np.linalg.norm([1.0, 1.5, 0.8])

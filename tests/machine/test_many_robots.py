@@ -147,12 +147,12 @@ def test_every_robot_states_payload_source_and_axes_of_its_controller():
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_axes_of_the_controller_become_joints(name):
-    """The matrix in the file, mm and degrees; the inverse is `axes.shown`."""
+    """The matrix in the file, mm and degrees; the inverse is `axes.displayed`."""
     robot = load(name)
     q = np.random.default_rng(4).uniform(-1, 1, (3, robot.n))
 
-    assert robot.from_controller(axes.shown(robot, q)) == pytest.approx(q, abs=1e-12)
-    assert robot.from_controller(axes.shown(robot, q)[0]).shape == (robot.n,)
+    assert robot.from_controller(axes.displayed(robot, q)) == pytest.approx(q, abs=1e-12)
+    assert robot.from_controller(axes.displayed(robot, q)[0]).shape == (robot.n,)
 
 
 def test_no_two_robots_that_ship_have_one_geometry():

@@ -13,7 +13,7 @@ from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 from pipeline.prediction.workspace import _seen, arm_joints, workspace
-from pipeline.reduction.pose_of_interest import Where
+from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.system import Estimate, Goodness
 
 LOAD = np.array([0.15, 0.02, 0.25])
@@ -74,7 +74,7 @@ def test_no_pull_moves_the_load_point_further(name):
     """At the test pose, no direction of pull is more compliant than the map says."""
     cell, q = cell_of(name), np.array(Q[name])
     estimate = estimate_of(cell)
-    here = workspace(known(cell, estimate), Where(q, np.ones(3), True)).iloc[0]
+    here = workspace(known(cell, estimate), PoseOfInterest(q, np.ones(3), True)).iloc[0]
     pull = np.random.default_rng(1).standard_normal((4000, 3))
     pull /= np.linalg.norm(pull, axis=1, keepdims=True)
 
@@ -101,7 +101,7 @@ def test_its_uncertainty_is_that_of_draws_from_the_covariance():
     name = "kr500_rail"
     cell, q = cell_of(name), np.array(Q[name])
     estimate = estimate_of(cell)
-    here = workspace(known(cell, estimate), Where(q, np.ones(3), True)).iloc[0]
+    here = workspace(known(cell, estimate), PoseOfInterest(q, np.ones(3), True)).iloc[0]
     rng = np.random.default_rng(2)
     each = np.array([moved(cell, q, np.eye(3), one) for one in np.diag(estimate.value)])
     x = rng.multivariate_normal(estimate.value, estimate.cov, size=20000, method="eigh")
@@ -112,7 +112,7 @@ def test_its_uncertainty_is_that_of_draws_from_the_covariance():
 
 def test_its_uncertainty_holds_what_hypotheses_differ_by():
     """For two equally likely robots, 10 % apart, the map is the mean, uncertain by half of it."""
-    cell, where = cell_of("kr500_rail"), Where(np.array(Q["kr500_rail"]), np.ones(3), True)
+    cell, where = cell_of("kr500_rail"), PoseOfInterest(np.array(Q["kr500_rail"]), np.ones(3), True)
     x = cell.robot.nominal_compliance
     both = [ModelHypothesis(0.5, cell, f * x, np.zeros((7, 7))) for f in (0.95, 1.05)]
     here = workspace(both, where).iloc[0]
@@ -126,7 +126,7 @@ def test_its_uncertainty_holds_what_hypotheses_differ_by():
 def test_the_map_lies_where_pinocchio_puts_the_load_point(name):
     """Heights agree with Pinocchio, and the plane is as wide as the arm is long."""
     cell, q = cell_of(name), np.array(Q[name])
-    table = workspace(known(cell, estimate_of(cell)), Where(q, np.ones(3), True))
+    table = workspace(known(cell, estimate_of(cell)), PoseOfInterest(q, np.ones(3), True))
     built = model(cell.robot, {"load": LOAD})
     data = built.createData()
     pin.framesForwardKinematics(built, data, q)
@@ -141,7 +141,9 @@ def test_every_place_of_the_map_is_reached_once():
     """The elbow stays on one side of the stretched position, so that no place has two values."""
     name = "fanuc_r2000ic"
     cell = cell_of(name)
-    table = workspace(known(cell, estimate_of(cell)), Where(np.array(Q[name]), np.ones(3), True))
+    table = workspace(
+        known(cell, estimate_of(cell)), PoseOfInterest(np.array(Q[name]), np.ones(3), True)
+    )
     swept = table[table["row"] >= 0]
     corners = {(r.row, r.column): (r.reach_m, r.height_m) for r in swept.itertuples()}
     turns = []
@@ -159,7 +161,7 @@ def test_a_stiffness_that_is_not_known_leaves_the_map_and_takes_its_uncertainty(
     """An undetermined compliance: all values stay, with unknown uncertainty where it acts."""
     cell = cell_of("kr500_rail")
     unknown = known(cell, estimate_of(cell, unknown=6))
-    table = workspace(unknown, Where(np.array(Q["kr500_rail"]), np.ones(3), True))
+    table = workspace(unknown, PoseOfInterest(np.array(Q["kr500_rail"]), np.ones(3), True))
 
     assert np.isfinite(table.drop(columns="std_m_per_n").to_numpy(float)).all()
     assert np.isinf(table["std_m_per_n"]).any()
@@ -167,7 +169,7 @@ def test_a_stiffness_that_is_not_known_leaves_the_map_and_takes_its_uncertainty(
 
 def test_a_hypothesis_without_weight_takes_no_uncertainty():
     """An impossible hypothesis that determines nothing changes neither map nor prediction."""
-    cell, where = cell_of("kr500_rail"), Where(np.array(Q["kr500_rail"]), np.ones(3), True)
+    cell, where = cell_of("kr500_rail"), PoseOfInterest(np.array(Q["kr500_rail"]), np.ones(3), True)
     one, blind = known(cell, estimate_of(cell)), known(cell, estimate_of(cell, unknown=6))
     both = (*one, replace(blind[0], weight=0.0))
 
@@ -196,4 +198,4 @@ def test_an_arm_without_parallel_joints_has_no_map():
     assert arm_joints(cell.robot, q) == (2, 3)
     assert arm_joints(robot, q) is None
     other = known(replace(cell, robot=robot), estimate_of(cell))
-    assert workspace(other, Where(q, np.ones(3), True)).empty
+    assert workspace(other, PoseOfInterest(q, np.ones(3), True)).empty

@@ -17,13 +17,13 @@ from pipeline.prediction import model as handover
 from pipeline.prediction.path import Path
 from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import CampaignFolder, dump, in_memory
 from pipeline.system.combinations import information as information_of
 from pipeline.system.combinations import mixes, parting
 from pipeline.system.estimate import solve
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, RowIndex, System
 from tests.made_system import dense
 
 TOOL = {
@@ -118,7 +118,7 @@ def told():
             def keep(name, table, promise):
                 return kept.setdefault(name, conformed(name, table, promise))
 
-            done[world] = (raw, answered(world, raw, keep), kept)
+            done[world] = (raw, campaign_answer(world, raw, keep), kept)
         return done[world]
 
     return of
@@ -276,7 +276,7 @@ def test_a_joint_never_loaded_is_said_to_be_so(told):
 
 def test_no_reading_that_says_anything_is_no_rejection_either():
     """Noise a thousand times the deflection: nothing is determined, which is the answer."""
-    found = answered("noise", in_memory(of_two_joints(3, 1.0)))
+    found = campaign_answer("noise", in_memory(of_two_joints(3, 1.0)))
 
     assert not found.answer.combinations
     assert not any(joint.identifiable for joint in found.answer.stiffness)
@@ -288,7 +288,7 @@ def test_one_displacement_has_a_report():
     """All arrows start at one point, which gives a figure no extent."""
     q = np.array([[0.3, 0.2, -0.1, 0.5, -1.0, 0.3]])
     tool = {name: TOOL[name] for name in ("load_point", "P1")}
-    found = answered("one", in_memory(hung(q, np.array([[0.0, 300.0, -900.0]]), 1e-5, tool)))
+    found = campaign_answer("one", in_memory(hung(q, np.array([[0.0, 300.0, -900.0]]), 1e-5, tool)))
 
     assert {"index.html", "report.pdf"} <= {*render(found.answer, found.shown, 1.0, None)}
 
@@ -347,7 +347,7 @@ def random_system(rng, n, rank):
     G = np.hstack([np.diag(rng.uniform(2e-5, 5e-5, 40)), 3e-5 * rng.standard_normal((40, 2))])
     source = np.array(["tracker"] * 40 + ["force_gain"] * 2, object)
     errors = Errors(scipy.sparse.csr_array(G), source, source == "force_gain")
-    rows = Rows(pose, pose, np.full(40, "P1", object), np.arange(40) % 3, pose)
+    rows = RowIndex(pose, pose, np.full(40, "P1", object), np.arange(40) % 3, pose)
     named = tuple(Parameter(f"c{k}", "rad/(N m)", t) for k, t in enumerate(size))
     return System(named, rows, B, B @ size + G @ rng.standard_normal(42), errors, True)
 
@@ -434,7 +434,9 @@ def test_the_motion_told_parts_the_members_best():
         return (J[1:] * (J[0].T @ pulls.force[0])).reshape(-1, 6) * X
 
     A = moved(pulls.q[0]) / 3e-5
-    rows = Rows(*[np.zeros(9, int)] * 2, np.repeat(["P1"], 9), np.zeros(9, int), np.zeros(9, int))
+    rows = RowIndex(
+        *[np.zeros(9, int)] * 2, np.repeat(["P1"], 9), np.zeros(9, int), np.zeros(9, int)
+    )
     noise = Errors(scipy.sparse.csr_array(3e-5 * np.eye(9)), np.full(9, "tracker"), [False] * 9)
     system = System(cell.parameters, rows, A * 3e-5 / X, np.zeros(9), noise, True)
     rest = np.delete(np.arange(6), of)

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from pipeline.base.errors import InputError
-from pipeline.check.look import check
+from pipeline.check.report import check
 from pipeline.library import holds
 from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse as robot_of
 from pipeline.prediction.decision import Decision, decide
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path
-from pipeline.prediction.tolerance import Shown, nominal, stretches, table, tip
+from pipeline.prediction.tolerance import HeldOutError, nominal, stretches, table, tip
 from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import parse
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import CampaignFolder, in_memory
 
@@ -58,7 +58,7 @@ def found(files):
     known = nominal(load("kr500_rail"), tool(settings))
     mm = 1e3 * float(np.linalg.norm(known.at_load_point(*_pose(1000.0)).displacement))
     said = f'deflection_mm = {mm:.4f}\npath = "part.csv"'
-    return answered("part", in_memory(asked(files, said, **{"part.csv": path(*forces)}))), mm
+    return campaign_answer("part", in_memory(asked(files, said, **{"part.csv": path(*forces)}))), mm
 
 
 def _pose(newton):
@@ -107,8 +107,8 @@ def test_u_is_never_below_what_left_out_poses_were_missed_by(found):
     """The model's own uncertainty is far smaller here: the error at left-out poses decides."""
     answer, model = found[0].answer, found[0].model
     q, force = _pose(1000.0)
-    shown = Shown(model.held_out_m, 3000.0)
-    beyond = tip(model, q[None], 3 * force[None], Shown(model.held_out_m, 1500.0))
+    shown = HeldOutError(model.held_out_m, 3000.0)
+    beyond = tip(model, q[None], 3 * force[None], HeldOutError(model.held_out_m, 1500.0))
 
     assert model.predict(q, force).std.max() < 0.5 * model.held_out_m
     assert answer.test_pose.std_mm == pytest.approx(answer.validation.held_out_rms_mm)
@@ -120,7 +120,7 @@ def test_without_left_out_poses_the_model_is_taken_at_its_word(found):
     """Standard uncertainty along the deflection, from 300 draws of the stiffnesses."""
     model = found[0].model
     q, force = _pose(1000.0)
-    here = tip(model, q[None], force[None], Shown(None, 3000.0))
+    here = tip(model, q[None], force[None], HeldOutError(None, 3000.0))
     one = model.hypotheses[0]
     rng = np.random.default_rng(1)
     drawn = rng.multivariate_normal(one.value, one.cov, 300)
@@ -143,7 +143,7 @@ def test_a_stiffness_that_nobody_knows_leaves_it_undecided(found):
     q, force = _pose(1000.0)
     sideways = force[[2, 0, 1]]
 
-    here = tip(lost, q[None], sideways[None], Shown(1e-5, 3000.0))
+    here = tip(lost, q[None], sideways[None], HeldOutError(1e-5, 3000.0))
     assert here.decisions(1e3) == [Decision.UNDECIDED]
     rows = table(lost, Path(np.array([1]), q[None], sideways[None]), here, 1.0)
     assert [one.decision for one in stretches(rows["decision"].to_numpy(object))] == ["undecided"]
@@ -152,7 +152,7 @@ def test_a_stiffness_that_nobody_knows_leaves_it_undecided(found):
 def test_a_cartesian_path_is_judged_as_its_joint_values_are(files, found):
     """The same point as x, y, z and KUKA's angles of the load point."""
     from pipeline.machine.robot import configure
-    from pipeline.programs.judged import read
+    from pipeline.programs.path_file import read
 
     model = found[0].model
     q, force = _pose(1000.0)
@@ -238,7 +238,7 @@ def test_a_force_that_no_robot_holds_is_refused_with_its_line(files):
     raw = in_memory(asked(files, said, **{"part.csv": path(50, 14000, 15000, 9e5)}))
 
     with pytest.raises(InputError, match=r"^part.csv:4: a force of 15000 N .* about 14100 N"):
-        answered("part", raw)
+        campaign_answer("part", raw)
 
 
 @pytest.mark.slow
@@ -246,7 +246,9 @@ def test_forces_unlike_the_pulls_are_said(files):
     """Pulled with 1.5 and 3 kN: 3.5 kN is beyond, 1.2 N may be kilonewtons, 2 kN is fine."""
     said = 'deflection_mm = 1.0\npath = "part.csv"'
     about = {
-        force: answered("part", in_memory(asked(files, said, **{"part.csv": path(1, force)})))
+        force: campaign_answer(
+            "part", in_memory(asked(files, said, **{"part.csv": path(1, force)}))
+        )
         for force in (1.2, 2000, 3500)
     }
     told = {

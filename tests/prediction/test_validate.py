@@ -12,7 +12,7 @@ from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure, load
 from pipeline.prediction.validate import deflections, validate
-from pipeline.reduction.pose_of_interest import Where, place_of_interest
+from pipeline.reduction.pose_of_interest import PoseOfInterest, place_of_interest
 from pipeline.reduction.settings import AskedPose
 from pipeline.system.system import Estimate, Goodness
 
@@ -26,7 +26,7 @@ CELL = paper_cell(ROBOT, TOOL)
 Q = np.array([8.5, *np.deg2rad([-10, 35, 39, 81, 22, -10])])
 F = np.array([-124.5, -175.4, -209.1])
 X = ROBOT.nominal_compliance
-HERE = Where(Q, F, True)
+HERE = PoseOfInterest(Q, F, True)
 
 
 def estimate(cov):
@@ -105,7 +105,7 @@ def test_what_may_be_true_is_drawn_by_its_weight():
     cov = np.outer(X, X) * 1e-12
     stiff, soft = estimate(cov), replace(estimate(cov), value=1.1 * X)
     both = [Hypothesis(w, (), CELL, None, x) for w, x in ((0.8, stiff), (0.2, soft))]
-    table = validate(both, Where(Q, F, True), np.random.default_rng(1), poses=4000)
+    table = validate(both, PoseOfInterest(Q, F, True), np.random.default_rng(1), poses=4000)
     mu = table.loc[table["draw"] == "covariance", "mu"].to_numpy()
 
     near, far = 0.02 / 1.02, 0.08 / 1.02

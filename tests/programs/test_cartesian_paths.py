@@ -13,8 +13,8 @@ from test_programs import TIP, identified
 from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
-from pipeline.programs.aim import Refused
-from pipeline.programs.corrected import Frame, Given, write
+from pipeline.programs.aim import Refusal
+from pipeline.programs.corrected import CorrectionOptions, ForceFrame, write
 
 ROBOT = load("kr500_rail")
 FORCE = np.array([600.0, -800.0, -900.0])
@@ -65,7 +65,10 @@ def correct(tmp_path):
     def corrected(rows, **given):
         (tmp_path / "path.csv").write_text(rows.to_csv(index=False))
         written, remarks = write(
-            tmp_path, ROBOT.name, tmp_path / "path.csv", given=Given(**{"start": START} | given)
+            tmp_path,
+            ROBOT.name,
+            tmp_path / "path.csv",
+            given=CorrectionOptions(**{"start": START} | given),
         )
         answer = pd.read_csv(io.BytesIO(written.read_bytes()))
         assert answer.pop("corrected").str.startswith("Corrected for the load by pipeline").all()
@@ -135,7 +138,7 @@ def test_axes_in_the_table_say_which_configuration_is_meant(correct):
     found, _ = correct(rows.assign(**near), **given)
 
     assert left(correct.bending, found, "abc", TOOL, BASE).max() < 1e-5
-    with pytest.raises(Refused, match=r"path.csv:7: pose 6: .* arm configurations reach it"):
+    with pytest.raises(Refusal, match=r"path.csv:7: pose 6: .* arm configurations reach it"):
         correct(rows, **given)
 
 
@@ -149,7 +152,7 @@ def test_a_constant_force_and_one_in_the_tool_frame(correct):
     turned = [(correct.bending.flange(q) * TOOL).rotation.T @ FORCE for q in joints()]
     in_tool, _ = correct(
         bare.assign(**dict(zip(("fx_n", "fy_n", "fz_n"), np.transpose(turned), strict=True))),
-        frame=Frame.TOOL,
+        frame=ForceFrame.TOOL,
         **given,
     )
 
@@ -171,7 +174,7 @@ def test_a_path_of_joints_takes_a_constant_force_in_the_tool_frame(correct):
     local = np.array([0.0, 300.0, -900.0])
     turned = np.array([(correct.bending.flange(one) * TOOL).rotation @ local for one in q])
     given = {"tool": [option(TOOL, "abc")], "start": None}
-    found, _ = correct(rows, force="0,300,-900", frame=Frame.TOOL, **given)
+    found, _ = correct(rows, force="0,300,-900", frame=ForceFrame.TOOL, **given)
     usual, _ = correct(
         rows.assign(fx_n=turned[:, 0], fy_n=turned[:, 1], fz_n=turned[:, 2]), **given
     )

@@ -10,7 +10,7 @@ from pipeline.app import cli
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.robot import load
 from pipeline.programs import read
-from pipeline.programs.corrected import Given, program
+from pipeline.programs.corrected import CorrectionOptions, program
 from pipeline.programs.forces import stated, tabled
 
 KR = load("kr500_rail")
@@ -119,7 +119,7 @@ def corrected(tmp_path, files, **options):
     """A program after its correction, and what was said."""
     for name, text in files.items():
         (tmp_path / name).write_text(text)
-    given = Given(tool=[f"1={TOOL}"], start=START, **options)
+    given = CorrectionOptions(tool=[f"1={TOOL}"], start=START, **options)
     data, told = program(tmp_path, KR.name, tmp_path / "p.src", given)
     return unstamped(data).decode(), told
 

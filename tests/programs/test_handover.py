@@ -30,7 +30,7 @@ from pipeline.prediction import model as handover
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path as JointPath
 from pipeline.programs import joint_path
-from pipeline.programs.corrected import Given, program, write
+from pipeline.programs.corrected import CorrectionOptions, program, write
 from pipeline.reduction.effector import tool
 from pipeline.run import run
 from pipeline.simulate import parse, simulate
@@ -140,7 +140,7 @@ def test_a_corrected_program_is_where_it_was_taught_on_the_bending_robot(demo, t
     made = Kuka(seed, ROBOT, bending).make()
     for name in made.files:
         (demo / name).write_bytes(made.data(name))
-    given = Given(force=",".join(map(str, force)), partial=True, **made.options)
+    given = CorrectionOptions(force=",".join(map(str, force)), partial=True, **made.options)
     before, after = [], []
     for name in made.files:
         data, _ = program(demo, "kr500_demo", demo / name, given)

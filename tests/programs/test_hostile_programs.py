@@ -14,7 +14,7 @@ from pipeline.programs import krl as of_kuka
 from pipeline.programs import rapid as of_abb
 from pipeline.programs import tp as of_fanuc
 from pipeline.programs import urscript as of_ur
-from pipeline.programs._text import letters
+from pipeline.programs._text import one_byte_characters
 
 
 def kp(x, y=200.0, z=1200.0):
@@ -1086,7 +1086,9 @@ def test_no_motion_is_lost_and_no_unknown_point_is_moved(end, name):
     """The rule for every line that was marked by who wrote the program."""
     reader, own = READERS[end]
     body, must, never = own[name]
-    program = reader.read(f"{name}.{end}", letters(f"{name}.{end}", body.encode()), None)
+    program = reader.read(
+        f"{name}.{end}", one_byte_characters(f"{name}.{end}", body.encode()), None
+    )
     targets = {one.line for one in program.targets}
     listed = {one.line for one in program.left}
     known = names(program)
@@ -1104,7 +1106,9 @@ def test_a_motion_that_is_not_as_taught_is_listed_by_its_own_line(end, name):
     """An offset, a function or an unknown word moves the robot elsewhere than to the point."""
     reader, own = READERS[end]
     body, *_ = own[name]
-    program = reader.read(f"{name}.{end}", letters(f"{name}.{end}", body.encode()), None)
+    program = reader.read(
+        f"{name}.{end}", one_byte_characters(f"{name}.{end}", body.encode()), None
+    )
     listed = {one.line for one in program.left}
 
     for word in ITSELF[end, name]:

@@ -9,7 +9,7 @@ import pytest
 
 from bench.as_pinocchio import model as pin_model
 from pipeline.machine.robot import SHIPPED, axes, load
-from pipeline.programs.inverse import Arm
+from pipeline.programs.inverse import FixedSlidingArm
 
 
 def pose(robot, q):
@@ -30,7 +30,7 @@ def somewhere(robot, rng):
 def test_a_pose_is_reached_from_a_place_near_it(name):
     """Joint values a tenth of a radian off come back; the carriage stays where it is."""
     robot, rng = load(name), np.random.default_rng(3)
-    arm = Arm(robot, axes.of(robot))
+    arm = FixedSlidingArm(robot, axes.of(robot))
     for _ in range(10):
         q = somewhere(robot, rng)
         near = q + np.where(robot.prismatic, 0.0, rng.normal(0, 0.05, robot.n))
@@ -50,7 +50,7 @@ def test_signs_of_the_axes_settle_the_configuration(name):
     """
     robot, rng = load(name), np.random.default_rng(5)
     of = axes.of(robot)
-    arm = Arm(robot, of)
+    arm = FixedSlidingArm(robot, of)
     for _ in range(5):
         q = somewhere(robot, rng)
         taught = of.values(q[None])[0][~of.slides]
@@ -67,7 +67,7 @@ def test_several_configurations_are_not_chosen_from():
     """With nothing before it and nothing said, a pose of a six-axis arm is ambiguous."""
     robot = load("ur10e")
     q = np.array([0.3, -1.2, 1.4, -1.8, -1.5, 0.2])
-    found = Arm(robot, axes.of(robot)).reach(pose(robot, q), np.zeros(6), False)
+    found = FixedSlidingArm(robot, axes.of(robot)).reach(pose(robot, q), np.zeros(6), False)
 
     assert "arm configurations reach it" in found.why_not[0]
 
@@ -75,7 +75,7 @@ def test_several_configurations_are_not_chosen_from():
 def test_what_cannot_be_reached_is_said_with_its_distance():
     """Beyond the arm's reach it says how far; where a limit is in the way, of which joint."""
     robot = load("kr210_r2700_2")
-    arm = Arm(robot, axes.of(robot))
+    arm = FixedSlidingArm(robot, axes.of(robot))
     q = np.deg2rad([0, -60, 40, 0, 20, 0])
     far = pose(robot, q)
     far[0, 3] += 5.0
@@ -93,7 +93,7 @@ def test_a_start_that_is_half_a_turn_away_is_no_solution():
     robot = load("kr210_r2700_2")
     q = np.deg2rad([0, -60, 40, 10, 30, 0.0])
     half = q + np.array([0, 0, 0, 0, 0, np.pi])
-    found = Arm(robot, axes.of(robot)).reach(pose(robot, half), q, True)
+    found = FixedSlidingArm(robot, axes.of(robot)).reach(pose(robot, half), q, True)
 
     assert found.why_not is None
     assert pose(robot, found.q) == pytest.approx(pose(robot, half), abs=1e-6)

@@ -14,8 +14,8 @@ from pipeline.app import cli
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.robot import load
 from pipeline.programs import read
-from pipeline.programs.aim import Refused
-from pipeline.programs.corrected import Frame, Given, program
+from pipeline.programs.aim import Refusal
+from pipeline.programs.corrected import CorrectionOptions, ForceFrame, program
 from pipeline.programs.notation import ABB, FANUC, KUKA, UR
 from pipeline.programs.program import _rewritten
 
@@ -289,7 +289,10 @@ def kuka(tmp_path):
     def correct(text, file="p.src", **given):
         (tmp_path / file).write_bytes(text.encode())
         data, remarks = program(
-            tmp_path, KR.name, tmp_path / file, Given(**{"force": "600,-800,-900"} | given)
+            tmp_path,
+            KR.name,
+            tmp_path / file,
+            CorrectionOptions(**{"force": "600,-800,-900"} | given),
         )
         return unstamped(data).decode(), remarks
 
@@ -342,7 +345,7 @@ def test_a_force_in_the_tool_frame_turns_with_the_tool(kuka):
     given |= {"base": ["0,0,0,0,0,0"], "start": START}
     text = pose_at(kuka.bending, Q, tool)
     force = (kuka.bending.flange(Q) * tool).rotation @ np.array([0.0, 0.0, -1000.0])
-    in_tool, _ = kuka(text, force="0,0,-1000", frame=Frame.TOOL, **given)
+    in_tool, _ = kuka(text, force="0,0,-1000", frame=ForceFrame.TOOL, **given)
     in_base, _ = kuka(text, force=",".join(map(repr, force.tolist())), **given)
 
     assert xyz(in_tool) == pytest.approx(xyz(in_base), abs=2e-7)
@@ -361,13 +364,13 @@ def test_what_nothing_says_is_asked(kuka):
         ({"start": START, "tool": NO_TOOL["tool"]}, r"its frame is not defined; .* --base X,Y"),
         (NO_TOOL, r"2 arm configurations reach it.*--start"),
     ):  # fmt: skip
-        with pytest.raises(Refused, match=wrong):
+        with pytest.raises(Refusal, match=wrong):
             kuka(text, **given)
     with pytest.raises(
-        Refused, match=r"p.src:2: .* tool 4 is not defined; give it as --tool 4=X,Y"
+        Refusal, match=r"p.src:2: .* tool 4 is not defined; give it as --tool 4=X,Y"
     ):
         kuka(numbered, start=START, base=NO_TOOL["base"])
-    with pytest.raises(Refused, match=r"the position of E1 is not stated"):
+    with pytest.raises(Refusal, match=r"the position of E1 is not stated"):
         kuka(without_rail, **NO_TOOL)
     with pytest.raises(UsageError, match="--force FX,FY,FZ"):
         kuka(text, force=None)
@@ -387,9 +390,9 @@ def test_the_turn_that_a_point_states_is_held_to(kuka):
     assert xyz(stated) == pytest.approx(xyz(started), abs=1e-6)
     wrong = text.replace(f"T {bits}", f"T {bits ^ 0b111111}")
     said = rf"no arm configuration that reaches it is the one it states: .*\(T {bits}\)"
-    with pytest.raises(Refused, match=said):
+    with pytest.raises(Refusal, match=said):
         kuka(wrong, **NO_TOOL)
-    with pytest.raises(Refused, match=r"p.src:2: .* the one it states"):
+    with pytest.raises(Refusal, match=r"p.src:2: .* the one it states"):
         kuka(text + wrong.replace("LIN", "PTP"), **NO_TOOL)
     straight, _ = kuka(text + wrong, **NO_TOOL)  # LIN keeps the configuration, whatever T says
     assert xyz(straight.splitlines()[1]) == pytest.approx(xyz(stated), abs=1e-6)
@@ -403,9 +406,9 @@ def test_a_stretched_arm_is_refused_where_it_is_a_pose_and_told_where_it_is_axes
     joints = "PTP {A1 90.0,A2 0.0,A3 2.0656,A4 20.0,A5 40.0,A6 -30.0,E1 9000}\n"
     deflection = r"p\.src:1: the target in line 1: .*singularity.* 0\.02\d mm .*--partial"
 
-    with pytest.raises(Refused, match=r"p.src:1: .*the robot is at a singularity.* 0\.02\d mm"):
+    with pytest.raises(Refusal, match=r"p.src:1: .*the robot is at a singularity.* 0\.02\d mm"):
         kuka(pose_at(kuka.bending, q), **given)
-    with pytest.raises(Refused, match=deflection):
+    with pytest.raises(Refusal, match=deflection):
         kuka(joints, **given)
     _, remarks = kuka(joints, partial=True, **given)
     assert any("p.src:1: the target in line 1: the robot is at a singularity" in r for r in remarks)
@@ -572,7 +575,7 @@ def test_a_program_of_another_arm_is_refused(tmp_path):
     (tmp_path / "p.script").write_text("movej([0,0,0,0,0,0])\n")
 
     with pytest.raises(UsageError, match="for an arm of 6 axes and seven has 7"):
-        program(tmp_path, "seven", tmp_path / "p.script", Given(force="0,0,1"))
+        program(tmp_path, "seven", tmp_path / "p.script", CorrectionOptions(force="0,0,1"))
 
 
 def test_a_target_at_its_limit_is_refused_where_it_would_leave_it(kuka):
@@ -583,7 +586,7 @@ def test_a_target_at_its_limit_is_refused_where_it_would_leave_it(kuka):
     for force in (up, down):
         try:
             kuka(text, force=force, start=START, **NO_TOOL)
-        except Refused as wrong:
+        except Refusal as wrong:
             refused.append(str(wrong))
 
     (said,) = refused
@@ -603,7 +606,7 @@ def test_joints_near_a_pose_say_which_arm_is_meant(tmp_path):
         near = ", ".join(f"{v:.2f}" for v in q)
         text = f"movej(get_inverse_kin(p[{pose}], qnear=[{near}]))\n"
         (tmp_path / "p.script").write_text(text)
-        given = Given(force="30,-20,-40", tool=["0,0,0,0,0,0"])
+        given = CorrectionOptions(force="30,-20,-40", tool=["0,0,0,0,0,0"])
         data, _ = program(tmp_path, robot.name, tmp_path / "p.script", given)
         numbers = [
             float(v)

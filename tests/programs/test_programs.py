@@ -16,7 +16,7 @@ from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import load
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.programs.corrected import Given, program
+from pipeline.programs.corrected import CorrectionOptions, program
 
 TIP = np.array([0.1, 0.0, 0.2])
 FORCE = {"ur10e": [30.0, -20.0, -40.0]}
@@ -110,7 +110,7 @@ def test_only_coordinates_differ_and_they_cancel_the_deflection(maker, seed, tmp
     bending = identified(tmp_path, robot)
     made = make(seed, robot, bending).make()
     force = np.array(FORCE.get(robot.name, [600.0, -800.0, -900.0]))
-    given = Given(force=",".join(map(str, force)), partial=True, **made.options)
+    given = CorrectionOptions(force=",".join(map(str, force)), partial=True, **made.options)
     for name in made.files:
         (tmp_path / name).write_bytes(made.data(name))
     corrected = 0

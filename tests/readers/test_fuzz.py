@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
-from pipeline.readers import Hints, Readings, catalogue, read, writers
+from pipeline.readers import ExportSettings, OutgoingReadings, catalogue, read, writers
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.settings import parse
 
@@ -63,7 +63,7 @@ def campaign_readings():
             target.append(name)
             xyz.append(np.add(at, (pose, 2 * pose, 0.5)) + rng.normal(0, 1e-3, 3))
     start = datetime(2026, 11, 3, 8)
-    return Readings(
+    return OutgoingReadings(
         group=group,
         target=target,
         position=np.round(np.array(xyz) * 1e3, 4) / 1e3,
@@ -445,7 +445,7 @@ TEXT = st.text(st.sampled_from("0123456789.,;:-+eE\"'\t \r\n/ABPpxyzgrouptaget_m
 @given(st.one_of(TEXT.map(str.encode), st.binary(max_size=400)), st.sampled_from(["mm", None]))
 def test_any_bytes_give_readings_or_an_input_error(data, unit):
     """For any bytes: consistent readings, or one sentence."""
-    export, refused = attempt(lambda: read("t", data, Hints(unit=unit)))
+    export, refused = attempt(lambda: read("t", data, ExportSettings(unit=unit)))
     if refused:
         assert str(refused).startswith("t:")
         return
@@ -478,7 +478,7 @@ def test_any_names_and_numbers_come_back(rows):
     """Names of any letters, numbers of any size: written in metres, they are read back."""
     group, target, *xyz = zip(*rows, strict=True)
     moment = datetime(2026, 11, 3, 8)
-    readings = Readings(group, target, np.array(xyz, dtype=float).T, [moment] * len(rows))
+    readings = OutgoingReadings(group, target, np.array(xyz, dtype=float).T, [moment] * len(rows))
     for name in ("plain", "spatialanalyzer"):
         export = read("t", READERS[name].write(readings, "m", None))
 

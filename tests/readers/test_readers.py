@@ -11,13 +11,13 @@ import pytest
 
 from pipeline import readers
 from pipeline.base.errors import InputError
-from pipeline.readers import Columns, Hints, Reader, Readings, catalogue, writers
+from pipeline.readers import Columns, ExportSettings, OutgoingReadings, Reader, catalogue, writers
 
 READERS = catalogue()
 WRITERS = writers()
 
 GOLDEN = Path(__file__).parents[1] / "golden"
-MM = Hints(unit="mm")
+MM = ExportSettings(unit="mm")
 
 
 def golden(name, hints=None):
@@ -55,7 +55,9 @@ def test_real_emscon_dumps_are_read_to_the_last_digit(path):
     mm2 = 1e-6
 
     export = readers.read(path.name, path.read_bytes(), MM)
-    scatter = readers.read(path.name, path.read_bytes(), Hints(unit="mm", covariance="standard"))
+    scatter = readers.read(
+        path.name, path.read_bytes(), ExportSettings(unit="mm", covariance="standard")
+    )
 
     assert (export.dialect, export.meaning.kind, export.rejected) == (
         "Leica emScon dump",
@@ -102,7 +104,7 @@ def test_spatial_analyzer_with_names_in_columns():
 
 def test_spatial_analyzer_without_header():
     """Group and target, no header: names keep blanks and brackets, the unit must be stated."""
-    export = golden("sa_group_target.txt", Hints(unit="m"))
+    export = golden("sa_group_target.txt", ExportSettings(unit="m"))
 
     assert names(export)[:2] == [("base [north]", "B 1"), ("pose01_rep0_unloaded", "P1 (upper)")]
     assert export.position[1].tolist() == [4.68506113, 5.28214004, -0.55021722]
@@ -128,13 +130,16 @@ def test_spatial_analyzer_with_everything_appended():
         export.covariance[0], [1.25e-5**2, 0, 0, 2.5e-5**2, 0, 5e-5**2], rtol=1e-14
     )
     assert export.unused == ("Temperature", "Pressure", "Humidity", "RMS")
-    rms = golden("sa_everything.txt", Hints(covariance="rms"))
+    rms = golden("sa_everything.txt", ExportSettings(covariance="rms"))
     assert rms.covariance[1, [0, 3, 5]].sum() == pytest.approx(4.2e-6**2)
 
 
 def test_expanded_uncertainties_are_divided_by_their_factor():
     """An export with two sigmas needs coverage_factor = 2."""
-    once, twice = golden("sa_everything.txt"), golden("sa_everything.txt", Hints(coverage_factor=2))
+    once, twice = (
+        golden("sa_everything.txt"),
+        golden("sa_everything.txt", ExportSettings(coverage_factor=2)),
+    )
 
     np.testing.assert_allclose(once.covariance, 4 * twice.covariance, rtol=1e-14)
 
@@ -211,7 +216,7 @@ MAPPING = Columns(
 )
 def test_any_table_by_its_mapping(said, side):
     """Columns by name or number, gons, decimal comma, own time format; Hz is clockwise."""
-    hints = Hints(unit="mm", angle="gon", vertical="zenith", mapping=MAPPING, **said)
+    hints = ExportSettings(unit="mm", angle="gon", vertical="zenith", mapping=MAPPING, **said)
     export = golden("odd_table.txt", hints)
 
     assert names(export) == list(zip(GROUPS[:2], ["B1", "P1"], strict=True))
@@ -256,7 +261,7 @@ def test_dates_and_times_of_day_in_two_columns():
 def test_tables_with_runs_of_blanks():
     """Delimiter = " " treats any number of blanks as one."""
     text = "  P1   1.5  -2.5\t3.5  \n P2 4 5  6\n"
-    hints = Hints(
+    hints = ExportSettings(
         unit="mm", mapping=Columns(columns={"target": 1, "x": 2, "y": 3, "z": 4}, delimiter=" ")
     )
     export = readers.read("t", text.encode(), hints)
@@ -273,16 +278,20 @@ def test_tables_with_runs_of_blanks():
 @pytest.mark.parametrize(
     ("name", "hints", "asked"),
     [
-        ("emscon_vive/20200710_Exp1_laserData.csv", Hints(), 'write unit = "mm"'),
-        ("semicolon.xyz", Hints(), 'write unit = "mm"'),
-        ("sa_compound.txt", Hints(unit="m"), "says mm .* says m; remove unit"),
-        ("sa_everything.txt", Hints(covariance="a-priori"), "has no a-priori covariance"),
-        ("odd_table.txt", Hints(), 'odd_table.txt:2: .* unit of length; write unit = "mm"'),
-        ("odd_table.txt", MM, 'odd_table.txt:2: .* unit of angles; write angle = "gon"'),
-        ("odd_table.txt", Hints(unit="mm", mapping=MAPPING), 'write angle = "deg"'),
+        ("emscon_vive/20200710_Exp1_laserData.csv", ExportSettings(), 'write unit = "mm"'),
+        ("semicolon.xyz", ExportSettings(), 'write unit = "mm"'),
+        ("sa_compound.txt", ExportSettings(unit="m"), "says mm .* says m; remove unit"),
+        ("sa_everything.txt", ExportSettings(covariance="a-priori"), "has no a-priori covariance"),
         (
             "odd_table.txt",
-            Hints(
+            ExportSettings(),
+            'odd_table.txt:2: .* unit of length; write unit = "mm"',
+        ),
+        ("odd_table.txt", MM, 'odd_table.txt:2: .* unit of angles; write angle = "gon"'),
+        ("odd_table.txt", ExportSettings(unit="mm", mapping=MAPPING), 'write angle = "deg"'),
+        (
+            "odd_table.txt",
+            ExportSettings(
                 unit="mm",
                 angle="gon",
                 mapping=Columns(columns={"x": "Nr", "y": 9, "z": 7}, comment="#"),
@@ -291,7 +300,9 @@ def test_tables_with_runs_of_blanks():
         ),
         (
             "odd_table.txt",
-            Hints(unit="mm", mapping=Columns(columns={"x": "Nr", "y": "XX", "z": 7}, comment="#")),
+            ExportSettings(
+                unit="mm", mapping=Columns(columns={"x": "Nr", "y": "XX", "z": 7}, comment="#")
+            ),
             'no column "XX"',
         ),
     ],
@@ -309,7 +320,7 @@ def test_vertical_angles_that_may_be_either_are_asked():
         readers.read("s.txt", text.encode())
 
     said = [
-        readers.read("s.txt", text.encode(), Hints(vertical=way)).position[:, 2]
+        readers.read("s.txt", text.encode(), ExportSettings(vertical=way)).position[:, 2]
         for way in ("zenith", "elevation")
     ]
     assert said[0][2] == pytest.approx(np.sqrt(0.5))
@@ -324,7 +335,7 @@ def test_thousands_or_decimals_is_asked():
     ):
         readers.read("t.xyz", text.encode(), MM)
 
-    comma = readers.read("t.xyz", text.encode(), Hints(unit="mm", decimal=","))
+    comma = readers.read("t.xyz", text.encode(), ExportSettings(unit="mm", decimal=","))
     assert comma.position[0].tolist() == [1.234 / 1000, 2.345 / 1000, 3.456 / 1000]
     one_settles = readers.read("t.xyz", text.replace("3,457", "3,45").encode(), MM)
     assert one_settles.position[0].tolist() == [1.234 / 1000, 2.345 / 1000, 3.456 / 1000]
@@ -383,7 +394,7 @@ def some_readings(unit, decimals, seed=20261103):
     ]
     start = datetime(2026, 11, 3, 8)
     six = np.tile([4e-10, 0.0, 0.0, 9e-10, 0.0, 1e-10], (200, 1))
-    return Readings(
+    return OutgoingReadings(
         group=group,
         target=[f"P{k % 7}" for k in range(200)],
         position=numbers / scale,
@@ -398,7 +409,7 @@ def test_written_readings_come_back_exactly(name, unit):
     """Write -> read gives the same names, the same bits of coordinates, and the same times."""
     reader = READERS[name]
     readings = some_readings(unit, 4 if unit == "mm" else 7)
-    hints = Hints(unit=None if reader.says_unit else unit)
+    hints = ExportSettings(unit=None if reader.says_unit else unit)
     for digits in (4 if unit == "mm" else 7, None):
         export = readers.read("t", reader.write(readings, unit, digits), hints)
 
@@ -418,7 +429,7 @@ def test_in_metres_any_coordinate_comes_back_exactly():
     """Written in metres with all digits, any coordinate keeps every bit."""
     readings = some_readings("m", 17)
     for reader in WRITERS.values():
-        hints = Hints(unit=None if reader.says_unit else "m")
+        hints = ExportSettings(unit=None if reader.says_unit else "m")
         export = readers.read("t", reader.write(readings, "m", None), hints)
         np.testing.assert_array_equal(export.position, readings.position)
 
@@ -556,7 +567,7 @@ def test_covariances_of_angles_become_those_of_coordinates(kind, vertical, horiz
     }
     mapping = Columns(columns=columns, header=0)
     said = {"angle": "deg", "vertical": vertical, "horizontal": horizontal}
-    hints = Hints(unit="mm", mapping=mapping, **said)
+    hints = ExportSettings(unit="mm", mapping=mapping, **said)
     six = [4e-4, 1e-6, -2e-6, 9e-8, 1e-8, 6e-8]
 
     def at(values):
@@ -592,7 +603,7 @@ def test_an_uncertainty_that_is_none_costs_its_row(wrong, odd):
     """A negative variance, a correlation above one: named, and never squared away."""
     columns = {"x": 1, "y": 2, "z": 3, "group": 10, "target": 11}
     columns |= {f"c{ab}": k for k, ab in enumerate(("xx", "xy", "xz", "yy", "yz", "zz"), 4)}
-    hints = Hints(unit="mm", mapping=Columns(columns=columns, header=0))
+    hints = ExportSettings(unit="mm", mapping=Columns(columns=columns, header=0))
     good = [4e-4, 1e-4, 0.0, 4e-4, 0.0, 4e-4]
     place, value = wrong
     bad = [value if k == place else number for k, number in enumerate(good)]

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.digits import division, rounding
-from pipeline.run import answered, ingested
+from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
@@ -58,7 +58,7 @@ def test_the_variance_of_the_last_digit_is_in_that_of_every_reading():
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_coarse_digits_are_no_noise_of_the_tracker_and_accuse_no_reflector(seed):
     """They are reported as such."""
-    said = answered("digits", in_memory(rounded(campaign(seed), 1))).answer
+    said = campaign_answer("digits", in_memory(rounded(campaign(seed), 1))).answer
 
     assert said.diagnosis.verdict == "adequate"
     assert [one.name for one in said.diagnosis.causes] == []
@@ -119,11 +119,12 @@ def test_a_coarse_scale_makes_each_force_less_certain():
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_many_readings_at_one_mark_of_a_coarse_scale_are_neither_copies_nor_noise(seed):
     """Divisions of 20 N where 2 N are stated; reported, and not a cause."""
-    said = answered("coarse", in_memory(coarse(campaign(seed), 20.0))).answer
+    said = campaign_answer("coarse", in_memory(coarse(campaign(seed), 20.0))).answer
 
     assert said.diagnosis.verdict == "adequate"
     assert [one.name for one in said.diagnosis.causes] == []
     assert any("multiples of 20 N" in line for line in said.findings)
     assert not any(
-        "multiples" in line for line in answered("x", in_memory(campaign(seed))).answer.findings
+        "multiples" in line
+        for line in campaign_answer("x", in_memory(campaign(seed))).answer.findings
     )

@@ -10,8 +10,8 @@ from english import ENGLISH
 from pdf_text import pages_of
 
 from pipeline.answer.words import DO
+from pipeline.base.appearance import Appearance
 from pipeline.base.language import spoken
-from pipeline.base.look import Look
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report.certificate import certificate, digest
 from pipeline.report.model import compose
@@ -68,7 +68,7 @@ def test_nothing_of_it_stays_english(language):
 @pytest.mark.parametrize("language", OTHERS)
 def test_headings_are_said_too(language):
     """Title, verdicts and the words of the page."""
-    report = compose(report_sample.answer(), {}, look=Look(language))
+    report = compose(report_sample.answer(), {}, look=Appearance(language))
     shown = (report.kicker, report.title, report.verdict, report.judged, report.frame)
 
     assert [one for one in words(shown) if ENGLISH.search(one)] == []
@@ -79,7 +79,7 @@ def made():
     """A report in each language."""
     answer, tables = report_sample.answer(), report_sample.tables()
     english = {"en": report_sample.rendered()}
-    return english | {one: render(answer, tables, look=Look(one)) for one in OTHERS}
+    return english | {one: render(answer, tables, look=Appearance(one)) for one in OTHERS}
 
 
 @pytest.mark.parametrize("language", OTHERS)

@@ -12,7 +12,7 @@ from small_case import PLAN, small
 
 from bench.as_pinocchio import model
 from pipeline.annex.fewer_poses import enough
-from pipeline.annex.scene import MOST, scene
+from pipeline.annex.scene import MOST_POSES, scene
 from pipeline.annex.seen_laws import laws
 from pipeline.answer.posture import posture
 from pipeline.answer.recommended import joint_springs
@@ -25,7 +25,7 @@ from pipeline.machine.robot import configure, load
 from pipeline.prediction.model import ModelHypothesis as Handed
 from pipeline.prediction.workspace import arm_in_plane
 from pipeline.reduction.bring import bring, conformed, plain
-from pipeline.reduction.pose_of_interest import Where, place_of_interest
+from pipeline.reduction.pose_of_interest import PoseOfInterest, place_of_interest
 from pipeline.run import ingested
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
@@ -102,7 +102,7 @@ def test_the_drawn_arm_moves_as_its_springs_let_it(name):
     compliance = 1e-7 * np.arange(1, robot.n + 1)
 
     table = posture(
-        Handed(1.0, cell, compliance, np.eye(robot.n)), Where(q, force, stated=True)
+        Handed(1.0, cell, compliance, np.eye(robot.n)), PoseOfInterest(q, force, stated=True)
     ).set_index(["part", "name"])
 
     other = model(robot)
@@ -152,7 +152,7 @@ def test_a_pose_names_its_lines(values, cell):
 
 def test_of_many_poses_the_worst_are_drawn():
     """A large campaign is thinned to what a picture holds, and its worst pose is kept."""
-    case = small(poses={"count": MOST + 5}, pulls={"steps_n": [2500.0]})
+    case = small(poses={"count": MOST_POSES + 5}, pulls={"steps_n": [2500.0]})
     reduced = bring(case)
     found = joint_springs(fit(case, reduced))
     left = np.linalg.norm(found.first.estimate.residual.reshape(-1, 3), axis=1)
@@ -161,7 +161,7 @@ def test_of_many_poses_the_worst_are_drawn():
 
     shown = scene(found)["poses"]["pose"]
 
-    assert len(shown) == MOST
+    assert len(shown) == MOST_POSES
     assert worst in set(shown)
 
 

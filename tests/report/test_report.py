@@ -19,6 +19,7 @@ from pdf_text import filled, pages_of
 from pydantic import BaseModel
 from pypdf.generic import DictionaryObject
 
+from pipeline.annex.sections.stiffness import stiffness
 from pipeline.annex.summaries import courses
 from pipeline.answer.contract import Answer, Odd, Remark, Stiffness
 from pipeline.base import quantities as numbers
@@ -36,10 +37,9 @@ from pipeline.report.record import (
     TableEntry,
 )
 from pipeline.report.render import pdf, render
-from pipeline.report.sections.stiffness import stiffness
 from pipeline.report.summaries import has
 from pipeline.report.svg import STYLE, drawn
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
@@ -509,7 +509,7 @@ def test_pages_are_full_whatever_the_verdict(effect):
     """An adequate, explained, ambiguous or bad-data campaign, or a tilted base, run and printed."""
     hidden = {"effects": [effect]} if effect else {}
     plan = Plan(name="paper", seed=4, poses={"count": 16}, hidden=hidden)
-    found = answered("paper", in_memory(simulate(plan).files))
+    found = campaign_answer("paper", in_memory(simulate(plan).files))
     content = render(found.answer, found.shown)["report.pdf"]
     first, *more = pages_of(content)
 

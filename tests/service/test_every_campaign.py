@@ -12,12 +12,12 @@ from pipeline.base import files
 from pipeline.base.errors import InputError
 from pipeline.base.preferences import Preferences
 from pipeline.service import server, supervisor, watch
-from pipeline.service.standing import State, now, standings
+from pipeline.service.status import FolderState, folder_statuses, now
 from pipeline.store.campaign import dump
 
 
 def states(root):
-    return {one.name: one.state for one in standings(root)}
+    return {one.name: one.state for one in folder_statuses(root)}
 
 
 @pytest.fixture
@@ -38,21 +38,21 @@ def hall(tmp_path):
 def test_every_folder_is_told(hall):
     """What calls for somebody comes first."""
     assert states(hall) == {
-        "wrong": State.REJECTED,
-        "broken": State.FAILED,
-        "half <b>": State.INCOMPLETE,
-        "changed": State.WAITING,
-        "new": State.WAITING,
-        "done": State.DONE,
+        "wrong": FolderState.REJECTED,
+        "broken": FolderState.FAILED,
+        "half <b>": FolderState.INCOMPLETE,
+        "changed": FolderState.WAITING,
+        "new": FolderState.WAITING,
+        "done": FolderState.DONE,
     }
-    assert next(one.name for one in standings(hall)) == "wrong"
+    assert next(one.name for one in folder_statuses(hall)) == "wrong"
 
 
 def test_the_page_says_why_and_when(hall):
     """The reason of a rejection, the time of the look, when what failed is tried again; escaped."""
     with supervisor.alone(hall, Preferences().service):
         shown = now(hall).decode()
-    began = datetime.fromtimestamp(server.Looked.of(hall).began)
+    began = datetime.fromtimestamp(server.LastScan.of(hall).began)
 
     assert "tracker.csv: is empty; export it again" in shown
     assert f"the last was at {began.isoformat(' ', 'seconds')}" in shown
@@ -75,16 +75,16 @@ def test_the_one_at_work_is_told_while_it_is(tmp_path):
 
     look(tmp_path, Looking(), now=time.time())
 
-    assert seen[0] == {"a": State.RUNNING, "b": State.WAITING}
-    assert seen[1] == {"a": State.DONE, "b": State.RUNNING}
-    assert set(states(tmp_path).values()) == {State.DONE}
+    assert seen[0] == {"a": FolderState.RUNNING, "b": FolderState.WAITING}
+    assert seen[1] == {"a": FolderState.DONE, "b": FolderState.RUNNING}
+    assert set(states(tmp_path).values()) == {FolderState.DONE}
 
 
 def test_one_that_was_handed_out_runs(tmp_path):
     """Whoever works at it."""
     (campaign,) = watch.campaigns.every(arrive(tmp_path, "a"))
     with watch._attending(campaign):
-        assert states(tmp_path) == {"a": State.RUNNING}
+        assert states(tmp_path) == {"a": FolderState.RUNNING}
 
 
 def test_a_page_of_nothing_and_of_odd_names(tmp_path):

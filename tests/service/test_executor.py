@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 
 from pipeline.base.errors import InputError, Unfinished
-from pipeline.service.executor import Here, Processes, in_order
+from pipeline.service.executor import InProcesses, InThisProcess, in_order
 
-BOTH = pytest.mark.parametrize("executor", [Here(), Processes(2)], ids=["here", "processes"])
+BOTH = pytest.mark.parametrize(
+    "executor", [InThisProcess(), InProcesses(2)], ids=["here", "processes"]
+)
 
 
 def halved(number):
@@ -51,14 +53,14 @@ def slowly(seconds):
 
 def test_a_problem_says_where_it_has_happened():
     """The place in the other process, which the traceback here does not reach."""
-    (done,) = Processes(1).results(halved, [5])
+    (done,) = InProcesses(1).results(halved, [5])
 
     assert "in halved" in done.problem.__notes__[0]
 
 
 def test_a_value_that_cannot_travel_is_its_own_problem():
     """And the next item is worked on as if nothing had been."""
-    first, second = Processes(1).results(maybe_a_function, [True, False])
+    first, second = InProcesses(1).results(maybe_a_function, [True, False])
 
     assert "maybe_a_function" in str(first.problem)
     assert second.result is None
@@ -77,7 +79,7 @@ def test_items_are_taken_when_there_is_room_for_them():
             taken.append(number)
             yield number
 
-    results = Processes(2).results(slowly, items())
+    results = InProcesses(2).results(slowly, items())
     for ended in range(1, 4):
         next(results)
         assert len(taken) <= 2 + ended
@@ -103,7 +105,7 @@ def dies(folder, times, item):
 
 def test_an_item_whose_process_was_killed_is_begun_again(tmp_path):
     """Twice at most; nothing is lost, and nothing of the others is done twice."""
-    found = list(Processes(2).results(partial(dies, tmp_path, {1: 2, 4: 1}), range(6)))
+    found = list(InProcesses(2).results(partial(dies, tmp_path, {1: 2, 4: 1}), range(6)))
 
     assert sorted((done.item, done.result) for done in found) == [(k, k * k) for k in range(6)]
     often = [len((tmp_path / str(k)).read_text().split()) for k in range(6)]
@@ -112,7 +114,7 @@ def test_an_item_whose_process_was_killed_is_begun_again(tmp_path):
 
 def test_an_item_that_always_kills_its_process_is_given_up(tmp_path):
     """After three processes it is that item's failure, and nobody else's."""
-    found = {d.item: d for d in Processes(2).results(partial(dies, tmp_path, {2: 99}), range(5))}
+    found = {d.item: d for d in InProcesses(2).results(partial(dies, tmp_path, {2: 99}), range(5))}
 
     assert sorted(k for k, done in found.items() if done.problem is None) == [0, 1, 3, 4]
     with pytest.raises(Unfinished, match="was killed"):
@@ -122,7 +124,7 @@ def test_an_item_that_always_kills_its_process_is_given_up(tmp_path):
 
 def test_who_stops_listening_leaves_no_process(tmp_path):
     """Ctrl-C in the middle of a contest, say: what is at work is ended at once."""
-    results = Processes(2).results(partial(sleeping, tmp_path), range(5))
+    results = InProcesses(2).results(partial(sleeping, tmp_path), range(5))
     next(results)
     began = time.monotonic()
     results.close()

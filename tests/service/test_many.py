@@ -19,7 +19,7 @@ from filelock import FileLock, Timeout
 from pipeline.app import cli
 from pipeline.app.shell import run_all, status
 from pipeline.service import many
-from pipeline.service.executor import Here, Processes
+from pipeline.service.executor import InProcesses, InThisProcess
 from pipeline.store.campaign import find
 
 HERE = Path(__file__).parents[2]
@@ -28,7 +28,7 @@ OWN = ("run_time_s",)
 
 
 @dataclass(frozen=True)
-class Afar(Processes):
+class Afar(InProcesses):
     """Processes that are treated as if they did not see the folder."""
 
     near: ClassVar[bool] = False
@@ -74,7 +74,7 @@ def plain(tmp_path_factory, small_campaign):
 @pytest.mark.parametrize(
     "executor",
     [
-        pytest.param(Processes(2), id="jobs", marks=pytest.mark.slow),
+        pytest.param(InProcesses(2), id="jobs", marks=pytest.mark.slow),
         pytest.param(Afar(2), id="afar", marks=pytest.mark.slow),
     ],
 )
@@ -140,7 +140,7 @@ def test_a_campaign_is_locked_while_it_is_computed_elsewhere(tmp_path, monkeypat
     FileLock(tmp_path / "data" / "processed" / "a" / ".lock").acquire(timeout=0)
 
 
-class NearlyHere(Here):
+class NearlyHere(InThisProcess):
     """This process, as if it did not see the folder."""
 
     near = False

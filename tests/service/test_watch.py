@@ -21,7 +21,7 @@ from pipeline.base.errors import CannotWrite, InputError
 from pipeline.base.preferences import Notify, Preferences, Service
 from pipeline.run import run
 from pipeline.service import supervisor, watch
-from pipeline.service.server import Looked, Running
+from pipeline.service.server import LastScan, Running
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import find
 
@@ -319,11 +319,11 @@ def test_a_look_that_gets_no_further_is_seen(tmp_path, runs):
     noted = []
     clock = watch.Clock(lambda: 1000.0 + 600.0 * len(runs.of), lambda _: None)
     for _ in watch.scan(tmp_path, Preferences(), runs, clock):
-        seen = Looked.of(tmp_path)
+        seen = LastScan.of(tmp_path)
         noted.append((seen.alive, seen.hangs(seen.alive + 900, 900), seen.hangs(1e9, 900)))
 
     assert noted == [(1600.0, False, True), (2200.0, False, True)]
-    assert not Looked.of(tmp_path).hangs(1e9, 900)
+    assert not LastScan.of(tmp_path).hangs(1e9, 900)
 
 
 def test_a_page_that_was_not_drawn_is_drawn_by_the_next_look(tmp_path, runs):

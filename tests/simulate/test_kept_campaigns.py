@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.machine.robot import load
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.simulate import parse, simulate
 from pipeline.store.campaign import find
 
@@ -46,7 +46,7 @@ def test_the_first_campaign_hides_a_roll_and_finds_it():
     (hidden,) = made.truth["effects"]
     (true,) = (one["value"] for one in hidden["parameters"])
 
-    answer = answered("kr500_first", find(DATA.parent, "kr500_first").read()).answer
+    answer = campaign_answer("kr500_first", find(DATA.parent, "kr500_first").read()).answer
 
     (cause,) = answer.diagnosis.causes
     assert (answer.diagnosis.verdict, cause.name) == ("explained", hidden["name"])
@@ -78,7 +78,7 @@ def test_the_second_campaign_is_what_its_plan_makes():
 def test_a_year_of_wear_is_found_where_it_is():
     """The campaigns differ in A3, by its loss of stiffness, and in nothing else."""
     one, two = (
-        answered(name, find(DATA.parent, name).read()).answer
+        campaign_answer(name, find(DATA.parent, name).read()).answer
         for name in ("kr500_first", "kr500_second")
     )
     for a, b in zip(one.stiffness, two.stiffness, strict=True):

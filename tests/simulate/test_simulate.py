@@ -181,7 +181,8 @@ def test_noise_leaves_the_poses_alone():
 def test_the_truth_is_json_and_stays_out_of_the_raw_folder():
     """No raw file reveals the stiffnesses, the gain error or the seed."""
     plan = revised(
-        Plan(seed=SEED), {"hidden": {"stiffness_spread": 0.25}, "scale": {"gain_sigma": 0.01}}
+        Plan(seed=SEED),
+        {"hidden": {"stiffness_spread": 0.25}, "scale": {"gain_sigma": 0.01}},
     )
     campaign = simulate(plan)
     json.dumps(campaign.truth)
@@ -289,7 +290,8 @@ def test_readings_scatter_as_stated(model, at, cov_um2):
 def test_draws_scatter_around_the_exact_readings():
     """Many drawn campaigns differ by tracker noise and scale errors of the right size."""
     plan = revised(
-        Plan(seed=SEED), {"scale": {"sigma_n": 4.0, "sigma_rel": 0.002, "gain_sigma": 0.01}}
+        Plan(seed=SEED),
+        {"scale": {"sigma_n": 4.0, "sigma_rel": 0.002, "gain_sigma": 0.01}},
     )
     scene = build(plan, load(plan.robot), np.random.default_rng(SEED))
     drawn = draw(scene, np.random.default_rng(SEED), 400)

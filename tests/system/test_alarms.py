@@ -19,18 +19,18 @@ from pipeline.system.whitened import whiten
 PACKAGE = Path(alarms.__file__).parents[1]
 
 
-@pytest.mark.parametrize("table", [alarms.ACCUSING, alarms.OF_POSITIONS, alarms.TOGETHER])
+@pytest.mark.parametrize("table", [alarms.OF_PULLS, alarms.OF_POSITIONS, alarms.OF_BOTH])
 def test_all_tests_together_accuse_one_clean_campaign_in_a_hundred(table):
     """The sum bounds the total false-alarm rate, however the tests depend on each other (Boole)."""
-    assert math.fsum(table.values()) <= alarms.MOST == 0.01
+    assert math.fsum(table.values()) <= alarms.MOST_ALARMS == 0.01
 
 
 def test_a_campaign_of_both_is_asked_all_that_either_is_and_whether_they_agree():
     """The table of both holds every test of either, none of them twice under one name."""
-    assert len(alarms.TOGETHER) == len(alarms.ACCUSING) + len(alarms.OF_POSITIONS) + 2
-    each = [*alarms.ACCUSING.values(), *alarms.OF_POSITIONS.values()]
+    assert len(alarms.OF_BOTH) == len(alarms.OF_PULLS) + len(alarms.OF_POSITIONS) + 2
+    each = [*alarms.OF_PULLS.values(), *alarms.OF_POSITIONS.values()]
     both = math.fsum([*each, alarms.MISFIT, alarms.GEOMETRY])
-    assert math.fsum(alarms.TOGETHER.values()) == pytest.approx(both, rel=1e-12)
+    assert math.fsum(alarms.OF_BOTH.values()) == pytest.approx(both, rel=1e-12)
 
 
 RATES = {
@@ -49,7 +49,7 @@ def test_every_rate_is_used_where_a_test_is_made():
                 used.add(node.attr)
 
     assert used == RATES | {"PLANNED"}  # that of one suspect in planning
-    counted = {*alarms.ACCUSING.values(), *alarms.OF_POSITIONS.values()}
+    counted = {*alarms.OF_PULLS.values(), *alarms.OF_POSITIONS.values()}
     assert counted == {getattr(alarms, rate) for rate in RATES - {"COMPONENT"}}
 
 
@@ -59,7 +59,7 @@ KNOWN = {
     "base_reflector._AGREE": "takes back what others contradict",
     "unloaded_geometry._MISFIT": "asks for causes only where positions do not fit",
     "scale_reading._ALIKE": "factors that are one, which takes an accusation back",
-    "bounded._CHANCE": "a robot that gives way explains far more",
+    "noise_bounds._CHANCE": "a robot that gives way explains far more",
     "estimate.MISFIT_P": "a remark beside the verdict",
     "unloaded._RARE": "leaves out a pose that no displacement is measured in",
 }
@@ -131,7 +131,7 @@ def test_eight_families_of_readings_are_tested():
     """
     families = (
         "bounds", "base_reading", "base_reflector", "chain", "pose_moved",
-        "stale_reading", "together",
+        "stale_reading", "simultaneous",
     )  # fmt: skip
     testing = {
         path.stem
@@ -142,6 +142,6 @@ def test_eight_families_of_readings_are_tested():
 
     # joint_row uses the base as alibi, one_pose what targets were computed from
     assert testing - {"joint_row", "one_pose"} == set(families)
-    assert sum(rate == alarms.READING for rate in alarms.ACCUSING.values()) == len(families)
+    assert sum(rate == alarms.READING for rate in alarms.OF_PULLS.values()) == len(families)
     parts = alarms.SCALE, alarms.EXCHANGED, alarms.LADDERS
     assert math.fsum(parts) == pytest.approx(alarms.READING, rel=1e-12)

@@ -11,10 +11,10 @@ from bench.worlds.worlds import SHEETS
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
-from pipeline.system.beam import Beam, _taken
+from pipeline.system.beam import BeamNoise, _taken
 from pipeline.system.fit import beside_everything, fit
 from pipeline.system.linearised import CurrentModel, linearise
-from pipeline.system.shape import shape
+from pipeline.system.noise_shape import shape
 
 
 def fitted(world):
@@ -152,7 +152,7 @@ def test_covariances_are_parted_by_the_beam(polar):
     """Variances along and across the beam are scaled, and scaled back exactly."""
     data = polar.plain
     across = np.linspace(0.5, 2.0, len(data.pull))
-    beam = Beam(0.25, across)
+    beam = BeamNoise(0.25, across)
     weighed = beam.on(data)
     for d in (0, 17, len(across) - 1):
         u = data.unloaded[d] - data.tracker

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import linalg, stats
 
-from pipeline.system.beside import Base, by_products, left_out, padded
+from pipeline.system.score_tests import Base, by_products, left_out, padded
 
 RNG = np.random.default_rng(23)
 KEY = RNG.permutation(np.repeat([30, 10, 20], [14, 11, 9]))

@@ -16,7 +16,7 @@ from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.budget import budget
 from pipeline.system.estimate import identify, solve
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, RowIndex, System
 
 PLAN = Plan(name="budget", seed=7, poses={"count": 8}, scale={"sigma_n": 5.0, "gain_sigma": 3e-3})
 EVERY = ["tracker", "zero", "force_reading", "direction", "registration", "force_gain", "geometry"]
@@ -144,7 +144,7 @@ def made(rng, stated=True):
     )
     return System(
         parameters=tuple(Parameter(f"c{k}", "m/N", t) for k, t in enumerate(TYPICAL)),
-        rows=Rows(pose, pose, np.full(M, "P1", object), np.zeros(M, int), np.arange(M)),
+        rows=RowIndex(pose, pose, np.full(M, "P1", object), np.zeros(M, int), np.arange(M)),
         B=B,
         c=B @ TYPICAL + errors.G @ rng.standard_normal(len(source)),
         errors=errors,

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from pipeline.system import alarms
-from pipeline.system.beside import Base, by_products
-from pipeline.system.detect import Lack, lack_of_fit, threshold
+from pipeline.system.detect import LackOfFit, lack_of_fit, threshold
+from pipeline.system.score_tests import Base, by_products
 
 ROWS, BASE = 80, 6
 OWNER = np.array([0, 1, 1, 2, 3, 4, 4, 5])
@@ -208,7 +208,7 @@ def test_without_a_scatter_nothing_is_lacking():
     view, score = campaign(BY_PULL @ np.arange(120.0))
     view.tells_scatter = False
 
-    assert lack_of_fit(view, np.arange(4), score) == Lack(1.0, 1.0)
+    assert lack_of_fit(view, np.arange(4), score) == LackOfFit(1.0, 1.0)
 
 
 def test_exact_readings_do_not_make_rounding_a_lack_of_fit():
@@ -226,4 +226,4 @@ def test_exact_readings_do_not_make_rounding_a_lack_of_fit():
 )  # fmt: skip
 def test_either_lack_of_fit_is_one(p, found):
     """Either p-value below its rate suffices, one in four thousand each."""
-    assert Lack(*p).found == found
+    assert LackOfFit(*p).found == found

@@ -20,15 +20,15 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale
 from pipeline.system.assemble import assemble
 from pipeline.system.estimate import (
-    fits,
     identifiable,
     identify,
+    is_plausible,
     least_squares,
     left_out,
     solve,
     tracker_noise,
 )
-from pipeline.system.system import Errors, Goodness, Rows, System
+from pipeline.system.system import Errors, Goodness, RowIndex, System
 from pipeline.system.whiten import whitener
 
 X = np.array([1.25e-8, 2.6e-7, 2.1e-6])
@@ -46,7 +46,7 @@ def system(rng, poses=(6, 9, 3, 6), stated=True):
     G = np.hstack([own, zero, common])
     source = ["tracker"] * M + ["zero"] * len(poses) + ["force_gain", "registration"]
     shared = np.array([name in ("force_gain", "registration") for name in source])
-    rows = Rows(pose, np.ones(M, int), np.full(M, "P1", object), np.arange(M) % 3, np.arange(M))
+    rows = RowIndex(pose, np.ones(M, int), np.full(M, "P1", object), np.arange(M) % 3, np.arange(M))
     return System(
         parameters=tuple(Parameter(f"c{k}", "m/N", t, 0.0) for k, t in enumerate(TYPICAL)),
         rows=rows,
@@ -86,7 +86,7 @@ def test_rows_of_a_pose_need_not_be_neighbours(rng):
     """Shuffled rows give the same estimate."""
     made = system(rng)
     order = rng.permutation(len(made.rows))
-    rows = Rows(
+    rows = RowIndex(
         *(getattr(made.rows, f)[order] for f in ("pose", "repeat", "target", "axis", "pull"))
     )
     errors = replace(made.errors, G=made.errors.G[order])
@@ -203,7 +203,7 @@ FEW = settings(derandomize=True, max_examples=25, deadline=None)
 
 def shuffled(made, order):
     """The same system with its rows in another order."""
-    rows = Rows(
+    rows = RowIndex(
         *(getattr(made.rows, f)[order] for f in ("pose", "repeat", "target", "axis", "pull"))
     )
     errors = replace(made.errors, G=made.errors.G[order])
@@ -394,7 +394,10 @@ def test_a_misfit_is_one_in_a_hundred_or_beyond_any_tracker(rng, p_value, rest_m
     """With stated noise by its p-value; otherwise by whether a tracker could read so poorly."""
     found = solve(system(rng), X)
 
-    assert fits(replace(found, goodness=Goodness(1.0, 1, p_value), residual_std_m=rest_m)) is fit
+    assert (
+        is_plausible(replace(found, goodness=Goodness(1.0, 1, p_value), residual_std_m=rest_m))
+        is fit
+    )
 
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e6])
@@ -484,7 +487,7 @@ def test_a_model_beyond_springs_is_solved_to_the_end(rng, name):
 
     assert found.value / typical == pytest.approx(truth / typical, rel=1e-6, abs=1e-6)
     assert found.chi2 < 1e-6
-    assert fits(found)
+    assert is_plausible(found)
 
 
 def test_errors_that_are_common_cost_their_part_of_the_precision(rng):
@@ -590,16 +593,16 @@ def test_a_misfit_is_what_chance_makes_once_in_a_hundred(rng, p, good):
 
     untold = replace(found, goodness=Goodness.untold(found.chi2, found.dof))
 
-    assert fits(replace(found, goodness=Goodness(1.0, 1, p))) == good
-    assert fits(replace(untold, residual_std_m=0.99e-4))
-    assert not fits(replace(untold, residual_std_m=1.01e-4))
+    assert is_plausible(replace(found, goodness=Goodness(1.0, 1, p))) == good
+    assert is_plausible(replace(untold, residual_std_m=0.99e-4))
+    assert not is_plausible(replace(untold, residual_std_m=1.01e-4))
 
 
 def test_left_out_poses_know_neither_units_nor_order(rng):
     """Shuffled rows, or a given whitener, give the same residuals."""
     made = system(rng)
     order = rng.permutation(len(made.rows))
-    rows = Rows(**{name: value[order] for name, value in vars(made.rows).items()})
+    rows = RowIndex(**{name: value[order] for name, value in vars(made.rows).items()})
     errors = replace(made.errors, G=made.errors.G[order])
     mixed = replace(made, rows=rows, B=made.B[order], c=made.c[order], errors=errors)
 

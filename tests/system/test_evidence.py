@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from pipeline.system.beside import by_products
 from pipeline.system.evidence import WIDTHS, Scores, _evidence
+from pipeline.system.score_tests import by_products
 
 DOF = 400
 REST = 410.0

@@ -9,10 +9,10 @@ from scipy import stats
 
 from pipeline.system.family import (
     _GRID,
-    AWAY,
     BURSTS,
+    FAILED_LOCKS,
+    FAR_OFF,
     FREEDOM,
-    THROWN,
     Family,
     family,
     likelihood,
@@ -164,10 +164,10 @@ def test_what_the_tails_explain_is_no_wider_core(drawn, core, wider):
 
 def test_no_law_throws_more_than_an_instrument_in_order():
     """Probability beyond ten widths of the core, by scipy: noise is bounded, whatever was found."""
-    student = [stats.f.sf(AWAY**2 / 3, 3, nu) for nu in FREEDOM]
-    bursts = [part * stats.chi2.sf((AWAY / width) ** 2, 3) for part, width in BURSTS]
+    student = [stats.f.sf(FAR_OFF**2 / 3, 3, nu) for nu in FREEDOM]
+    bursts = [part * stats.chi2.sf((FAR_OFF / width) ** 2, 3) for part, width in BURSTS]
 
-    assert max(*student, *bursts) < THROWN
+    assert max(*student, *bursts) < FAILED_LOCKS
 
 
 @pytest.mark.parametrize("many", [20, 40])

@@ -8,7 +8,7 @@ import pytest
 from made_system import TYPICAL, dense, made, restricted
 from scipy import optimize, stats
 
-from pipeline.system.noise import TOLERATED, scatter
+from pipeline.system.noise import TOLERATED_FACTOR, scatter
 
 UNKNOWN = (1.0, np.inf)
 """Result of contrasts that determine nothing."""
@@ -46,7 +46,7 @@ def test_contrasts_that_tell_are_believed(found):
     assert got.tracker == found
     assert got.tracker_std == pytest.approx(0.04 * found)
     assert got.tracker_p == pytest.approx(stats.chi2.sf(dof * (found / 1.3) ** 2, dof))
-    assert (got.tracker_p < 0.5) == (found > TOLERATED)
+    assert (got.tracker_p < 0.5) == (found > TOLERATED_FACTOR)
 
 
 def test_residuals_tell_where_contrasts_cannot():

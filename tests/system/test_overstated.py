@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.base.errors import InputError
 from pipeline.reduction.settings import parse as settings_of
-from pipeline.run import answered
+from pipeline.run import campaign_answer
 from pipeline.store.campaign import in_memory
 
 DEMO = Path(__file__).parents[2] / "data" / "raw" / "kr500_demo"
@@ -27,7 +27,7 @@ def campaign(**stated):
 
 @pytest.fixture(scope="module")
 def right():
-    return answered("right", campaign()).answer
+    return campaign_answer("right", campaign()).answer
 
 
 @pytest.mark.whole
@@ -45,7 +45,7 @@ def test_a_statement_a_thousand_times_too_large_is_told_and_not_used(right, stat
 
     Intervals are nearly those of the true noise.
     """
-    answer = answered("wrong", campaign(**stated)).answer
+    answer = campaign_answer("wrong", campaign(**stated)).answer
 
     (told,) = [one for one in answer.findings if "every interval rests on" in one]
     assert all(part in told for part in said)
@@ -63,7 +63,7 @@ def test_a_statement_a_thousand_times_too_large_is_told_and_not_used(right, stat
 @pytest.mark.parametrize("stated", [{}, {"sigma_m": 9e-5}, {"sigma_m": 1.5e-4, "sigma_n": 10.0}])
 def test_a_cautious_statement_is_believed(right, stated):
     """A maximum permissible error as standard uncertainty, three to five times the scatter."""
-    answer = answered("cautious", campaign(**stated)).answer if stated else right
+    answer = campaign_answer("cautious", campaign(**stated)).answer if stated else right
 
     assert answer.fit.noise_from == "stated"
     assert not [one for one in answer.findings if "every interval rests on" in one]

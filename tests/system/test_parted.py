@@ -11,7 +11,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Parameter
 from pipeline.system.parted import PartedRows
 from pipeline.system.restricted import lowest
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, RowIndex, System
 
 POSE = np.repeat([4, 1, 9, 2], [6, 9, 3, 6])
 D = len(POSE)
@@ -33,7 +33,7 @@ def made(few=True):
     X = RNG.standard_normal((M, 4))
     return System(
         parameters=tuple(Parameter(f"c{k}", "m/N", 1.0) for k in range(4)),
-        rows=Rows(rows, rows, np.full(M, "P", object), rows * 0, rows),
+        rows=RowIndex(rows, rows, np.full(M, "P", object), rows * 0, rows),
         B=X,
         c=1e-3 * X @ np.ones(4) + G @ RNG.standard_normal(G.shape[1]),
         errors=Errors(

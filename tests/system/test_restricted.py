@@ -10,7 +10,7 @@ from scipy import optimize, stats
 
 from pipeline.base.arrays import Parameter
 from pipeline.system.restricted import PaddedRows, lowest, maximum
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, RowIndex, System
 
 GROUPS = [("tracker", "zero"), ("force_reading",)]
 SYSTEM = made(np.random.default_rng(31), pulls=(3, 2, 4, 3, 3), scales=(1.4, 2.0))
@@ -31,7 +31,7 @@ def one_way(y, pose, sigma=1.0):
     n = len(y)
     return System(
         parameters=(Parameter("mean", "m", 1.0),),
-        rows=Rows(pose, pose, np.full(n, "P", object), pose * 0, pose),
+        rows=RowIndex(pose, pose, np.full(n, "P", object), pose * 0, pose),
         B=np.ones((n, 1)),
         c=y,
         errors=Errors(

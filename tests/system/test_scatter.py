@@ -10,7 +10,7 @@ from pipeline.diagnosis.diagnose import case_of
 from pipeline.machine.cell import paper_cell
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
-from pipeline.run import answered, reduce
+from pipeline.run import campaign_answer, reduce
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
 from pipeline.store import campaign
@@ -72,7 +72,7 @@ def test_scatter_that_no_repeat_shows_is_said_beside_the_verdict(scale):
     )
     files = simulate(plan, np.random.default_rng(8)).files
 
-    answer = answered("here", campaign.in_memory(files)).answer
+    answer = campaign_answer("here", campaign.in_memory(files)).answer
 
     assert answer.diagnosis.verdict == "adequate"
     noisy = any(cause.name == "tracker_noise" for cause in answer.diagnosis.causes)

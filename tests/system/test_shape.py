@@ -14,13 +14,13 @@ from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble
-from pipeline.system.beam import Beam
-from pipeline.system.beyond import free
+from pipeline.system.beam import BeamNoise
 from pipeline.system.estimate import solve
 from pipeline.system.family import FREEDOM, Family
 from pipeline.system.fit import fit
 from pipeline.system.linearised import CurrentModel, linearise
-from pipeline.system.shape import Shape, goodness, shape, tails
+from pipeline.system.noise_shape import NoiseShape, goodness, shape, tails
+from pipeline.system.rows_by_pose import free
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +133,7 @@ def test_readings_are_weighed_and_unweighed(case):
     fitted = fit(case, bring(case))
     n = len(fitted.shape.variance)
     found = replace(fitted.shape, variance=np.linspace(0.5, 4.0, n), weighed=True)
-    shape = replace(found, beam=Beam.stated(fitted.plain))
+    shape = replace(found, beam=BeamNoise.stated(fitted.plain))
     weighed, d = shape.on(fitted.plain), len(fitted.plain.pull)
 
     assert weighed.loaded_cov == pytest.approx(
@@ -151,7 +151,7 @@ def test_a_misfit_of_normal_noise_is_chi_square(case):
     fitted = fit(case, bring(case))
     system = assemble(case.cell, fitted.plain, fitted.estimate.value)
     chi2, rng = solve(system, fitted.estimate.value).chi2, np.random.default_rng(1)
-    normal = Shape.unseen(fitted.plain)
+    normal = NoiseShape.unseen(fitted.plain)
     dof = len(system.rows) - 7
     found = goodness(system, normal, rng)
 

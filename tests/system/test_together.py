@@ -8,9 +8,9 @@ import pytest
 from scipy import special
 
 from pipeline.system import alarms
-from pipeline.system.beside import Base
 from pipeline.system.blocks import Blocks
-from pipeline.system.together import Held, Suspects, _end, cost, together
+from pipeline.system.score_tests import Base
+from pipeline.system.simultaneous import ActiveSuspects, Suspects, _end, active_suspects, cost
 
 BLOCKS, EACH = 8, 7
 """Blocks, and suspects of each: six with three rows each, one that acts on all."""
@@ -59,7 +59,7 @@ def test_all_that_are_at_work_are_held_and_no_other(seed, count, own):
         y += 40 * off / np.linalg.norm(off)
     base = Base.of(X, y, key, own)
 
-    held = together(base, suspects, 1.0)
+    held = active_suspects(base, suspects, 1.0)
 
     assert held.which.tolist() == true.tolist()
     assert held.variance < 3
@@ -74,7 +74,7 @@ def test_sizes_and_drops_are_those_of_dense_fits():
     for one in (2, 6, 17):
         y += dense(suspects, one) @ [19.0, -14.0, 30.0]
 
-    held = together(Base.of(X, y, key), suspects, 1.0)
+    held = active_suspects(Base.of(X, y, key), suspects, 1.0)
 
     assert held.which.tolist() == [2, 6, 17]
     columns = [dense(suspects, one) for one in held.which]
@@ -119,7 +119,7 @@ def test_who_joined_in_the_shadow_of_others_goes_again():
     first = suspects.beside(base, np.zeros(0, int))[1]
     assert int(np.argmax(first.drop)) == EACH - 1
 
-    assert together(base, suspects, 1.0).which.tolist() == [0, 1, 2, 3]
+    assert active_suspects(base, suspects, 1.0).which.tolist() == [0, 1, 2, 3]
 
 
 def test_noise_is_judged_by_its_middle():
@@ -128,8 +128,8 @@ def test_noise_is_judged_by_its_middle():
     key, X, suspects = bench(rng)
     y = 10 * rng.standard_normal(len(key)) + dense(suspects, 5) @ [19.0, -14.0, 30.0]
 
-    assert together(Base.of(X, y, key), suspects, 1.0).which.tolist() == []
-    assert together(Base.of(X, y / 10, key), suspects, 1.0).which.tolist() == []
+    assert active_suspects(Base.of(X, y, key), suspects, 1.0).which.tolist() == []
+    assert active_suspects(Base.of(X, y / 10, key), suspects, 1.0).which.tolist() == []
 
 
 @pytest.mark.whole
@@ -140,7 +140,7 @@ def test_clean_rows_hold_somebody_as_rarely_as_stated():
     base = Base.of(X, np.zeros(len(key)), key)
     noise = rng.standard_normal((2000, len(key)))
 
-    assert sum(len(together(base.against(e), suspects, 1.0).which) > 0 for e in noise) <= 4
+    assert sum(len(active_suspects(base.against(e), suspects, 1.0).which) > 0 for e in noise) <= 4
 
 
 def test_suspects_found_in_the_stated_scatter_stand_out_of_the_others_too():
@@ -177,7 +177,7 @@ def test_a_set_gives_way_to_a_smaller_one_that_says_the_same(seed):
     for one in range(3):
         y += dense(suspects, one) @ [30.0, 20.0, -10.0]
 
-    assert together(Base.of(X, y, key), suspects, 1.0).which.tolist() == [0, 1, 2]
+    assert active_suspects(Base.of(X, y, key), suspects, 1.0).which.tolist() == [0, 1, 2]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -191,7 +191,7 @@ def test_where_nobody_states_a_noise_the_middle_of_the_others_is_it(seed):
         off = dense(suspects, one) @ rng.standard_normal(3)
         y += 4e-4 * off / np.linalg.norm(off)
 
-    held = together(Base.of(X, y, key), suspects, 1e-30)
+    held = active_suspects(Base.of(X, y, key), suspects, 1e-30)
 
     assert held.which.tolist() == true.tolist()
     assert _end(Base.of(X, y, key), suspects, 1e-30, np.inf).which.tolist() == true.tolist()
@@ -210,4 +210,6 @@ def test_a_suspect_must_be_worth_what_it_is_unlikely_beforehand(drop, worth):
 def held_with(drop, rest, dof):
     """A result with suspects of three coordinates and this drop."""
     n, base = len(drop), SimpleNamespace(rest=rest, dof=dof)
-    return Held(np.arange(n), np.zeros((n, 3)), drop, np.full(n, 3), 1.0, base, base, 10, None)
+    return ActiveSuspects(
+        np.arange(n), np.zeros((n, 3)), drop, np.full(n, 3), 1.0, base, base, 10, None
+    )

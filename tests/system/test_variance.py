@@ -22,7 +22,7 @@ from pipeline.store.campaign import in_memory
 from pipeline.system.contrasts import repeated_zeros
 from pipeline.system.estimate import identify
 from pipeline.system.restricted import PaddedRows, maximum
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, RowIndex, System
 from pipeline.system.variance import (
     Components,
     at_most,
@@ -69,7 +69,7 @@ def test_components_of_a_balanced_table_are_those_of_the_analysis_of_variance():
     number = np.repeat(np.arange(groups), each)
     system = System(
         parameters=(Parameter("mean", "m", 1.0),),
-        rows=Rows(number, number, np.full(len(number), "P", object), number * 0, number),
+        rows=RowIndex(number, number, np.full(len(number), "P", object), number * 0, number),
         B=np.ones((groups * each, 1)),
         c=y.ravel(),
         errors=Errors(
@@ -443,7 +443,7 @@ def layout(rng, groups=14, each=4, tracker=1.0, force=2.0):
     errors = Errors(
         scipy.sparse.csr_array(np.hstack([np.eye(M), shared])), source, np.zeros(len(source), bool)
     )
-    rows = Rows(number, number, np.full(M, "P", object), number * 0, number)
+    rows = RowIndex(number, number, np.full(M, "P", object), number * 0, number)
     return System((Parameter("mean", "m", 1.0),), rows, np.ones((M, 1)), y, errors, True)
 
 
@@ -463,7 +463,7 @@ def test_scales_are_where_the_dense_likelihood_is_largest(seed):
     """Unbalanced groups, rows in any order: a search over the dense formula gives the same."""
     made = layout(np.random.default_rng(seed))
     kept = np.random.default_rng(seed).random(len(made.c)) < 0.8
-    rows = Rows(*(getattr(made.rows, f)[kept] for f in vars(made.rows)))
+    rows = RowIndex(*(getattr(made.rows, f)[kept] for f in vars(made.rows)))
     errors = replace(made.errors, G=made.errors.G[kept])
     made = replace(made, rows=rows, B=made.B[kept], c=made.c[kept], errors=errors)
 
@@ -609,7 +609,9 @@ def test_fewer_than_twelve_contrasts_determine_nothing(rows, told):
     first = np.arange(rows)
     taken = {name: value[first] for name, value in vars(LOUD.rows).items()}
     errors = replace(LOUD.errors, G=LOUD.errors.G[first])
-    few = replace(LOUD, rows=Rows(**taken), B=LOUD.B[first], c=30 * LOUD.c[first], errors=errors)
+    few = replace(
+        LOUD, rows=RowIndex(**taken), B=LOUD.B[first], c=30 * LOUD.c[first], errors=errors
+    )
     result = variance_components(few)
 
     assert np.isfinite(result.std).any() == told

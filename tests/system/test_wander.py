@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.system import wander as module
-from pipeline.system.beyond import Beyond
 from pipeline.system.blocks import Blocks
+from pipeline.system.rows_by_pose import RowsByPose
 from pipeline.system.wander import TIMES_S, Wander, kernel, wander
 
 POSES, PULLS, TARGETS = 16, 4, 3
@@ -52,7 +52,7 @@ def beyond_of(y):
     pose = np.repeat(np.arange(POSES), PULLS * TARGETS * 3)
     blocks = Blocks.of(pose)
     inverse = np.tile(np.eye(blocks.shape[1]) / SIGMA_M, (POSES, 1, 1))
-    return Beyond(SimpleNamespace(blocks=blocks, inverse=inverse), X, np.zeros(3), y)
+    return RowsByPose(SimpleNamespace(blocks=blocks, inverse=inverse), X, np.zeros(3), y)
 
 
 def drawn(size, tau, rng, axes=(1.0, 1.0, 1.0)):

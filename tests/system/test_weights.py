@@ -12,7 +12,7 @@ from pipeline.base.errors import InputError
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.torques import weighed as weighed_by_torques
-from pipeline.run import answered, ingested
+from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble
@@ -226,7 +226,7 @@ def test_intervals_of_payload_campaigns_cover():
 def test_a_campaign_of_weights_has_an_answer_without_suspects_of_chain_and_scale():
     """No chain or scale is accused or a blind spot, and the springs are right."""
     raw = in_memory(hang(HUNG, more="[naming]\nmeasured = ['P1', 'P2', 'P3']\n")[0])
-    answer = answered("hung", raw).answer
+    answer = campaign_answer("hung", raw).answer
     off = [
         (one.compliance - x) / one.compliance_std
         for one, x in zip(answer.stiffness[1:], X[1:], strict=True)
@@ -355,7 +355,7 @@ def test_a_payload_that_the_torques_contradict_is_said():
     """
     files, _, _, q = hang(MOUNTED, more=payload_tables(heavier=1.1), poses=12)
     raw = in_memory(torques(files, q, True))
-    answer = answered("heavy", raw).answer
+    answer = campaign_answer("heavy", raw).answer
     light, heavy = answer.payloads
 
     assert heavy.stated.mass_kg == pytest.approx(143)
@@ -371,7 +371,7 @@ def test_a_payload_that_the_torques_contradict_is_said():
 def test_two_payloads_that_disagree_are_rivals(stated, accused):
     """One is a tenth lighter than stated, and only the other payload could tell which."""
     more = payload_tables().replace("mass_kg = 130.0", f"mass_kg = {stated}")
-    answer = answered("two", in_memory(hang(MOUNTED, more=more, poses=12)[0])).answer
+    answer = campaign_answer("two", in_memory(hang(MOUNTED, more=more, poses=12)[0])).answer
     causes = answer.diagnosis.causes
     named = {(one.name, one.where) for cause in causes for one in (cause, *cause.rivals)}
 
@@ -405,7 +405,7 @@ def test_a_centre_of_mass_elsewhere_is_named():
     at = PAYLOADS["heavy"][1]
     moved = more.replace(str(list(at)), str([at[0] + 0.1, *at[1:]]))
     assert moved != more
-    answer = answered("aside", in_memory(hang(MOUNTED, more=moved, poses=12)[0])).answer
+    answer = campaign_answer("aside", in_memory(hang(MOUNTED, more=moved, poses=12)[0])).answer
     cause = answer.diagnosis.causes[0]
 
     assert (cause.name, cause.where) == ("payload_center", "heavy")
@@ -416,10 +416,10 @@ def test_a_centre_of_mass_elsewhere_is_named():
 @pytest.mark.slow
 def test_each_payload_is_predicted_from_the_other():
     """To the scatter of the readings if both are right; not if one of them is wrong."""
-    good = answered("good", in_memory(hang(MOUNTED, more=payload_tables())[0])).answer
+    good = campaign_answer("good", in_memory(hang(MOUNTED, more=payload_tables())[0])).answer
     wrong = payload_tables().replace("mass_kg = 130.0", "mass_kg = 160.0")
-    bad = answered("bad", in_memory(hang(MOUNTED, more=wrong)[0])).answer
-    alone = answered("one", in_memory(hang(MOUNTED[:1], more=payload_tables())[0])).answer
+    bad = campaign_answer("bad", in_memory(hang(MOUNTED, more=wrong)[0])).answer
+    alone = campaign_answer("one", in_memory(hang(MOUNTED[:1], more=payload_tables())[0])).answer
     held = good.validation.by_payload
 
     assert held.keys() == {"light", "heavy"}
@@ -450,7 +450,7 @@ def test_a_slip_in_the_loads_is_found_and_put_right(name):
     files = dict(simulate(Plan(name="s", seed=3, pulls={"load": load})).files)
     assert files[file].count(old) == 1
     files[file] = files[file].replace(old, new)
-    answer = answered("slip", in_memory(files)).answer
+    answer = campaign_answer("slip", in_memory(files)).answer
 
     off = [
         (joint.value - joint.nominal) / joint.std

@@ -53,10 +53,10 @@ def _solver(solver: Solver) -> Callable[[Path], dict[str, object]]:
 
 def _ours(folder: Path) -> dict[str, object]:
     from bench.open_league.solvers.problem import content
-    from pipeline.run import answered
+    from pipeline.run import campaign_answer
     from pipeline.store.campaign import in_memory
 
-    return answered(folder.name, in_memory(content(folder))).answer.as_json()
+    return campaign_answer(folder.name, in_memory(content(folder))).answer.as_json()
 
 
 def _others(solver: Solver) -> Callable[..., dict[str, object]]:

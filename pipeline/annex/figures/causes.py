@@ -12,7 +12,7 @@ from matplotlib.figure import Figure as Canvas
 from pipeline.annex.summaries import separability, suspects
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
-from pipeline.diagnosis.facts import APART, DETECTED
+from pipeline.diagnosis.facts import DETECTED, SEPARATED
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot, Tips
@@ -21,7 +21,7 @@ from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import APART_SHADES, BLUE, MUTED, RED
 
-_APART_STEPS = (1.0, 2.0, APART, 10.0)
+_APART_STEPS = (1.0, 2.0, SEPARATED, 10.0)
 _SIDE, _LETTER, _KEY = 15.0, 6.3, 150.0
 """Side of a square, high enough for a line of text; width of a letter; width of the key [px]."""
 
@@ -45,13 +45,13 @@ def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     size = best["log_evidence"].to_numpy(float)
     axes.barh(at, size, color=np.where(named, RED, BLUE).tolist(), height=0.7, gid="evidence")
     axes.axvline(3, color=MUTED, linewidth=1, linestyle="--")
-    said = [_cause_in_words(row, answer) for _, row in best.iterrows()]
+    labels = [_cause_in_words(row, answer) for _, row in best.iterrows()]
     word = _STANDING.get(answer.diagnosis.verdict, "nearest")
-    axes.set_yticks(at, [f"{s} ({word})" if n else s for s, n in zip(said, named, strict=True)])
+    axes.set_yticks(at, [f"{s} ({word})" if n else s for s, n in zip(labels, named, strict=True)])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("Evidence, natural log of the odds", loc="right")
-    rows = zip(said, size, named, strict=True)
+    rows = zip(labels, size, named, strict=True)
     return {"evidence": [f"{s}: {plain(v, 2)}{f', {word}' if n else ''}" for s, v, n in rows]}
 
 
@@ -108,7 +108,7 @@ def _write_evidence(answer: Answer, tables: Tables) -> Figure | None:
     if best.empty or best["log_evidence"].iloc[0] < 3:
         return None
     first = best.iloc[0]
-    said = (
+    text = (
         f"Tested alone, {_cause_in_words(first, answer)} has the strongest evidence, "
         f"{plain(first['log_evidence'], 2)}; {int((best['log_evidence'] > 3).sum())} of "
         f"{len(tables['diagnosis'])} suspects exceed 3."
@@ -116,10 +116,10 @@ def _write_evidence(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "evidence",
         "Evidence for each suspect by itself",
-        f"{said} Evidence is the natural logarithm of the odds against the joint springs alone; 3 "
+        f"{text} Evidence is the natural logarithm of the odds against the joint springs alone; 3 "
         f"is 20 to 1. Suspects of similar evidence are hard to distinguish; the identified ones "
         f"are marked.",
-        f"Bars of the evidence for the {len(best)} best suspects. {said}",
+        f"Bars of the evidence for the {len(best)} best suspects. {text}",
     )
 
 
@@ -144,11 +144,11 @@ def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
         return None
     rows, columns = np.tril_indices(len(apart), -1)
     sigmas = apart.to_numpy()[rows, columns]
-    close, order = int((sigmas < APART).sum()), np.argsort(sigmas, kind="stable")
+    close, order = int((sigmas < SEPARATED).sum()), np.argsort(sigmas, kind="stable")
     first, second = (
         words.from_label(apart.index[at[order[0]]], answer.axes) for at in (rows, columns)
     )
-    said = (
+    text = (
         f"Of the {len(sigmas)} pairs of the {len(apart)} causes compared, {close} could not be "
         f"distinguished by these readings; the closest are {first} and {second}, "
         f"{_apart(sigmas[order[0]])} standard deviations apart."
@@ -156,12 +156,12 @@ def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "separability",
         "Which causes these readings can distinguish",
-        f"{said} {_magnitudes(apart)} Compared are the causes that at their typical magnitude are "
+        f"{text} {_magnitudes(apart)} Compared are the causes that at their typical magnitude are "
         f"at least {DETECTED:g} standard deviations above the scatter, so that they are almost "
         f"certainly detected. Each square is one pair. Pale: this campaign distinguishes the two. "
-        f"Dark: it does not, and the pair needs another pose or another sensor. Above {APART} "
+        f"Dark: it does not, and the pair needs another pose or another sensor. Above {SEPARATED} "
         f"standard deviations the right one is chosen in 95 % of the cases.",
-        f"Triangular map of the distances between {len(apart)} causes. {said}",
+        f"Triangular map of the distances between {len(apart)} causes. {text}",
     )
 
 

@@ -40,12 +40,12 @@ def _draw_enough(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         axes.plot(counts[:-1], u[:-1], color=colour, linewidth=1.3)
         axes.plot(counts[-2:], u[-2:], color=colour, linewidth=1.0, linestyle="--")
         seen = np.isfinite(u)
-        said = [
+        texts = [
             f"{name}, {n:.0f} poses: {plain(v, 2)} %"
             for n, v in zip(counts[seen], u[seen], strict=True)
         ]
         style = {"s": 14, "color": colour, "marker": marker, "linewidths": 0, "label": name}
-        tips |= dots(axes, f"enough-{k}", counts[seen], u[seen], said, **style)
+        tips |= dots(axes, f"enough-{k}", counts[seen], u[seen], texts, **style)
     axes.axvline(counts[-2], color=MUTED, linewidth=0.8, linestyle=":")
     axes.set(xscale="log", yscale="log", xlabel="Poses, in the order of measuring")
     axes.set_ylabel("Standard uncertainty [%]")
@@ -63,7 +63,7 @@ def _write_enough(answer: Answer, tables: Tables) -> Figure | None:
         return None
     half, now, twice = (curves.iloc[_row(curves, share)] for share in (0.5, 1.0, 2.0))
     widest = str(now.idxmax())
-    said = (
+    text = (
         f"With all {int(curves.index[-2])} poses {widest} is the least certain, "
         f"{percent(now[widest])}; half of them would have given {_known(half[widest])}, and "
         f"measuring all "
@@ -72,10 +72,10 @@ def _write_enough(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "enough",
         "Uncertainty over the number of poses",
-        f"{said} A curve that is still steep gains from more poses; one that is flat rests on an "
+        f"{text} A curve that is still steep gains from more poses; one that is flat rests on an "
         "error common to all of them, such as the gain of the scale, or on poses that load the "
         "joint alike. The dashed part is every pose measured once more.",
-        f"Standard uncertainty of {curves.shape[1]} stiffnesses over the number of poses. {said}",
+        f"Standard uncertainty of {curves.shape[1]} stiffnesses over the number of poses. {text}",
     )
 
 
@@ -112,13 +112,13 @@ def _draw_correlation(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         ("positive", BLUE, "positive", values > 0),
         ("negative", RED, "negative", values <= 0),
     ):
-        said = [
+        texts = [
             f"{names[i]} and {names[j]}: {v:+.2f}"
             for i, j, v in zip(rows[here], columns[here], values[here], strict=True)
         ]
         style = {"s": 620 * np.abs(values[here]) + 1, "marker": "s", "linewidths": 0}
         at = columns[here], rows[here]
-        tips |= dots(axes, key, *at, said, color=colour, label=label, **style)
+        tips |= dots(axes, key, *at, texts, color=colour, label=label, **style)
     axes.set_yticks(range(1, n), names[1:])
     axes.set_xticks(range(n - 1), names[:-1], rotation=90)
     axes.set(xlim=(-0.6, n - 1.4), ylim=(n - 0.4, 0.4))
@@ -136,7 +136,7 @@ def _write_correlation(answer: Answer, tables: Tables) -> Figure | None:
     values = r[rows, columns]
     worst = int(np.abs(values).argmax())
     count = int((np.abs(values) > _ALIKE).sum())
-    said = (
+    text = (
         f"{names[rows[worst]]} and {names[columns[worst]]} are correlated most strongly, by "
         f"{values[worst]:+.2f}; {count or 'none'} of {len(values)} pairs "
         f"{'is' if count == 1 else 'are'} beyond ±{_ALIKE}."
@@ -144,9 +144,9 @@ def _write_correlation(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "correlation",
         "Correlation of the estimates",
-        f"{said} The larger a square, the less these poses distinguish the two: their sum or "
+        f"{text} The larger a square, the less these poses distinguish the two: their sum or "
         "difference is then known better than either of them. Predictions use the full covariance.",
-        f"Triangle of the correlations of {len(names)} estimated parameters. {said}",
+        f"Triangle of the correlations of {len(names)} estimated parameters. {text}",
     )
 
 

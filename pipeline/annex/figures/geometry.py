@@ -50,16 +50,16 @@ def _draw_steps(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 
 def _write_steps(answer: Answer, tables: Tables) -> Figure:
-    said = " ".join(
+    text = " ".join(
         f"With {one.model}: {plain(one.between_mm, 2)} mm on average."
         for one in answer.position_steps
     )
     return Figure(
         "position_steps",
         "What each part of the model contributes",
-        f"{said} Every tenth pose was left out and predicted from the others; the further left a "
+        f"{text} Every tenth pose was left out and predicted from the others; the further left a "
         "curve, the better.",
-        f"Cumulative curves of the distance of held-out targets from their prediction. {said}",
+        f"Cumulative curves of the distance of held-out targets from their prediction. {text}",
     )
 
 
@@ -101,12 +101,12 @@ def _readings(axes: Axes, joint: int, tables: Tables, shown: float) -> Tips:
     q, y = shown * rows["q"].to_numpy(float), MM * rows["error"].to_numpy(float)
     u = MM * np.nan_to_num(rows["error_std"].to_numpy(float))
     axes.vlines(q, y - u, y + u, color=SERIES[1], linewidth=0.7, alpha=0.6)
-    said = [
+    texts = [
         f"joint {joint}, {r.poses} poses at {plain(at)}: {plain(mm)} ± {plain(std, 2)}"
         for r, at, mm, std in zip(each_row(rows), q, y, u, strict=True)
     ]
     y = np.clip(y, *axes.get_ylim())  # a mark outside the plot would be lost with its hover text
-    return dots(axes, f"curve-{joint}", q, y, said, s=7, color=SERIES[1], linewidths=0, zorder=3)
+    return dots(axes, f"curve-{joint}", q, y, texts, s=7, color=SERIES[1], linewidths=0, zorder=3)
 
 
 def _grid(canvas: Canvas, count: int) -> list[Axes]:
@@ -130,14 +130,14 @@ def _write_curves(answer: Answer, tables: Tables) -> Figure:
         key=lambda one: one.parameters[0].value or 0.0,
         default=None,
     )
-    said = "" if largest is None or largest.law is None else f"{largest.law.text.capitalize()}. "
+    text = "" if largest is None or largest.law is None else f"{largest.law.text.capitalize()}. "
     return Figure(
         "curves",
         "Transmission error of each joint",
-        f"{said}Each dot is the mean of poses with neighbouring joint values, all else as "
+        f"{text}Each dot is the mean of poses with neighbouring joint values, all else as "
         "identified, with its standard uncertainty. The band has two standard uncertainties; where "
         "no pose was measured it is as wide as the curves are high.",
-        f"Transmission error of each joint over its own angle. {said}",
+        f"Transmission error of each joint over its own angle. {text}",
     )
 
 

@@ -31,7 +31,7 @@ _LEAST_MM = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class _ModelAtHeldOut:
     """One model at held-out poses.
 
     Attributes:
@@ -47,9 +47,9 @@ class Judged:
     colour: str
 
 
-def judged(answer: Answer, tables: Tables) -> list[Judged]:
+def judged(answer: Answer, tables: Tables) -> list[_ModelAtHeldOut]:
     """The models in the order nominal, joint springs, recommended."""
-    found: list[Judged | None] = []
+    found: list[_ModelAtHeldOut | None] = []
     if has(tables, "models"):
         models = tables["models"].assign(off_m=lambda t: t["measured_m"] - t["nominal_m"])
         found += [_judged("nominal stiffnesses of the robot file", models, "off_m", None, MUTED)]
@@ -67,12 +67,12 @@ def judged(answer: Answer, tables: Tables) -> list[Judged]:
 
 def _judged(
     name: str, rows: pd.DataFrame, column: str, stated: Validation | None, colour: str
-) -> Judged | None:
+) -> _ModelAtHeldOut | None:
     poses = rms_of_poses(rows, mm=column).dropna()
     if poses.empty:
         return None
     own = stated.held_out_rms_mm if stated else None
-    return Judged(name, poses, own if known(own) else rms(poses["mm"].to_numpy()), colour)
+    return _ModelAtHeldOut(name, poses, own if known(own) else rms(poses["mm"].to_numpy()), colour)
 
 
 def _draw(answer: Answer, tables: Tables) -> str:
@@ -85,9 +85,9 @@ def _draw(answer: Answer, tables: Tables) -> str:
     ends = (max(0.8 * min(size), _LEAST_MM), 1.15 * max(size))
 
     def at(mm: float) -> float:
-        return float(placed(mm, ends, (_LEFT, _RIGHT)))
+        return float(_placed(mm, ends, (_LEFT, _RIGHT)))
 
-    for mark in decades(*ends):
+    for mark in _decades(*ends):
         sheet.line((at(mark), _TOP), (at(mark), foot), GRID, 1)
         sheet.text(at(mark), foot + 16, f"{mark:g}", 12, text_anchor="middle")
     if noise:
@@ -105,7 +105,7 @@ def _draw(answer: Answer, tables: Tables) -> str:
     return sheet.svg
 
 
-def _row(sheet: PixelSheet, one: Judged, top: float, at: Callable[[float], float]) -> None:
+def _row(sheet: PixelSheet, one: _ModelAtHeldOut, top: float, at: Callable[[float], float]) -> None:
     """Draw dots, bar and name of one model."""
     y = top + 38
     sheet.line((_LEFT, y), (_RIGHT, y), GRID, 1)
@@ -121,18 +121,18 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
     models, noise = judged(answer, tables), answer.diagnosis.noise_floor_mm
     if not models or answer.of_positions:
         return None
-    said = f"{'; '.join(f'{one.name} {plain(one.mm)} mm' for one in models)}."
+    text = f"{'; '.join(f'{one.name} {plain(one.mm)} mm' for one in models)}."
     floor = f" The noise of the readings alone makes {plain(noise)} mm." if noise else ""
     return Figure(
         "held-out",
         "Error at poses that took no part",
-        f"{capital(said)}{floor}{_better(models)} Each pose is predicted from all others, the "
+        f"{capital(text)}{floor}{_better(models)} Each pose is predicted from all others, the "
         "causes chosen anew without it; a dot is a pose, a bar the rms of all.",
-        f"Dots of the error at each pose, a row for each model. {said}{floor}",
+        f"Dots of the error at each pose, a row for each model. {text}{floor}",
     )
 
 
-def _better(models: Sequence[Judged]) -> str:
+def _better(models: Sequence[_ModelAtHeldOut]) -> str:
     """Number of poses that the last model predicts better than the one before it."""
     if len(models) < 2:
         return ""
@@ -150,14 +150,14 @@ def _better(models: Sequence[Judged]) -> str:
 HELD_OUT = Plot("held-out", (), _write, by_hand=_draw)
 
 
-def decades(low: float, high: float) -> list[float]:
+def _decades(low: float, high: float) -> list[float]:
     """Marks 1, 2, 5 times a power of ten between two values."""
     powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
     every = [m * 10.0**p for p in powers for m in (1, 2, 5)]
     return [one for one in every if low * 0.999 <= one <= high * 1.001]
 
 
-def placed(values: Any, ends: tuple[float, float], pixels: tuple[float, float]) -> Array:
+def _placed(values: Any, ends: tuple[float, float], pixels: tuple[float, float]) -> Array:
     """Places of values on a logarithmic scale [px], clipped to its ends."""
     low, high = np.log10(ends)
     share = (np.log10(np.clip(np.asarray(values, float), *ends)) - low) / (high - low)

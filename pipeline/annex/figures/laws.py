@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.annex.figures.marks import dots, legend_below, title
-from pipeline.annex.summaries import MOST, thinned
+from pipeline.annex.summaries import MOST_MARKS, thinned
 from pipeline.answer.contract import Answer
 from pipeline.answer.words import capital
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed
@@ -68,14 +68,14 @@ def _marks(view: Axes, name: str, answer: Answer, rows: pd.DataFrame) -> Tips:
     first = rows.iloc[0]
     factor, letter = common_prefix(rows["y"]) if first["y_unit"] else (1.0, "")
     unit = prefixed(first["y_unit"], letter)
-    shown = thinned(rows, (rows["y"] - rows["law"]).to_numpy(float), MOST // 4)
+    shown = thinned(rows, (rows["y"] - rows["law"]).to_numpy(float), MOST_MARKS // 4)
     x, y, law, u = (shown[c].to_numpy(float) for c in ("x", "y", "law", "y_std"))
     usual = np.abs([*np.quantile(y, (0.02, 0.98)), *law])
     reach = 1.3 * float(np.max(usual)) / factor or 1.0
     low = -reach if (np.minimum(y, law) < 0).any() else -0.05 * reach
     view.axhline(0, color=MUTED, linewidth=0.8)
     view.vlines(x, (y - u) / factor, (y + u) / factor, color=BLUE, linewidth=0.7, alpha=0.5)
-    said = [
+    texts = [
         f"pose {r.pose}{'' if answer.position_steps else f', pull {r.repeat}'}: "
         f"{plain(r.y / factor)} {unit} at {plain(r.x)} {r.x_unit}"
         for r in each_row(shown)
@@ -87,13 +87,13 @@ def _marks(view: Axes, name: str, answer: Answer, rows: pd.DataFrame) -> Tips:
         f"{name}-pulls",
         x,
         np.clip(y / factor, low, reach),  # a mark outside would be lost with its hover text
-        said,
+        texts,
         s=12,
         color=BLUE,
         label=label,
         **style,
     )
-    said = [
+    texts = [
         f"law: {plain(v / factor)} {unit} at {plain(a)} {first['x_unit']}"
         for a, v in zip(x, law, strict=True)
     ]
@@ -102,7 +102,7 @@ def _marks(view: Axes, name: str, answer: Answer, rows: pd.DataFrame) -> Tips:
         name,
         x,
         law / factor,
-        said,
+        texts,
         s=9,
         color=RED,
         marker="D",
@@ -128,12 +128,12 @@ def _quantity(answer: Answer, first: pd.Series[Any]) -> str:
 def _called(answer: Answer, label: str, part: int) -> str:
     """A cause in words; a law outside the catalogue by its description."""
     name, _, where = label.partition(":")
-    said = [
+    items = [
         cause.law.text
         for cause in answer.diagnosis.causes
         if cause.law is not None and (cause.name, str(cause.where or "")) == (name, where)
     ]
-    return said[min(part, len(said)) - 1] if said else words.from_label(label, answer.axes)
+    return items[min(part, len(items)) - 1] if items else words.from_label(label, answer.axes)
 
 
 def _reading(answer: Answer) -> str:
@@ -142,10 +142,10 @@ def _reading(answer: Answer) -> str:
 
 
 def _write(answer: Answer, tables: Tables) -> Figure | None:
-    told = [rows for rows in _laws(tables) if len(rows) > 1]
-    if not told:
+    chosen = [rows for rows in _laws(tables) if len(rows) > 1]
+    if not chosen:
         return None
-    every = pd.concat(told)
+    every = pd.concat(chosen)
     apart = every["part"] if answer.position_steps else np.ones(len(every))
     parts = [
         f"{_called(answer, str(rows['cause'].iloc[0]), int(rows['part'].iloc[0]))}: "
@@ -153,14 +153,14 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
         for _, rows in every.groupby([every["cause"], apart], sort=False)
     ]
     one = _reading(answer)
-    said = f"Share of the variation between {one}s that is explained: {'; '.join(parts)}."
+    text = f"Share of the variation between {one}s that is explained: {'; '.join(parts)}."
     return Figure(
         "laws",
         "Laws of the identified causes",
-        f"{said} Each point is the motion, or the parameter, estimated from one {one} alone with "
+        f"{text} Each point is the motion, or the parameter, estimated from one {one} alone with "
         "everything else as identified. Points that bend away from the law indicate a cause of "
         "another form.",
-        f"Estimates from each {one} of {len(told)} laws, over the variable of each law. {said}",
+        f"Estimates from each {one} of {len(chosen)} laws, over the variable of each law. {text}",
     )
 
 

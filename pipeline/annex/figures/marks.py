@@ -84,11 +84,11 @@ def legend_above(axes: Axes, columns: int) -> None:
     """Add a legend above a plot, lines before marks."""
     handles, labels = axes.get_legend_handles_labels()
     at = sorted(range(len(labels)), key=lambda i: isinstance(handles[i], PathCollection))
-    said = [_short(labels[i]) for i in at]
-    columns = min(columns, max(1, _ACROSS // (max(map(len, said), default=1) + 4)))
+    wordings = [_short(labels[i]) for i in at]
+    columns = min(columns, max(1, _ACROSS // (max(map(len, wordings), default=1) + 4)))
     axes.legend(
         [handles[i] for i in at],
-        said,
+        wordings,
         loc="lower left",
         bbox_to_anchor=(0, 1),
         ncols=columns,

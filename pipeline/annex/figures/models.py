@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.annex.figures.marks import dots, title
-from pipeline.annex.summaries import MOST, thinned
+from pipeline.annex.summaries import MOST_MARKS, thinned
 from pipeline.answer.contract import Answer, Which
 from pipeline.base.linear import rms
 from pipeline.base.quantities import MM, plain
@@ -39,16 +39,16 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     tips: Tips = {}
     for view, (column, name), colour in zip(views, names.items(), SERIES, strict=False):
         off = (models["measured_m"] - models[column]).to_numpy(float)
-        rows = thinned(models, off, MOST // (4 * len(names)))
+        rows = thinned(models, off, MOST_MARKS // (4 * len(names)))
         x, y = MM * rows["measured_m"], MM * (rows["measured_m"] - rows[column])
         view.axhline(0, color=MUTED, linewidth=0.8, zorder=1)
-        said = [
+        texts = [
             f"{name}: pose {r.pose}, pull {r.repeat}, {r.target} {r.axis}: measured {plain(a)} mm, "
             f"predicted {plain(a - b)} mm"
             for r, a, b in zip(each_row(rows), x, y, strict=True)
         ]
         style = {"s": 7, "color": colour, "linewidths": 0, "zorder": 2}
-        tips |= dots(view, f"model-{column}", x, y, said, **style)
+        tips |= dots(view, f"model-{column}", x, y, texts, **style)
         title(view, f"{name}:\n{plain(_miss(models, column))} mm rms")
     views[0].set_ylabel("Measured minus predicted [mm]")
     views[len(views) // 2].set_xlabel("Measured displacement [mm]")
@@ -61,14 +61,14 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
     if len(names) < 2:
         return None
     parts = [f"{name} {plain(_miss(models, column))} mm" for column, name in names.items()]
-    said = f"Measured minus predicted, rms per coordinate: {', '.join(parts)}."
+    text = f"Measured minus predicted, rms per coordinate: {', '.join(parts)}."
     of = "Nominal are the stiffnesses of the robot file. " if "nominal_m" in names else ""
     return Figure(
         "models",
         "Before and after identification",
-        f"{said} {of}A tilted cloud indicates a wrong stiffness; a level one that is wider than "
+        f"{text} {of}A tilted cloud indicates a wrong stiffness; a level one that is wider than "
         "the noise indicates an effect that the model does not have.",
-        f"Measured minus predicted over measured displacements, a plot per model. {said}",
+        f"Measured minus predicted over measured displacements, a plot per model. {text}",
     )
 
 

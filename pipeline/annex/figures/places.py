@@ -12,7 +12,7 @@ from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
 
 from pipeline.annex.figures.marks import MARKERS, dots, legend_above, title
-from pipeline.annex.summaries import AXES, MOST, arrows, registration_by_target, thinned
+from pipeline.annex.summaries import AXES, MOST_MARKS, arrows, registration_by_target, thinned
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import MM, plain
 from pipeline.report.figures.plot import Plot, Tips
@@ -26,7 +26,7 @@ def _draw_arrows(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     vectors = arrows(tables)
     size = np.linalg.norm(vectors[_RESIDUAL].to_numpy(float), axis=1)
     usual = float(np.quantile(size, 0.8))  # one outlier must not make all others invisible
-    vectors, longest = thinned(vectors, size, MOST // 5), size.max()
+    vectors, longest = thinned(vectors, size, MOST_MARKS // 5), size.max()
     spread = max(float(np.ptp(vectors[a])) for a in "xyz") or 1.0
     scale = max(usual / 0.08, longest / 0.4, 1e-9) / spread
     views, wide = _views(canvas, vectors, scale)
@@ -36,11 +36,11 @@ def _draw_arrows(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     for view in views[1:] if wide else views:
         view.set_xlabel("y [m]")
     _key(canvas, drawn[0], _round_down(max(usual, 0.2 * longest)))
-    said = [
+    texts = [
         f"pose {r.pose}, {r.target}: {plain(r.rx)}, {plain(r.ry)}, {plain(r.rz)} mm"
         for r in each_row(vectors)
     ]
-    return dict.fromkeys(("view-x", "view-z"), said)
+    return dict.fromkeys(("view-x", "view-z"), texts)
 
 
 _RESIDUAL = ["rx", "ry", "rz"]
@@ -94,7 +94,7 @@ def _draw_registration(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Draw the deviation of each base reading from nominal, in order of reading."""
     readings = tables["registration"].reset_index(drop=True).assign(at=lambda t: t.index + 1)
     size = np.linalg.norm(readings[AXES].to_numpy(float), axis=1)
-    readings = thinned(readings, size, MOST // 5)
+    readings = thinned(readings, size, MOST_MARKS // 5)
     views = canvas.subplots(3, 1, sharex=True, sharey=True)
     targets = list(dict.fromkeys(readings["target"]))
     at = readings["at"].to_numpy()
@@ -105,11 +105,11 @@ def _draw_registration(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         for index, target in enumerate(targets):
             here = (readings["target"] == target).to_numpy() & np.isfinite(mm)
             pairs = zip(at[here], mm[here], strict=True)
-            said = [f"reading {n}, {target}: d{axis} = {plain(v)} mm" for n, v in pairs]
+            texts = [f"reading {n}, {target}: d{axis} = {plain(v)} mm" for n, v in pairs]
             style = {"color": SERIES[index % len(SERIES)], "marker": MARKERS[index % len(MARKERS)]}
             style |= {"label": f" {target}"}  # legends omit labels that begin with an underscore
             key = f"base-{axis}-{index}"
-            tips |= dots(view, key, at[here], mm[here], said, s=14, linewidths=0, **style)
+            tips |= dots(view, key, at[here], mm[here], texts, s=14, linewidths=0, **style)
         view.margins(y=0.25)
         view.set_ylabel(f"d{axis} [mm]")
     views[-1].set_xlabel("Reading of a base reflector, in order")
@@ -125,32 +125,32 @@ def _write_arrows(answer: Answer, tables: Tables) -> Figure | None:
         return None
     size = np.linalg.norm(vectors[_RESIDUAL].to_numpy(float), axis=1)
     worst = vectors.iloc[int(size.argmax())]
-    said = (
+    text = (
         f"The longest of {len(vectors)} arrows is {plain(size.max())} mm, at {worst['target']} in "
         f"pose {int(worst['pose'])}."
     )
     return Figure(
         "arrows",
         "Residual at each pose, seen in the base frame",
-        f"{said} Each arrow is what is left of one reflector's displacement under the strongest "
+        f"{text} Each arrow is what is left of one reflector's displacement under the strongest "
         f"pull of its pose. Arrows in all directions are noise; arrows that agree within a pose or "
         f"along the rail are an effect.",
-        f"Residual vectors drawn at the poses, from above and from the side. {said}",
+        f"Residual vectors drawn at the poses, from above and from the side. {text}",
     )
 
 
 def _write_registration(answer: Answer, tables: Tables) -> Figure:
     by_target = registration_by_target(tables["registration"])
     worst = by_target.iloc[int(by_target["largest"].argmax())]
-    said = (
+    text = (
         f"The largest deviation is {plain(worst['largest'])} mm at {worst['target']}, in "
         f"{len(tables['registration'])} readings of {len(by_target)} reflectors."
     )
     return Figure(
         "registration",
         "Base reflectors after registration",
-        f"{said} A step or a slope from the first to the last reading is a tracker that moved.",
-        f"Deviation of each base reading from nominal, in order of the readings. {said}",
+        f"{text} A step or a slope from the first to the last reading is a tracker that moved.",
+        f"Deviation of each base reading from nominal, in order of the readings. {text}",
     )
 
 

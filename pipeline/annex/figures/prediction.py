@@ -45,14 +45,14 @@ def _draw_measured(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     tips: Tips = {}
     for axis, colour, marker in zip("xyz", SERIES, "os^", strict=False):
         mine = rows[rows["axis"] == axis]
-        said = [
+        texts = [
             f"pose {r.pose}, pull {r.repeat}, {r.target} {axis}: measured "
             f"{plain(r.measured)} mm, predicted {plain(r.predicted)} mm"
             for r in each_row(mine)
         ]
         style = {"s": 12, "color": colour, "marker": marker, "linewidths": 0, "zorder": 2}
         at = mine["measured"], mine["predicted"]
-        tips |= dots(axes, f"measured-{axis}", *at, said, label=axis, **style)
+        tips |= dots(axes, f"measured-{axis}", *at, texts, label=axis, **style)
     axes.set(xlabel="Measured displacement [mm]", ylabel="Predicted from the other poses [mm]")
     legend_above(axes, 3)
     return tips
@@ -65,7 +65,7 @@ def _write_measured(answer: Answer, tables: Tables) -> Figure | None:
     miss = np.abs((rows["measured"] - rows["predicted"]).to_numpy(float))
     worst = rows.iloc[int(np.argmax(miss))]
     most = plain(float(rows["measured"].abs().max()))
-    said = (
+    text = (
         f"Single coordinates of the displacements reach {most} mm and are predicted to "
         f"{plain(rms(miss))} mm rms; the largest error is {plain(float(miss.max()))} mm, at "
         f"{worst['target']} {worst['axis']} in pose {worst['pose']}."
@@ -73,9 +73,9 @@ def _write_measured(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "measured",
         "Measured against predicted displacements",
-        f"{said} Each pose is predicted by the model that is estimated from all the others; a "
+        f"{text} Each pose is predicted by the model that is estimated from all the others; a "
         "point on the line is predicted exactly.",
-        f"Every displacement coordinate, measured and predicted. {said}",
+        f"Every displacement coordinate, measured and predicted. {text}",
     )
 
 
@@ -109,7 +109,7 @@ _DRAWS = {"covariance": "full covariance", "independent": "independent"}
 
 def _write_prediction(answer: Answer, tables: Tables) -> Figure:
     errors = prediction_error(tables["validation"])
-    said = " ".join(
+    text = " ".join(
         f"{_SETS.get(where, where).capitalize()} half of the poses are predicted within "
         f"{percent(np.median(mu))} and 95 % within {percent(np.quantile(mu, 0.95))}."
         for (where, draw), mu in errors.items()
@@ -118,9 +118,9 @@ def _write_prediction(answer: Answer, tables: Tables) -> Figure:
     return Figure(
         "prediction",
         "Relative error of the predicted deflection",
-        f"{said} The further left a curve, the better; dashed curves draw each stiffness "
+        f"{text} The further left a curve, the better; dashed curves draw each stiffness "
         f"by itself.",
-        f"Cumulative curves of the relative error of the predicted deflection. {said}",
+        f"Cumulative curves of the relative error of the predicted deflection. {text}",
     )
 
 

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from pipeline.annex.figures.marks import MARKERS, dots, integer_ticks, legend_above
 from pipeline.annex.summaries import (
-    MOST,
+    MOST_MARKS,
     courses,
     finite,
     pose_rms,
@@ -39,9 +39,9 @@ def _draw_pose_rms(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     seen = np.isfinite(left_out)
     if seen.any():
         pairs = zip(number[seen], left_out[seen], strict=True)
-        said = [f"pose {p}, left out: {plain(v)} mm" for p, v in pairs]
+        texts = [f"pose {p}, left out: {plain(v)} mm" for p, v in pairs]
         style = {"color": RED, "marker": "D", "s": 18, "zorder": 3}
-        tips |= dots(axes, "left", at[seen], left_out[seen], said, label="left out", **style)
+        tips |= dots(axes, "left", at[seen], left_out[seen], texts, label="left out", **style)
     integer_ticks(axes, at, number.tolist())
     axes.grid(axis="x", visible=False)
     axes.set(xlabel="Pose", ylabel="Rms residual per coordinate [mm]", ylim=(0, None))
@@ -57,12 +57,12 @@ def _draw_residual_force(canvas: Canvas, answer: Answer, tables: Tables) -> Tips
     axes.axhline(0, color=MUTED, linewidth=0.8)
     tips: Tips = {}
     for (axis, part), colour, marker in zip(points.groupby("axis"), SERIES, MARKERS, strict=False):
-        said = [
+        texts = [
             f"{_coordinate(r)}: {plain(r.mm)} mm at {plain(r.force_n)} N" for r in each_row(part)
         ]
         style = {"color": colour, "marker": marker, "s": 11, "alpha": 0.7, "linewidths": 0}
         at = part["force_n"], part["mm"]
-        tips |= dots(axes, f"axis-{axis}", *at, said, label=axis, **style)
+        tips |= dots(axes, f"axis-{axis}", *at, texts, label=axis, **style)
     axes.set(xlabel="Size of the pull [N]", ylabel="Residual, base frame [mm]")
     legend_above(axes, 3)
     return tips
@@ -84,16 +84,16 @@ def _draw_residual_course(canvas: Canvas, answer: Answer, tables: Tables) -> Tip
     tips: Tips = {}
     for view, one in zip(views, told, strict=True):
         known = finite(rows, one.column, "mm")
-        known = thinned(known, known["mm"].to_numpy(float), MOST // 40)
+        known = thinned(known, known["mm"].to_numpy(float), MOST_MARKS // 40)
         view.axhline(0, color=MUTED, linewidth=0.8)
         for column, marker, size, colour, name in kinds:
             at, mm = known[one.column], known[column]
-            said = [
+            texts = [
                 f"{_coordinate(r)}: {plain(y)} mm at {plain(x)} {one.unit}, {name}"
                 for r, x, y in zip(each_row(known), at, mm, strict=True)
             ]
             style = {"color": colour, "marker": marker, "s": size, "linewidths": 0}
-            tips |= dots(view, f"{one.column}-{column}", at, mm, said, label=name, **style)
+            tips |= dots(view, f"{one.column}-{column}", at, mm, texts, label=name, **style)
         view.set(xlabel=f"{capital(one.name)} [{one.unit}]", ylabel="Residual [mm]")
     legend_above(views[0], 2)
     return tips
@@ -122,18 +122,18 @@ def _draw_whitened(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 def _write_pose_rms(answer: Answer, tables: Tables) -> Figure:
     poses = pose_rms(tables["residuals"])
     worst = poses.iloc[int(poses["fitted"].argmax())]
-    said = (
+    text = (
         f"Pose {int(worst['pose'])} is the worst with {plain(worst['fitted'])} mm; the median of "
         f"all {len(poses)} poses is {plain(poses['fitted'].median())} mm."
     )
     left_out = poses["left_out"].dropna()
     if len(left_out):
-        said += f" In cross-validation the largest error of a pose is {plain(left_out.max())} mm."
+        text += f" In cross-validation the largest error of a pose is {plain(left_out.max())} mm."
     return Figure(
         "pose-rms",
         "Residual of each pose",
-        f"{said} A diamond far above its bar marks a pose that the others do not predict.",
-        f"Bar chart of the rms residual per pose, with a marker for the pose left out. {said}",
+        f"{text} A diamond far above its bar marks a pose that the others do not predict.",
+        f"Bar chart of the rms residual per pose, with a marker for the pose left out. {text}",
     )
 
 
@@ -142,16 +142,16 @@ def _write_residual_force(answer: Answer, tables: Tables) -> Figure | None:
     if points.empty:
         return None
     low, high = points["force_n"].min(), points["force_n"].max()
-    said = (
+    text = (
         f"Pulls reach from {plain(low)} N to {plain(high)} N and the largest residual of a "
         f"coordinate is {plain(points['mm'].abs().max())} mm."
     )
     return Figure(
         "residual-force",
         "Residual against pull",
-        f"{said} An even band is noise; a band that opens or bends with the pull is an effect that "
+        f"{text} An even band is noise; a band that opens or bends with the pull is an effect that "
         f"grows with load, such as a joint that hardens.",
-        f"Scatter plot of {len(points)} residual coordinates against the size of the pull. {said}",
+        f"Scatter plot of {len(points)} residual coordinates against the size of the pull. {text}",
     )
 
 
@@ -161,7 +161,7 @@ def _write_residual_course(answer: Answer, tables: Tables) -> Figure | None:
     _, told = courses(tables, answer.axes)
     if not told:
         return None
-    said = "Means over six steps of " + ", ".join(
+    text = "Means over six steps of " + ", ".join(
         f"{one.name} explain {percent(one.explained)} of the variance of the residuals of the "
         "joint springs"
         if k == 0
@@ -170,13 +170,13 @@ def _write_residual_course(answer: Answer, tables: Tables) -> Figure | None:
     )
     found = answer.diagnosis.causes
     diamonds = "; diamonds are the residuals with the causes in the model" if found else ""
-    said += f"; noise alone would give {percent(told[0].by_chance)} on average."
+    text += f"; noise alone would give {percent(told[0].by_chance)} on average."
     return Figure(
         "residual-course",
         "Residual against " + ", ".join(one.name for one in told),
-        f"{said} A band that bends, steps or drifts indicates an effect that the joint springs do "
+        f"{text} A band that bends, steps or drifts indicates an effect that the joint springs do "
         f"not have{diamonds}.",
-        f"{len(told)} scatter plots of residual coordinates. {said}",
+        f"{len(told)} scatter plots of residual coordinates. {text}",
     )
 
 
@@ -186,16 +186,16 @@ def _write_whitened(answer: Answer, tables: Tables) -> Figure | None:
         return None
     spread, beyond = rms(values), int(np.sum(np.abs(values) > 3))
     expected = 0.0027 * len(values)
-    said = (
+    text = (
         f"Their spread is {plain(spread)} where 1 is expected; {beyond} of {len(values)} lie "
         f"beyond ±3 where about {plain(expected, 2)} are expected."
     )
     return Figure(
         "whitened",
         "Residuals in standard deviations",
-        f"{said} Bars that follow the curve are noise as assumed; wide shoulders are a missing "
+        f"{text} Bars that follow the curve are noise as assumed; wide shoulders are a missing "
         f"effect or noise that is stated too small.",
-        f"Histogram of weighted residuals with the normal curve. {said}",
+        f"Histogram of weighted residuals with the normal curve. {text}",
     )
 
 

@@ -15,7 +15,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 
-from pipeline.annex.scene import MOST
+from pipeline.annex.scene import MOST_POSES
 from pipeline.answer.contract import Answer, JointType
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import MM, known, plain, typeset
@@ -63,7 +63,7 @@ def _view(tables: Tables) -> View:
     return View((low + high) / 2, size, float(across + _ASIDE))
 
 
-def magnified(tables: Tables) -> tuple[float, float]:
+def _magnified(tables: Tables) -> tuple[float, float]:
     """Magnifications of deflections and residuals [1], each 1, 2 or 5 times a power of ten."""
     vectors = tables["vectors"]
     arm = tables["scene"][tables["scene"]["part"] == "arm"]
@@ -101,7 +101,7 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         PolyCollection(shapes, facecolors=fill, edgecolors=EDGE, linewidths=0.4, zorder=1)
     )
     _points(axes, view, rows)
-    moved, left = magnified(tables)
+    moved, left = _magnified(tables)
     for columns, scale, colour in ((_MOVED, moved, BLUE), (_LEFT, left, RED)):
         _arrows(axes, view, tables["vectors"], columns, scale, colour)
     axes.autoscale_view()
@@ -163,7 +163,7 @@ def _arrows(
 
 def _live(answer: Answer, tables: Tables) -> dict[str, Any]:
     """Data of the picture for JSON, in metres and radians, with vectors not magnified."""
-    rows, view, (moved, left) = tables["scene"], _view(tables), magnified(tables)
+    rows, view, (moved, left) = tables["scene"], _view(tables), _magnified(tables)
     by_pose = dict(list(rows.groupby("pose")))
     vectors = dict(list(tables["vectors"].groupby("pose")))
     return {
@@ -181,7 +181,7 @@ def _live(answer: Answer, tables: Tables) -> dict[str, Any]:
             {
                 "pose": one.pose,
                 "label": one.label,
-                "says": told(one, vectors.get(one.pose, tables["vectors"].iloc[:0]), answer),
+                "says": _pose_line(one, vectors.get(one.pose, tables["vectors"].iloc[:0]), answer),
                 "parts": _parts(by_pose.get(one.pose, rows.iloc[:0])),
                 "points": _reflectors(vectors.get(one.pose, tables["vectors"].iloc[:0])),
             }
@@ -209,13 +209,13 @@ def _numbers(values: Array) -> list[float | None]:
     return [float(f"{v:.5g}") if np.isfinite(v) else None for v in values]
 
 
-def told(pose: Any, vectors: pd.DataFrame, answer: Answer) -> str:
+def _pose_line(pose: Any, vectors: pd.DataFrame, answer: Answer) -> str:
     """A pose in one line: its files, its pulls, its largest deflection and residual."""
-    known_of_it = "; ".join(part for part in (source(pose), _pulls(pose)) if part)
+    known_of_it = "; ".join(part for part in (_source(pose), _pulls(pose)) if part)
     return typeset(f"{pose.label}: {known_of_it}. {_did(vectors, answer)}")
 
 
-def source(pose: Any) -> str:
+def _source(pose: Any) -> str:
     """Files and lines of a pose's readings and joint values."""
     places = dict.fromkeys((readings_of(pose), joints_of(pose)))
     return ", ".join(place for place in places if place)
@@ -254,8 +254,8 @@ def _did(vectors: pd.DataFrame, answer: Answer) -> str:
         else ("Largest deflection", "largest residual")
     )
     parts = [_largest(vectors, columns) for columns in (_MOVED, _LEFT)]
-    said = [f"{name} {plain(mm)} mm at {at}" for name, (at, mm) in zip(words, parts, strict=True)]
-    return f"{', '.join(said)}."
+    texts = [f"{name} {plain(mm)} mm at {at}" for name, (at, mm) in zip(words, parts, strict=True)]
+    return f"{', '.join(texts)}."
 
 
 def _largest(vectors: pd.DataFrame, columns: Sequence[str]) -> tuple[str, float]:
@@ -276,12 +276,12 @@ def largest(tables: Tables) -> dict[int, tuple[float, float]]:
 
 
 def _write(answer: Answer, tables: Tables) -> Figure:
-    moved, left = magnified(tables)
+    moved, left = _magnified(tables)
     poses, vectors = tables["poses"], tables["vectors"]
     at = vectors.iloc[int(_size(vectors, _LEFT).argmax())]
     label = poses.set_index("pose").loc[at["pose"], "label"]
     first = _names(answer)[0]
-    said = (
+    text = (
         f"{len(poses)} poses{_of_all(poses)}. Blue: {first}, {moved:,.0f} times magnified; "
         f"orange: residual, {left:,.0f} times. The longest residual vector is "
         f"{plain(MM * _size(vectors, _LEFT).max())} mm, at {at['target']} in "
@@ -290,9 +290,9 @@ def _write(answer: Answer, tables: Tables) -> Figure:
     return Figure(
         "scene",
         "The cell and its measured poses",
-        f"{said} Residuals that all point one way{_along(answer)} indicate an effect that the "
+        f"{text} Residuals that all point one way{_along(answer)} indicate an effect that the "
         "model does not have.",
-        f"Picture of the cell in perspective: robot, reflectors and vectors. {said} The table "
+        f"Picture of the cell in perspective: robot, reflectors and vectors. {text} The table "
         "below has the same, pose by pose.",
     )
 
@@ -305,7 +305,11 @@ def _along(answer: Answer) -> str:
 
 def _of_all(poses: pd.DataFrame) -> str:
     """How the poses were selected, if not all are drawn."""
-    return "" if len(poses) < MOST else ", those with the largest residuals and an even selection"
+    return (
+        ""
+        if len(poses) < MOST_POSES
+        else ", those with the largest residuals and an even selection"
+    )
 
 
 SCENE = Plot("scene", ("scene", "poses", "vectors"), _write, _draw, _live)

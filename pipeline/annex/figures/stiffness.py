@@ -126,13 +126,13 @@ def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("Stiffness [% of nominal]")
-    said = [
+    texts = [
         f"{joint.called}: {plain(s)} % of nominal, {_limits(a, b)}"
         for joint, s, a, b in zip(joints, share, low, high, strict=True)
     ]
     return {
-        "share": [words for words, far in zip(said, beyond, strict=True) if not far],
-        "beyond": [words for words, far in zip(said, beyond, strict=True) if far],
+        "share": [words for words, far in zip(texts, beyond, strict=True) if not far],
+        "beyond": [words for words, far in zip(texts, beyond, strict=True) if far],
     }
 
 

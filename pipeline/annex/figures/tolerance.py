@@ -10,7 +10,7 @@ from matplotlib.figure import Figure as Canvas
 from pipeline.annex.figures.marks import dots, legend_above, title
 from pipeline.annex.summaries import thinned
 from pipeline.answer.contract import Answer
-from pipeline.answer.tolerated import DECIDED
+from pipeline.answer.tolerance_sentence import DECIDED
 from pipeline.base.quantities import MM, plain
 from pipeline.prediction.decision import Decision
 from pipeline.report.figures.plot import Plot, Tips
@@ -92,18 +92,18 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
     count = {one: sum(s.points for s in asked.stretches if s.decision is one) for one in Decision}
     parts = ", ".join(f"{n} {DECIDED[one]}" for one, n in count.items() if n)
     worst = max(asked.stretches, key=lambda one: one.deflection_mm or 0.0)
-    said = (
+    text = (
         f"Of {asked.points} points {parts}; the load point deflects by up to "
         f"{plain(worst.deflection_mm)} mm, at pose {worst.at}."
     )
     return Figure(
         "path",
         f"Deflection along {asked.file}",
-        f"{said} Bars are ± U (k = 2). A point is within tolerance where its deflection and 1.65 "
+        f"{text} Bars are ± U (k = 2). A point is within tolerance where its deflection and 1.65 "
         "standard uncertainties together are, and out of tolerance where not even the deflection "
         "less 1.65 standard uncertainties is.",
         f"The path of the load point from above and from the side, each point marked by what is "
-        f"decided of it, and the deflection of each point beside the tolerance. {said}",
+        f"decided of it, and the deflection of each point beside the tolerance. {text}",
     )
 
 

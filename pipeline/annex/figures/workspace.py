@@ -87,7 +87,7 @@ def _told(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
     here, worst = soft.iloc[0], soft.iloc[int(soft["worst_m_per_n"].to_numpy().argmax())]
     size = 1e6 * soft["worst_m_per_n"]
     axis = "xyz"[int(np.abs(here[[f"direction_{a}" for a in "xyz"]].to_numpy(float)).argmax())]
-    said = (
+    text = (
         f"At the test pose (cross) one newton moves the load point by "
         f"{with_std(1e6 * here['worst_m_per_n'], 1e6 * here['std_m_per_n'])} µm in its most "
         f"compliant direction, mostly along {axis}. Over the plane it is {plain(size.min(), 2)} µm "
@@ -95,16 +95,16 @@ def _told(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
         f"of {worst['height_m']:.1f} m."
     )
     if np.isinf(soft["std_m_per_n"]).any():
-        said += (
+        text += (
             " Where no ± is given, a stiffness acts that nothing determines, and the map has it "
             "as the robot file does."
         )
     return Figure(
         name,
         f"Deflection per newton over the arm's plane, {model}",
-        f"{said} Shoulder and elbow go through their ranges, the other joints stay as in the test "
+        f"{text} Shoulder and elbow go through their ranges, the other joints stay as in the test "
         f"pose, in which the arm is drawn. Brighter is more compliant.",
-        f"Map of the deflection per newton of load over reach and height, {model}. {said}",
+        f"Map of the deflection per newton of load over reach and height, {model}. {text}",
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from pipeline.annex.figures.scene import joints_of, largest, readings_of
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
-from pipeline.report.columns import Cells, number, said, table_of
+from pipeline.report.columns import Cells, number_column, table_of, word_column
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import ReportTable, Section, section_of
 from pipeline.report.summaries import Tables, each_row, has
@@ -25,17 +25,17 @@ def _poses(answer: Answer, tables: Tables) -> ReportTable | None:
     nothing = (float("nan"), float("nan"))
     did = dict.fromkeys(tables["poses"]["pose"], nothing) | largest(tables)
     loads: list[Cells[Any]] = [
-        said("Joint values", joints_of),
-        number("Pulls", lambda one: one.pulls, str),
-        number("Force [N]", lambda one: one.force_n),
+        word_column("Joint values", joints_of),
+        number_column("Pulls", lambda one: one.pulls, str),
+        number_column("Force [N]", lambda one: one.force_n),
     ]
     off = ("Deviation from the nominal robot", "Deviation from the identified robot")
     names = off if answer.of_positions else (
         "Deflection", "Residual"
     )  # fmt: skip
     columns: list[Cells[Any]] = [
-        said("Pose", lambda one: one.label.removeprefix("Pose ")),
-        said("Readings", readings_of),
+        word_column("Pose", lambda one: one.label.removeprefix("Pose ")),
+        word_column("Readings", readings_of),
         *(() if answer.of_positions else loads),
         *(_millimetres(name, k, did) for k, name in enumerate(names)),
     ]
@@ -45,4 +45,4 @@ def _poses(answer: Answer, tables: Tables) -> ReportTable | None:
 
 
 def _millimetres(name: str, k: int, did: dict[int, tuple[float, float]]) -> Cells[Any]:
-    return number(f"{name} [mm]", lambda one: did[one.pose][k], plain)
+    return number_column(f"{name} [mm]", lambda one: did[one.pose][k], plain)

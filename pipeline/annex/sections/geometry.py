@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from pipeline.answer.contract import Answer, Cause, PositionStep, TableCombination, TableLetter
 from pipeline.base.quantities import mix, p_value, percent, plain
-from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
+from pipeline.report.columns import (
+    Cells,
+    measured_column,
+    number_column,
+    roughly,
+    table_of,
+    word_column,
+)
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import Paragraph, ReportTable, Section, section_of
 from pipeline.report.summaries import Tables
@@ -45,7 +52,7 @@ def laws(answer: Answer, tables: Tables) -> Section | None:
     )
 
 
-def letters(answer: Answer, tables: Tables) -> Section | None:
+def dh_table(answer: Answer, tables: Tables) -> Section | None:
     """The DH parameters, nominal and identified."""
     return section_of(
         "table", "Geometric parameters of the robot", [_letters(answer), _together(answer)]
@@ -54,10 +61,10 @@ def letters(answer: Answer, tables: Tables) -> Section | None:
 
 def _steps(answer: Answer) -> ReportTable | None:
     columns: list[Cells[PositionStep]] = [
-        said("The model includes", lambda one: one.model),
-        number("Every tenth pose held out [mm]", lambda one: one.between_mm, roughly),
-        number("A tenth of joint space held out [mm]", lambda one: one.space_mm, roughly),
-        number("One series held out [mm]", lambda one: one.series_mm, roughly),
+        word_column("The model includes", lambda one: one.model),
+        number_column("Every tenth pose held out [mm]", lambda one: one.between_mm, roughly),
+        number_column("A tenth of joint space held out [mm]", lambda one: one.space_mm, roughly),
+        number_column("One series held out [mm]", lambda one: one.series_mm, roughly),
     ]
     return table_of(
         "position_steps",
@@ -70,10 +77,10 @@ def _steps(answer: Answer) -> ReportTable | None:
 
 def _laws(answer: Answer) -> ReportTable | None:
     columns: list[Cells[Cause]] = [
-        said("Law", lambda one: one.law.text.capitalize() if one.law else one.name),
-        measured("Amplitude [mrad or mm]", _amplitude),
-        said("p", lambda one: p_value(one.p_value)),
-        said("Reduces the cross-validation error by", lambda one: _gain(one)),
+        word_column("Law", lambda one: one.law.text.capitalize() if one.law else one.name),
+        measured_column("Amplitude [mrad or mm]", _amplitude),
+        word_column("p", lambda one: p_value(one.p_value)),
+        word_column("Reduces the cross-validation error by", lambda one: _gain(one)),
     ]
     found = [one for one in answer.diagnosis.causes if one.law is not None]
     return table_of("laws", "Laws outside the catalogue", columns, found)
@@ -96,14 +103,14 @@ def _gain(one: Cause) -> str:
 
 def _letters(answer: Answer) -> ReportTable | None:
     columns: list[Cells[TableLetter]] = [
-        said("Joint", lambda one: one.where),
-        said("Parameter", lambda one: _NAMES.get(one.name, one.name)),
-        number("Nominal [mm or deg]", lambda one: _scaled(one, one.nominal), plain),
-        measured(
+        word_column("Joint", lambda one: one.where),
+        word_column("Parameter", lambda one: _NAMES.get(one.name, one.name)),
+        number_column("Nominal [mm or deg]", lambda one: _scaled(one, one.nominal), plain),
+        measured_column(
             "Identified minus nominal [mm or mrad]",
             lambda one: (1e3 * (one.value - one.nominal), 1e3 * one.std),
         ),
-        said("Determined", lambda one: "yes" if one.identifiable else "no"),
+        word_column("Determined", lambda one: "yes" if one.identifiable else "no"),
     ]
     return table_of(
         "letters",
@@ -117,8 +124,8 @@ def _letters(answer: Answer) -> ReportTable | None:
 
 def _together(answer: Answer) -> ReportTable | None:
     columns: list[Cells[TableCombination]] = [
-        said("Combination", _sum),
-        measured(
+        word_column("Combination", _sum),
+        measured_column(
             "Identified minus nominal [mm or mrad]",
             lambda one: (1e3 * one.value, 1e3 * one.std),
         ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.answer.contract import Answer, Equilibrium, Input, Which
 from pipeline.base.quantities import plain, typeset
-from pipeline.report.columns import Cells, number, said, table_of
+from pipeline.report.columns import Cells, number_column, table_of, word_column
 from pipeline.report.record import Paragraph, ReportTable, Section, section_of
 from pipeline.report.summaries import Tables
 
@@ -23,7 +23,7 @@ _METHOD = (
     "pose with all its pulls at a time."
 )
 
-OF_POSITIONS = (
+_OF_POSITIONS = (
     "Readings of the targets are explained by the robot's DH parameters, its tool, one frame of "
     "the "
     "instrument per series, springs of the joints under the weight of the arm, and laws of the "
@@ -59,7 +59,7 @@ def method(answer: Answer, tables: Tables) -> Section | None:
 
 def _told(answer: Answer) -> str:
     if answer.of_positions:
-        return OF_POSITIONS
+        return _OF_POSITIONS
     deformed = answer.model.equilibrium is Equilibrium.DEFORMED
     told = [
         _METHOD.format(**_loads(answer)),
@@ -67,14 +67,14 @@ def _told(answer: Answer) -> str:
         if deformed
         else "The geometry is that of the unloaded robot.",
     ]
-    said = answer.recommended
-    if said.model != Which.JOINT_SPRINGS and not said.reason.unseen:
+    recommended = answer.recommended
+    if recommended.model != Which.JOINT_SPRINGS and not recommended.reason.unseen:
         told.append(
             "In addition to the joint springs the model includes what was identified, "
             "c = B x + Z z."
         )
     if answer.position_steps:
-        told.append(OF_POSITIONS)
+        told.append(_OF_POSITIONS)
     size = plain(answer.fit.second_order_rms_mm, 2)
     told.append(f"The second order in the load amounts to {size} mm rms")
     return " ".join(told) + ("." if deformed else _LEFT_OUT)
@@ -91,14 +91,16 @@ def _loads(answer: Answer) -> dict[str, str]:
 
 
 def _assumptions(answer: Answer) -> ReportTable | None:
-    return table_of("assumptions", "Assumptions", [said("Assumed", typeset)], answer.assumptions)
+    return table_of(
+        "assumptions", "Assumptions", [word_column("Assumed", typeset)], answer.assumptions
+    )
 
 
 def _inputs(answer: Answer) -> ReportTable | None:
     columns: list[Cells[Input]] = [
-        said("File", lambda one: one.file, code=True),
-        number("Bytes", lambda one: one.bytes, str),
-        said("SHA-256", lambda one: one.sha256, code=True),
+        word_column("File", lambda one: one.file, code=True),
+        number_column("Bytes", lambda one: one.bytes, str),
+        word_column("SHA-256", lambda one: one.sha256, code=True),
     ]
     return table_of("inputs", "Input files", columns, answer.inputs)
 

@@ -23,7 +23,14 @@ from pipeline.answer.contract import (
 )
 from pipeline.answer.pose_budget import HELD_OUT
 from pipeline.base.quantities import known, p_value, percent, plain, with_std
-from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
+from pipeline.report.columns import (
+    Cells,
+    measured_column,
+    number_column,
+    roughly,
+    table_of,
+    word_column,
+)
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import (
     Paragraph,
@@ -81,9 +88,9 @@ def _pose_table(pose: TestPose | None) -> ReportTable | None:
     lines += [("expanded uncertainty U (k = 2)", 2 * u, None)]
     digits = max(0, 3 - math.floor(math.log10(u)))  # four digits of u, so that the squares add up
     columns: list[Cells[_Line]] = [
-        said("Source", lambda line: line[0]),
-        number("Standard uncertainty [mm]", lambda line: line[1], partial(_fixed, digits)),
-        number("Share of variance [%]", lambda line: line[2], _percent),
+        word_column("Source", lambda line: line[0]),
+        number_column("Standard uncertainty [mm]", lambda line: line[1], partial(_fixed, digits)),
+        number_column("Share of variance [%]", lambda line: line[2], _percent),
     ]
     note = (
         "Along the deflection of the load point; u is the root of the sum of the squares above it."
@@ -102,7 +109,7 @@ def _fixed(digits: int, value: float | None) -> str:
 
 def _budget_table(joints: Sequence[Stiffness]) -> ReportTable | None:
     columns: list[Cells[str]] = [
-        said("Source", source),
+        word_column("Source", source),
         *(_shares_of(joint) for joint in joints if joint.budget),
     ]
     sources = dict.fromkeys(part.source for joint in joints for part in joint.budget)
@@ -116,7 +123,7 @@ def _budget_table(joints: Sequence[Stiffness]) -> ReportTable | None:
 
 def _shares_of(joint: Stiffness) -> Cells[str]:
     shares = {part.source: 100 * part.share for part in joint.budget}
-    return number(f"{joint.axis or joint.name} [%]", shares.get, _percent)
+    return number_column(f"{joint.axis or joint.name} [%]", shares.get, _percent)
 
 
 def _percent(share: float | None) -> str:
@@ -128,7 +135,7 @@ def _calibrations(answer: Answer) -> Paragraph | None:
     sources = {part.source for joint in answer.stiffness for part in joint.budget}
     if not sources:
         return None
-    said = [
+    texts = [
         f"{name}: {'in the budget' if source in sources else missing}."
         for source, name, missing in _CALIBRATED
     ]
@@ -139,7 +146,7 @@ def _calibrations(answer: Answer) -> Paragraph | None:
         else f"Day-to-day scatter: {percent(seen.relative_std)} of the displacements, from "
         f"{seen.poses} poses repeated on another day ({p_value(seen.p_value)})."
     )
-    return Paragraph(" ".join((*said, days)))
+    return Paragraph(" ".join((*texts, days)))
 
 
 _CALIBRATED = (
@@ -160,9 +167,9 @@ to do if none is stated."""
 
 def _noise_table(found: Sequence[NoiseComponent]) -> ReportTable | None:
     columns: list[Cells[NoiseComponent]] = [
-        said("Noise of", lambda one: source(one.name)),
-        measured("Estimated over stated", lambda one: (one.found_over_stated, one.std)),
-        number("p-value", lambda one: one.p_value, p_value),
+        word_column("Noise of", lambda one: source(one.name)),
+        measured_column("Estimated over stated", lambda one: (one.found_over_stated, one.std)),
+        number_column("p-value", lambda one: one.p_value, p_value),
     ]
     note = (
         "Estimated from repeated readings, repeated zeros and the distances between the "
@@ -191,9 +198,9 @@ def _reflectors(tables: Tables) -> ReportTable | None:
         return None
     parts = {"mean dx": "dx", "mean dy": "dy", "mean dz": "dz", "rms": "rms", "largest": "largest"}
     columns: list[Cells[Any]] = [
-        said("Base reflector", lambda row: row.target),
-        number("Readings", lambda row: row.readings, str),
-        *(number(f"{name} [mm]", attrgetter(part), roughly) for name, part in parts.items()),
+        word_column("Base reflector", lambda row: row.target),
+        number_column("Readings", lambda row: row.readings, str),
+        *(number_column(f"{name} [mm]", attrgetter(part), roughly) for name, part in parts.items()),
     ]
     rows = each_row(registration_by_target(tables["registration"]))
     title = "Base reflectors: measured minus nominal, base frame"
@@ -253,14 +260,14 @@ def _harm(single: pd.DataFrame) -> Paragraph | None:
 
 def _least(single: pd.DataFrame) -> ReportTable | None:
     columns: list[Cells[Any]] = [
-        said("Reading", lambda row: row.reading),
-        said("Of", lambda row: source(row.source)),
-        said("Along", lambda row: row.axis),
-        number("Redundancy", lambda row: row.r, roughly),
-        number("w", lambda row: row.w, roughly),
-        said("Minimal detectable bias", lambda row: size(row.smallest_visible, row.unit)),
-        number("Shifts by [σ]", lambda row: row.moves_sigmas, roughly),
-        said("Which", lambda row: row.moves_most),
+        word_column("Reading", lambda row: row.reading),
+        word_column("Of", lambda row: source(row.source)),
+        word_column("Along", lambda row: row.axis),
+        number_column("Redundancy", lambda row: row.r, roughly),
+        number_column("w", lambda row: row.w, roughly),
+        word_column("Minimal detectable bias", lambda row: size(row.smallest_visible, row.unit)),
+        number_column("Shifts by [σ]", lambda row: row.moves_sigmas, roughly),
+        word_column("Which", lambda row: row.moves_most),
     ]
     rows = each_row(single.nsmallest(LEAST_CONTROLLED, "r"))
     note = (

@@ -16,9 +16,9 @@ from pipeline.answer.contract import (
 )
 from pipeline.answer.words import loads
 from pipeline.base.quantities import percent, plain
-from pipeline.diagnosis.facts import APART
+from pipeline.diagnosis.facts import SEPARATED
 from pipeline.report import words
-from pipeline.report.columns import Cells, number, roughly, said, table_of
+from pipeline.report.columns import Cells, number_column, roughly, table_of, word_column
 from pipeline.report.record import ReportTable, present
 
 _ARRIVES = {
@@ -47,16 +47,16 @@ def next_poses(
 ) -> ReportTable | None:
     """The proposed poses, and the causes that each would distinguish; None without any."""
     columns: list[Cells[_Numbered]] = [
-        number("Pose", lambda one: one[0], str),
-        said("Distinguishes", lambda one: _pair(one[1], axes)),
-        said("Pull", lambda one: _how(one[1])),
-        number("Separation now [σ]", lambda one: one[1].sigmas_before, roughly),
-        number("With this pose [σ]", lambda one: one[1].sigmas_after, roughly),
+        number_column("Pose", lambda one: one[0], str),
+        word_column("Distinguishes", lambda one: _pair(one[1], axes)),
+        word_column("Pull", lambda one: _how(one[1])),
+        number_column("Separation now [σ]", lambda one: one[1].sigmas_before, roughly),
+        number_column("With this pose [σ]", lambda one: one[1].sigmas_after, roughly),
     ]
     note = (
         "The direction is that of the force on the robot in F_b; the load steps are those of the "
         "campaign. The two causes are those that stay closest with this pose and those above it; "
-        f"below {APART} σ two cannot be distinguished reliably. "
+        f"below {SEPARATED} σ two cannot be distinguished reliably. "
         f"{_settles(poses)}{_fits(cell)}"
     )
     return table_of("next-poses", "What to measure next", columns, enumerate(poses, 1), note)
@@ -70,7 +70,9 @@ def _settles(poses: Sequence[NextPose]) -> str:
     """Warning if the proposed poses will not distinguish the causes; else empty."""
     most = max((one.sigmas_after or 0.0 for one in poses), default=0.0)
     return (
-        "" if most >= APART else f"These poses will not be enough: they reach {roughly(most)} σ. "
+        ""
+        if most >= SEPARATED
+        else f"These poses will not be enough: they reach {roughly(most)} σ. "
     )
 
 
@@ -94,11 +96,11 @@ def best_pose(
     """The pose that would determine the least certain joint; None without one."""
     called = {joint.name: joint for joint in joints}
     columns: list[Cells[_Best]] = [
-        number("Pose", lambda one: one[0], str),
-        said("For", lambda one: called[one[1].name].called),
-        said("Pull", lambda one: _how(one[1])),
-        said("Standard uncertainty now", lambda one: _known(one[1], called[one[1].name])),
-        said("With this pose", lambda one: percent(one[1].relative_std_after)),
+        number_column("Pose", lambda one: one[0], str),
+        word_column("For", lambda one: called[one[1].name].called),
+        word_column("Pull", lambda one: _how(one[1])),
+        word_column("Standard uncertainty now", lambda one: _known(one[1], called[one[1].name])),
+        word_column("With this pose", lambda one: percent(one[1].relative_std_after)),
     ]
     note = (
         "The direction is that of the force on the robot in F_b; the load steps are those of the "
@@ -127,7 +129,7 @@ def next_joint_values(
     first = poses[0].axes if poses else ()
     places = range(len(first or joints))
     columns: list[Cells[_Placed]] = [
-        number("Pose", lambda one: one[0], str),
+        number_column("Pose", lambda one: one[0], str),
         *(_of_axis(first[k], k) if first else _of_joint(joints[k], k) for k in places),
     ]
     which = "this pose" if len(poses) == 1 else "these poses"
@@ -137,10 +139,10 @@ def next_joint_values(
 
 def _of_axis(axis: AxisValue, place: int) -> Cells[_Placed]:
     title = f"{axis.name} [{'m' if axis.unit == 'm' else '°'}]"
-    return number(title, lambda one: one[1].axes[place].value, lambda value: plain(value, 4))
+    return number_column(title, lambda one: one[1].axes[place].value, lambda value: plain(value, 4))
 
 
 def _of_joint(joint: Stiffness, place: int) -> Cells[_Placed]:
     unit = "m" if joint.joint_type is JointType.PRISMATIC else "°"
     title = f"{joint.joint_name} [{unit}]"
-    return number(title, lambda one: one[1].q[place], lambda value: plain(value, 4))
+    return number_column(title, lambda one: one[1].q[place], lambda value: plain(value, 4))

@@ -28,9 +28,9 @@ import numpy as np
 from scipy import special
 
 from pipeline.base.arrays import Array, Bools, Ints
-from pipeline.fleet.wear.beside import Beside, beside, gaps, steps
+from pipeline.fleet.wear.elimination import Eliminated, eliminated, gaps, steps
 from pipeline.fleet.wear.machine import FEWEST, Machine
-from pipeline.fleet.wear.scatter import Scatter
+from pipeline.fleet.wear.scatter import DayToDayVariances
 
 A_YEAR = 0.01
 """Probability of a false alarm per year and robot [1]."""
@@ -48,7 +48,7 @@ _MANY = 8
 """Number of joints above which groups of more than two, except all, are not tried."""
 
 
-class Kind(StrEnum):
+class ChangeKind(StrEnum):
     """How a robot has changed."""
 
     TREND = "trend"
@@ -56,7 +56,7 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True)
-class Look:
+class InterimTest:
     """Test of the campaigns up to one of them.
 
     Attributes:
@@ -71,7 +71,7 @@ class Look:
     campaign: str
     p_value: float
     allowed: float
-    kind: Kind
+    kind: ChangeKind
     joints: tuple[int, ...]
     after: str | None = None
 
@@ -98,7 +98,7 @@ class _Tried:
     gap: Ints
 
 
-def looks(machine: Machine, scatter: Scatter) -> tuple[Look, ...]:
+def interim_tests(machine: Machine, scatter: DayToDayVariances) -> tuple[InterimTest, ...]:
     """One look per day with campaigns since the last repair, from the second day on."""
     t, W = machine.t, machine.weights(scatter.variance)
     begin = int(np.argmax(machine.present.all(axis=1))) if machine.present[-1].all() else len(t)
@@ -114,15 +114,17 @@ def looks(machine: Machine, scatter: Scatter) -> tuple[Look, ...]:
     return tuple(out)
 
 
-def _look(machine: Machine, scatter: Scatter, W: Array, k: int, allowed: float) -> Look:
+def _look(
+    machine: Machine, scatter: DayToDayVariances, W: Array, k: int, allowed: float
+) -> InterimTest:
     """Test the first k campaigns."""
     after = gaps(machine, k)
     Z = np.concatenate([machine.trend, steps(machine, after)], axis=-1)
-    found = beside(machine, W, Z, k)
+    found = eliminated(machine, W, Z, k)
     tried = _tried(found.told.reshape(-1, machine.joints), after)
     name = machine.visits[k - 1].campaign
     if not tried.weight.size:
-        return Look(name, 1.0, allowed, Kind.TREND, ())
+        return InterimTest(name, 1.0, allowed, ChangeKind.TREND, ())
     z, p = _p_values(found, tried, scatter)
     odds = np.array([_SOFTENS, 1 - _SOFTENS])[:, None] * tried.weight / p
     share = special.softmax(z**2 / 2 + np.log(tried.weight))
@@ -130,11 +132,11 @@ def _look(machine: Machine, scatter: Scatter, W: Array, k: int, allowed: float) 
     by_gap = {g: float(share[tried.gap == g].sum()) for g in (-1, *after)}
     stepped = by_gap[-1] < 0.5
     last = max(after, key=lambda g: by_gap[g]) if stepped else -1
-    return Look(
+    return InterimTest(
         name,
         _together(float(odds.sum()), odds.size),
         allowed,
-        Kind.STEP if stepped else Kind.TREND,
+        ChangeKind.STEP if stepped else ChangeKind.TREND,
         tuple(blamed.tolist()),
         machine.visits[last].campaign if stepped else None,
     )
@@ -182,7 +184,7 @@ def _parts(m: int, trend: bool) -> dict[int, float]:
     return part | {size: (1 - _ONE - _ALL) / len(sizes) for size in sizes}
 
 
-def _p_values(found: Beside, tried: _Tried, scatter: Scatter) -> tuple[Array, Array]:
+def _p_values(found: Eliminated, tried: _Tried, scatter: DayToDayVariances) -> tuple[Array, Array]:
     """Scores z, (D,), and p of softening and of stiffening along each alternative, (2, D).
 
     By Student's t, since the day-to-day scatter is itself estimated.

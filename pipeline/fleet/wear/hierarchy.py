@@ -16,9 +16,9 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
 from pipeline.fleet.wear.machine import Machine, products
-from pipeline.fleet.wear.scatter import Scatter
+from pipeline.fleet.wear.scatter import DayToDayVariances
 
-FEWEST = 3
+_FEWEST = 3
 """Minimum number of robots of a type from which variation between specimens is estimated; below, it
 is guessed."""
 
@@ -43,7 +43,7 @@ class _Told(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Type(Locked):
+class RobotType(Locked):
     """The robots of one type.
 
     Attributes:
@@ -67,14 +67,14 @@ class Type(Locked):
     @property
     def guessed(self) -> bool:
         """Whether the robots are too few to estimate the variation between specimens."""
-        return self.robots < FEWEST
+        return self.robots < _FEWEST
 
 
-def hierarchy(machines: Sequence[Machine], scatter: Scatter) -> Type:
+def hierarchy(machines: Sequence[Machine], scatter: DayToDayVariances) -> RobotType:
     """Mean, variation, and every robot's level and trend, given all robots of its type."""
     reference = _reference(machines)
-    told = [_told(one, scatter, reference) for one in machines]
-    N, g = np.array([one.N for one in told]), np.array([one.g for one in told])
+    selected = [_told(one, scatter, reference) for one in machines]
+    N, g = np.array([one.N for one in selected]), np.array([one.g for one in selected])
     n = len(reference)
     guess = np.append(np.full(n, _LEVEL**2), np.full(n, _TREND**2))
     D, worth, block = np.diag(guess), n + 2.0, np.kron(np.eye(2), np.ones((n, n)))
@@ -82,9 +82,9 @@ def hierarchy(machines: Sequence[Machine], scatter: Scatter) -> Type:
         mean, cov, values, covs = _given(N, g, D)
         off = values - mean
         square = np.einsum("ri,rj->ij", off, off) + covs.sum(axis=0)
-        D = block * (square + worth * np.diag(guess)) / (len(told) + worth)
+        D = block * (square + worth * np.diag(guess)) / (len(selected) + worth)
     mean, cov, values, covs = _given(N, g, D)
-    return Type(len(told), reference, mean, cov, D, values, covs)
+    return RobotType(len(selected), reference, mean, cov, D, values, covs)
 
 
 def _reference(machines: Sequence[Machine]) -> Array:
@@ -95,7 +95,7 @@ def _reference(machines: Sequence[Machine]) -> Array:
     return np.exp(np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0))
 
 
-def _told(machine: Machine, scatter: Scatter, reference: Array) -> _Told:
+def _told(machine: Machine, scatter: DayToDayVariances, reference: Array) -> _Told:
     """Information on levels at the first campaign and on trends, earlier lives eliminated.
 
     To first order in both.

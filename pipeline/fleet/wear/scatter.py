@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
-from pipeline.fleet.wear.beside import beside, gaps, steps
+from pipeline.fleet.wear.elimination import eliminated, gaps, steps
 from pipeline.fleet.wear.machine import Machine, products
 
 STATED = 0.01
@@ -31,7 +31,7 @@ _WORTH, _WORTH_TYPE, _WORTH_COMMON = 20.0, 10.0, 4.0
 """Degrees of freedom of the priors: of a joint about its type, of the type about the stated value,
 and of the common scatter."""
 
-FEWEST = 3
+_FEWEST = 3
 """Minimum number of campaigns of a robot from which scatter can be separated from a trend."""
 
 _ROUNDS, _SETTLED = 60, 1e-3
@@ -42,7 +42,7 @@ the scatter [1]."""
 
 
 @dataclass(frozen=True, eq=False)
-class Scatter(Locked):
+class DayToDayVariances(Locked):
     """Variances from day to day.
 
     Attributes:
@@ -62,7 +62,7 @@ class Scatter(Locked):
         return np.asarray(np.sqrt(self.variance))
 
 
-def scatter(machines: Sequence[Machine], stated: float = STATED) -> Scatter:
+def scatter(machines: Sequence[Machine], stated: float = STATED) -> DayToDayVariances:
     """Estimate the scatter of robots of one type by multiplicative, monotonic iterations.
 
     v <- v (sum of (P y)^2 over sum of P)^(1/2), P = V^-1 - V^-1 X (X' V^-1 X)^-1 X' V^-1, with the
@@ -72,14 +72,14 @@ def scatter(machines: Sequence[Machine], stated: float = STATED) -> Scatter:
         machines: At least one, all with the same number of joints.
         stated: Expected day-to-day scatter of a joint [1].
     """
-    telling = [one for one in machines if len(one.t) >= FEWEST]
+    telling = [one for one in machines if len(one.t) >= _FEWEST]
     n = machines[0].joints
     v = _settled(telling, np.append(np.full(n, stated**2), _COMMON**2), stated)
     steady = [_without_steps(one, v) for one in telling]
     v = _settled(steady, v, stated)
     information = (_sums(steady, v)[2] + _worth(n) / v**2) / 2
-    free = sum(len(one.t) - FEWEST + 1 for one in telling)
-    return Scatter(v, 1 / information, free)
+    free = sum(len(one.t) - _FEWEST + 1 for one in telling)
+    return DayToDayVariances(v, 1 / information, free)
 
 
 def _worth(n: int) -> Array:
@@ -103,7 +103,7 @@ def _settled(machines: Sequence[Machine], v: Array, stated: float) -> Array:
 def _without_steps(machine: Machine, v: Array) -> Machine:
     """The robot without the joints that changed suddenly, which is not day-to-day scatter."""
     after = gaps(machine, len(machine.t))
-    found = beside(machine, machine.weights(v), steps(machine, after))
+    found = eliminated(machine, machine.weights(v), steps(machine, after))
     z = np.where(found.told, found.g / np.sqrt(np.where(found.told, np.diag(found.N), 1.0)), 0.0)
     stepped = np.abs(z.reshape(len(after), machine.joints)).max(axis=0, initial=0.0) > _STEPPED
     return replace(machine, seen=machine.seen & ~stepped) if stepped.any() else machine

@@ -1,7 +1,7 @@
 """Trends of the present lives of a robot's joints, by generalised least squares.
 
 y = A a + B w + e: levels a, trends w of the relative compliances per year, e with the covariance of
-campaigns and days; w = I^-1 s with covariance I^-1, I and s as in `beside`.
+campaigns and days; w = I^-1 s with covariance I^-1, I and s as in `eliminated`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
-from pipeline.fleet.wear.beside import Beside, beside
+from pipeline.fleet.wear.elimination import Eliminated, eliminated
 from pipeline.fleet.wear.machine import Machine
-from pipeline.fleet.wear.scatter import Scatter
+from pipeline.fleet.wear.scatter import DayToDayVariances
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +43,10 @@ class Trends(Locked):
         return np.asarray(special.stdtrit(self.dof, 0.975) * self.std)
 
 
-def trends(machine: Machine, scatter: Scatter) -> Trends:
+def trends(machine: Machine, scatter: DayToDayVariances) -> Trends:
     """All trends of a robot's present lives, estimated together."""
     n = machine.joints
-    found = beside(machine, machine.weights(scatter.variance), machine.trend)
+    found = eliminated(machine, machine.weights(scatter.variance), machine.trend)
     value, cov, dof = np.full(n, np.nan), np.full((n, n), np.nan), np.full(n, np.nan)
     use = np.flatnonzero(found.told)
     if use.size:
@@ -56,7 +56,7 @@ def trends(machine: Machine, scatter: Scatter) -> Trends:
     return Trends(value, cov, dof)
 
 
-def _dof(found: Beside, use: Ints, cov: Array, scatter: Scatter) -> Array:
+def _dof(found: Eliminated, use: Ints, cov: Array, scatter: DayToDayVariances) -> Array:
     """Degrees of freedom after Satterthwaite (Biometrics Bull. 2 (1946) 110).
 
     Twice the square of a variance over the variance of that variance. The variance of w_j is d' I

@@ -29,7 +29,7 @@ def _wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     return loaded.load_point + here * (loaded.configuration.flange_axes @ values), loaded.force
 
 
-def points(loaded: Loaded, values: Array) -> Array:
+def _points(loaded: Loaded, values: Array) -> Array:
     """True positions of the targets."""
     shift = loaded.configuration.flange_axes @ values
     return np.asarray(loaded.points + shift[:, None])
@@ -38,9 +38,9 @@ def points(loaded: Loaded, values: Array) -> Array:
 def effects(robot: Robot) -> tuple[Effect, ...]:
     """One effect in three forms, on any robot."""
     alone = Wrench(**_said("load point"), wrench=_wrench, of=(PULLED, HUNG))
-    followed = Reflectors(**_said("measuring point"), points=points)
+    followed = Reflectors(**_said("measuring point"), points=_points)
     both = _said("both") | {"of": (PULLED, HUNG)}
-    acts = (Wrench(**both, wrench=_wrench), Reflectors(**both, points=points))
+    acts = (Wrench(**both, wrench=_wrench), Reflectors(**both, points=_points))
     return (alone, followed, Compound(**both, acts=acts))
 
 

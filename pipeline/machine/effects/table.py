@@ -8,7 +8,7 @@ from __future__ import annotations
 from pipeline.base.arrays import Parameter
 from pipeline.machine.effect import Table
 from pipeline.machine.robot import Robot, axes
-from pipeline.machine.robot.letters import Letter, letters, nominal
+from pipeline.machine.robot.dh_parameters import DhParameter, dh_parameters, nominal
 
 NOUNS = {
     "link_length": "wrong link length",
@@ -27,7 +27,7 @@ _MOST = 0.5
 
 def effects(robot: Robot) -> tuple[Table, ...]:
     """Every geometric parameter that unloaded reflectors can show, except the joints' zeros."""
-    every, names = letters(robot), axes.alone(robot)
+    every, names = dh_parameters(robot), axes.alone(robot)
     return tuple(
         _effect(letter, float(value), names[letter.joint - 1])
         for letter, value in zip(every, nominal(robot, every), strict=True)
@@ -35,7 +35,7 @@ def effects(robot: Robot) -> tuple[Table, ...]:
     )
 
 
-def _effect(letter: Letter, value: float, axis: str | None) -> Table:
+def _effect(letter: DhParameter, value: float, axis: str | None) -> Table:
     symbol = letter.key.rsplit("_", 1)[0]
     return Table(
         name=letter.name,

@@ -157,7 +157,7 @@ def worded(robot: Robot, made: Effect) -> Effect:
     """Add noun and signature to the effect of a law, with the controller's names of the joints."""
     assert made.law is not None
     names = axes.alone(robot)
-    told = noun(made.law, names)
+    told = _noun(made.law, names)
     axis = names[made.where - 1] if isinstance(made.where, int) else None
     return replace(made, noun=told, signature=told, axis=axis)
 
@@ -357,9 +357,9 @@ def undecided(robot: Robot, one: Effect, others: Sequence[Law]) -> Effect:
     first, names = one.law, axes.alone(robot)
     alike = [law for law in others if _but_for_order(law, first)]
     orders = [law.shapes[-1].order for law in (first, *alike)]
-    told = [noun(first, names, orders), *(noun(law, names) for law in others if law not in alike)]
-    said = ", or ".join(dict.fromkeys(told))
-    return replace(one, noun=said, signature=said)
+    told = [_noun(first, names, orders), *(_noun(law, names) for law in others if law not in alike)]
+    text = ", or ".join(dict.fromkeys(told))
+    return replace(one, noun=text, signature=text)
 
 
 def _but_for_order(law: Law, other: Law) -> bool:
@@ -373,7 +373,7 @@ _WAVES = ("periodic", "coupling")
 """Periodic kinds of law."""
 
 
-def noun(law: Law, names: Sequence[str | None], orders: Sequence[float] = ()) -> str:
+def _noun(law: Law, names: Sequence[str | None], orders: Sequence[float] = ()) -> str:
     """Description of the law without its place.
 
     Args:

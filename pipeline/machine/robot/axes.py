@@ -59,7 +59,7 @@ def of(robot: Robot) -> Axes:
     return Axes(robot.controller, slides, robot.controller_matrix, robot.controller_offset)
 
 
-def shown(robot: Robot, q: Array) -> Array:
+def displayed(robot: Robot, q: Array) -> Array:
     """Axis values as the controller displays them, mm and degrees, (..., k).
 
     Args:
@@ -72,7 +72,7 @@ def shown(robot: Robot, q: Array) -> Array:
 
 
 def from_shown(robot: Robot, values: Array) -> Array:
-    """The inverse of `shown`, to m and rad, (..., n)."""
+    """The inverse of `displayed`, to m and rad, (..., n)."""
     return robot.from_controller(values)
 
 

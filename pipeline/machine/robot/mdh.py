@@ -544,7 +544,7 @@ def load(name: str, folder: Path | None = None) -> Robot:
     path, unknown = (folder or Path()) / name, no_robot(name, "campaign.toml" if folder else None)
     if path.suffix != ".toml":
         raise unknown
-    return parse(files.words(path, path.name, toml.LARGEST, unknown), path.name)
+    return parse(files.words(path, path.name, toml.LARGEST_TEXT, unknown), path.name)
 
 
 def no_robot(name: str, file: str | None) -> InputError:

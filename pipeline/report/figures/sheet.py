@@ -66,5 +66,5 @@ class PixelSheet:
         self._add("text", own, base | style).text = self.say(said)
 
     def _add(self, kind: str, own: dict[str, str], style: dict[str, Any]) -> ET.Element:
-        said = {name.replace("_", "-"): f"{value}" for name, value in style.items()}
-        return ET.SubElement(self.root, kind, own | said)
+        entries = {name.replace("_", "-"): f"{value}" for name, value in style.items()}
+        return ET.SubElement(self.root, kind, own | entries)

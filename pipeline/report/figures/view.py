@@ -12,7 +12,7 @@ from pipeline.base.arrays import Array
 PITCH = np.deg2rad(22.0)
 """Elevation of the viewing direction [rad]."""
 
-FAR = 3.0
+_FAR = 3.0
 """Distance of the eye over the size of the cell [1]."""
 
 FROM, TO = ([f"{end}_{a}_m" for a in "xyz"] for end in ("from", "to"))
@@ -45,7 +45,7 @@ class View:
         ahead = -(c * d[..., 0] + s * d[..., 1])
         up = np.cos(PITCH) * d[..., 2] + np.sin(PITCH) * ahead
         depth = np.cos(PITCH) * ahead - np.sin(PITCH) * d[..., 2]
-        scale = 1 / (1 + depth / (FAR * self.size))
+        scale = 1 / (1 + depth / (_FAR * self.size))
         return scale * right, scale * up, scale
 
 

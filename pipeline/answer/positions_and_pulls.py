@@ -1,0 +1,229 @@
+"""A campaign of absolute positions and pulls of one robot: one estimate, one answer.
+
+Positions are identified first and say where the pulls' robot stands (`geometry.stance`); what both
+say of the springs is estimated together (`diagnosis.joined`), and what that changes of the
+positions goes back into their model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from pipeline import tables
+from pipeline.answer import contract
+from pipeline.answer import positions as of_positions
+from pipeline.answer.contract import About, Answer, Line
+from pipeline.answer.of_positions import law_table, model_file, pictures
+from pipeline.answer.positions import PositionsResults
+from pipeline.answer.recommended import joint_springs
+from pipeline.answer.results import CampaignResults
+from pipeline.answer.words import listed
+from pipeline.diagnosis.combined import SpringAgreement, combined, spring_agreement
+from pipeline.diagnosis.facts import Diagnosed, Facts
+from pipeline.diagnosis.finding import Verdict
+from pipeline.diagnosis.verdict import of_both, verdict
+from pipeline.geometry.with_pulls import as_estimated, beside_pulls, opened, unloaded_p_value
+from pipeline.machine.positions_estimate import called_for, laws_of_gears
+from pipeline.prediction.kinematic_model import ByPulls
+from pipeline.prediction.model import IdentifiedModel
+from pipeline.reduction.bring import Keep, Step, bring
+from pipeline.reduction.case import Case
+from pipeline.system import alarms
+from pipeline.system.fit import Fitted, fit
+
+
+@dataclass(frozen=True, eq=False)
+class PositionsAndPulls:
+    """What positions and pulls of one robot say.
+
+    Attributes:
+        case: The campaign of pulls, its robot where the positions have it.
+        delivered: The same with its robot as its file has it.
+        said: What the positions say; in the end beside the pulls.
+        lighter: Springs over those with an arm of usual weight, where nobody states masses.
+        agreement: Springs by the weight against those by the pulls.
+    """
+
+    case: Case
+    delivered: Case
+    said: PositionsResults
+    lighter: float
+    agreement: SpringAgreement | None = None
+
+    @classmethod
+    def of(cls, case: Case, said: PositionsResults, step: Step) -> PositionsAndPulls:
+        """The pulls of a robot that stands where its positions have it.
+
+        As its file has it where nothing explains these.
+        """
+        if verdict(replace(said.facts, mistakes=())) is Verdict.UNEXPLAINED:
+            return cls(case, case, said, 1.0)
+        there, found, factor = step(as_estimated)(case, said.found.final)
+        return cls(there, case, said.ending(said.found.ending(found)), factor)
+
+    def given(self, step: Step) -> Fitted:
+        """The paper's model of the pulls alone, on the robot as delivered."""
+        return step(fit)(self.delivered, bring(self.delivered))
+
+    def beside(self, stands: Fitted, diagnosis: Diagnosed) -> PositionsAndPulls:
+        """The same after the pulls, whose likeliest model adds to what the positions know."""
+        if stands.data.stance is None:
+            return self
+        one = diagnosis.hypotheses[0] if diagnosis.hypotheses else joint_springs(stands).first
+        now = combined(one, stands.data)
+        held = spring_agreement(one, now, self.lighter)
+        found, every = self.said.found.final, self.said.found.final.mechanism.elements
+        before = opened(found, called_for(every, stands.data.stance.held))
+        gears = laws_of_gears(one.cell.effects, every)
+        table_p = unloaded_p_value(before, stands.data.stance, stands.data, self.case.tool, gears)
+        held = replace(held, table_p=table_p)
+        found = opened(found, called_for(every, now.stance.held))
+        if held.p >= alarms.MISFIT:
+            found = beside_pulls(found, now.stance, now.value, now.cov)
+        return replace(self, said=self.said.ending(self.said.found.ending(found)), agreement=held)
+
+    @property
+    def agrees(self) -> bool:
+        """Whether both say the same of the springs."""
+        return self.agreement is not None and self.agreement.p >= alarms.MISFIT
+
+    def facts(self, pulls: Facts) -> Facts:
+        """What the verdict of both follows from: the worse evidence decides."""
+        mine = self.said.facts
+        return replace(
+            pulls,
+            mistakes=(*pulls.mistakes, *mine.mistakes),
+            positions=replace(mine, mistakes=()),
+            agreement=self.agreement,
+        )
+
+    @cached_property
+    def _alone(self) -> Answer:
+        return of_positions.answer(self.said)
+
+    def files(self, pulls: IdentifiedModel) -> dict[str, bytes]:
+        """What `pipeline predict` reads, by name.
+
+        Args:
+            pulls: What is handed over of the pulls.
+        """
+        return model_file(self.said, ByPulls(pulls, self.agrees))
+
+    def shown(self, pulls: Mapping[str, pd.DataFrame], keep: Keep) -> dict[str, pd.DataFrame]:
+        """The tables of the positions, beside those of the pulls."""
+        laws = pd.concat([law_table(self.said.found), pulls["laws"]], ignore_index=True)
+        rejected = pd.concat([self.said.rejected, pulls["rejected"]], ignore_index=True)
+        return {
+            **pictures(self.said, keep),
+            "laws": keep("53_laws", laws, tables.LAWS),
+            "rejected": keep("13_rejected", rejected, tables.REJECTED),
+        }
+
+    def answer(self, found: CampaignResults, pulls: Answer) -> Answer:
+        """One answer: that of the pulls, with what only positions say."""
+        mine = self._alone
+        lines = tuple(self._lines(pulls))
+        validation = pulls.validation and pulls.validation.model_copy(
+            update={
+                "held_out_position_mm": mine.validation and mine.validation.held_out_position_mm
+            }
+        )
+        return pulls.model_copy(
+            update={
+                "verdict_sentence": tuple(line.text for line in lines),
+                "first_screen": lines,
+                "recommended": pulls.recommended.model_copy(
+                    update={"table": contract.TableSource.ESTIMATED}
+                ),
+                "validation": validation,
+                "diagnosis": self._diagnosis(found.facts, pulls.diagnosis),
+                "rejected": (*mine.rejected, *pulls.rejected),
+                "findings": (*pulls.findings, *self._findings(pulls)),
+                "payloads": mine.payloads or pulls.payloads,
+                "geometry": mine.geometry,
+                "geometry_combinations": mine.geometry_combinations,
+                "position_steps": mine.position_steps,
+                "springs_by": self._springs(),
+                "assumptions": tuple(dict.fromkeys((*pulls.assumptions, *mine.assumptions))),
+            }
+        )
+
+    def _diagnosis(self, facts: Facts, pulls: contract.Diagnosis) -> contract.Diagnosis:
+        """Mistakes of both, then causes of the pulls, then those of the positions."""
+        mine = self._alone.diagnosis
+        known_values = {(one.name, one.where) for one in pulls.causes}
+        beside = [  # mistakes are told of both
+            one
+            for one in mine.causes
+            if one.evidence is None and (one.name, one.where) not in known_values
+        ]
+        return pulls.model_copy(
+            update={
+                "verdict": verdict(facts),
+                "reasons": tuple(row.finding for row in of_both(facts)),
+                "causes": (*pulls.causes, *beside),
+                "unloaded_off_mm": mine.unloaded_off_mm,
+            }
+        )
+
+    def _findings(self, pulls: Answer) -> Iterator[str]:
+        yield from (one for one in self._alone.findings if one not in pulls.findings)
+
+    def _lines(self, pulls: Answer) -> Iterator[Line]:
+        """The first screen of the pulls, and beside its lines what the positions add to them."""
+        predicted = next(one.text for one in self._alone.first_screen if one.about == About.VERDICT)
+        more = {
+            About.VERDICT: [] if self.said.facts.mistakes else [predicted],
+            About.MODEL: list(self._model()),
+            About.WRONG: list(of_positions.beside_causes(self.said)),
+        }
+        for line in pulls.first_screen:
+            beside = more.pop(line.about, [])
+            yield line.model_copy(update={"text": " ".join([line.text, *beside])})
+
+    def _model(self) -> Iterator[str]:
+        """What positions and pulls share."""
+        if not self.agrees or self.case.stance is None:
+            return
+        yield (
+            "The table of the robot is estimated from its positions, its springs from pulls and "
+            "from the arm's own weight together."
+        )
+        held = self.case.stance.held
+        if held:
+            them = listed([one.called for one in held])
+            yield f"Beside them yield, under weight and pulls alike: {them}."
+        if self.agreement is not None and self.agreement.factor is not None:
+            yield (
+                "No masses are stated: the pulls tell how heavy the arm is, which the positions "
+                "alone cannot."
+            )
+
+    def _springs(self) -> contract.SpringsBy | None:
+        """Springs by weight and by pulls, beside each other."""
+        held = self.agreement
+        if held is None:
+            return None
+        names = [f"k_{joint.name}" for joint in self.case.robot.joints]
+        return contract.SpringsBy(
+            chi2=held.chi2,
+            dof=held.dof,
+            p_value=held.p,
+            joined=self.agrees,
+            lighter=held.factor,
+            each=tuple(
+                contract.SpringBy(name=name, by_weight=_of(w), by_pulls=_of(p))
+                for name, w, p in zip(names, held.weight, held.pulls, strict=True)
+            ),
+        )
+
+
+def _of(one: np.ndarray) -> contract.Known | None:
+    """Compliance with its uncertainty; None where nothing tells it."""
+    value, std = one.tolist()
+    return contract.Known(value=value, std=std) if np.isfinite(std) else None

@@ -1,0 +1,86 @@
+"""Everything that a run found out about a campaign, as input for the answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pandas as pd
+
+from pipeline.answer.recommended import DecisionRow, ModelValues
+from pipeline.diagnosis.facts import Diagnosed, Facts
+from pipeline.diagnosis.finding import Verdict
+from pipeline.diagnosis.verdict import verdict
+from pipeline.faults.mistake import Mistake
+from pipeline.prediction import model as handover
+from pipeline.prediction.tolerance import JudgedTolerance
+from pipeline.reduction.pose_of_interest import PoseOfInterest
+from pipeline.store.campaign import Raw
+from pipeline.system.fit import Fitted
+from pipeline.system.one_pose import OnePose
+
+
+@dataclass(frozen=True, eq=False)
+class ReportedModel:
+    """One model of the campaign, as reported.
+
+    Attributes:
+        values: Its values.
+        model: The identified machine with these values.
+        checked: Table VALIDATION; None if nothing is determined.
+    """
+
+    values: ModelValues
+    model: handover.IdentifiedModel
+    checked: pd.DataFrame | None
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignResults:
+    """Everything that a run found out about a campaign.
+
+    Attributes:
+        campaign: Name of the campaign.
+        raw: Content of its folder.
+        given: The joint springs from the data as given.
+        right: The joint springs from the data with every mistake corrected; the same without
+            mistakes.
+        diagnosis: Diagnosis of these data, which does not include mistakes.
+        facts: Facts from which the verdict follows, mistakes included.
+        row: Which values the answer gives, and why.
+        told: The recommended values.
+        springs: The paper's model on the data as given.
+        extended: Estimate of springs and identified causes from the data on which the answer rests;
+            None without causes.
+        where: The test pose.
+        control: Table RELIABILITY of the recommended values.
+        carried: Table INFLUENCE of the recommended values.
+        judged: Predictions at the test pose and along the path, and their conformity.
+        one_pose: Evidence that all targets of a pose were computed from one pose of the effector;
+            None if not applicable.
+    """
+
+    campaign: str
+    raw: Raw
+    given: Fitted
+    right: Fitted
+    diagnosis: Diagnosed
+    facts: Facts
+    row: DecisionRow
+    told: ReportedModel
+    springs: ReportedModel
+    extended: ModelValues | None
+    where: PoseOfInterest
+    control: pd.DataFrame
+    carried: pd.DataFrame
+    judged: JudgedTolerance
+    one_pose: OnePose | None = None
+
+    @property
+    def mistakes(self) -> tuple[Mistake, ...]:
+        """The mistakes in the data."""
+        return self.facts.mistakes
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on the campaign."""
+        return verdict(self.facts)

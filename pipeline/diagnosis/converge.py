@@ -1,0 +1,191 @@
+"""Stages 5 to 7 as one: mistakes, noise and causes, each judged given the others.
+
+The state consists of mistakes in single readings and pulls, the noise (scale and shape) and the
+causes. Each move changes one of them given the other two: readings are screened again from
+everything in the files, given springs, causes and the tails of all doubtful readings together; the
+noise is estimated again given the causes; causes are sought again in the remaining readings. It
+ends where no move changes anything. Mistakes in whole files were corrected before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.diagnosis.diagnose import diagnose
+from pipeline.diagnosis.drift import drift
+from pipeline.diagnosis.facts import Diagnosed
+from pipeline.diagnosis.noise_bounds import bounds
+from pipeline.faults.base_reading import astray
+from pipeline.faults.screen import Screened, ScreeningBase, files_of, singles_of
+from pipeline.machine.effects.tracker_drift import by_order
+from pipeline.machine.room import room_of
+from pipeline.reduction.bring import Reduced, Step, bring
+from pipeline.reduction.case import Case
+from pipeline.reduction.expected import expected
+from pipeline.reduction.pose_of_interest import PoseOfInterest, place_of_interest
+from pipeline.reduction.register import timed
+from pipeline.system import alarms
+from pipeline.system.family import FAR_OFF, Family
+from pipeline.system.fit import Fitted, fit
+from pipeline.system.linearised import linearise
+from pipeline.system.noise_shape import NoiseShape, shape, tails
+from pipeline.system.outlying import OutlyingReadings, far
+
+_SEED = 20261103
+"""Seed of the draws; another one changes numbers within their stated scatter."""
+
+_ROUNDS = 6
+"""Maximum number of changes of the mistakes; if states recur in a cycle they are equally good, and
+the one with the fewest mistakes is used."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Converged:
+    """State that no single move changes.
+
+    Attributes:
+        screened: Mistakes in the data.
+        right: The campaign without them, weighted by the estimated noise.
+        where: The test pose.
+        diagnosis: The causes, and what the model lacks.
+    """
+
+    screened: Screened
+    right: Fitted
+    where: PoseOfInterest
+    diagnosis: Diagnosed
+
+
+def converge(case: Case, reduced: Reduced, given: Fitted, step: Step) -> _Converged:
+    """Mistakes, noise and causes of a campaign.
+
+    Args:
+        case: The campaign as given.
+        reduced: Its measurements.
+        given: Its joint springs.
+        step: How a stage is carried out.
+    """
+    files = step(files_of)(case, reduced)
+    held = step(singles_of)(files, None if files.findings else reduced)
+    ends: list[_Converged] = []
+    for _ in range(_ROUNDS):
+        ends.append(_stand(held, given, step))
+        moved = step(_screened)(files, ends[-1])
+        if moved.key == held.key:
+            return _bounded(ends[-1])
+        held = moved
+        again = [k for k, one in enumerate(ends) if one.screened.key == held.key]
+        if again:
+            break
+    ends = ends[again[0] :] if again else ends[-2:]  # the cycle, or the last two
+    return _bounded(min(ends, key=lambda one: len(one.screened.findings)))
+
+
+def _bounded(end: _Converged) -> _Converged:
+    """The state with its noise and misfit compared with their bounds."""
+    right, said = end.right, end.diagnosis
+    left = OutlyingReadings.none()
+    if right.plain.noise_stated:
+        seen = replace(said.seen, data=right.shape.off(said.seen.data))
+        base = astray(right.reduced.registration, float(right.noise.scale[0]), FAR_OFF)
+        left = far(seen, right.shape.family, base, right.used)
+    best = said.hypotheses[0] if said.hypotheses else right
+    told = said.scatter.force > 1 and said.scatter.known_from == "contrasts"
+    force = said.scatter.force * said.scatter.tracker if told else 1.0
+    kept = bounds(right, best.system, best.estimate, left, force)
+    away = [one for one in end.screened.doubted if one.before > FAR_OFF and one.may_be_noise]
+    doubted = [at for one in away for at in one.at]
+    kept = replace(kept, doubted=tuple(doubted))
+    return replace(end, diagnosis=replace(said, facts=replace(said.facts, bounds=kept)))
+
+
+def _stand(held: Screened, given: Fitted, step: Step) -> _Converged:
+    """Noise and causes, given some mistakes."""
+    right = step(fit)(held.case, bring(held.case)) if held.findings else given
+    where = place_of_interest(held.case.settings.test_pose, right.case.robot, right.data.pulls)
+    return _weighed(_Converged(held, right, where, _diagnosed(right, where, step)), step)
+
+
+def _screened(files: Screened, end: _Converged) -> Screened:
+    """Readings and pulls screened, and the noise estimated, given the causes."""
+    said, family = end.diagnosis, _tails(files, end)
+    cell, start = files.case.cell, files.case.robot.nominal_compliance
+    richer = cell.with_effects(*said.modelled)
+    if said.estimate is not None and richer.parameters == said.estimate.parameters:
+        cell, start = richer, said.estimate.value
+    nothing = not end.screened.findings and not end.screened.doubted
+    if nothing and cell is not richer:
+        return end.screened
+    return singles_of(files, None, ScreeningBase(cell, start, family))
+
+
+def _tails(files: Screened, end: _Converged) -> Family | None:
+    """Tails of all readings given the accepted model, including those that noise may have moved.
+
+    None where no noise is stated, so that it is estimated from the residuals only.
+    """
+    right, seen = end.right, end.diagnosis.seen
+    if not right.plain.noise_stated:
+        return None
+    case = end.screened.without_doubt(files)
+    reduced = right.reduced if case is right.case else bring(case)
+    data = right.as_noisy(reduced.data)
+    found = tails(linearise(seen.model, data, seen.suspects), seen.model.accepted)[1]
+    return found.of(right.used)
+
+
+def _diagnosed(right: Fitted, where: PoseOfInterest, step: Step) -> Diagnosed:
+    """The diagnosis; every one uses the same draws."""
+    rng = np.random.default_rng(_SEED)
+    cell, data = right.case.cell, right.data
+    scale, effects = float(right.noise.scale[0]), expected(right.case, data)
+    if not timed(right.case.readings):
+        effects = by_order(effects)
+    wander = right.shape.wander
+    moved = drift(right.reduced.registration, scale, data.unloaded, effects, wander)
+    room = room_of(cell.robot, cell.tool.named, right.case.settings, data.pulls.range_n[1])
+    told = right.noise, right.shape, room
+    return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *told)
+
+
+def _weighed(end: _Converged, step: Step) -> _Converged:
+    """The campaign weighted by the noise that is estimated given the accepted model.
+
+    First its shape; where the model lacks something, only if such noise is likely whatever the
+    machine does, and completes the model. Then its scale: where the residuals exceed the stated
+    noise but not that of the contrasts, the latter is used.
+    """
+    right, said, where = end.right, end.diagnosis, end.where
+    if not right.plain.noise_stated or not (said.settled or _noise_likely(right, said)):
+        return end
+    seen = _beside(right, said)
+    if seen.differs(right.shape):
+        weighed = right.shaped(seen)
+        again = _diagnosed(weighed, where, step)
+        if not (said.settled or again.settled):
+            return end
+        right, said, seen = weighed, again, _beside(weighed, again)
+    right = replace(right, shape=seen)
+    end = replace(end, right=right, diagnosis=said)
+    p = said.facts.stated_p
+    if right.noise.used or p is None or not p < alarms.MISFIT <= said.facts.misfit_p:
+        return end
+    right = replace(step(fit)(right.case, right.reduced, taken=True), shape=seen).shaped(seen)
+    return replace(end, right=right, diagnosis=_diagnosed(right, where, step))
+
+
+def _noise_likely(right: Fitted, said: Diagnosed) -> bool:
+    """Whether heavier tails or a wander are likelier than not, whatever the machine does.
+
+    It is tested given everything that a machine could do, which leaves few residuals to show it; if
+    not likely there, given the accepted model with a stiffness of its own for each pose.
+    """
+    return right.shape.likely or _beside(right, said, loose=True).likely
+
+
+def _beside(right: Fitted, said: Diagnosed, loose: bool = False) -> NoiseShape:
+    """Shape of the noise given the accepted model; `loose` as of `shape`."""
+    seen = replace(said.seen, data=right.shape.off(said.seen.data))
+    return shape(seen, said.seen.model.accepted, loose)

@@ -1,0 +1,286 @@
+"""Iterated linear estimate of kinematic parameters, tool, frames, compliances and laws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Locked
+from pipeline.geometry import spline as curve
+from pipeline.geometry.estimate import (
+    FIXED_SIGMA,
+    Posterior,
+    Prior,
+    ReadRows,
+    again,
+    by_a_factor,
+    larger,
+    padded,
+    prior,
+    rougher,
+    rows,
+    solved,
+)
+from pipeline.geometry.laws import JointLaw
+from pipeline.geometry.mechanism import ArmWeights, Linear, Mechanism, layout, linearised
+from pipeline.geometry.readings import PositionReadings
+from pipeline.geometry.scatter import PoseScatter
+from pipeline.geometry.yielding import usual
+from pipeline.machine.effect import Elastic
+from pipeline.machine.robot import Robot
+
+_FEWEST, _SETTLED, _MOST = 3, 8, 14
+"""Numbers of linearisations: minimum, those that re-estimate scatter and prior scales, maximum. The
+product of a weight and the compliance it acts on needs more of them than DH parameters that are off
+by milliradians."""
+
+_STRAIGHT = 0.02
+"""Convergence limit on the change of the residuals in the last linearisation, in standard
+deviations of the noise [1]."""
+_MOST_OF_THEM = 0.98
+"""Fraction of the readings that must meet `_STRAIGHT` [1]; where a torque is about zero, steps at
+its sign keep changing."""
+
+_STILL = 2e-3
+"""Convergence limit on the change of a compliance in the last linearisation, over its nominal
+value [1]."""
+
+_STEPS = (4, 2, 2)
+"""Number of updates of scatter and prior scales in the first linearisation, the second, and later
+ones; an estimate that starts from an earlier one begins with the second."""
+
+_SIZE = {True: 1e-4, False: 2e-4}
+"""Initial prior size of a curve: sliding [m] (True), rotary [rad] (False)."""
+
+
+@dataclass(frozen=True)
+class ModelStructure:
+    """Model structure: what is estimated in addition to tool and frames.
+
+    Attributes:
+        table: Whether the DH parameters are estimated.
+        springs: Whether joint compliances under the arm's weight are estimated.
+        laws: Laws of joints.
+        curves: Joints with a curve of their own, from 0, each with its length [m] or [rad].
+        yields: Elastic elements other than joint springs under the arm's weight.
+        moments: Whether masses and first moments of the links are estimated, because the robot file
+            states none, or wrong ones.
+        bed: Length of the curves of a rail that is not straight [m]; None where it is straight.
+    """
+
+    table: bool = True
+    springs: bool = True
+    laws: tuple[JointLaw, ...] = ()
+    curves: tuple[tuple[int, float], ...] = ()
+    yields: tuple[Elastic, ...] = ()
+    moments: bool = False
+    bed: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration(Locked):
+    """An estimated mechanism with all that it was estimated from.
+
+    Attributes:
+        mechanism: The estimate.
+        readings: The readings.
+        weights: Gravity and payloads on the arm.
+        known: Priors, with their estimated scales.
+        scatter: Scatter of the readings about the model.
+        linear: The last linearisation, from which `solution` was estimated.
+        rows: The same, whitened.
+        solution: The parameters with their covariance.
+        wanted: Structure of the model.
+    """
+
+    mechanism: Mechanism
+    readings: PositionReadings
+    weights: ArmWeights
+    known: Prior
+    scatter: PoseScatter
+    linear: Linear
+    rows: ReadRows
+    solution: Posterior
+    wanted: ModelStructure
+
+    @property
+    def likely(self) -> float:
+        """Logarithm of the marginal likelihood of the readings."""
+        return self.solution.evidence + float(linear.log_det(self.rows.W).sum())
+
+    @property
+    def left(self) -> Array:
+        """Residuals: readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""
+        e = self.rows.y - self.rows.along(self.solution.x)
+        return self.linear.spread(linear.solve(self.rows.W, e))
+
+
+def calibrate(
+    begun: Mechanism,
+    readings: PositionReadings,
+    weights: ArmWeights,
+    wanted: ModelStructure,
+    scatter: PoseScatter,
+    stated: tuple[float, float] = (np.nan, np.nan),
+    known: Prior | None = None,
+) -> Calibration:
+    """Estimate a mechanism.
+
+    Args:
+        begun: Starting point; its laws and curves are replaced by those of `wanted`.
+        readings: The readings.
+        weights: Gravity and payloads on the arm.
+        wanted: Structure of the model.
+        scatter: Initial scatter of the readings about the model.
+        stated: Roughness of lengths [m] and angles [rad] in the robot file; NaN where not stated.
+        known: Priors of an earlier estimate to start from.
+    """
+    mechanism = _equipped(begun, readings, wanted)
+    shapes = [[(c.screw, c.length) for c in one.curves] for one in (begun, mechanism)]
+    warm = known is not None and shapes[0] == shapes[1]
+    before = prior(mechanism, stated, weights.payloads)
+    known = _only(_scaled(before, mechanism, known), mechanism, wanted)
+    here = linearised(readings, mechanism, weights)
+    for turn in range(_MOST):
+        for _ in range(_steps(turn, warm)):
+            whitened = rows(here, mechanism, scatter)
+            found = solved(whitened, mechanism, known)
+            scatter = again(whitened, here, found, scatter)
+            known = _only(rougher(known, found), mechanism, wanted)
+            mechanism = larger(mechanism, found)
+        whitened = rows(here, mechanism, scatter)
+        found = solved(whitened, mechanism, known)
+        moved = mechanism.moved(found.x, layout(mechanism))
+        then = linearised(readings, moved, weights)
+        off = np.einsum("mij,mj->mi", whitened.W, then.y[:, then.used]) - whitened.y
+        far = float(np.quantile(np.abs(off + whitened.along(found.x)), _MOST_OF_THEM))
+        turned = np.abs(moved.compliance - mechanism.compliance) / begun.table.nominal_compliance
+        if _ends(turn + 1, far, float(turned.max())):
+            break
+        mechanism, here = moved, then
+    if mechanism.unknown:
+        found = by_a_factor(whitened, mechanism, found, weights.any)
+    return Calibration(moved, readings, weights, known, scatter, here, whitened, found, wanted)
+
+
+def _steps(turn: int, warm: bool) -> int:
+    """Number of updates of scatter and prior scales in one linearisation."""
+    if turn >= _SETTLED:
+        return 0
+    return _STEPS[min(turn + warm, len(_STEPS) - 1)]
+
+
+def _scaled(new: Prior, mechanism: Mechanism, earlier: Prior | None) -> Prior:
+    """The prior `new` with the scales of an earlier estimate, as far as their groups agree."""
+    if earlier is None:
+        return new
+    std = new.std.copy()
+    std[layout(mechanism).letters] = earlier.std[: len(new.turns)]
+    if len(earlier.groups) <= len(new.groups):
+        for now, then in zip(new.groups, earlier.groups, strict=False):
+            if now.stop - now.start == then.stop - then.start:
+                std[now] = earlier.std[then]
+    return replace(new, std=std, free=earlier.free)
+
+
+def _only(known: Prior, mechanism: Mechanism, wanted: ModelStructure) -> Prior:
+    """The prior with DH parameters and compliances held fixed unless they are to be estimated."""
+    where = layout(mechanism)
+    std, mean = known.std.copy(), known.mean.copy()
+    if not wanted.table:
+        std[where.letters] = FIXED_SIGMA
+    if not wanted.springs:
+        std[where.compliance], mean[where.compliance] = FIXED_SIGMA, 0.0
+    return replace(known, std=std, mean=mean)
+
+
+def _amplitudes(begun: Mechanism, wanted: ModelStructure) -> Array:
+    """Initial amplitudes of the wanted laws: the earlier ones if their laws come first, else 0."""
+    count = sum(law.amplitudes for law in wanted.laws)
+    if begun.laws != wanted.laws[: len(begun.laws)]:
+        return np.zeros(count)
+    return padded(begun.amplitudes, count)
+
+
+def _ends(count: int, far: float, turned: float) -> bool:
+    """Whether the iteration ends: it has converged, or reached the maximum number."""
+    return count == _MOST or (count >= _FEWEST and far < _STRAIGHT and turned < _STILL)
+
+
+def _equipped(begun: Mechanism, readings: PositionReadings, wanted: ModelStructure) -> Mechanism:
+    """The mechanism with the wanted structure, new parameters at zero."""
+    size = {one.screw: one.size for one in begun.curves}
+    fresh = tuple(
+        replace(one, size=size.get(one.screw, one.size))
+        for one in _curves(begun.table, readings, wanted)
+    )
+    elements = wanted.yields
+    sizes_of = np.split(begun.yields, np.cumsum([len(e.parameters) for e in begun.elements])[:-1])
+    size_of = dict(zip([e.label for e in begun.elements], sizes_of, strict=False))
+    none = [np.zeros(len(e.parameters)) for e in elements]
+    yields = [size_of.get(e.label, zero) for e, zero in zip(elements, none, strict=True)]
+    moments, compliance = begun.moments, begun.compliance
+    if wanted.moments and not begun.unknown:
+        moments, compliance = usual(begun.table)[0], begun.table.nominal_compliance
+    return replace(
+        begun,
+        elements=elements,
+        yields=np.concatenate([np.zeros(0), *yields]),
+        moments=moments,
+        compliance=compliance,
+        unknown=wanted.moments,
+        laws=wanted.laws,
+        amplitudes=_amplitudes(begun, wanted),
+        curves=fresh,
+        knots=np.zeros(sum(one.count for one in fresh)),
+    )
+
+
+def _curves(
+    robot: Robot, readings: PositionReadings, wanted: ModelStructure
+) -> Iterator[curve.Curve]:
+    """Curves of joints, then the six of the bed."""
+    for j, length in wanted.curves:
+        slides = bool(robot.prismatic[j])
+        yield curve.over(j, readings.q[:, j], slides, length, _SIZE[slides])
+    if wanted.bed is not None:
+        for k in range(6):
+            size, screw = _SIZE[k < 3], robot.n + k
+            yield curve.over(0, readings.q[:, 0], True, wanted.bed, size, screw)
+
+
+def likeliest(found: Calibration, choices: Sequence[ModelStructure]) -> ModelStructure:
+    """The first choice after which the evidence of the readings decreases.
+
+    Scatter and curve sizes are re-estimated for each, about the same linearisation.
+
+    Args:
+        found: An estimate.
+        choices: Model structures in the order in which they are tried.
+    """
+    best, taken = -np.inf, choices[0]
+    for wanted in choices:
+        mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
+        here = found.linear
+        anew = wanted.bed is not None or wanted.moments or wanted.yields != found.wanted.yields
+        if found.mechanism.curves or anew:
+            here = linearised(found.readings, mechanism, found.weights)
+        known = found.known
+        if len(known.std) != layout(mechanism).dense:
+            new = prior(mechanism, known.stated, found.weights.payloads)
+            known = _only(_scaled(new, mechanism, known), mechanism, wanted)
+        for _ in range(_STEPS[0]):
+            whitened = rows(here, mechanism, scatter)
+            solution = solved(whitened, mechanism, known)
+            scatter = again(whitened, here, solution, scatter)
+            mechanism = larger(mechanism, solution)
+        whitened = rows(here, mechanism, scatter)
+        solution = solved(whitened, mechanism, known)
+        evidence = solution.evidence + float(linear.log_det(whitened.W).sum())
+        if evidence < best:
+            break
+        best, taken = evidence, wanted
+    return taken

@@ -1,0 +1,150 @@
+"""Worth of a part of a model: the reduction of the error at left-out poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.bootstrap import interval
+from pipeline.geometry import law_tests, left_out
+from pipeline.geometry.calibrate import Calibration
+from pipeline.geometry.left_out import LeftOut
+from pipeline.geometry.mechanism import frame_of
+from pipeline.geometry.readings import PositionReadings
+
+
+class Partition(StrEnum):
+    """How the poses are partitioned for cross-validation."""
+
+    BETWEEN = "every tenth pose"
+    SPACE = "a tenth of joint space"
+    STATION = "a tenth of the stations"
+    SERIES = "one series"
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOutGain(Locked):
+    """Error of left-out positions with and without a part of the model.
+
+    Attributes:
+        before: Rms error of a coordinate without it [m].
+        after: Rms error of a coordinate with it [m].
+        ci95: 95 % confidence interval of 1 - after / before [1].
+    """
+
+    before: float
+    after: float
+    ci95: tuple[float, float]
+
+    @property
+    def reduction(self) -> float:
+        """1 - after / before."""
+        return 1 - self.after / self.before if self.before > 0 else 0.0
+
+    @property
+    def sure(self) -> bool:
+        """Whether the error certainly falls."""
+        return self.ci95[0] > 0
+
+
+NO_GAIN = LeftOutGain(0.0, 0.0, (0.0, 0.0))
+"""Gain where none was computed."""
+
+
+def partings(
+    readings: PositionReadings, rng: np.random.Generator, rail: bool
+) -> dict[Partition, Ints]:
+    """Part of each pose, (m,), per partition; stations and series where there are several."""
+    out = {
+        Partition.BETWEEN: left_out.by_turns(readings),
+        Partition.SPACE: left_out.by_space(readings, rng),
+    }
+    if rail and len(np.unique(stops := law_tests.stations(readings))) >= left_out.PARTS:
+        out[Partition.STATION] = stops % left_out.PARTS
+    if len(np.unique(readings.series)) > 1:
+        out[Partition.SERIES] = readings.series
+    return out
+
+
+def distances(found: Calibration, part: Ints) -> Array:
+    """Distance of each target from its prediction without the part of its pose [m], (m, t).
+
+    Each series is first fitted to its readings as a rigid body: the position of the instrument is
+    not part of the robot, and a wrong table would predict it wrongly.
+    """
+    errors = left_out.errors(found, part)
+    off = errors.copy()
+    position = np.tile(np.arange(6) < 3, errors.shape[1] // 6)
+    for series in range(len(found.readings.names)):
+        frame = frame_of(found.mechanism, series)
+        seen = found.readings.read & position & (found.readings.series == series)[:, None]
+        K = found.linear.D[..., frame][seen]
+        if len(K) > K.shape[1]:
+            off[seen] = errors[seen] - K @ linear.least_squares(K, errors[seen])
+    return left_out.distances(off, found.readings.read)
+
+
+class LeftOutPoses:
+    """Worth of parameters at left-out poses."""
+
+    def __init__(self, parts: dict[Partition, Ints], rng: np.random.Generator) -> None:
+        self._parts = parts
+        self._rng = rng
+        self._made: tuple[Calibration | None, dict[Partition, tuple[LeftOut, Array]]] = (None, {})
+
+    def far(self, once: bool = False) -> Partition:
+        """The hardest partition available; for what happened once, series are not used."""
+        there = (Partition.SERIES, Partition.STATION) if not once else (Partition.STATION,)
+        return next((one for one in there if one in self._parts), Partition.SPACE)
+
+    def gains(
+        self, found: Calibration, part: slice | Ints, once: bool = False
+    ) -> tuple[LeftOutGain, LeftOutGain]:
+        """Gains at every tenth pose left out, and at left-out series, stations or parts of space.
+
+        Args:
+            found: The estimate.
+            part: Indices of the parameters.
+            once: Whether they describe something that happened once, which other series cannot
+                predict.
+        """
+        near, far = (self._gain(found, one, part) for one in (Partition.BETWEEN, self.far(once)))
+        return near, far
+
+    def carries(self, found: Calibration, part: slice, once: bool = False) -> bool:
+        """Whether both errors certainly fall."""
+        return all(gain.sure for gain in self.gains(found, part, once))
+
+    def as_good(self, one: Calibration, other: Calibration) -> bool:
+        """Whether the first predicts held-out poses as well as the second, within chance."""
+        return self._less(one, other, self.far())[1] >= 0
+
+    def better(self, one: Calibration, other: Calibration) -> bool:
+        """Whether the first certainly predicts held-out stations or parts of joint space better."""
+        return self._less(one, other, self.far(once=True))[0] > 0
+
+    def _less(
+        self, one: Calibration, other: Calibration, parting: Partition
+    ) -> tuple[float, float]:
+        """Confidence interval of the relative reduction of the error by the first."""
+        errors = [left_out.errors(found, self._parts[parting]) for found in (other, one)]
+        seen = np.tile(np.arange(6) < 3, errors[0].shape[1] // 6) & one.readings.read
+        block = np.broadcast_to(law_tests.blocks(one.readings)[:, None], seen.shape)[seen]
+        return interval(errors[0][seen], errors[1][seen], block, self._rng)[1]
+
+    def _gain(self, found: Calibration, parting: Partition, without: slice | Ints) -> LeftOutGain:
+        if self._made[0] is not found:
+            self._made = found, {}
+        known = self._made[1]
+        if parting not in known:
+            parts = LeftOut(found, self._parts[parting])
+            known[parting] = parts, parts.errors()
+        with_it, bare = known[parting][1], known[parting][0].errors(without)
+        seen = np.tile(np.arange(6) < 3, with_it.shape[1] // 6) & found.readings.read
+        block = np.broadcast_to(law_tests.blocks(found.readings)[:, None], seen.shape)[seen]
+        _, ci95 = interval(bare[seen], with_it[seen], block, self._rng)
+        return LeftOutGain(linear.rms(bare[seen]), linear.rms(with_it[seen]), ci95)

@@ -1,0 +1,374 @@
+"""Adopt and name joint laws: curves, waves, and further laws that predict held-out poses better."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.geometry import law_tests, spline
+from pipeline.geometry.calibrate import Calibration, ModelStructure, calibrate, likeliest
+from pipeline.geometry.catalogue_causes import CatalogueCause, CatalogueLaw, causes, chances
+from pipeline.geometry.cross_validation import NO_GAIN, LeftOutGain, LeftOutPoses, Partition
+from pipeline.geometry.laws import JointLaw, LawKind, LawVariable
+from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout
+from pipeline.geometry.readings import PositionReadings
+from pipeline.geometry.scatter import PoseScatter
+from pipeline.machine.effects._anatomy import rail
+from pipeline.system import alarms
+
+_HALF = 0.5
+"""Minimum fraction of a curve's variance over the poses that one wave must explain to replace
+it [1]."""
+
+_NEAR = np.linspace(-0.25, 0.25, 41)
+"""Orders tried about the one found by the search [1], periods per turn."""
+
+_MOST_LAWS = 6
+"""Maximum number of laws adopted in addition to the curves, one after the other."""
+
+
+@dataclass(frozen=True, eq=False)
+class NamedLaw(Locked):
+    """A law outside the catalogue that the readings call for.
+
+    Attributes:
+        joint: Joint that it moves, from 1.
+        kind: `periodic`, `smooth`, `step` or `coupling`.
+        variable: `angle`, `torque`, `temperature` or `time`.
+        source: Joint whose angle or torque is the variable, from 1; None for temperature and time.
+        order: Periods per turn (per metre of a sliding joint), or degree; for a curve 1 / l in
+            1/turn, with its correlation length l.
+        amplitude: Half the height of a wave or step; root two times the standard deviation of a
+            curve; otherwise the value at the end of the range [m] or [rad].
+        std: Its standard uncertainty.
+        range: Range of the variable in the readings.
+        p: Probability that any law appears as large by chance.
+        since: Series and pose from which on a step in time has happened; None for others.
+        number: Index among the mechanism's laws, from 0; None for a curve.
+        gain: Reduction of the error at left-out poses whose neighbours in time are kept.
+        carried: The same at left-out series, or parts of joint space if there is one series only.
+    """
+
+    joint: int
+    kind: LawKind
+    variable: LawVariable
+    source: int | None
+    order: float
+    amplitude: float
+    std: float
+    range: tuple[float, float]
+    since: tuple[str, int] | None = None
+    number: int | None = None
+    p: float = 1.0
+    gain: LeftOutGain = NO_GAIN
+    carried: LeftOutGain = NO_GAIN
+
+
+@dataclass(frozen=True, eq=False)
+class LawSearchData:
+    """Data and settings of an estimate.
+
+    Attributes:
+        readings: The readings.
+        weights: Gravity and payloads on the arm.
+        stated: Roughness of lengths [m] and angles [rad] in the robot file.
+        noise: Initial scatter of the readings about the model.
+    """
+
+    readings: PositionReadings
+    weights: ArmWeights
+    stated: tuple[float, float]
+    noise: PoseScatter
+
+    def identify(
+        self, begun: Mechanism, wanted: ModelStructure, earlier: Calibration | None = None
+    ) -> Calibration:
+        """Estimate, from priors and scatter of an earlier estimate if given.
+
+        If its elastic elements differ, the earlier scales of groups are not used.
+        """
+        known, noise = None, self.noise
+        if earlier is not None:
+            known, noise = earlier.known, earlier.scatter
+            if earlier.wanted.yields != wanted.yields:
+                known = replace(known, groups=())
+        return calibrate(begun, self.readings, self.weights, wanted, noise, self.stated, known)
+
+    def again(self, found: Calibration) -> Calibration:
+        """Estimate the same model from these readings."""
+        return self.identify(found.mechanism, found.wanted, found)
+
+    def without(self, bad: Bools) -> LawSearchData:
+        """The data without some readings (m, t), and without poses where none is left."""
+        at = np.where(bad[..., None], np.nan, self.readings.at)
+        left = (~np.isnan(at[..., 0])).any(axis=1)
+        readings = replace(self.readings, at=at).part(np.flatnonzero(left))
+        return replace(self, readings=readings, weights=self.weights.part(np.flatnonzero(left)))
+
+
+@dataclass(frozen=True, eq=False)
+class _NamedModel:
+    """The model with its laws, and which of them are named.
+
+    Attributes:
+        found: The estimate.
+        laws: Named laws outside the catalogue.
+        causes: Named causes of the catalogue.
+    """
+
+    found: Calibration
+    laws: tuple[NamedLaw, ...]
+    causes: tuple[CatalogueCause, ...]
+
+
+def _candidates(base: Calibration, names: Sequence[CatalogueLaw]) -> list[JointLaw]:
+    """Laws to be tested in addition to those of the catalogue."""
+    known = {_key(one.law) for one in names}
+    bed = base.wanted.bed is not None  # motion along the rail belongs to the bed
+    every = law_tests.candidates(base.linear.inputs, base.mechanism.table.prismatic)
+    return [
+        law
+        for law in every
+        if _key(law) not in known and not (bed and law.joint == 1 and _own_angle(law))
+    ]
+
+
+def with_laws(
+    data: LawSearchData,
+    base: Calibration,
+    names: tuple[CatalogueLaw, ...],
+    parts: dict[Partition, Ints],
+    rng: np.random.Generator,
+) -> _NamedModel:
+    """Search for laws in addition to the catalogue, then for more in addition to the curves found.
+
+    Args:
+        data: The data.
+        base: Estimate with the laws of the catalogue.
+        names: Causes of these laws.
+        parts: Partitions of the poses for cross-validation.
+        rng: Source of copies and intervals.
+    """
+    signs = law_tests.flips(data.readings, rng, rail=rail(base.mechanism.table))
+    inputs, slides = base.linear.inputs, base.mechanism.table.prismatic
+    every = _candidates(base, names)
+    clues = law_tests.law_tests(law_tests.score(base, signs), inputs, every, slides.tolist())
+    bed = base.wanted.bed is not None
+    clues = [clue for clue in clues if clue.law is not None or not (bed and clue.joint == 1)]
+    judge = LeftOutPoses(parts, rng)
+    found, p = _of_own_angles(data, base, clues, judge)
+    others = [law for law in every if not _own_angle(law)]
+    found, further = _of_all_else(data, found, others, signs, judge)
+    plain = [k for k, one in enumerate(names) if not one.name]
+    chance = chances(found, [_of_law(found.mechanism, k) for k in plain], signs)
+    p |= {_key(names[k].law): c for k, c in zip(plain, chance, strict=True)} | further
+    return _NamedModel(found, _named(found, p, judge), causes(found, names, signs, judge))
+
+
+def _bent(clues: Sequence[law_tests.LawTest]) -> dict[int, float]:
+    """Joints, from 0, with errors over their own angles, and the probability of each by chance."""
+    bent: dict[int, float] = {}
+    for clue in clues:
+        if clue.p < alarms.LAW and (clue.law is None or _own_angle(clue.law)):
+            bent[clue.joint - 1] = min(clue.p, bent.get(clue.joint - 1, 1.0))
+    return bent
+
+
+def _of_own_angles(
+    data: LawSearchData,
+    springs: Calibration,
+    clues: Sequence[law_tests.LawTest],
+    judge: LeftOutPoses,
+) -> tuple[Calibration, dict[_Key, float]]:
+    """Estimate with curves, or waves, over the joints' own angles, and their p-values."""
+    bent = _bent(clues)
+    if not bent:
+        return springs, {}
+    joints = sorted(bent)
+    wanted = likeliest(
+        springs,
+        [
+            replace(springs.wanted, curves=tuple((j, length) for j in joints))
+            for length in spline.LENGTHS[False]
+        ],
+    )
+    found = data.identify(springs.mechanism, wanted, springs)
+    waves = [law for j in joints if (law := _one_wave(found, clues, j)) is not None]
+    p = {_curve_of(j): chance for j, chance in bent.items()}
+    p |= {_key(law): bent[law.joint - 1] for law in waves}
+    return _better(data, found, waves, judge), p
+
+
+def _of_all_else(
+    data: LawSearchData,
+    found: Calibration,
+    others: Sequence[JointLaw],
+    signs: Array,
+    judge: LeftOutPoses,
+) -> tuple[Calibration, dict[_Key, float]]:
+    """Estimate with further laws, the likeliest first while they carry over, and their p-values."""
+    p: dict[_Key, float] = {}
+    free = list(others)
+    for _ in range(_MOST_LAWS):
+        here, inputs = law_tests.score(found, signs), found.linear.inputs
+        left = law_tests.law_tests(here, inputs, free)
+        if not left or left[0].p >= alarms.LAW or left[0].law is None:
+            break
+        law = law_tests.sharpened(here, left[0].law, inputs)
+        new = (*found.mechanism.laws, law)
+        more = data.identify(found.mechanism, replace(found.wanted, laws=new), found)
+        if not judge.carries(more, _of_law(more.mechanism, len(new) - 1), law.once):
+            break
+        found, p[_key(law)] = more, left[0].p
+        free.remove(left[0].law)
+    return found, p
+
+
+def _better(
+    data: LawSearchData, bent: Calibration, waves: Sequence[JointLaw], judge: LeftOutPoses
+) -> Calibration:
+    """The estimate with waves in place of curves, where held-out poses are predicted as well."""
+    found = bent
+    for law in waves:
+        rest = tuple(one for one in found.wanted.curves if one[0] != law.joint - 1)
+        wanted = replace(found.wanted, laws=(*found.mechanism.laws, law), curves=rest)
+        trial = data.identify(found.mechanism, wanted, found)
+        if judge.as_good(trial, found):
+            found = trial
+    return found
+
+
+_Key = tuple[str, int, str, int | None, float, float]
+
+
+def _key(law: JointLaw) -> _Key:
+    """Key that distinguishes laws."""
+    at = law.middle if law.once else 0.0
+    return law.kind, law.joint, law.variable, law.source, law.order, at
+
+
+def _curve_of(joint: int) -> _Key:
+    """Key of the curve of a joint, from 0."""
+    return "curve", joint + 1, "angle", joint + 1, 0.0, 0.0
+
+
+def _of_law(mechanism: Mechanism, number: int) -> slice:
+    """Slice of the amplitudes of a law in the parameter vector."""
+    first = layout(mechanism).laws.start + sum(law.amplitudes for law in mechanism.laws[:number])
+    return slice(first, first + mechanism.laws[number].amplitudes)
+
+
+def _own_angle(law: JointLaw) -> bool:
+    return law.variable == "angle" and law.source == law.joint
+
+
+def _one_wave(
+    found: Calibration, clues: Sequence[law_tests.LawTest], joint: int
+) -> JointLaw | None:
+    """The wave that explains at least `_HALF` of a joint's curve over the poses, if any."""
+    q = found.readings.q[:, joint]
+    curve, knots = _curve(found.mechanism, joint)
+    f = curve.value(q, knots)
+    tried = [c.law for c in clues if c.law and c.law.kind == "periodic" and c.joint == joint + 1]
+    orders = np.unique(tried[0].order + _NEAR) if tried else np.zeros(0)
+    shares = [_share(f, order * q) for order in orders]
+    if not shares or max(shares) < _HALF:
+        return None
+    return replace(tried[0], order=float(orders[int(np.argmax(shares))]))
+
+
+def _curve(mechanism: Mechanism, joint: int) -> tuple[spline.Curve, Array]:
+    """A joint's curve and its values at the knots."""
+    at = 0
+    for one in mechanism.curves:
+        if one.screw == joint:
+            return one, mechanism.knots[at : at + one.count]
+        at += one.count
+    raise KeyError(joint)
+
+
+def _share(f: Array, phase: Array) -> float:
+    """Fraction of the variance of f, (m,), that a wave of this phase explains."""
+    X = np.stack([np.ones(len(f)), np.cos(phase), np.sin(phase)], axis=1)
+    left = f - X @ linear.least_squares(X, f)
+    return 1 - float(np.var(left)) / max(float(np.var(f)), 1e-300)
+
+
+def _named(found: Calibration, p: dict[_Key, float], judge: LeftOutPoses) -> tuple[NamedLaw, ...]:
+    """The significant laws that certainly improve the prediction of held-out poses."""
+    out = []
+    for law, key, part in _slices(found):
+        if p.get(key, 1.0) >= alarms.LAW:
+            continue
+        near, carried = judge.gains(found, part, law.since is not None)
+        if near.sure and carried.sure:
+            out.append(replace(law, p=p[key], gain=near, carried=carried))
+    return tuple(sorted(out, key=lambda law: -law.gain.reduction))
+
+
+def _slices(found: Calibration) -> Iterator[tuple[NamedLaw, _Key, slice]]:
+    """Each law and curve as it would be named, its key, and the slice of its parameters."""
+    mechanism, x, cov = found.mechanism, found.solution.x, found.solution.cov
+    where, inputs = layout(mechanism), found.linear.inputs
+    for k, law in enumerate(mechanism.laws):
+        part = _of_law(mechanism, k)
+        one = NamedLaw(
+            law.joint,
+            law.kind,
+            law.variable,
+            law.source,
+            law.order,
+            *_size(x[part], cov[part, part]),
+            range=_ends(law.of(inputs)),
+            since=_since(law, found) if law.once else None,
+            number=k,
+        )
+        yield one, _key(law), part
+    at = where.knots.start
+    for curve in mechanism.curves[: len(found.wanted.curves)]:
+        part = slice(at, at + curve.count)
+        q = inputs.q[:, curve.joint]
+        turn = 1.0 if mechanism.table.prismatic[curve.joint] else 2 * np.pi
+        one = NamedLaw(
+            curve.joint + 1,
+            "smooth",
+            "angle",
+            curve.joint + 1,
+            turn / curve.length,
+            *_bend(curve, q, x[part], cov[part, part]),
+            range=_ends(q),
+        )
+        yield one, _curve_of(curve.joint), part
+        at = part.stop
+
+
+def _since(law: JointLaw, found: Calibration) -> tuple[str, int]:
+    """Series and pose that followed a step in time."""
+    pose = int(np.argmax(law.of(found.linear.inputs) > law.middle))
+    series = int(found.readings.series[pose])
+    return str(found.readings.names[series]), int(found.readings.pose[pose])
+
+
+def _ends(v: Array) -> tuple[float, float]:
+    return float(v.min()), float(v.max())
+
+
+def _size(x: Array, cov: Array) -> tuple[float, float]:
+    """Amplitude of a law and its standard uncertainty, by propagation."""
+    size = float(np.linalg.norm(x))
+    slope = x / max(size, 1e-300)
+    return size, float(np.sqrt(slope @ cov @ slope))
+
+
+def _bend(curve: spline.Curve, q: Array, x: Array, cov: Array) -> tuple[float, float]:
+    """Root two times the standard deviation of a curve over the poses, and its uncertainty."""
+    rows = curve.rows(q).toarray()
+    rows = rows - rows.mean(axis=0)
+    f = rows @ x
+    std = float(np.sqrt(np.mean(f**2)))
+    slope = rows.T @ f / len(f) / max(std, 1e-300)
+    return float(np.sqrt(2.0)) * std, float(np.sqrt(2.0 * slope @ cov @ slope))

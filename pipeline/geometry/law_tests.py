@@ -1,0 +1,478 @@
+"""Search for laws outside the catalogue in the residuals of table and springs.
+
+At each pose, a law of joint j appears in u_j = z_j' e and w_j = z_j' z_j, with z_j the whitened
+motion of the joint and e the whitened residual. A candidate g explains
+
+    T = (g'u)' [g' diag(w) g - (g'P) N^-1 (P'g)]^-1 (g'u),     P = z_j' D,
+
+in addition to the columns D of everything that is estimated in any case, with N = D'D plus priors.
+The largest T of thousands of candidates is compared with the largest in copies without a law: the
+signs of the residuals are flipped by blocks of poses, neighbours in time or on the rail, which
+keeps what neighbours have in common and destroys any dependence on the robot's configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.geometry import spline
+from pipeline.geometry.calibrate import Calibration
+from pipeline.geometry.estimate import ReadRows
+from pipeline.geometry.laws import Inputs, JointLaw, LawVariable
+from pipeline.geometry.mechanism import frame_of
+from pipeline.geometry.readings import PositionReadings
+from pipeline.system import alarms
+
+_ORDERS = np.arange(0.5, 130.01, 0.25)
+"""Periods per turn that are tried [1]: eccentric wheels have one, robot gears up to some hundred
+teeth."""
+
+_COUPLED = (1.0, 2.0, 3.0)
+"""Periods per turn of another joint that are tried [1]: what turns with it acts once, twice or
+three times per turn."""
+
+_BLOCK = 8
+"""Number of consecutive poses whose residuals share one sign in a copy."""
+
+_FLIPS = 200
+"""Number of copies without a law."""
+
+
+@dataclass(frozen=True, eq=False)
+class _LawScore(Locked):
+    """Residuals projected on the joints' motions, and what is needed to test laws on them.
+
+    Attributes:
+        u: z_j' e at each pose and joint, of the readings and then of the copies,
+            shape (1 + copies, m, n).
+        w: z_j' z_j, shape (m, n).
+        rows: The whitened rows of the estimate.
+        P: z_j' D, shape (m, n, dense).
+        Q: z_j' K, shape (m, n, 2 c).
+        cov: N^-1 including the priors, shape (k, k).
+        left: Whitened residuals, shape (m, r).
+        copied: Residuals that the copies are made of, rescaled to the size of the noise,
+            shape (m, r).
+        x: Estimates from the copies, shape (k, copies).
+    """
+
+    u: Array
+    w: Array
+    rows: ReadRows
+    P: Array
+    Q: Array
+    cov: Array
+    left: Array
+    copied: Array
+    x: Array
+
+    def products(self, g: Array, joint: int) -> Array:
+        """X' z_j g of columns g (m, k): their products with all that is estimated, (K, k)."""
+        head = self.P[:, joint].T @ g
+        tail = np.zeros((self.rows.knots, g.shape[1]))
+        for k in range(self.Q.shape[2]):
+            np.add.at(tail, self.rows.at[:, k], self.Q[:, joint, k, None] * g)
+        return np.vstack([head, tail])
+
+
+@dataclass(frozen=True, eq=False)
+class _MoveTime(Locked):
+    """Time from which on the instrument stood elsewhere.
+
+    Attributes:
+        pose: Index of the first pose of its series that was read from there.
+        p: Probability that chance yields such a move anywhere.
+    """
+
+    pose: int
+    p: float
+
+
+def score(found: Calibration, signs: Array, copied: Array | None = None) -> _LawScore:
+    """Projected residuals of an estimate, and of copies with flipped signs.
+
+    Args:
+        found: The estimate.
+        signs: Signs of each copy, shape (copies, m).
+        copied: Whitened residuals that the copies are made of, shape (m, r); by default those of
+            the estimate.
+    """
+    rows, cov = found.rows, found.solution.cov
+    Z = rows.W @ found.linear.Z[:, found.linear.used, : found.mechanism.table.n]
+    e = rows.y - rows.along(found.solution.x)
+    left = _as_noise(rows.variance(cov), e if copied is None else copied)
+    P, Q = (np.swapaxes(Z, 1, 2) @ one for one in (rows.D, rows.K))
+    own = np.einsum("mrn,mr->mn", Z, left)
+    D = np.einsum("mrd,mr->md", rows.D, left)
+    K = np.einsum("mrk,mr->mk", rows.K, left)
+    seen = np.zeros((len(cov), len(signs)))
+    dense = D.shape[1]
+    seen[:dense] = D.T @ signs.T
+    for k in range(K.shape[1]):
+        np.add.at(seen[dense:], rows.at[:, k], (signs * K[:, k]).T)
+    x = cov @ seen
+    u = np.empty((1 + len(signs), *own.shape))
+    u[0] = np.einsum("mrn,mr->mn", Z, e)
+    for joint in range(own.shape[1]):
+        beside = P[:, joint] @ x[:dense]
+        for k in range(K.shape[1]):
+            beside += Q[:, joint, k, None] * x[dense:][rows.at[:, k]]
+        u[1:, :, joint] = signs * own[:, joint] - beside.T
+    return _LawScore(u, np.einsum("mrn,mrn->mn", Z, Z), rows, P, Q, cov, e, left, x)
+
+
+def _as_noise(H: Array, left: Array) -> Array:
+    """Residuals (m, r) of each pose rescaled to the size of the noise, (1 - H)^-1/2 e.
+
+    An estimate absorbs the part H (m, r, r) of the noise, and the estimate from a copy absorbs it
+    again: with 70 poses, copies without a law reached T a fifth smaller than readings without one.
+    """
+    share, along = linear.directions(np.eye(H.shape[1]) - H)
+    inside = np.einsum("mrk,mr->mk", along, left) / np.sqrt(np.maximum(share, _LEAST_LEFT))
+    return np.asarray(np.einsum("mrk,mk->mr", along, inside))
+
+
+_LEAST_LEFT = 0.05
+"""Lower limit of the fraction of the noise that remains in the residuals [1], against division by
+zero."""
+
+
+def blocks(readings: PositionReadings) -> Ints:
+    """Block of each pose, (m,): consecutive poses of one series."""
+    place = np.zeros(len(readings), dtype=np.int64)
+    for series in range(len(readings.names)):
+        mine = np.flatnonzero(readings.series == series)
+        place[mine] = np.arange(len(mine)) // _BLOCK
+    _, out = np.unique(np.stack([readings.series, place]), axis=1, return_inverse=True)
+    return np.asarray(out, dtype=np.int64)
+
+
+def flips(
+    readings: PositionReadings, rng: np.random.Generator, count: int = _FLIPS, rail: bool = False
+) -> Array:
+    """Signs of the copies without a law, shape (count, m).
+
+    Blocks are neighbours in time and, in every second copy on a rail, stations: what the poses of a
+    block have in common stays in the copies. Blocks in joint space would preserve a joint law.
+    """
+    every, stops = [blocks(readings)], stations(readings)
+    if rail and len(np.unique(stops)) >= _BLOCK:
+        every.append(stops)
+    return np.stack([
+        rng.choice([-1.0, 1.0], int(block.max()) + 1)[block]
+        for block in (every[k % len(every)] for k in range(count))
+    ])  # fmt: skip
+
+
+def stations(readings: PositionReadings) -> Ints:
+    """Station of each pose, (m,): values of the first joint more than `_APART_M` apart."""
+    along = readings.q[:, 0]
+    order = np.argsort(along, kind="stable")
+    out = np.empty(len(along), dtype=np.int64)
+    out[order] = np.cumsum(np.append(0, np.diff(along[order]) > _APART_M))
+    return out
+
+
+_APART_M = 0.02
+"""Minimum distance of two stations of the carriage [m]; a return to the same station is closer."""
+
+
+def candidates(inputs: Inputs, prismatic: Bools) -> Iterator[JointLaw]:
+    """Every law that is tried, of every joint; curves are tried in addition."""
+    n = inputs.q.shape[1]
+    for joint in range(1, n + 1):
+        for order in _ORDERS[_shortest(inputs.q[:, joint - 1]) > _ORDERS].tolist():
+            yield JointLaw(joint, "periodic", "angle", joint, order)
+        yield from _of_torque(inputs, joint)
+        for other in range(1, n + 1):
+            if other != joint and not prismatic[other - 1]:
+                for order in _COUPLED:
+                    yield JointLaw(joint, "coupling", "angle", other, order)
+        yield from _of_surroundings(inputs, joint)
+        yield from _steps_in_time(inputs, joint)
+
+
+def _shortest(q: Array) -> float:
+    """Highest order that the values of a joint can resolve: two values per period."""
+    values = np.unique(np.round(q, 3))
+    return np.pi * (len(values) - 1) / max(float(np.ptp(values)), 1e-3)
+
+
+def _steps_in_time(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
+    """Steps in time of a joint's zero, because it slipped or was referenced anew."""
+    return _steps(inputs, joint, _times(inputs))
+
+
+def _steps(inputs: Inputs, joint: int, poses: Iterable[int]) -> Iterator[JointLaw]:
+    """Steps in time before the given poses."""
+    when = inputs.series + inputs.time
+    for pose in poses:
+        before, after = when[[pose - 1, pose]]
+        if before < after:
+            yield JointLaw(joint, "step", "time", None, 0.0, float(0.5 * (before + after)))
+
+
+def _times(inputs: Inputs) -> list[int]:
+    """Poses before which a step is tried: at most some forty, at least a block apart."""
+    m = len(inputs.q)
+    apart = max(m // _TIMES, _BLOCK)
+    return list(range(apart, m - apart + 1, apart))
+
+
+_TIMES = 40
+"""Number of times at which a step or a move of the instrument is tried, evenly spaced."""
+
+
+def _of_torque(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
+    tau = inputs.tau[:, joint - 1]
+    scale = float(np.abs(tau).max())
+    if scale > 0:
+        for degree in (2.0, 3.0):
+            yield JointLaw(joint, "smooth", "torque", joint, degree, 0.0, scale)
+
+
+def _of_surroundings(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
+    surroundings: tuple[tuple[LawVariable, Array], ...] = (
+        ("temperature", inputs.temperature),
+        ("time", inputs.time),
+    )
+    for name, v in surroundings:
+        if np.isfinite(v).all() and np.ptp(v) > 0:
+            yield JointLaw(joint, "smooth", name, None, 1.0, float(v.mean()), float(np.ptp(v)) / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class LawTest(Locked):
+    """Test of one law.
+
+    Attributes:
+        law: The law; None for a curve over the joint's own angle.
+        joint: Joint that it moves, from 1.
+        statistic: T; for a curve h' R h, which is comparable with other curves only.
+        p: Probability that any candidate appears as large in residuals without a law.
+    """
+
+    law: JointLaw | None
+    joint: int
+    statistic: float
+    p: float
+
+
+def _explained(here: _LawScore, laws: Sequence[JointLaw], inputs: Inputs) -> Array:
+    """T of laws of one joint, all with the same number of amplitudes, for readings and copies.
+
+    Args:
+        here: Residuals.
+        laws: The laws.
+        inputs: Variables that they depend on.
+
+    Returns:
+        Shape (laws, 1 + copies).
+    """
+    joint, k = laws[0].joint - 1, laws[0].amplitudes
+    g = np.concatenate([law.basis(inputs) for law in laws], axis=1)
+    shared = here.products(g, joint)
+    known = here.cov @ shared
+    num = (here.u[:, :, joint] @ g).T.reshape(len(laws), k, -1)
+    whole, info = np.empty((len(laws), k)), np.empty((len(laws), k, k))
+    for a in range(k):
+        for b in range(k):
+            own = (g[:, a::k] * g[:, b::k]).T @ here.w[:, joint]
+            info[:, a, b] = own - np.einsum("dk,dk->k", shared[:, a::k], known[:, b::k])
+            if a == b:
+                whole[:, a] = own
+    inverse, _ = linear.left(info, np.maximum(whole, _NOTHING))
+    return np.asarray(np.einsum("lks,lkj,ljs->ls", num, inverse, num))
+
+
+_NOTHING = 1e-30
+"""Lower limit of the squared length of a whitened column [1], against division by zero."""
+
+
+def _most_by_a_joint(here: _LawScore, inputs: Inputs) -> float:
+    """The largest T of a step in time of any joint."""
+    every = range(1, inputs.q.shape[1] + 1)
+    return max(
+        float(_explained(here, list(_steps_in_time(inputs, joint)), inputs)[:, 0].max())
+        for joint in every
+    )
+
+
+def instrument_move(found: Calibration, signs: Array) -> _MoveTime | None:
+    """Whether the instrument stood elsewhere from some pose of a series on; None if it did not.
+
+    A move has six columns, zero before that pose: rotation and translation of the frame of its
+    series. A step in time of a joint's zero explains similar readings; the model with the larger T
+    - k log N is preferred, with k its amplitudes and N the number of readings (Schwarz, Annals of
+    Statistics 6, 1978). T is compared with that of copies of the residuals after the likeliest move
+    (ter Braak, in Bootstrapping and Related Techniques, 1992), because copies that still contained
+    the move would reach the same T.
+
+    Args:
+        found: The estimate.
+        signs: Signs of the copies, shape (copies, m).
+    """
+    inputs, plain = found.linear.inputs, score(found, signs[:0])
+    at = [pose for pose in _times(inputs) if inputs.series[pose - 1] == inputs.series[pose]]
+    if not at:
+        return None
+    seen = [_frame_moved(found, plain, pose, signs[:0]) for pose in at]
+    best = int(np.argmax([one.T[0] for one in seen]))
+    here = score(found, signs, seen[best].left(found, plain))
+    frames = np.stack([_frame_moved(found, here, pose, signs).T for pose in at])
+    cost = float(np.log(found.linear.read.sum()))
+    rival = _most_by_a_joint(here, inputs) - cost
+    p = _beyond(frames[:, 1:].max(axis=0), frames[best, :1]).item()
+    if p >= alarms.MOVED or frames[best, 0] - 6 * cost < rival:
+        return None
+    own = inputs.series[at[best]]
+    beside = [pose for pose in _near(inputs, at[best]) if inputs.series[pose - 1] == own]
+    beside = [pose for pose in beside if inputs.series[pose] == own]
+    none = signs[:0]
+    return _MoveTime(max(beside, key=lambda k: float(_frame_moved(found, plain, k, none).T[0])), p)
+
+
+class _FrameMoved(NamedTuple):
+    """A move of the instrument before one pose of a series.
+
+    Attributes:
+        T: T of readings and copies, (1 + copies,).
+        after: Poses that it changes.
+        F: Derivatives of their rows by rotation and translation, (m', r, 6).
+        shared: Products of these with all parameters, (k, 6).
+        size: Estimated move, (6,).
+    """
+
+    T: Array
+    after: slice | Ints
+    F: Array
+    shared: Array
+    size: Array
+
+    def left(self, found: Calibration, here: _LawScore) -> Array:
+        """Whitened residuals after the move, (m, r)."""
+        left = here.left + found.rows.along(here.cov @ (self.shared @ self.size))
+        left[self.after] -= self.F @ self.size
+        return left
+
+
+def _frame_moved(found: Calibration, here: _LawScore, pose: int, signs: Array) -> _FrameMoved:
+    series = int(found.readings.series[pose])
+    at = np.flatnonzero(found.readings.series == series)
+    at = at[at >= pose]
+    neighbours = at[-1] - at[0] + 1 == len(at)  # a slice of an array is no copy
+    after = slice(at[0], at[-1] + 1) if neighbours else at
+    rows = found.rows
+    D = rows.D[after]
+    dense, F = D.shape[2], D[:, :, frame_of(found.mechanism, series)]
+    shared, flat = np.zeros((len(here.cov), 6)), F.reshape(-1, 6)
+    shared[:dense] = D.reshape(-1, dense).T @ flat
+    beside = np.swapaxes(rows.K[after], 1, 2) @ F
+    for k in range(rows.K.shape[2]):
+        np.add.at(shared[dense:], rows.at[after, k], beside[:, k])
+    own, copied = (np.einsum("mrk,mr->mk", F, one[after]) for one in (here.left, here.copied))
+    num = np.column_stack([own.sum(axis=0), copied.T @ signs[:, after].T])
+    num[:, 1:] -= shared.T @ here.x[:, : len(signs)]
+    whole = flat.T @ flat
+    inverse, _ = linear.left(whole - shared.T @ here.cov @ shared, np.diag(whole))
+    T = np.asarray(np.einsum("ks,kl,ls->s", num, inverse, num))
+    return _FrameMoved(T, after, F, shared, inverse @ num[:, 0])
+
+
+def sharpened(here: _LawScore, law: JointLaw, inputs: Inputs) -> JointLaw:
+    """A step in time moved to the pose that explains most, near the one that the search found."""
+    if not law.once:
+        return law
+    pose = int(np.argmax(inputs.series + inputs.time > law.middle))
+    near = list(_steps(inputs, law.joint, _near(inputs, pose)))
+    T = _explained(here, near, inputs)[:, 0]
+    return near[int(np.argmax(T))]
+
+
+def _near(inputs: Inputs, pose: int) -> range:
+    """Poses between the neighbouring ones of `_times`."""
+    apart = max(len(inputs.q) // _TIMES, _BLOCK)
+    return range(max(pose - apart + 1, 1), min(pose + apart, len(inputs.q)))
+
+
+def _curved(here: _LawScore, joint: int, q: Array, slides: bool) -> Array:
+    """Score of smooth curves over a joint's own angle: h' R h, (1 + copies,).
+
+    h = K'u is the score of each knot, R the correlation of the knots.
+    """
+    length = spline.LENGTHS[slides][0]
+    one = spline.over(joint, q[:, joint], slides, length, 1.0)
+    h = here.u[:, :, joint] @ one.rows(q[:, joint])
+    return np.asarray(np.einsum("sk,kl,sl->s", h, one.shape(), h))
+
+
+def law_tests(
+    here: _LawScore, inputs: Inputs, laws: Sequence[JointLaw], bent: Sequence[bool] = ()
+) -> list[LawTest]:
+    """Tests of all laws and curves, the largest statistic first.
+
+    Each T is standardised by its values in the copies. p is the probability of the largest of all
+    standardised values being as large: from its rank among the copies, and beyond them from an
+    extreme-value distribution fitted to them.
+
+    Args:
+        here: Residuals.
+        inputs: Variables that laws depend on.
+        laws: Laws that are tried.
+        bent: For each joint whether it slides, where curves are to be tried, too; else empty.
+    """
+    kinds = sorted({(law.joint, law.amplitudes) for law in laws})
+    of: list[tuple[JointLaw | None, int]] = []
+    T: list[Array] = []
+    for kind in kinds:
+        mine = [law for law in laws if (law.joint, law.amplitudes) == kind]
+        T.append(_explained(here, mine, inputs))
+        of += [(law, law.joint) for law in mine]
+    for joint, slides in enumerate(bent):
+        T.append(_curved(here, joint, inputs.q, slides)[None])
+        of.append((None, joint + 1))
+    each = np.concatenate(T)
+    p = beyond_copies(each)
+    found = [
+        LawTest(law, joint, float(t), float(chance))
+        for (law, joint), t, chance in zip(of, each[:, 0], p, strict=True)
+    ]
+    return sorted(found, key=lambda clue: -clue.statistic)
+
+
+def beyond_copies(T: Array) -> Array:
+    """Probability that any candidate is as large in the copies, per row of T (k, 1 + copies)."""
+    determined = T.any(axis=1)  # False where the readings contain no information, as the copies do
+    out = np.ones(len(T))
+    if determined.any():
+        out[determined] = _chance(_standard(T[determined]))
+    return out
+
+
+def _chance(z: Array) -> Array:
+    """Probability that any row is as large in the copies, for each row of z (k, 1 + copies)."""
+    most = z[:, 1:].max(axis=0)
+    rank = (1 + (most >= z[:, :1]).sum(axis=1)) / (1 + len(most))
+    return np.where(rank > 1 / len(most), rank, _beyond(most, z[:, 0]))
+
+
+def _beyond(most: Array, found: Array) -> Array:
+    """Tail probability of a value, from an extreme-value distribution fitted to the copies."""
+    from scipy import stats  # half a second to import, and only laws of joints need it
+
+    return np.asarray(stats.gumbel_r.sf(found, *stats.gumbel_r.fit(most)))
+
+
+def _standard(T: Array) -> Array:
+    """Cube roots of sums of squares (k, 1 + copies), each standardised by the others of its row."""
+    root = np.cbrt(np.maximum(T, 0.0))
+    n = root.shape[1] - 1
+    mean = (root.sum(axis=1, keepdims=True) - root) / n
+    square = ((root**2).sum(axis=1, keepdims=True) - root**2) / n
+    return np.asarray((root - mean) / np.sqrt(np.maximum(square - mean**2, 1e-18)))

@@ -1,0 +1,222 @@
+"""Results of absolute positions of a robot, as prior information for pulls of the same robot.
+
+For the robot's table, points of its tool and compliances under its own weight, positions give
+
+    estimate = truth + e,    e ~ N(0, C),
+
+with the full joint covariance C. Pulls use it in two ways: quantities about which they have no
+better information (table and tool) are errors common to all pulls, and quantities they also
+determine (springs, elements) become additional rows. Together this is the least-squares estimate
+from all readings, as both are linear about the estimate from positions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Locked, Strings
+from pipeline.machine.cell import Cell
+from pipeline.machine.effect import Effect, Elastic
+from pipeline.machine.effects.gravity_sag import under_pulls
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.dh_parameters import DhParameter, changed
+
+_KNOWN = 1e-9
+"""Eigenvalues below this fraction of the largest, of the correlation matrix, are treated as zero
+[1]."""
+
+_ROUNDS = 20
+"""Maximum number of reweighting iterations; each after the first changes the factor less than the
+previous one."""
+_LEAST = 0.01
+"""Lower bound of the common factor of all springs [1]; an arm a hundred times heavier than usual is
+implausible."""
+
+
+class CommonFactorFit(NamedTuple):
+    """Common factor of springs by pulls over those by weight, with chi-square misfit and dof."""
+
+    factor: float
+    std: float
+    chi2: float
+    dof: int
+
+
+def called_for(elements: Sequence[Elastic], by: Sequence[Effect]) -> tuple[int, ...]:
+    """Indices of the elements that are among some effects, matched by label and form."""
+    keys = {(one.label, one.form) for one in by}
+    return tuple(k for k, one in enumerate(elements) if (one.label, one.form) in keys)
+
+
+def laws_of_gears(effects: Sequence[Effect], elements: Sequence[Elastic] = ()) -> set[int]:
+    """Joints with a law in their gear besides the spring, whose compliance under weight differs.
+
+    Laws among `elements`, which are the same under weight and pull, are excepted.
+    """
+    known_values = {(one.label, one.form) for one in elements}
+    laws = [
+        one
+        for one in effects
+        if one.element == "gear" and (one.label, one.form) not in known_values
+    ]
+    return {one.where for one in laws if isinstance(one.where, int)}
+
+
+def soften(effects: Sequence[Effect]) -> Bools:
+    """Mask of parameters that are compliances and scale with all springs, (e,)."""
+    return np.array(["N" in one.unit for e in effects for one in e.parameters], dtype=bool)
+
+
+@dataclass(frozen=True, eq=False)
+class PositionsEstimate(Locked):
+    """Geometry and compliance of a robot as estimated from absolute positions.
+
+    Attributes:
+        robot: Robot with its table corrected.
+        letters: Uncertain entries of that table, k of them.
+        points: Measured points of the tool [m], flange frame, by name, t of them.
+        compliance: Compliance of each joint [m/N] or [rad/(N m)], shape (n,).
+        told: Joints whose compliance the weight determines, shape (n,).
+        held: Elastic elements besides the joints that the data call for, with estimated parameters.
+        yields: Their parameters, one after the other, shape (e,).
+        cov: C, of springs, elements, letters of the table and points, (n + e + k + 3 t) squared.
+        unloaded: Controller joint values (m, n) -> deviation of the joints from them (m, n), and of
+            the points from where the corrected table puts them [m], F_b, (m, t, 3); of all targets
+            if `points` is empty.
+        factor: Variance of the common factor by which all springs may be softer with masses lighter
+            by the same factor, which leaves positions unchanged; 0 if the robot file states the
+            masses [1].
+        moments: Mass [kg] and first moment in its frame [kg m] of each link, shape (n, 4).
+        gravity: Acceleration in F_b [m/s^2], shape (3,).
+        elements: All candidate elastic elements besides the joints; those not in `held` are taken
+            as rigid.
+        reopened: Re-estimate with the candidates of given indices free; None if they stay rigid.
+    """
+
+    robot: Robot
+    letters: tuple[DhParameter, ...]
+    points: dict[str, Array]
+    compliance: Array
+    told: Bools
+    held: tuple[Elastic, ...]
+    yields: Array
+    cov: Array
+    unloaded: Callable[[Array], tuple[Array, Array]]
+    factor: float = 0.0
+    moments: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    gravity: Array = field(default_factory=lambda: np.zeros(3))
+    elements: tuple[Elastic, ...] = ()
+    reopened: Callable[[tuple[int, ...]], PositionsEstimate] | None = None
+
+    def holding(self, called: Sequence[Effect]) -> PositionsEstimate:
+        """This stance with the elements estimated that pulls call for, whatever their size."""
+        more = called_for(self.elements, called)
+        if self.reopened is None or all(self.elements[k] in self.held for k in more):
+            return self
+        return self.reopened(more)
+
+    @property
+    def springs(self) -> int:
+        """Number of parameters of springs and elements, n + e."""
+        return len(self.compliance) + len(self.yields)
+
+    @property
+    def effects(self) -> tuple[tuple[Elastic, Array], ...]:
+        """Estimated elements with their values."""
+        ends = np.cumsum([len(one.parameters) for one in self.held])[:-1]
+        return tuple(zip(self.held, np.split(self.yields, ends), strict=True)) if self.held else ()
+
+    @property
+    def _soft(self) -> Bools:
+        """Mask of the compliances among springs and elements, (n + e,)."""
+        return np.append(np.ones(len(self.compliance), dtype=bool), soften(self.held))
+
+    @property
+    def apart(self) -> Array:
+        """Covariance of springs and elements without the common factor, (n + e, n + e)."""
+        both = np.append(self.compliance, self.yields) * self._soft
+        return self.cov[: self.springs, : self.springs] - self.factor * np.outer(both, both)
+
+    def common(self, value: Array, cov: Array, known: Bools) -> CommonFactorFit | None:
+        """Common factor by which springs by pulls are softer; None if no joint determines it.
+
+        The s that minimises (c - s c0)' (V + s^2 V0)^-1 (c - s c0), V0 as in `apart`, by iterative
+        reweighting.
+
+        Args:
+            value: Compliances c estimated from pulls alone, shape (n,).
+            cov: Their covariance V, shape (n, n).
+            known: Joints that these determine, shape (n,).
+        """
+        mine = np.flatnonzero(known & self.told & (self.compliance > 0) & (value > 0))
+        if not len(mine):
+            return None
+        own, both = self.compliance[mine], np.ix_(mine, mine)
+        s = float(np.median(value[mine] / own))
+        for _ in range(_ROUNDS):
+            P = linear.inverse(cov[both] + s**2 * self.apart[both])
+            s = max(float(own @ P @ value[mine]) / float(own @ P @ own), _LEAST)
+        left = value[mine] - s * own
+        return CommonFactorFit(
+            s, float(own @ P @ own) ** -0.5, float(left @ P @ left), len(mine) - 1
+        )
+
+    @cached_property
+    def parts(self) -> tuple[Array, Array, Array]:
+        """F, K and W: errors of table and points are F a, those of springs and elements K a + W w.
+
+        a and w are independent unit errors; shapes (k + 3 t, r), (n + e, r), (n + e, n + e).
+        """
+        C, s = self.cov, self.springs
+        size = np.sqrt(np.diag(C)[s:])
+        share, along = linear.directions(C[s:, s:] / size / size[:, None])
+        seen = share > _KNOWN * share.max(initial=0.0)
+        root = np.sqrt(share[seen])
+        F = size[:, None] * along[:, seen] * root
+        K = C[:s, s:] @ (along[:, seen] / root / size[:, None])
+        own = np.sqrt(np.diag(C)[:s])
+        W = own[:, None] * linear.factor((C[:s, :s] - K @ K.T) / own / own[:, None])
+        return F, K, W
+
+    @cached_property
+    def variants(self) -> tuple[tuple[Robot, dict[str, Array]], ...]:
+        """Robot and points displaced by each of the errors a, by one standard uncertainty."""
+        k = len(self.letters)
+        return tuple(
+            (changed(self.robot, self.letters, one[:k]), self._moved(one[k:].reshape(-1, 3)))
+            for one in self.parts[0].T
+        )
+
+    def _moved(self, off: Array) -> dict[str, Array]:
+        return {name: at + by for (name, at), by in zip(self.points.items(), off, strict=True)}
+
+    def moved(self, q: Array, names: Strings) -> Array:
+        """Deviation of points from where the corrected table puts them [m], F_b, (m, 3).
+
+        Args:
+            q: Joint values [m] or [rad], shape (m, n).
+            names: Name of one point each, shape (m,); a point that was not read has the mean
+                deviation of the others.
+        """
+        off = self.unloaded(q)[1]
+        out = off.mean(axis=1)
+        for k, name in enumerate(self.points):
+            out[names == name] = off[names == name, k]
+        return np.asarray(out)
+
+    def on(self, cell: Cell) -> Cell:
+        """The cell with these elements at their estimated values, and the weight moved by pulls."""
+        return replace(cell, held=(*self.effects, *self.weighs))
+
+    @property
+    def weighs(self) -> tuple[tuple[Elastic, Array], ...]:
+        """Effect of the weight that pulls have displaced; empty if link masses are unknown."""
+        if not self.moments.any():
+            return ()
+        return ((under_pulls(self.compliance, self.moments, self.gravity), np.ones(1)),)

@@ -1,0 +1,318 @@
+"""Result of reading a program in any language, and a check that nothing in it is overlooked.
+
+The reader of a language reports what it understood: motions, points, and the stretches of text it
+accounts for. A second pass, which knows words but no grammar, then finds every word that looks like
+a motion and every mention of a taught point. Whatever the reader did not account for is listed as
+not corrected, with its line.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from pipeline.base.arrays import Array
+from pipeline.programs._flow import HeldState, UnknownState
+from pipeline.programs._text import Source
+from pipeline.programs.notation import Notation
+from pipeline.programs.program import MotionUse, Program, Target, Uncorrected, gathered
+
+
+@dataclass(frozen=True)
+class Lexicon:
+    """Words of a language, independent of grammar.
+
+    Attributes:
+        motion: Matches every word that looks like a motion.
+        literal: Matches the beginning of coordinates written into the text.
+        reading: Functions that read a point but neither change it nor move to it.
+        end: End of a statement.
+        statements: Whether a word without brackets may be a call, with its arguments behind it.
+        cased: Whether names are case-sensitive.
+    """
+
+    motion: re.Pattern[str]
+    literal: re.Pattern[str]
+    reading: frozenset[str] = frozenset()
+    end: str = "\n"
+    statements: bool = False
+    cased: bool = False
+
+    def key(self, name: str) -> str:
+        """A name in the form used for look-up."""
+        return name if self.cased else name.lower()
+
+
+@dataclass
+class ParserState:
+    """What has been read so far; names are in the form used for look-up.
+
+    Attributes:
+        sources: The files.
+        lexicon: Words of the language.
+        points: Taught points; a `Uncorrected` for each that cannot be corrected.
+        changed: Why points or frames of these names may not be as taught when they are used.
+        named: Points named by motions.
+        read: Points from which something else is computed.
+        uses: The motions.
+        last: Place of the target of the last motion.
+        left: What is not corrected.
+        following: Relative motions, and the place of the point before each.
+        tools: Tool frames by name, each (4, 4).
+        bases: Base frames by name, each (4, 4).
+        steady: Names of frames, which need no motion to them.
+        framed: Names of points that also serve as a tool or a frame.
+    """
+
+    sources: Sequence[Source]
+    lexicon: Lexicon
+    points: dict[str, list[Target | Uncorrected]] = field(default_factory=dict)
+    changed: dict[str, str] = field(default_factory=dict)
+    named: set[str] = field(default_factory=set)
+    read: set[str] = field(default_factory=set)
+    uses: list[MotionUse] = field(default_factory=list)
+    last: tuple[str, int] | None = None
+    left: list[Uncorrected] = field(default_factory=list)
+    following: list[tuple[Uncorrected, tuple[str, int] | None]] = field(default_factory=list)
+    tools: dict[str, Array] = field(default_factory=dict)
+    bases: dict[str, Array] = field(default_factory=dict)
+    steady: set[str] = field(default_factory=set)
+    framed: set[str] = field(default_factory=set)
+    _met: set[tuple[str, int, str, str]] = field(default_factory=set)
+    _known: dict[str, bytearray] = field(default_factory=dict)
+
+    def account(self, source: Source, start: int, end: int) -> None:
+        """Record that the reader of the language has understood a stretch of text."""
+        mask = self._mask(source)
+        mask[start:end] = b"\1" * (min(end, len(mask)) - start)
+
+    def _mask(self, source: Source) -> bytearray:
+        if source.file not in self._known:
+            self._known[source.file] = bytearray(len(source.text))
+        return self._known[source.file]
+
+    def change(self, name: str, source: Source, at: int) -> None:
+        """Record that the program itself assigns another value to a point or a frame."""
+        self.unsettle(name, f"is changed at run time on line {source.line(at)}")
+
+    def unsettle(self, name: str, why: str) -> None:
+        """Record why a name may not mean what was taught; a computed index means the array."""
+        self.changed.setdefault(name if constant(name) else array(name), why)
+
+    def unsettled(self, name: str) -> str | None:
+        """Why a name, or the array it is an element of, may not have its taught value; or None."""
+        return self.changed.get(name) or self.changed.get(array(name))
+
+    def enclose(self, name: str, source: Source, start: int, end: int) -> None:
+        """Record coordinates in a value of another kind; who gets it may move to them."""
+        if self.lexicon.literal.search(source.plain, start, end):
+            why = f"{name} has coordinates in a value that is no point"
+            self.points.setdefault(name, []).append(
+                Uncorrected(source.file, source.line(start), why)
+            )
+
+    def leave(self, source: Source, at: int, why: str) -> None:
+        """Record something that is not corrected."""
+        self.left.append(Uncorrected(source.file, source.line(at), why))
+
+    def use(
+        self, points: Sequence[Target | Uncorrected], tool: HeldState, base: HeldState
+    ) -> str | None:
+        """Record a motion to a point or any of several; return why it cannot be corrected.
+
+        Args:
+            points: The points.
+            tool: Tool in force, or that it is unknown.
+            base: Frame in force, likewise; joint targets need none.
+        """
+        unfit = next((one.why for one in points if isinstance(one, Uncorrected)), None)
+        targets = [one for one in points if isinstance(one, Target)]
+        posed = any(one.kind == "cartesian" for one in targets)
+        held = (tool, base) if posed else (tool,)
+        unsure = next((one.why for one in held if isinstance(one, UnknownState)), None)
+        if why := unfit or unsure:
+            return why
+        for one in targets:
+            self.note(MotionUse(one, str(tool), str(base) if posed else ""))
+        return None
+
+    def note(self, use: MotionUse) -> None:
+        """Record a motion, unless one to this target with its tool and frame was recorded."""
+        self.last = use.target.place
+        alike = (*use.target.place, use.tool, use.base)
+        if alike not in self._met:
+            self._met.add(alike)
+            self.uses.append(use)
+
+
+_CONSTANT = re.compile(r"(?:(?:\d+|#\w+)(?:,(?:\d+|#\w+))*\])?")
+"""Matches an index that is written out, as opposed to computed."""
+
+
+def array(name: str) -> str:
+    """The array of an element; other names unchanged."""
+    return name.partition("[")[0]
+
+
+def constant(name: str) -> bool:
+    """Whether a name is not an element with a computed index."""
+    return _CONSTANT.fullmatch(name.partition("[")[2]) is not None
+
+
+def finished(found: ParserState, file: str, text: str, notation: Notation) -> Program:
+    """Return the program; everything that its reader did not account for is listed as left."""
+    for source in found.sources:
+        _hand_over(found, source)
+        _overlooked(found, source)
+    changed = {
+        one.place: why
+        for name, several in found.points.items()
+        if (why := found.unsettled(name) or (_FRAMED if name in found.framed else None))
+        for one in several
+        if isinstance(one, Target)
+    }
+    targets, left = gathered([*_steady(found)], changed)
+    places = {one.place for one in targets}
+    follow = [one._replace(counts=place not in places) for one, place in found.following]
+    every = sorted({*found.left, *left, *follow, *_spare(found)})
+    own, other = ([one for one in every if (one.file == file) is mine] for mine in (True, False))
+    return Program(
+        file, text, notation, tuple(targets), tuple(own), tuple(other), found.tools, found.bases
+    )
+
+
+_FRAMED = "is a frame of other points, which would move with it"
+
+
+def _steady(found: ParserState) -> Iterator[MotionUse]:
+    """Yield the motions whose tool and frame are as declared; the others are recorded as left."""
+    for use in found.uses:
+        frames = (use.tool, use.base)
+        moved = next((one for one in frames if found.unsettled(one)), None)
+        if moved is None:
+            yield use
+        else:
+            why = f"{use.target.name} stands in {moved}, which {found.unsettled(moved)}"
+            found.left.append(Uncorrected(use.target.file, use.target.line, why))
+
+
+def _overlooked(found: ParserState, source: Source) -> None:
+    """Record words that look like motions but that the reader did not understand."""
+    known = found._mask(source)
+    for word in found.lexicon.motion.finditer(source.plain):
+        at = word.start(word.lastindex or 0)
+        if not known[at]:
+            text = " ".join(word[word.lastindex or 0].split())
+            found.leave(source, at, f"{text} is no motion known here")
+
+
+def _hand_over(found: ParserState, source: Source) -> None:
+    """Record points, frames and coordinates passed to routines, which may change or use them."""
+    names = {*found.points, *found.tools, *found.bases}
+    known, names = found._mask(source), (names | {array(name) for name in names}) - {""}
+    for at, name, to in _mentions(source, found.lexicon, names):
+        if known[at]:
+            continue
+        if not name:
+            if to is not None:
+                to = "what is not known here" if to == ":=" else to
+                found.leave(source, at, f"coordinates are handed to {to}, which may move there")
+        elif to is None:
+            found.read.add(name)
+        elif to == ":=":
+            found.change(name, source, at)
+        else:
+            why = f"is handed to {to} on line {source.line(at)}, which may change it or move there"
+            found.unsettle(name, why)
+
+
+_TOKEN = re.compile(
+    r"(?P<switch>\\\s*)?(?<![\w$#.])(?P<name>[A-Za-z_]\w*)|(?P<sign>[()\[\]{};\n]|:=)"
+)
+_SET = re.compile(r"\s*(?:[\[{][^\[\]{};\r\n]*[\]}]\s*){0,3}(?:\s*\.\s*\w+)*\s*:?=(?!=)")
+_STARTS = frozenset({"then", "else", "do", "endif", "endfor", "endwhile", "error"})
+_NO_CALL = _STARTS | {"if", "elif", "elseif", "while", "until", "and", "or", "not", "xor", "exor"}
+
+
+def _mentions(
+    source: Source, lexicon: Lexicon, names: set[str]
+) -> Iterator[tuple[int, str, str | None]]:
+    """Yield place, name and receiver of each mention: a routine, `:=`, or None if it is only read.
+
+    Coordinates have an empty name.
+    """
+    literals = {one.start(1) for one in lexicon.literal.finditer(source.plain)}
+    so_far = _Statement(lexicon)
+    for token in _TOKEN.finditer(source.plain):
+        word = token["name"]
+        at = token.start("name" if word else "sign")
+        if at in literals:
+            yield at, "", so_far.getter(source, token)
+        elif word and not token["switch"] and (key := lexicon.key(word)) in names:
+            yield at, key, so_far.getter(source, token)
+        so_far.follow(token)
+
+
+@dataclass
+class _Statement:
+    """The part of a statement before a token.
+
+    Attributes:
+        lexicon: Words of its language.
+        calls: Routine called at each open bracket, innermost last; empty if there is none.
+        head: First word of the statement.
+        before: Word just before the token.
+        assigned: Whether the statement assigns.
+        optional: Whether the name of an optional argument is just before.
+    """
+
+    lexicon: Lexicon
+    calls: list[str] = field(default_factory=list)
+    head: str = ""
+    before: str = ""
+    assigned: bool = False
+    optional: bool = False
+
+    def follow(self, token: re.Match[str]) -> None:
+        """Advance past a token."""
+        word, sign = token["name"] or "", token["sign"]
+        if sign == self.lexicon.end and not (self.calls and self.lexicon.cased):
+            self.calls, self.head, self.assigned = [], "", False
+        elif sign == ":=":
+            self.assigned |= not self.optional
+        elif sign:
+            self._bracket(sign)
+        self.optional = bool(token["switch"])
+        self.head = "" if word.lower() in _STARTS else self.head or word
+        self.before = word
+
+    def _bracket(self, sign: str) -> None:
+        outer = self.calls[-1] if self.calls else ""
+        if sign in "([{":
+            called = sign == "(" and self.before.lower() not in _NO_CALL
+            self.calls.append((self.before if called else "") or outer)
+        elif sign in ")]}" and self.calls:
+            self.calls.pop()
+
+    def getter(self, source: Source, token: re.Match[str]) -> str | None:
+        """Receiver of a name: a routine or an assignment (`:=`); None if it is only read."""
+        called = self.calls[-1] if self.calls else ""
+        if called:
+            return None if called.lower() in self.lexicon.reading else called
+        if _SET.match(source.plain, token.end()):
+            return ":="
+        return (self.head or "a routine") if self.lexicon.statements and not self.assigned else None
+
+
+def _spare(found: ParserState) -> Iterator[Uncorrected]:
+    """Points that no motion names; they count if the program changes them or computes from them."""
+    for name, several in found.points.items():
+        if name in found.named | found.steady | found.framed:
+            continue
+        why = found.unsettled(name)
+        counts = why is not None or not found.read.isdisjoint((name, array(name)))
+        for one in several:
+            word = one.name if isinstance(one, Target) else name
+            said = why or "is taught, and no motion here goes to it"
+            yield Uncorrected(one.file, one.line, f"{word} {said}", counts)
