@@ -286,8 +286,7 @@ OUTBUILDINGS = {
         "app.commands._shared": _COMMAND,
         "store.campaign": _PLACES,
         "prediction": "a program is a path of targets: aimed at and compensated as any other",
-        "readers.logs": "a path is a table of joint values, as the log of a campaign is",
-        "readers.positions": "and so are the poses of which positions are predicted",
+        "readers.logs": "paths and poses are tables of joint values, as logs and positions are",
         "readers.export_settings": "named as we name them",
     },
     "service": {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import report_sample
 
-from pipeline.answer.common_factor import common_factor, told_factor
+from pipeline.answer.contradictions import common_factor, told_factor
 from pipeline.machine.robot import load
 from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate

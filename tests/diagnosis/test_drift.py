@@ -138,6 +138,21 @@ def test_one_reading_off_is_no_drift():
     assert off.visible == np.inf
 
 
+def test_a_base_frame_that_grew_is_known_by_its_size():
+    """0.1 mm/m since the first round, whatever the tracker did beside; one that only moved is 0."""
+    settings, readings = case().settings, drifted({"base_end": 6.0})
+    assert asked(readings).deformed_m == 0
+    late = readings["group"] == "base_end"
+    at = np.array([settings.base_frame[name] for name in readings.loc[late, "target"]])
+    off = 1e-4 * (at - at.mean(axis=0))
+    points = readings.loc[late, XYZ].to_numpy(float)
+    readings.loc[late, XYZ] = points + off @ register(settings, readings).R
+
+    found = asked(readings).deformed_m
+
+    assert found == pytest.approx(np.sqrt(np.mean(off**2)), rel=0.1)  # four of them, read twice
+
+
 def test_a_third_round_tells_a_drift_from_a_knock():
     """Half of it at half time is a drift; none until then and all afterwards is not."""
     hours = asked(case().readings).hours

@@ -17,7 +17,7 @@ from bench.league.machine import Machine, Spring
 from bench.league.play import Rules, drawn, play
 from pipeline.annex.sections.stiffness import stiffness as section
 from pipeline.answer.contract import Stiffness
-from pipeline.answer.each_way import both_stiffnesses
+from pipeline.answer.remarks import both_stiffnesses
 from pipeline.fleet.history import changes
 from pipeline.library.compensate import Compensation, compensate
 from pipeline.library.compliance import cartesian_stiffness

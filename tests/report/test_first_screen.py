@@ -13,6 +13,7 @@ from pdf_text import pages_of
 
 from pipeline.annex.sections.to_measure import best_pose, next_joint_values, next_poses
 from pipeline.annex.sections.unseen import blind_spots
+from pipeline.answer.conformity import expanded, largest_force, tolerated
 from pipeline.answer.contract import (
     AxisValue,
     BestPose,
@@ -24,7 +25,6 @@ from pipeline.answer.contract import (
     ToMeasure,
 )
 from pipeline.answer.sentences import _least_certain, _proposed, _uncalibrated, joint_to_pull
-from pipeline.answer.tolerance_sentence import expanded, largest_force, tolerated
 from pipeline.answer.words import correct, mistaken, unnoticed, wrong
 from pipeline.diagnosis.facts import Facts
 from pipeline.faults.mistake import outlying

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pipeline.answer.conformity import DECIDED, expanded
 from pipeline.answer.contract import (
     Answer,
     PerTarget,
@@ -13,7 +14,6 @@ from pipeline.answer.contract import (
     Tolerance,
     Validation,
 )
-from pipeline.answer.tolerance_sentence import DECIDED, expanded
 from pipeline.base.quantities import percent, plain
 from pipeline.report import words
 from pipeline.report.columns import (

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.answer.conformity import DECIDED
 from pipeline.answer.contract import Answer, Placed, Stiffness, TestPose
-from pipeline.answer.tolerance_sentence import DECIDED
 from pipeline.answer.words import at_axis, listed
 from pipeline.base.arrays import Array
 from pipeline.base.language import Say
