@@ -105,6 +105,11 @@ def orthonormal(X: Array, least: float = _ROUNDING) -> Array:
     return np.asarray(U[:, s > least * s.max(initial=TINY)])
 
 
+def independent(X: Array) -> Array:
+    """Orthonormal basis, (M, k), of independent columns (M, k): less work than `orthonormal`."""
+    return np.asarray(scipy.linalg.qr(X, mode="economic", check_finite=False)[0])
+
+
 def span(X: Array, least: float) -> Array:
     """Orthonormal basis of the directions in which X exceeds the absolute length `least`."""
     U, s, _ = np.linalg.svd(X, full_matrices=False)
@@ -165,8 +170,14 @@ def determined(N: Array) -> Array:
 
 def rank(N: Array) -> int:
     """Number of directions determined by rows with products N, (k, k)."""
+    return int(ranks(N))
+
+
+def ranks(N: Array) -> Ints:
+    """The same for many products (..., k, k), shape (...)."""
     values = directions(unit(N)[0])[0]
-    return int(np.sum(values > PRODUCTS * values.max(initial=TINY)))
+    least = PRODUCTS * values.max(axis=-1, keepdims=True, initial=TINY)
+    return np.asarray(np.sum(values > least, axis=-1))
 
 
 def nothing(X: Array) -> Bools:

@@ -16,8 +16,11 @@ from pipeline.base.arrays import Array
 from pipeline.reduction.settings import Naming
 
 STATES = ("unloaded", "loaded")
-_TOKEN = re.compile(r"[0-9]+|[^\W\d_]+|[\W_]+")
-"""A number, a word, or the characters between them."""
+_TOKENS = (
+    re.compile(r"[0-9]+|[^\W\d_]+|[\W_]+"),
+    re.compile(r"[0-9]+|[^\W\d_]+(?: [^\W\d_]+)*|[\W_]+"),
+)
+"""A number, a word, or the characters between them; or several words in place of one."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,12 @@ def ways_to_read(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
     usual = Group(Naming().group)
     if states_of(list(rows), usual):
         return (usual,)
-    tokens = {name: _TOKEN.findall(name) for name in rows if re.search("[0-9]", name)}
+    return next(filter(None, (_ways(rows, token) for token in _TOKENS)), ())
+
+
+def _ways(rows: Mapping[str, Mapping[str, Array]], token: re.Pattern[str]) -> tuple[Group, ...]:
+    """The ways for names that consist of such parts."""
+    tokens = {name: token.findall(name) for name in rows if re.search("[0-9]", name)}
     longest = max(tokens.values(), key=len, default=[])
     alike = {name: own for name, own in tokens.items() if _fits(own, longest)}
     numbers = [k for k, token in enumerate(longest) if token.isdigit()]
@@ -88,16 +96,19 @@ def _states(said: Mapping[str, str], alike: Mapping[str, Sequence[str]], place: 
     pose = {name: alike[name][place] for name in said if len(alike[name]) > place}
     both = {(number, said[name]) for name, number in pose.items()}
     return (
-        len(words) > 1
-        and all(word.isalpha() for word in words)
-        and len(both) >= 1.5 * len(set(pose.values()))
+        len(words) > 1 and all(map(_worded, words)) and len(both) >= 1.5 * len(set(pose.values()))
     )
+
+
+def _worded(part: str) -> bool:
+    """Whether a part of a name consists of words."""
+    return part.replace(" ", "").isalpha()
 
 
 def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
     """Whether numbers and words are in the same positions as in the longest name."""
     return all(
-        a.isdigit() == b.isdigit() and a.isalpha() == b.isalpha()
+        a.isdigit() == b.isdigit() and _worded(a) == _worded(b)
         for a, b in zip(own, longest, strict=False)
     )
 
@@ -127,14 +138,19 @@ def _pattern(
     """Regular expression for names of one form, the last parts of which may be missing."""
     parts = {
         numbers[0]: "(?P<pose>[0-9]+)",
-        state: f"(?P<state>{'|'.join(map(re.escape, states))})",
+        state: f"(?P<state>{'|'.join(map(_literal, states))})",
     }
     if len(numbers) > 1:
         parts[numbers[1]] = "(?P<repeat>[0-9]*)" if numbers[1] >= least else "(?P<repeat>[0-9]+)"
     out = []
     for k, token in enumerate(tokens):
-        fixed = "[0-9]+" if token.isdigit() else re.escape(token).replace("\\ ", " ")
+        fixed = "[0-9]+" if token.isdigit() else _literal(token)
         maybe = f"{fixed}?" if len(fixed) == 1 else f"(?:{fixed})?"
         out.append(parts.get(k, maybe if k >= least else fixed))
     none = "" if len(numbers) > 1 else "(?P<repeat>[0-9]*)"
     return "".join(out) + none
+
+
+def _literal(text: str) -> str:
+    """Expression for a text itself."""
+    return re.escape(text).replace("\\ ", " ")

@@ -125,13 +125,16 @@ def of_loads(
 
 
 def _by_unit(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str, Sequence[str]]]:
-    """The force, if exactly one title has a unit of forces in brackets, and not kg."""
-    found = [
-        (title, (unit,))
-        for title in titles
-        for word in IN_BRACKETS.findall(title.lower())[-1:]
-        if (unit := _unit(word)) in units and unit != "kg"
-    ]
+    """The force, if exactly one title has a unit of forces in brackets, and not kg, or is one.
+
+    `LBS` alone is a force; `N` alone may number something.
+    """
+    found = []
+    for title in titles:
+        inside = IN_BRACKETS.findall(title.lower())[-1:]
+        unit = _unit(inside[0] if inside else title.lower().strip())
+        if unit in units and unit not in ("kg", "" if inside else "n"):
+            found.append((title, (unit,)))
     return {"force": found[0]} if len(found) == 1 else {}
 
 

@@ -197,6 +197,9 @@ _ADVICE = {
     "tracker_wander": "read each zero shortly before its pulls, and again behind them",
     "tracker_noise": "look for vibration, draught, sun on the beam and dirty reflectors",
     "joint_offset": "read the base reflectors again, as the tracker may have moved",
+    "base_moved": "see what holds robot and tracker, and read the base reflectors again",
+    "target_moved": "see whether its nest is loose, and measure the distances between the targets "
+    "again before the next pose",
     "base_rotation": "read the base reflectors again, as the tracker may have moved",
     "scale_zero": "unload the scale and read it empty before the next pull",
     "scale_gain": "have the scale calibrated",
@@ -205,7 +208,8 @@ _ADVICE = {
     "force_noise": "read the scale when the chain hangs still",
     "heavy_tails": "see that every reflector sits well and nothing cuts the beam",
 }
-"""What to do at the robot, by cause; causes in the robot itself need no action."""
+"""What to do at the robot, by cause; of others it is said what would settle them, and causes in the
+robot itself need no action."""
 
 _OF_THE_ROBOT = ("rail", "joint", "link", "tool", "shoulder", "wrist")
 """Places of causes in the robot itself."""
@@ -216,10 +220,12 @@ def _warnings(answer: Answer, robot: Robot) -> Iterator[str]:
     for one in answer.diagnosis.causes:
         if one.evidence is None and (one.probability or 0.0) >= _LIKELY:
             at = f" ({one.where})" if one.where is not None else ""
+            at += f" {one.form}" if (one.form or "").startswith("since") else ""
             what = str(one.name).replace("_", " ")
             of_scale = one.where == "scale"  # a law of the scale that is not in the catalogue
             done = _ADVICE.get("scale_zero" if of_scale else str(one.name))
-            then = f": {done}" if done else ", of the robot itself" if one.name in own else ""
+            settled = f"; what would settle it: {one.needs}" if one.needs else ""
+            then = f": {done}" if done else ", of the robot itself" if one.name in own else settled
             yield f"{what[:1].upper()}{what[1:]}{at}, probability {one.probability:.2f}{then}."
 
 

@@ -23,7 +23,7 @@ _KEY = r"""([\w-]+|"[^"\n]*")"""
 _TABLE = re.compile(rf"^(#\s*)?\[\s*{_KEY}(?:\s*\.\s*{_KEY})?\s*\]\s*(?:#.*)?$")
 _LINE = re.compile(rf"^(#\s*)?{_KEY}\s*=\s*(.*)$")
 _WORD = re.compile(r'"([^"\n]+)"')
-_MORE = re.compile(r"^#\s{3,}(.*)$")
+_MORE = re.compile(r"^#\s{3,}(?:# )?(.*)$")
 _PLACES = ("tool", "base_frame")
 _WORDS = ("name", "robot", "operator", "model", "serial", "certificate", "unit", "file", "path")
 """Keys whose values are strings even if they look like numbers, such as a serial number 0123."""
@@ -61,7 +61,7 @@ class FormEntry:
     @property
     def confirmable(self) -> bool:
         """Whether it asks for something below to be confirmed, by removing the line."""
-        return self.needed and "remove this line" in self.about
+        return self.needed and re.search("(then|and) remove this line", self.about) is not None
 
     @property
     def coordinates(self) -> tuple[float, float, float] | None:

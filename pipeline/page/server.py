@@ -179,12 +179,12 @@ class _State:
     def reached(self, desk: Desk) -> dict[str, str]:
         """What each stage waits for; empty if it is done."""
         text, run, done = desk.text(), self.runs.of.get(desk.name), self.done(desk)
-        setup = _left(text) if text else "files"
+        setup, passed = _left(text) if text else "files", self.passed(desk)
         return {
             "files": "" if text else "go on below" if desk.names() else "drop what was measured",
             "setup": setup,
-            "check": "" if self.passed(desk) else "setup" if setup else "check",
-            "run": "running" if run and run.said is None else "" if done else "check",
+            "check": "" if passed else "setup" if setup else "check",
+            "run": "running" if run and run.said is None else "" if done else _ARMED[passed],
             "answer": "" if done else "run",
         }
 
@@ -218,6 +218,9 @@ _PAGES = jinja2.Environment(
 )
 _PAGES.filters["path"] = lambda text: quote(str(text), safe="")
 _PAGES.filters["shown"] = lambda text: printable(str(text), 400)
+_PAGES.filters["whole"] = lambda text: printable(str(text), 4000)  # sentences of ours
+_ARMED = {False: "check", True: "run"}
+"""What Run waits for, by whether the check has passed."""
 _PAGES.filters["stiffness"] = _stiffness
 
 _Handler = Callable[[_State, Request], Awaitable[Response]]

@@ -23,15 +23,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse
 from scipy import special
 
 from pipeline.base.arrays import Array, Locked
-from pipeline.base.linear import orthonormal, rms
+from pipeline.base.linear import rms
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
-from pipeline.system.restricted import PaddedRows, lowest
-from pipeline.system.system import Errors, System
+from pipeline.system.parted import PartedRows
+from pipeline.system.restricted import lowest
+from pipeline.system.system import System
 
 _GROWTH = (0.0, 1 / 3, 2 / 3, 1.0)
 """Trial exponents of the distance for the part across the beam [1]: from none to that of angles
@@ -116,7 +116,7 @@ class BeamNoise(Locked):
         return 2 * float(max(across, abs(np.log(self.along / other.along))))
 
 
-def beam(data: Measured, system: System, X: Array) -> BeamNoise:
+def beam(data: Measured, system: System, Q: Array, dof: int) -> BeamNoise:
     """Estimate both parts from the rows of a campaign.
 
     L is minus twice the restricted log likelihood, L_0 that of the stated proportion,
@@ -126,14 +126,15 @@ def beam(data: Measured, system: System, X: Array) -> BeamNoise:
     Args:
         data: The measurements.
         system: Their rows and errors, linearised at a model.
-        X: Columns of springs and causes, shape (M, k).
+        Q: Orthonormal columns that span springs and causes, shape (M, k).
+        dof: Degrees of freedom of the residuals.
     """
-    stated, beams, dof = BeamNoise.stated(data), _beams(data), len(system.rows) - X.shape[1]
+    stated, beams = BeamNoise.stated(data), _beams(data)
     if beams is None or dof < _FEWEST:
         return stated
     u, r = beams
     ratio, grown = _proportion(data, u), r[:, None] ** np.array(_GROWTH)
-    more, along, across = _fitted(system, X, u, grown)
+    more, along, across = _fitted(system, Q, u, grown)
     if not np.isfinite(more).all():  # rows without noise cannot resolve its parts
         return stated
     along = across * np.clip(along / across, _LEAST / ratio, _MOST / ratio)
@@ -152,35 +153,29 @@ def beam(data: Measured, system: System, X: Array) -> BeamNoise:
     )
 
 
-def _fitted(system: System, X: Array, u: Array, grown: Array) -> tuple[Array, Array, Array]:
+def _fitted(system: System, Q: Array, u: Array, grown: Array) -> tuple[Array, Array, Array]:
     """L_0 - L, a and b for each exponent of the distance, shapes (k,).
 
     Args:
         system: As for `beam`.
-        X: As for `beam`.
+        Q: As for `beam`.
         u: Directions of the beams, shape (d, 3).
         grown: (r / r0)^g, shape (d, k).
     """
-    stated, found, tried = np.inf, np.zeros(2), list[list[float]]()
-    Q = orthonormal(X)
+    own = np.isin(system.errors.source.astype(str), _OWN)
+    try:
+        rows = PartedRows.of(system, Q, u, own)
+    except np.linalg.LinAlgError:  # readings without noise
+        none = np.full(grown.shape[1], np.nan)
+        return none, none, none
+    found, tried = np.full(2, rows.rough), list[list[float]]()
+    stated = rows.alike()
     for size in grown.T:
-        parted = replace(system, errors=_parted(system.errors, u, size))
-        blocks = PaddedRows.beside(parted, Q, [("along",), ("across",)])
-        if not tried:  # the stated proportion: one scale for both parts
-            found = np.full(2, blocks.rough)
-            if not np.isfinite(blocks.whole(found)):
-                none = np.full(grown.shape[1], np.nan)
-                return none, none, none
-            stated = _alike(blocks, found[:1])
+        blocks = rows.grown(size)
         found = lowest(blocks.loss, found)
         tried.append([stated - blocks.whole(found), *np.exp(found)])
     more, along, across = np.array(tried).T
     return more, along, across
-
-
-def _alike(blocks: PaddedRows, start: Array) -> float:
-    """Minimum of the loss with one scale for both parts."""
-    return blocks.whole(np.repeat(lowest(lambda x: blocks.loss(np.repeat(x, 2)), start), 2))
 
 
 def _log_prior(ratio: Array) -> Array:
@@ -240,24 +235,3 @@ def _times(data: Measured, along: float, across: Array) -> Measured:
     P = beams[0][:, :, None] * beams[0][:, None, :]
     M = along * P + across[:, None, None] * (np.eye(3) - P)
     return replace(data, loaded_cov=M @ data.loaded_cov @ M, zero_cov=M @ data.zero_cov @ M)
-
-
-def _parted(errors: Errors, u: Array, size: Array) -> Errors:
-    """The errors with those of the readings split into sources `along` and `across` the beams.
-
-    Args:
-        errors: The errors.
-        u: Directions of the beams, shape (d, 3).
-        size: Factor on the part across, shape (d,).
-    """
-    own = np.isin(errors.source.astype(str), _OWN)
-    along = scipy.sparse.block_diag(list(u[:, :, None] * u[:, None, :]), format="csr")
-    G = errors.G[:, own]
-    range_, rest = along @ G, scipy.sparse.diags_array(np.repeat(size, 3)) @ (G - along @ G)
-    n = int(own.sum())
-    names = [np.full(n, name, dtype=object) for name in ("along", "across")]
-    return Errors(
-        scipy.sparse.csr_array(scipy.sparse.hstack([range_, rest, errors.G[:, ~own]])),
-        np.concatenate([*names, errors.source[~own]]),
-        np.concatenate([np.zeros(2 * n, dtype=bool), errors.common[~own]]),
-    )

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
@@ -109,7 +110,7 @@ class NoiseShape(Locked):
     def alike(self, data: Measured) -> Measured:
         """Measurements as from `on` without the variances of single readings.
 
-        Beam and wander are kept.
+        BeamNoise and wander are kept.
         """
         return replace(self.readings.scaled(data, 1 / self.variance), heavy=0.0)
 
@@ -180,36 +181,39 @@ def tails(
 def _seen(
     seen: Linearised, accepted: tuple[int, ...] | None, rounds: int, loose: bool
 ) -> tuple[BeamNoise, _Told]:
-    """Beam and tails; where there are tails, both again with the readings so weighted."""
+    """BeamNoise and tails; where there are tails, both again with the readings so weighted."""
     X, data = _taken_out(seen, accepted, loose), replace(seen.data, bends=False)
+    Q, dof = linear.orthonormal(X), len(X) - X.shape[1]
     flat = replace(seen.model.cell, equilibrium="undeformed")
     others = inputs(flat, data, seen.model.values)
-    parts = _beam(seen, X, data, others)
-    told = _tails(seen, X, data, others, parts, rounds)
+    parts = _beam(seen, Q, dof, data, others)
+    told = _tails(seen, Q, data, others, parts, rounds)
     if told[1].heavy < _HEAVY and np.abs(np.log(told[2])).max() < _STILL:
         return parts, told
     # where most readings are off the model is wrong, which makes no part of the noise smaller
     weighed = told[0].scaled(data, told[2] / max(float(np.median(told[2])), 1.0))
-    parts = _beam(seen, X, weighed, others)
-    return parts, _tails(seen, X, data, others, parts, rounds)
+    parts = _beam(seen, Q, dof, weighed, others)
+    return parts, _tails(seen, Q, data, others, parts, rounds)
 
 
-def _beam(seen: Linearised, X: Array, data: Measured, others: Sequence[ErrorBlock]) -> BeamNoise:
-    """Both parts of the noise with X as fixed effects, readings weighted as in `data`."""
-    return beam(data, replace(seen.system, errors=with_readings(others, data)), X)
+def _beam(
+    seen: Linearised, Q: Array, dof: int, data: Measured, others: Sequence[ErrorBlock]
+) -> BeamNoise:
+    """Both parts of the noise with fixed effects Q, readings weighted as in `data`."""
+    return beam(data, replace(seen.system, errors=with_readings(others, data)), Q, dof)
 
 
 def _tails(
     seen: Linearised,
-    X: Array,
+    Q: Array,
     stated: Measured,
     others: Sequence[ErrorBlock],
     parts: BeamNoise,
     rounds: int,
 ) -> _Told:
-    """Tails of the readings of `stated`, after the beam is applied, with X as fixed effects."""
+    """Tails of the readings of `stated`, after the beam is applied, with fixed effects Q."""
     data = parts.on(stated)
-    beyond = RowsByPose.of(seen, X, with_readings(others, data))
+    beyond = RowsByPose.beside(seen, Q, with_readings(others, data))
     readings, found = ReadingsOfRows.of(data, beyond.white), Family.stated(data.paper)
     variance = np.ones(readings.loaded + len(readings.zero))
     if beyond.base.dof < _FEWEST:
@@ -221,7 +225,7 @@ def _tails(
         found = replace(told, p_value=first.p_value, profile=first.profile, widest=parts.widest)
         before, variance = variance, np.ones(len(variance))
         variance[good] = mean
-        beyond = RowsByPose.of(seen, X, with_readings(others, readings.scaled(data, variance)))
+        beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
         readings = ReadingsOfRows.of(data, beyond.white)
         if np.abs(np.log(variance / before)).max() < _STILL:
             break

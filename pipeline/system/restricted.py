@@ -101,12 +101,7 @@ class PaddedRows(Locked):
         if not X.shape[2]:
             return own, 0.0
         flat = X.reshape(-1, X.shape[2])
-        N, g = flat.T @ flat + np.diag(self.prior), flat.T @ y.ravel()
-        try:
-            factor = linear.cholesky(N)
-        except np.linalg.LinAlgError:  # rows with almost no noise
-            return own, float(linear.log_det(N) - g @ linear.solve(N, g))
-        return own, float(factor.log_det - g @ factor.solve(g))
+        return own, of_fixed(flat.T @ flat + np.diag(self.prior), flat.T @ y.ravel())
 
     @cached_property
     def _both(self) -> Array:
@@ -126,6 +121,15 @@ class PaddedRows(Locked):
             return self.loss(full)
 
         return loss
+
+
+def of_fixed(N: Array, g: Array) -> float:
+    """Part of the fixed effects in the loss, log|N| - g' N^-1 g, of N (k, k) and g (k,)."""
+    try:
+        factor = linear.cholesky(N)
+    except np.linalg.LinAlgError:  # rows with almost no noise
+        return float(linear.log_det(N) - g @ linear.solve(N, g))
+    return float(factor.log_det - g @ factor.solve(g))
 
 
 _STEP = 3e-3

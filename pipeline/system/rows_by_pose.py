@@ -37,8 +37,13 @@ class RowsByPose(Locked):
     @classmethod
     def of(cls, seen: Linearised, columns: Array, errors: Errors) -> RowsByPose:
         """The rows of a campaign with fixed columns (M, k) and these errors."""
+        return cls.beside(seen, linear.orthonormal(columns), errors)
+
+    @classmethod
+    def beside(cls, seen: Linearised, Q: Array, errors: Errors) -> RowsByPose:
+        """The same with orthonormal fixed columns (M, k): they stay independent when whitened."""
         white = whitener(errors, seen.rows.pose)
-        fixed = linear.orthonormal(white.by_pose(columns))
+        fixed = linear.independent(white.by_pose(Q))
         prior = np.repeat([0.0, 1.0], [fixed.shape[1], white.common.shape[1]])
         X = np.hstack([fixed, white.common])
         return cls(white, X, prior, white.by_pose(seen.y))
@@ -46,9 +51,11 @@ class RowsByPose(Locked):
     @cached_property
     def base(self) -> Base:
         """The same as a `Base`, for tests of single readings."""
+        r = int(self.prior.sum())
         rows = np.vstack([self.X, np.diag(self.prior)[self.prior > 0]])
-        y = np.append(self.y, np.zeros(int(self.prior.sum())))
-        return Base.of(rows, y, self.white.key)
+        fixed = rows.shape[1] - r
+        y = np.append(self.y, np.zeros(r))
+        return Base.spanned(rows[:, :fixed], y, self.white.key).more(rows[:, fixed:])
 
     def rotated(self, W: Array) -> tuple[Array, Array, Array]:
         """Rows in which a covariance W of each pose (p, s, s), whitened by pose, is diagonal.

@@ -114,6 +114,14 @@ class ScoreTests(Locked):
         N = self.N[at[:, :, None], at[:, None, :]]
         return replace(self, N=N, g=self.g[at], whole=self.whole[at])
 
+    def without(self, first: int) -> ScoreTests:
+        """The columns of one suspect after its first ones, which join the base; `dof` stays."""
+        M = np.block([[self.N, self.g[:, None]], [self.g, np.full((1, 1), self.rest)]])
+        S = eliminate(M, np.arange(first))[first:, first:]
+        return replace(
+            self, N=S[:-1, :-1], g=S[:-1, -1], whole=self.whole[first:], rest=float(S[-1, -1])
+        )
+
     def rows(self, suspects: Blocks) -> ScoreTests:
         """The same in the original order of the suspects, where they were padded by block."""
         return replace(
@@ -156,6 +164,13 @@ class Base(Locked):
         empty = cls(blocks, Q, own, np.zeros(blocks.shape), len(y) - int(rank))
         return empty.against(y)
 
+    @classmethod
+    def spanned(cls, Q: Array, y: Array, key: Ints) -> Base:
+        """The base with orthonormal columns Q (M, k); y and key as for `of`."""
+        blocks = Blocks.of(key)
+        zero = np.zeros(blocks.shape)
+        return cls(blocks, blocks.padded(Q), False, zero, len(y) - Q.shape[1]).against(y)
+
     def against(self, y: Array) -> Base:
         """The same columns with other rows y (M,)."""
         return replace(self, left=self.blocks.padded(self.beyond(y[:, None])[:, 0]))
@@ -192,7 +207,8 @@ class Base(Locked):
                 are missing at the end are zero.
         """
         Q, left = (part[: D.shape[0], : D.shape[1]] for part in (self.Q, self.left))
-        QD = np.einsum("psk,psni->pkni", Q, D)
+        p, s, n, k = D.shape
+        QD = (np.swapaxes(Q, 1, 2) @ D.reshape(p, s, n * k)).reshape(p, Q.shape[2], n, k)
         whole = np.einsum("psni,psnj->pnij", D, D)
         return ScoreTests(
             N=whole - np.einsum("pkni,pknj->pnij", QD, QD),

@@ -74,6 +74,17 @@ class Suspects(Locked):
             out[block, : self.D.shape[1], column * k : (column + 1) * k] = self.D[block, :, place]
         return base.blocks.rows(out)
 
+    def as_one(self, base: Base, chosen: Ints) -> ScoreTests:
+        """The chosen suspects as one of m k columns beside a base, by products of their blocks."""
+        m, block, (_, s, _, k) = len(chosen), self.blocks.index[chosen], self.D.shape
+        D = np.moveaxis(self.D[block, :, self.blocks.place[chosen]], 1, 2)  # (m, k, s)
+        g = (D @ base.left[block, :s, None]).reshape(m * k)
+        QD = (D @ base.Q[block, :s]).reshape(m * k, -1)
+        D = D.reshape(m * k, s)
+        same = np.kron(block[:, None] == block, np.ones((k, k)))
+        N = (D @ D.T) * same - (QD @ QD.T) * (same if base.own else 1.0)
+        return ScoreTests(N, g, np.einsum("ms,ms->m", D, D), base.rest, base.dof)
+
     def beside(self, base: Base, held: Ints) -> tuple[Base, ScoreTests]:
         """The base extended by the held suspects, and every suspect tested in addition to it."""
         wider = base.more(self.rows(base, held)) if len(held) else base
@@ -91,7 +102,7 @@ class Suspects(Locked):
 
         A rival must explain nothing in addition to it; otherwise both may be at work.
         """
-        left = self.beside(held.given, held.which)[1].drop < DECIDES * held.variance
+        left = held.others.drop < DECIDES * held.variance
         out = []
         for one in held.which:
             found = self.beside(held.given, held.which[held.which != one])[1]
@@ -115,6 +126,7 @@ class ActiveSuspects(Locked):
         given: The base without them.
         base: The same with all of them.
         tests: Number of suspects that were tested.
+        others: Every suspect in addition to all of them.
     """
 
     which: Ints
@@ -125,6 +137,7 @@ class ActiveSuspects(Locked):
     given: Base
     base: Base
     tests: int
+    others: ScoreTests
 
     def loss(self, least: float) -> float:
         """Minus twice the log of likelihood and priors, up to a constant.
@@ -176,7 +189,7 @@ def active_suspects(base: Base, suspects: Suspects, least: float) -> ActiveSuspe
         least: Lower limit of the variance of the rows.
     """
     wide = _end(base, suspects, least, np.inf)
-    if not len(_joining(suspects.beside(base, wide.which)[1], suspects, least)):
+    if not len(_joining(wide.others, suspects, least)):
         return wide  # none is significant in the smallest scatter either
     return min((wide, _end(base, suspects, least, least)), key=lambda one: one.loss(least))
 
@@ -184,8 +197,8 @@ def active_suspects(base: Base, suspects: Suspects, least: float) -> ActiveSuspe
 def _end(base: Base, suspects: Suspects, least: float, most: float) -> ActiveSuspects:
     """End of the search: none joins, leaves or is exchanged; variance at most `most` until then."""
     held, tried = np.zeros(0, np.int64), set[bytes]()
+    wider, found = suspects.beside(base, held)
     for _ in range(_ROUNDS):
-        wider, found = suspects.beside(base, held)
         variance = min(_variance(found, held, least), most)
         joined = np.union1d(held, _joining(found, suspects, variance))
         joined = _staying(base, suspects, joined, variance)
@@ -194,24 +207,19 @@ def _end(base: Base, suspects: Suspects, least: float, most: float) -> ActiveSus
         if joined.tobytes() in tried or joined.size * suspects.D.shape[3] > _MOST * base.dof:
             break
         tried.add(joined.tobytes())
+        if joined.tobytes() != held.tobytes():
+            wider, found = suspects.beside(base, joined)
         held = joined
-    held, variance, found, wider = _seen_from_all(base, suspects, held, least)
-    size, drop, rank = _each(base, suspects, held)
-    tests = int((found.rank > 0).sum()) + len(held)
-    return ActiveSuspects(held, size, drop, rank, variance, base, wider, tests)
-
-
-def _seen_from_all(
-    base: Base, suspects: Suspects, held: Ints, least: float
-) -> tuple[Ints, float, ScoreTests, Base]:
-    """Held suspects that are significant in the scatter of all others, without the cap on it."""
-    while True:
-        wider, found = suspects.beside(base, held)
+    while True:  # held suspects that are significant in the scatter of all others, without the cap
         variance = _variance(found, held, least)
         stay = _staying(base, suspects, held, variance)
         if len(stay) == len(held):
-            return held, variance, found, wider
+            break
         held = stay
+        wider, found = suspects.beside(base, held)
+    size, drop, rank = _each(base, suspects, held)
+    tests = int((found.rank > 0).sum()) + len(held)
+    return ActiveSuspects(held, size, drop, rank, variance, base, wider, tests, found)
 
 
 def _variance(found: ScoreTests, held: Ints, least: float) -> float:
@@ -236,12 +244,12 @@ def _each(base: Base, suspects: Suspects, held: Ints) -> tuple[Array, Array, Int
     k = suspects.D.shape[3]
     if not len(held):
         return np.zeros((0, k)), np.zeros(0), np.zeros(0, np.int64)
-    found = base.beside_all(suspects.rows(base, held))
+    found = suspects.as_one(base, held)
     size = found.size.reshape(-1, k)
     m = len(held)
     own = found.cov.reshape(m, k, m, k)[np.arange(m), :, np.arange(m)]
     drop = np.einsum("ni,nij,nj->n", size, linear.shortest(own), size)
-    return size, drop, np.array([linear.rank(one) for one in own], np.int64)
+    return size, drop, linear.ranks(own)
 
 
 def sizes(base: Base, suspects: Suspects, held: Ints) -> Array:
@@ -263,25 +271,31 @@ def _staying(base: Base, suspects: Suspects, held: Ints, variance: float) -> Int
 
 def _exchanged(base: Base, suspects: Suspects, held: Ints, variance: float) -> Ints:
     """The likeliest set of each block, as large as what is held there or smaller."""
+    k = suspects.D.shape[3]
     for block in np.unique(suspects.blocks.index[held]):
         mine = suspects.blocks.index[held] == block
         others = np.setdiff1d(held, held[mine])
-        rest = base.more(suspects.rows(base, others)) if len(others) else base
         among = np.flatnonzero(suspects.blocks.index == block)
-        best = _likeliest(rest, suspects, among, held[mine], variance)
+        beside = suspects.as_one(base, np.append(others, among)).without(len(others) * k)
+        best = _likeliest(beside, k, among, held[mine], variance)
         held = np.union1d(others, best)
     return held
 
 
-def _likeliest(base: Base, suspects: Suspects, among: Ints, held: Ints, variance: float) -> Ints:
+def _likeliest(found: ScoreTests, k: int, among: Ints, held: Ints, variance: float) -> Ints:
     """The suspects of a block with the smallest loss; those that are held, if none is smaller.
 
     The loss is -T / v plus the cost of each, T the drop of the set. All sets as large as what is
     held or smaller are compared, if they are no more than `_SETS`; otherwise those with one member
     exchanged or dropped.
+
+    Args:
+        found: All suspects of the block, of k columns each, as one.
+        k: Columns of a suspect.
+        among: Their numbers, shape (n,).
+        held: Numbers of those that are held.
+        variance: Variance of the rows.
     """
-    k = suspects.D.shape[3]
-    found = base.beside_all(suspects.rows(base, among))
 
     def losses(places: Ints) -> Array:
         m = places.shape[1]

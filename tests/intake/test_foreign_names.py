@@ -11,6 +11,7 @@ from workbooks import workbook
 from pipeline import readers
 from pipeline.base.errors import InputError
 from pipeline.intake._group_names import Group, states_of, ways_to_read
+from pipeline.intake.log_columns import understood_loads
 from pipeline.machine.robot import load
 from pipeline.readers import logs
 from pipeline.readers.export_settings import LogForm
@@ -492,3 +493,46 @@ def test_a_state_without_a_word_is_asked_for_and_can_be_written():
         "P07-L2",
         "P08-L1",
     }
+
+
+@pytest.mark.parametrize(
+    ("unloaded", "loaded", "repeat"),
+    [
+        ("Stellung {} - ohne Last", "Stellung {} - Zug {}", 2),
+        ("pos {} no load", "pos {} pull {}", 2),
+        ("posture {} à vide 1", "posture {} traction {}", 1),
+    ],
+)
+def test_a_state_of_two_words_is_read_like_one_of_one(unloaded, loaded, repeat):
+    """Whether its pulls are numbered or not; the ends of the chain are read under load only."""
+    free, pulled = {"P1": [0.0]}, {"P1": [0.0], "Pl1": [1.0]}
+    rows = {"Basis": {"B1": [2.0]}}
+    for pose in range(1, 5):
+        rows |= {unloaded.format(pose): free}
+        rows |= {loaded.format(pose, k): pulled for k in range(1, 4)}
+
+    (way,) = ways_to_read(rows)
+
+    states = states_of(list(rows), way)
+    assert states == {
+        name: "unloaded" if here is free else "loaded"
+        for name, here in rows.items()
+        if name != "Basis"
+    }
+    assert re.fullmatch(way.pattern, loaded.format(3, repeat))["repeat"] == str(repeat)
+
+
+@pytest.mark.parametrize(
+    ("title", "force"),
+    [("LBS", 100 * 4.4482216152605), ("kN", 1e5), ("daN", 1e3), ("N", None), ("kg", None)],
+)
+def test_a_column_called_by_a_unit_of_forces_is_the_force(title, force):
+    """`N` may number something, and kilograms may be a mass."""
+    log = f"POS,PULL,{title}\n1,1,100\n1,2,100.5\n2,1,99.5\n".encode()
+
+    form = understood_loads("log.csv", log)
+
+    if force is None:
+        assert form is None
+    else:
+        assert load_log(log.decode(), {"columns": form.columns})[0][2] == pytest.approx(force)

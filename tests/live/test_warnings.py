@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from test_live import BASE, of_pose, table
 
+from bench.live import _turn
 from pipeline import identify, load_campaign, simulate_campaign
 from pipeline.live.update import update_of
+from pipeline.machine.robot import configure
 
 
 def warned(campaign):
@@ -51,6 +53,43 @@ def test_a_tracker_that_was_knocked_sends_one_to_the_base_reflectors():
     for rounds in ((), [moved(one) for one in again], timed):
         said = warned(load_campaign(table(*poses, *rounds), name="demo"))
         assert any("read the base reflectors again" in one for one in said)
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize(
+    ("moved", "name", "done"),
+    [
+        (lambda axes, p: p + axes @ [0.8, -0.5, 0.6], "Target moved (P2) since pose 9",
+         "see whether its nest is loose"),
+        (lambda _, p: np.add(p, [1.5, -0.8, 0.3]), "Base moved since pose 9",
+         "see what holds robot and tracker"),
+    ],
+    ids=["a nest", "the tracker"],
+)  # fmt: skip
+def test_what_moved_between_poses_is_told_with_what_to_do(moved, name, done):
+    """One reflector on the effector by 1.1 mm, or all of them by 1.7 mm, base read only before."""
+    made = simulate_campaign(seed=8105, name="hall", stiffness_spread=0.3)
+    robot, files = made.campaign.robot, dict(made.campaign.files)
+    joints = [row.split(",") for row in files["joints.csv"].decode().splitlines()[1:]]
+    q = {int(row[0]): np.array(row[1:8], float) for row in joints}
+    titles, *lines = files["tracker.csv"].decode().splitlines(keepends=True)
+    base = [line for line in lines if line.startswith("base_start")]
+    turn = _turn(base, made.campaign)
+    out = [titles]
+    for line in lines:
+        group, target, *xyz, time = line.split(",")
+        late = group.startswith("pose") and int(group[4:6]) >= 9
+        if late and (target == "P2" or not name.startswith("Target")):
+            pose = configure(robot, robot.from_degrees(q[int(group[4:6])])[None])
+            axes = turn.T @ pose.flange_axes[0]
+            there = moved(axes, np.array(xyz, float))
+            line = ",".join([group, target, *(f"{x:.4f}" for x in there), time])
+        out.append(line)
+    files["tracker.csv"] = "".join(out).encode()
+
+    said = warned(load_campaign(files, name="hall"))
+
+    assert any(one.startswith(name) and done in one for one in said), said
 
 
 @pytest.mark.whole

@@ -192,6 +192,21 @@ def test_a_question_is_confirmed_by_taking_it_away():
         entries.confirmed(text, of("unit", text).line)
 
 
+def test_a_question_that_may_be_left_out_is_a_field():
+    """How groups are read: an expression to type; its comment comes without marks."""
+    asked = (
+        "# group = ?    # an expression with (?P<pose>...),\n#         # (?P<state>...);\n"
+        "#         # or remove this line, and write a log\n"
+    )
+
+    one = of("group", TEXT.replace("# unit = ?", f"{asked}# unit = ?"))
+
+    assert not one.confirmable
+    assert one.about == (
+        "an expression with (?P<pose>...), (?P<state>...); or remove this line, and write a log"
+    )
+
+
 JOINTS = '[joints]\nfile = "a.csv"   # mine\n'
 COLUMNS = '\n[joints.columns]\n"A1" = "J1_deg"\n'
 REST = "\n# next\n[tool]\n"

@@ -382,3 +382,10 @@ def test_leaving_blocks_out_of_own_columns_is_predicting_nothing():
 
     assert lost.all()
     assert left == pytest.approx(y)
+
+
+def test_no_suspects_are_no_error():
+    """As of a campaign with one round of the base: nothing can have moved between rounds."""
+    base = Base.of(np.ones((4, 1)), np.arange(4.0))
+
+    assert base.beside(np.zeros((1, 4, 0, 6))).N.shape == (1, 0, 6, 6)

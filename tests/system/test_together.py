@@ -87,6 +87,27 @@ def test_sizes_and_drops_are_those_of_dense_fits():
         assert held.drop[place] == pytest.approx(without - left(whole, y))
 
 
+@pytest.mark.parametrize("own", [False, True])
+def test_products_of_blocks_are_those_of_whole_columns(own):
+    """Suspects of any blocks as one, and the rest of them after the first have joined."""
+    rng = np.random.default_rng(14)
+    key, X, suspects = bench(rng)
+    y = X @ rng.standard_normal(3) + rng.standard_normal(len(key))
+    base, chosen = Base.of(X, y, key, own), np.array([9, 2, 10, 33])
+    columns = np.hstack([dense(suspects, one) for one in chosen])
+    wide = np.hstack([X * (key == one)[:, None] for one in np.unique(key)]) if own else X
+
+    found = suspects.as_one(base, chosen)
+
+    left_of = columns - wide @ np.linalg.lstsq(wide, columns, rcond=None)[0]
+    assert pytest.approx(left_of.T @ left_of, abs=1e-9) == found.N
+    assert found.g == pytest.approx(left_of.T @ y, abs=1e-9)
+    assert found.drop == pytest.approx(left(wide, y) - left(np.hstack([wide, columns]), y))
+    after, wider = found.without(6), np.hstack([wide, columns[:, :6]])
+    assert after.rest == pytest.approx(left(wider, y))
+    assert after.drop == pytest.approx(left(wider, y) - left(np.hstack([wide, columns]), y))
+
+
 def test_who_joined_in_the_shadow_of_others_goes_again():
     """Four that move their own rows alike resemble the one that acts on all, which is absent."""
     rng = np.random.default_rng(11)
@@ -189,4 +210,6 @@ def test_a_suspect_must_be_worth_what_it_is_unlikely_beforehand(drop, worth):
 def held_with(drop, rest, dof):
     """A result with suspects of three coordinates and this drop."""
     n, base = len(drop), SimpleNamespace(rest=rest, dof=dof)
-    return ActiveSuspects(np.arange(n), np.zeros((n, 3)), drop, np.full(n, 3), 1.0, base, base, 10)
+    return ActiveSuspects(
+        np.arange(n), np.zeros((n, 3)), drop, np.full(n, 3), 1.0, base, base, 10, None
+    )
