@@ -35,7 +35,7 @@ from pipeline.geometry.roughness import (
     unrefined,
 )
 from pipeline.geometry.scatter import START
-from pipeline.geometry.unloaded import USUAL, PoseRows, Unloaded, off, unloaded
+from pipeline.geometry.unloaded import FIXED_STD, USUAL, PoseRows, Unloaded, off, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation, Pulls
 from pipeline.machine.effects import base_moved, base_rotation, joint_offset, table, target_moved
@@ -75,6 +75,11 @@ class _Suspect(SuspectUnknowns):
 
     effect: Effect
     tries: int = 1
+
+    @property
+    def sags(self) -> bool:
+        """Whether it is the weight of the arm, which is estimated in any case."""
+        return self.effect.name == "gravity_sag"
 
 
 def from_unloaded(
@@ -185,14 +190,16 @@ class _Search:
     wander_m: float
 
     def done(self) -> _Search:
-        """Add causes one by one while each of them is far beyond the rest."""
+        """Add causes one by one while each of them is far beyond the rest; the sag comes last."""
         now = self
         for _ in range(_MOST):
             more = now.with_free((*now.free, now.likeliest()))
             if not all(more.far(one) for one in more.free):
-                return now
+                break
             now = more
-        return now
+        sag = [one for one in now.asked if one.sags and one not in now.free]
+        more = now.with_free((*now.free, *sag))
+        return more if sag and all(more.far(one) for one in more.free) else now
 
     def with_changes(self, effects: Sequence[Effect]) -> _Search:
         """The search extended by changes of joint zeros, if the residuals call for any."""
@@ -214,8 +221,8 @@ class _Search:
         return tuple(one for one in self.asked if one in self.found.free)
 
     def likeliest(self) -> _Suspect:
-        """The suspect with the largest evidence."""
-        rest = [one for one in self.asked if one not in self.found.free]
+        """The suspect with the largest evidence, other than the sag that every arm has."""
+        rest = [one for one in self.asked if one not in self.found.free and not one.sags]
         return max(rest, key=lambda one: round(self.found.evidence(one), 6))
 
     def with_free(self, free: tuple[_Suspect, ...]) -> _Search:
@@ -306,7 +313,7 @@ def _visible(found: ScaleGrid, asked: Sequence[_Suspect]) -> dict[str, float]:
             less = np.diag(1 / (found.std[best, at] ** -2 - one.wide**-2))
             C = C + C @ linear.solve(less - C, C)
         typical = np.array([parameter.typical for parameter in one.effect.parameters])
-        units = 1.0 if one.label == "gravity_sag" else 1 / typical  # masses are in such units
+        units = 1.0 if one.sags else 1 / typical  # masses are in such units
         spread = float(np.sqrt(np.mean(np.diag(C) * np.square(units))))
         out[one.label] = max(far * spread, _least(found, one))
     return out
@@ -315,7 +322,7 @@ def _visible(found: ScaleGrid, asked: Sequence[_Suspect]) -> dict[str, float]:
 def _least(found: ScaleGrid, one: _Suspect) -> float:
     """`OUTSTANDING`, as a multiple of the typical magnitude."""
     typical = one.effect.parameters[0].typical
-    if one.label == "gravity_sag":
+    if one.sags:
         typical = max(rms(_moves(found, one).sum(axis=2)), 1e-12)
     return OUTSTANDING * _rest(found, one) / typical
 
@@ -325,7 +332,8 @@ def _off(search: _Search, number: int) -> TableCause:
     zeros, one = search.zeros, search.free[number]
     rest = tuple(other for other in search.free if other is not one)
     sums = products(search.rows)
-    beside = unrefined(zeros, sums, rest)
+    without = replace(zeros, mass_std=1e3 * FIXED_STD) if one.sags else zeros
+    beside = unrefined(without, sums, rest)
     others = [other for other in search.asked if other not in rest]
     odds = special.softmax([beside.evidence(other) for other in others])
     twins = [other for other in others if other is not one and same(zeros, sums, one, other)]
@@ -350,7 +358,7 @@ def _off(search: _Search, number: int) -> TableCause:
 
 def _units(one: _Suspect) -> Array:
     """SI value of one unit of each of its unknowns: masses are in units of their usual sizes."""
-    if one.label != "gravity_sag":
+    if not one.sags:
         return np.ones(len(one.columns))
     return np.array([parameter.typical for parameter in one.effect.parameters])
 

@@ -297,6 +297,7 @@ def _std(zeros: Unloaded, rough: Array, free: Iterable[SuspectUnknowns]) -> Arra
     std = np.tile(zeros.held(), (len(rough), 1))
     std[:, zeros.columns.table] = np.hypot(rough[:, zeros.turns.astype(int)], zeros.stated)
     std[:, zeros.columns.loose] = rough[:, 1:]  # the rail's direction in F_b is an angle, too
+    std[:, zeros.columns.masses] = zeros.mass_std
     for one in free:
         std[:, list(one.columns)] = one.wide
     return std

@@ -135,6 +135,8 @@ class Unloaded(Locked):
             (p, 3, 3), where all targets of a pose were computed from one 6D pose, in place of which
             its position, of covariance `cov`, and its rotation are read; else None.
         changes: What may have changed in mid-campaign.
+        mass_std: Prior standard deviation of the masses, in units of their usual sizes: every arm
+            sags, so that lengths and joint zeros do not have to take it.
     """
 
     robot: Robot
@@ -152,6 +154,7 @@ class Unloaded(Locked):
     misshapen: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     turned: Array | None = None
     changes: tuple[MidChange, ...] = ()
+    mass_std: float = 1.0
 
     @cached_property
     def letters(self) -> tuple[DhParameter, ...]:
