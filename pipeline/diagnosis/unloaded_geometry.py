@@ -35,7 +35,15 @@ from pipeline.geometry.roughness import (
     unrefined,
 )
 from pipeline.geometry.scatter import START
-from pipeline.geometry.unloaded import FIXED_STD, USUAL, PoseRows, Unloaded, off, unloaded
+from pipeline.geometry.unloaded import (
+    FIXED_STD,
+    USUAL,
+    MidChange,
+    PoseRows,
+    Unloaded,
+    off,
+    unloaded,
+)
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation, Pulls
 from pipeline.machine.effects import base_moved, base_rotation, joint_offset, table, target_moved
@@ -104,7 +112,8 @@ def from_unloaded(
     table_only = straight(zeros, sums)
     search = _Search(zeros, asked, x, rows, cells(zeros, sums), wander_m)
     if not _fits(zeros, rows, table_only):
-        search = search.with_changes(effects).done().with_changes(effects).done()
+        search = search.with_slip(effects).with_changes(effects).done()
+        search = search.with_changes(effects).done().with_sag()
     found, zeros = search.found, search.zeros
     missed = left_out(table_only, rows), left_out(found, search.rows)
     return UnloadedFacts(
@@ -190,25 +199,53 @@ class _Search:
     wander_m: float
 
     def done(self) -> _Search:
-        """Add causes one by one while each of them is far beyond the rest; the sag comes last."""
+        """Add causes one by one while each of them is far beyond the rest."""
         now = self
         for _ in range(_MOST):
             more = now.with_free((*now.free, now.likeliest()))
             if not all(more.far(one) for one in more.free):
-                break
+                return now
             now = more
-        sag = [one for one in now.asked if one.sags and one not in now.free]
-        more = now.with_free((*now.free, *sag))
-        return more if sag and all(more.far(one) for one in more.free) else now
+        return now
+
+    def with_sag(self) -> _Search:
+        """The sag as a cause, too, where it stands far beyond the rest beside all others."""
+        sag = [one for one in self.asked if one.sags]
+        more = self.with_free((*self.free, *sag))
+        return more if sag and all(more.far(one) for one in more.free) else self
+
+    def with_slip(self, effects: Sequence[Effect]) -> _Search:
+        """The search with the target that moved on the effector by its shape alone, if any did."""
+        slips = remastered.slipped(self.zeros, self.rows)
+        likeliest = min(slips, key=lambda one: slips[one], default=None)
+        tries = self._tries + len(slips) * remastered.places(self.zeros)
+        if likeliest is None or tries * slips[likeliest] >= alarms.GEOMETRY:
+            return self
+        more = self._changed(tuple(slips), effects)
+        which = [one for one in more.asked if more.change_of(one) == likeliest]
+        return more.with_free((*more.free, *which))
+
+    @property
+    def _tries(self) -> int:
+        """Number of suspects with all their alternatives."""
+        return sum(one.tries for one in self.asked)
+
+    def change_of(self, one: _Suspect) -> MidChange | None:
+        """The change in mid-campaign that a suspect is; None of others."""
+        first = one.columns[0]
+        return next((change for change, at in self.zeros.changed if at.start == first), None)
 
     def with_changes(self, effects: Sequence[Effect]) -> _Search:
         """The search extended by changes of joint zeros, if the residuals call for any."""
         where = self.zeros.columns.changes
         if any(one.columns[0] >= where.start for one in self.free):
             return self
-        zeros = replace(self.zeros, changes=remastered.changes(self.zeros, self.rows, self.found))
-        if zeros.changes == self.zeros.changes:
-            return self
+        changes = remastered.changes(self.zeros, self.rows, self.found)
+        return self if changes == self.zeros.changes else self._changed(changes, effects)
+
+    def _changed(self, changes: tuple[MidChange, ...], effects: Sequence[Effect]) -> _Search:
+        """The search with other changes among its suspects."""
+        where, zeros = self.zeros.columns.changes, replace(self.zeros, changes=changes)
         x = np.append(self.x[: where.start], np.zeros(zeros.columns.count - where.start))
         asked, rows = tuple(_suspects(zeros, effects)), zeros.about(x)
         free = tuple(one for one in asked if one.label in {old.label for old in self.free})
@@ -237,7 +274,14 @@ class _Search:
         return replace(self, x=x, rows=rows, found=found)
 
     def far(self, one: _Suspect) -> bool:
-        """Whether a cause is significant and far beyond the rest of the table and the wander."""
+        """Whether a cause is significant and far beyond the rest of the table and the wander.
+
+        A target that moved changes the effector's shape, which no error of the robot does.
+        """
+        change = self.change_of(one)
+        if change and change.target is not None and len(self.zeros.tool.points) > 1:
+            p = remastered.slipped(self.zeros, self.rows).get(change, 1.0)
+            return p * self._tries < alarms.GEOMETRY
         if self.p_value(one) >= alarms.GEOMETRY or _size(self.found, one) <= OUTSTANDING:
             return False
         moves = _moves(self.found, one) @ self.found.mean[list(one.columns)]
@@ -252,7 +296,7 @@ class _Search:
         elif at[0] < len(self.zeros.letters):
             own = np.hypot(self.found.rough[:, int(self.zeros.turns[at[0]])], self.zeros.stated[at])
             beside = own[:, None]
-        return min(1.0, sum(o.tries for o in self.asked) * self.found.p_value(one, beside))
+        return min(1.0, self._tries * self.found.p_value(one, beside))
 
 
 _ROUNDS = 4
