@@ -354,6 +354,24 @@ def _tables_disagree(facts: Facts) -> str:
     )
 
 
+def _stands_unexplained(facts: Facts) -> str:
+    stood = facts.unloaded
+    whose = "the estimated DH parameters" if stood.corrects else _of_table(facts)
+    said = (
+        f"The unloaded reflectors are {plain(1e3 * stood.remains_m, 2)} mm rms from where {whose} "
+        f"place them (base and tool fitted), {stood.remains_m / stood.noise_m:.0f} times the noise "
+        "of the readings, and neither DH parameters nor the arm's weight nor a change during the "
+        "campaign explains it. The stiffnesses hardly depend on it, positions do."
+    )
+    if stood.down is None:
+        return f"{said} Check the joint log, [tool] and the robot file, and [gravity]."
+    axis, left_m = stood.down
+    return (
+        f"{said} With gravity along {axis} of F_b they would be {plain(1e3 * left_m, 2)} mm from "
+        "there: state its direction in [gravity]."
+    )
+
+
 def _rough_table(facts: Facts) -> str:
     gain = facts.unloaded.gain
     assert gain is not None
@@ -579,6 +597,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     Finding.GEOMETRY_REFUTED: _geometry_refuted,
     Finding.TABLES_DISAGREE: _tables_disagree,
     Finding.ROUGH_TABLE: _rough_table,
+    Finding.STANDS_UNEXPLAINED: _stands_unexplained,
     Finding.MISFIT: lambda facts: (
         f"What the model leaves is more than noise (p = {facts.misfit_p:.1g}), and no known cause "
         "explains it."

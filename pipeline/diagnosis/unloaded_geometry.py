@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy import special
@@ -46,7 +47,14 @@ from pipeline.geometry.unloaded import (
 )
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation, Pulls
-from pipeline.machine.effects import base_moved, base_rotation, joint_offset, table, target_moved
+from pipeline.machine.effects import (
+    base_moved,
+    base_rotation,
+    gravity_sag,
+    joint_offset,
+    table,
+    target_moved,
+)
 from pipeline.machine.robot.dh_parameters import changed
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
@@ -116,7 +124,7 @@ def from_unloaded(
         search = search.with_changes(effects).done().with_sag()
     found, zeros = search.found, search.zeros
     missed = left_out(table_only, rows), left_out(found, search.rows)
-    return UnloadedFacts(
+    stood = UnloadedFacts(
         miss_m=rms((rows.y - rows.D @ table_only.mean)[rows.place]),
         left_m=off(zeros, found.mean),
         visible=dict.fromkeys(_unseen(effects, asked), np.inf) | _visible(found, asked),
@@ -125,7 +133,31 @@ def from_unloaded(
         gain=_gain(missed, zeros, found),
         rough=found.p_exact() < alarms.GEOMETRY,
         tool_m=_moved_tool(zeros, found),
+        noise_m=float(np.sqrt(np.mean(np.einsum("vii->vi", zeros.errors)))),
+        usual_m=float(np.sqrt(np.mean(np.einsum("pii->pi", rows.cov(1.0))[rows.place]))),
     )
+    return replace(stood, down=_down(zeros, found)) if stood.unexplained else stood
+
+
+def _down(zeros: Unloaded, found: ScaleGrid) -> tuple[str, float] | None:
+    """Axis of F_b along which gravity makes the readings certainly likelier; what is then left."""
+    best = float(special.logsumexp(found.log + found.width)) + _SURE
+    down = None
+    for axis, sign in product(range(3), (1.0, -1.0)):
+        gravity = sign * np.linalg.norm(zeros.robot.gravity) * np.eye(3)[axis]
+        turned = zeros.robot.under(gravity)
+        other = replace(zeros, robot=turned, sag=_sag(gravity_sag.effects(turned)))
+        x = np.zeros(zeros.columns.count)
+        there = unrefined(other, products(other.about(x)), found.free)
+        evidence = float(special.logsumexp(there.log + there.width))
+        if other.sag is not None and evidence > best:
+            best, down = evidence, (f"{'+-'[sign < 0]}{'xyz'[axis]}", off(other, there.mean))
+    return down
+
+
+_SURE = 10.0
+"""Log odds from which on gravity acts along another axis than stated [1]: twenty thousand to one,
+against one of a thousand files that state it wrongly."""
 
 
 def _moved_tool(zeros: Unloaded, found: ScaleGrid) -> float:
