@@ -526,15 +526,22 @@ class Facts:
     agreement: SpringAgreement | None = None
 
     @property
+    def changed(self) -> tuple[FoundCause, ...]:
+        """Causes among `moved` that set in during the campaign."""
+        return tuple(one for one in self.moved if one.effect.form.startswith("since pose"))
+
+    @property
     def misdescribed(self) -> tuple[FoundCause, ...]:
         """Causes among `moved` that are errors of the robot's file or base frame.
 
-        What acts on the deflections too, the sag under the arm's weight, is the machine's own.
+        What acts on the deflections too, the sag under the arm's weight, is the machine's own, and
+        what changed during the campaign is no error of a file.
         """
         return tuple(
             one
             for one in self.moved
-            if not any(isinstance(facet, Elastic) for facet in one.effect.facets)
+            if one not in self.changed
+            and not any(isinstance(facet, Elastic) for facet in one.effect.facets)
         )
 
     @property

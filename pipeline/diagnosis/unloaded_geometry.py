@@ -113,6 +113,7 @@ def from_unloaded(
     zeros = unloaded(cell.robot, cell.tool, _sag(effects), data, scale)
     if zeros is None:
         return NO_UNLOADED
+    zeros = replace(zeros, weight_std=1.0)
     asked = tuple(_suspects(zeros, effects))
     x = np.zeros(zeros.columns.count)
     rows = zeros.about(x)
@@ -136,7 +137,8 @@ def from_unloaded(
         noise_m=float(np.sqrt(np.mean(np.einsum("vii->vi", zeros.errors)))),
         usual_m=float(np.sqrt(np.mean(np.einsum("pii->pi", rows.cov(1.0))[rows.place]))),
     )
-    return replace(stood, down=_down(zeros, found)) if stood.unexplained else stood
+    asks = stood.unexplained and not found.free
+    return replace(stood, down=_down(zeros, found)) if asks else stood
 
 
 def _down(zeros: Unloaded, found: ScaleGrid) -> tuple[str, float] | None:
@@ -147,10 +149,9 @@ def _down(zeros: Unloaded, found: ScaleGrid) -> tuple[str, float] | None:
         gravity = sign * np.linalg.norm(zeros.robot.gravity) * np.eye(3)[axis]
         turned = zeros.robot.under(gravity)
         other = replace(zeros, robot=turned, sag=_sag(gravity_sag.effects(turned)))
-        x = np.zeros(zeros.columns.count)
-        there = unrefined(other, products(other.about(x)), found.free)
+        there = unrefined(other, products(other.about(np.zeros(other.columns.count))))
         evidence = float(special.logsumexp(there.log + there.width))
-        if other.sag is not None and evidence > best:
+        if evidence > best and other.hangs(there.mean):
             best, down = evidence, (f"{'+-'[sign < 0]}{'xyz'[axis]}", off(other, there.mean))
     return down
 
@@ -408,7 +409,7 @@ def _off(search: _Search, number: int) -> TableCause:
     zeros, one = search.zeros, search.free[number]
     rest = tuple(other for other in search.free if other is not one)
     sums = products(search.rows)
-    without = replace(zeros, mass_std=1e3 * FIXED_STD) if one.sags else zeros
+    without = replace(zeros, weight_std=FIXED_STD) if one.sags else zeros
     beside = unrefined(without, sums, rest)
     others = [other for other in search.asked if other not in rest]
     odds = special.softmax([beside.evidence(other) for other in others])
