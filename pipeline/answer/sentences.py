@@ -273,7 +273,8 @@ def _do(found: CampaignResults) -> str:
     if stood.corrects and not stood.unexplained and found.row.reason in _SPRINGS:
         return (
             f"{DO[Reason.ADEQUATE]} Where absolute positions matter, correct the robot's geometry, "
-            "too: model.toml holds it."
+            "too: model.toml holds its DH parameters, and a campaign of positions identifies the "
+            "sag."
         )
     said = DO[found.row.reason]
     return f"{correct(found.facts)} {said}" if found.mistakes else said

@@ -22,7 +22,7 @@ from pipeline.base.quantities import (
 )
 from pipeline.diagnosis.average import POSSIBLE
 from pipeline.diagnosis.combined import ChiSquare
-from pipeline.diagnosis.facts import Drift, Facts, FoundCause, PossibleCause
+from pipeline.diagnosis.facts import ALL_SPRINGS, Drift, Facts, FoundCause, PossibleCause
 from pipeline.diagnosis.finding import WRONG_LAW, Finding, Verdict
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.machine.effect import Effect, Table, in_place
@@ -300,6 +300,9 @@ def _or(cause: FoundCause) -> str:
         f"{one.effect.called}, {100 * cause.stated(one.probability):.0f} %" for one in every
     )
     twin = "its twin, from which no pull can distinguish it" if cause.twins else "a similar cause"
+    if ALL_SPRINGS in cause.twins:
+        twin = "all joints softer or stiffer in the same course, which moves every target alike"
+        others = [twin, *others]
     return ", and ".join([mine, *(others or [twin])])
 
 
@@ -378,10 +381,10 @@ def _rough_table(facts: Facts) -> str:
     before, after = 1e3 * gain.rms_before_m, 1e3 * gain.rms_after_m
     return (
         "Many of the robot's DH parameters deviate a little from nominal, none far more than the "
-        "others: in cross-validation "
+        "others, and the arm sags under its weight: in cross-validation "
         f"the unloaded reflectors are {plain(before, 2)} mm rms per coordinate from where "
         f"the nominal DH parameters place them, and {plain(after, 2)} mm from where the identified "
-        "ones do."
+        "ones and the sag do."
     )
 
 

@@ -29,6 +29,9 @@ DETECTED = 5.0
 certain."""
 
 
+ALL_SPRINGS = "joint_springs"
+"""Label of all joint springs together as the twin of a law."""
+
 _MANY = 10.0
 """Multiple of its typical magnitude from which on a cause is called enormous [1]: typical
 magnitudes are estimates and hold to a factor of a few (`Effect.source`), so anything beyond an
