@@ -34,9 +34,9 @@ from bench.league.judge import label
 from bench.league.play import NAMES, Plan, Rules, drawn, play
 from bench.league.run import ABLE, PLANS, answer_of, largest, yardstick
 from pipeline.answer.contract import Stiffness
-from pipeline.answer.history import Change, changes
 from pipeline.base import files
 from pipeline.base.arrays import Array
+from pipeline.fleet.history import Change, changes
 from pipeline.machine.robot import Robot, load
 from pipeline.service.executor import InProcesses
 from pipeline.simulate.blunders import INCH_M, KGF_N

@@ -11,7 +11,7 @@ from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.run import reduce
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble
 from pipeline.system.estimate import least_squares, solve
@@ -27,7 +27,7 @@ def run() -> list[tuple[str, float, str]]:
 
 def _assembly() -> list[tuple[str, float, str]]:
     robot = load("kr500_rail")
-    pull = SimulationPlan(name="bench").tool
+    pull = Plan(name="bench").tool
     points = {name: at for name, at in pull.items() if name != "load_point"}
     effector = Tool(
         np.array(pull["load_point"]),
@@ -83,7 +83,7 @@ def _assembly() -> list[tuple[str, float, str]]:
 
 
 def _solve() -> list[tuple[str, float, str]]:
-    raw = in_memory(simulate(SimulationPlan(name="bench")).files)
+    raw = in_memory(simulate(Plan(name="bench")).files)
     data = reduce(raw, conformed).data
     typical = raw.robot.nominal_compliance
     cell = paper_cell(raw.robot, tool(raw.settings))

@@ -20,7 +20,7 @@ import numpy as np
 from pipeline.base import toml
 from pipeline.check.wrong_lines import wrong_lines
 from pipeline.machine.robot import SHIPPED
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.simulate.plan import BASE, TOOL
 from pipeline.store.campaign import in_memory
 
@@ -33,7 +33,7 @@ ANGLES = {"deg": 180 / np.pi, "rad": 1.0, "gon": 200 / np.pi}
 EFFECTS = ("", "joint_offset:3=1e-3", "joint_offset:6=2e-3", "gravity_sag", "rail_roll")
 
 
-def plan(rng: np.random.Generator) -> SimulationPlan:
+def plan(rng: np.random.Generator) -> Plan:
     """A campaign: three or four targets, three to six base reflectors, five to fourteen poses."""
     robot = str(rng.choice(SHIPPED))
     rail = robot.startswith("kr500")
@@ -47,7 +47,7 @@ def plan(rng: np.random.Generator) -> SimulationPlan:
     }
     effect = str(rng.choice(EFFECTS))
     effects = [effect] if effect and (rail or effect != "rail_roll") else []
-    return SimulationPlan(
+    return Plan(
         name="drawn",
         robot=robot,
         seed=int(rng.integers(1 << 31)),

@@ -13,7 +13,7 @@ from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.run import reduce
 from pipeline.service.executor import InProcesses, in_order
-from pipeline.simulate import SimulationPlan, build, draw, raw_files, revised
+from pipeline.simulate import Plan, build, draw, raw_files, revised
 from pipeline.store.campaign import in_memory
 from pipeline.system.estimate import identify
 
@@ -44,7 +44,7 @@ def run() -> list[tuple[str, float, str]]:
 def _hits(job: tuple[str, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     noise, start = job
     plan = revised(
-        SimulationPlan(name="bench"),
+        Plan(name="bench"),
         {
             "tracker": NOISES[noise],
             "scale": {"sigma_n": 4.0, "sigma_rel": 1e-3, "gain_sigma": 2e-3},

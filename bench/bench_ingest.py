@@ -13,7 +13,7 @@ from pipeline import readers
 from pipeline.readers import catalogue
 from pipeline.reduction.bring import conformed, plain, to_displacements
 from pipeline.run import ingested, reduce
-from pipeline.simulate import SimulationPlan
+from pipeline.simulate import Plan
 from pipeline.store.campaign import Raw, in_memory
 
 READERS = catalogue()
@@ -110,7 +110,7 @@ def _peak_gb(work: Callable[[], object]) -> float:
 
 def _campaign() -> tuple[dict[str, bytes], str]:
     """Many poses with many pulls, each of five targets; only the format matters here."""
-    tool = SimulationPlan(name="bench").tool
+    tool = Plan(name="bench").tool
     chain = {"Pl1": (0.15, 0.0, 0.25), "Pl2": (0.15, 0.0, -0.35)}
     points = np.array([{**tool, **chain}[name] for name in TARGETS])
     offset = np.random.default_rng(20261103).uniform(-5, 5, (POSES, 3))

@@ -15,12 +15,12 @@ from pipeline.base import files
 from pipeline.service import server as service
 from pipeline.service import supervisor
 from pipeline.service.processes import PYTHON
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 
 KILLS = 100
 PORT = 24900
 """Port of Prefect's server."""
-PLAN = SimulationPlan(name="killed", poses={"count": 7}, pulls={"steps_n": [3000.0]})
+PLAN = Plan(name="killed", poses={"count": 7}, pulls={"steps_n": [3000.0]})
 """A small campaign, so that a hundred runs take minutes; it produces all kinds of files."""
 WORKER = """
 import os, signal, sys, time
@@ -50,7 +50,7 @@ for line in sys.stdin:
 class Victim:
     """A campaign and a process whose children run it."""
 
-    def __init__(self, root: Path, plan: SimulationPlan, engine: str = "local") -> None:
+    def __init__(self, root: Path, plan: Plan, engine: str = "local") -> None:
         """Write the campaign's raw files and start the process."""
         self.root = root
         folder = root / "data" / "raw" / "killed"

@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.reduction.bring import conformed
 from pipeline.run import reduce
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 PROJECT = Path(__file__).parents[1]
@@ -45,7 +45,7 @@ def run() -> list[tuple[str, float, str]]:
 
 def write(folder: Path, many: int, what: str) -> None:
     """Write the demo campaign with `many` more readings of its base reflectors."""
-    files = dict(simulate(SimulationPlan(name="million")).files)
+    files = dict(simulate(Plan(name="million")).files)
     first, *_, last = (line for line in files["tracker.csv"].decode().splitlines()[1:])
     begin, end = (datetime.fromisoformat(line.rsplit(",", 1)[1]) for line in (first, last))
     raw = in_memory(files)

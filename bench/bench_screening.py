@@ -15,7 +15,7 @@ from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.service.executor import InProcesses, in_order
-from pipeline.simulate import SimulationPlan, revised, simulate
+from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 
 EACH, CLEAN, PHYSICAL = 200, 1000, 200
@@ -54,7 +54,7 @@ def _share(said: list[tuple[str, str, str]]) -> float:
     return float(np.mean([bool(found) for _, found, _ in said]))
 
 
-def plan(blunder: str, seed: int) -> SimulationPlan:
+def plan(blunder: str, seed: int) -> Plan:
     """A campaign with its own random parameters."""
     rng = np.random.default_rng([77, seed])
     effects = [blunder] if blunder else []
@@ -63,7 +63,7 @@ def plan(blunder: str, seed: int) -> SimulationPlan:
         effects = [known[rng.integers(len(known))].label]
     clean = not effects
     return revised(
-        SimulationPlan(name="league", seed=seed),
+        Plan(name="league", seed=seed),
         {
             "poses": {"count": int(rng.integers(10, 20))},
             "tracker": {

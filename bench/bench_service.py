@@ -13,13 +13,13 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 
 CAMPAIGNS = int(os.environ.get("SERVICE_CAMPAIGNS", "300"))
 """Number of campaigns; a smaller one for a first look."""
 CHUNK = 8
 """Number of campaigns per process of the service; peak memory is taken over as many."""
-PLAN = SimulationPlan(name="small", poses={"count": 7}, pulls={"steps_n": [3000.0]})
+PLAN = Plan(name="small", poses={"count": 7}, pulls={"steps_n": [3000.0]})
 HERE = Path(__file__).parents[1]
 
 

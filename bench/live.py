@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.exam import JSON, Kept, code_of, package
 from bench.league.table import share
 from pipeline import identify, load_campaign, simulate_campaign
 from pipeline.library.campaign import Campaign
@@ -306,15 +307,13 @@ def main() -> None:
     parser.add_argument("file", type=Path)
     parser.add_argument("--games", type=int, default=100)
     asked = parser.parse_args()
-    text = asked.file.read_text() if asked.file.exists() else ""
-    games = [json.loads(line) for line in text.splitlines()]
-    done = {one["game"] for one in games}
-    with asked.file.open("a") as out:
-        for game in range(asked.games):
-            if game not in done:
-                games.append(play(game))
-                print(json.dumps(games[-1]), file=out, flush=True)  # into the file
-    print(summary(games))  # a command of the bench
+    kept = Kept(asked.file, code_of([*package("report"), Path(__file__)]), JSON)
+    games = kept.rows()
+    for game in range(asked.games):
+        if str(game) not in games:
+            games[str(game)] = play(game)
+            kept.add(str(game), games[str(game)])
+    print(summary(list(games.values())))  # a command of the bench
 
 
 if __name__ == "__main__":

@@ -59,7 +59,7 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     ),
     "report/model.py": ("compose", "_about", "_title"),
     "report/record.py": ("Certificate", "PageFrame"),
-    "report/sections/identity.py": (
+    "report/identity.py": (
         "_KINDS",
         "rows",
         "_when",
@@ -168,7 +168,7 @@ def catalogues() -> None:
     template = Catalog()
     for text, file in texts().items():
         template.add(text, locations=[(file, 0)] if file else [])
-    for path in sorted((ROOT / "base" / "locale").glob("*.po")):
+    for path in sorted((ROOT / "house" / "locale").glob("*.po")):
         with path.open("rb") as written:
             found = read_po(written, locale=path.stem)
         found.update(template, no_fuzzy_matching=True, update_creation_date=False)

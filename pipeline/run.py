@@ -17,7 +17,6 @@ from pipeline import tables
 from pipeline.answer import archive
 from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.contract import Answer, Which
-from pipeline.answer.kept_tables import kept, predicted
 from pipeline.answer.of_positions import conclude
 from pipeline.answer.of_positions import identify_positions as positions
 from pipeline.answer.positions import PositionsResults
@@ -33,6 +32,7 @@ from pipeline.answer.recommended import (
 )
 from pipeline.answer.reliability import control
 from pipeline.answer.results import CampaignResults
+from pipeline.answer.tables import kept, predicted
 from pipeline.base import doors
 from pipeline.base.appearance import appearances
 from pipeline.base.errors import InputError, at
@@ -41,6 +41,7 @@ from pipeline.diagnosis.converge import converge
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.faults.joint_row import contradicted
+from pipeline.faults.mistake import told_once
 from pipeline.machine.robot import Robot
 from pipeline.prediction.model import IdentifiedModel, dumps
 from pipeline.prediction.tolerance import HeldOutError, judge, path_of
@@ -153,7 +154,6 @@ def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
     began, dress = time.perf_counter(), appearances(campaign.root)
     found = campaign_answer(campaign.name, raw, campaign.keep, step)
     run_time_s = time.perf_counter() - began
-    before = archive.earlier(campaign, found.answer)
     for_others = doors.found(_FOR_OTHERS)
     answers = {
         "result.json": dump(found.answer.as_json()),
@@ -161,18 +161,18 @@ def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
         **found.files,
         **(for_others(found.answer, found.shown, found.model) if for_others else {}),
     }
-    wear = archive.robots_together(found.answer, campaign.root)  # as known before this campaign
+    others = archive.among(campaign, found.answer)  # as known before this campaign
     entries = {"language": raw.settings.language, "fields": raw.settings.fields}
     look = archive.look_of(dress, entries, found.answer)
-    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers), wear, look)
+    pages = step(render)(
+        found.answer, found.shown, run_time_s, others.previous, list(answers), others.wear, look
+    )
     about = {
         **entries,
         "look": look.key,
         "run_time_s": run_time_s,
-        "previous": archive.mark(before),
-        "wear": wear,
         "verdict": str(found.answer.diagnosis.verdict),
-        **archive.about(found.answer),
+        **others.kept,
     }
     campaign.finish(raw.key, answers | pages, about)
     return found.answer
@@ -220,7 +220,7 @@ def _of_pulls(
     screened, right, where, diagnosis = held.screened, held.right, held.where, held.diagnosis
     given = given if screened.findings else right
 
-    facts = replace(diagnosis.facts, mistakes=screened.findings)
+    facts = replace(diagnosis.facts, mistakes=told_once(screened.findings))
     stands = springs_of_extended(right, diagnosis)
     if both is not None:
         both = both.beside(stands, diagnosis)

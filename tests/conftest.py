@@ -16,7 +16,7 @@ import pytest
 from pipeline.design.search import Effort
 from pipeline.reduction.bring import Reduced, conformed
 from pipeline.run import reduce
-from pipeline.simulate import RawCampaign, SimulationPlan, simulate
+from pipeline.simulate import Plan, RawCampaign, simulate
 from pipeline.store.campaign import in_memory
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a shell's background job ignores Ctrl-C
@@ -117,21 +117,21 @@ def unseen() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def small_plan() -> SimulationPlan:
+def small_plan() -> Plan:
     """Seven poses, two load steps up and one down: enough for every joint, quick to compute."""
-    return SimulationPlan(
+    return Plan(
         name="small", seed=SEED, poses={"count": 7}, pulls={"steps_n": [1500.0, 3000.0, 2000.0]}
     )
 
 
 @pytest.fixture(scope="session")
-def small_campaign(small_plan: SimulationPlan) -> RawCampaign:
+def small_campaign(small_plan: Plan) -> RawCampaign:
     """A campaign of `small_plan` with 0.03 mm of noise."""
     return simulate(small_plan)
 
 
 @pytest.fixture(scope="session")
-def exact_campaign(small_plan: SimulationPlan) -> RawCampaign:
+def exact_campaign(small_plan: Plan) -> RawCampaign:
     """A campaign of `small_plan` without noise, all digits written."""
     return simulate(small_plan.without_noise())
 

@@ -13,10 +13,10 @@ from pipeline.reduction.bring import conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
-from pipeline.simulate import SimulationPlan, revised, simulate
+from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 
-PLAN = SimulationPlan(name="small", poses={"count": 6}, pulls={"steps_n": [1500.0, 3000.0]})
+PLAN = Plan(name="small", poses={"count": 6}, pulls={"steps_n": [1500.0, 3000.0]})
 
 
 def small(seed: int = 3, **changes: Any) -> Case:

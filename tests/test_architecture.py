@@ -139,20 +139,22 @@ def test_matplotlib_is_imported_behind_one_door():
         for path in PACKAGE.rglob("*.py")
         if any(name.split(".")[0] == "matplotlib" for name in imports(path))
     }
-    figures, plan = PACKAGE / "report/figures/__init__.py", PACKAGE / "design/plan_figures.py"
+    figures = PACKAGE / "report/figures/__init__.py"
 
     assert {
         one for one in knowing if not one.startswith(("report/figures/", "annex/figures/"))
     } == {
         "report/svg.py",
         "design/plan_figures.py",
+        "fleet/course.py",
     }
     assert "import pipeline.report.svg" in figures.read_text("utf-8")
     assert "import pipeline.report.svg" in (PACKAGE / "annex/figures/__init__.py").read_text(
         "utf-8"
     )
-    order = [node.module for node in nodes(plan) if isinstance(node, ast.ImportFrom)]
-    assert order.index("pipeline.report.svg") < order.index("matplotlib.axes")
+    for name in ("design/plan_figures.py", "fleet/course.py"):
+        order = [n.module for n in nodes(PACKAGE / name) if isinstance(n, ast.ImportFrom)]
+        assert order.index("pipeline.report.svg") < order.index("matplotlib.axes")
 
 
 def test_no_two_files_import_each_other():
@@ -203,7 +205,8 @@ OUTBUILDINGS = {
         "diagnosis.average": "what single pulls say of a law is asked of the likeliest hypothesis",
         "reduction": "and of its readings",
         "system": "what fewer poses would say, of the estimator",
-        "geometry.study": "and where a robot stood whose positions were read",
+        "diagnosis.positions": "and of single positions, by the name of such laws there",
+        "geometry": "and where a robot stood whose positions were read",
         "prediction.workspace": "the arm as it stands in a plane",
     },
     "design": {
@@ -239,7 +242,6 @@ OUTBUILDINGS = {
     "dialects": {"readers": "a dialect is a reader over the readers' one table of rows"},
     "exchange": {
         "answer.words": _PAGES,
-        "annex.words": _PAGES,
         "report": _PAGES,
         "prediction.model": "the identified springs are what simulators are given",
     },
@@ -248,11 +250,9 @@ OUTBUILDINGS = {
         "app.outcome": _COMMAND,
         "store.campaign": _PLACES,
         "answer.archive": "which answers are finished, and where their tables lie",
-        "answer.history": "two answers beside each other, which every report needs as well",
         "diagnosis.finding": "the verdicts by name",
         "diagnosis.average": "from which probability on a cause counts as likely",
         "report": _PAGES,
-        "annex.figures.history": _PAGES,
     },
     "library": {
         "run": "it identifies campaigns",
@@ -286,8 +286,7 @@ OUTBUILDINGS = {
         "app.commands._shared": _COMMAND,
         "store.campaign": _PLACES,
         "prediction": "a program is a path of targets: aimed at and compensated as any other",
-        "readers.logs": "a path is a table of joint values, as the log of a campaign is",
-        "readers.positions": "and so are the poses of which positions are predicted",
+        "readers.logs": "paths and poses are tables of joint values, as logs and positions are",
         "readers.export_settings": "named as we name them",
     },
     "service": {

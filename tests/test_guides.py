@@ -16,7 +16,7 @@ from pipeline.readers import ExportSettings
 from pipeline.readers._layout import Field
 from pipeline.report.figures import catalogue
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, blunders, revised, simulate
+from pipeline.simulate import Plan, blunders, revised, simulate
 from pipeline.store.campaign import in_memory
 
 READERS = readers.catalogue()
@@ -26,7 +26,7 @@ GUIDES = ("CONTRIBUTING.md", "docs/add-an-effect.md", "docs/add-a-reader.md", "d
 NEW = {"late_pull.py", "loads.py", "station_scan.py"}  # examples of the guides
 FOREIGN = {"runpy.py", "three.js"}
 PLAN = revised(
-    SimulationPlan(name="late", seed=11),
+    Plan(name="late", seed=11),
     {
         "poses": {"count": 8},
         "pulls": {"steps_n": [1500.0, 3000.0]},

@@ -19,7 +19,7 @@ from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import campaign_answer, ingested, run
-from pipeline.simulate import SimulationPlan, revised, simulate
+from pipeline.simulate import Plan, revised, simulate
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import in_memory
 from pipeline.system.estimate import identify
@@ -55,7 +55,7 @@ def told(files):
 
 def exact(changes=None):
     """A KR500 campaign without noise, coordinates written with all digits."""
-    plan = SimulationPlan(name="exact", poses={"count": 7})
+    plan = Plan(name="exact", poses={"count": 7})
     silent = {
         "tracker": {"noise_scale": 0.0, "digits": "full"},
         "scale": {"noise_scale": 0.0},
@@ -64,7 +64,7 @@ def exact(changes=None):
 
 
 SWAPPED = "label_swap:pose03_rep1_loaded"
-FEW = SimulationPlan(name="c", poses={"count": 7})
+FEW = Plan(name="c", poses={"count": 7})
 TABLE_III = [8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5]
 
 
@@ -275,7 +275,7 @@ def test_a_damaged_answer_is_made_again(tmp_path):
 
 def test_a_point_that_no_effector_reaches_is_refused():
     """Millimetres in [tool] are refused by everything that would compute with them."""
-    files = dict(simulate(SimulationPlan(name="mm")).files)
+    files = dict(simulate(Plan(name="mm")).files)
     toml = re.sub(rb"(?m)^P1 = .*$", b"P1 = [200.0, 50.0, 120.0]", files["campaign.toml"])
 
     with pytest.raises(InputError, match=r":\d+: \[tool\] P1: a coordinate of 200 m is on"):
@@ -284,7 +284,7 @@ def test_a_point_that_no_effector_reaches_is_refused():
 
 def few(poses, steps, targets):
     """A campaign with these numbers of poses, load steps and targets."""
-    plan = SimulationPlan(name="few", poses={"count": poses}, pulls={"steps_n": [3000.0] * steps})
+    plan = Plan(name="few", poses={"count": poses}, pulls={"steps_n": [3000.0] * steps})
     return plan.model_copy(update={"tool": dict(list(plan.tool.items())[: 1 + targets])})
 
 
@@ -309,7 +309,7 @@ def test_two_poses_cannot_predict_each_other():
 @pytest.mark.slow
 def test_a_base_reflector_off_by_centimetres_is_told():
     """It is named with its table, and the registration is that of the others."""
-    files = dict(simulate(SimulationPlan(name="c")).files)
+    files = dict(simulate(Plan(name="c")).files)
     good = told(files)
     toml = files["campaign.toml"].replace(b"B2 = [0.6, 18.5, -0.3]", b"B2 = [0.63, 18.5, -0.3]")
     assert toml != files["campaign.toml"]
@@ -325,7 +325,7 @@ def test_a_base_reflector_off_by_centimetres_is_told():
 @pytest.mark.slow
 def test_exchanged_names_are_told_and_the_corrected_result_stands_beside():
     """P2 and P3 of one pull exchanged hide every stiffness: name, place and corrected values."""
-    plan = revised(SimulationPlan(name="swapped", seed=5), {"hidden": {"effects": [SWAPPED]}})
+    plan = revised(Plan(name="swapped", seed=5), {"hidden": {"effects": [SWAPPED]}})
 
     answer = told(simulate(plan).files)
 

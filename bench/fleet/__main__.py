@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 
 from pipeline.app import cli
-from pipeline.app.commands._shared import Root
+from pipeline.app.commands._shared import Jobs, Root
+from pipeline.service.executor import InThisProcess
+from pipeline.service.many import executor
 
 command = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -24,21 +26,21 @@ def fleet(
         Path | None, typer.Option(help="Where finished fleets are kept, one JSON line each.")
     ] = None,
     page: Annotated[Path | None, typer.Option(help="Markdown page of the results.")] = None,
+    jobs: Jobs = None,
     root: Root = Path(),
 ) -> None:
     """Watch simulated fleets campaign by campaign with three detectors side by side."""
-    from bench.fleet.run import code, contest, wanted
+    from bench.exam import write_between
+    from bench.fleet.run import contest, wanted
     from bench.fleet.table import lines
-    from bench.league.page import between
-    from pipeline.base import files
 
-    watched = list(
-        contest(wanted(worn, others, first), log or root / "reports" / "fleet.jsonl", code())
+    kept = log or root / "reports" / "fleet.jsonl"
+    said = lines(
+        contest(wanted(worn, others, first), kept, executor(jobs, None) or InThisProcess())
     )
-    said = lines(watched)
     typer.echo("\n".join(said))
     if page is not None:
-        files.write(page, between(page.read_text("utf-8"), BEGIN, "\n".join(said)).encode())
+        write_between(page, BEGIN, "Fleets", said)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ from scipy import stats
 
 from bench.fleet.world import YEAR, Robot
 from pipeline.answer.contract import Stiffness
-from pipeline.answer.history import changes
 from pipeline.base.arrays import Array
+from pipeline.fleet.history import changes
 from pipeline.fleet.wear.alarm import A_YEAR, interim_tests
 from pipeline.fleet.wear.machine import Machine, Repair, Visit
 from pipeline.fleet.wear.scatter import scatter

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import json
-import time
-from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+from pydantic import TypeAdapter
+
+import pipeline
+from bench import exam
+from bench.exam import Kept, code_of
 from bench.fleet.detectors import DETECTORS
 from bench.fleet.world import CAMPAIGNS, KINDS, YEAR, Robot, fleet
-from pipeline.base import files
+from pipeline.service.executor import Executor
 
 SEEDS = Path(__file__).with_name("seeds.txt")
 """One integer per fleet; fleet k of every kind has the k-th."""
@@ -39,7 +42,7 @@ class Watched:
 
 def watch(kind: str, number: int) -> list[Watched]:
     """All robots of one fleet under all detectors."""
-    seed = int(SEEDS.read_text("utf-8").split()[number])
+    (seed,) = exam.seeds(SEEDS, number, 1)
     robots = fleet(KINDS[kind], seed)
     out = []
     for name, detector in DETECTORS.items():
@@ -54,30 +57,22 @@ def _years(robot: Robot, found: int | None) -> float:
     return float(robot.day[(found or CAMPAIGNS) - 1] - robot.day[0]) / YEAR
 
 
-def contest(wanted: Iterable[tuple[str, int]], log: Path, code: str) -> Iterator[Watched]:
-    """Yield the results that are kept from this code, and the others as they are computed.
+ROWS = TypeAdapter(list[Watched])
 
-    Args:
-        wanted: Kinds and numbers of fleets.
-        log: File with one JSON line per fleet.
-        code: Version of the code.
-    """
-    kept = {}
-    if log.is_file():
-        for line in log.read_text("utf-8").splitlines():
-            one = json.loads(line)
-            kept[one["code"], one["kind"], one["number"]] = one["robots"]
-    for kind, number in wanted:
-        robots = kept.get((code, kind, number))
-        if robots is None:
-            began = time.process_time()
-            robots = [asdict(one) for one in watch(kind, number)]
-            seconds = round(time.process_time() - began, 2)
-            log.parent.mkdir(parents=True, exist_ok=True)
-            line = {"code": code, "kind": kind, "number": number, "seconds": seconds}
-            with log.open("a", encoding="utf-8") as file:
-                file.write(json.dumps({**line, "robots": robots}) + "\n")
-        yield from (Watched(**one) for one in robots)
+
+def contest(wanted: Sequence[tuple[str, int]], log: Path, executor: Executor) -> list[Watched]:
+    """All robots of these fleets, as `exam.contest`."""
+    kept = Kept(log, code(), ROWS)
+    every = exam.contest(wanted, _played, _key, code, kept, executor)
+    return [one for robots in every for one in robots]
+
+
+def _played(fixture: tuple[str, int]) -> list[Watched]:
+    return watch(*fixture)
+
+
+def _key(fixture: tuple[str, int]) -> str:
+    return f"{fixture[0]}-{fixture[1]}"
 
 
 def wanted(worn: int, others: int, first: int = 0) -> list[tuple[str, int]]:
@@ -98,10 +93,6 @@ def wanted(worn: int, others: int, first: int = 0) -> list[tuple[str, int]]:
 def code() -> str:
     """Hash of the code of detectors and simulation."""
     here = Path(__file__)
-    wear = [here.parents[2] / "pipeline" / "fleet" / "wear" / f"{name}.py" for name in _WATCHES]
+    wear = Path(pipeline.__file__).parent / "fleet" / "wear"
     mine = [here.with_name(f"{name}.py") for name in ("world", "detectors", "run")]
-    return files.sha256(b"".join(path.read_bytes() for path in (*mine, *wear)))[:12]
-
-
-_WATCHES = ("machine", "beside", "scatter", "alarm")
-"""Files of pipeline/fleet/wear that raise alarms."""
+    return code_of([*mine, *wear.glob("*.py")])

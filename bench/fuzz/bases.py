@@ -13,7 +13,7 @@ import pandas as pd
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
 from pipeline.run import reduce
-from pipeline.simulate import SimulationPlan, revised, simulate
+from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 
 Files = Mapping[str, bytes]
@@ -27,7 +27,7 @@ NAMES = tuple(_SEEDS)
 @cache
 def base(name: str) -> Files:
     """Content of the raw folder of one clean campaign."""
-    plan = revised(SimulationPlan(name=name), _SEEDS[name])
+    plan = revised(Plan(name=name), _SEEDS[name])
     files = dict(simulate(plan).files)
     if name == "reduced":
         files = _reduced(files)

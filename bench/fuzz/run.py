@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import resource
 import signal
@@ -19,7 +17,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-import pipeline
+from bench.exam import JSON, Kept, code_of, package
 
 SECONDS = 10.0
 """Maximum CPU time for one case [s], so that a busy machine causes no time-out."""
@@ -206,50 +204,27 @@ def commit() -> str:
     return said[0] + ("+" if said[1] else "")
 
 
-_NOT_PLAYED = {"app", "design", "__pycache__"}
-"""Parts of the package that no case reaches."""
-
-
 @cache
 def code() -> str:
     """Hash of the code under test and of this fuzzer: results of other code are not reused."""
-    package, mine = Path(pipeline.__file__).parent, Path(__file__).parent
-    played = (path for path in package.rglob("*.*") if not _NOT_PLAYED & {*path.parts})
-    paths = sorted(path for path in (*played, *mine.glob("*.*")) if path.is_file())
-    parts = [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths]
-    return hashlib.sha256("".join(parts).encode()).hexdigest()[:12]
-
-
-def kept(results: Path, to: str) -> dict[int, Row]:
-    """Results of the present code; an incomplete last line is skipped."""
-    if not results.is_file():
-        return {}
-    rows = {}
-    for line in results.read_text("utf-8").splitlines():
-        try:
-            row = json.loads(line)
-        except ValueError:
-            continue
-        if row.get("code") == code() and row.get("to") == to:
-            rows[row["case"]] = row
-    return rows
+    return code_of([*package("app", "design"), *Path(__file__).parent.glob("*.*")])
 
 
 def contest(
     cases: Iterable[int], to: str, results: Path, jobs: int = 1, seconds: float = SECONDS
 ) -> list[Row]:
     """Play the cases that are not yet in the file of results, and return the results of all."""
-    cases = list(cases)
-    rows = kept(results, to)
-    left = [(number, to) for number in cases if number not in rows]
-    results.parent.mkdir(parents=True, exist_ok=True)
-    if left:
-        with results.open("a", encoding="utf-8") as out:
-            for row in played(left, min(jobs, len(left)), seconds=seconds):
-                whole = {**row, "commit": commit(), "code": code()}
-                out.write(json.dumps(whole) + "\n")
-                out.flush()
-                rows[whole["case"]] = whole
-                if sys.stderr.isatty():
-                    sys.stderr.write(f"\r{len(rows)} cases")
-    return [rows[number] for number in cases if number in rows]
+    cases, kept = list(cases), Kept(results, code(), JSON)
+    rows = kept.rows()
+    left = [(number, to) for number in cases if _key(number, to) not in rows]
+    for row in played(left, min(jobs, len(left)), seconds=seconds):
+        key = _key(row["case"], to)
+        rows[key] = {**row, "commit": commit()}
+        kept.add(key, rows[key])
+        if sys.stderr.isatty():
+            sys.stderr.write(f"\r{len(rows)} cases")
+    return [rows[key] for key in (_key(number, to) for number in cases) if key in rows]
+
+
+def _key(number: int, to: str) -> str:
+    return f"{to}-{number}"

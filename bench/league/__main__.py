@@ -54,7 +54,7 @@ def league(
             f"python -m bench.league --clean {clean} --single {single} --pairs {pairs} --strange "
             f"{strange} --power {power} --doubtful {doubtful} --seed {seed}"
         )
-        contest.write_page(games, len(fixtures(rules)), command, kept, page)
+        contest.write_page(games, len(fixtures(rules)), command, contest.code(rules), page)
 
 
 if __name__ == "__main__":

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from bench.exam import between
 from bench.league.run import Played
 from bench.league.table import calibration, confusion, power, rows, unplayed
 
 BEGIN = "<!-- make league writes from here -->"
-END = "<!-- to here -->"
 
 
 def page(games: Sequence[Played], total: int, command: str, code: str, old: str) -> str:
@@ -23,15 +23,6 @@ def page(games: Sequence[Played], total: int, command: str, code: str, old: str)
     """
     written = "\n".join(_written(games, total, command, code))
     return between(old or "# The hidden-effect league\n\n", BEGIN, written)
-
-
-def between(old: str, begin: str, written: str) -> str:
-    """A page with new text between a mark and `END`; without the mark it is appended."""
-    before, found, rest = old.partition(begin)
-    _, ended, after = rest.partition(END)
-    if not (found and ended):
-        before, after = old, "\n"
-    return f"{before}{begin}\n{written}\n{END}{after}"
 
 
 def _written(games: Sequence[Played], total: int, command: str, code: str) -> list[str]:

@@ -8,13 +8,13 @@ limits of what campaign.toml allows, which is worse than any fleet can teach.
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
+from bench.exam import JSON, Kept, code_of, package
 from bench.league.hidden import SECRETS
 from bench.league.judge import score
 from bench.league.play import drawn, play
@@ -82,31 +82,25 @@ def _with(content: Mapping[str, bytes], more: str) -> dict[str, bytes]:
 
 def played(log: Path) -> Iterator[tuple[str, dict]]:
     """Every game with every kind of priors; those that are kept are not played again."""
-    kept = [json.loads(line) for line in log.read_text().splitlines()] if log.is_file() else []
-    known = {(one["number"], one["arm"]): one["score"] for one in kept if "arm" in one}
-    learnt = next((one["taught"] for one in kept if "taught" in one), None)
-    if learnt is None:
-        learnt = taught()
-        _note(log, {"taught": learnt})
-    robot = load("kr500_rail")
+    kept = Kept(log, code_of(package()), JSON)
+    rows, robot = kept.rows(), load("kr500_rail")
+    if "taught" not in rows:
+        rows["taught"] = {"priors": taught()}
+        kept.add("taught", rows["taught"])
     for number in range(1000, 1000 + GAMES):
         content, truth = files(number, common=number % 2 == 0)
-        for arm, more in zip(ARMS, ("", learnt, extreme(number)), strict=True):
-            if (number, arm) not in known:
-                found = score(truth, answer_of(_with(content, more)), twins(robot))
+        more = ("", rows["taught"]["priors"], extreme(number))
+        for arm, priors in zip(ARMS, more, strict=True):
+            key = f"{number}-{arm}"
+            if key not in rows:
+                found = score(truth, answer_of(_with(content, priors)), twins(robot))
                 told = {name: getattr(found, name) for name in _SHOWN} | {"wrong": wrong(found)}
-                known[number, arm] = told | {"hidden": len(truth["secrets"])}
-                _note(log, {"number": number, "arm": arm, "score": known[number, arm]})
-            yield arm, known[number, arm]
+                rows[key] = told | {"hidden": len(truth["secrets"])}
+                kept.add(key, rows[key])
+            yield arm, rows[key]
 
 
 _SHOWN = ("right", "in_list", "detected", "verdict")
-
-
-def _note(log: Path, line: Mapping) -> None:
-    log.parent.mkdir(parents=True, exist_ok=True)
-    with log.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(line) + "\n")
 
 
 def main() -> None:

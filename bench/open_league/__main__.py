@@ -77,16 +77,14 @@ def score(
     page: Annotated[Path | None, typer.Option(help="Markdown page for the tables.")] = None,
 ) -> None:
     """Count what every entry said of the games."""
-    from bench.league.page import between
+    from bench.exam import write_between
     from bench.open_league.table import by_kind, lines, scored
-    from pipeline.base import files
 
     all_ = scored(games)
     said = [*lines(all_), "", *by_kind(all_)] if all_ else ["Nobody has played."]
     typer.echo("\n".join(said))
     if page is not None:
-        old = page.read_text("utf-8") if page.is_file() else "# The open league\n\n"
-        files.write(page, between(old, BEGIN, "\n".join(["", *said, ""])).encode())
+        write_between(page, BEGIN, "The open league", ["", *said, ""])
 
 
 if __name__ == "__main__":

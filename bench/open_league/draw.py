@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.exam import seeds as seeds_of
 from bench.league.hidden import SECRETS
 from bench.league.hidden_effect import Secret
 from bench.league.outside_catalogue import STRANGE
@@ -26,7 +27,6 @@ from bench.worlds.noise import Bursts, Noise, Student, Wander, White
 from bench.worlds.worlds import PULLED, STATED
 from pipeline.base import files
 from pipeline.base.arrays import Array
-from pipeline.base.errors import InputError
 from pipeline.design.poses import default_anchors, draw_poses
 from pipeline.diagnosis.isolability import twins
 from pipeline.machine.robot import Robot, load
@@ -79,17 +79,12 @@ def fixtures(count: int, seeds: Path = SEEDS) -> list[Fixture]:
     Raises:
         InputError: The file contains fewer seeds.
     """
-    every = [int(word) for word in seeds.read_text("utf-8").split()]
-    if count > len(every):
-        raise InputError(
-            f"holds {len(every)} seeds for {count} games", "ask for fewer", file=str(seeds)
-        )
     order = [kind for kind, n in KINDS.items() for _ in range(n)]
     kinds = [order[(7 * k) % len(order)] for k in range(count)]  # 7 and 18 are coprime: all in turn
     noises = list(NOISES)
     return [
         Fixture(f"game{k + 1:03d}", kind, noises[k // 2 % len(noises)], seed)
-        for k, (kind, seed) in enumerate(zip(kinds, every, strict=False))
+        for k, (kind, seed) in enumerate(zip(kinds, seeds_of(seeds, 0, count), strict=True))
     ]
 
 

@@ -79,14 +79,15 @@ def chosen(text: str) -> list[str]:
 
 def _write(page: Path, log: Path) -> None:
     """Write all games of this code that are kept, in the order of the worlds."""
-    from bench.league.page import between
-    from bench.worlds.run import code, games
+    from bench.exam import write_between
+    from bench.worlds.run import code, kept
     from bench.worlds.table import failures, lines
     from bench.worlds.worlds import WORLDS
-    from pipeline.base import files
 
     order = list(WORLDS)
-    played = sorted(games(log), key=lambda g: (order.index(g.world.partition("+")[0]), g.seed))
+    played = sorted(
+        kept(log).rows().values(), key=lambda g: (order.index(g.world.partition("+")[0]), g.seed)
+    )
     said = [
         f"{len(played)} games (code {code()}). In brackets: count, and 95 % interval after Clopper "
         "and Pearson, as if the intervals of one campaign were independent.",
@@ -94,8 +95,7 @@ def _write(page: Path, log: Path) -> None:
         "",
         *(f"- {line}" for line in failures(played)),
     ]
-    old = page.read_text("utf-8") if page.is_file() else "# Worlds outside of the simulator\n\n"
-    files.write(page, between(old, BEGIN, "\n".join(said)).encode())
+    write_between(page, BEGIN, "Worlds outside of the simulator", said)
 
 
 if __name__ == "__main__":

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -15,7 +14,9 @@ import numpy as np
 import pandas as pd
 from pydantic import ConfigDict, TypeAdapter
 
-import pipeline
+from bench import exam
+from bench.exam import Kept, code_of, package
+from bench.exam import seeds as seeds_of
 from bench.league import judge as league
 from bench.league.hidden import SECRETS
 from bench.league.hidden_effect import Secret
@@ -26,10 +27,8 @@ from bench.worlds.judge import Json, Judged, Spoilt, Truth, forces_doubted, judg
 from bench.worlds.payloads import departs
 from bench.worlds.visible import Adjustment, from_table
 from bench.worlds.worlds import WORLDS, World
-from pipeline.app.progress import Progress
-from pipeline.base import files
 from pipeline.base.arrays import Array
-from pipeline.base.errors import InputError, Interrupted, PipelineError
+from pipeline.base.errors import PipelineError
 from pipeline.diagnosis.isolability import twins
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
@@ -79,7 +78,6 @@ class Played:
     Attributes:
         world: Kind of its fixture.
         seed: Seed of its fixture.
-        code: Version of the code that played it.
         judged: Result of the judge.
         spoilt: Readings that were spoilt.
         cause: Label of the hidden cause; empty for none.
@@ -99,7 +97,6 @@ class Played:
 
     world: str
     seed: int
-    code: str
     judged: Judged
     spoilt: tuple[Spoilt, ...] = ()
     cause: str = ""
@@ -113,13 +110,8 @@ class Played:
     said: bool = False
     seconds: float = 0.0
 
-    @property
-    def key(self) -> tuple[str, int, str]:
-        """Its name among the games that are kept."""
-        return self.world, self.seed, self.code
 
-
-LINE = TypeAdapter(Played)
+ROW = TypeAdapter(Played)
 
 
 def fixtures(
@@ -130,31 +122,18 @@ def fixtures(
     Raises:
         InputError: The file of seeds is shorter.
     """
-    every = [int(word) for word in seeds.read_text("utf-8").split()]
-    if first + games > len(every):
-        raise InputError(
-            f"holds {len(every)} seeds, and game {first + games} is asked for",
-            "ask for fewer --games, or give a longer file with --seeds",
-            file=str(seeds),
-        )
+    every = seeds_of(seeds, first, games)
     return [
-        Fixture(world, k, every[k], cause) for k in range(first, first + games) for world in worlds
+        Fixture(world, first + k, seed, cause) for k, seed in enumerate(every) for world in worlds
     ]
 
 
 @cache
 def code() -> str:
     """Hash of the code that makes an answer, and of the exam itself."""
-    package, exam = Path(pipeline.__file__).parent, Path(__file__).parent
-    inside = [
-        path
-        for path in package.rglob("*")
-        if path.is_file() and not {"__pycache__", *SHELL} & set(path.relative_to(package).parts)
-    ]
-    exams = [*exam.glob("*.py"), *(exam.parent / "league").glob("*.py")]
-    own = [path for path in exams if path.name not in SHOWN]
-    lines = (f"{path.name}:{files.sha256(path.read_bytes())}\n" for path in sorted([*inside, *own]))
-    return files.sha256("".join(lines).encode())[:16]
+    here = Path(__file__).parent
+    exams = [*here.glob("*.py"), *(here.parent / "league").glob("*.py")]
+    return code_of([*package(*SHELL), *(path for path in exams if path.name not in SHOWN)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,9 +197,7 @@ def played(fixture: Fixture) -> Played:
     )
     word = Judged(said.outcome, said.message)
     wrong, apart = _stated_wrong(cell)
-    game = Played(
-        fixture.kind, seed, code(), word, spoilt, wrong=wrong, apart=apart, seconds=seconds
-    )
+    game = Played(fixture.kind, seed, word, spoilt, wrong=wrong, apart=apart, seconds=seconds)
     if said.answer is None:
         return game
     game = replace(game, judged=judged(truth, said.answer))
@@ -321,57 +298,14 @@ def _sized(cell: Cell, world: World, seed: int) -> tuple[Secret, float]:
 
 
 def contest(wanted: Sequence[Fixture], log: Path, executor: Executor) -> list[Played]:
-    """Play what is left of these games; the games do not depend on where they are played.
-
-    Args:
-        wanted: The games.
-        log: File with one JSON line per finished game, of any code; those of this code are not
-            played again.
-        executor: Where games are played.
-
-    Raises:
-        Interrupted: With the number of games that are kept.
-        InputError: The code was changed while games were played.
-    """
-    kept = {game.key: game for game in games(log)}
-    left = [one for one in wanted if (one.kind, one.seed, code()) not in kept]
-    with (
-        Progress(len(left)) as progress,
-        files.writing(log),
-        log.open("a", encoding="utf-8") as out,
-    ):
-        for game in _all(left, executor, log):
-            progress.now(game.world)
-            out.write(LINE.dump_json(game).decode() + "\n")
-            out.flush()
-            kept[game.key] = game
-            progress.done()
-    if any((one.kind, one.seed, code()) not in kept for one in wanted):
-        raise InputError(
-            "holds games of code that changed on the way", "run it again", file=str(log)
-        )
-    return [kept[one.kind, one.seed, code()] for one in wanted]
+    """Play what is left of these games, as `exam.contest`."""
+    return exam.contest(wanted, played, _key, code, kept(log), executor)
 
 
-def games(log: Path) -> list[Played]:
-    """Games of this code that are kept; an incomplete last line is removed."""
-    files.write(log, b"") if not log.exists() else None
-    whole, _, cut = log.read_text("utf-8").rpartition("\n")
-    if cut:
-        files.write(log, f"{whole}\n".encode() if whole else b"")
-    mine = (text for text in whole.splitlines() if json.loads(text)["code"] == code())
-    return [LINE.validate_json(text) for text in mine]
+def kept(log: Path) -> Kept[Played]:
+    """Games of this code that are kept."""
+    return Kept(log, code(), ROW)
 
 
-def _all(left: Sequence[Fixture], executor: Executor, log: Path) -> Iterable[Played]:
-    """Games in the order in which they finish."""
-    done = 0
-    try:
-        for game in executor.results(played, left):
-            yield game.result
-            done += 1
-    except KeyboardInterrupt:
-        raise Interrupted(
-            f"Interrupted; {done} games more are kept in {log}, and the same command goes on "
-            f"from there."
-        ) from None
+def _key(fixture: Fixture) -> str:
+    return f"{fixture.kind}-{fixture.seed}"

@@ -1,10 +1,10 @@
 """Outbuilding: what follows the first page of a report, sections and figures with their texts.
 
-The core's report has the certificate, the causes and the stiffnesses. What an engineer consults
-when a number is in doubt is here: the cell in three dimensions, residuals, budget, registration,
-DH parameters, method, rivals, laws, cross-validation, and maps of the workspace.
+The core's report is the certificate and the answer in words. What an engineer consults when a
+number is in doubt is here: stiffnesses, causes and their gain, cross-validation, the cell in three
+dimensions, residuals, budget, registration, DH parameters, method, and maps of the workspace.
 
-Door: `sections:SECTIONS`, `figures:PLOTS`; for the tables that only these need,
-`pictured:pictured` and `pictured:of_positions`.
+Door: `sections:sections`, `figures:PLOTS`; for the tables that only these need,
+`pictured:pictured`, `pictured:of_positions` and `pictured:beside_pulls`.
 Tests: `tests/report/`, for whole pages.
 """

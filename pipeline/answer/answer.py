@@ -8,10 +8,17 @@ import numpy as np
 
 from pipeline.answer import contract
 from pipeline.answer.combinations import combination_entries, combination_sentences
-from pipeline.answer.common_factor import common_factor, told_factor
 from pipeline.answer.conformity import path_findings, pose_entry, tolerance_entry
 from pipeline.answer.contract import Answer
-from pipeline.answer.contradicted_entry import entry_findings
+from pipeline.answer.contradictions import (
+    beside_the_beam,
+    common_factor,
+    entry_findings,
+    overload_entry,
+    overloaded,
+    overstated,
+    told_factor,
+)
 from pipeline.answer.diagnosis import best_pose, diagnosis_entry, noise_entry, placed
 from pipeline.answer.geometry import (
     estimated_combinations,
@@ -40,8 +47,6 @@ from pipeline.answer.inputs import (
     treated_findings,
     unit_entry,
 )
-from pipeline.answer.overload import overload_entry, overloaded
-from pipeline.answer.overstated_noise import beside_the_beam, overstated
 from pipeline.answer.pose_budget import pose_budget
 from pipeline.answer.recommended import ModelValues
 from pipeline.answer.reliability import carried_entries, controlled_entries

@@ -1,11 +1,10 @@
-"""Finished answers of campaigns, the one of the previous campaign, and the tables of reports."""
+"""Finished answers of campaigns, and the tables of their reports."""
 
 from __future__ import annotations
 
-import contextlib
 import json
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,11 @@ import pandas as pd
 from pipeline import tables
 from pipeline.answer import contract
 from pipeline.answer.contract import Answer, Reason
-from pipeline.answer.history import precedes, previous
 from pipeline.answer.recommended import row_of
 from pipeline.answer.words import BECAUSE
 from pipeline.base import files, parquet
 from pipeline.base.appearance import Appearance, AppearanceFacts
-from pipeline.base.doors import is_there, opened
+from pipeline.base.doors import found
 from pipeline.base.errors import UsageError
 from pipeline.diagnosis.finding import Verdict
 from pipeline.store.campaign import CampaignFolder, dump
@@ -129,84 +127,29 @@ def _joints_named(values: dict[str, Any]) -> dict[str, Any]:
     return {**values, "stiffness": named}
 
 
-def finished(root: Path, tell: Callable[[str], object] = str) -> list[Finished]:
-    """Campaigns with a finished result, sorted by name; their raw folders may no longer exist.
+_AMONG, _REFRESH = "pipeline.fleet.pages:among", "pipeline.fleet.pages:refresh"
+"""Doors of the fleet: other campaigns as a report shows them, and the page over all of them."""
 
-    Args:
-        root: Root of the project.
-        tell: Called with a sentence on each campaign that is omitted because this version cannot
-            read its result.
+
+@dataclass(frozen=True)
+class Among:
+    """Other campaigns of the same robot, as far as the report of one shows them.
+
+    Attributes:
+        previous: Answer to the previous campaign; None without one.
+        wear: Sentence on all campaigns of the robot together, as known so far; None without one.
+        kept: Entries of the manifest by which all this is found again.
     """
-    out = []
-    for campaign, _ in _with_manifest(root):
-        try:
-            out.append(with_digest(campaign))
-        except UsageError as problem:
-            tell(str(problem))
-    return out
+
+    previous: Answer | None = None
+    wear: str | None = None
+    kept: Mapping[str, str | None] = field(default_factory=dict)
 
 
-def _with_manifest(root: Path) -> Iterator[tuple[CampaignFolder, dict[str, Any]]]:
-    for path in sorted((root / "reports").glob("*/result.json")):
-        campaign = CampaignFolder(root, root / "data" / "raw" / path.parent.name)
-        manifest = campaign.manifest()
-        if manifest is not None:  # the folder of a campaign that was run by path is elsewhere
-            yield CampaignFolder(root, root / manifest.get("source", campaign.folder)), manifest
-
-
-def earlier(campaign: CampaignFolder, answer: Answer) -> Answer | None:
-    """The answer to the same robot's previous finished campaign; None without one.
-
-    Candidates are chosen by their manifests, and read from the latest day backwards, to avoid
-    reading the hundreds of campaigns of a whole plant.
-    """
-    by_day: dict[str, list[CampaignFolder]] = {}
-    for other, manifest in _with_manifest(campaign.root):
-        day = manifest.get("measured", _LONG_AGO)
-        alike = all(manifest.get(key, said) == said for key, said in _machine(answer).items())
-        if alike and precedes(day, answer.measured):
-            by_day.setdefault(day, []).append(other)
-    found = _readable(by_day.pop(_LONG_AGO, []))
-    for day in sorted(by_day, reverse=True):
-        found += _readable(by_day[day])
-        last = previous(answer, found)
-        if last is not None and str(last.measured) >= day:
-            return last
-    return previous(answer, found)
-
-
-def _readable(campaigns: list[CampaignFolder]) -> list[Answer]:
-    found = []
-    for one in campaigns:
-        with contextlib.suppress(UsageError):
-            found.append(read(one))
-    return found
-
-
-_LONG_AGO = "0000"
-"""Date assumed for a manifest of an earlier version, which did not contain one."""
-
-
-def about(answer: Answer) -> dict[str, str | None]:
-    """Entries of the manifest by which `earlier` selects campaigns without reading answers."""
-    return _machine(answer) | {"measured": answer.measured}
-
-
-def _machine(answer: Answer) -> dict[str, str | None]:
-    return {"robot": answer.robot, "machine": answer.machine}
-
-
-_TOGETHER, _REFRESH = "pipeline.fleet.pages:robots_together", "pipeline.fleet.pages:refresh"
-"""Doors of the fleet, which evaluates all campaigns together."""
-
-
-def robots_together(answer: Answer, root: Path) -> str | None:
-    """Sentence on all campaigns of the answer's robot together, as known so far.
-
-    None if the fleet is not installed or states nothing; the page then compares with the previous
-    campaign.
-    """
-    return opened(_TOGETHER)(answer, root) if is_there(_TOGETHER) else None
+def among(campaign: CampaignFolder, answer: Answer) -> Among:
+    """Other campaigns of the answer's robot; none without the outbuilding that knows them."""
+    known = found(_AMONG)
+    return known(campaign, answer) if known else Among()
 
 
 def refresh(root: Path) -> Path | None:
@@ -215,16 +158,9 @@ def refresh(root: Path) -> Path | None:
     Returns:
         Path of the page; None if there is no campaign or the fleet is not installed.
     """
-    page: Path | None = opened(_REFRESH)(root) if is_there(_REFRESH) else None
+    drawn = found(_REFRESH)
+    page: Path | None = drawn(root) if drawn else None
     return page
-
-
-def mark(before: Answer | None) -> str | None:
-    """Digest of the part of the previous answer on which a report depends; None without one."""
-    if before is None:
-        return None
-    stiffness = [joint.model_dump(mode="json") for joint in before.stiffness]
-    return files.sha256(dump([before.campaign, stiffness]))
 
 
 def kept_tables(campaign: CampaignFolder) -> dict[str, pd.DataFrame]:

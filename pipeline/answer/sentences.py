@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.answer import each_way, remarks
+from pipeline.answer import remarks
+from pipeline.answer.conformity import expanded, largest_force, tolerated
 from pipeline.answer.contract import (
     About,
     BestPose,
@@ -28,7 +29,6 @@ from pipeline.answer.contract import (
 from pipeline.answer.inputs import lost_told
 from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.results import CampaignResults
-from pipeline.answer.tolerance_sentence import expanded, largest_force, tolerated
 from pipeline.answer.words import (
     DO,
     HOLDS,
@@ -301,7 +301,7 @@ def _model(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
     }[found.row.model]
     yield f"{whose}, from the {'corrected data' if found.mistakes else 'data as given'}."
     yield from _table(found.facts)
-    yield from filter(None, map(each_way.both_stiffnesses, stated.mine.stiffness))
+    yield from filter(None, map(remarks.both_stiffnesses, stated.mine.stiffness))
     if other := _other(found, _SPRINGS_ALONE, _AS_GIVEN, _ON_DELIVERED):
         for move in _moved(stated.mine.stiffness, stated.springs.stiffness):
             yield f"Compared with {' and '.join(other)}, {move}."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import sys
@@ -86,7 +87,8 @@ def _told(problem: Exception | KeyboardInterrupt, name: str) -> tuple[str, int]:
 
 
 def _say(sentence: str, code: int) -> int:
-    if code == Interrupted.exit_code and sys.stderr.isatty():
-        typer.echo(err=True)  # the terminal has printed ^C at the beginning of this line
-    typer.secho(fitted(sentence, sys.stderr), err=True, fg="red")
+    with contextlib.suppress(OSError):  # stderr goes to a full disk: the exit code says it
+        if code == Interrupted.exit_code and sys.stderr.isatty():
+            typer.echo(err=True)  # the terminal has printed ^C at the beginning of this line
+        typer.secho(fitted(sentence, sys.stderr), err=True, fg="red")
     return code

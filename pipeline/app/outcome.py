@@ -118,7 +118,7 @@ def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
 
 def _stiffnesses(joints: Sequence[Stiffness]) -> list[str]:
     """`  A1   k_theta2   3.800 ± 0.012 MN·m/rad`; without axes if the robot file maps none."""
-    from pipeline.answer.each_way import beside
+    from pipeline.answer.remarks import beside
 
     width = max((len(joint.axis) + 3 for joint in joints if joint.axis), default=0)
     return [

@@ -167,9 +167,9 @@ def _beside(root: Path, campaign: CampaignFolder, name: str, language: str) -> P
 
     answer, manifest = archive.read(campaign), campaign.manifest() or {}
     look = archive.look_of(appearances(root), manifest | {"language": language}, answer)
-    before, wear = archive.earlier(campaign, answer), archive.robots_together(answer, root)
-    took = manifest.get("run_time_s")
-    pages = render(answer, archive.kept_tables(campaign), took, before, (), wear, look)
+    others, took = archive.among(campaign, answer), manifest.get("run_time_s")
+    shown = archive.kept_tables(campaign)
+    pages = render(answer, shown, took, others.previous, (), others.wear, look)
     files.write(campaign.reports / language / name, pages[name])
     return campaign.reports / language / name
 
@@ -183,6 +183,5 @@ def report_text(root: Path, name: str) -> str:
     report(root, name, "html")
     campaign = campaigns.find(root, name)
     answer = archive.read(campaign)
-    before = archive.earlier(campaign, answer)
-    wear = archive.robots_together(answer, root)
-    return as_text(compose(answer, archive.kept_tables(campaign), previous=before, wear=wear))
+    others, shown = archive.among(campaign, answer), archive.kept_tables(campaign)
+    return as_text(compose(answer, shown, previous=others.previous, wear=others.wear))

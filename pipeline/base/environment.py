@@ -29,6 +29,17 @@ def unproxied() -> dict[str, str]:
     return {"no_proxy": ",".join([*filter(None, [known]), "127.0.0.1", "localhost"])}
 
 
+@contextlib.contextmanager
+def without(name: str) -> Iterator[str | None]:
+    """Remove an environment variable within the block, and return its value."""
+    value = os.environ.pop(name, None)
+    try:
+        yield value
+    finally:
+        if value is not None:
+            os.environ[name] = value
+
+
 NOBODYS = "/"
 """A folder in which only administrators can write; working directory of services."""
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
+from scipy.linalg import lapack
 
 from pipeline.base.arrays import Array, Bools, Ints
 
@@ -259,6 +260,13 @@ class Cholesky:
         return np.asarray(scale * found)
 
     @property
+    def inverse(self) -> Array:
+        """A^-1, from its factor in a third of the time of a solution with a unit matrix."""
+        half, _ = lapack.dpotri(self.lower, lower=1)
+        whole = np.tril(half) + np.tril(half, -1).T
+        return np.asarray(whole * self.scale * self.scale[:, None])
+
+    @property
     def log_det(self) -> float:
         """Natural log of det A."""
         return 2 * float(np.log(np.diag(self.lower)).sum() - np.log(self.scale).sum())
@@ -293,6 +301,28 @@ def whitening(V: Array) -> Array:
         unit_rows = V / (size * np.swapaxes(size, -1, -2))
         L = size * np.linalg.cholesky(unit_rows + _ROUNDED * np.eye(V.shape[-1]))
     return np.asarray(np.linalg.inv(L))
+
+
+def triangular(V: Array) -> tuple[Array, Array]:
+    """Cholesky factors L of positive definite V = L L', and their inverses, both (k, k, m).
+
+    For m small matrices along the last axis, (k, k, m): all rows of a column at once are faster
+    than a call for each matrix. V is regularised as in `whitening`.
+
+    Raises:
+        LinAlgError: A row has no variance.
+    """
+    L, W = np.zeros_like(V), np.zeros_like(V)
+    for j in range(len(V)):
+        column = V[j:, j] - np.einsum("ikm,km->im", L[j:, :j], L[j, :j])
+        if not (column[0] > 0).all():
+            if not (np.einsum("iim->im", V) > 0).all():
+                raise np.linalg.LinAlgError("a row has no variance")
+            return triangular(V + _ROUNDED * V * np.eye(len(V))[:, :, None])
+        W[j, j] = 1 / np.sqrt(column[0])
+        L[j:, j] = column * W[j, j]
+        W[j, :j] = -W[j, j] * np.einsum("km,kim->im", L[j, :j], W[:j, :j])
+    return L, W
 
 
 def factor(C: Array) -> Array:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.answer.contradictions import overload_entry, overloaded
 from pipeline.answer.inputs import (
     growth_findings,
     limit_findings,
@@ -17,7 +18,6 @@ from pipeline.answer.inputs import (
     shot_findings,
     treated_findings,
 )
-from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.app.outcome import Outcome, sentences
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain as in_digits

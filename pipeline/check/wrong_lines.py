@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from pipeline.answer.contradicted_entry import contradicted, in_mm
+from pipeline.answer.contradictions import contradicted, in_mm
 from pipeline.base.errors import InputError, place
 from pipeline.base.toml import line_of
 from pipeline.check.export_words import WrongWord, wrong_word

@@ -18,7 +18,7 @@ from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosed
 from pipeline.diagnosis.noise_bounds import bounds
 from pipeline.faults.base_reading import astray
-from pipeline.faults.screen import Screened, ScreeningBase, files_of, singles_of
+from pipeline.faults.screen import Screened, ScreeningBase, files_beside, files_of, singles_of
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.room import room_of
 from pipeline.reduction.bring import Reduced, Step, bring
@@ -72,7 +72,7 @@ def converge(case: Case, reduced: Reduced, given: Fitted, step: Step) -> _Conver
     ends: list[_Converged] = []
     for _ in range(_ROUNDS):
         ends.append(_stand(held, given, step))
-        moved = step(_screened)(files, ends[-1])
+        moved = step(_screened)(case, files, ends[-1])
         if moved.key == held.key:
             return _bounded(ends[-1])
         held = moved
@@ -108,7 +108,7 @@ def _stand(held: Screened, given: Fitted, step: Step) -> _Converged:
     return _weighed(_Converged(held, right, where, _diagnosed(right, where, step)), step)
 
 
-def _screened(files: Screened, end: _Converged) -> Screened:
+def _screened(case: Case, files: Screened, end: _Converged) -> Screened:
     """Readings and pulls screened, and the noise estimated, given the causes."""
     said, family = end.diagnosis, _tails(files, end)
     cell, start = files.case.cell, files.case.robot.nominal_compliance
@@ -118,7 +118,8 @@ def _screened(files: Screened, end: _Converged) -> Screened:
     nothing = not end.screened.findings and not end.screened.doubted
     if nothing and cell is not richer:
         return end.screened
-    return singles_of(files, None, ScreeningBase(cell, start, family))
+    base = ScreeningBase(cell, start, family, said.seen.suspects)
+    return singles_of(files_beside(case, files, base), None, base)
 
 
 def _tails(files: Screened, end: _Converged) -> Family | None:

@@ -101,7 +101,13 @@ def diagnose(
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
-    wander = shape.wander.between_poses if shape is not None and shape.wanders else 0.0
+    # a base frame that grows with the hall takes the robot with it from pose to pose
+    wander = float(
+        np.hypot(
+            shape.wander.between_poses if shape is not None and shape.wanders else 0.0,
+            drift.deformed_m if drift is not None else 0.0,
+        )
+    )
     stood = from_unloaded(as_stiff(cell, estimate), data, case.certain_noise, whole, wander)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)

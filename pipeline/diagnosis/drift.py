@@ -89,30 +89,60 @@ def drift(
     moved_m = float(np.sqrt(np.mean(np.sum(parts**2, axis=1))))
     hours = float(np.ptp(since)) / HOUR_S
     found = _stated(forms[best], laws, best, float(better), moved_m, hours)
+    each = _each_round(base, table, white, rigid)
+    found = replace(found, deformed_m=_deformed(each, white))
     if not found.named:
-        return _knocked(found, base, table, white, rigid)
+        return _knocked(found, each, table, white, rigid)
     return replace(found, effect=_undecided(found.effect, table)) if found.undecided else found
 
 
-def _knocked(law: Drift, base: Base, table: pd.DataFrame, white: Array, rigid: Array) -> Drift:
-    """The result, with the rounds between which the tracker moved significantly, if there are any.
+def _each_round(base: Base, table: pd.DataFrame, white: Array, rigid: Array) -> ScoreTests | None:
+    """One rigid motion of each round, y_k = p_t(k) + v_r(k) + w_r(k) x (p_k - p_0) + e_k.
 
-    y_k = p_t(k) + v_r(k) + w_r(k) x (p_k - p_0) + e_k, with v_r and w_r of each round:
-    P[chi2 > drop] < alarms.MOVED, where this explains all differences between the rounds, and the
-    largest step moves the reflectors by more than `FAR_OFF` standard uncertainties, rms.
+    None where there are too many rounds.
     """
     after = _rounds(table)
     if not 0 < len(after) < _ROUNDS:
-        return law
+        return None
     columns = (white @ rigid)[:, :, None, :] * np.array(after).T[:, None, :, None]
-    every = base.beside(columns.reshape(1, 3 * len(table), 1, -1)).of_block(0)
-    left, dof = float(every.rest - every.drop[0]), every.dof - int(every.rank[0])
-    if dof < 1 or chi2_beyond(left / TOLERATED_FACTOR**2, dof) <= odds.FITS:
+    return base.beside(columns.reshape(1, 3 * len(table), 1, -1)).of_block(0)
+
+
+def _beyond(each: ScoreTests) -> tuple[float, int]:
+    """Residual sum of squares beside a motion of each round, and its degrees of freedom."""
+    return float(each.rest - each.drop[0]), each.dof - int(each.rank[0])
+
+
+def _unit_m(white: Array) -> float:
+    """Standard uncertainty of a base reading per axis [m]."""
+    return float(np.sqrt(3 / np.mean(np.sum(white**2, axis=(1, 2)))))
+
+
+def _deformed(each: ScoreTests | None, white: Array) -> float:
+    """`Drift.deformed_m`, as for a base frame that grows with the hall."""
+    left, dof = (0.0, 0) if each is None else _beyond(each)
+    if dof < 1 or chi2_beyond(left / TOLERATED_FACTOR**2, dof) > odds.FITS:
+        return 0.0
+    return _unit_m(white) * float(np.sqrt(left / dof))
+
+
+def _knocked(
+    law: Drift, each: ScoreTests | None, table: pd.DataFrame, white: Array, rigid: Array
+) -> Drift:
+    """The result, with the rounds between which the tracker moved significantly, if there are any.
+
+    P[chi2 > drop] < alarms.MOVED of a motion of each round, where this explains all differences
+    between the rounds, and the largest step moves the reflectors by more than `FAR_OFF` standard
+    uncertainties, rms.
+    """
+    if each is None or law.deformed_m > 0 or _beyond(each)[1] < 1:
         return law
-    size = every.size[0].reshape(len(after), 6)
+    size = each.size[0].reshape(-1, 6)
     steps = np.sqrt(np.mean(np.sum((rigid @ size.T) ** 2, axis=1), axis=0))
-    most, unit_m = int(np.argmax(steps)), float(np.sqrt(3 / np.mean(np.sum(white**2, axis=(1, 2)))))
-    if every.p(TOLERATED_FACTOR**2, np.inf)[0] >= alarms.MOVED or steps[most] <= FAR_OFF * unit_m:
+    most = int(np.argmax(steps))
+    if each.p(TOLERATED_FACTOR**2, np.inf)[0] >= alarms.MOVED or steps[most] <= FAR_OFF * _unit_m(
+        white
+    ):
         return law
     begun = table.groupby(table["group"].astype(str))["since"].mean().sort_values()
     return replace(law, knocked=tuple(begun.index[most : most + 2]), moved_m=float(steps[most]))

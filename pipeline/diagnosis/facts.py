@@ -198,6 +198,8 @@ class Drift(Locked):
         visible: Multiple of the typical magnitude that would be named in 80 % of the cases.
         knocked: The two rounds between which the tracker moved most, then by `moved_m`, if it moved
             by more than any noise and no law in time describes it; else None.
+        deformed_m: Changes of the reflectors' places between the rounds that no motion of the
+            tracker explains, rms per axis [m]; 0 where chance explains them.
     """
 
     effect: Observation
@@ -212,6 +214,7 @@ class Drift(Locked):
     undecided: bool
     visible: float
     knocked: tuple[str, str] | None = None
+    deformed_m: float = 0.0
 
 
 @dataclass(frozen=True)

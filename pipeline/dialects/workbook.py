@@ -29,8 +29,13 @@ _MOST_CELLS = 10_000_000
 """Maximum number of cells of a sheet [1]: ten columns of Excel's million rows; each takes a
 microsecond or more."""
 _CELLS = (b"<c ", b"<c>", b"<c/>")
-_FAR = re.compile(rb'\sr="(?:[A-Z]{4}|[A-Z]{0,3}\d{8})')
+_FAR = re.compile(rb"""\sr\s*=\s*["'](?:[A-Z]{4}|[A-Z]{0,3}\d{8})""")
 """References beyond XFD1048576, the last cell of Excel."""
+_PLACE = re.compile(rb"""\sr\s*=\s*["']([A-Z]{0,3})(\d{1,7})["']""")
+"""Reference of a cell, or number of a row."""
+_MOST_SPANNED = 2 * _MOST_CELLS
+"""Maximum number of cells from the first to the last one, empty ones included [1]: the reader has
+32 byte for each, and ends the whole process if there is no memory for them."""
 _REFERENCE = 16
 """Overlap of pieces so that no reference is cut [byte]."""
 _MILLISECOND = 1000
@@ -161,12 +166,20 @@ def _bounded(data: bytes) -> None:
 _SMALLER = "save the sheet as CSV, which may be larger"
 
 
+def _spanned(piece: bytes) -> tuple[int, int]:
+    """Number of columns and of rows up to the last cell of a piece of a sheet."""
+    places = {*_PLACE.findall(piece)}
+    named = (sum((one - 64) * 26**k for k, one in enumerate(reversed(w))) for w, _ in places)
+    unnamed = (sum(map(row.count, _CELLS)) for row in piece.split(b"<row"))
+    return max(*named, *unnamed, 0, 0), max((int(row) for _, row in places), default=0)
+
+
 def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> None:
     """Check that a part is no longer than stated; zipfile stops there, but later readers do not."""
     longer = copy.copy(one)
     longer.file_size += 1
     del longer.CRC  # which belongs to the stated length
-    found = cells = 0
+    found = cells = rows = columns = 0
     before = b""
     with packed.open(longer) as part:
         for piece in iter(lambda: part.read(_PIECE), b""):
@@ -176,6 +189,11 @@ def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> None:
                 raise zipfile.BadZipFile(f"{one.filename} has a cell where no sheet has one")
             if cells > _MOST_CELLS:
                 raise InputError(f"a sheet has more than {_MOST_CELLS} cells", _SMALLER)
+            wide, high = _spanned(before[-_REFERENCE:] + piece)
+            rows, columns = max(rows, high), max(columns, wide)
+            if rows * columns > _MOST_SPANNED:
+                thing = f"a sheet spans {columns} columns and {rows} rows, most of them empty"
+                raise InputError(thing, _SMALLER)
             before = piece
     if found > one.file_size:
         raise zipfile.BadZipFile(f"{one.filename} is longer than it says")

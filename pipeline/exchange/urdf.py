@@ -94,6 +94,11 @@ class Tree:
     links: tuple[str, ...]
 
 
+_MOST_JOINTS = 1000
+"""Maximum number of joints [1]; a whole cell with its fixed links has some hundred. Pinocchio goes
+from link to link by recursion, and ends the process in a chain of 30 000."""
+
+
 def read(text: str, file: str) -> Tree:
     """Read the links and joints of a URDF.
 
@@ -101,6 +106,9 @@ def read(text: str, file: str) -> Tree:
         InputError: It is not a URDF, or a number cannot be read; names the place.
     """
     root = _root(text, file)
+    if (n := len(root.findall("joint"))) > _MOST_JOINTS:
+        thing = f"has {n} joints, more than the {_MOST_JOINTS} that are read"
+        raise InputError(thing, "give the URDF of the arm alone", file=file)
     joints = [_joint(element, file) for element in root.findall("joint")]
     links = tuple(_word(link, "name", "a link", file) for link in root.findall("link"))
     twice = [name for name, n in Counter(joint.child for joint in joints).items() if n > 1]

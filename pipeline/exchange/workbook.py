@@ -16,9 +16,9 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline.annex.words import source
 from pipeline.answer.contract import Answer, Cause, TargetDeflection
 from pipeline.answer.words import ABOUT
+from pipeline.base import doors
 from pipeline.base.shown import printable
 from pipeline.report import words
 from pipeline.tables import F64, STR, as_csv
@@ -301,9 +301,13 @@ def _of_table(
     )
 
 
+_SOURCE = "pipeline.annex.words:source"
+"""Door of the annex: sources of uncertainty in words."""
+
+
 def _words_of(column: pd.Series) -> pa.Array:
     told = column.astype(object).where(column.notna(), None)
-    said = source if column.name == "source" else str
+    said = (doors.found(_SOURCE) if column.name == "source" else None) or str
     return pa.array([None if one is None else printable(said(one)) for one in told], STR)
 
 

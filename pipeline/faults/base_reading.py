@@ -208,7 +208,9 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
     """Courses of the tracker: at rest, drifting, shifted between rounds, shifted and rotated.
 
     y_k = v + w x p_k + a(t_k) (v' + w' x p_k) + e_k [m], F_b: with a a law of `LAWS`, normalised to
-    1 at the end; or v', or v' and w', of each round.
+    1 at the end; or v', or v' and w', of each round; or in addition the growth g' p_k of the base
+    frame, as in a hall that warms (`reduction.growth`), then one of its own along each axis of F_b,
+    as of a frame of which only one part warms.
     """
     table = registration.table
     C = covariance.weighing(table)
@@ -225,8 +227,14 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
         yield _Readings(X, y, white, float(special.chdtri(6, alarms.DRIFT)))
     rounds = pd.factorize(table["group"])[0]
     later = np.eye(rounds.max() + 1)[rounds][:, 1:]
-    for some in (3, 6) if later.shape[1] else ():
-        moved = rigid[:, :, None, :some] * later[:, None, :, None]
+    axes = white * lever[:, None, :]
+    grown = np.concatenate([rigid, axes.sum(axis=2, keepdims=True)], axis=2)
+    ways = [rigid[:, :, :3], rigid, grown]
+    if table["target"].nunique() > _REFLECTORS:  # of three any change of shape would be one
+        ways.append(np.concatenate([rigid, axes], axis=2))
+    for way in ways if later.shape[1] else ():
+        some = way.shape[2]
+        moved = way[:, :, None, :] * later[:, None, :, None]
         X = np.concatenate([rigid, moved.reshape(len(y), 3, -1)], axis=2)
         dof = some * later.shape[1]
         yield _Readings(X, y, white, float(special.chdtri(dof, alarms.DRIFT)))

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+
+import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.noise_scale import noise_scale
 from pipeline.machine.cell import Cell
+from pipeline.machine.effect import Effect
 from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
+from pipeline.reduction.measured import Measured
 from pipeline.system.contrasts import Zeros, repeated_zeros
-from pipeline.system.estimate import identify
+from pipeline.system.estimate import identify, solve
 from pipeline.system.family import Family
 from pipeline.system.fit import beside_everything
 from pipeline.system.noise_shape import tails
-from pipeline.system.system import Estimate, System
+from pipeline.system.system import Errors, Estimate, System
+from pipeline.system.whitened import of_laws
 
 _BLUNDER_PROBABILITY = 0.9
 """Minimum probability of a reading to be a blunder [1]: odds of 9 to 1, those of the stated
@@ -35,6 +40,7 @@ class Screening:
         known: Its measurements, if available.
         accepted: Tails of the readings, if known.
         beside_causes: Whether causes were sought already, and are in the model if any were found.
+        suspects: Further laws, by which those of the model's causes are uncertain within tolerance.
     """
 
     case: Case
@@ -43,6 +49,7 @@ class Screening:
     known: Reduced | None = None
     accepted: Family | None = None
     beside_causes: bool = False
+    suspects: tuple[Effect, ...] = ()
 
     @cached_property
     def reduced(self) -> Reduced:
@@ -51,7 +58,29 @@ class Screening:
 
     @cached_property
     def _identified(self) -> tuple[System, Estimate]:
-        return identify(self.cell, self.reduced.data, self.start)
+        return self.identified(self.reduced.data, self.start)
+
+    @cached_property
+    def laws(self) -> Errors | None:
+        """Errors of the laws of the model's causes, None where it has none."""
+        causes = self.cell.effects[len(self.case.cell.effects) :]
+        if not causes or not self.suspects:
+            return None
+        values = identify(self.cell, self.reduced.data, self.start)[1].value
+        return of_laws(self.cell, self.reduced.data, values, causes, self.suspects)
+
+    def widened(self, system: System) -> System:
+        """A system of the same rows with the laws of the causes uncertain by their tolerance."""
+        laws = self.laws
+        return system if laws is None else replace(system, errors=system.errors.beside(laws))
+
+    def identified(self, data: Measured, start: Array) -> tuple[System, Estimate]:
+        """The system of the model and its solution, laws uncertain as for `widened`."""
+        system, estimate = identify(self.cell, data, start)
+        if self.laws is None:
+            return system, estimate
+        system = self.widened(system)
+        return system, solve(system, estimate.value)
 
     @property
     def system(self) -> System:
@@ -62,6 +91,17 @@ class Screening:
     def estimate(self) -> Estimate:
         """Its solution."""
         return self._identified[1]
+
+    @property
+    def loss(self) -> tuple[int, float]:
+        """Number M of rows, and minus twice the log likelihood, up to a constant.
+
+        M ln(v s^2) + chi2 / v, v the mean square of the whitened residuals, at least 1, and s the
+        noise [m] where it was estimated, else 1.
+        """
+        rows, found = len(self.system.rows), self.system.found_m or 1.0
+        v = max(self.estimate.chi2 / max(self.estimate.dof, 1), 1.0)
+        return rows, rows * float(np.log(v * found**2)) + self.estimate.chi2 / v
 
     @cached_property
     def zeros(self) -> Zeros:

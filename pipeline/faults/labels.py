@@ -150,6 +150,7 @@ def _finding(
         unit="mm",
         correct=partial(_exchanged, groups=[group], true=names),
         at=at,
+        alike=text,
     )
 
 
@@ -232,6 +233,7 @@ def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
             unit="mm",
             correct=partial(_exchanged, groups=[str(group)], true={near: far, far: near}),
             at=at,
+            alike=f"{near} and {far}",
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -35,6 +35,8 @@ class Mistake:
         since: Line where a unit changes in mid-file, `file:line`; None if it does not.
         hopeless: Whether it cannot be corrected, and no value of the campaign holds.
         rivalled: Whether a cause that was not yet sought may do as much.
+        alike: What it has in common with others of one origin, with which it is told as one; empty
+            where it stands alone.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Mistake:
     since: str | None = None
     hopeless: bool = False
     rivalled: bool = False
+    alike: str = ""
 
     @property
     def lost(self) -> Mistake:
@@ -71,6 +74,29 @@ class Mistake:
         """Whether it does so by a probability, which depends on the tails of the noise."""
         single = self.of_reading and not self.together
         return single and self.unit == "sigma" and self.p_value is not None
+
+
+def told_once(found: Sequence[Mistake]) -> tuple[Mistake, ...]:
+    """The mistakes, those of one origin as one with all their lines, where the first of them is."""
+    told: dict[tuple[str, str], list[Mistake]] = {}
+    for k, one in enumerate(found):
+        told.setdefault((one.name, one.alike or f"alone {k}"), []).append(one)
+    return tuple(_as_one(*of) for of in told.values())
+
+
+def _as_one(first: Mistake, *others: Mistake) -> Mistake:
+    if not others:
+        return first
+    every = [one.where for one in others]
+    few = ", ".join(every[:3]) + (f" and {len(every) - 3} more" if len(every) > 3 else "")
+    return replace(
+        first,
+        evidence=f"{first.evidence}; the same in {few}",
+        correction=f"{first.correction}, and the same in {few}",
+        before=max(one.before for one in (first, *others)),
+        after=max(one.after for one in (first, *others)),
+        at=tuple(dict.fromkeys(line for one in (first, *others) for line in one.at)),
+    )
 
 
 def as_it_is(case: Case) -> Case:

@@ -35,7 +35,7 @@ from pipeline.geometry.mechanism import ArmWeights, Mechanism, placed
 from pipeline.geometry.positioned import by_pose, weights_of
 from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import Robot, configure
-from pipeline.readers.positions import AXES
+from pipeline.readers.logs import AXES
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.settings import Settings
 
@@ -100,6 +100,13 @@ class PositionSheet:
         If half of them do not fit, the fit is repeated with those that fit best (least trimmed
         squares by concentration; Rousseeuw and Van Driessen, Technometrics 41, 1999).
         """
+        return self._as_read if order is None else self._begun(order)
+
+    @cached_property
+    def _as_read(self) -> Mechanism:
+        return self._begun(None)
+
+    def _begun(self, order: Ints | None) -> Mechanism:
         readings = self.readings
         if order is not None:
             readings = replace(readings, q=readings.q[order])
@@ -211,9 +218,10 @@ def position_rows(sheet: PositionSheet) -> tuple[list[Mistake], PositionSheet]:
     None if the targets are where the robot predicts them. What no single mistake explains is left.
     """
     found: list[Mistake] = []
+    sheet = sheet.without(())
     for look in (_units, _order, _names, since):
         new = list(look(sheet))
-        sheet = sheet.without(new)
+        sheet = sheet.without(new) if new else sheet
         found += new
     return found, sheet
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.tails import chi2_beyond
-from pipeline.faults.fault import Fault
+from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, left_out, outlying
 from pipeline.faults.typing_errors import intended
 from pipeline.machine.cell import Cell
@@ -30,7 +30,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale
 from pipeline.system import alarms, odds
 from pipeline.system.assemble import assemble, by_force
-from pipeline.system.estimate import identify, least_squares
+from pipeline.system.estimate import least_squares
 from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
@@ -78,6 +78,7 @@ class _Righted(Locked):
         system: The linear system with these readings.
         base: The model's columns.
         freed: Every pull's reading freed in addition, one at a time.
+        each: Displacement per newton more in the pull of each row [m/N], shape (M,).
     """
 
     pulls: Ints
@@ -86,6 +87,7 @@ class _Righted(Locked):
     system: System
     base: Base
     freed: ScoreTests
+    each: Array
 
     @property
     def normal(self) -> Array:
@@ -143,37 +145,30 @@ class _Righted(Locked):
         return np.array(found)
 
 
-def scale_outliers(
-    case: Case, cell: Cell, data: Measured, system: System, estimate: Estimate
-) -> list[Mistake]:
+def scale_outliers(asked: Screening) -> list[Mistake]:
     """The readings of the scale that contradict all other pulls, if they are few.
 
     Those that dominate no other, though none stands out beyond chance, are `rivalled`: a cause that
     is not yet in the model does as much in the pull that feels it most.
-
-    Args:
-        case: The campaign.
-        cell: The model that readings are tested with.
-        data: The measurements.
-        system: Their linear system.
-        estimate: Its solution.
     """
+    data, system, estimate = asked.reduced.data, asked.system, asked.estimate
     count = len(data.pulls)
     if not _FEWEST <= count <= _MOST:
         return []
     white = whitener(system.errors, system.rows.pose)
-    freed = _freed(cell, data, system, estimate, white)[1]
+    freed = _freed(asked.cell, data, system, estimate, white)[1]
     best = int(np.argmax(freed.drop))
     if _chance(freed, system)[best] > alarms.SCALE:
         return []
-    scale = case.settings.scale or Scale()
+    scale = asked.case.settings.scale or Scale()
     which = [best]
     for _ in range(min(count // _PART, _TOGETHER)):
-        righted = _righted(cell, data, system, estimate.value, np.array(which), scale)
+        righted = _righted(asked, np.array(which), scale)
         if righted is None or not _matters(righted, scale):
             return []
         if righted.alone or righted.clear:
-            found = _findings(case, data, righted) if _sure(data, righted) else []
+            sure = _sure(data, righted) and (righted.alone or not _by_law(asked, righted))
+            found = _findings(asked.case, data, righted) if sure else []
             return [replace(one, rivalled=not righted.alone) for one in found]
         which.append(righted.next)
     return []
@@ -185,9 +180,31 @@ def _sure(data: Measured, righted: _Righted) -> bool:
     return unlikely and righted.explained and not _by_pose(data, righted)
 
 
+def _by_law(asked: Screening, righted: _Righted) -> bool:
+    """Whether the law of a cause, free in the pull of such a reading, explains it about as well.
+
+    With a the whitened column of the reading, o its error [N], and z that of the law in this pull
+    alone, T = (z'P (y + o a))^2 / z'P z, with P and y as in `system.beside`.
+    """
+    laws = asked.laws
+    if laws is None:
+        return False
+    white = whitener(righted.system.errors, righted.system.rows.pose)
+    pull, base = righted.system.rows.pull, righted.base
+    own = laws.G[:, np.flatnonzero(~laws.common)].toarray()
+    for k, off, drop in zip(righted.pulls, righted.off, righted.drop, strict=True):
+        each = own[:, np.abs(own[pull == k]).max(axis=0, initial=0.0) > 0]
+        reading = righted.each * (pull == k)
+        logged = base.against(base.blocks.rows(base.left) - off * white(reading))
+        found = logged.beside(white(each)[None, :, :, None]).of_block(0)
+        if (found.drop > drop - odds.DECIDES).any():
+            return True
+    return False
+
+
 def _matters(righted: _Righted, scale: Scale) -> bool:
     """Whether each reading's error exceeds the scale's uncertainty and a relevant size by far."""
-    fits, off = righted.fits, righted.off
+    fits, off = righted.fits, np.abs(righted.off)
     given = np.minimum(fits + off, np.abs(fits - off))
     least = np.maximum(_MATTERS * np.minimum(fits, given), _STATED * reading_std(scale, fits))
     return bool((off >= least).all())
@@ -213,19 +230,19 @@ def _by_pose(data: Measured, righted: _Righted) -> bool:
     return False
 
 
-def _righted(
-    cell: Cell, data: Measured, system: System, values: Array, pulls: Ints, scale: Scale
-) -> _Righted | None:
+def _righted(asked: Screening, pulls: Ints, scale: Scale) -> _Righted | None:
     """The campaign with some pulls at the readings that fit best; None if nothing fits."""
-    fits = _fitting(cell, data.in_metres(system.found_m), values, pulls, scale)
+    data = asked.reduced.data
+    fits = _fitting(asked, pulls, scale)
     if fits is None:
         return None
     right = _reading(data, pulls, fits, scale)
-    system, estimate = identify(cell, right, values)
+    system, estimate = asked.identified(right, asked.estimate.value)
     white = whitener(system.errors, system.rows.pose)
-    base, freed = _freed(cell, right, system, estimate, white)
-    off = np.abs(np.linalg.norm(data.pulls.force[pulls], axis=1) - fits)
-    return _Righted(pulls, fits, off, system, base, freed)
+    base, freed = _freed(asked.cell, right, system, estimate, white)
+    off = np.linalg.norm(data.pulls.force[pulls], axis=1) - fits
+    each = by_force(asked.cell, right, estimate.value)
+    return _Righted(pulls, fits, off, system, base, freed, each)
 
 
 def _freed(
@@ -245,19 +262,20 @@ def _chance(freed: ScoreTests, system: System) -> Array:
     return np.asarray(freed.drop.size * freed.p(variance))
 
 
-def _fitting(cell: Cell, data: Measured, values: Array, pulls: Ints, scale: Scale) -> Array | None:
+def _fitting(asked: Screening, pulls: Ints, scale: Scale) -> Array | None:
     """Best fitting readings of the scale in some pulls, all others unchanged [N], shape (m,).
 
     None if nothing fits. Gauss-Newton: the forces f of the pulls and the parameters x by c = B
     x + (dc/df) df, weighted. Downward steps are taken in 1/force: where ten times the force has
     made the springs ten times too stiff, the displacements of the pull are linear in that.
     """
+    data, values = asked.reduced.data.in_metres(asked.system.found_m), asked.estimate.value
     force = np.linalg.norm(data.pulls.force[pulls], axis=1)
     for _ in range(_ROUNDS):
         now = _reading(data, pulls, force, scale)
-        system = assemble(cell, now, values)
+        system = asked.widened(assemble(asked.cell, now, values))
         here = system.rows.pull[:, None] == pulls
-        each = by_force(cell, now, values)[:, None] * here
+        each = by_force(asked.cell, now, values)[:, None] * here
         white = whitener(system.errors, system.rows.pose)
         typical = np.array([*(p.typical for p in system.parameters), *force])
         A = white(np.column_stack([system.B, each]))
@@ -325,9 +343,4 @@ def _meant(given: float, fits: float, std: float, unit: str) -> str:
     return "" if found is None else f"; {found[1]}, {found[0]:.6g} {unit} may have been meant"
 
 
-FAULT = Fault(
-    "outlier",
-    lambda asked: scale_outliers(
-        asked.case, asked.cell, asked.reduced.data, asked.system, asked.estimate
-    ),
-)
+FAULT = Fault("outlier", scale_outliers)

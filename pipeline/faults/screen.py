@@ -15,10 +15,12 @@ from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import lock_lost
 from pipeline.machine.cell import Cell
+from pipeline.machine.effect import Effect
 from pipeline.readers.reflector_sets import CLEARLY_NEARER
 from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
 from pipeline.system.family import Family
+from pipeline.system.odds import DECIDES
 
 _MOST = 40
 """Maximum number of rounds of screening, each of which corrects one kind of mistake."""
@@ -63,11 +65,19 @@ class ScreeningBase:
         start: Initial values of its estimate, shape (k,).
         family: Tails of the readings as estimated with that model; by default they are estimated
             given everything that a machine could do.
+        suspects: Further laws, by which those of its causes are uncertain within tolerance.
     """
 
     cell: Cell
     start: Array
     family: Family | None = None
+    suspects: tuple[Effect, ...] = ()
+
+    def asked(
+        self, case: Case, known: Reduced | None, family: Family | None, sought: bool
+    ) -> Screening:
+        """A campaign tested with this model, arguments as for `Screening`."""
+        return Screening(case, self.cell, self.start, known, family, sought, self.suspects)
 
 
 def files_of(case: Case, reduced: Reduced) -> Screened:
@@ -101,6 +111,29 @@ def _without_spoiling(case: Case, all_right: Screened, found: list[list[Mistake]
     return all_right
 
 
+def files_beside(case: Case, files: Screened, base: ScreeningBase) -> Screened:
+    """The campaign with only those of its file mistakes that a model with causes does not refute.
+
+    They were found given the joint springs alone, and what a cause does may look like rows in each
+    other's place. One is refuted if the campaign is likelier without its correction by odds of more
+    than 100, from the same number of rows.
+
+    Args:
+        case: The campaign as given.
+        files: Its file mistakes.
+        base: Springs and causes.
+    """
+    for one in files.findings if len(base.cell.parameters) > len(case.cell.parameters) else ():
+        kept = tuple(other for other in files.findings if other is not one)
+        less = Screened(kept, _corrected_case(case, kept))
+        (rows, loss), (as_many, without) = (
+            base.asked(each.case, None, base.family, True).loss for each in (files, less)
+        )
+        if rows == as_many and without < loss - DECIDES:
+            files = less
+    return files
+
+
 def screen(case: Case, reduced: Reduced, beside: ScreeningBase | None = None) -> Screened:
     """Find mistakes, from those of whole files to those of single readings.
 
@@ -126,7 +159,7 @@ def singles_of(
     case, findings = given.case, list(given.findings)
     sought = beside is not None
     beside = beside or ScreeningBase(case.cell, case.robot.nominal_compliance)
-    asked = Screening(case, beside.cell, beside.start, reduced, beside.family, sought)
+    asked = beside.asked(case, reduced, beside.family, sought)
     family, tests, doubted = beside.family, _asked(case, in_files=False), list[Mistake]()
     for _ in range(_MOST):
         found, doubted = _first(tests, asked)
@@ -138,7 +171,7 @@ def singles_of(
             break
         if any(one.may_be_noise for one in found):
             family = asked.family
-        asked = Screening(case, beside.cell, beside.start, None, family, sought)
+        asked = beside.asked(case, None, family, sought)
     return Screened(tuple(findings), case, tuple(doubted))
 
 

@@ -11,7 +11,7 @@ is elsewhere than the robot's table predicts; otherwise the later one.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -91,7 +91,9 @@ def repeated(asked: Screening) -> list[Mistake]:
             which = copy.of(names, here)
             for k in same[which]:
                 row = rows.loc[[k]].iloc[0]
-                found.setdefault(k, _repeats(row, names[1 - which], names[which], p))
+                one = _repeats(row, names[1 - which], names[which], p)
+                origin = f"{sorted(names)}" if alike else f"{here[1 - which]['at']} {row['at']}"
+                found.setdefault(k, replace(one, alike=origin))
     return [found[k] for k in sorted(found)]
 
 

@@ -2,8 +2,8 @@
 
 For forces the pulls show it: with factors c_i of the readings and relative weights w_i = 1 / |y_i|,
 the residual sum of squares of the joint springs is quadratic in the factors, so that every row and
-every unit can be tried. For the joint log the robot's table shows it; a tracker export that changes
-its unit is rejected when it is read.
+every unit can be tried. For the joint log the robot's table shows it, and for the tracker the
+distances between the targets of a group, which the robot does not change.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.faults.assignment import lines
-from pipeline.faults.conventions import LOGGED
+from pipeline.faults.conventions import LOGGED, UNITS, scaled
 from pipeline.faults.exchanged import misplaced
 from pipeline.faults.exchanged_pulls import FEWEST, MOST, USUAL_MISFIT, PullMoves, ordered, rows_of
 from pipeline.faults.fault import Fault, Screening
@@ -28,17 +28,77 @@ from pipeline.readers.logs import FORCE
 from pipeline.readers.reflector_sets import CLEARLY_NEARER
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import STILL_M
+from pipeline.reduction.register import XYZ
 
 _ROWS = 2
 """Minimum number of rows in each unit; a single one is a wrong reading."""
 
 
 def unit_since(asked: Screening) -> list[Mistake]:
-    """The row from which on the joint log or the scale is in another unit."""
+    """The row from which on tracker, joint log or scale are in another unit."""
     case = asked.case
     if case.settings.displacements is not None:
         return []
-    return [*_joints(case)] or _forces(asked)
+    return [*_coordinates(case)] or [*_joints(case)] or _forces(asked)
+
+
+# --- the tracker ----------------------------------------------------------------------------------
+
+
+def _coordinates(case: Case) -> Iterator[Mistake]:
+    """Groups of readings whose targets are apart by another unit, others being right.
+
+    The spread of a group is the rms distance of its targets from their centre, of the effector's by
+    [tool], of the base reflectors by [base_frame].
+    """
+    rows = case.readings
+    times = rows["group"].map(
+        {name: _too_small(case, one) for name, one in rows.groupby("group", sort=False)}
+    )
+    right = _near(times, 1.0)
+    for factor, (unit, says) in UNITS.items():
+        wrong = _near(times, factor)
+        if min(rows["group"][one].nunique() for one in (wrong, right)) < _ROWS:
+            continue
+        at, of = lines_of(rows[wrong]), rows["pose"].notna()
+        order = rows[of].sort_values(["file", "line"]).index
+        later = _from(wrong[order].to_numpy(bool), ~wrong[order].to_numpy(bool)) is not None
+        found = _finding(
+            where=unit,
+            says=f"{f'from {at[0]} on' if later else f'in {len(at)} rows'} in the tracker export "
+            f"{says}",
+            why=f"the targets of these groups are {factor:.4g} times as far from each other if so, "
+            "as those of the others are",
+            at=at,
+            factor=factor,
+            correct=partial(_regauged, groups=frozenset(rows["group"][wrong]), factor=factor),
+        )
+        yield found if later else replace(found, since=None)
+
+
+def _near(times: pd.Series[float], factor: float) -> pd.Series[bool]:
+    """Rows whose group is too small by this factor, to a tenth."""
+    return times.div(factor).between(0.9, 1.1)
+
+
+def _too_small(case: Case, group: pd.DataFrame) -> float:
+    """Spread of a group's targets as stated over that as read; NaN where it is unknown."""
+    base = bool(group["pose"].isna().all())
+    places = case.settings.base_frame if base else case.tool.named
+    here = group[group["target"].isin(list(places))].drop_duplicates("target")
+    if len(here) < 2:
+        return np.nan
+    stated, read = (
+        float(np.std(points, axis=0) @ np.std(points, axis=0))
+        for points in (np.array([places[t] for t in here["target"]]), here[XYZ].to_numpy(float))
+    )
+    return float(np.sqrt(stated / max(read, STILL_M**2)))
+
+
+def _regauged(case: Case, groups: frozenset[str], factor: float) -> Case:
+    mine = case.readings["group"].isin(groups)
+    other = scaled(factor)(replace(case, readings=case.readings[mine])).readings
+    return replace(case, readings=pd.concat([case.readings[~mine], other]).sort_index())
 
 
 # --- the scale ------------------------------------------------------------------------------------

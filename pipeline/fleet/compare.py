@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.answer.archive import Finished, finished, with_digest
+from pipeline.answer.archive import Finished, with_digest
 from pipeline.answer.contract import Answer, Data, Stiffness, Which
-from pipeline.answer.history import alike, changes, of_one_day, trusted
 from pipeline.app.outcome import Outcome
 from pipeline.base import files, parquet
 from pipeline.base.arrays import Array
 from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.base.shown import typed
 from pipeline.fleet import tables as fleet
+from pipeline.fleet.history import alike, changes, finished, of_one_day, trusted
 from pipeline.fleet.overview import (
     NOT_EXPLAINED,
     NOT_STOOD_FOR,

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from pipeline.answer.contract import Answer, Cause, Stiffness
-from pipeline.answer.history import NO_SCATTER, Change, changes, ordered, trusted
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import (
     MISSING,
@@ -18,6 +17,7 @@ from pipeline.base.quantities import (
     scaled,
 )
 from pipeline.diagnosis.average import POSSIBLE
+from pipeline.fleet.history import NO_SCATTER, Change, changes, ordered, trusted
 from pipeline.fleet.sentences import alarm, changed_of, joints_table, of, robots_tables
 from pipeline.fleet.trends import Trend, chance, robots, together, trends, within_a_day
 from pipeline.fleet.wear_table import RobotWear
@@ -426,7 +426,7 @@ def render_overview(answers: Sequence[Answer], wear: Sequence[RobotWear] = ()) -
 def _draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[RobotWear] = ()) -> Drawing:
     """Draw the history of one robot: `history-0` is that of the first of `robots`."""
     # importing matplotlib takes half a second
-    from pipeline.annex.figures.history import draw_history
+    from pipeline.fleet.course import draw_history
     from pipeline.report.svg import drawn
 
     machine, own = list(robots(answers).items())[int(name.rpartition("-")[2])]

@@ -10,14 +10,14 @@ from typing import Any
 
 from filelock import FileLock
 
-from pipeline.answer.archive import Finished, earlier, finished, kept_tables, look_of, mark, read
+from pipeline.answer.archive import Among, Finished, kept_tables, look_of, read
 from pipeline.answer.contract import Answer
-from pipeline.answer.history import previous
 from pipeline.base import files, preferences
 from pipeline.base.appearance import Appearance, AppearanceFacts, appearances
 from pipeline.base.errors import CannotWrite
 from pipeline.base.shown import printable
 from pipeline.fleet import tables as fleet
+from pipeline.fleet.history import about, earlier, finished, mark, previous
 from pipeline.fleet.sentences import alarm, fleet_sentences
 from pipeline.fleet.wear_table import RobotWear
 from pipeline.store.campaign import CampaignFolder, code_version, dump, recalled, versions
@@ -50,9 +50,10 @@ def refresh(root: Path) -> Path | None:
     return _index(root, everyone, wear) if everyone else None
 
 
-def robots_together(answer: Answer, root: Path) -> str | None:
-    """What a campaign's page states about all campaigns of its robot, as known so far."""
-    return fleet_sentences(answer, fleet.wear(root))
+def among(campaign: CampaignFolder, answer: Answer) -> Among:
+    """What a campaign's page states about the other campaigns of its robot, as known so far."""
+    before, wear = earlier(campaign, answer), fleet_sentences(answer, fleet.wear(campaign.root))
+    return Among(before, wear, {"previous": mark(before), "wear": wear} | about(answer))
 
 
 def _wear(root: Path) -> tuple[RobotWear, ...]:
@@ -88,14 +89,15 @@ def _tell(
 
     with campaign.locked():
         manifest, answer = campaign.manifest(), read(campaign)
-        before = earlier(campaign, answer)  # as read under the lock
-        wear = robots_together(answer, campaign.root)
+        beside = among(campaign, answer)  # as read under the lock
         look = look_of(dress, manifest or {}, answer)
-        stands = {"previous": mark(before), "wear": wear, "look": look.key}
+        stands = {**beside.kept, "look": look.key}
         if manifest is None or _says(manifest, stands):
             return  # another run has done it
-        took, beside = manifest.get("run_time_s"), campaign.answers(manifest)
-        pages = render(answer, kept_tables(campaign), took, before, beside, wear, look)
+        took, there = manifest.get("run_time_s"), campaign.answers(manifest)
+        pages = render(
+            answer, kept_tables(campaign), took, beside.previous, there, beside.wear, look
+        )
         campaign.publish(manifest | stands, pages)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from pipeline.answer.archive import finished
 from pipeline.base.errors import UsageError
 from pipeline.fleet.experience import CAMPAIGNS, ROBOTS, Expected, Experience, experience
+from pipeline.fleet.history import finished
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 

@@ -9,9 +9,9 @@ import numpy as np
 from scipy import special
 
 from pipeline.answer.contract import Answer, Stiffness
-from pipeline.answer.history import FALSE_ALARM, alike, compliance, day_of, ordered, trusted
 from pipeline.base import linear
 from pipeline.base.arrays import Array
+from pipeline.fleet.history import FALSE_ALARM, alike, compliance, day_of, ordered, trusted
 
 
 @dataclass(frozen=True)

@@ -252,35 +252,43 @@ def _curves(
             yield curve.over(0, readings.q[:, 0], True, wanted.bed, size, screw)
 
 
-def likeliest(found: Calibration, choices: Sequence[ModelStructure]) -> ModelStructure:
-    """The first choice after which the evidence of the readings decreases.
-
-    Scatter and curve sizes are re-estimated for each, about the same linearisation.
+def likeliest(
+    found: Calibration, choices: Sequence[ModelStructure], known: float | None = None
+) -> tuple[ModelStructure, float]:
+    """The first choice after which the evidence of the readings decreases, with its evidence.
 
     Args:
         found: An estimate.
         choices: Model structures in the order in which they are tried.
+        known: Evidence of the first, if it is known.
     """
-    best, taken = -np.inf, choices[0]
-    for wanted in choices:
-        mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
-        here = found.linear
-        anew = wanted.bed is not None or wanted.moments or wanted.yields != found.wanted.yields
-        if found.mechanism.curves or anew:
-            here = linearised(found.readings, mechanism, found.weights)
-        known = found.known
-        if len(known.std) != layout(mechanism).dense:
-            new = prior(mechanism, known.stated, found.weights.payloads)
-            known = _only(_scaled(new, mechanism, known), mechanism, wanted)
-        for _ in range(_STEPS[0]):
-            whitened = rows(here, mechanism, scatter)
-            solution = solved(whitened, mechanism, known)
-            scatter = again(whitened, here, solution, scatter)
-            mechanism = larger(mechanism, solution)
+    best, taken = -np.inf if known is None else known, choices[0]
+    for wanted in choices if known is None else choices[1:]:
+        if (now := evidence(found, wanted)) < best:
+            break
+        best, taken = now, wanted
+    return taken, best
+
+
+def evidence(found: Calibration, wanted: ModelStructure) -> float:
+    """Log marginal likelihood of the readings by a model of another structure than an estimate.
+
+    Scatter and curve sizes are re-estimated, about the same linearisation.
+    """
+    mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
+    here = found.linear
+    anew = wanted.bed is not None or wanted.moments or wanted.yields != found.wanted.yields
+    if found.mechanism.curves or anew:
+        here = linearised(found.readings, mechanism, found.weights)
+    known = found.known
+    if len(known.std) != layout(mechanism).dense:
+        new = prior(mechanism, known.stated, found.weights.payloads)
+        known = _only(_scaled(new, mechanism, known), mechanism, wanted)
+    for _ in range(_STEPS[0]):
         whitened = rows(here, mechanism, scatter)
         solution = solved(whitened, mechanism, known)
-        evidence = solution.evidence + float(linear.log_det(whitened.W).sum())
-        if evidence < best:
-            break
-        best, taken = evidence, wanted
-    return taken
+        scatter = again(whitened, here, solution, scatter)
+        mechanism = larger(mechanism, solution)
+    whitened = rows(here, mechanism, scatter)
+    solution = solved(whitened, mechanism, known)
+    return solution.evidence + float(linear.log_det(whitened.W).sum())

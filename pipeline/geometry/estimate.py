@@ -117,6 +117,7 @@ class ReadRows(Locked):
         knots: Total number of knots.
         y: Left-hand side in absolute parameters: residual + X x at the linearisation point, (m, r).
         W: Whitening matrix of each pose, shape (m, r, r).
+        L: Its inverse, shape (m, r, r).
     """
 
     D: Array
@@ -125,6 +126,7 @@ class ReadRows(Locked):
     knots: int
     y: Array
     W: Array
+    L: Array
 
     @cached_property
     def _sparse(self) -> sparse.csr_array:
@@ -146,8 +148,14 @@ class ReadRows(Locked):
         D, y = self.D.reshape(-1, self.D.shape[2]), self.y.ravel()
         return np.concatenate([D.T @ y, self._sparse.T @ y])
 
-    def of(self, which: Bools) -> ReadRows:
-        """The rows of the poses in a mask, (m,)."""
+    def products(self, F: Array) -> Array:
+        """X'F of columns F (m, r, f), shape (size, f)."""
+        dense, flat = self.D.shape[2], F.reshape(-1, F.shape[2])
+        head = self.D.reshape(-1, dense).T @ flat
+        return np.concatenate([head, self._sparse.T @ flat])
+
+    def of(self, which: Bools | Ints) -> ReadRows:
+        """The rows of some poses."""
         return ReadRows(
             self.D[which],
             self.K[which],
@@ -155,6 +163,7 @@ class ReadRows(Locked):
             self.knots,
             self.y[which],
             self.W[which],
+            self.L[which],
         )
 
     def along(self, x: Array) -> Array:
@@ -167,7 +176,8 @@ class ReadRows(Locked):
     def variance(self, cov: Array) -> Array:
         """X cov X' of each pose, shape (m, r, r)."""
         dense = self.D.shape[2]
-        out = self.D @ cov[:dense, :dense] @ np.swapaxes(self.D, 1, 2)
+        flat = self.D.reshape(-1, dense) @ cov[:dense, :dense]  # one product, as in `along`
+        out = flat.reshape(self.D.shape) @ np.swapaxes(self.D, 1, 2)
         if self.knots:
             beside = cov[:dense, dense:].T[self.at]  # m, 2c, dense
             mixed = self.K @ beside @ np.swapaxes(self.D, 1, 2)
@@ -178,11 +188,11 @@ class ReadRows(Locked):
 
 def rows(about: Linear, mechanism: Mechanism, scatter: PoseScatter) -> ReadRows:
     """Whitened rows linearised about a mechanism."""
-    W, used = scatter.whitening(about), about.used
-    K, at = between_knots(mechanism.curves, about.inputs.q, W @ about.Z[:, used])
+    L, W = scatter.factors(about)
+    y, D, Z, _ = about.seen
+    K, at = between_knots(mechanism.curves, about.inputs.q, W @ Z)
     knots = sum(curve.count for curve in mechanism.curves)
-    y = np.einsum("mij,mj->mi", W, about.y[:, used])
-    here = ReadRows(W @ about.D[:, used], K, at, knots, y, W)
+    here = ReadRows(W @ D, K, at, knots, np.einsum("mij,mj->mi", W, y), W, L)
     return replace(here, y=here.y + here.along(mechanism.at(layout(mechanism))))
 
 
@@ -263,7 +273,7 @@ def _solve(
     whole, right = factored(N + P), b + P @ mean
     x = whole.solve(right)
     chi2 = square + mean @ P @ mean - x @ right
-    return Posterior(x, whole.solve(np.eye(len(b))), float(-0.5 * (chi2 + whole.log_det - log)))
+    return Posterior(x, whole.inverse, float(-0.5 * (chi2 + whole.log_det - log)))
 
 
 def factored(A: Array) -> linear.Cholesky:
@@ -436,5 +446,4 @@ def again(rows: ReadRows, about: Linear, found: Posterior, scatter: PoseScatter)
     """Scatter estimated from the residuals and the uncertainty of the fit."""
     left = rows.y - rows.along(found.x)
     products = left[:, :, None] * left[:, None, :] + rows.variance(found.cov)
-    back = linear.regular_inverse(rows.W)
-    return scatter.better(about, back @ products @ np.swapaxes(back, 1, 2))
+    return scatter.better(about, rows.L @ products @ np.swapaxes(rows.L, 1, 2))

@@ -189,7 +189,7 @@ def _of_own_angles(
     if not bent:
         return springs, {}
     joints = sorted(bent)
-    wanted = likeliest(
+    wanted, _ = likeliest(
         springs,
         [
             replace(springs.wanted, curves=tuple((j, length) for j in joints))

@@ -322,10 +322,10 @@ def instrument_move(found: Calibration, signs: Array) -> _MoveTime | None:
     at = [pose for pose in _times(inputs) if inputs.series[pose - 1] == inputs.series[pose]]
     if not at:
         return None
-    seen = [_frame_moved(found, plain, pose, signs[:0]) for pose in at]
-    best = int(np.argmax([one.T[0] for one in seen]))
-    here = score(found, signs, seen[best].left(found, plain))
-    frames = np.stack([_frame_moved(found, here, pose, signs).T for pose in at])
+    seen = _frames_moved(found, plain, at, signs[:0])
+    best = int(np.argmax(seen.T[:, 0]))
+    here = score(found, signs, seen.left(found, plain, best))
+    frames = _frames_moved(found, here, at, signs).T
     cost = float(np.log(found.linear.read.sum()))
     rival = _most_by_a_joint(here, inputs) - cost
     p = _beyond(frames[:, 1:].max(axis=0), frames[best, :1]).item()
@@ -334,55 +334,68 @@ def instrument_move(found: Calibration, signs: Array) -> _MoveTime | None:
     own = inputs.series[at[best]]
     beside = [pose for pose in _near(inputs, at[best]) if inputs.series[pose - 1] == own]
     beside = [pose for pose in beside if inputs.series[pose] == own]
-    none = signs[:0]
-    return _MoveTime(max(beside, key=lambda k: float(_frame_moved(found, plain, k, none).T[0])), p)
+    near = _frames_moved(found, plain, beside, signs[:0]).T[:, 0]
+    return _MoveTime(beside[int(np.argmax(near))], p)
 
 
-class _FrameMoved(NamedTuple):
-    """A move of the instrument before one pose of a series.
+class _FramesMoved(NamedTuple):
+    """Moves of the instrument, one before each of p poses.
 
     Attributes:
-        T: T of readings and copies, (1 + copies,).
-        after: Poses that it changes.
-        F: Derivatives of their rows by rotation and translation, (m', r, 6).
-        shared: Products of these with all parameters, (k, 6).
-        size: Estimated move, (6,).
+        poses: The poses.
+        T: T of readings and copies, (p, 1 + copies).
+        shared: Products of the six columns with all parameters, (p, k, 6).
+        size: Estimated moves, (p, 6).
     """
 
+    poses: Sequence[int]
     T: Array
-    after: slice | Ints
-    F: Array
     shared: Array
     size: Array
 
-    def left(self, found: Calibration, here: _LawScore) -> Array:
-        """Whitened residuals after the move, (m, r)."""
-        left = here.left + found.rows.along(here.cov @ (self.shared @ self.size))
-        left[self.after] -= self.F @ self.size
+    def left(self, found: Calibration, here: _LawScore, which: int) -> Array:
+        """Whitened residuals after one of the moves, (m, r)."""
+        pose, size = self.poses[which], self.size[which]
+        left = here.left + found.rows.along(here.cov @ (self.shared[which] @ size))
+        after = _from(found.readings.series, pose)
+        frame = frame_of(found.mechanism, int(found.readings.series[pose]))
+        left[after] -= found.rows.D[after][:, :, frame] @ size
         return left
 
 
-def _frame_moved(found: Calibration, here: _LawScore, pose: int, signs: Array) -> _FrameMoved:
-    series = int(found.readings.series[pose])
-    at = np.flatnonzero(found.readings.series == series)
-    at = at[at >= pose]
-    neighbours = at[-1] - at[0] + 1 == len(at)  # a slice of an array is no copy
-    after = slice(at[0], at[-1] + 1) if neighbours else at
-    rows = found.rows
-    D = rows.D[after]
-    dense, F = D.shape[2], D[:, :, frame_of(found.mechanism, series)]
-    shared, flat = np.zeros((len(here.cov), 6)), F.reshape(-1, 6)
-    shared[:dense] = D.reshape(-1, dense).T @ flat
-    beside = np.swapaxes(rows.K[after], 1, 2) @ F
-    for k in range(rows.K.shape[2]):
-        np.add.at(shared[dense:], rows.at[after, k], beside[:, k])
-    own, copied = (np.einsum("mrk,mr->mk", F, one[after]) for one in (here.left, here.copied))
-    num = np.column_stack([own.sum(axis=0), copied.T @ signs[:, after].T])
-    num[:, 1:] -= shared.T @ here.x[:, : len(signs)]
-    whole = flat.T @ flat
-    inverse, _ = linear.left(whole - shared.T @ here.cov @ shared, np.diag(whole))
-    T = np.asarray(np.einsum("ks,kl,ls->s", num, inverse, num))
-    return _FrameMoved(T, after, F, shared, inverse @ num[:, 0])
+def _from(series: Ints, pose: int) -> Ints:
+    """Poses of its series from one on."""
+    at = np.flatnonzero(series == series[pose])
+    return at[at >= pose]
+
+
+def _frames_moved(
+    found: Calibration, here: _LawScore, poses: Sequence[int], signs: Array
+) -> _FramesMoved:
+    """Moves before each of some ascending poses.
+
+    Sums over the poses from one to the next are added up from the last backwards.
+    """
+    series, count, width = found.readings.series, len(poses), 1 + len(signs)
+    shared, own = np.zeros((count, len(here.cov), 6)), np.zeros((count, 6, 6))
+    num = np.zeros((count, 6, width))
+    for one in np.unique(series[list(poses)]).tolist():
+        mine = [k for k in range(count) if series[poses[k]] == one]
+        frame, at = frame_of(found.mechanism, one), _from(series, poses[mine[0]])
+        cuts = np.searchsorted(at, [poses[k] for k in mine])
+        for k, part in zip(mine, np.split(at, cuts[1:]), strict=True):
+            some = found.rows.of(part)
+            F = some.D[:, :, frame]
+            shared[k], own[k] = some.products(F), np.einsum("mrk,mrl->kl", F, F)
+            e, copied = (np.einsum("mrk,mr->km", F, r[part]) for r in (here.left, here.copied))
+            num[k] = np.column_stack([e.sum(axis=1), copied @ signs[:, part].T])
+        for sums in (shared, own, num):
+            sums[mine] = np.cumsum(sums[mine][::-1], axis=0)[::-1]
+    num[:, :, 1:] -= np.swapaxes(shared, 1, 2) @ here.x[:, : len(signs)]
+    known = np.einsum("pka,pkb->pab", shared, here.cov @ shared)
+    inverse, _ = linear.left(own - known, np.einsum("pkk->pk", own))
+    T = np.einsum("pks,pkl,pls->ps", num, inverse, num, optimize=True)
+    return _FramesMoved(poses, T, shared, np.einsum("pkl,pl->pk", inverse, num[:, :, 0]))
 
 
 def sharpened(here: _LawScore, law: JointLaw, inputs: Inputs) -> JointLaw:

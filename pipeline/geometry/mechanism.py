@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.laws import Inputs, JointLaw
 from pipeline.geometry.readings import PositionReadings
@@ -356,6 +357,15 @@ class Linear(Locked):
         """Indices of the rows that were read at any pose, shape (r,)."""
         return np.flatnonzero(self.read.any(axis=0))
 
+    @cached_property
+    def seen(self) -> tuple[Array, Array, Array, Bools]:
+        """These rows of y (m, r), D (m, r, dense), Z (m, r, n), and which were read (m, r)."""
+        every = self.y, self.D, self.Z, self.read
+        if len(self.used) == self.read.shape[1]:
+            return every
+        y, D, Z = (one[:, self.used] for one in every[:3])
+        return y, D, Z, np.asarray(self.read[:, self.used], dtype=bool)
+
     def spread(self, left: Array) -> Array:
         """Values of these rows (m, r) extended by zeros for all others, shape (m, 6 t)."""
         out = np.zeros((len(left), self.read.shape[1]))
@@ -422,7 +432,8 @@ def linearised(readings: PositionReadings, mechanism: Mechanism, weights: ArmWei
     for series in range(len(readings.names)):
         mine = readings.series == series
         D[mine, :, frame_of(mechanism, series)] = of[mine]
-    D[~read], Z[~read], y[~read] = 0.0, 0.0, 0.0
+    if not read.all():
+        D[~read], Z[~read], y[~read] = 0.0, 0.0, 0.0
     return Linear(y, D, Z, read, stand.inputs, at)
 
 
@@ -455,12 +466,11 @@ def derivatives(
         more = stand.yields.by_moments(unit, stand.borne)
         more *= mechanism.yields[stand.yields.parameter][:, None]
         D[..., where.moments] = Z @ own + yielding @ more
-    if mechanism.laws:
-        waves = [
-            Z[..., law.joint - 1, None] * law.basis(stand.inputs)[:, None, :]
-            for law in mechanism.laws
-        ]
-        D[..., where.laws] = np.concatenate(waves, axis=2)
+    at_law = where.laws.start
+    for law in mechanism.laws:
+        for g in law.basis(stand.inputs).T:
+            np.multiply(Z[..., law.joint - 1], g[:, None], out=D[..., at_law])
+            at_law += 1
     if stand.bed is not None:
         Z = np.concatenate([Z, reach(stand.bed, at)], axis=2)
     return D, Z
@@ -484,11 +494,12 @@ def _within(readings: PositionReadings) -> Array:
 
 def reach(screws: Array, at: Array) -> Array:
     """Motion of targets (m, t, 3) per unit of screws (m, k, 6), rows as in `Linear` (m, 6 t, k)."""
-    omega, v = screws[:, None, :, :3], screws[:, None, :, 3:]
-    shift = np.cross(omega, at[:, :, None, :]) + v
-    turn = np.broadcast_to(omega, shift.shape)
-    both = np.concatenate([shift, turn], axis=3)  # m, t, k, 6
-    return np.asarray(np.swapaxes(both, 2, 3).reshape(len(at), 6 * at.shape[1], screws.shape[1]))
+    m, t, k = len(at), at.shape[1], screws.shape[1]
+    along = np.ascontiguousarray(np.swapaxes(screws, 1, 2))  # m, 6, k
+    out = np.empty((m, t, 6, k))
+    out[:, :, :3] = along[:, None, 3:] + linear.turning(at) @ along[:, None, :3]
+    out[:, :, 3:] = along[:, None, :3]
+    return out.reshape(m, 6 * t, k)
 
 
 def _of_tool(at: Array, turn: Array) -> Array:

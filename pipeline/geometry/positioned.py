@@ -14,8 +14,7 @@ from pipeline.base.errors import InputError, listed
 from pipeline.geometry.mechanism import ArmWeights, Payloads
 from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import Robot
-from pipeline.readers.logs import Log, joint_values
-from pipeline.readers.positions import AXES, TARGET, TURNS, positions
+from pipeline.readers.logs import AXES, TARGET, TURNS, Log, joint_values, positions
 from pipeline.reduction.limits import LEEWAY
 from pipeline.reduction.settings import PositionsSettings, Settings
 

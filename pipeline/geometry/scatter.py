@@ -9,6 +9,7 @@ estimate has absorbed, take the place of those of the true errors.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import optimize
@@ -52,19 +53,12 @@ class PoseScatter(Locked):
     rotation: float
     stated: bool = False
 
-    def cov(self, Z: Array, read: Bools, turns: Bools) -> Array:
-        """V of each pose, shape (m, r, r); 1 on the diagonal for rows that were not read."""
-        V = (Z * self.joints**2) @ np.swapaxes(Z, 1, 2)
-        rows = np.arange(Z.shape[1])
-        noise = np.where(turns, self.rotation, self.position)
-        V[:, rows, rows] += np.where(read, noise**2, 1.0)
-        return np.asarray(V)
-
-    def whitening(self, rows: Linear) -> Array:
-        """W with W V W' = 1 of each pose, over the rows read at any pose, shape (m, r, r)."""
-        used = rows.used
-        Z = rows.Z[:, used, : len(self.joints)]
-        return linear.whitening(self.cov(Z, rows.read[:, used], used % 6 >= 3))
+    def factors(self, rows: Linear) -> tuple[Array, Array]:
+        """L and W = L^-1 with V = L L' of each pose, over the rows read at any, (m, r, r) each."""
+        of = _RowsByPose.of(rows, len(self.joints))
+        pair = linear.triangular(of.cov(np.append(self.joints, [self.position, self.rotation])))
+        L, W = (np.ascontiguousarray(np.moveaxis(one, 2, 0)) for one in pair)
+        return L, W
 
     def better(self, rows: Linear, products: Array) -> PoseScatter:
         """Maximum-likelihood scatter given the products of residuals (m, r, r)."""
@@ -102,25 +96,62 @@ def start(robot: Robot, sigma_m: float | None) -> PoseScatter:
     return PoseScatter(joints, sigma_m or _NOISE[0], _NOISE[1], sigma_m is not None)
 
 
+class _RowsByPose(NamedTuple):
+    """Rows of all poses, the poses along the last axis.
+
+    Attributes:
+        Z: Derivatives by the joints, shape (r, n, m).
+        read: Which rows were read at each pose, shape (r, m).
+        turns: Which rows are rotations, shape (r,).
+    """
+
+    Z: Array
+    read: Bools
+    turns: Bools
+
+    @classmethod
+    def of(cls, rows: Linear, n: int) -> _RowsByPose:
+        _, _, Z, read = rows.seen
+        last = np.ascontiguousarray(np.moveaxis(Z[:, :, :n], 0, 2))
+        return cls(last, np.asarray(read.T, dtype=bool), rows.used % 6 >= 3)
+
+    def cov(self, s: Array) -> Array:
+        """V of each pose, (r, r, m), for s (n + 2,); 1 on the diagonal for rows not read."""
+        n = self.Z.shape[1]
+        V = np.einsum("ikm,jkm->ijm", self.Z * s[:n, None] ** 2, self.Z)
+        each = np.arange(len(V))
+        V[each, each] += np.where(self.read, s[n + self.turns.astype(int), None] ** 2, 1.0)
+        return np.asarray(V)
+
+
 class _Likelihood:
-    """Negative log likelihood of the products, and its gradient by the log variances."""
+    """Negative log likelihood of the products, and its gradient by the log variances.
+
+    f = 1/2 sum over poses (log det V + tr V^-1 P), and by a variance with columns z of V
+    1/2 sum z' (V^-1 - V^-1 P V^-1) z.
+    """
 
     def __init__(self, rows: Linear, products: Array, n: int) -> None:
-        used = rows.used
-        self.products, self.n = products, n
-        self.Z, self.read, self.turns = rows.Z[:, used, :n], rows.read[:, used], used % 6 >= 3
+        self.rows = _RowsByPose.of(rows, n)
+        self.products = np.ascontiguousarray(np.moveaxis(products, 0, 2))
 
     def __call__(self, logs: Array) -> tuple[float, Array]:
         s = np.exp(logs / 2)
-        one = PoseScatter(s[: self.n], float(s[self.n]), float(s[self.n + 1]))
-        V = one.cov(self.Z, self.read, self.turns)
-        inverse = linear.regular_inverse(V)
-        inner = inverse @ self.products
-        f = 0.5 * (linear.log_det(V).sum() + np.trace(inner, axis1=1, axis2=2).sum())
-        Q = inverse - inner @ inverse
-        slope = np.empty(self.n + 2)
-        slope[: self.n] = 0.5 * np.einsum("mij,mij->j", Q @ self.Z, self.Z)
-        diagonal = np.where(self.read, np.einsum("mii->mi", Q), 0.0).sum(axis=0)
+        Z, read, turns = self.rows
+        _, W = linear.triangular(self.rows.cov(s))
+        each, P = np.arange(len(W)), self.products
+        inverse = _times(np.swapaxes(W, 0, 1), W)
+        inner, along = _times(inverse, P), _times(inverse, Z)
+        f = 0.5 * float(inner[each, each].sum()) - float(np.log(W[each, each]).sum())
+        slope = np.empty(len(s))
+        slope[:-2] = 0.5 * np.einsum("ijm,ijm->j", Z - _times(P, along), along)
+        own = inverse[each, each] - np.einsum("ikm,ikm->im", inner, inverse)
+        diagonal = np.where(read, own, 0.0).sum(axis=1)
         for k in range(2):
-            slope[self.n + k] = 0.5 * diagonal[self.turns == k].sum()
-        return float(f), slope * s**2
+            slope[k - 2] = 0.5 * diagonal[turns == k].sum()
+        return f, slope * s**2
+
+
+def _times(A: Array, B: Array) -> Array:
+    """Products of matrices along the last axis, (i, j, m) of (i, k, m) and (k, j, m)."""
+    return np.einsum("ikm,kjm->ijm", A, B)

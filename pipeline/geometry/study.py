@@ -259,17 +259,20 @@ def _base(data: LawSearchData, begun: Mechanism) -> tuple[Calibration, tuple[Cat
     table = data.identify(begun, ModelStructure(springs=False))
     if not rail(robot):
         found = data.identify(table.mechanism, wanted, table)
-        best = _formed(found, found.wanted)
+        best = _formed(found, found.wanted, None)
     else:
         found = data.identify(table.mechanism, replace(wanted, bed=spline.BED[1]), table)
         beds = [replace(wanted, bed=length) for length in spline.BED]
-        best = _formed(found, likeliest(found, beds))
+        best = _formed(found, *likeliest(found, beds))
     now = found if best == found.wanted else data.identify(found.mechanism, best, found)
     return now, names
 
 
-def _formed(found: Calibration, wanted: ModelStructure) -> ModelStructure:
-    """The structure with the likeliest form of each gear law that the readings show."""
+def _formed(found: Calibration, wanted: ModelStructure, known: float | None) -> ModelStructure:
+    """The structure with the likeliest form of each gear law that the readings show.
+
+    `known` is the evidence of `wanted`, if it is known.
+    """
     there, tau = found.mechanism, found.linear.inputs.tau
     x, std = found.solution.x, np.sqrt(np.diag(found.solution.cov))
     at = layout(there).yields.start
@@ -279,7 +282,7 @@ def _formed(found: Calibration, wanted: ModelStructure) -> ModelStructure:
                 replace(wanted, yields=(*wanted.yields[:k], other, *wanted.yields[k + 1 :]))
                 for other in other_forms(there.table, tau, one)
             ]
-            wanted = likeliest(found, [wanted, *others])
+            wanted, known = likeliest(found, [wanted, *others], known)
         at += len(one.parameters)
     return wanted
 
@@ -294,7 +297,7 @@ def _otherwise(
 ) -> _Weighed | None:
     """Estimate with link masses other than in the robot file, if it is certainly better."""
     other = replace(found.wanted, moments=True)
-    if not weighs(found.mechanism.table) or likeliest(found, [found.wanted, other]) != other:
+    if not weighs(found.mechanism.table) or likeliest(found, [found.wanted, other])[0] != other:
         return None
     return _weigh(found, data.identify(found.mechanism, other, found), rng)
 

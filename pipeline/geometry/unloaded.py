@@ -3,12 +3,13 @@
 To first order in all small quantities, a reflector of pose i deviates in F_b from its position by
 the robot's table by
 
-    s + w x p + R_i dl + sum_k L_ik x_k + Z_i G_i m + Z_i e_i + noise
+    s + w x p + R_i dl + sum_k L_ik x_k + Z_i G_i m + Z_i e_i + B_i b + noise
 
 with s and w the position and rotation of F_b, dl the error of its point of the tool, x_k the errors
 of the geometric parameters of the table with their unit twists L_ik, m the masses of the arm, whose
-weight deflects the joints by G_i m, and e_i an unmodelled error of each joint at each pose
-(transmission, repeatability).
+weight deflects the joints by G_i m, e_i an unmodelled error of each joint at each pose
+(transmission, repeatability), and b unit errors of what absolute positions of the same robot tell
+besides its table.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.base.linear import rms
 from pipeline.base.tails import chi2_beyond
 from pipeline.geometry.mechanism import reach
@@ -31,6 +32,7 @@ from pipeline.geometry.scatter import START
 from pipeline.geometry.yielding import carried_by, usual
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Geometry, Pulls
+from pipeline.machine.positions_estimate import PositionsEstimate
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.dh_parameters import DhParameter, changed, dh_parameters, twists
 from pipeline.machine.robot.weight import by_moments, carried, work
@@ -104,6 +106,8 @@ class _UnknownColumns:
         loose: Turn of F_b beyond what is stated, or of the rail in it [rad].
         masses: Of the arm, in units of their usual sizes.
         links: Mass and first moments of all links beside these, in principal axes of their effect.
+        beside: Independent errors of what absolute positions tell of the robot besides its table,
+            in standard deviations.
         changes: In mid-campaign [m] or [rad], one after the other.
     """
 
@@ -114,6 +118,7 @@ class _UnknownColumns:
     loose: slice
     masses: slice
     links: slice
+    beside: slice
     changes: slice
 
     @property
@@ -150,6 +155,8 @@ class Unloaded(Locked):
         weight_std: Prior standard deviation of the arm's weight, in units of its usual size: every
             arm sags, so that lengths and joint zeros do not have to take it. 0 of an arm that is
             taken to be weightless unless its masses are free.
+        beside: Motion of each reading by each of those errors [m], shape (z, 3, r): of a crooked
+            rail for instance, where poses near each other err alike.
     """
 
     robot: Robot
@@ -168,6 +175,7 @@ class Unloaded(Locked):
     turned: Array | None = None
     changes: tuple[MidChange, ...] = ()
     weight_std: float = 0.0
+    beside: Array = field(default_factory=lambda: np.zeros((0, 3, 0)))
 
     @cached_property
     def letters(self) -> tuple[DhParameter, ...]:
@@ -184,16 +192,8 @@ class Unloaded(Locked):
         """Layout of the unknowns."""
         masses = len(self.sag.parameters) if self.sag else 0
         changes = sum(one.unknowns for one in self.changes)
-        sizes = (
-            3,
-            3,
-            3 * len(self.tool.points),
-            len(self.letters),
-            3,
-            masses,
-            self.bent.shape[2],
-            changes,
-        )
+        more, tool, links = self.beside.shape[2], 3 * len(self.tool.points), self.bent.shape[2]
+        sizes = (3, 3, tool, len(self.letters), 3, masses, links, more, changes)
         ends = np.cumsum([0, *sizes]).tolist()
         return _UnknownColumns(*(slice(a, b) for a, b in pairwise(ends)))
 
@@ -237,7 +237,7 @@ class Unloaded(Locked):
     def held(self) -> Array:
         """Prior standard deviations if only position, stated rotation and tool are free, (K,)."""
         std, where = np.full(self.columns.count, FIXED_STD), self.columns
-        std[where.shift], std[where.turn] = _ANYWHERE_M, 1.0
+        std[where.shift], std[where.turn], std[where.beside] = _ANYWHERE_M, 1.0, 1.0
         std[where.links] = FIXED_STD
         std[where.tool], std[where.masses] = max(_TOOL_M, self.tool_std), 1e3 * FIXED_STD
         return std
@@ -298,6 +298,9 @@ class Unloaded(Locked):
             D[:, :, where.masses] = Z @ self._sagging()
         D[:, :, where.links] = Z @ self.bent
         stands += D[:, :, where.links] @ x[where.links]
+        if self.beside.size:
+            D[:, :, where.beside] = self.beside
+            stands += self.beside @ x[where.beside]
         whole = np.concatenate([D[:, :, where.shift], cross], axis=2)
         for change, at in self.changed:
             unit = Z[:, :, [change.joint - 1]] if change.joint else whole
@@ -464,9 +467,17 @@ def unloaded(
         tool_std=data.tool_std,
         misshapen=misshapen,
         turned=None if turned is None else turned * better,
+        beside=_beside(data.stance, pulls.q, tool.targets[target]),
     )
     off = found.seen(np.zeros(found.columns.count))
     return replace(found, place=(off if turned is None else off[::2]).mean(axis=0))
+
+
+def _beside(known: PositionsEstimate | None, q: Array, names: Strings) -> Array:
+    """Motions by errors of what positions tell besides the table, as `Unloaded.beside`."""
+    if known is None or known.unsure is None:
+        return np.zeros((len(q), 3, 0))
+    return known.unsure(q, names)
 
 
 @dataclass(frozen=True, eq=False)

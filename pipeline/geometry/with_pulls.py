@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.base.tails import chi2_beyond
 from pipeline.geometry.calibrate import Calibration
 from pipeline.geometry.estimate import (
@@ -58,6 +58,29 @@ class _Unloaded:
         stand = self.mechanism.stand(q, weights, never, never, never)
         plain = stand.here.points(self.mechanism.tool[:, :3, 3])
         return stand.here.q - q, (stand.at - plain)[:, self.which]
+
+
+@dataclass(frozen=True, eq=False)
+class _Unsure:
+    """Uncertainty of an estimate at other poses, as `PositionsEstimate.unsure`."""
+
+    found: Calibration
+
+    def __call__(self, q: Array, names: Strings) -> Array:
+        there, read = self.found.mechanism, self.found.readings.targets.tolist()
+        target = np.array([read.index(one) if one in read else 0 for one in names.tolist()])
+        at, X, _, _ = _there(self.found, there, q, target, ())
+        beside = slice(layout(there).compliance.start, None)
+        moves = X[:, beside] @ linear.factor(self.found.solution.cov[beside, beside])
+        frame = linear.orthonormal(by_frame(at[:, None])[:, :3].reshape(-1, _FRAME))
+        U, s, _ = linear.principal(moves - frame @ (frame.T @ moves))
+        much = s > _LITTLE_M * np.sqrt(len(moves))
+        return (U[:, : len(s)] * s)[:, much].reshape(len(q), 3, -1)
+
+
+_LITTLE_M = 1e-6
+"""Rms motion of the readings by one standard error that is left out [m]: a fifth of the best noise
+of a tracker."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +160,7 @@ def stance(
         moments=mechanism.moments,
         gravity=found.weights.gravity,
         elements=mechanism.elements,
+        unsure=_Unsure(found),
         reopened=reopened,
     )
 

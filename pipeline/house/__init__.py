@@ -4,7 +4,9 @@ Its `house.toml` has a logo, additional lines and an order of the annexes. A lin
 of facts in double braces: it cannot call, loop, read a file or write HTML, and values from a
 campaign are inserted unchanged.
 
-Door: `house`.
+The texts of certificate and sheet in other languages are here as well (`catalogue.py`).
+
+Door: `house`; `catalogue:translator`.
 Tests: `tests/house/`.
 """
 

@@ -14,8 +14,7 @@ from scipy.sparse import coo_array, csgraph
 from pipeline.base import patterns
 from pipeline.base.arrays import Array
 from pipeline.intake import _polar
-from pipeline.readers._names import part
-from pipeline.readers._reader import Export
+from pipeline.readers._reader import Export, part
 
 _SEPARATOR = re.compile(r"[\W_]+")
 LOOKED_AT = 100_000

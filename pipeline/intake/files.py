@@ -25,7 +25,7 @@ from pipeline.intake.offer import Offer, as_table, offer
 from pipeline.intake.question import ColumnRole
 from pipeline.intake.which_logs import LogFiles, propose_logs, unsure
 from pipeline.readers import Columns, Export, ExportSettings, logs
-from pipeline.readers._names import split
+from pipeline.readers._reader import split
 from pipeline.readers._text import is_workbook
 from pipeline.readers.export_settings import LogForm
 

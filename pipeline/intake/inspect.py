@@ -17,7 +17,7 @@ from pipeline.intake._separators import separators
 from pipeline.intake.by_reflectors import rounds
 from pipeline.intake.offer import Offer, offer
 from pipeline.readers import TABLE, Export, ExportSettings, read
-from pipeline.readers._names import split
+from pipeline.readers._reader import split
 
 _MOST_TARGETS = 50
 """Maximum number of names that are listed."""

@@ -96,6 +96,9 @@ class PositionsEstimate(Locked):
         gravity: Acceleration in F_b [m/s^2], shape (3,).
         elements: All candidate elastic elements besides the joints; those not in `held` are taken
             as rigid.
+        unsure: Controller joint values (m, n), names of points (m,) -> motions of the unloaded
+            points, each by one unit of an independent standard error of what is estimated besides
+            table and points [m], F_b, up to a rigid motion, (m, 3, r); None if there is none.
         reopened: Re-estimate with the candidates of given indices free; None if they stay rigid.
     """
 
@@ -112,6 +115,7 @@ class PositionsEstimate(Locked):
     moments: Array = field(default_factory=lambda: np.zeros((0, 4)))
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     elements: tuple[Elastic, ...] = ()
+    unsure: Callable[[Array, Strings], Array] | None = None
     reopened: Callable[[tuple[int, ...]], PositionsEstimate] | None = None
 
     def holding(self, called: Sequence[Effect]) -> PositionsEstimate:

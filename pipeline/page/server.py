@@ -10,7 +10,6 @@ import socket
 import sys
 import tempfile
 import time
-import tomllib
 import traceback
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -37,6 +36,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from pipeline.base import toml
 from pipeline.base.errors import CannotWrite, InputError, UsageError
 from pipeline.base.quantities import common_prefix, plain, prefixed
 from pipeline.base.shown import printable
@@ -321,9 +321,14 @@ async def _proposed(state: _State, desk: Desk, robot: str) -> tuple[str | None, 
 
 def _robot(text: str) -> str:
     """The robot named in a campaign.toml; empty if there is none."""
-    with contextlib.suppress(ValueError):
-        return str(tomllib.loads(text).get("robot", ""))
-    return ""
+    return str(_stated(text).get("robot", ""))
+
+
+def _stated(text: str) -> dict[str, Any]:
+    """Content of a campaign.toml; empty if it cannot be read."""
+    with contextlib.suppress(InputError):
+        return toml.loads(text, TOML)
+    return {}
 
 
 async def _setup_page(state: _State, request: Request) -> Response:
@@ -352,7 +357,7 @@ async def _setup_page(state: _State, request: Request) -> Response:
 def _picture(desk: Desk, text: str) -> str:
     """The cell as far as campaign.toml states it."""
     with contextlib.suppress(ValueError, TypeError, KeyError):  # not stated yet: not drawn
-        said = tomllib.loads(text)
+        said = _stated(text)
         points = {
             table: {
                 name: at
@@ -372,7 +377,7 @@ async def _fill(state: _State, request: Request) -> Response:
     """Change one line of campaign.toml."""
     desk, typed = state.desk(request), await _typed(request)
     text = desk.text() or ""
-    line, said = int(typed.get("line", 0)), typed.get("said", "")
+    line, said = int(str(typed.get("line", 0))), typed.get("said", "")
     if typed.get("confirm"):
         desk.written(entries.confirmed(text, line), str(typed.get("seen", "")))
         return _told(seen=desk.digest(TOML))
@@ -599,7 +604,7 @@ async def _typed(request: Request) -> dict[str, Any]:
 
     try:
         found = json.loads(await _body(request, _MOST_TYPED))
-    except ValueError:
+    except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict):
         raise UsageError("what the page sent cannot be read: load it again")

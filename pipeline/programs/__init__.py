@@ -63,7 +63,7 @@ def _nothing(program: Program, other: str | None) -> InputError:
     if not program.left:
         thing = "contains no motion to a target with coordinates"
         return InputError(thing, elsewhere or "give a program that has one", file=program.file)
-    first = program.left[0]
+    first = next((one for one in program.left if one.counts), program.left[0])
     thing = f"none of its targets can be corrected: {first.why}"
     way_out = elsewhere or "write coordinates instead"
     return InputError(thing, way_out, file=program.file, line=first.line)

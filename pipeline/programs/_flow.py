@@ -182,7 +182,7 @@ class _Flow:
         mine = {one.begun.at for one in self.blocks if one.begun.kind == "routine"}
         key = max(mine, default=-1)
         if key not in self.others:
-            own = self.within.get(key, set())
+            own = self.within.get(key, set()) if mine else set()
             self.others[key] = {v for v, times in self.setters.items() if times > (v in own)}
         return self.others[key]
 

@@ -107,6 +107,7 @@ class ParserState:
     def enclose(self, name: str, source: Source, start: int, end: int) -> None:
         """Record coordinates in a value of another kind; who gets it may move to them."""
         if self.lexicon.literal.search(source.plain, start, end):
+            self.account(source, start, end)
             why = f"{name} has coordinates in a value that is no point"
             self.points.setdefault(name, []).append(
                 Uncorrected(source.file, source.line(start), why)
@@ -215,10 +216,10 @@ def _hand_over(found: ParserState, source: Source) -> None:
         if known[at]:
             continue
         if not name:
-            if to is not None:
-                to = "what is not known here" if to == ":=" else to
+            if to not in found.lexicon.reading:
+                to = to if to and to != ":=" else "what is not known here"
                 found.leave(source, at, f"coordinates are handed to {to}, which may move there")
-        elif to is None:
+        elif to is None or to in found.lexicon.reading:
             found.read.add(name)
         elif to == ":=":
             found.change(name, source, at)
@@ -299,7 +300,7 @@ class _Statement:
         """Receiver of a name: a routine or an assignment (`:=`); None if it is only read."""
         called = self.calls[-1] if self.calls else ""
         if called:
-            return None if called.lower() in self.lexicon.reading else called
+            return called.lower() if called.lower() in self.lexicon.reading else called
         if _SET.match(source.plain, token.end()):
             return ":="
         return (self.head or "a routine") if self.lexicon.statements and not self.assigned else None

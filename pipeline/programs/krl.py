@@ -78,7 +78,7 @@ _SELECTED = re.compile(
     r"S(?:TOOL2?\((\w+)(?:\.TOOL_NO)?|BASE\((\w+)(?:\.BASE_NO)?|IPO_MODE\((\w+)(?:\.IPO_FRAME)?)\)",
     re.IGNORECASE,
 )
-_LINE_SAID = re.compile(r"(TOOL_NO|BASE_NO)\s+(\d+)", re.IGNORECASE)
+_LINE_SAID = re.compile(r"(TOOL_NO|BASE_NO)\s+([^,}]+)", re.IGNORECASE)
 _OUTSIDE = re.compile(r"#TCP\b", re.IGNORECASE)
 _NULL = ("$nullframe", "$world")
 _MODES = {"$tool": "tool", "$base": "base", "$ipo_mode": "mode"}
@@ -351,7 +351,7 @@ def _number(key: str) -> str:
 
 def _said(value: str) -> dict[str, str]:
     """Tool, base and interpolation mode according to the data of an inline form."""
-    stated = {k.lower().removesuffix("_no"): n for k, n in _LINE_SAID.findall(value)}
+    stated = {k.lower().removesuffix("_no"): n.strip() for k, n in _LINE_SAID.findall(value)}
     return stated | ({"mode": "outside"} if _OUTSIDE.search(value) else {"mode": ""})
 
 
@@ -362,15 +362,16 @@ def _keep(found: _Krl, which: str, name: str, aggregate: _Aggregate) -> None:
 
 
 def _key(name: str) -> str:
-    return re.sub(r"\s", "", name).lower()
+    """A name in lower case, without blanks and leading zeros of its indices."""
+    return re.sub(r"\s|(?<=[\[,])0+(?=\d)", "", name).lower()
 
 
 def _aggregate(source: Source, start: int, value: str) -> _Aggregate | None:
-    """The aggregate that begins at `start`, within `value`; None if there is none."""
+    """The aggregate at `start` that is all of `value`; None if there is none."""
     if not value.startswith("{"):
         return None
     last = source.closing.get(start, -1)
-    if not start < last < start + len(value):
+    if not start < last < start + len(value) or value[last + 1 - start :].strip():
         return None
     first = start + 1
     if named := re.compile(r"\s*\w+\s*:").match(source.plain, first, last):
@@ -447,7 +448,7 @@ def _settings(
     elif assigned and (which := _MODES.get(assigned[2].lower())):
         yield which, _frame(found, source, start + assigned.start(3), which, assigned[3])
     elif assigned and assigned[2].lower() == "fdat_act":
-        yield from _form(found, _key(assigned[3]), at)
+        yield from _form(found, assigned[3].strip(), at)
     elif (setting := _SETTING.search(line)) and not _MOTION.match(line):
         yield from _unsure(setting[setting.lastindex or 1].upper(), at)
 
@@ -474,17 +475,20 @@ def _bas(
             else UnknownState(f"{which} {value} of line {at} is not known"),
         )
     elif which in _OF_FORM and isinstance(form, str) and form:
-        yield from _form(found, _key(form), at)
+        yield from _form(found, form, at)
     elif not _NO_FRAME.fullmatch(which):
         yield from _unsure("BAS", at)
 
 
-def _form(found: _Krl, key: str, at: int) -> Iterator[tuple[str, HeldState]]:
+def _form(found: _Krl, form: str, at: int) -> Iterator[tuple[str, HeldState]]:
     """States set by the data of an inline form."""
-    said = _said(key) if key.startswith("{") else found.lines.get(key)
+    key = _key(form)
+    said = _said(form) if form.startswith("{") else found.lines.get(key)
     for which in _THINGS:
         if said is None or key in found.changed:
             yield which, UnknownState(f"{key.upper()} of line {at} is not known")
+        elif which != "mode" and not said.get(which, "0").isdecimal():
+            yield which, UnknownState(f"{which} {said[which]} of line {at} is not known")
         else:
             yield which, said.get(which, "")
 
@@ -495,7 +499,9 @@ def _with(found: _Krl, source: Source, start: int, words: str) -> Iterator[tuple
         name, _, value = entry.text.partition("=")
         which = _MODES.get(_key(name))
         where = entry.start + len(entry.text) - len(value.lstrip())
-        if which:
+        if not which and _key(name).startswith((*_MODES, "$world", "$robroot")):
+            yield from _unsure(name.strip().upper(), source.line(start))
+        elif which:
             yield which, _frame(found, source, where, which, value.strip())
         elif _key(name).startswith("$load") and "sload(" not in _key(value):
             yield "tool", UnknownState(f"line {source.line(start)} sets $LOAD")

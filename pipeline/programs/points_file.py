@@ -15,8 +15,7 @@ from pipeline.library.target_model import PredictedTargets
 from pipeline.machine.robot import Robot, configure
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.readers.export_settings import OWN_LOG
-from pipeline.readers.logs import FORCE, Quantity, joint_values
-from pipeline.readers.positions import AXES, TEMPERATURE, with_joints
+from pipeline.readers.logs import AXES, FORCE, TEMPERATURE, Quantity, joint_values, with_joints
 
 _FURTHER = [
     *(Quantity(f"f{axis}", FORCE, needed=False) for axis in AXES),

@@ -120,8 +120,12 @@ _BLOCKS: dict[str, StepKind] = {
     "func": "routine", "trap": "routine", "elseif": "branch", "case": "branch", "else": "else",
     "default": "else", "endif": "close", "endtest": "close", "endfor": "close",
     "endwhile": "close", "endproc": "close", "endfunc": "close", "endtrap": "close",
-    "error": "label", "undo": "label", "backward": "label",
+    "error": "routine", "undo": "routine", "backward": "routine",
 }  # fmt: skip
+_HANDLERS = ("error", "undo", "backward")
+"""Parts at the end of a routine that run when something happens in it; RETRY goes back."""
+_ASIDE = re.compile(r"(?:TRAP|ERROR|UNDO|BACKWARD)\b", re.IGNORECASE)
+_ENDS = ("endproc", "endfunc", "endtrap")
 _TOKEN = re.compile(r"(?<![\w.\\])(\w++)(\s*+:(?!=))?|;|%%++[^%;]*+%%++|%[^%;]*+%")
 _HEAD = "%%"
 """How the head of a file begins and ends."""
@@ -190,13 +194,24 @@ def _carry_out(found: _Rapid) -> None:
     source = found.source
     motions = list(_MOTION.finditer(source.plain))
     steps = list(_steps(found))
-    if re.search(r"\bTRAP\b", source.plain, re.IGNORECASE):
+    if _aside(source.plain, steps):
         places = (one.start(one.lastindex or 0) for one in motions)
         steps = interrupted(steps, ((at, source.line(at)) for at in places))
     displaced = holding(steps, "", "displacement")
     nexts = [*(one.start() for one in motions[1:]), len(source.plain)]
     for motion, following in zip(motions, nexts, strict=False):
         _follow(found, motion, following, displaced)
+
+
+def _aside(plain: str, steps: Sequence[ProgramStep]) -> bool:
+    """Whether a TRAP or a handler may displace points: it runs while any motion is under way."""
+    inside = False
+    for step in steps:
+        if step.kind == "routine":
+            inside = _ASIDE.match(plain, step.at) is not None
+        elif inside and step.kind in ("set", "call"):
+            return True
+    return False
 
 
 def _routines(found: _Rapid) -> None:
@@ -368,13 +383,16 @@ def _pose(source: Source, entry: ListItem) -> Array | None:
 
 def _steps(found: _Rapid) -> Iterator[ProgramStep]:
     """Yield displacement changes and the blocks around them; an IF without THEN is a block."""
-    plain, compact, before = found.source.plain, False, ""
+    plain, compact, before, handler = found.source.plain, False, "", False
     jumps = {*map(str.lower, re.findall(r"\bGOTO\s+(\w+)", plain, re.IGNORECASE))}
     for token in _TOKEN.finditer(plain):
         word, at = (token[1] or "").lower(), token.start()
         kind = _kind(found, word, before, bool(token[2]) and word in jumps)
         if compact and token[0] == ";":
             kind = "close"
+        if handler and word in (*_HANDLERS, *_ENDS):
+            yield ProgramStep(at, "close", found.source.line(at))
+        handler = word in _HANDLERS or (handler and word not in _ENDS)
         if token[0].startswith("%") and not token[0].startswith(_HEAD):
             yield _called_by_name(found, at)
         elif kind:

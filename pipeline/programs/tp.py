@@ -52,7 +52,12 @@ _VALUE = re.compile(rf"\b([XYZWPR]|[JE]\d)\s*=\s*({NUMBER_PATTERN})\s*(mm|deg)\b
 _TURNS = re.compile(
     r"CONFIG\s*:\s*'[^',]*,\s*(-?\d{1,3})\s*,\s*(-?\d{1,3})\s*,\s*(-?\d{1,3})\b", re.IGNORECASE
 )
-_STATEMENT = re.compile(r"^[ \t]*\d+[ \t]*:([^;\r\n]*(?:[\r\n]+[ \t]*:[^;\r\n]*)*)", re.MULTILINE)
+_STATEMENT = re.compile(
+    r"^[ \t]*\d+[ \t]*:([^;\r\n]*(?:[\r\n]+[ \t]*:[^;\r\n]*)*)"
+    r"((?:[\r\n]+(?![ \t]*(?:\d+[ \t]*:|/))[^;\r\n]*)*)",
+    re.MULTILINE,
+)
+"""Matches a statement, and what is behind it on lines that have neither number nor colon."""
 _MOTION = re.compile(r"\s*([JLCAS])\s+(?=@?\s*PR?\s*\[)", re.IGNORECASE)
 _NAMED = re.compile(rf"(?<!\w){_LABEL}", re.IGNORECASE)
 _INDIRECT = re.compile(r"(?<!\w)PR?\s*\[(?:[^\[\]]|\[[^\[\]]*\])*\]", re.IGNORECASE)
@@ -132,7 +137,7 @@ def _motions(found: _Tp, end: int) -> None:
         _select(found, source.line(selected.start()), selected)
     for one in statements:
         if _MOTION.match(one[1]):
-            found.account(source, one.start(), one.end())
+            found.account(source, one.start(), one.end(1))
             _move(found, source, one)
         else:
             _other(found, source, one)
@@ -158,14 +163,14 @@ def _other(found: _Tp, source: Source, one: re.Match[str]) -> None:
     if shift := _SHIFTS.match(one[1]):
         found.leave(source, one.start(1), f"{shift[1]} moves the points behind it")
     if _READ.match(one[1]):
-        found.account(source, one.start(), one.end())
+        found.account(source, one.start(), one.end(1))
         found.read |= {_number(label) for label in _NAMED.findall(sides[2])}
     elif "=" in one[1] and (set_ := _INDIRECT.match(sides[0].lstrip())):
-        found.account(source, one.start(), one.end())
+        found.account(source, one.start(), one.end(1))
         named = _NAMED.match(set_[0])
         found.change(_number(named[1]) if named else "P[?]", source, one.start(1))
     elif not _NAMED.search(one[1]) and not re.match(r"\s*[JLCAS]\s", one[1], re.IGNORECASE):
-        found.account(source, one.start(), one.end())  # registers alone move nothing
+        found.account(source, one.start(), one.end(1))  # registers alone move nothing
 
 
 def _move(found: _Tp, source: Source, one: re.Match[str]) -> None:
@@ -173,7 +178,7 @@ def _move(found: _Tp, source: Source, one: re.Match[str]) -> None:
     named = [_number(label) for label in _NAMED.findall(one[1])]
     found.named |= {*named}
     line = source.line(one.start(1))
-    why = _computed(one[1], named)
+    why = _computed(one[1] + one[2], named)
     if why is not None and why.endswith(_DISTANCE):
         found.following.append((Uncorrected(source.file, line, why), found.last))
         for label in named:

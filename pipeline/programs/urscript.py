@@ -26,7 +26,7 @@ SUFFIXES = (".script", ".urscript")
 _SILENT = re.compile(r'"[^"\r\n]*"|\'[^\'\r\n]*\'|#[^\r\n]*')
 _ASSIGNED = re.compile(
     r"^[ \t]*(?:(?:global|local)[ \t]+)?(\w+)[ \t]*+"
-    r"((?:\[[^\[\]\r\n]*\][ \t]*+){0,3})([-+*/]?)=(?!=)[ \t]*",
+    r"((?:\[[^\[\]\r\n]*\][ \t]*+){0,3})([-+*/%]?)=(?!=)[ \t]*",
     re.MULTILINE,
 )
 _CALL = re.compile(

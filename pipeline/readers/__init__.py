@@ -9,10 +9,8 @@ from pipeline.base import doors
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import plain
 from pipeline.readers._cells import text_of
-from pipeline.readers._names import split
-from pipeline.readers._opened import opened
-from pipeline.readers._reader import TABLE, Export, Faces, OutgoingReadings, Reader
-from pipeline.readers._text import Text, largest, refuse_other_programs, text
+from pipeline.readers._reader import TABLE, Export, Faces, OutgoingReadings, Reader, split
+from pipeline.readers._text import Text, largest, opened, refuse_other_programs, text
 from pipeline.readers.export_settings import Columns, ExportSettings
 
 __all__ = [

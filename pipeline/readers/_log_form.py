@@ -10,7 +10,6 @@ from pipeline.base.doors import found
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers._cells import IN_BRACKETS, MARKS, above, bare, is_number, is_plain
 from pipeline.readers._layout import delimiter_of
-from pipeline.readers._opened import opened as opened_text
 from pipeline.readers._text import (
     SAMPLE_LINES,
     Text,
@@ -19,6 +18,7 @@ from pipeline.readers._text import (
     squeezed,
     text,
 )
+from pipeline.readers._text import opened as opened_text
 from pipeline.readers.export_settings import LogForm
 
 _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}

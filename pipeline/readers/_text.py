@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.base.arrays import Ints, Locked
+from pipeline.base.doors import opened as behind
 from pipeline.base.errors import InputError
 from pipeline.base.files import TYPE_BYTES
 from pipeline.base.shown import too_large
@@ -214,3 +215,31 @@ def squeezed(text: Text) -> Text:
     data = re.sub(rb"[ \t]+", b" ", text.data)
     data = re.sub(rb"^ | (?=\r?$)", b"", data, flags=re.MULTILINE)
     return Text(text.name, data, text.encoding, _starts(data))
+
+
+def opened(
+    name: str,
+    data: bytes,
+    sheet: str | None,
+    mark: str | None,
+    table: str | None,
+    fits: Callable[[Text], int],
+) -> Text:
+    """Open a file as text; workbooks are opened by the dialects.
+
+    Args:
+        name: File name, for messages.
+        data: Its content.
+        sheet: Name of the sheet to read, None if not stated.
+        mark: Expected decimal mark, None for any.
+        table: Table of campaign.toml that may state both; None if none may.
+        fits: How well a sheet fits, 0 for not at all; used if there are several and none is named.
+
+    Raises:
+        InputError: The file is neither text nor a workbook, is too large, or not exactly one sheet
+            fits.
+    """
+    if not is_workbook(data):
+        return text(name, data)
+    found: Text = behind("pipeline.dialects.workbook:opened")(name, data, sheet, mark, table, fits)
+    return found

@@ -8,8 +8,9 @@ measured on days i and j
     g = sum delta_i . (f delta_j - delta_i) / sum |delta_i|^2,       var g = u^2 + 2 s^2,
 
 over its targets and pulls of similar force, f the ratio of the forces and u^2 the variance due to
-the readings. s is estimated by moments (DerSimonian and Laird, Controlled Clinical Trials 7 (1986)
-177), and tested for homogeneity, sum g^2 / u^2 against chi-squared.
+the readings; pulls of a pose share the error of their zero. s is estimated by moments (DerSimonian
+and Laird, Controlled Clinical Trials 7 (1986) 177). Homogeneity is tested by sum w g^2 / u^2: the
+differences between n days of a pose have n - 1 degrees of freedom, w that number over their pairs.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pipeline.base.arrays import Array, Ints, Locked
@@ -63,15 +66,26 @@ def days(data: Measured) -> _Days | None:
     day = _numbered(data.pulls.time)
     if not day.any():
         return None
-    found = [one for pair in _pairs(data, day) if (one := _gain(data, *pair)) is not None]
+    found = {pair: one for pair in _pairs(data, day) if (one := _gain(data, *pair)) is not None}
     if not found:
         return None
-    g, variance = np.array(found).T
-    chi2 = float(np.sum(g**2 / variance))
-    weight = 1 / variance
-    excess = (chi2 - len(g)) / float(weight.sum())
+    g, variance = np.array(list(found.values())).T
+    square = g**2 / variance
+    excess = float(square.sum() - len(g)) / float(np.sum(1 / variance))
     relative = float(np.sqrt(max(excess, 0.0) / 2))
-    return _Days(day, len(g), relative, float(special.chdtrc(len(g), chi2)))
+    share = _independent(np.array(list(found)))
+    p_value = float(special.chdtrc(share.sum(), share @ square))
+    return _Days(day, len(g), relative, p_value)
+
+
+def _independent(pairs: Ints) -> Array:
+    """Degrees of freedom of each pair, (n - 1) / pairs of the n days of its pose, shape (p,)."""
+    poses, index = np.unique(pairs, return_inverse=True)
+    one, other = index.reshape(pairs.shape).T
+    graph = coo_array((np.ones(len(pairs)), (one, other)), shape=(len(poses), len(poses)))
+    count, group = connected_components(graph, directed=False)
+    days_of, pairs_of = np.bincount(group, minlength=count), np.bincount(group[one])
+    return np.asarray(((days_of - 1) / pairs_of)[group[one]])
 
 
 def with_days(data: Measured) -> Measured:
@@ -101,18 +115,25 @@ def _pairs(data: Measured, day: Ints) -> Iterator[tuple[int, int]]:
 def _gain(data: Measured, one: int, other: int) -> tuple[float, float] | None:
     """The g of a pose on two days and its variance u^2; None without pulls of similar force."""
     above = below = variance = 0.0
+    shared: dict[tuple[int, int], tuple[Array, Array]] = {}  # by zero and target
     for i, j in _alike(data, one, other):
         ratio = float(np.linalg.norm(data.pulls.force[i]) / np.linalg.norm(data.pulls.force[j]))
         mine, theirs = (_by_target(data, pull) for pull in (i, j))
         scale = 0.0
         for target in mine.keys() & theirs.keys():
-            (a, cov_a), (b, cov_b) = mine[target], theirs[target]
+            row, other = mine[target], theirs[target]
+            a, b = data.delta[row], data.delta[other]
             above += float(a @ (ratio * b - a))
             scale += float(a @ a)
-            variance += float(a @ (cov_a + ratio**2 * cov_b) @ a)
+            variance += float(a @ (data.loaded_cov[row] + ratio**2 * data.loaded_cov[other]) @ a)
+            for k, factor in ((row, 1.0), (other, ratio)):  # pulls of a pose share their zero
+                key = int(data.zero[k]), target
+                moved = shared.get(key, (np.zeros(3), data.zero_cov[k]))[0] + factor * a
+                shared[key] = moved, data.zero_cov[k]
         below += scale
         read = sum((data.reading_std[k] / np.linalg.norm(data.pulls.force[k])) ** 2 for k in (i, j))
         variance += scale**2 * float(read)
+    variance += sum(float(moved @ cov @ moved) for moved, cov in shared.values())
     return None if below <= 0 or variance <= 0 else (above / below, variance / below**2)
 
 
@@ -128,10 +149,6 @@ def _alike(data: Measured, one: int, other: int) -> Iterator[tuple[int, int]]:
                 break
 
 
-def _by_target(data: Measured, pull: int) -> dict[int, tuple[Array, Array]]:
-    """Displacement [m] and covariance [m^2] of each target of a pull."""
-    rows = np.flatnonzero(data.pull == pull)
-    return {
-        int(data.target[row]): (data.delta[row], data.loaded_cov[row] + data.zero_cov[row])
-        for row in rows
-    }
+def _by_target(data: Measured, pull: int) -> dict[int, int]:
+    """Row of each target of a pull."""
+    return {int(data.target[row]): int(row) for row in np.flatnonzero(data.pull == pull)}

@@ -15,16 +15,10 @@ from pipeline.base.language import spoken, translated
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.certificate import certificate, enterable
-from pipeline.report.record import Headline, Item, PageFrame, Report, Section, present, unlabelled
-from pipeline.report.sections.diagnosis import diagnosis
-from pipeline.report.sections.files import files
-from pipeline.report.sections.identity import identity
-from pipeline.report.sections.prediction import test_pose, validation
-from pipeline.report.sections.rejected import rejected
-from pipeline.report.sections.stiffness import stiffness
+from pipeline.report.record import Headline, Item, PageFrame, Report, Section, unlabelled
 from pipeline.report.summaries import Tables
 
-_ANNEX = "pipeline.annex.sections:SECTIONS"
+_ANNEX = "pipeline.annex.sections:sections"
 """Door of the annex: sections after the first page."""
 
 
@@ -52,12 +46,8 @@ def compose(
     """
     say = spoken(look.language)
     title, tone = _verdict(answer)
-    sections = [
-        *(_of_positions if answer.of_positions else _of_pulls)(answer, tables, previous, wear),
-        files(beside, previous),
-        identity(answer),
-        *_more(answer, tables, "method"),
-    ]
+    annex = doors.found(_ANNEX)
+    sections = annex(answer, tables, previous, beside, wear) if annex else ()
     return Report(
         kicker=f"{say(_about(answer))} · {say(answer.machine)}",
         heading=answer.campaign,
@@ -65,7 +55,7 @@ def compose(
         verdict=say(title),
         tone=tone,
         first=(*_first(answer), *([Item("Wear", wear)] if wear else [])),
-        sections=tuple(sorted(present(sections), key=lambda one: _place(one, look))),
+        sections=tuple(sorted(sections, key=lambda one: _place(one, look))),
         judged=translated(_judged(answer), say),
         elsewhere=say(
             "The same report is in index.html and report.pdf, the numbers in result.json."
@@ -119,38 +109,3 @@ def _about(answer: Answer) -> str:
     if answer.of_positions:
         return "Where the robot stands"
     return f"Joint stiffness{' and where the robot stands' if answer.position_steps else ''}"
-
-
-def _of_pulls(
-    answer: Answer, tables: Tables, previous: Answer | None, wear: str | None
-) -> list[Section | None]:
-    """Sections of a campaign of pulls."""
-    of_both = ("geometry", "laws") if answer.position_steps else ()
-    return [
-        validation(answer, tables),
-        diagnosis(answer, tables),
-        test_pose(answer, tables),
-        stiffness(answer, previous, wear),
-        *_more(answer, tables, "cell", "residuals", "budget", "enough"),
-        *_more(answer, tables, "registration", "reliability"),
-        *_more(answer, tables, *of_both, "letters"),
-        rejected(answer),
-    ]
-
-
-def _of_positions(
-    answer: Answer, tables: Tables, previous: Answer | None, wear: str | None
-) -> list[Section | None]:
-    """Sections of a campaign of absolute positions, which are not compared with another one."""
-    return [
-        *_more(answer, tables, "geometry", "laws", "cell"),
-        stiffness(answer, None),
-        *_more(answer, tables, "letters"),
-        rejected(answer),
-    ]
-
-
-def _more(answer: Answer, tables: Tables, *names: str) -> list[Section | None]:
-    """Sections of the annex, as far as they are installed."""
-    there = doors.found(_ANNEX) or {}
-    return [there[name](answer, tables) for name in names if name in there]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import re
 import xml.etree.ElementTree as ET
@@ -9,12 +10,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.base.environment import elsewhere
+from pipeline.base.environment import elsewhere, without
 
-with elsewhere():  # the first import reads a matplotlibrc, which must not be a campaign's
+# the first import reads a matplotlibrc, which must not be a campaign's, and fails for a backend of
+# another name than its own
+with elsewhere(), without("MPLBACKEND") as _backend:
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure as Canvas
+if _backend:  # for figures of whoever imports us
+    with contextlib.suppress(ValueError):
+        matplotlib.rcParams["backend"] = _backend
 
 FONTS = f"{matplotlib.get_data_path()}/fonts/ttf"
 """Folder of the typeface of the figures."""

@@ -91,6 +91,7 @@ def deploy(
 
     wanted = _preferred(root, interval_s=interval, cron=cron)
     service.join(root)
+    service.see_settings()
     with elsewhere():
         from pipeline.service import flow  # only after Prefect's settings are in the environment
 

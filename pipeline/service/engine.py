@@ -32,6 +32,7 @@ def through_prefect(campaign: CampaignFolder, force: bool, tell: Tell) -> Answer
     if server.serving(campaign.root) is None and (said := server.mended(campaign.root)):
         say(said, sys.stderr)
     (server.join if os.environ.get("PREFECT_API_URL") else server.settle)(campaign.root)
+    server.see_settings()
     there = CampaignFolder(campaign.root.absolute(), campaign.folder.absolute())
     with elsewhere():
         from pipeline.service.flow import identified, telling  # importing Prefect takes two seconds

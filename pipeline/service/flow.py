@@ -81,7 +81,7 @@ def _refused(problem: PipelineError) -> State[Any]:
 
 
 @flow(name="scan-campaigns", flow_run_name="scan", persist_result=False)
-def _scan(hand_out: bool = False) -> None:
+def scan(hand_out: bool = False) -> None:
     """Run every campaign under data/raw that is new or changed and complete, each as a flow.
 
     Where another one is at work this has nothing to do. A lock says so, which ends with its
@@ -145,14 +145,14 @@ def _take_up(root: Path) -> None:
     begun = FlowRunFilter.model_validate(
         {"state": {"type": {"any_": [StateType.PENDING, StateType.RUNNING]}}}
     )
-    own = FlowFilter.model_validate({"name": {"any_": [_attend.name]}})
+    own = FlowFilter.model_validate({"name": {"any_": [attend.name]}})
     known = {one.name: one for one in every(root)}
     with get_client(sync_client=True) as client:
         for run in client.read_flow_runs(flow_filter=own, flow_run_filter=begun, limit=200):
             campaign = known.get(run.parameters["campaign"])
             if run.state and _left(run.state, campaign):
                 client.set_flow_run_state(run.id, Scheduled(name="Again"), force=True)
-        looks = FlowFilter.model_validate({"name": {"any_": [_scan.name]}})
+        looks = FlowFilter.model_validate({"name": {"any_": [scan.name]}})
         for run in client.read_flow_runs(flow_filter=looks, flow_run_filter=begun, limit=200):
             if run.state and str(run.id) != runtime.flow_run.id and _left(run.state, None):
                 gone: State[Any] = Crashed(message="Its worker is gone.")
@@ -201,7 +201,7 @@ class _Pool:
 
 
 @flow(name="run-campaign", flow_run_name=_named, persist_result=False)
-def _attend(campaign: str, seen: str) -> Any:
+def attend(campaign: str, seen: str) -> Any:
     """Bring a campaign up to date that was handed out, within the limits of time and memory.
 
     Args:
@@ -294,7 +294,7 @@ def _drop_late() -> None:
             "expected_start_time": {"before_": datetime.now(UTC)},
         }
     )
-    own = FlowFilter.model_validate({"name": {"any_": [_scan.name]}})
+    own = FlowFilter.model_validate({"name": {"any_": [scan.name]}})
     # what is not deleted now is deleted next time
     with contextlib.suppress(httpx.HTTPError, ObjectNotFound), get_client(sync_client=True) as api:
         while found := api.read_flow_runs(flow_filter=own, flow_run_filter=late, limit=200):
@@ -321,7 +321,7 @@ def serve(wanted: Service) -> None:
     _clear()
     with warnings.catch_warnings():  # Prefect misses an await when it stops on SIGTERM
         warnings.filterwarnings("ignore", "coroutine 'Runner.astop' was never awaited")
-        _scan.serve(
+        scan.serve(
             limit=1,
             pause_on_shutdown=False,
             print_starting_message=False,
@@ -334,8 +334,8 @@ def deploy(pool: str, wanted: Service) -> None:
     with get_client(sync_client=True) as client, contextlib.suppress(ObjectAlreadyExists):
         client.create_work_pool(WorkPoolCreate(name=pool, type="process"))
     place: Any = {"entrypoint_type": EntrypointType.MODULE_PATH, "work_pool_name": pool}
-    looks: Any = _scan.to_deployment(parameters={"hand_out": True}, **place, **_planned(wanted))
-    campaigns: Any = _attend.to_deployment(_DEPLOYED, **place)
+    looks: Any = scan.to_deployment(parameters={"hand_out": True}, **place, **_planned(wanted))
+    campaigns: Any = attend.to_deployment(_DEPLOYED, **place)
     for deployment in (campaigns, looks):
         deployment.apply()
 

@@ -1,6 +1,6 @@
 """Choice of the Prefect server, and the environment that must be set before Prefect is imported.
 
-Nothing here imports Prefect, which takes seconds.
+Nothing here but `see_settings` imports Prefect, which takes seconds.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import http.client
+import importlib
 import importlib.util
 import json
 import os
@@ -25,7 +26,9 @@ from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
 from pipeline.base import files
+from pipeline.base.environment import elsewhere
 from pipeline.base.errors import CannotWrite, UsageError
+from pipeline.base.shown import printable
 from pipeline.base.strict import Strict
 from pipeline.service.processes import REPORTS_URL
 from pipeline.store.campaign import recalled
@@ -188,9 +191,9 @@ def settle(root: Path) -> None:
     full; on the screen they would bury the one message that matters.
 
     Raises:
-        UsageError: The environment names a proxy that Prefect cannot work with.
+        UsageError: The environment names proxies or certificates that Prefect cannot work with.
     """
-    _see_proxies()
+    _see_connections()
     given = os.environ.setdefault
     given("PREFECT_HOME", str(root.resolve() / HOME))
     given("PREFECT_PROFILES_PATH", os.devnull)
@@ -216,18 +219,34 @@ def settle(root: Path) -> None:
         given("PREFECT_API_AUTH_STRING", password)
 
 
-def _see_proxies() -> None:
-    """Check the proxies: Prefect's client opens a connection for each, even if unused."""
-    if {*urllib.request.getproxies()} <= {"no"}:
-        return
+def _see_connections() -> None:
+    """Check proxies and certificates: Prefect's client reads them, even if they are unused."""
     import httpx
 
     try:
         httpx.Client().close()
-    except (ImportError, ValueError, httpx.InvalidURL) as problem:
+    except (ImportError, ValueError, OSError, httpx.InvalidURL) as problem:
         raise UsageError(
-            f"Prefect cannot work with the proxies of the environment ({problem}): correct or "
-            "unset http_proxy, https_proxy and all_proxy, or use --engine local or watch"
+            "Prefect cannot work with the proxies or certificates of the environment "
+            f"({problem}): correct or unset http_proxy, https_proxy, all_proxy, no_proxy and "
+            "SSL_CERT_FILE, or use --engine local or watch"
+        ) from problem
+
+
+def see_settings() -> None:
+    """Import Prefect, in a folder that contains no settings, with those of `settle`.
+
+    Raises:
+        UsageError: It rejects one that the user has set.
+    """
+    try:
+        with elsewhere():
+            importlib.import_module("prefect.context")
+    except (ValueError, OSError) as problem:
+        why = " ".join(str(problem).split())
+        raise UsageError(
+            f"Prefect rejects its settings ({printable(why, 200)}): correct or unset the "
+            "PREFECT_... variables of the environment, or use --engine local or watch"
         ) from problem
 
 

@@ -23,7 +23,7 @@ from pipeline.readers import OutgoingReadings, catalogue, text_of, writers
 from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.noise import stated_covariance
-from pipeline.simulate.plan import SimulationPlan, SpringScale
+from pipeline.simulate.plan import Plan, SpringScale
 from pipeline.simulate.scene import Draws, Scene, axes, build, draw
 
 _CHAIN = ["Pl1", "Pl2"]
@@ -46,7 +46,7 @@ class RawCampaign:
 
 
 def simulate(
-    plan: SimulationPlan,
+    plan: Plan,
     rng: np.random.Generator | None = None,
     robot: Robot | None = None,
     hidden: tuple[Planted, ...] = (),
@@ -82,7 +82,7 @@ _TO_FILL = b"""
 """
 
 
-def prepared(plan: SimulationPlan, robot: Robot) -> dict[str, bytes]:
+def prepared(plan: Plan, robot: Robot) -> dict[str, bytes]:
     """The files of a campaign before it is measured; forces and tracker export are still missing.
 
     Args:
@@ -205,7 +205,7 @@ def _names(scene: Scene) -> list[tuple[str, str]]:
     ]
 
 
-def _ends(plan: SimulationPlan) -> list[str]:
+def _ends(plan: Plan) -> list[str]:
     """Reflectors on the chain, if there is one."""
     return _CHAIN if plan.pulls.load == "chain" else []
 
@@ -255,7 +255,7 @@ def _axes(scene: Scene) -> bytes:
     return _csv(head, ((pose, *values, way) for pose, values, way in rows))
 
 
-def _campaign_toml(plan: SimulationPlan, robot: str, simulated: bool = True) -> bytes:
+def _campaign_toml(plan: Plan, robot: str, simulated: bool = True) -> bytes:
     reader = catalogue()[plan.tracker.dialect]
     content = {
         "format": 1,
@@ -279,7 +279,7 @@ def _campaign_toml(plan: SimulationPlan, robot: str, simulated: bool = True) -> 
     return toml.dumps(toml.given(content)).encode()
 
 
-def _instrument(plan: SimulationPlan) -> dict[str, Any]:
+def _instrument(plan: Plan) -> dict[str, Any]:
     """Table [instrument], where it is not a laser tracker that measures points."""
     said = plan.tracker.model_dump(include={"kind", "measures"}, exclude_defaults=True)
     if plan.tracker.measures == "poses" and plan.tracker.stated:
@@ -287,7 +287,7 @@ def _instrument(plan: SimulationPlan) -> dict[str, Any]:
     return {"instrument": said} if said else {}
 
 
-def _loaded_by(plan: SimulationPlan) -> dict[str, Any]:
+def _loaded_by(plan: Plan) -> dict[str, Any]:
     """The tables of campaign.toml for the loads; weights have none."""
     if plan.pulls.load == "payloads":
         return {"payload": {name: one.model_dump() for name, one in plan.payload.items()}}
@@ -302,7 +302,7 @@ def _certified(scale: SpringScale) -> dict[str, float]:
     return {key: value for key, value in said.items() if value or key != "zero_sigma_n"}
 
 
-def _stated(plan: SimulationPlan) -> dict[str, Any]:
+def _stated(plan: Plan) -> dict[str, Any]:
     """Noise entries of [tracker]."""
     model = plan.tracker.model
     if isinstance(model, float):

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import Root, Steps, at_work
+from pipeline.app.commands._shared import AsJson, Root, Steps, at_work
 from pipeline.base import files
 from pipeline.base.errors import UsageError
 from pipeline.base.shown import typed
@@ -140,3 +140,15 @@ def prepare(folder: Path, plan: Path) -> None:
     wanted = plan_for(plan, {"name": folder.name})
     for inner, data in prepared(wanted, load(wanted.robot, plan.parent)).items():
         files.write(folder / inner, data)
+
+
+def effects(
+    robot: Annotated[str, Option(help="Name of a built-in robot, or a robot file.")] = "kr500_rail",
+    as_json: AsJson = False,
+) -> None:
+    """List the causes of misfit that the diagnosis knows, with magnitudes and signatures."""
+    from pipeline.machine.robot import load
+    from pipeline.simulate import listing
+
+    machine = load(robot)
+    typer.echo(listing.as_json(machine) if as_json else listing.as_text(machine))

@@ -12,7 +12,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.toml import LARGEST_TEXT, given
 from pipeline.library.campaign import Campaign, load_campaign
 from pipeline.machine.robot import load as load_robot
-from pipeline.simulate import RawCampaign, SimulationPlan, parse, revised, simulate, with_noise
+from pipeline.simulate import Plan, RawCampaign, parse, revised, simulate, with_noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def simulate_campaign(
     return Simulated(load_campaign(made.files, name=made.name), made.truth)
 
 
-def carried_out(plan: SimulationPlan, path: Path | None = None) -> RawCampaign:
+def carried_out(plan: Plan, path: Path | None = None) -> RawCampaign:
     """A virtual campaign of a plan.
 
     Args:
@@ -93,7 +93,7 @@ def carried_out(plan: SimulationPlan, path: Path | None = None) -> RawCampaign:
 
 def plan_for(
     path: Path | None, changes: Mapping[str, Any], noise: str | None = None, exact: bool = False
-) -> SimulationPlan:
+) -> Plan:
     """A plan with changes.
 
     Args:
@@ -113,13 +113,13 @@ def plan_for(
     return wanted.without_noise() if exact else wanted
 
 
-def _plan_of(path: Path | None) -> SimulationPlan:
+def _plan_of(path: Path | None) -> Plan:
     """The plan in a file; that of the demo where none is given.
 
     Raises:
         InputError: There is no such file, or it is not a plan.
     """
     if path is None:
-        return SimulationPlan()
+        return Plan()
     missing = InputError("there is no such plan", "check the path", file=str(path))
     return parse(files.words(path, str(path), LARGEST_TEXT, missing), path.name)

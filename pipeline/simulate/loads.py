@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.effect import HUNG, MOUNTED, PULLED, branches
-from pipeline.simulate.plan import SimulationPlan
+from pipeline.simulate.plan import Plan
 
 DOWN = np.array([0.0, 0.0, -1.0])
 """Direction of gravity, F_b."""
@@ -38,7 +38,7 @@ class PullLoads(Locked):
     what: tuple[str, ...]
 
 
-def run(plan: SimulationPlan, poses: int, rng: np.random.Generator) -> PullLoads:
+def run(plan: Plan, poses: int, rng: np.random.Generator) -> PullLoads:
     """The loads of a plan; errors of weights and payloads are drawn once for each body.
 
     Args:
@@ -64,21 +64,21 @@ def run(plan: SimulationPlan, poses: int, rng: np.random.Generator) -> PullLoads
     )
 
 
-def _steps(plan: SimulationPlan) -> list[float]:
+def _steps(plan: Plan) -> list[float]:
     """Load steps [N]: those of the scale, or the weights of the masses."""
     if plan.pulls.load == "chain":
         return plan.pulls.steps_n
     return [STANDARD_GRAVITY * mass for mass in plan.pulls.masses_kg]
 
 
-def _heavier(plan: SimulationPlan, shown: Array, rng: np.random.Generator) -> Array:
+def _heavier(plan: Plan, shown: Array, rng: np.random.Generator) -> Array:
     """True over stated weight: one error for every mass, however often it hangs, shape (m,)."""
     masses, which = np.unique(shown / STANDARD_GRAVITY, return_inverse=True)
     off = plan.pulls.mass_sigma_kg * rng.standard_normal(len(masses))
     return np.asarray((1 + off / masses)[which.ravel()])
 
 
-def _payloads(plan: SimulationPlan, poses: int, rng: np.random.Generator) -> PullLoads:
+def _payloads(plan: Plan, poses: int, rng: np.random.Generator) -> PullLoads:
     """Each payload mounted in turn at every pose."""
     every = list(plan.payload.values())
     off = rng.standard_normal((len(every), 4))

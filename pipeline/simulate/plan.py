@@ -222,7 +222,7 @@ class _TrueValues(Strict):
     effects: list[Name] = Field(default=[])
 
 
-class SimulationPlan(Surrounded):
+class Plan(Surrounded):
     """A whole virtual campaign; with the seed it determines every byte that is written."""
 
     name: str = Field(default="kr500_demo", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")
@@ -248,7 +248,7 @@ class SimulationPlan(Surrounded):
         return name
 
     @model_validator(mode="after")
-    def tool_is_complete(self) -> SimulationPlan:
+    def tool_is_complete(self) -> Plan:
         """Require a load point and at least one target; three base reflectors, or none."""
         if "load_point" not in self.tool or len(self.tool) < 2:
             raise ValueError("tool needs load_point and at least one target")
@@ -258,7 +258,7 @@ class SimulationPlan(Surrounded):
         return self
 
     @model_validator(mode="after")
-    def anchors_are_there(self) -> SimulationPlan:
+    def anchors_are_there(self) -> Plan:
         """Require one anchor index per pose, each of them in the list."""
         chosen, anchors = self.pulls.anchor, self.pulls.anchors
         if chosen is None:
@@ -270,7 +270,7 @@ class SimulationPlan(Surrounded):
         return self
 
     @model_validator(mode="after")
-    def steps_are_there(self) -> SimulationPlan:
+    def steps_are_there(self) -> Plan:
         """Where poses have their own steps, require that one has any and that no step is zero."""
         steps = self.pulls.pose_steps_n
         if steps is None:
@@ -288,7 +288,7 @@ class SimulationPlan(Surrounded):
         """Names of the measured reflectors."""
         return [name for name in self.tool if name != "load_point"]
 
-    def without_noise(self) -> SimulationPlan:
+    def without_noise(self) -> Plan:
         """The same campaign without random errors in its readings, and with all digits written."""
         return revised(
             self,
@@ -299,7 +299,7 @@ class SimulationPlan(Surrounded):
         )
 
 
-def parse(text: str, file: str = "plan.toml") -> SimulationPlan:
+def parse(text: str, file: str = "plan.toml") -> Plan:
     """A plan from its TOML text.
 
     Raises:
@@ -308,7 +308,7 @@ def parse(text: str, file: str = "plan.toml") -> SimulationPlan:
     return _validated(loads(text, file), file, text)
 
 
-def fitted(plan: SimulationPlan, robot: Robot) -> SimulationPlan:
+def fitted(plan: Plan, robot: Robot) -> Plan:
     """The plan with loads that suit the robot in place of those that are not stated.
 
     With the pulls, the scale and the accuracy of setting them are scaled: a dynamometer is chosen
@@ -325,7 +325,7 @@ def fitted(plan: SimulationPlan, robot: Robot) -> SimulationPlan:
     return plan
 
 
-def _unstated(plan: SimulationPlan, size: float) -> dict[str, Any]:
+def _unstated(plan: Plan, size: float) -> dict[str, Any]:
     """Loads that the plan does not state, `size` times those of the reference set-up."""
     pulls, scale, one = plan.pulls, plan.scale, round_pull
     changed: dict[str, Any] = {
@@ -346,7 +346,7 @@ def _unstated(plan: SimulationPlan, size: float) -> dict[str, Any]:
     }
 
 
-def _hardest(plan: SimulationPlan) -> float:
+def _hardest(plan: Plan) -> float:
     """The largest load of a plan [N]."""
     pulls = plan.pulls
     if pulls.load == "payloads":
@@ -365,7 +365,7 @@ _INSTRUMENT = {
 """Half the MPE of an AT500-class tracker, the usual size of its standard uncertainty."""
 
 
-def with_noise(plan: SimulationPlan, word: str) -> SimulationPlan:
+def with_noise(plan: Plan, word: str) -> Plan:
     """The plan with the tracker's noise as typed: `paper`, `instrument`, or m per axis.
 
     Raises:
@@ -382,7 +382,7 @@ def with_noise(plan: SimulationPlan, word: str) -> SimulationPlan:
     return revised(plan, {"tracker": {"noise": named.get(word), "sigma_m": sigma_m}})
 
 
-def revised(plan: SimulationPlan, changes: dict[str, Any]) -> SimulationPlan:
+def revised(plan: Plan, changes: dict[str, Any]) -> Plan:
     """The plan with some entries changed; tables inside `changes` are merged, not replaced.
 
     Raises:
@@ -391,5 +391,5 @@ def revised(plan: SimulationPlan, changes: dict[str, Any]) -> SimulationPlan:
     return _validated(merged(plan.model_dump(exclude_unset=True), changes), "plan")
 
 
-def _validated(content: dict[str, Any], file: str, text: str = "") -> SimulationPlan:
-    return checked(SimulationPlan, content, file, "the plan", "correct the plan", text)
+def _validated(content: dict[str, Any], file: str, text: str = "") -> Plan:
+    return checked(Plan, content, file, "the plan", "correct the plan", text)

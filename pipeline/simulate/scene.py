@@ -22,7 +22,7 @@ from pipeline.machine.robot.axes import from_log_units, in_log_units
 from pipeline.simulate import noise
 from pipeline.simulate.hidden import Planted, effects
 from pipeline.simulate.loads import DOWN, PullLoads, run
-from pipeline.simulate.plan import SimulationPlan, fitted
+from pipeline.simulate.plan import Plan, fitted
 
 _CHAIN_POINTS_M = (0.1, 0.5)
 """Distance of Pl1 and Pl2 on the chain from the load point [m]."""
@@ -61,7 +61,7 @@ class Scene(Locked):
         schedule: Times of the readings.
     """
 
-    plan: SimulationPlan
+    plan: Plan
     cell: Cell
     values: Array
     planted: tuple[Planted, ...]
@@ -101,7 +101,7 @@ class Draws(Locked):
 
 
 def build(
-    plan: SimulationPlan, robot: Robot, rng: np.random.Generator, hidden: tuple[Planted, ...] = ()
+    plan: Plan, robot: Robot, rng: np.random.Generator, hidden: tuple[Planted, ...] = ()
 ) -> Scene:
     """Determine all true values of a campaign: poses, anchors, schedule, cell.
 
@@ -199,7 +199,7 @@ def draw(scene: Scene, rng: np.random.Generator, n: int = 1) -> Draws:
 
 
 def _scattered(
-    plan: SimulationPlan, points: Array, size: float, rng: np.random.Generator, pose: bool
+    plan: Plan, points: Array, size: float, rng: np.random.Generator, pose: bool
 ) -> Array:
     """Points as read, each with its own error, or those of a pose with a common one."""
     if size == 0:
@@ -212,9 +212,7 @@ def _scattered(
     return points + size * noise.tracker_errors(plan.tracker.model, points, rng)
 
 
-def _stand(
-    plan: SimulationPlan, robot: Robot, tool: Tool, rng: np.random.Generator
-) -> tuple[Array, Array]:
+def _stand(plan: Plan, robot: Robot, tool: Tool, rng: np.random.Generator) -> tuple[Array, Array]:
     """Joint values (p, n) and anchor (p, 3) of every pose."""
     anchors = default_anchors(robot) if plan.pulls.anchors is None else np.array(plan.pulls.anchors)
     if plan.poses.q is None:
@@ -228,7 +226,7 @@ def _stand(
     return q, anchors[nearest_in_reach(at[:, 0], anchors)]
 
 
-def _in_turn(plan: SimulationPlan, anchors: int) -> Ints:
+def _in_turn(plan: Plan, anchors: int) -> Ints:
     """The anchor of each pose: as planned, else one after the other, cyclically."""
     if plan.pulls.anchor is not None:
         return np.array(plan.pulls.anchor)
@@ -237,7 +235,7 @@ def _in_turn(plan: SimulationPlan, anchors: int) -> Ints:
     return np.arange(plan.poses.count) % anchors
 
 
-def _approach(plan: SimulationPlan) -> Array:
+def _approach(plan: Plan) -> Array:
     """Alternating, shifted every sixth pose, so no anchor is approached from one side only."""
     if plan.poses.approach is not None:
         return np.array(plan.poses.approach, dtype=float)
@@ -245,7 +243,7 @@ def _approach(plan: SimulationPlan) -> Array:
     return np.where((pose + pose // 6) % 2 == 0, 1.0, -1.0)
 
 
-def _given(plan: SimulationPlan, robot: Robot) -> Array:
+def _given(plan: Plan, robot: Robot) -> Array:
     """The plan's own poses [m] or [rad], each checked against the robot.
 
     Raises:
@@ -271,9 +269,7 @@ def _given(plan: SimulationPlan, robot: Robot) -> Array:
     return q
 
 
-def _true(
-    plan: SimulationPlan, robot: Robot, points: Array, rng: np.random.Generator
-) -> tuple[Array, Array]:
+def _true(plan: Plan, robot: Robot, points: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """True stiffnesses [N/m] or [N m/rad], (n,), and true points of the tool [m], (1 + t, 3).
 
     Raises:
@@ -292,7 +288,7 @@ def _true(
     return stiffness, points + off * rng.standard_normal(points.shape)
 
 
-def _schedule(plan: SimulationPlan, count: Ints) -> _Schedule:
+def _schedule(plan: Plan, count: Ints) -> _Schedule:
     """Lay out the readings in time: base, poses with zeros and `count` pulls each, base."""
     clock, t = plan.clock, len(plan.targets)
     zeros = 2 if plan.pulls.zero == "before_after" else 1
@@ -314,7 +310,7 @@ def _schedule(plan: SimulationPlan, count: Ints) -> _Schedule:
     )
 
 
-def axes(plan: SimulationPlan) -> Array:
+def axes(plan: Plan) -> Array:
     """Axes of the tracker's frame in F_b as columns: yaw about z, pitch about y, roll about x."""
     at = [plan.tracker.yaw_deg, plan.tracker.pitch_deg, plan.tracker.roll_deg]
     return Rotation.from_euler("ZYX", at, degrees=True).as_matrix()

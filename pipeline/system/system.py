@@ -51,6 +51,14 @@ class Errors:
     source: Strings
     common: Bools
 
+    def beside(self, more: Errors) -> Errors:
+        """These and further errors of the same rows."""
+        return Errors(
+            G=scipy.sparse.hstack([self.G, more.G], format="csr"),
+            source=np.concatenate([self.source, more.source]),
+            common=np.concatenate([self.common, more.common]),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class System(Locked):

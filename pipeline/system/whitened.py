@@ -17,12 +17,13 @@ import scipy.sparse
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.machine.cell import load
+from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, same_element
+from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.elimination import coefficients
 from pipeline.system.evidence import ROUNDING, Scores
-from pipeline.system.linearised import CurrentModel, Linearised, accepted_columns, owners
+from pipeline.system.linearised import CurrentModel, Linearised, accepted_columns, linearise, owners
 from pipeline.system.score_tests import Base, by_products, left_out, padded
 from pipeline.system.system import Errors, RowIndex
 from pipeline.system.whiten import Whitener, whitener
@@ -232,18 +233,40 @@ def with_laws(seen: Linearised, errors: Errors, doubt: Sequence[tuple[int, float
         errors: Its errors without the laws.
         doubt: Accepted suspects, each with the fraction to which its law is known.
     """
-    wide = _widened(replace(seen, errors=errors), doubt, 1.0)
-    kin = scipy.sparse.csr_array(
-        np.concatenate(
-            [np.zeros((len(seen.rows), 0)), *(_kin(seen, *one) for one in doubt)], axis=1
-        )
+    kin = [np.zeros((len(seen.rows), 0)), *(_kin(seen, *one) for one in doubt)]
+    G = scipy.sparse.csr_array(np.concatenate(kin, axis=1))
+    more = G.shape[1]
+    alike = Errors(G, np.full(more, "law", dtype=object), np.ones(more, dtype=bool))
+    return _widened(replace(seen, errors=errors), doubt, 1.0).beside(alike)
+
+
+def of_laws(
+    cell: Cell, data: Measured, values: Array, causes: Sequence[Effect], suspects: Sequence[Effect]
+) -> Errors:
+    """Errors of c by the tolerance of the laws of a cell's causes alone, source `law`.
+
+    Args:
+        cell: Joint springs, then the causes.
+        data: The measurements.
+        values: Their parameters, shape (k,).
+        causes: The causes.
+        suspects: All causes that are tested; those of the same element as one of the cell's are
+            what its law may be instead.
+    """
+    forms = {(one.label, one.form) for one in causes}
+    others = [
+        one
+        for one in suspects
+        if (one.label, one.form) not in forms
+        and any(one.label == own.label or same_element(own, one) for own in causes)
+    ]
+    springs = len(values) - sum(len(one.parameters) for one in causes)
+    model = CurrentModel(cell, values, springs, tuple(range(len(causes))))
+    seen = linearise(model, data, (*causes, *others))
+    nothing = Errors(
+        scipy.sparse.csr_array((len(seen.rows), 0)), np.zeros(0, dtype=object), np.zeros(0, bool)
     )
-    more = kin.shape[1]
-    return Errors(
-        G=scipy.sparse.hstack([wide.G, kin], format="csr"),
-        source=np.concatenate([wide.source, np.full(more, "law", dtype=object)]),
-        common=np.concatenate([wide.common, np.ones(more, dtype=bool)]),
-    )
+    return with_laws(seen, nothing, [(k, one.tolerance) for k, one in enumerate(causes)])
 
 
 def _kin(seen: Linearised, accepted: int, fraction: float) -> Array:
@@ -279,6 +302,7 @@ def _widened(seen: Linearised, doubt: Sequence[tuple[int, float]], force_noise: 
         G = G @ scipy.sparse.diags_array(np.where(source == "force_reading", force_noise, 1.0))
         G = scipy.sparse.csr_array(G)
     parts = dict(accepted_columns(model, suspects))
+    widened = Errors(G, source, common)
     for accepted, fraction in doubt:
         column = [c for c in parts if owners(suspects)[c] == accepted]
         moved = min(fraction, _LOOSE) * Z[:, column] @ model.values[[parts[c] for c in column]]
@@ -286,10 +310,9 @@ def _widened(seen: Linearised, doubt: Sequence[tuple[int, float]], force_noise: 
         block = scipy.sparse.csr_array(
             (moved, (np.arange(len(moved)), rows.pull)), (len(moved), pulls)
         )
-        G = scipy.sparse.hstack([G, block], format="csr")
-        source = np.concatenate([source, np.full(pulls, "law", dtype=object)])
-        common = np.concatenate([common, np.zeros(pulls, dtype=bool)])
-    return Errors(G, source, common)
+        law = np.full(pulls, "law", dtype=object)
+        widened = widened.beside(Errors(block, law, np.zeros(pulls, dtype=bool)))
+    return widened
 
 
 def _view(seen: Linearised, more: Array, white: Whitener, noise: float, spread: Array) -> Whitened:

@@ -13,13 +13,12 @@ import report_sample
 from conftest import without_drawings
 from pdf_text import pages_of
 
-from pipeline.answer import archive
-from pipeline.answer.archive import _SHOWN, finished, read
+from pipeline.answer.archive import _SHOWN, read
 from pipeline.app.cli import _exit_code
 from pipeline.app.shell import run_all, status
 from pipeline.base.errors import UsageError
 from pipeline.base.preferences import Preferences, Service
-from pipeline.fleet import pages
+from pipeline.fleet import history, pages
 from pipeline.report.figures.catalogue import _PLOTS
 from pipeline.run import run
 from pipeline.service.guard import Guard
@@ -113,9 +112,9 @@ def test_the_campaign_before_is_found_without_reading_all(project, tmp_path, mon
         source = {"source": f"data/raw/{name}"}
         (kept / "manifest.json").write_text(json.dumps(noted | source | said))
     asked = []
-    monkeypatch.setattr(archive, "read", lambda one: asked.append(one.name) or read(one))
+    monkeypatch.setattr(history, "read", lambda one: asked.append(one.name) or read(one))
 
-    before = archive.earlier(autumn, read(autumn))
+    before = history.earlier(autumn, read(autumn))
 
     assert before is not None
     assert before.campaign == "spring"
@@ -314,7 +313,7 @@ def test_a_result_that_cannot_be_read_is_left_out_and_said(project, tmp_path, ca
 
     page = pages.refresh(tmp_path / "copy")
 
-    assert [one.campaign.name for one in finished(tmp_path / "copy")] == ["autumn"]
+    assert [one.campaign.name for one in history.finished(tmp_path / "copy")] == ["autumn"]
     assert "spring/index.html" not in page.read_text("utf-8")
     assert "Change since" not in (page.parent / "autumn" / "index.html").read_text("utf-8")
     assert capsys.readouterr().err.splitlines() == [
@@ -429,7 +428,7 @@ def test_a_day_that_no_calendar_has_leaves_one_campaign_out(tmp_path):
         campaign.finish("key", {"result.json": json.dumps(content).encode()}, {})
     said = []
 
-    assert [one.campaign.name for one in finished(tmp_path, said.append)] == ["a"]
+    assert [one.campaign.name for one in history.finished(tmp_path, said.append)] == ["a"]
     assert said[0].startswith("b has a result of an earlier version")
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import report_sample
 
-from pipeline.answer.common_factor import common_factor, told_factor
+from pipeline.answer.contradictions import common_factor, told_factor
 from pipeline.machine.robot import load
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 KR500 = load("kr500_rail")
@@ -87,7 +87,7 @@ def test_a_range_counts_from_its_nearer_end():
 @pytest.mark.parametrize(("factor", "told"), [(2.5, True), (1.0, False), (30.0, True)])
 def test_forces_written_too_large_are_told_on_the_first_screen(factor, told):
     """If no unit explains the factor, the answer reports it as a fact and as a sentence."""
-    files = dict(simulate(SimulationPlan(name="many", seed=SEED, poses={"count": 8})).files)
+    files = dict(simulate(Plan(name="many", seed=SEED, poses={"count": 8})).files)
     head, *rows = files["loads.csv"].decode().splitlines()
     at = head.split(",").index("force_n")
     cells = [row.split(",") for row in rows]

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from bench import schema
 from pipeline.answer.contract import Answer, Drawn, Fit, TargetDeflection
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -19,7 +19,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 @pytest.fixture(scope="module")
 def answer():
     """The answer to a small campaign whose carriage rolls."""
-    plan = SimulationPlan(
+    plan = Plan(
         name="rolls",
         seed=3,
         poses={"count": 12},

@@ -10,11 +10,11 @@ import pytest
 from pipeline.base.errors import InputError
 from pipeline.report.render import render
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import dump, in_memory
 
-STATED = SimulationPlan(name="kr", seed=3, poses={"count": 6}, pulls={"steps_n": [1500.0, 3000.0]})
-UNSTATED = SimulationPlan(
+STATED = Plan(name="kr", seed=3, poses={"count": 6}, pulls={"steps_n": [1500.0, 3000.0]})
+UNSTATED = Plan(
     name="kr", seed=5, poses={"count": 8}, pulls={"steps_n": [1500.0]}, tracker={"stated": False}
 )
 

@@ -18,10 +18,10 @@ from bench.as_pinocchio import model as pin_model
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline.answer.archive import read
-from pipeline.answer.history import previous
 from pipeline.app import cli
 from pipeline.base.quantities import plain
 from pipeline.fleet.compare import compared
+from pipeline.fleet.history import previous
 from pipeline.fleet.trends import trends
 from pipeline.library import compensate
 from pipeline.machine.robot import load

@@ -16,7 +16,7 @@ from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.report.model import compose
 from pipeline.run import ingested
 from pipeline.simulate import simulate
-from pipeline.simulate.plan import SimulationPlan
+from pipeline.simulate.plan import Plan
 from pipeline.store import campaign
 from pipeline.system.fit import fit
 
@@ -27,7 +27,7 @@ NOTHING = HeldOutError(None, 3000.0)
 @pytest.fixture(scope="module")
 def springs():
     """Joint springs of a small campaign."""
-    plan = SimulationPlan(poses={"count": 6}, pulls={"steps_n": [1500, 3000]})
+    plan = Plan(poses={"count": 6}, pulls={"steps_n": [1500, 3000]})
     raw = campaign.in_memory(simulate(plan, np.random.default_rng(5)).files)
     case = ingested(raw, conformed, plain)
     return joint_springs(fit(case, bring(case)))

@@ -8,10 +8,10 @@ import pytest
 
 from pipeline.app import cli
 from pipeline.base.errors import InputError
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import find
 
-GOOD = simulate(SimulationPlan(name="c", poses={"count": 5})).files
+GOOD = simulate(Plan(name="c", poses={"count": 5})).files
 
 
 def lines(change):

@@ -10,23 +10,22 @@ import xml.etree.ElementTree as ET
 import pyarrow as pa
 import pytest
 
-from pipeline.answer import archive
 from pipeline.app import cli
 from pipeline.base import files, patterns, toml
 from pipeline.base.errors import InputError, PipelineError
 from pipeline.base.shown import in_json, in_toml, in_xml, printable
 from pipeline.design.poses import default_anchors
 from pipeline.exchange.files import simulators
-from pipeline.fleet import pages
+from pipeline.fleet import history, pages
 from pipeline.machine.robot import load
 from pipeline.machine.robot import mdh as robots
 from pipeline.prediction import model as own
 from pipeline.reduction.settings import parse
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import CampaignFolder, dump, every, find, in_memory
 
-GOOD = simulate(SimulationPlan(name="c", poses={"count": 8})).files
+GOOD = simulate(Plan(name="c", poses={"count": 8})).files
 ODD = 'a\x1b[31m\x7f\x9b\u202e\udcff😀\U000e0041\n\t"\\'
 SECONDS = 5.0
 """Far more than a few lines need on a busy machine; a hang is longer."""
@@ -98,7 +97,7 @@ def test_every_message_is_one_line_of_a_bearable_length():
 @pytest.mark.whole
 def test_a_model_of_any_names_can_be_read_elsewhere():
     """Names beyond ASCII and odd ones: model.toml stays TOML, the others stay XML."""
-    made = simulate(SimulationPlan(name="c", poses={"count": 8}, pulls={"steps_n": [2000.0]}))
+    made = simulate(Plan(name="c", poses={"count": 8}, pulls={"steps_n": [2000.0]}))
     text = made.files["campaign.toml"].decode().replace("P1", "P😀").replace("\nP😀", '\n"P😀"')
     tracker = made.files["tracker.csv"].replace(b",P1,", ",P😀,".encode())
     changed = {"campaign.toml": text.encode()}
@@ -467,7 +466,7 @@ def test_a_damaged_result_is_left_out(path, content, finished):
     kept = (finished / path).read_bytes()
     (finished / path).write_bytes(content)
     try:
-        left = [one.campaign.name for one in archive.finished(finished)]
+        left = [one.campaign.name for one in history.finished(finished)]
     finally:
         (finished / path).write_bytes(kept)
 
@@ -476,7 +475,7 @@ def test_a_damaged_result_is_left_out(path, content, finished):
 
 def test_the_overview_is_drawn_of_what_is_there_at_last(finished, monkeypatch):
     """Who waited for another run's page does not draw what he had read before."""
-    both = archive.finished(finished)
+    both = history.finished(finished)
     drawn = []
     monkeypatch.setattr(
         "pipeline.fleet.overview.render_overview", lambda all_, wear: drawn.append(len(all_)) or b""

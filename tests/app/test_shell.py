@@ -19,7 +19,7 @@ from pipeline.app import cli
 from pipeline.app.outcome import sentences
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, worst
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store import campaign as campaigns
 
 PROJECT = Path(__file__).parents[2]
@@ -340,7 +340,7 @@ def test_a_word_for_digits_is_answered_in_words(tmp_path, say):
 
 def raw(root, change):
     """A KR500 campaign with a change of one of its files."""
-    given = dict(simulate(SimulationPlan(name="c", poses={"count": 8})).files)
+    given = dict(simulate(Plan(name="c", poses={"count": 8})).files)
     name, old, new = change
     assert old in given[name]
     given[name] = given[name].replace(old, new, 1)
@@ -351,7 +351,7 @@ def raw(root, change):
 
 def test_a_missing_load_is_told_once(tmp_path, say):
     """Five readings hang on one row of loads.csv: one sentence and a count."""
-    loads = dict(simulate(SimulationPlan(name="c", poses={"count": 8})).files)["loads.csv"]
+    loads = dict(simulate(Plan(name="c", poses={"count": 8})).files)["loads.csv"]
     row = next(line for line in loads.splitlines(keepends=True) if line.startswith(b"3,2,"))
     raw(tmp_path, ("loads.csv", row, b""))
     code, _, err = say(tmp_path, "check", "c")

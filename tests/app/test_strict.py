@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from pipeline.base.preferences import Preferences
 from pipeline.machine.robot import mdh
 from pipeline.reduction.settings import Settings
-from pipeline.simulate.plan import SimulationPlan
+from pipeline.simulate.plan import Plan
 
 HERE = Path(__file__).parents[2]
 FILES = {
@@ -18,7 +18,7 @@ FILES = {
     "displacements": (Settings, HERE / "data/raw/fanuc_r2000ic/campaign.toml"),
     "robot": (mdh.RobotFile, Path(mdh.__file__).parent / "kr500_rail.toml"),
     "plan": (
-        SimulationPlan,
+        Plan,
         {
             "name": "a",
             "seed": 1,

@@ -1,12 +1,12 @@
 """A spoilt campaign is read as it was, answered with a word, or rejected in a sentence."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import hostile_cases
 import pytest
 
+from bench.exam import JSON, Kept
 from bench.fuzz import judge, run
 from bench.fuzz.bases import NAMES, base
 from bench.fuzz.catalogue import FAMILIES, MUTATIONS, Case, case
@@ -122,11 +122,10 @@ def test_mutations_have_names_of_their_own():
 def test_a_finished_case_is_not_played_again(tmp_path, monkeypatch):
     """Rows of the same code count; a line that was cut off and rows of other code do not."""
     results = tmp_path / "results.jsonl"
-    rows = [
-        {"case": 0, "to": SCREENED, "outcome": "same", "code": run.code()},
-        {"case": 1, "to": SCREENED, "outcome": "same", "code": "other"},
-    ]
-    results.write_text("".join(json.dumps(row) + "\n" for row in rows) + '{"case": 2, "to"')
+    for number, code in ((0, run.code()), (1, "other")):
+        row = {"case": number, "to": SCREENED, "outcome": "same"}
+        Kept(results, code, JSON).add(f"{SCREENED}-{number}", row)
+    results.write_text(results.read_text() + '{"case": 2, "to"')
     asked = []
     monkeypatch.setattr(
         run,

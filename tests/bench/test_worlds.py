@@ -368,28 +368,28 @@ def test_what_stops_the_pipeline_is_told_apart(monkeypatch):
 
 def test_games_that_are_kept_are_not_played_again(tmp_path, monkeypatch):
     """A line that was cut off is; lines of other code stay and do not count."""
-    done, made_by = [], ""
+    done = []
 
-    def inline(left, executor, log):
-        done.append(len(left))
-        by, judged = made_by or run.code(), Judged("answered")
-        return [Played(one.kind, one.seed, by, judged, moved=(np.inf, 0.0)) for one in left]
+    def inline(one):
+        done.append(one)
+        return Played(one.kind, one.seed, Judged("answered"), moved=(np.inf, 0.0))
 
-    monkeypatch.setattr(run, "_all", inline)
+    monkeypatch.setattr(run, "played", inline)
     log, wanted = tmp_path / "kept.jsonl", fixtures(["normal", "stale"], 2, 3, False, SEEDS)
     first = contest(wanted, log, InThisProcess())
     log.write_text(log.read_text()[:-20])
     again = contest(wanted, log, InThisProcess())
     monkeypatch.setattr(run, "code", lambda: "other")
     contest(wanted[:1], log, InThisProcess())
-    made_by = "older"
+    codes = iter(["other", "older"])
+    monkeypatch.setattr(run, "code", lambda: next(codes))
     with pytest.raises(InputError, match="changed on the way"):
         contest(wanted[1:2], log, InThisProcess())
 
-    assert done == [4, 1, 1, 1]
+    assert done == [*wanted, wanted[-1], wanted[0], wanted[1]]
     assert again == first
     assert again[0].moved == (np.inf, 0.0)
-    assert len(log.read_text().splitlines()) == 6
+    assert len(log.read_text().splitlines()) == 5
     assert [one.seed for one in first] == [one.seed for one in wanted]
 
 
@@ -416,9 +416,9 @@ def test_the_table_counts_what_was_judged():
     hit, miss = Interval("k", 1.0, 1.1, 0.1, 0.9, 1.3), Interval("k", 1.0, 2.0, 0.1, 1.8, None)
     spoilt = (Spoilt("base_end/B1", 9, 0.01, 1e-4), Spoilt("base_end/B2", 10, 1e-5, 1e-4))
     games = [
-        Played("normal", 1, "", Judged("answered", accused=False, springs=(hit, miss))),
-        Played("normal", 2, "", Judged("crashed", "KeyError: k")),
-        Played("stale", 1, "", Judged("answered", placed=(True, False)), spoilt=spoilt),
+        Played("normal", 1, Judged("answered", accused=False, springs=(hit, miss))),
+        Played("normal", 2, Judged("crashed", "KeyError: k")),
+        Played("stale", 1, Judged("answered", placed=(True, False)), spoilt=spoilt),
     ]
 
     said = "\n".join([*lines(games), *spoken(games)])

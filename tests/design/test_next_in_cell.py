@@ -16,7 +16,7 @@ from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.effector import tool
 from pipeline.run import campaign_answer, ingested, reduce
 from pipeline.simulate import simulate
-from pipeline.simulate.plan import SimulationPlan
+from pipeline.simulate.plan import Plan
 from pipeline.store import campaign
 from pipeline.system.estimate import identify
 
@@ -34,7 +34,7 @@ PAIRS = [
 
 def made(**changes):
     """The folder of a virtual campaign in the cell."""
-    plan = SimulationPlan.model_validate({**PLAN, "cell": CELL, "tool": TOOL, **changes})
+    plan = Plan.model_validate({**PLAN, "cell": CELL, "tool": TOOL, **changes})
     return campaign.in_memory(simulate(plan, np.random.default_rng(12)).files)
 
 

@@ -21,7 +21,7 @@ from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.run import reduce
 from pipeline.simulate import simulate
-from pipeline.simulate.plan import SimulationPlan
+from pipeline.simulate.plan import Plan
 from pipeline.store import campaign
 from pipeline.system.estimate import identify
 
@@ -32,7 +32,7 @@ STEP = 1e-3
 @pytest.fixture(scope="module")
 def asked():
     """A campaign of few poses with a tilting elbow, seen from the joint springs alone."""
-    plan = SimulationPlan(
+    plan = Plan(
         poses={"count": 6}, pulls={"steps_n": [1500, 3000]}, hidden={"effects": ["joint_tilt:3"]}
     )
     raw = campaign.in_memory(simulate(plan, np.random.default_rng(12)).files)

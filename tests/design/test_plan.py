@@ -480,7 +480,7 @@ def test_a_campaign_noisier_than_stated_is_known_less_of(tmp_path):
     )
     traces = []
     for scatter in (1.0, 3.0):
-        plan = simulated.SimulationPlan(
+        plan = simulated.Plan(
             name=f"s{scatter:g}", tracker={"noise_scale": scatter}, scale={"gain_sigma": 0.0}
         )
         folder = tmp_path / "data" / "raw" / plan.name

@@ -11,12 +11,12 @@ from pipeline.design import problem, spec
 from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, revised, simulate
+from pipeline.simulate import Plan, revised, simulate
 from pipeline.simulate.plan import fitted
 from pipeline.store.campaign import in_memory
 
 SEED = 20261122
-FEW = SimulationPlan(name="few", seed=SEED, poses={"count": 7})
+FEW = Plan(name="few", seed=SEED, poses={"count": 7})
 
 
 def softer(factor, payload="payload_kg = 480\n"):
@@ -41,7 +41,7 @@ def own(text, **changes):
 
 def test_loads_that_nobody_states_suit_the_robot():
     """A UR10e is pulled by as much less than a KR500 as it carries less, and all that shows it."""
-    plan = fitted(SimulationPlan(robot="ur10e"), load("ur10e"))
+    plan = fitted(Plan(robot="ur10e"), load("ur10e"))
 
     assert plan.pulls.steps_n == [31.0, 78.0, 52.0]  # 12.5 kg of 480 kg, two digits
     assert plan.pulls.masses_kg == [2.6, 6.5, 3.9]
@@ -52,7 +52,7 @@ def test_loads_that_nobody_states_suit_the_robot():
 def test_loads_that_are_stated_stay():
     """Whatever a plan says is what is done, and the reference set-up is what it was."""
     stated = {"pulls": {"steps_n": [100.0], "setting_sd_n": 1.0}, "scale": {"sigma_n": 0.5}}
-    plan = fitted(revised(SimulationPlan(robot="ur10e"), stated), load("ur10e"))
+    plan = fitted(revised(Plan(robot="ur10e"), stated), load("ur10e"))
 
     assert (plan.pulls.steps_n, plan.pulls.setting_sd_n, plan.scale.sigma_n) == ([100.0], 1.0, 0.5)
     assert fitted(FEW, load("kr500_rail")) is FEW
@@ -83,9 +83,7 @@ def test_a_robot_of_which_nothing_is_known_is_pulled_as_ever():
 def test_an_absurd_load_is_refused(pulls, says):
     """One sentence with the number and the way out, whatever loads the robot."""
     heavy = {"heavy": {"mass_kg": 220.0, "center_m": [0, 0, 0.1]}}
-    plan = revised(
-        SimulationPlan(robot="ur10e", poses={"count": 2}), {"pulls": pulls, "payload": heavy}
-    )
+    plan = revised(Plan(robot="ur10e", poses={"count": 2}), {"pulls": pulls, "payload": heavy})
 
     with pytest.raises(InputError, match=says):
         simulate(plan)

@@ -25,7 +25,7 @@ from pipeline.reduction.register import place, register
 from pipeline.reduction.settings import parse
 from pipeline.run import campaign_answer
 from pipeline.simulate import simulate
-from pipeline.simulate.plan import SimulationPlan
+from pipeline.simulate.plan import Plan
 from pipeline.store.campaign import in_memory
 from pipeline.system.estimate import identify
 
@@ -61,7 +61,7 @@ def reduced(files):
 
 def examined(seed, *effects, noise_scale=1.0, poses=16, stiffness=None):
     """Diagnosis of a campaign with hidden effects."""
-    plan = SimulationPlan(
+    plan = Plan(
         poses={"count": poses},
         pulls={"steps_n": [1000, 2000, 3000, 1500]},
         tracker={"noise_scale": noise_scale},
@@ -214,7 +214,7 @@ def test_scatter_beyond_the_certificate_is_named():
 def test_a_scale_that_scatters_weighs_less_in_the_extended_stiffnesses():
     """Named with its factor; the springs hold the truth, with larger uncertainty."""
     stiffness = (1.2 / KR500.nominal_compliance).tolist()
-    plan = SimulationPlan(
+    plan = Plan(
         poses={"count": 16},
         pulls={"steps_n": [1000, 2000, 3000, 1500]},
         scale={"sigma_n": 3.0},

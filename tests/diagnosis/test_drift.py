@@ -17,7 +17,7 @@ from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.register import XYZ, Registration, register, timed
 from pipeline.run import campaign_answer, ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system import alarms
 
@@ -28,7 +28,7 @@ TURN = np.array([1.0, 2.0, -2.0]) / 3 * 2e-5
 @cache
 def files():
     """Raw files of a campaign without drift, with base reflectors read first and last."""
-    plan = SimulationPlan(poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
+    plan = Plan(poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
     return simulate(plan, np.random.default_rng(4)).files
 
 
@@ -136,6 +136,21 @@ def test_one_reading_off_is_no_drift():
     off = asked(readings)
     assert not off.named
     assert off.visible == np.inf
+
+
+def test_a_base_frame_that_grew_is_known_by_its_size():
+    """0.1 mm/m since the first round, whatever the tracker did beside; one that only moved is 0."""
+    settings, readings = case().settings, drifted({"base_end": 6.0})
+    assert asked(readings).deformed_m == 0
+    late = readings["group"] == "base_end"
+    at = np.array([settings.base_frame[name] for name in readings.loc[late, "target"]])
+    off = 1e-4 * (at - at.mean(axis=0))
+    points = readings.loc[late, XYZ].to_numpy(float)
+    readings.loc[late, XYZ] = points + off @ register(settings, readings).R
+
+    found = asked(readings).deformed_m
+
+    assert found == pytest.approx(np.sqrt(np.mean(off**2)), rel=0.1)  # four of them, read twice
 
 
 def test_a_third_round_tells_a_drift_from_a_knock():

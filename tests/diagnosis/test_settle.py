@@ -200,7 +200,7 @@ def test_ends_that_follow_each_other_for_ever_are_as_good(monkeypatch):
     monkeypatch.setattr(module, "files_of", lambda *_: made[0])
     monkeypatch.setattr(module, "singles_of", lambda *_: made[0])
     monkeypatch.setattr(module, "_stand", lambda held, *_: SimpleNamespace(screened=held))
-    monkeypatch.setattr(module, "_screened", lambda _, end: made[follows[end.screened.key]])
+    monkeypatch.setattr(module, "_screened", lambda *of: made[follows[of[-1].screened.key]])
     monkeypatch.setattr(module, "_bounded", lambda end: end)
 
     assert converge(None, None, None, plain).screened.key == 5

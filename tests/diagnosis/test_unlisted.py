@@ -28,7 +28,7 @@ from pipeline.prediction.model import parse as parse_model
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import campaign_answer, ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.detect import threshold
 from pipeline.system.estimate import identify
@@ -237,7 +237,7 @@ def test_a_jump_is_sought_between_all_pulls_and_not_the_first_of_each_pose():
 @pytest.mark.parametrize("lost_n", [150.0])
 def test_a_scale_with_a_dead_band_is_named_and_leaves_the_springs_alone(lost_n):
     """Written into the log: pulls below 1800 N read 150 N too little."""
-    plan = SimulationPlan(
+    plan = Plan(
         name="sticks",
         seed=8,
         poses={"count": 12},

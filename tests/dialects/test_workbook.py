@@ -149,6 +149,10 @@ def test_a_part_that_is_longer_than_it_says_is_refused():
     [
         ('<c r="ZZZZ1"><v>1</v></c>', 1, None, "has a cell where no sheet has one"),
         ('<c r="A99999999"><v>1</v></c>', 1, None, "has a cell where no sheet has one"),
+        ("<c r='ZZZZ1'><v>1</v></c>", 1, None, "has a cell where no sheet has one"),
+        ('<c r="XFD1048576"><v>1</v></c>', 1, None, "spans 16384 columns and 1048576 rows"),
+        ("<c r='ABC900000'><v>1</v></c>", 1, None, "spans 731 columns and 900000 rows"),
+        ('</row><row r="1048576">' + "<c><v>1</v></c>" * 40, 1, None, "spans 40 columns and 10485"),
         ("<c><v>1</v></c>", 1100, 1000, "a sheet has more than 1000 cells"),
         pytest.param(
             "<c><v>1</v></c>",

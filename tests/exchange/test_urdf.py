@@ -263,6 +263,7 @@ ARM = (
             "link l1 has several parent joints",
         ),
         (robot_of(*ARM, links=4), "Pinocchio does not read it"),
+        (robot_of(*ARM * 501, links=3), "has 1002 joints, more than the 1000 that are read"),
     ],
 )
 def test_what_is_no_chain_of_joints_is_refused_by_name(tmp_path, text, says):

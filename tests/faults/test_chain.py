@@ -13,7 +13,7 @@ from pipeline.faults.chain import chain_gross, chain_outlier
 from pipeline.reduction.bring import conformed, plain
 from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system import alarms
 
@@ -25,7 +25,7 @@ TOOL = np.array([[0.2, 0.0, 0.1], [-0.1, 0.2, 0.1], [-0.1, -0.2, 0.2]])
 @cache
 def case():
     """A campaign except for the readings of the chain."""
-    plan = SimulationPlan(poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
+    plan = Plan(poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
     files = simulate(plan, np.random.default_rng(4)).files
     return ingested(in_memory(files), conformed, plain, plausible=False)
 

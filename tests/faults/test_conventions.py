@@ -24,11 +24,11 @@ from pipeline.machine.instrument import InstrumentNoise, beam_covariance
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 XYZ = ["x_m", "y_m", "z_m"]
-PLAN = SimulationPlan(name="good", seed=11, poses={"count": 4}, pulls={"steps_n": [3000.0]})
+PLAN = Plan(name="good", seed=11, poses={"count": 4}, pulls={"steps_n": [3000.0]})
 
 
 @cache
@@ -337,7 +337,7 @@ def test_only_unloaded_readings_of_known_poses_are_judged():
 
 def test_the_robot_of_another_table_is_called_by_its_name():
     """If another robot that ships fits the readings, the message names it."""
-    plan = PLAN.model_copy(update={"robot": "irb6640", "pulls": SimulationPlan().pulls})
+    plan = PLAN.model_copy(update={"robot": "irb6640", "pulls": Plan().pulls})
     measured = ingested(in_memory(simulate(plan).files), conformed, plain, plausible=False)
     (found,) = conventions(replace(measured, robot=load("kr210_r2700_2")))
 

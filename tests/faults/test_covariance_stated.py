@@ -11,10 +11,10 @@ from pipeline.faults.covariance_stated import misstated
 from pipeline.faults.fault import Screening
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
-PLAN = SimulationPlan(name="good", seed=23, poses={"count": 12})
+PLAN = Plan(name="good", seed=23, poses={"count": 12})
 ACROSS, ALONG = 1.5e-4, 1e-5
 
 

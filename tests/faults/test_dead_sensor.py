@@ -10,7 +10,7 @@ from test_exchanged import case, files, table, written
 from pipeline.faults.conventions import conventions
 from pipeline.faults.dead_sensor import dead
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 RAW = Path(__file__).parents[2] / "data/raw"
@@ -118,9 +118,7 @@ def test_the_same_load_in_every_pull_is_no_copy(seed, load):
     """One weight in all poses; a chain always pulled to the same number."""
     pulls = {"load": "weights", "masses_kg": [150.0]} if load == "weights" else {}
     pulls |= {"steps_n": [2000.0], "repeats": 3, "setting_sd_n": 0.0}
-    made = dict(
-        simulate(SimulationPlan(name="same", seed=seed, poses={"count": 5}, pulls=pulls)).files
-    )
+    made = dict(simulate(Plan(name="same", seed=seed, poses={"count": 5}, pulls=pulls)).files)
     if load == "chain":
         made = with_forces(made, "2000.00")
     assert dead(asked(case(made))) == []

@@ -16,7 +16,7 @@ from pipeline.faults.exchanged_pulls import _happens, exchanged_pulls, misfit
 from pipeline.faults.labels import CHAIN
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 SEEDS = range(10)
@@ -29,7 +29,7 @@ POSES = 7
 def files(seed):
     """A campaign of seven poses with three load steps, of a machine other than the paper's."""
     odd = {"effects": ["joint_lost_motion:2"]} if seed % 2 else {}
-    plan = SimulationPlan(
+    plan = Plan(
         name="right", seed=seed, poses={"count": POSES}, hidden={"stiffness_spread": 0.3, **odd}
     )
     return dict(simulate(plan).files)
@@ -284,7 +284,7 @@ def test_places_of_base_reflectors_are_put_back(layout, order):
     order = [k % len(names) for k in order[: len(names)]]
     if sorted(order) != list(range(len(names))):
         order = [1, 2, 0]
-    plan = SimulationPlan(name="base", seed=2, base_frame=base, poses={"count": 4})
+    plan = Plan(name="base", seed=2, base_frame=base, poses={"count": 4})
     right = case(simulate(plan).files)
     stated = {name: base[names[k]] for name, k in zip(names, order, strict=True)}
     given = right.settings.model_copy(update={"base_frame": stated})
@@ -407,7 +407,7 @@ def test_pulls_of_two_poses_that_are_all_there_is(targets):
     """The base reflectors reveal them, however few poses there are."""
     tool = {"load_point": (0.15, 0.0, 0.25), "P1": (0.2, 0.05, 0.12)}
     more = {"P2": (-0.12, 0.19, 0.10), "P3": (-0.10, -0.18, 0.22)} if targets > 1 else {}
-    plan = SimulationPlan(name="two", seed=4, tool=tool | more, poses={"count": 2})
+    plan = Plan(name="two", seed=4, tool=tool | more, poses={"count": 2})
     right = dict(simulate(plan).files)
     made = regrouped(right, {"pose01_rep1_loaded": "pose02_rep1_loaded"})
 

@@ -6,7 +6,7 @@ from test_exchanged import LAYOUTS, case, table, written
 
 from pipeline.reduction.register import agreed, register
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 ONE_TARGET = {"load_point": (0.15, 0.0, 0.25), "P1": (0.2, 0.05, 0.12)}
@@ -32,7 +32,7 @@ def lost(made, pose):
 def test_the_fullest_pose_has_no_displacement():
     """Its forces are known, its zeros are not: the next pose uses the load steps of another one."""
     steps = [[1000.0, 2000.0, 3000.0, 1500.0], [1200.0, 3000.0], [1200.0, 3000.0]]
-    plan = SimulationPlan(
+    plan = Plan(
         name="few", seed=2, tool=ONE_TARGET, poses={"count": 3}, pulls={"pose_steps_n": steps}
     )
     assert verdict(lost(dict(simulate(plan).files), 1)) == "bad_data"
@@ -40,7 +40,7 @@ def test_the_fullest_pose_has_no_displacement():
 
 def test_base_reflectors_of_which_no_three_agree():
     """Which of them is wrong is undecidable: none is accused."""
-    given = case(simulate(SimulationPlan(name="few", seed=3, poses={"count": 4})).files)
+    given = case(simulate(Plan(name="few", seed=3, poses={"count": 4})).files)
     rng = np.random.default_rng(1)
     base = {name: tuple(rng.uniform(-9, 9, 3).tolist()) for name in given.settings.base_frame}
     settings = given.settings.model_copy(update={"base_frame": base})
@@ -59,7 +59,7 @@ def test_all_places_of_the_base_reflectors_are_off(layout, step):
     Their names are corrected.
     """
     base = LAYOUTS[layout]
-    plan = SimulationPlan(name="few", seed=3, base_frame=base, poses={"count": 4})
+    plan = Plan(name="few", seed=3, base_frame=base, poses={"count": 4})
     made = dict(simulate(plan).files)
     text = made["campaign.toml"].decode()
     rows = [line for line in text.splitlines() if line[:1] == "B" and line[1:2].isdigit()]
@@ -71,7 +71,7 @@ def test_all_places_of_the_base_reflectors_are_off(layout, step):
 
 def test_a_registration_without_gross_readings_is_told_by_the_others_alone():
     """Its sum of squares and degrees of freedom are those of a campaign that never had them."""
-    made = simulate(SimulationPlan(name="few", seed=4, poses={"count": 4})).files
+    made = simulate(Plan(name="few", seed=4, poses={"count": 4})).files
     given = case(made)
     rows = given.readings
     off = (rows["group"] == "base_end") & (rows["target"] == "B2")

@@ -12,11 +12,11 @@ from pipeline.faults.conventions import aligned
 from pipeline.faults.labels import CHAIN, FAULT, chain_distances
 from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 XYZ = ["x_m", "y_m", "z_m"]
-PLAN = SimulationPlan(name="good", seed=11, poses={"count": 5}, pulls={"steps_n": [1500.0, 3000.0]})
+PLAN = Plan(name="good", seed=11, poses={"count": 5}, pulls={"steps_n": [1500.0, 3000.0]})
 
 
 def labels(case):

@@ -11,7 +11,7 @@ from pipeline.faults.exchanged import exchanged
 from pipeline.faults.named_twice import named_twice
 from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 AT = ["file", "line", "pose", "repeat", "state"]
@@ -20,9 +20,7 @@ AT = ["file", "line", "pose", "repeat", "state"]
 @cache
 def files():
     """Six poses with two load steps each, zeros before and after that share one name."""
-    plan = SimulationPlan(
-        name="twice", seed=5, poses={"count": 6}, pulls={"steps_n": [1500.0, 3000.0]}
-    )
+    plan = Plan(name="twice", seed=5, poses={"count": 6}, pulls={"steps_n": [1500.0, 3000.0]})
     made = dict(simulate(plan).files)
     head, *rows = made["tracker.csv"].decode().splitlines()
     cells = [row.split(",") for row in rows]

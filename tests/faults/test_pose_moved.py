@@ -13,7 +13,7 @@ from pipeline.faults.pose_moved import moved
 from pipeline.faults.screen import screen
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import campaign_answer, ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.fit import fit
 
@@ -22,7 +22,7 @@ PULLS = {"steps_n": [1000.0, 2000.0, 3000.0], "zero": "before"}
 
 def files(seed=5, **more):
     """A campaign with one zero per pose, before the pulls."""
-    plan = SimulationPlan(name="knocked", seed=seed, poses={"count": 8}, **{"pulls": PULLS} | more)
+    plan = Plan(name="knocked", seed=seed, poses={"count": 8}, **{"pulls": PULLS} | more)
     return dict(simulate(plan).files)
 
 

@@ -11,11 +11,11 @@ import pytest
 from pipeline.faults.pull import force_unit, reversed_pull, times
 from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 NEWTON = {"kn": 1000.0, "kgf": 9.80665, "lbf": 4.4482216152605}
-PLAN = SimulationPlan(name="good", seed=11, poses={"count": 4}, pulls={"steps_n": [3000.0]})
+PLAN = Plan(name="good", seed=11, poses={"count": 4}, pulls={"steps_n": [3000.0]})
 FORCES = ("fx_n", "fy_n", "fz_n")
 
 

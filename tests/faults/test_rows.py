@@ -10,10 +10,10 @@ from pipeline.faults.joint_row import wrong_rows
 from pipeline.faults.screen import screen
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.simulate import SimulationPlan, revised, simulate
+from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 
-PLAN = SimulationPlan(name="bad", seed=12, poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
+PLAN = Plan(name="bad", seed=12, poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
 CORNERS = {"B1": [1, -0.5, -0.3], "B2": [1, 15, -0.3], "B3": [-1, 15, 0.2], "B4": [-1, -0.5, 0]}
 
 

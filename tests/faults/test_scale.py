@@ -6,13 +6,11 @@ import pytest
 from pipeline.faults.screen import screen
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.simulate import SimulationPlan, revised, simulate
+from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.fit import fit
 
-PLAN = SimulationPlan(
-    name="typed", seed=12, poses={"count": 9}, pulls={"steps_n": [1500.0, 3000.0]}
-)
+PLAN = Plan(name="typed", seed=12, poses={"count": 9}, pulls={"steps_n": [1500.0, 3000.0]})
 LINE = 8
 """Line of loads.csv: pose 4, first pull."""
 

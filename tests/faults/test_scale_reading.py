@@ -9,8 +9,11 @@ from scipy import optimize, stats
 from small_case import asked, small
 
 from pipeline.faults import scale_reading
+from pipeline.faults.fault import Screening
 from pipeline.faults.scale_reading import _chance, _fitting, _freed, scale_outliers
 from pipeline.machine.cell import predict
+from pipeline.machine.effects import catalogue
+from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Scale
 from pipeline.system import alarms
 from pipeline.system.whiten import whitener
@@ -88,7 +91,7 @@ def test_the_reading_that_fits_is_the_smallest_misfit(case):
     assert (data.pulls.pose[pull], data.pulls.repeat[pull]) == (3, 1)
     scale = case.settings.scale
 
-    found = _fitting(wrong.cell, data, wrong.estimate.value, np.array([pull]), scale)
+    found = _fitting(wrong, np.array([pull]), scale)
 
     right = asked(case)
     W, B = dense(right)  # weights of the readings as they should be
@@ -216,7 +219,7 @@ def test_what_was_not_mistyped_is_not_called_so():
             return scale_reading.FAULT.find(wrong)
         settings = wrong.case.settings.model_copy(update={"scale": scale})
         poor = replace(wrong.case, settings=settings)
-        return scale_outliers(poor, wrong.cell, wrong.reduced.data, wrong.system, wrong.estimate)
+        return scale_outliers(replace(wrong, case=poor, known=wrong.reduced))
 
     assert find(1.022) == []
     assert len(find(1.045)) == 1
@@ -229,11 +232,10 @@ def test_what_was_not_mistyped_is_not_called_so():
 def test_few_pulls_single_none_out(case, monkeypatch):
     """Seven are too few, and more than a thousand are not typed by hand."""
     wrong = asked(typed(case, 5, 2, lambda f: 10 * f))
-    args = (wrong.case, wrong.cell, wrong.reduced.data, wrong.system, wrong.estimate)
     for fewest, most, said in ((12, 12, True), (13, 99, False), (8, 11, False)):
-        monkeypatch.setattr(scale_reading, "FEWEST", fewest)
-        monkeypatch.setattr(scale_reading, "MOST", most)
-        assert bool(scale_outliers(*args)) is said
+        monkeypatch.setattr(scale_reading, "_FEWEST", fewest)
+        monkeypatch.setattr(scale_reading, "_MOST", most)
+        assert bool(scale_outliers(wrong)) is said
     assert (alarms.READING, len(wrong.reduced.data.pulls)) == (2e-4, 12)
 
 
@@ -292,3 +294,44 @@ def test_where_no_noise_is_stated_the_other_pulls_are_the_noise():
     drop = found.before**2
     expected = np.log(12) + stats.f.logsf(drop / (right.rest / (right.dof - 1)), 1, right.dof - 1)
     assert np.log(found.p_value) == pytest.approx(expected, rel=0.1)
+
+
+def test_a_law_that_is_wrong_in_one_pull_is_no_mistyped_reading(case):
+    """A joint turns half as far again by its hardening in one pull: who knows the law can tell."""
+    exact = small(8, tracker={"sigma_m": 1e-5}, scale={"sigma_n": 3.0})
+    plain = asked(exact)
+    data = plain.reduced.data
+    every = catalogue(exact.robot, data.pulls)
+    law = next(one for one in every if one.label == "joint_hardening:2")
+    cell, springs = exact.cell.with_effects(law), plain.estimate.value
+    size = 6 * np.array([p.typical for p in law.parameters])
+    bent, straight = (
+        predict(cell, data.pulls, np.append(springs, part)).displacement
+        for part in (size, 0 * size)
+    )
+    pull, rows = 11, exact.readings.copy()
+    share = np.where(np.arange(len(data.pulls)) == pull, 1.5, 1.0)
+    off = share[data.pull, None] * (bent - straight)[data.pull, data.target]
+    by = dict(
+        zip(
+            zip(data.pulls.pose[data.pull], data.pulls.repeat[data.pull], data.name, strict=True),
+            off @ plain.reduced.registration.R,
+            strict=True,
+        )
+    )
+    for k in rows.index[rows["state"] == "loaded"]:
+        key = rows.loc[k, "pose"], rows.loc[k, "repeat"], rows.loc[k, "target"]
+        rows.loc[k, XYZ] = rows.loc[k, XYZ].to_numpy(float) + by.get(key, 0.0)
+    hardened = replace(exact, readings=rows)
+    start = np.append(springs, size)
+
+    def found(suspects, of=hardened):
+        return scale_outliers(Screening(of, cell, start, None, None, True, suspects))
+
+    told = found(every)
+    blind = [one.where for one in found(())]
+
+    assert blind == ["loads.csv pose06 rep2"]
+    assert told == []
+    gross = typed(hardened, 2, 1, lambda f: 3 * f)
+    assert [one.where for one in found(every, gross)] == ["loads.csv pose02 rep1"]

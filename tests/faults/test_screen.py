@@ -12,7 +12,9 @@ from pipeline.faults import fault as fault_module
 from pipeline.faults import screen as module
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
-from pipeline.faults.screen import Screened, ScreeningBase, screen, singles_of
+from pipeline.faults.screen import Screened, ScreeningBase, files_beside, screen, singles_of
+from pipeline.machine.effects import catalogue
+from pipeline.reduction.bring import bring
 
 
 @dataclass(frozen=True)
@@ -283,3 +285,30 @@ def test_a_screening_computes_what_is_asked_once(monkeypatch):
     assert count == {"bring": 1, "identify": 1, "repeated_zeros": 1, "noise_scale": 1}
     assert Screening(case, case.cell, asked.start, asked.reduced).reduced is asked.reduced
     assert count["bring"] == 1
+
+
+@pytest.mark.parametrize("true", [True, False])
+def test_rows_exchanged_in_the_files_are_judged_again_beside_causes(true):
+    """Two forces that the files' tests exchanged: they stay so only if the readings say so."""
+    given = small()
+    row, other = given.loads.index[[2, 7]]
+
+    def exchanged(case):
+        force = case.loads["force_n"].copy()
+        force[[row, other]] = force[[other, row]].to_numpy()
+        return replace(case, loads=case.loads.assign(force_n=force))
+
+    case = exchanged(given) if true else given
+    one = replace(mistake("swap"), correct=exchanged)
+    files = Screened((one,), exchanged(case))
+    law = next(
+        law
+        for law in catalogue(case.robot, bring(case).data.pulls)
+        if law.label == "joint_hardening:2"
+    )
+    springs = case.robot.nominal_compliance
+    start = np.append(springs, np.zeros(len(law.parameters)))
+    base = ScreeningBase(case.cell.with_effects(law), start, None, (law,))
+
+    assert names(files_beside(case, files, base)) == (["swap"] if true else [])
+    assert files_beside(case, files, ScreeningBase(case.cell, springs)) is files

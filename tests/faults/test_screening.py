@@ -19,12 +19,12 @@ from pipeline.machine.robot.variants import variants
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import ingested, run
-from pipeline.simulate import SimulationPlan, revised, simulate
+from pipeline.simulate import Plan, revised, simulate
 from pipeline.simulate.plan import TOOL
 from pipeline.store.campaign import find, in_memory
 from pipeline.system.fit import fit
 
-PLAN = SimulationPlan(name="bad", seed=11, poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
+PLAN = Plan(name="bad", seed=11, poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
 
 
 def campaign(*effects, **changes):
@@ -83,7 +83,7 @@ def test_a_shift_that_is_half_unseen_is_not_stated_larger_than_it_was():
     tool = {"load_point": TOOL["load_point"], "P1": (0.2, 0.05, 0.12), "P2": (-0.2, 0.05, 0.12)}
     sizes = []
     for seed in range(1, 6):
-        plan = SimulationPlan(
+        plan = Plan(
             name="two", seed=seed, tool=tool, poses={"count": 12}, pulls={"steps_n": [3000.0]},
             tracker={"sigma_m": 3e-5}, hidden={"effects": ["outlier=3e-3", "rail_backlash=5x"]},
         )  # fmt: skip

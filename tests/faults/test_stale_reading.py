@@ -11,10 +11,10 @@ from pipeline.faults.screen import screen
 from pipeline.faults.stale_reading import repeated, stale
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
-PLAN = SimulationPlan(name="stale", poses={"count": 6}, pulls={"steps_n": [1000.0, 2000.0, 3000.0]})
+PLAN = Plan(name="stale", poses={"count": 6}, pulls={"steps_n": [1000.0, 2000.0, 3000.0]})
 
 
 @pytest.fixture(scope="module")

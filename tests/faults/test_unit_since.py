@@ -57,6 +57,45 @@ def test_forces_in_another_unit_up_to_some_row(seed, unit):
     same(found.correct(case(made)), case(files(seed)))
 
 
+@pytest.mark.parametrize("base", [False, True])
+@pytest.mark.parametrize(("unit", "factor"), [("inch", 25.4), ("m", 1000.0)])
+def test_coordinates_in_another_unit_from_some_pose_on(unit, factor, base):
+    """The last round of the base with them or still right: unit, line and coordinates."""
+    head, rows = table(files(3), "tracker.csv")
+    first = next(k for k, row in enumerate(rows) if "pose05" in row[0])
+    last = len(rows) if base else next(k for k, row in enumerate(rows) if row[0] == "base_end")
+    new = [
+        [*row[:2], *(repr(float(x) / factor) for x in row[2:5]), *row[5:]]
+        if first <= k < last
+        else row
+        for k, row in enumerate(rows)
+    ]
+    made = written(files(3), "tracker.csv", head, new)
+
+    (found,) = unit_since(asked(case(made)))
+
+    assert (found.name, found.where) == ("unit_mixup", unit)
+    assert found.since == f"tracker.csv:{first + 2}"
+    assert found.at == tuple(f"tracker.csv:{k + 2}" for k in range(first, last))
+    same(found.correct(case(made)), case(files(3)))
+
+
+def test_coordinates_in_another_unit_in_some_poses_have_no_row_since_which():
+    """Poses 3 and 4 in inches: their groups, and none of the others."""
+    head, rows = table(files(3), "tracker.csv")
+    wrong = [k for k, row in enumerate(rows) if row[0][:6] in ("pose03", "pose04")]
+    new = [
+        [*row[:2], *(repr(float(x) / 25.4) for x in row[2:5]), *row[5:]] if k in wrong else row
+        for k, row in enumerate(rows)
+    ]
+    made = written(files(3), "tracker.csv", head, new)
+
+    (found,) = unit_since(asked(case(made)))
+
+    assert (found.where, found.since) == ("inch", None)
+    assert found.at == tuple(f"tracker.csv:{k + 2}" for k in wrong)
+
+
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(10))
 def test_joint_values_in_radians_from_some_row_on(seed):

@@ -7,7 +7,7 @@ from conftest import without_drawings
 from scipy import stats
 
 from pipeline.answer.contract import PositionStep, Reason, Unit
-from pipeline.answer.history import changes, ordered, previous
+from pipeline.fleet.history import changes, ordered, previous
 from pipeline.fleet.overview import comparison, overview, render_overview
 from pipeline.fleet.trends import robots, together, trends
 from pipeline.report.model import compose

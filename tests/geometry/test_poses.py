@@ -16,7 +16,7 @@ from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import parse
 from pipeline.run import campaign_answer, ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.fit import fit
 from pipeline.system.one_pose import as_measured, one_pose
@@ -27,7 +27,7 @@ SIX = {"kind": "camera", "measures": "poses", "sigma_m": 5e-5, "sigma_rad": 2e-4
 
 def made(seed=3, poses=10, **more):
     """Files of a campaign."""
-    plan = SimulationPlan(name="s", seed=seed, poses={"count": poses}, **more)
+    plan = Plan(name="s", seed=seed, poses={"count": poses}, **more)
     return dict(simulate(plan).files)
 
 
@@ -162,9 +162,7 @@ def test_the_rotation_of_a_pose_has_its_own_uncertainty():
     files = made(tracker=SIX | {"stated": True})
     case = case_of(files)
     data = bring(case).data
-    tool = np.array(
-        [p for name, p in SimulationPlan(name="s").tool.items() if name != "load_point"]
-    )
+    tool = np.array([p for name, p in Plan(name="s").tool.items() if name != "load_point"])
     size = np.sqrt(np.mean(np.sum((tool - tool.mean(axis=0)) ** 2, axis=1)))
     plain_case = replace(case, settings=case.settings.model_copy(
         update={"instrument": case.settings.instrument.model_copy(update={"sigma_rad": None})}
@@ -185,11 +183,7 @@ def test_the_rotation_of_a_pose_has_its_own_uncertainty():
 ])  # fmt: skip
 def test_only_a_laser_tracker_is_held_to_what_trackers_can(kind, verdict):
     """With one target and one zero, only residuals determine the noise, here 0.25 mm."""
-    tool = {
-        name: at
-        for name, at in SimulationPlan(name="s").tool.items()
-        if name in ("load_point", "P1")
-    }
+    tool = {name: at for name, at in Plan(name="s").tool.items() if name in ("load_point", "P1")}
     files = made(tool=tool, pulls={"zero": "before"},
                  tracker={"kind": kind, "sigma_m": 2.5e-4, "stated": False})  # fmt: skip
     answer = campaign_answer("kind", in_memory(files)).answer
@@ -274,7 +268,7 @@ def test_positions_and_rotations_of_6d_poses_are_weighed_by_what_is_stated_of_ea
 def test_without_noise_6d_poses_give_the_entry_back():
     """To 1e-9: the rows hold for a rotation of any size once linearised at the solution."""
     still = SIX | {"stated": True}
-    plan = SimulationPlan(name="s", seed=3, poses={"count": 16}, tracker=still,
+    plan = Plan(name="s", seed=3, poses={"count": 16}, tracker=still,
                 hidden={"effects": ["link_twist:5=0.02"]}).without_noise()  # fmt: skip
     case = case_of(dict(simulate(plan).files))
     stood = from_unloaded(case.cell, bring(case).data, 0.1, catalogue(case.robot))

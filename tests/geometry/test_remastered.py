@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from pipeline.machine.robot import configure
 from pipeline.machine.robot.dh_parameters import changed, dh_parameters
 from pipeline.reduction.register import register
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 
@@ -112,6 +113,33 @@ def test_a_reflector_that_slipped_is_named_with_its_pose(seed, pose, size_m):
     assert one.value == pytest.approx(size_m * np.array([2, -1, 2]) / 3, abs=2e-4)
 
 
+def test_what_positions_leave_unsure_is_no_change():
+    """A bed that may be bent behind some place moves all poses there alike: neighbours, not time.
+
+    Planted bug: without the columns of what positions leave unsure, the robot was moved.
+    """
+    made = asked(clean(3))
+    data = made.reduced.data
+    late = data.pulls.q[data.pulls.pose >= 7, 0]  # no other pose stands at these places
+
+    def unsure(q, names):
+        behind = np.isin(q[:, :1], late)
+        lever = configure(made.case.robot, q).flange_origin
+        return (5e-4 * behind * np.cross([1.0, 0.0, 0.0], lever))[:, :, None]
+
+    bent = unsure(data.pulls.q[data.pull], None)[:, :, 0]
+    read = replace(data, unloaded=data.unloaded + 1.3 * bent)
+    known = replace(read, stance=SimpleNamespace(unsure=unsure))
+    silent, found = (
+        from_unloaded(made.cell, one, 1.0, catalogue(made.case.robot)) for one in (read, known)
+    )
+
+    assert silent.causes
+    assert all("since pose 7" in one.effect.form for one in silent.causes)
+    assert not found.causes
+    assert found.left_m < 0.3 * silent.miss_m
+
+
 def test_a_tracker_that_was_bumped_is_one_cause_and_a_drift_another():
     """A shift of both base and effector is reported once: rounds distinguish drift from knock."""
     case = bumped(clean(3), 7, 2e-3, 5e-4)
@@ -195,9 +223,7 @@ def test_the_order_of_time_counts_and_not_that_of_numbers():
 @pytest.mark.whole
 def test_a_campaign_in_which_a_joint_was_mastered_anew_is_explained():
     """From its files: the joint log has another zero up to pose 7."""
-    plan = SimulationPlan(
-        name="anew", seed=11, poses={"count": 12}, pulls={"steps_n": [1500.0, 3000.0]}
-    )
+    plan = Plan(name="anew", seed=11, poses={"count": 12}, pulls={"steps_n": [1500.0, 3000.0]})
     files = dict(simulate(plan).files)
     head, *rows = files["joints.csv"].decode().splitlines()
     column = head.split(",").index(next(one for one in head.split(",") if "theta4" in one))

@@ -14,16 +14,14 @@ from bench.league.play import Rules, drawn, play
 from pipeline.machine.robot import load
 from pipeline.run import campaign_answer
 from pipeline.simulate import simulate
-from pipeline.simulate.plan import SimulationPlan
+from pipeline.simulate.plan import Plan
 from pipeline.store import campaign
 
 
 @cache
 def clean():
     """Raw files of a robot without hidden causes, with a tool wrong by 0.2 mm."""
-    plan = SimulationPlan(
-        poses={"count": 12}, pulls={"steps_n": [1500, 3000]}, hidden={"tool_sd_m": 2e-4}
-    )
+    plan = Plan(poses={"count": 12}, pulls={"steps_n": [1500, 3000]}, hidden={"tool_sd_m": 2e-4})
     return simulate(plan, np.random.default_rng(31)).files
 
 

@@ -23,7 +23,7 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.prediction.model import IdentifiedModel, dumps
 from pipeline.report.render import render
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import dump
 
 ROOT = Path(__file__).parents[2]
@@ -392,7 +392,7 @@ def test_a_virtual_campaign_is_that_of_the_command(tmp_path):
 
 def test_a_campaign_in_memory_says_what_is_missing():
     """A name without a folder, or files without campaign.toml."""
-    files = dict(simulate(SimulationPlan(poses={"count": 2})).files)
+    files = dict(simulate(Plan(poses={"count": 2})).files)
     with pytest.raises(pipeline.InputError, match="begins with a dot"):
         pipeline.load_campaign(files, name=".hidden")
     del files["campaign.toml"]

@@ -15,9 +15,10 @@ from bench.league.hidden import SECRETS
 from bench.league.hidden_effect import NOMINAL, Secret, setup
 from bench.league.machine import Machine, Spring
 from bench.league.play import Rules, drawn, play
+from pipeline.annex.sections.stiffness import stiffness as section
 from pipeline.answer.contract import Stiffness
-from pipeline.answer.each_way import both_stiffnesses
-from pipeline.answer.history import changes
+from pipeline.answer.remarks import both_stiffnesses
+from pipeline.fleet.history import changes
 from pipeline.library.compensate import Compensation, compensate
 from pipeline.library.compliance import cartesian_stiffness
 from pipeline.machine import cell as forward
@@ -31,7 +32,6 @@ from pipeline.prediction.model import dumps
 from pipeline.prediction.model import parse as parse_model
 from pipeline.prediction.path import Path
 from pipeline.report.record import ReportTable
-from pipeline.report.sections.stiffness import stiffness as section
 from pipeline.run import campaign_answer
 from pipeline.store.campaign import in_memory
 

@@ -13,13 +13,13 @@ from pipeline.diagnosis.isolability import twins
 from pipeline.machine import effects
 from pipeline.machine.effect import Elastic, linear
 from pipeline.machine.effects._anatomy import carriage
-from pipeline.machine.effects.listing import as_text
 from pipeline.machine.robot import load
 from pipeline.machine.robot.configuration import rotation_about
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.report import words
 from pipeline.run import run
-from pipeline.simulate import SimulationPlan, revised, simulate
+from pipeline.simulate import Plan, revised, simulate
+from pipeline.simulate.listing import as_text
 from pipeline.store.campaign import find
 
 ASLANT = np.array([1.0, 1.5, 0.8]) / np.linalg.norm([1.0, 1.5, 0.8])
@@ -64,7 +64,7 @@ def catalogued(monkeypatch):
 def test_a_made_up_effect_goes_from_simulator_to_report(catalogued, tmp_path):
     """Planted by name, identified with its size, named by its noun, delivered with its value."""
     plan = revised(
-        SimulationPlan(name="zigzag", seed=4),
+        Plan(name="zigzag", seed=4),
         {
             "poses": {"count": 14},
             "pulls": {"steps_n": [1000.0, 2000.0, 3000.0, 1500.0]},

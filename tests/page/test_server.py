@@ -281,8 +281,10 @@ def test_a_campaign_of_the_terminal_opens(client, tmp_path):
      ("POST", "/campaigns", b'{"name": "a/b"}'),
      ("POST", "/c/hall/fill", b'{"line": "x"}'), ("POST", "/c/hall/fill", b"{}"),
      ("POST", "/c/hall/text", b'{"text": "a = ", "seen": ""}'), ("GET", "/c/other/files", b""),
-     ("POST", "/c/hall/fill", b"x" * (2**20 + 1)), ("PUT", "/c/hall/file/a.zip", b"PK\x03\x04 no")],
-    ids=range(9),
+     ("POST", "/c/hall/fill", b"x" * (2**20 + 1)), ("PUT", "/c/hall/file/a.zip", b"PK\x03\x04 no"),
+     ("POST", "/c/hall/fill", b"[" * 10**5), ("POST", "/c/hall/fill", b'{"line": [2]}'),
+     ("POST", "/c/hall/fill", b'{"line": 1e999, "confirm": 1}')],
+    ids=range(12),
 )  # fmt: skip
 def test_what_cannot_be_taken_is_a_sentence(demo, method, way, body):
     """Never an internal error."""
@@ -291,6 +293,16 @@ def test_what_cannot_be_taken_is_a_sentence(demo, method, way, body):
     assert answer.status_code == 400
     assert "internal error" not in answer.text
     assert answer.json()["problem"]
+
+
+def test_a_campaign_file_that_is_nested_too_deeply_is_shown(demo, tmp_path):
+    """It is text to correct, as anything else that is not TOML."""
+    (tmp_path / "data/raw/hall/campaign.toml").write_text("x = " + "[" * 5000)
+
+    answer = demo.get("/c/hall/setup")
+
+    assert answer.status_code == 200
+    assert "[[[[" in answer.text
 
 
 def test_a_line_that_is_put_in_moves_no_other():

@@ -18,7 +18,7 @@ from pipeline.prediction.path import Path
 from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import CampaignFolder, dump, in_memory
 from pipeline.system.combinations import information as information_of
 from pipeline.system.combinations import mixes, parting
@@ -38,7 +38,7 @@ X = FANUC.nominal_compliance
 
 def few(poses, steps, targets):
     """A campaign of tracker readings with these numbers of poses, load steps and targets."""
-    plan = SimulationPlan(name="few", poses={"count": poses}, pulls={"steps_n": [3000.0] * steps})
+    plan = Plan(name="few", poses={"count": poses}, pulls={"steps_n": [3000.0] * steps})
     plan = plan.model_copy(update={"tool": dict(list(plan.tool.items())[: 1 + targets])})
     return dict(simulate(plan).files)
 

@@ -21,10 +21,10 @@ from pipeline.prediction.tolerance import HeldOutError, nominal, stretches, tabl
 from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import parse
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import CampaignFolder, in_memory
 
-PLAN = SimulationPlan(name="part", seed=5, poses={"count": 9}, pulls={"steps_n": [1500.0, 3000.0]})
+PLAN = Plan(name="part", seed=5, poses={"count": 9}, pulls={"steps_n": [1500.0, 3000.0]})
 HEAD = "pose,r1_m,theta2_deg,theta3_deg,theta4_deg,theta5_deg,theta6_deg,theta7_deg,fx_n,fy_n,fz_n"
 AT = "8.5,-10,35,39,81,22,-10"
 

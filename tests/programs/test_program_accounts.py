@@ -17,6 +17,7 @@ from pipeline.programs import read
 
 K = "{X 2000.0,Y 3000.0,Z 1500.0,A 10.0,B 60.0,C 5.0}"
 HEX = K.replace("2000.0", "'H9C0'")
+AXES = "{A1 0,A2 -90,A3 90,A4 0,A5 10,A6 0}"
 FRAME = "{X 1,Y 2,Z 3,A 0,B 0,C 0}"
 SET = "$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[1]\n"
 R = "[[1200,0,800.5],[0,0,1,0],[0,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
@@ -123,7 +124,26 @@ CASES = {
     "axes and pose": ("p.src", f"{SET}LIN {K}\nPTP {K[:-1]},A1 5}}", [3], [4]),
     "mark between files": ("p.src", f"{SET}LIN {K}\n\xef\xbb\xbfBAS(#TOOL,N)\nLIN {K}", [3], [5]),
     "word of nobody": ("p.src", f"{SET}LIN {K}\nLINX {K}\nGLUE{{A1 5}}", [3], [4, 5]),
+    "index with a zero": ("p.src", f"{SET}LIN {K}\nP[1]={K}\nLIN P[1]\nP[01].Z=5", [3], [4]),
+    "no-break space": ("p.src", f"{SET}LIN {K}\nLIN\xc2\xa0{K}", [3], [4]),
+    "letters of another width": ("p.src", f"{SET}LIN {K}\n\xef\xbc\xac\xef\xbc\xa9 {K}", [3], [4]),
+    "compared with": ("p.src", f"{SET}LIN {K}\nIF $POS_ACT=={K} THEN\nENDIF", [3], [4]),
+    "product of points": ("p.src", f"{SET}LIN {K}\nP={K}:{K}\nLIN P", [3], [4, 5]),
+    "product of the base": ("p.src", f"{SET}LIN {K}\n$BASE={FRAME}:{FRAME}\nLIN {K}", [3], [4, 5]),
+    "part of a tool behind WITH": (
+        "p.src", f"{SET}LIN {K}\nSLIN {K} WITH $TOOL.X=5\nLIN {K}", [3, 5], [4],
+    ),
+    "form in braces": (
+        "p.src", f"{SET}FDAT_ACT={{TOOL_NO 3,BASE_NO N}}\nBAS(#FRAMES)\nPTP {AXES}\nLIN {K}",
+        [5], [6],
+    ),
+    "routine without a main one": (
+        "p.src", f"{SET}LIN {K}\ns()\nLIN {K}\nDEF s()\n$TOOL=TOOL_DATA[2]\nEND", [3], [5],
+    ),
     # RAPID
+    "handler that displaces nothing": (
+        "m.mod", rapid("ERROR", "RETRY;", "ENDPROC", "PROC b()", f"MoveL {R},v1,z1,t;"), [3, 9], [],
+    ),
     "displaced in short": ("m.mod", rapid("IF a PDispOn p10,t;", f"MoveL {R},v1,z1,t;"), [3], [6]),
     "short if": ("m.mod", rapid(f"IF a MoveL {R},v1,z1,t;"), [3, 5], []),
     "behind endif": ("m.mod", rapid(f"IF a THEN b; ENDIF MoveL {R},v1,z1,t;"), [3, 5], []),
@@ -196,6 +216,9 @@ CASES = {
     "recorded": ("m.mod", rapid("PathRecMoveBwd;"), [3], [5]),
     "only prepared": ("m.mod", rapid("TriggIO g,5\\DOp:=d,1;"), [3], []),
     # FANUC
+    "offset without a colon": (
+        "p.ls", tp("L P[1] 5mm/sec FINE", "L P[2] 9mm/sec FINE\n   Tool_Offset"), [6], [3],
+    ),
     "set on a broken line": (
         "p.ls", tp("J P[3] 5% FINE", "L P[1] 5mm/sec FINE", names=("1", "3"))
         .replace("\n2:L", "\nUTOOL[2]=PR[1]\n2:L").replace("UT : 2", "UT : 3", 1), [6], [2, 3],
@@ -241,11 +264,14 @@ def test_every_motion_is_corrected_or_listed(name):
     ("file", "text"),
     [
         ("p.src", f"{SET}LIN {K}\nTOOL_DATA[1].Z=5\n"),
+        ("p.src", f"{SET}LIN {K}\nTOOL_DATA[01].Z=5\n"),
         ("p.src", f"{SET}LIN {K}\nTOOL_DATA[1]=TOOL_DATA[2]:c\n"),
         ("p.src", f"TOOL_DATA[1]={FRAME}\n{SET}LIN {K}\nTOOL_DATA[1]={FRAME}\n"),
         ("p.src", f"TOOL_DATA[N]={FRAME}\n{SET}LIN {K}\n"),
         ("p.src", f"{SET}LIN {K}\nmeasure(TOOL_DATA[1])\n"),
         ("m.mod", rapid("t:=t2;")),
+        ("m.mod", rapid(f"MoveL {R},v1,z1,t;", "ERROR", "PDispSet q;", "RETRY;")),
+        ("m.mod", rapid("ERROR", "mend;", "TRYNEXT;", "ENDPROC", "PROC mend()", "PDispSet q;")),
         ("p.ls", tp("UTOOL[2]=PR[1]", "L P[1] 5mm/sec FINE")),
         ("p.ls", tp("UFRAME_NUM=R[1]", "L P[1] 5mm/sec FINE")),
         ("p.ls", tp("P[R[1]]=PR[2]", "L P[1] 5mm/sec FINE")),

@@ -12,14 +12,14 @@ from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import Scale
 from pipeline.run import reduce
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble, by_force, second_order
 
 
 @pytest.fixture(scope="module")
 def raw():
-    plan = SimulationPlan(
+    plan = Plan(
         name="c", poses={"count": 4}, scale={"sigma_n": 3.0, "sigma_rel": 1e-3, "gain_sigma": 2e-3}
     )
     return in_memory(simulate(plan).files)

@@ -9,7 +9,7 @@ import pytest
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.digits import division, rounding
 from pipeline.run import campaign_answer, ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 WAYS = [(1, 1e-3), (2, 1e-3), (4, 1e-3), (4, 1.0), (3, 0.0254)]
@@ -37,7 +37,7 @@ def rounded(files, digits):
 
 
 def campaign(seed):
-    return dict(simulate(SimulationPlan(name="digits", seed=seed, poses={"count": 10})).files)
+    return dict(simulate(Plan(name="digits", seed=seed, poses={"count": 10})).files)
 
 
 def test_the_variance_of_the_last_digit_is_in_that_of_every_reading():

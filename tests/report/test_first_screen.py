@@ -12,6 +12,8 @@ import report_sample
 from pdf_text import pages_of
 
 from pipeline.annex.sections.to_measure import best_pose, next_joint_values, next_poses
+from pipeline.annex.sections.unseen import blind_spots
+from pipeline.answer.conformity import expanded, largest_force, tolerated
 from pipeline.answer.contract import (
     AxisValue,
     BestPose,
@@ -23,7 +25,6 @@ from pipeline.answer.contract import (
     ToMeasure,
 )
 from pipeline.answer.sentences import _least_certain, _proposed, _uncalibrated, joint_to_pull
-from pipeline.answer.tolerance_sentence import expanded, largest_force, tolerated
 from pipeline.answer.words import correct, mistaken, unnoticed, wrong
 from pipeline.diagnosis.facts import Facts
 from pipeline.faults.mistake import outlying
@@ -32,7 +33,6 @@ from pipeline.report.figures.catalogue import draw
 from pipeline.report.model import compose
 from pipeline.report.record import Figure
 from pipeline.report.render import page, pdf
-from pipeline.report.sections.unseen import blind_spots
 from pipeline.report.text import as_text
 from pipeline.report.words import VERDICTS
 

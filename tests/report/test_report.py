@@ -19,6 +19,7 @@ from pdf_text import filled, pages_of
 from pydantic import BaseModel
 from pypdf.generic import DictionaryObject
 
+from pipeline.annex.sections.stiffness import stiffness
 from pipeline.annex.summaries import courses
 from pipeline.answer.contract import Answer, Odd, Remark, Stiffness
 from pipeline.base import quantities as numbers
@@ -36,11 +37,10 @@ from pipeline.report.record import (
     TableEntry,
 )
 from pipeline.report.render import pdf, render
-from pipeline.report.sections.stiffness import stiffness
 from pipeline.report.summaries import has
 from pipeline.report.svg import STYLE, drawn
 from pipeline.run import campaign_answer
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 pytestmark = pytest.mark.xdist_group("report")  # the sample is drawn once for all
@@ -508,7 +508,7 @@ def _places(page):
 def test_pages_are_full_whatever_the_verdict(effect):
     """An adequate, explained, ambiguous or bad-data campaign, or a tilted base, run and printed."""
     hidden = {"effects": [effect]} if effect else {}
-    plan = SimulationPlan(name="paper", seed=4, poses={"count": 16}, hidden=hidden)
+    plan = Plan(name="paper", seed=4, poses={"count": 16}, hidden=hidden)
     found = campaign_answer("paper", in_memory(simulate(plan).files))
     content = render(found.answer, found.shown)["report.pdf"]
     first, *more = pages_of(content)

@@ -106,6 +106,15 @@ def test_a_matplotlibrc_there_is_not_opened(tmp_path, module):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+def test_a_backend_of_another_name_is_no_error(tmp_path):
+    """MPLBACKEND of a notebook that is not installed here, or misspelt; others still see it."""
+    code = "import os; os.environ['MPLBACKEND'] = 'no such'; import pipeline.report.svg"
+
+    done = carried_out(tmp_path, "-c", f"{code}; print(os.environ['MPLBACKEND'])")
+
+    assert (done.stdout, done.stderr) == ("no such\n", "")
+
+
 @pytest.mark.whole
 def test_pictures_are_the_same_whatever_matplotlib_was_told(tmp_path):
     """Also in a program that has imported it itself, settings of that folder and all."""

@@ -5,6 +5,8 @@ import http.server
 import importlib.util
 import os
 import sqlite3
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -113,17 +115,48 @@ def test_a_server_works_that_can_look_something_up(code, sound):
             server.shutdown()
 
 
-@pytest.mark.parametrize("proxy", ["socks5h://127.0.0.1:9", "::::"])
-def test_a_proxy_that_prefect_cannot_take_is_a_sentence(tmp_path, monkeypatch, proxy):
+@pytest.mark.parametrize(
+    ("name", "value", "usual"),
+    [
+        ("ALL_PROXY", "socks5h://127.0.0.1:9", "http://127.0.0.1:9"),
+        ("ALL_PROXY", "::::", "http://127.0.0.1:9"),
+        ("no_proxy", "[::1", "::1"),
+        ("SSL_CERT_FILE", "/no/such/file", ""),
+        ("SSL_CERT_FILE", __file__, ""),
+    ],
+)
+def test_a_connection_that_prefect_cannot_take_is_a_sentence(
+    tmp_path, monkeypatch, name, value, usual
+):
     """Before it is imported, which would end in an error of its own; a usual one is taken."""
     monkeypatch.setattr(os, "environ", os.environ.copy())
-    os.environ["ALL_PROXY"] = proxy
-    if importlib.util.find_spec("socksio") and proxy.startswith("socks"):
+    os.environ[name] = value
+    if importlib.util.find_spec("socksio") and value.startswith("socks"):
         pytest.skip("httpx can speak to such a proxy here")
-    with pytest.raises(UsageError, match="all_proxy"):
+    with pytest.raises(UsageError, match="all_proxy, no_proxy and SSL_CERT_FILE"):
         service.settle(tmp_path)
-    os.environ["ALL_PROXY"] = "http://127.0.0.1:9"
+    os.environ[name] = usual
     service.settle(tmp_path)
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("name", ["PREFECT_LOGGING_LEVEL", "PREFECT_PROFILES_PATH"])
+def test_a_setting_that_prefect_rejects_is_a_sentence(tmp_path, name):
+    """No level, and a file that is no TOML."""
+    (tmp_path / "LOUD").write_text("[[[")
+    code = (
+        "from pathlib import Path; from pipeline.service import server\n"
+        f"server.settle(Path({str(tmp_path)!r})); server.see_settings()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {name: str(tmp_path / "LOUD")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert "UsageError: Prefect rejects its settings (" in done.stderr
 
 
 def test_one_looks_at_a_time(tmp_path):

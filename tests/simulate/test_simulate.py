@@ -20,7 +20,7 @@ from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import load
 from pipeline.readers import writers
 from pipeline.reduction import settings
-from pipeline.simulate import Planted, SimulationPlan, build, draw, parse, plant, revised, simulate
+from pipeline.simulate import Plan, Planted, build, draw, parse, plant, revised, simulate
 from pipeline.simulate.noise import tracker_errors
 from pipeline.system.estimate import identify
 
@@ -39,9 +39,9 @@ TABLE_III = np.array([8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5])
 SEED = 20261103
 ROBOT = load("kr500_rail")
 TOOL = Tool(
-    np.array(SimulationPlan().tool["load_point"]),
+    np.array(Plan().tool["load_point"]),
     np.array(["P1", "P2", "P3"], dtype=object),
-    np.array([SimulationPlan().tool[name] for name in ("P1", "P2", "P3")]),
+    np.array([Plan().tool[name] for name in ("P1", "P2", "P3")]),
 )
 
 
@@ -117,7 +117,7 @@ def joint_values(campaign):
 @pytest.fixture(scope="module")
 def exact():
     """The demo campaign without noise, all digits written."""
-    return simulate(SimulationPlan(seed=SEED).without_noise())
+    return simulate(Plan(seed=SEED).without_noise())
 
 
 def test_displacements_follow_the_paper_from_the_files_alone(exact):
@@ -162,7 +162,7 @@ def test_the_chain_ends_at_an_anchor_on_the_floor(exact):
 
 def test_same_seed_same_bytes():
     """A plan with its seed determines every byte; another seed gives other poses."""
-    one, two, other = (simulate(SimulationPlan(seed=s)) for s in (SEED, SEED, SEED + 1))
+    one, two, other = (simulate(Plan(seed=s)) for s in (SEED, SEED, SEED + 1))
 
     assert dict(one.files) == dict(two.files)
     assert one.truth == two.truth
@@ -171,8 +171,8 @@ def test_same_seed_same_bytes():
 
 def test_noise_leaves_the_poses_alone():
     """Another noise model changes readings, but not poses and loads."""
-    quiet = simulate(SimulationPlan(seed=SEED))
-    loud = simulate(revised(SimulationPlan(seed=SEED), {"tracker": {"noise": "paper"}}))
+    quiet = simulate(Plan(seed=SEED))
+    loud = simulate(revised(Plan(seed=SEED), {"tracker": {"noise": "paper"}}))
 
     assert quiet.files["joints.csv"] == loud.files["joints.csv"]
     assert quiet.files["tracker.csv"] != loud.files["tracker.csv"]
@@ -181,7 +181,7 @@ def test_noise_leaves_the_poses_alone():
 def test_the_truth_is_json_and_stays_out_of_the_raw_folder():
     """No raw file reveals the stiffnesses, the gain error or the seed."""
     plan = revised(
-        SimulationPlan(seed=SEED),
+        Plan(seed=SEED),
         {"hidden": {"stiffness_spread": 0.25}, "scale": {"gain_sigma": 0.01}},
     )
     campaign = simulate(plan)
@@ -201,7 +201,7 @@ def test_the_truth_is_json_and_stays_out_of_the_raw_folder():
 def test_the_campaign_file_keeps_the_contract():
     """campaign.toml of a simulated campaign is accepted and agrees with the plan."""
     plan = revised(
-        SimulationPlan(seed=SEED),
+        Plan(seed=SEED),
         {
             "tracker": {"noise": {"range_m": 8e-6, "transverse_m": 7.5e-6}},
             "scale": {"gain_sigma": 0.005},
@@ -234,7 +234,7 @@ def test_one_line_per_pull_and_pose(exact):
 
 def test_drawn_poses_stand_clear_inside_the_limits():
     """Random poses keep limits, floor clearance and a free chain of sensible length."""
-    plan = SimulationPlan(seed=SEED, poses={"count": 60}).without_noise()
+    plan = Plan(seed=SEED, poses={"count": 60}).without_noise()
     campaign = simulate(plan)
     at, q = positions(campaign), np.array(list(joint_values(campaign).values()))
     near, far = (
@@ -257,7 +257,7 @@ def test_drawn_poses_stand_clear_inside_the_limits():
 
 def test_the_carriage_comes_from_both_sides():
     """Approaches alternate, and every anchor is approached from both sides."""
-    came = [int(r["approach"]) for r in rows(simulate(SimulationPlan(seed=SEED)), "joints.csv")]
+    came = [int(r["approach"]) for r in rows(simulate(Plan(seed=SEED)), "joints.csv")]
 
     assert came[:8] == [1, -1, 1, -1, 1, -1, -1, 1]
     assert all({1, -1} == set(came[anchor::6]) for anchor in range(6))
@@ -290,7 +290,7 @@ def test_readings_scatter_as_stated(model, at, cov_um2):
 def test_draws_scatter_around_the_exact_readings():
     """Many drawn campaigns differ by tracker noise and scale errors of the right size."""
     plan = revised(
-        SimulationPlan(seed=SEED),
+        Plan(seed=SEED),
         {"scale": {"sigma_n": 4.0, "sigma_rel": 0.002, "gain_sigma": 0.01}},
     )
     scene = build(plan, load(plan.robot), np.random.default_rng(SEED))
@@ -316,7 +316,7 @@ def pulled(at):
 
 def test_the_scale_is_wrong_not_the_pull_in_the_log():
     """With a gain error the robot deflects by the true force while loads.csv has the reading."""
-    base = SimulationPlan(seed=SEED).without_noise()
+    base = Plan(seed=SEED).without_noise()
     true, wrong = simulate(base), simulate(revised(base, {"scale": {"gain_error": 0.05}}))
     bend = [pulled(positions(campaign)) for campaign in (true, wrong)]
 
@@ -401,7 +401,7 @@ def test_the_clock_drives_what_drifts(instrument):
         signature="", needs="", source="", instrument=instrument,
         observe=lambda loaded, p, time, v: p + (v * time)[:, None, None] * np.array([1.0, 0, 0]),
     )  # fmt: skip
-    plan = SimulationPlan(seed=SEED).without_noise()
+    plan = Plan(seed=SEED).without_noise()
     clean = rows(simulate(plan), "tracker.csv")
     moved = simulate(plan, hidden=(Planted(drift, np.array([1e-6])),))
     along_x = np.array(moved.truth["tracker"]["axes"])[0]  # x of F_b in the tracker's frame
@@ -504,7 +504,7 @@ def test_given_poses_are_taken(small_plan):
     """
     q = [[8.5, -10, 35, 39, 81, 22, -10], [3.0, 60, 30, 40, 10, 50, 20.5]]
     plan = revised(
-        SimulationPlan(seed=SEED).without_noise(),
+        Plan(seed=SEED).without_noise(),
         {"poses": {"q": q, "approach": [-1, -1]}, "pulls": {"zero": "before"}},
     )
     campaign = simulate(plan)
@@ -531,7 +531,7 @@ def test_given_poses_are_taken(small_plan):
 )
 def test_exact_files_give_back_every_stiffness(robot, dialect, read_back):
     """Without noise, every stiffness comes back to 1e-9 through the files, on every robot."""
-    plan = SimulationPlan(
+    plan = Plan(
         name="exact",
         robot=robot,
         seed=SEED,
@@ -557,7 +557,7 @@ def test_unknown_words_are_answered_with_the_known_ones():
     with pytest.raises(UsageError, match='no effect "rail_rol"'):
         plant("rail_rol", robot)
     with pytest.raises(UsageError, match="plain, spatialanalyzer, emscon"):
-        simulate(revised(SimulationPlan(), {"tracker": {"dialect": "morse"}}))
+        simulate(revised(Plan(), {"tracker": {"dialect": "morse"}}))
     with pytest.raises(InputError, match=r"pulls\.stepsn"):
         parse("[pulls]\nstepsn = [1.0]\n")
     with pytest.raises(InputError, match="pose 1 puts joint theta3 at 140"):
@@ -566,7 +566,7 @@ def test_unknown_words_are_answered_with_the_known_ones():
 
 def test_the_branch_turns_with_the_load():
     """Less than before is down, more is up; every pass through the steps starts slack, so up."""
-    plan = SimulationPlan(
+    plan = Plan(
         pulls={"steps_n": [1000, 2000, 2000, 1500, 1500, 3000], "repeats": 2}, poses={"count": 1}
     )
     branch = [r["branch"] for r in rows(simulate(plan), "loads.csv")]

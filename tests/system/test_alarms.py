@@ -59,7 +59,7 @@ KNOWN = {
     "base_reflector._AGREE": "takes back what others contradict",
     "unloaded_geometry._MISFIT": "asks for causes only where positions do not fit",
     "scale_reading._ALIKE": "factors that are one, which takes an accusation back",
-    "bounded._CHANCE": "a robot that gives way explains far more",
+    "noise_bounds._CHANCE": "a robot that gives way explains far more",
     "estimate.MISFIT_P": "a remark beside the verdict",
     "unloaded._RARE": "leaves out a pose that no displacement is measured in",
 }
@@ -131,7 +131,7 @@ def test_eight_families_of_readings_are_tested():
     """
     families = (
         "bounds", "base_reading", "base_reflector", "chain", "pose_moved",
-        "stale_reading", "together",
+        "stale_reading", "simultaneous",
     )  # fmt: skip
     testing = {
         path.stem

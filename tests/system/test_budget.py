@@ -12,15 +12,13 @@ from pipeline.machine.cell import paper_cell
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.run import reduce
-from pipeline.simulate import SimulationPlan, revised, simulate
+from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.budget import budget
 from pipeline.system.estimate import identify, solve
 from pipeline.system.system import Errors, RowIndex, System
 
-PLAN = SimulationPlan(
-    name="budget", seed=7, poses={"count": 8}, scale={"sigma_n": 5.0, "gain_sigma": 3e-3}
-)
+PLAN = Plan(name="budget", seed=7, poses={"count": 8}, scale={"sigma_n": 5.0, "gain_sigma": 3e-3})
 EVERY = ["tracker", "zero", "force_reading", "direction", "registration", "force_gain", "geometry"]
 
 

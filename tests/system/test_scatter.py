@@ -12,7 +12,7 @@ from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.run import campaign_answer, reduce
 from pipeline.simulate import simulate
-from pipeline.simulate.plan import SimulationPlan
+from pipeline.simulate.plan import Plan
 from pipeline.store import campaign
 from pipeline.system.contrasts import Zeros, pure_error
 from pipeline.system.estimate import identify
@@ -22,7 +22,7 @@ from pipeline.system.variance import variance_components
 
 def seen(seed, scale_noise=1.0, sigma_n=2.0):
     """A campaign with joint springs only and stated weights, and the noise of its contrasts."""
-    plan = SimulationPlan(
+    plan = Plan(
         poses={"count": 20},
         pulls={"steps_n": [1000, 2000, 3000, 1500]},
         scale={"sigma_n": sigma_n, "noise_scale": scale_noise},
@@ -65,7 +65,7 @@ def test_columns_that_are_nearly_alike_are_no_evidence_of_noise():
 @pytest.mark.parametrize("scale", [1.0, 1.12])
 def test_scatter_that_no_repeat_shows_is_said_beside_the_verdict(scale):
     """The model is complete; readings slightly worse than stated are reported all the same."""
-    plan = SimulationPlan(
+    plan = Plan(
         poses={"count": 20},
         pulls={"steps_n": [1000, 2000, 3000, 1500]},
         tracker={"noise_scale": scale},

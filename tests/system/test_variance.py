@@ -17,7 +17,7 @@ from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import parse
 from pipeline.run import reduce
-from pipeline.simulate import SimulationPlan, revised, simulate
+from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.contrasts import repeated_zeros
 from pipeline.system.estimate import identify
@@ -32,7 +32,7 @@ from pipeline.system.variance import (
     variance_components,
 )
 
-PLAN = SimulationPlan(name="noise", seed=5)
+PLAN = Plan(name="noise", seed=5)
 
 
 def found(plan, files=None):
@@ -129,7 +129,7 @@ def pulled_both_ways(effects):
     drawn = simulate(revised(PLAN, {"poses": {"count": 6}})).files["joints.csv"].decode()
     q = [[float(v) for v in row.split(",")[1:-1]] for row in drawn.splitlines()[1:]]
     floor = [[side, pose[0], -0.891] for pose in q for side in (2.5, -2.5)]
-    plan = SimulationPlan.model_validate(
+    plan = Plan.model_validate(
         {
             "name": "both",
             "poses": {"q": [pose for pose in q for _ in range(2)], "approach": [1] * 12},
@@ -231,7 +231,7 @@ def test_what_is_stated_counts_where_the_trackers_noise_is_not():
         "pulls": {"zero": "before"},
         "scale": {"sigma_n": 20.0, "gain_sigma": 0.03},
     }
-    plan = SimulationPlan.model_validate({"name": "one", **one})
+    plan = Plan.model_validate({"name": "one", **one})
     _, _, _, known = reduced(plan)
     result, _, system, estimate = reduced(revised(plan, {"tracker": {"stated": False}}))
 
@@ -262,7 +262,7 @@ def test_student_asks_the_component_that_was_replaced(replaced, dof):
 
 def test_pure_error_is_the_scatter_of_repeats_about_their_means():
     """One reflector, one zero: contrasts and their sum of squares as in a one-way layout."""
-    plan = SimulationPlan.model_validate(
+    plan = Plan.model_validate(
         {
             "name": "one",
             "poses": {"count": 8},
@@ -373,7 +373,7 @@ def test_a_component_replaces_what_was_stated_beyond_chance_or_what_was_not():
 def few():
     """Measurements and estimate of four poses."""
     _, data, _, estimate = reduced(
-        SimulationPlan(name="few", seed=5, poses={"count": 4}, scale={"sigma_n": 5.0})
+        Plan(name="few", seed=5, poses={"count": 4}, scale={"sigma_n": 5.0})
     )
     return data, estimate
 

@@ -13,7 +13,7 @@ from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.torques import weighed as weighed_by_torques
 from pipeline.run import campaign_answer, ingested
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble
 from pipeline.system.estimate import identify
@@ -206,7 +206,7 @@ def test_intervals_of_payload_campaigns_cover():
 
     The readings have noise as well. Without the two errors, 72 % of the intervals would.
     """
-    plan = SimulationPlan(name="p", poses={"count": 6}, pulls={"load": "payloads"}, payload={
+    plan = Plan(name="p", poses={"count": 6}, pulls={"load": "payloads"}, payload={
         "light": {"mass_kg": 60.0, "mass_sigma_kg": 1.5, "center_m": (0.05, 0.02, 0.1),
                   "center_sigma_m": 0.01},
         "heavy": {"mass_kg": 220.0, "mass_sigma_kg": 4.0, "center_m": (-0.04, 0.1, 0.25),
@@ -247,9 +247,7 @@ def test_a_campaign_of_weights_has_an_answer_without_suspects_of_chain_and_scale
 
 def test_pulls_and_weights_stand_in_one_log():
     """A cell is empty if the row is of another kind; only pulls have a chain and its errors."""
-    made = simulate(
-        SimulationPlan(name="m", poses={"count": 4}, pulls={"steps_n": [1500.0, 2500.0]})
-    )
+    made = simulate(Plan(name="m", poses={"count": 4}, pulls={"steps_n": [1500.0, 2500.0]}))
     rows = made.files["loads.csv"].decode().splitlines()
     mixed = ["pose,repeat,force_n,branch,mass_kg,payload"]
     mixed += [f"{r},," if not r.startswith("2,") else "" for r in rows[1:]]
@@ -449,7 +447,7 @@ SLIPS = {
 def test_a_slip_in_the_loads_is_found_and_put_right(name):
     """In the unit of the row, once, and the springs are right without it."""
     load, file, old, new, *told = SLIPS[name]
-    files = dict(simulate(SimulationPlan(name="s", seed=3, pulls={"load": load})).files)
+    files = dict(simulate(Plan(name="s", seed=3, pulls={"load": load})).files)
     assert files[file].count(old) == 1
     files[file] = files[file].replace(old, new)
     answer = campaign_answer("slip", in_memory(files)).answer

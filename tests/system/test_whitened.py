@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.machine.cell import load, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.effector import tool
-from pipeline.simulate import SimulationPlan, simulate
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.linearised import CurrentModel, linearise
 from pipeline.system.whitened import by_pose_drop, whiten, with_laws
@@ -269,7 +269,7 @@ def test_one_reflector_tells_no_scatter(read_back):
         "poses": {"count": 5},
         "tool": {"load_point": [0.15, 0.0, 0.25], "P1": [0.2, 0.05, 0.12]},
     }
-    campaign = simulate(SimulationPlan.model_validate({"name": "one", **one}))
+    campaign = simulate(Plan.model_validate({"name": "one", **one}))
     view = whiten(seen(campaign, read_back(campaign).data), 1.0)
 
     assert (view.scatter, view.scatter_dof, view.soft_p) == (0.0, 0, 1.0)

@@ -10,6 +10,7 @@ from pipeline.annex.figures import (
     heldout,
     laws,
     models,
+    motion,
     places,
     prediction,
     residuals,
@@ -21,6 +22,7 @@ from pipeline.annex.figures import (
 from pipeline.report.figures.plot import Plot
 
 PLOTS: tuple[Plot, ...] = (
+    motion.MOTION,
     stiffness.STIFFNESS,
     scene.SCENE,
     heldout.HELD_OUT,

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure as Canvas
 
 from pipeline.annex.figures.marks import dots, legend_above, title
 from pipeline.annex.summaries import thinned
+from pipeline.answer.conformity import DECIDED
 from pipeline.answer.contract import Answer
-from pipeline.answer.tolerance_sentence import DECIDED
 from pipeline.base.quantities import MM, plain
 from pipeline.prediction.decision import Decision
 from pipeline.report.figures.plot import Plot, Tips

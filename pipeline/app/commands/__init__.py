@@ -74,7 +74,7 @@ COMMANDS = {
         "Simulate the raw files of a campaign.",
     ),
     "effects": Command(
-        "pipeline.app.commands.effects:effects",
+        "pipeline.simulate.command:effects",
         "List the causes of misfit that the diagnosis knows.",
     ),
     "page": Command(

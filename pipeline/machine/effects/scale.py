@@ -27,6 +27,7 @@ def _curvature(loaded: Loaded, values: Array) -> tuple[Array, Array]:
 
 
 def _scale(
+    kind: str,
     noun: str,
     parameter: Parameter,
     wrench: Callable[[Loaded, Array], tuple[Array, Array]],
@@ -36,7 +37,7 @@ def _scale(
 ) -> Wrench:
     """An error of the measured force of pulls by the chain."""
     return Wrench(
-        name=f"scale_{wrench.__name__}",
+        name=f"scale_{kind}",
         noun=f"{noun} of the spring scale",
         place="force",
         parameters=(parameter,),
@@ -50,6 +51,7 @@ def _scale(
 
 _ALL = (
     _scale(
+        "gain",
         "wrong gain",
         Parameter("g_scale", "1", 0.01, -0.2, 0.2, "error of the scale's gain"),
         _gain,
@@ -58,6 +60,7 @@ _ALL = (
         source="calibration: crane scales 0.1 % of full scale, mechanical ones 1 %",
     ),
     _scale(
+        "zero",
         "wrong zero",
         Parameter("f_zero", "N", 20.0, -300.0, 300.0, "error of the scale's zero"),
         _zero,
@@ -66,6 +69,7 @@ _ALL = (
         source="equals a preload that is there when the zero is measured; 20 N is an estimate",
     ),
     _scale(
+        "curvature",
         "curvature",
         Parameter("e_scale", "1", 0.005, -0.1, 0.1, "curvature of the scale at full load"),
         _curvature,

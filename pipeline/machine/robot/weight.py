@@ -93,7 +93,7 @@ def stiffening(here: Configuration, gravity: Array, moments: Array) -> Array:
 
 def work(screws: Array, wrenches: Array) -> Array:
     """Work of wrenches (m, v, 6) per unit of screws (m, v, 6): torque or force, shape (m, v)."""
-    return np.asarray(np.sum(screws * wrenches, axis=2))
+    return np.asarray(np.einsum("mvi,mvi->mv", screws, wrenches))
 
 
 def gravity_torque(

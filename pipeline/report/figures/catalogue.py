@@ -16,7 +16,7 @@ from pipeline.report.svg import Drawing, by_hand, drawn
 
 _ANNEX = "pipeline.annex.figures:PLOTS"
 """Door of the annex: figures after the first page."""
-_OWN = (certificate.CERTIFICATE, certificate.GAUGE, certificate.MOTION)
+_OWN = (certificate.CERTIFICATE, certificate.GAUGE)
 CATALOGUE: tuple[Plot, ...] = (*_OWN, *(doors.found(_ANNEX) or ()))
 _PLOTS = {plot.name: plot for plot in CATALOGUE}
 

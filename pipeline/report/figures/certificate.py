@@ -10,30 +10,28 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.answer.conformity import DECIDED
 from pipeline.answer.contract import Answer, Placed, Stiffness, TestPose
-from pipeline.answer.tolerance_sentence import DECIDED
-from pipeline.answer.words import at_axis, capital, listed
+from pipeline.answer.words import at_axis, listed
 from pipeline.base.arrays import Array
 from pipeline.base.language import Say
-from pipeline.base.quantities import MISSING, MM, percent, plain, with_uncertainty
+from pipeline.base.quantities import MISSING, percent, plain, with_uncertainty
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot
 from pipeline.report.figures.sheet import PixelSheet
-from pipeline.report.figures.view import View, outlines
+from pipeline.report.figures.view import FROM, TO, View, outlines
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, BODY, EDGE, GREEN, GRID, INK, MUTED, PAPER, RED
 
-_FROM, _TO = ([f"{end}_{a}_m" for a in "xyz"] for end in ("from", "to"))
-
-_WIDE, _HIGH, _TOP, _FOOT = 560.0, 420.0, 64.0, 66.0
+WIDE, _HIGH, _TOP, _FOOT = 560.0, 420.0, 64.0, 66.0
 """Width and height of the sheet, and heights of its labels (above) and its key (below) [px]."""
 
 _AROUND = 0.36
 """Length of the rail drawn to each side of the robot, over the size of the arm [1]."""
 
-_REACH = 0.16
+REACH = 0.16
 """Length of the largest displacement as drawn, over the size of the arm [1]."""
 
 _NAME = 8
@@ -92,7 +90,7 @@ class _DrawnArm:
     @cached_property
     def ends(self) -> Array:
         """Both ends of each row [m], shape (c, 2, 3)."""
-        return self.rows[[*_FROM, *_TO]].to_numpy(float).reshape(-1, 2, 3)
+        return self.rows[[*FROM, *TO]].to_numpy(float).reshape(-1, 2, 3)
 
     @cached_property
     def joints(self) -> dict[int, Array]:
@@ -119,11 +117,11 @@ class _DrawnArm:
             return joints.get(cause.where)
         if cause.where is not None:
             named = rows[(rows["name"] == cause.where) & (rows["part"] != "joint")]
-            return self(named[_TO].to_numpy(float))[0] if len(named) else None
+            return self(named[TO].to_numpy(float))[0] if len(named) else None
         if location == "rail":
             body = np.flatnonzero(rows["part"] == "carriage")
             return self(self.ends[body[0]].mean(axis=0)) if len(body) else joints.get(1)
-        at = {"tool": _TO, "force": _TO, "wrist": _FROM}.get(location or "")
+        at = {"tool": TO, "force": TO, "wrist": FROM}.get(location or "")
         return None if at is None else self(self.tip[at].to_numpy(float))[0]
 
     @property
@@ -132,7 +130,7 @@ class _DrawnArm:
         return self.rows[(self.rows["part"] == "tool") & (self.rows["name"] == "load_point")]
 
 
-def arm_of(tables: Tables, high: float, top: float, wide: float = _WIDE) -> _DrawnArm:
+def arm_of(tables: Tables, high: float, top: float, wide: float = WIDE) -> _DrawnArm:
     """The robot, as large as fits the width of the sheet and between two heights [px].
 
     Args:
@@ -143,11 +141,11 @@ def arm_of(tables: Tables, high: float, top: float, wide: float = _WIDE) -> _Dra
     """
     rows = tables["posture"]
     moving = rows[rows["part"].isin(("carriage", "arm", "tool"))]
-    ends = np.concatenate([moving[_FROM].to_numpy(float), moving[_TO].to_numpy(float)])
+    ends = np.concatenate([moving[FROM].to_numpy(float), moving[TO].to_numpy(float)])
     size = float(np.linalg.norm(np.ptp(ends, axis=0)))
-    foot = rows[rows["part"] == "joint"][_FROM].to_numpy(float)[0]
+    foot = rows[rows["part"] == "joint"][FROM].to_numpy(float)[0]
     rows = _cut(rows, foot, _AROUND * size)
-    tip = moving[_TO].to_numpy(float)[-1]
+    tip = moving[TO].to_numpy(float)[-1]
     heading = np.arctan2(*(tip - ends[0])[1::-1])
     view = View(ends.mean(axis=0), size, float(heading - np.pi / 2 - _ASIDE))
     solid = rows[rows["radius_m"] > 0]
@@ -162,13 +160,13 @@ def arm_of(tables: Tables, high: float, top: float, wide: float = _WIDE) -> _Dra
 def _cut(rows: pd.DataFrame, foot: Array, reach: float) -> pd.DataFrame:
     """Cut the rail at `reach` [m] to each side of the robot's foot (F_b, [m])."""
     still = (rows["part"] == "base").to_numpy()[:, None]
-    a, b = rows[_FROM].to_numpy(float), rows[_TO].to_numpy(float)
+    a, b = rows[FROM].to_numpy(float), rows[TO].to_numpy(float)
     length = np.maximum(np.linalg.norm(b - a, axis=1, keepdims=True), 1e-9)
     along = (b - a) / length
     at = np.sum((foot - a) * along, axis=1, keepdims=True)
     ends = [a + np.clip(at + side * reach, 0, length) * along for side in (-1, 1)]
     cut = np.hstack([np.where(still, *both) for both in zip(ends, (a, b), strict=True)])
-    return rows.assign(**dict(zip([*_FROM, *_TO], cut.T, strict=True)))
+    return rows.assign(**dict(zip([*FROM, *TO], cut.T, strict=True)))
 
 
 # --- what is stated of the joints -----------------------------------------------------------------
@@ -221,11 +219,11 @@ def _by_uncertainty(rough: float | None) -> _JointClass:
 
 def _draw(answer: Answer, tables: Tables, say: Say = str) -> str:
     """Draw the robot with its joints, causes and deflection."""
-    sheet = PixelSheet(_WIDE, _HIGH, say)
+    sheet = PixelSheet(WIDE, _HIGH, say)
     arm = arm_of(tables, _HIGH - _FOOT, _TOP)
     arm.bodies(sheet, arm.solid)
     _deflection(sheet, arm, answer)
-    _causes(sheet, arm, answer)
+    draw_causes(sheet, arm, answer)
     stands = {joint.joint: (joint, stand(joint)) for joint in answer.stiffness}
     _joints(sheet, arm, stands)
     known = [one for _, one in stands.values()] if _any(stands.values()) else []
@@ -238,7 +236,7 @@ def _joints(
 ) -> None:
     """Draw a disc at each joint, and in a row above its name and its ratio to nominal or U."""
     at = {k: place for k, place in arm.joints.items() if k in stands}
-    step = (_WIDE - 20) / max(len(at), 1)
+    step = (WIDE - 20) / max(len(at), 1)
     told = _any(stands.values())
     for slot, number in enumerate(at):
         joint, one = stands[number]
@@ -279,13 +277,13 @@ def _deflection(sheet: PixelSheet, arm: _DrawnArm, answer: Answer) -> None:
     moved = tip[[f"to_moved_{a}_m" for a in "xyz"]].to_numpy(float)[0]
     if not moved.any():
         return
-    start = tip[_TO].to_numpy(float)[0]
-    end = start + _REACH * arm.size * moved / np.linalg.norm(moved)
+    start = tip[TO].to_numpy(float)[0]
+    end = start + REACH * arm.size * moved / np.linalg.norm(moved)
     a, b = arm(np.stack([start, end]))
     sheet.arrow(a, b, RED, 3)
     text = f"{next(_judged_deflections(answer)).value} mm"
     below = 14 if b[1] >= a[1] else -8
-    x = float(np.clip(b[0], 46, _WIDE - 46))
+    x = float(np.clip(b[0], 46, WIDE - 46))
     sheet.text(x, b[1] + below, text, 14, text_anchor="middle", font_weight="bold", fill=RED)
 
 
@@ -301,7 +299,7 @@ def _seated(arm: _DrawnArm, answer: Answer) -> dict[str, Array]:
     return {one: at for one, at in placed.items() if at is not None}
 
 
-def _causes(sheet: PixelSheet, arm: _DrawnArm, answer: Answer) -> None:
+def draw_causes(sheet: PixelSheet, arm: _DrawnArm, answer: Answer) -> None:
     """Draw a numbered ring at the place of each cause."""
     for k, at in enumerate(_seated(arm, answer).values()):
         sheet.disc(at, 17, fill="none", stroke=RED, stroke_width=3)
@@ -326,7 +324,7 @@ def _key(sheet: PixelSheet, stands: Sequence[_JointClass], rings: bool) -> None:
     x, y = 14.0, _HIGH - _FOOT + 16
     for word, style in marks.items():
         wide = 22 + 6.6 * len(sheet.say(word))
-        if x + wide > _WIDE and x > 14:
+        if x + wide > WIDE and x > 14:
             x, y = 14.0, y + 18
         sheet.disc((x, y), 5.5, **style)
         sheet.text(x + 11, y + 4, word, 12)
@@ -480,66 +478,3 @@ def _only(answer: Answer) -> str:
 
 
 GAUGE = Plot("gauge", (), _write_gauge, spoken=_draw_gauge)
-
-# --- how a cause moves the robot ------------------------------------------------------------------
-
-_LEAST_M = 1e-9
-"""Largest motion by the causes below which it is treated as zero [m]."""
-
-
-def _ghost(tables: Tables) -> tuple[pd.DataFrame, float]:
-    """Table POSTURE displaced by the causes alone, magnified, and the magnification [1].
-
-    The table is empty if the causes do not move the robot.
-    """
-    rows = tables["posture"]
-    by = {
-        end: rows[[f"{end}_caused_{a}_m" for a in "xyz"]].to_numpy(float) for end in ("from", "to")
-    }
-    most = max(float(np.linalg.norm(one, axis=1).max()) for one in by.values())
-    if most < _LEAST_M:
-        return rows.iloc[:0], 1.0
-    size = float(np.ptp(rows[rows["part"] != "base"][_FROM].to_numpy(float), axis=0).max())
-    times = 10.0 ** np.floor(np.log10(_REACH * size / most))
-    times *= max(m for m in (1, 2, 5) if m * times * most <= _REACH * size)
-    moved = rows.copy()
-    for end, columns in (("from", _FROM), ("to", _TO)):
-        moved[columns] = rows[columns].to_numpy(float) + times * by[end]
-    return moved[moved["part"].isin(("carriage", "arm", "tool"))], float(times)
-
-
-def _draw_motion(answer: Answer, tables: Tables) -> str:
-    """Draw the arm at the test pose, and an outline of it displaced by the causes, magnified."""
-    sheet = PixelSheet(_WIDE, 330)
-    arm = arm_of(tables, 316, 14)
-    arm.bodies(sheet, arm.solid, stroke_opacity=0.8)
-    ghost, _ = _ghost(tables)
-    arm.bodies(sheet, ghost, fill="none", stroke=RED, stroke_width=1.6)
-    ends = (tables["posture"].loc[ghost.index[-4:]], ghost.iloc[-4:])
-    for a, b in zip(*(arm(one[_TO].to_numpy(float)) for one in ends), strict=True):
-        sheet.line(a, b, RED, 1.2, stroke_dasharray="3 3")
-    _causes(sheet, arm, answer)
-    return sheet.svg
-
-
-def _write_motion(answer: Answer, tables: Tables) -> Figure | None:
-    ghost, times = _ghost(tables)
-    causes = [words.placed(one) for one in answer.diagnosis.causes if not one.evidence]
-    pose = answer.test_pose
-    if ghost.empty or not causes or pose is None:
-        return None
-    tip = tables["posture"][tables["posture"]["name"] == "load_point"]
-    moved = tip[[f"to_caused_{a}_m" for a in "xyz"]].to_numpy(float)[0]
-    text = (
-        f"{capital(' and '.join(causes))} alone {'moves' if len(causes) == 1 else 'move'} the load "
-        f"point by {plain(MM * float(np.linalg.norm(moved)))} mm at the test pose."
-    )
-    return Figure(
-        "motion",
-        "What gives way, and how the robot moves with it",
-        f"{text} Orange: the same, {times:,.0f} times magnified.",
-        f"Drawing of the robot with an outline of where the identified causes move it. {text}",
-    )
-
-
-MOTION = Plot("motion", ("posture",), _write_motion, by_hand=_draw_motion)

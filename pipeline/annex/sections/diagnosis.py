@@ -1,0 +1,181 @@
+"""Section on what the joint springs leave out: causes, rivals and gain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from pipeline.annex.sections.to_measure import to_measure
+from pipeline.annex.sections.unseen import blind_spots
+from pipeline.answer.amounts import sizes
+from pipeline.answer.contract import (
+    Alone,
+    Answer,
+    AsGood,
+    Cause,
+    Evidence,
+    Gain,
+    Predicted,
+    Rival,
+    Unnamed,
+)
+from pipeline.answer.words import capital, listed
+from pipeline.base.quantities import p_value, percent, plain, probability
+from pipeline.diagnosis.finding import Verdict
+from pipeline.report import words
+from pipeline.report.columns import Cells, number_column, table_of, word_column
+from pipeline.report.figures.catalogue import figures
+from pipeline.report.record import Block, Paragraph, ReportTable, Section, section_of
+from pipeline.report.summaries import Tables
+
+_WORTH_SAYING = 0.01
+"""Probability of a cause outside the catalogue from which on it is mentioned [1]."""
+
+_TITLES = {
+    Verdict.ADEQUATE: "What this campaign shows and cannot show",
+    Verdict.EXPLAINED: "What joint springs alone leave out",
+    Verdict.AMBIGUOUS: "What joint springs alone leave out",
+    Verdict.UNEXPLAINED: "What the model misses",
+    Verdict.BAD_DATA: "What is wrong with the data",
+}
+
+_ALIKE = 3
+"""Maximum number of laws listed that predict as well in place of a cause."""
+
+
+def diagnosis(answer: Answer, tables: Tables) -> Section | None:
+    """The causes, their gain, what to measure next, and effects that may be present unnoticed."""
+    found = answer.diagnosis
+    shared = _shared_gain(found.causes)
+    blocks: list[Block | None] = [Paragraph(found.why)]
+    for place, one in enumerate(found.causes, 1):
+        blocks += _cause(place, one, answer.axes, with_gain=not shared)
+    blocks += [
+        _alone(found.alone),
+        Paragraph(shared) if shared else None,
+        *figures(("motion", "laws", "evidence", "separability"), answer, tables),
+        *to_measure(answer),
+        *blind_spots(found.blind_spots),
+    ]
+    return section_of("diagnosis", _TITLES[found.verdict], blocks)
+
+
+def _shared_gain(causes: Sequence[Cause]) -> str:
+    """Common gain of several causes; empty if each has a gain of its own."""
+    worth = {(one.gain, one.evidence is None) for one in causes}
+    return _gain_sentences("all causes", causes[0]) if len(causes) > 1 and len(worth) == 1 else ""
+
+
+def _cause(place: int, one: Cause, axes: words.Axes, with_gain: bool) -> list[Block | None]:
+    facts = [
+        _evidence_sentences(one.evidence) if one.evidence else "",
+        f"How it shows: {one.signature}." if one.signature else "",
+        _probability_sentence(one),
+        _unnamed_sentence(one.outside_catalogue, axes) if one.outside_catalogue else "",
+        _size_sentence(one),
+        _gain_sentences("it", one) if with_gain else "",
+        f"What would settle it: {one.needs}." if one.needs else "",
+    ]
+    return [
+        Paragraph(f"Cause {place}: {words.placed(one)} ({words.label(one)}).", "finding"),
+        Paragraph(" ".join(fact for fact in facts if fact)),
+        _rivals(place, one.rivals),
+    ]
+
+
+def _alone(single: Sequence[Alone]) -> ReportTable | None:
+    """Table of the likeliest causes, with the gain of each as the only one in the model."""
+    columns: list[Cells[Alone]] = [
+        word_column("Cause", words.placed),
+        word_column("Name", words.label),
+        number_column("Probability", lambda one: one.probability, probability),
+        number_column("Cross-validation error falls by", lambda one: one.reduction, percent),
+        word_column("95 % interval", lambda one: " to ".join(map(percent, one.ci95))),
+    ]
+    better = [one for one in single if one.reduction is None or one.reduction > 0]
+    return table_of("alone", "Each cause by itself", columns, better)
+
+
+def _unnamed_sentence(other: Unnamed, axes: words.Axes) -> str:
+    """Probability that no known cause is present, and laws that predict equally well."""
+    said = []
+    if other.probability >= _WORTH_SAYING:
+        chance = probability(other.probability)
+        like = other.looks_like and words.at(other.looks_like, other.where, axes)
+        looks = f"; it resembles {like}" if like else ""
+        said.append(f"The probability that it is none of the known causes is {chance}{looks}.")
+    if other.as_good:
+        alike = listed([_as_good(one) for one in other.as_good[:_ALIKE]])
+        said.append(f"Laws outside the catalogue that predict equally well in its place: {alike}.")
+    return " ".join(said)
+
+
+def _as_good(one: AsGood) -> str:
+    low, high = map(percent, one.ci95)
+    return (
+        f"{words.placed(one)} (cross-validation error {percent(one.reduction)} less, {low} to "
+        f"{high}; at {plain(one.times_typical, 2)} times the typical magnitude)"
+    )
+
+
+def _evidence_sentences(evidence: Evidence) -> str:
+    """Evidence for a mistake in the data, and the correction used."""
+    return " ".join(f"{capital(s)}." for s in (evidence.sentence, evidence.correction) if s)
+
+
+def _probability_sentence(one: Cause) -> str:
+    alone = f"; without it, such readings would occur by chance with {p_value(one.p_value)}"
+    chance = probability(one.probability)
+    known = "" if one.p_value is None else alone
+    return f"Its probability is {chance}{known}."
+
+
+def _size_sentence(one: Cause) -> str:
+    text = "; ".join(sizes(one))
+    return f"{capital(text)}." if text else ""
+
+
+def _gain_sentences(what: str, one: Cause) -> str:
+    """Gain if `what` (one cause, or all causes) is in the model or, for a mistake, corrected."""
+    if one.gain is None:
+        return ""
+    how = f"{what} corrected" if one.evidence else f"{what} in the model"
+    return " ".join((*_error_falls(how, one.gain), *_test_pose_changes(one.gain)))
+
+
+def _error_falls(how: str, gain: Gain) -> Iterator[str]:
+    """Relative decrease of the cross-validation error and its final value.
+
+    If the relative decrease is unknown, the initial value is stated instead. The error of the joint
+    springs that is stated with the verdict is weighted by their own noise; the relative decrease
+    compares both models with the same weights, so that the two initial errors differ in the third
+    digit.
+    """
+    before, after = gain.held_out_rms_before_mm, gain.held_out_rms_after_mm
+    if before is None or after is None or after >= before:
+        return
+    of = " of the unloaded positions" if gain.of is Predicted.UNLOADED_POSITIONS else ""
+    falls = f"from {plain(before)} mm" if gain.reduction is None else _share(gain)
+    yield f"With {how} the cross-validation error{of} falls {falls} to {plain(after)} mm."
+
+
+def _share(gain: Gain) -> str:
+    """Relative decrease of the error, with its 95 % interval if that is known."""
+    low, high = gain.ci95 or (None, None)
+    sure = "" if low is None else f" (95 % interval {percent(low)} to {percent(high)})"
+    return f"by {percent(gain.reduction)}{sure}"
+
+
+def _test_pose_changes(gain: Gain) -> Iterator[str]:
+    change = gain.test_pose_change_mm
+    if change is not None:
+        moved = "The vector of the predicted deflection at the test pose changes by"
+        yield f"{moved} {plain(change)} mm."
+
+
+def _rivals(place: int, rivals: Sequence[Rival]) -> ReportTable | None:
+    columns: list[Cells[Rival]] = [
+        word_column("Alternative", words.placed),
+        word_column("Name", words.label),
+        number_column("Probability", lambda one: one.probability, probability),
+    ]
+    return table_of(f"rivals-{place}", f"Alternatives to cause {place}", columns, rivals)

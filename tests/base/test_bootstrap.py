@@ -1,0 +1,19 @@
+"""Bootstrap of poses: with two poses there are three possible draws, which can be listed."""
+
+import numpy as np
+import pytest
+
+from pipeline.base.bootstrap import interval
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_every_pose_is_drawn_the_last_one_too(turned):
+    """One pose is worth a half and the other nothing: the interval goes from nothing to a half."""
+    pose, before = np.array([0, 0, 1, 1]), np.ones(4)
+    after = np.array([0.5, 0.5, 1.0, 1.0])
+    pose = 1 - pose if turned else pose
+
+    gain, ends = interval(before, after, pose, np.random.default_rng(1))
+
+    assert gain == pytest.approx(1 - np.sqrt(0.625))  # mean of 1/4 and 1
+    assert ends == pytest.approx((0.0, 0.5))  # each pose alone is drawn in a quarter of all
