@@ -161,6 +161,8 @@ def _of_reason(found: CampaignResults) -> str:
     """Whether a model of more than springs holds."""
     if found.row.reason == Reason.WEIGHED_ANEW and found.facts.misdescribed:
         return "Joint springs explain the readings on a robot that is not as its file says."
+    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.changed:
+        return "Joint springs explain the readings, in which something changed once."
     if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
         return "Joint springs explain the readings on a robot that sags under its own weight."
     return HOLDS[found.row.reason]
@@ -257,15 +259,22 @@ def _do(found: CampaignResults) -> str:
             "Check type and file of the robot first. The stiffnesses belong to the corrected "
             "geometry, which model.toml holds; correct the robot file."
         )
+    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.changed:
+        return (
+            f"{DO[Reason.ADEQUATE]} They allow for the change during the campaign. Positions of "
+            "before and after it do not belong together."
+        )
     if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
         return (
             f"{DO[Reason.ADEQUATE]} Where absolute positions matter, the arm's own weight moves "
             "them: a campaign of positions identifies how."
         )
-    if found.facts.unloaded.corrects and found.row.reason in (Reason.ADEQUATE, Reason.TOO_SMALL):
+    stood = found.facts.unloaded
+    if stood.corrects and not stood.unexplained and found.row.reason in _SPRINGS:
         return (
             f"{DO[Reason.ADEQUATE]} Where absolute positions matter, correct the robot's geometry, "
-            "too: model.toml holds it."
+            "too: model.toml holds its DH parameters, and a campaign of positions identifies the "
+            "sag."
         )
     said = DO[found.row.reason]
     return f"{correct(found.facts)} {said}" if found.mistakes else said

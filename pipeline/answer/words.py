@@ -22,7 +22,7 @@ from pipeline.base.quantities import (
 )
 from pipeline.diagnosis.average import POSSIBLE
 from pipeline.diagnosis.combined import ChiSquare
-from pipeline.diagnosis.facts import Drift, Facts, FoundCause, PossibleCause
+from pipeline.diagnosis.facts import ALL_SPRINGS, Drift, Facts, FoundCause, PossibleCause
 from pipeline.diagnosis.finding import WRONG_LAW, Finding, Verdict
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.machine.effect import Effect, Table, in_place
@@ -300,6 +300,9 @@ def _or(cause: FoundCause) -> str:
         f"{one.effect.called}, {100 * cause.stated(one.probability):.0f} %" for one in every
     )
     twin = "its twin, from which no pull can distinguish it" if cause.twins else "a similar cause"
+    if ALL_SPRINGS in cause.twins:
+        twin = "all joints softer or stiffer in the same course, which moves every target alike"
+        others = [twin, *others]
     return ", and ".join([mine, *(others or [twin])])
 
 
@@ -354,16 +357,34 @@ def _tables_disagree(facts: Facts) -> str:
     )
 
 
+def _stands_unexplained(facts: Facts) -> str:
+    stood = facts.unloaded
+    whose = "the estimated DH parameters" if stood.corrects else _of_table(facts)
+    said = (
+        f"The unloaded reflectors are {plain(1e3 * stood.remains_m, 2)} mm rms from where {whose} "
+        f"place them (base and tool fitted), {stood.remains_m / stood.noise_m:.0f} times the noise "
+        "of the readings, and neither DH parameters nor the arm's weight nor a change during the "
+        "campaign explains it. The stiffnesses hardly depend on it, positions do."
+    )
+    if stood.down is None:
+        return f"{said} Check the joint log, [tool] and the robot file, and [gravity]."
+    axis, left_m = stood.down
+    return (
+        f"{said} With gravity along {axis} of F_b they would be {plain(1e3 * left_m, 2)} mm from "
+        "there: state its direction in [gravity]."
+    )
+
+
 def _rough_table(facts: Facts) -> str:
     gain = facts.unloaded.gain
     assert gain is not None
     before, after = 1e3 * gain.rms_before_m, 1e3 * gain.rms_after_m
     return (
         "Many of the robot's DH parameters deviate a little from nominal, none far more than the "
-        "others: in cross-validation "
+        "others, and the arm sags under its weight: in cross-validation "
         f"the unloaded reflectors are {plain(before, 2)} mm rms per coordinate from where "
         f"the nominal DH parameters place them, and {plain(after, 2)} mm from where the identified "
-        "ones do."
+        "ones and the sag do."
     )
 
 
@@ -579,6 +600,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     Finding.GEOMETRY_REFUTED: _geometry_refuted,
     Finding.TABLES_DISAGREE: _tables_disagree,
     Finding.ROUGH_TABLE: _rough_table,
+    Finding.STANDS_UNEXPLAINED: _stands_unexplained,
     Finding.MISFIT: lambda facts: (
         f"What the model leaves is more than noise (p = {facts.misfit_p:.1g}), and no known cause "
         "explains it."

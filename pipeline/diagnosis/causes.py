@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.base.arrays import Array
+from pipeline.base.linear import TINY
 from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.amplitude import averaged, both_ways
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.cause_search import LEAST_EVIDENCE, SearchProblem, SearchResult
 from pipeline.diagnosis.facts import (
+    ALL_SPRINGS,
     CrossValidation,
     Drift,
     EffectSize,
@@ -30,6 +32,7 @@ from pipeline.machine.effects.nameless import NAMELESS, mounting
 from pipeline.machine.effects.unlisted import height, undecided
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system import alarms
+from pipeline.system.linearised import Linearised, owners
 from pipeline.system.system import ScatterRatio
 from pipeline.system.variance import at_most
 
@@ -78,7 +81,7 @@ def of_displacements(
                 rivals=tuple(odds.values()),
                 unnamed=_unnamed(found, place),
                 as_good=alike[place],
-                twins=known.of(effect.label),
+                twins=(*known.of(effect.label), *_of_all_springs(found.seen, suspect)),
                 gain=worth,
                 test_pose_change_m=change,
                 height=_height(effect, held[0]),
@@ -87,6 +90,28 @@ def of_displacements(
             )
         )
     return tuple(out)
+
+
+def _of_all_springs(seen: Linearised, suspect: int) -> tuple[str, ...]:
+    """`joint_springs` if all of them changing alike in time move targets as a law in time does.
+
+    Then the law's columns in each pull are multiples of the deflection by the springs alone: gears
+    that soften as they warm, and a scale whose gain drifts, are one and the same to every pull.
+    """
+    law, springs = seen.suspects[suspect].law, seen.model.springs
+    if law is None or law.variable != "time":
+        return ()
+    Z = seen.Z[:, owners(seen.suspects) == suspect]
+    bent = seen.B[:, :springs] @ seen.model.values[:springs]
+    same = seen.rows.pull == np.arange(seen.rows.pull.max() + 1)[:, None]
+    share = (same @ (bent[:, None] * Z)) / np.maximum(same @ bent**2, TINY)[:, None]
+    left = Z - share[seen.rows.pull] * bent[:, None]
+    return (ALL_SPRINGS,) if np.linalg.norm(left) < _SAME * np.linalg.norm(Z) else ()
+
+
+_SAME = 0.01
+"""Relative difference below which two directions count as the same [1]: the springs deflect in
+proportion to the load only to first order."""
 
 
 def _worded(case: SearchProblem, effect: Effect, either: Sequence[PossibleCause]) -> Effect:

@@ -11,7 +11,7 @@ from pipeline.base.arrays import Array, Locked, Parameter
 from pipeline.base.linear import rms
 from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.diagnosis.bounds import Bounds
+from pipeline.diagnosis.bounds import FAULTY, Bounds
 from pipeline.diagnosis.combined import SpringAgreement
 from pipeline.faults.mistake import Mistake
 from pipeline.geometry.roughness import ScaleGrid
@@ -28,6 +28,9 @@ DETECTED = 5.0
 """Separation from the joint springs in standard deviations [1] at which detection is nearly
 certain."""
 
+
+ALL_SPRINGS = "joint_springs"
+"""Label of all joint springs together as the twin of a law."""
 
 _MANY = 10.0
 """Multiple of its typical magnitude from which on a cause is called enormous [1]: typical
@@ -294,6 +297,11 @@ class UnloadedFacts(Locked):
         gain: Cross-validation of the estimated against the nominal table.
         rough: Whether the table is off by significantly more than stated.
         tool_m: Largest distance of a target from its position in [tool] [m].
+        noise_m: Noise of their readings, rms [m].
+        usual_m: The same with what the joints of a robot usually err by at a pose.
+        down: Direction of gravity along an axis of F_b with which the arm's weight explains them,
+            as opposed to the stated one, and what is then left of the deviation, rms [m]; else
+            None.
     """
 
     miss_m: float
@@ -304,6 +312,22 @@ class UnloadedFacts(Locked):
     gain: CrossValidation | None = None
     rough: bool = False
     tool_m: float = 0.0
+    noise_m: float = np.nan
+    usual_m: float = np.nan
+    down: tuple[str, float] | None = None
+
+    @property
+    def remains_m(self) -> float:
+        """Deviation from the table in use, rms [m]."""
+        return self.left_m if self.corrects else self.miss_m
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether they deviate by more than any noise, and than joints usually err by.
+
+        It leaves the springs alone, since displacements are differences within a pose.
+        """
+        return bool(self.remains_m > max(FAULTY * self.noise_m, _DOUBLE * self.usual_m))
 
     @property
     def useless(self) -> bool:
@@ -341,6 +365,10 @@ class UnloadedFacts(Locked):
         """The causes."""
         return tuple(one.effect for one in self.causes)
 
+
+_DOUBLE = 2.0
+"""Errors of the joints at a pose, over the usual size, up to which a robot is an ordinary one [1]:
+one standard deviation of the logarithm, as of a tracker's noise (`bounds.FAULTY`)."""
 
 NO_UNLOADED = UnloadedFacts(np.nan, np.nan, {})
 
@@ -504,15 +532,22 @@ class Facts:
     agreement: SpringAgreement | None = None
 
     @property
+    def changed(self) -> tuple[FoundCause, ...]:
+        """Causes among `moved` that set in during the campaign."""
+        return tuple(one for one in self.moved if one.effect.form.startswith("since pose"))
+
+    @property
     def misdescribed(self) -> tuple[FoundCause, ...]:
         """Causes among `moved` that are errors of the robot's file or base frame.
 
-        What acts on the deflections too, the sag under the arm's weight, is the machine's own.
+        What acts on the deflections too, the sag under the arm's weight, is the machine's own, and
+        what changed during the campaign is no error of a file.
         """
         return tuple(
             one
             for one in self.moved
-            if not any(isinstance(facet, Elastic) for facet in one.effect.facets)
+            if one not in self.changed
+            and not any(isinstance(facet, Elastic) for facet in one.effect.facets)
         )
 
     @property

@@ -34,6 +34,7 @@ class Finding(StrEnum):
     STANDS_ELSEWHERE_OR_RIVAL = "stands_elsewhere_or_rival"
     GEOMETRY_REFUTED = "geometry_refuted"
     ROUGH_TABLE = "rough_table"
+    STANDS_UNEXPLAINED = "stands_unexplained"
     TABLES_DISAGREE = "tables_disagree"
     REFLECTORS_LOOSE = "reflectors_loose"
     NO_CAUSE_FITS = "no_cause_fits"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy import special
@@ -35,10 +36,25 @@ from pipeline.geometry.roughness import (
     unrefined,
 )
 from pipeline.geometry.scatter import START
-from pipeline.geometry.unloaded import USUAL, PoseRows, Unloaded, off, unloaded
+from pipeline.geometry.unloaded import (
+    FIXED_STD,
+    USUAL,
+    MidChange,
+    PoseRows,
+    Unloaded,
+    off,
+    unloaded,
+)
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation, Pulls
-from pipeline.machine.effects import base_moved, base_rotation, joint_offset, table, target_moved
+from pipeline.machine.effects import (
+    base_moved,
+    base_rotation,
+    gravity_sag,
+    joint_offset,
+    table,
+    target_moved,
+)
 from pipeline.machine.robot.dh_parameters import changed
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
@@ -76,6 +92,11 @@ class _Suspect(SuspectUnknowns):
     effect: Effect
     tries: int = 1
 
+    @property
+    def sags(self) -> bool:
+        """Whether it is the weight of the arm, which is estimated in any case."""
+        return self.effect.name == "gravity_sag"
+
 
 def from_unloaded(
     cell: Cell, data: Measured, scale: float, effects: Sequence[Effect], wander_m: float = 0.0
@@ -92,6 +113,7 @@ def from_unloaded(
     zeros = unloaded(cell.robot, cell.tool, _sag(effects), data, scale)
     if zeros is None:
         return NO_UNLOADED
+    zeros = replace(zeros, weight_std=float(data.stance is None))  # else positions know it
     asked = tuple(_suspects(zeros, effects))
     x = np.zeros(zeros.columns.count)
     rows = zeros.about(x)
@@ -99,10 +121,11 @@ def from_unloaded(
     table_only = straight(zeros, sums)
     search = _Search(zeros, asked, x, rows, cells(zeros, sums), wander_m)
     if not _fits(zeros, rows, table_only):
-        search = search.with_changes(effects).done().with_changes(effects).done()
+        search = search.with_slip(effects).with_changes(effects).done()
+        search = search.with_changes(effects).done().with_sag()
     found, zeros = search.found, search.zeros
     missed = left_out(table_only, rows), left_out(found, search.rows)
-    return UnloadedFacts(
+    stood = UnloadedFacts(
         miss_m=rms((rows.y - rows.D @ table_only.mean)[rows.place]),
         left_m=off(zeros, found.mean),
         visible=dict.fromkeys(_unseen(effects, asked), np.inf) | _visible(found, asked),
@@ -111,7 +134,31 @@ def from_unloaded(
         gain=_gain(missed, zeros, found),
         rough=found.p_exact() < alarms.GEOMETRY,
         tool_m=_moved_tool(zeros, found),
+        noise_m=float(np.sqrt(np.mean(np.einsum("vii->vi", zeros.errors)))),
+        usual_m=float(np.sqrt(np.mean(np.einsum("pii->pi", rows.cov(1.0))[rows.place]))),
     )
+    asks = stood.unexplained and not found.free
+    return replace(stood, down=_down(zeros, found)) if asks else stood
+
+
+def _down(zeros: Unloaded, found: ScaleGrid) -> tuple[str, float] | None:
+    """Axis of F_b along which gravity makes the readings certainly likelier; what is then left."""
+    best = float(special.logsumexp(found.log + found.width)) + _SURE
+    down = None
+    for axis, sign in product(range(3), (1.0, -1.0)):
+        gravity = sign * np.linalg.norm(zeros.robot.gravity) * np.eye(3)[axis]
+        turned = zeros.robot.under(gravity)
+        other = replace(zeros, robot=turned, sag=_sag(gravity_sag.effects(turned)))
+        there = unrefined(other, products(other.about(np.zeros(other.columns.count))))
+        evidence = float(special.logsumexp(there.log + there.width))
+        if evidence > best and other.hangs(there.mean):
+            best, down = evidence, (f"{'+-'[sign < 0]}{'xyz'[axis]}", off(other, there.mean))
+    return down
+
+
+_SURE = 10.0
+"""Log odds from which on gravity acts along another axis than stated [1]: twenty thousand to one,
+against one of a thousand files that state it wrongly."""
 
 
 def _moved_tool(zeros: Unloaded, found: ScaleGrid) -> float:
@@ -194,14 +241,44 @@ class _Search:
             now = more
         return now
 
+    def with_sag(self) -> _Search:
+        """The sag as a cause, too, where it stands far beyond the rest beside all others."""
+        sag = [one for one in self.asked if one.sags]
+        more = self.with_free((*self.free, *sag))
+        return more if sag and all(more.far(one) for one in more.free) else self
+
+    def with_slip(self, effects: Sequence[Effect]) -> _Search:
+        """The search with the target that moved on the effector by its shape alone, if any did."""
+        slips = remastered.slipped(self.zeros, self.rows)
+        likeliest = min(slips, key=lambda one: slips[one], default=None)
+        tries = self._tries + len(slips) * remastered.places(self.zeros)
+        if likeliest is None or tries * slips[likeliest] >= alarms.GEOMETRY:
+            return self
+        more = self._changed(tuple(slips), effects)
+        which = [one for one in more.asked if more.change_of(one) == likeliest]
+        return more.with_free((*more.free, *which))
+
+    @property
+    def _tries(self) -> int:
+        """Number of suspects with all their alternatives."""
+        return sum(one.tries for one in self.asked)
+
+    def change_of(self, one: _Suspect) -> MidChange | None:
+        """The change in mid-campaign that a suspect is; None of others."""
+        first = one.columns[0]
+        return next((change for change, at in self.zeros.changed if at.start == first), None)
+
     def with_changes(self, effects: Sequence[Effect]) -> _Search:
         """The search extended by changes of joint zeros, if the residuals call for any."""
         where = self.zeros.columns.changes
         if any(one.columns[0] >= where.start for one in self.free):
             return self
-        zeros = replace(self.zeros, changes=remastered.changes(self.zeros, self.rows, self.found))
-        if zeros.changes == self.zeros.changes:
-            return self
+        changes = remastered.changes(self.zeros, self.rows, self.found)
+        return self if changes == self.zeros.changes else self._changed(changes, effects)
+
+    def _changed(self, changes: tuple[MidChange, ...], effects: Sequence[Effect]) -> _Search:
+        """The search with other changes among its suspects."""
+        where, zeros = self.zeros.columns.changes, replace(self.zeros, changes=changes)
         x = np.append(self.x[: where.start], np.zeros(zeros.columns.count - where.start))
         asked, rows = tuple(_suspects(zeros, effects)), zeros.about(x)
         free = tuple(one for one in asked if one.label in {old.label for old in self.free})
@@ -214,8 +291,8 @@ class _Search:
         return tuple(one for one in self.asked if one in self.found.free)
 
     def likeliest(self) -> _Suspect:
-        """The suspect with the largest evidence."""
-        rest = [one for one in self.asked if one not in self.found.free]
+        """The suspect with the largest evidence, other than the sag that every arm has."""
+        rest = [one for one in self.asked if one not in self.found.free and not one.sags]
         return max(rest, key=lambda one: round(self.found.evidence(one), 6))
 
     def with_free(self, free: tuple[_Suspect, ...]) -> _Search:
@@ -230,7 +307,14 @@ class _Search:
         return replace(self, x=x, rows=rows, found=found)
 
     def far(self, one: _Suspect) -> bool:
-        """Whether a cause is significant and far beyond the rest of the table and the wander."""
+        """Whether a cause is significant and far beyond the rest of the table and the wander.
+
+        A target that moved changes the effector's shape, which no error of the robot does.
+        """
+        change = self.change_of(one)
+        if change and change.target is not None and len(self.zeros.tool.points) > 1:
+            p = remastered.slipped(self.zeros, self.rows).get(change, 1.0)
+            return p * self._tries < alarms.GEOMETRY
         if self.p_value(one) >= alarms.GEOMETRY or _size(self.found, one) <= OUTSTANDING:
             return False
         moves = _moves(self.found, one) @ self.found.mean[list(one.columns)]
@@ -245,7 +329,7 @@ class _Search:
         elif at[0] < len(self.zeros.letters):
             own = np.hypot(self.found.rough[:, int(self.zeros.turns[at[0]])], self.zeros.stated[at])
             beside = own[:, None]
-        return min(1.0, sum(o.tries for o in self.asked) * self.found.p_value(one, beside))
+        return min(1.0, self._tries * self.found.p_value(one, beside))
 
 
 _ROUNDS = 4
@@ -306,7 +390,7 @@ def _visible(found: ScaleGrid, asked: Sequence[_Suspect]) -> dict[str, float]:
             less = np.diag(1 / (found.std[best, at] ** -2 - one.wide**-2))
             C = C + C @ linear.solve(less - C, C)
         typical = np.array([parameter.typical for parameter in one.effect.parameters])
-        units = 1.0 if one.label == "gravity_sag" else 1 / typical  # masses are in such units
+        units = 1.0 if one.sags else 1 / typical  # masses are in such units
         spread = float(np.sqrt(np.mean(np.diag(C) * np.square(units))))
         out[one.label] = max(far * spread, _least(found, one))
     return out
@@ -315,7 +399,7 @@ def _visible(found: ScaleGrid, asked: Sequence[_Suspect]) -> dict[str, float]:
 def _least(found: ScaleGrid, one: _Suspect) -> float:
     """`OUTSTANDING`, as a multiple of the typical magnitude."""
     typical = one.effect.parameters[0].typical
-    if one.label == "gravity_sag":
+    if one.sags:
         typical = max(rms(_moves(found, one).sum(axis=2)), 1e-12)
     return OUTSTANDING * _rest(found, one) / typical
 
@@ -325,7 +409,8 @@ def _off(search: _Search, number: int) -> TableCause:
     zeros, one = search.zeros, search.free[number]
     rest = tuple(other for other in search.free if other is not one)
     sums = products(search.rows)
-    beside = unrefined(zeros, sums, rest)
+    without = replace(zeros, weight_std=FIXED_STD) if one.sags else zeros
+    beside = unrefined(without, sums, rest)
     others = [other for other in search.asked if other not in rest]
     odds = special.softmax([beside.evidence(other) for other in others])
     twins = [other for other in others if other is not one and same(zeros, sums, one, other)]
@@ -350,7 +435,7 @@ def _off(search: _Search, number: int) -> TableCause:
 
 def _units(one: _Suspect) -> Array:
     """SI value of one unit of each of its unknowns: masses are in units of their usual sizes."""
-    if one.label != "gravity_sag":
+    if not one.sags:
         return np.ones(len(one.columns))
     return np.array([parameter.typical for parameter in one.effect.parameters])
 

@@ -98,6 +98,11 @@ _UNLOADED = (
         lambda f: f.agreement is not None and f.agreement.table_p < alarms.GEOMETRY,
     ),
     VerdictRow(
+        Finding.STANDS_UNEXPLAINED,
+        Verdict.ADEQUATE,
+        lambda f: f.unloaded.unexplained and f.agreement is None and not f.unloaded.refuted,
+    ),
+    VerdictRow(
         Finding.ROUGH_TABLE,
         Verdict.ADEQUATE,
         lambda f: f.unloaded.corrects and f.agreement is None,

@@ -23,6 +23,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.geometry.roughness import ScaleGrid
+from pipeline.geometry.slipped import ShapeRows, slips
 from pipeline.geometry.unloaded import MidChange, PoseRows, Unloaded
 
 _SIDES = 3
@@ -50,15 +51,27 @@ def changes(zeros: Unloaded, rows: PoseRows, found: ScaleGrid) -> tuple[MidChang
     freedom = [one.unknowns for one in what]
     if special.chdtrc(freedom, T.max(axis=0)).min() > special.chdtrc(1, _SEEN**2):
         return ()
+    best = zip(what, T.argmax(axis=0).tolist(), strict=True)
+    return tuple(_at(zeros, one, order, k + _SIDES) for one, k in best)
+
+
+def slipped(zeros: Unloaded, rows: PoseRows) -> dict[MidChange, float]:
+    """Likeliest motion of each target on the effector, with its p-value by the shape alone.
+
+    Empty where the shape is not read.
+    """
+    order, shape = _in_time(zeros), ShapeRows.of(zeros, rows)
+    if shape is None or len(order) < 2 * _SIDES:
+        return {}
+    found = zip(*slips(shape, order, _SIDES), strict=True)
+    return {_at(zeros, MidChange(0, (), 0, k), order, int(n)): p for k, (n, p) in enumerate(found)}
+
+
+def _at(zeros: Unloaded, one: MidChange, order: Ints, before: int) -> MidChange:
+    """A change behind some of the poses in time."""
     number = zeros.pulls.pose[np.unique(zeros.pose, return_index=True)[1]]
-    return tuple(
-        replace(
-            one,
-            before=tuple(sorted(number[order[: k + _SIDES]].tolist())),
-            since=int(number[order[k + _SIDES]]),
-        )
-        for one, k in zip(what, T.argmax(axis=0).tolist(), strict=True)
-    )
+    first = tuple(sorted(number[order[:before]].tolist()))
+    return replace(one, before=first, since=int(number[order[before]]))
 
 
 def _what(zeros: Unloaded) -> list[MidChange]:

@@ -29,11 +29,13 @@ from pipeline.base.linear import rms
 from pipeline.base.tails import chi2_beyond
 from pipeline.geometry.mechanism import reach
 from pipeline.geometry.scatter import START
+from pipeline.geometry.yielding import carried_by, usual
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Geometry, Pulls
 from pipeline.machine.positions_estimate import PositionsEstimate
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.dh_parameters import DhParameter, changed, dh_parameters, twists
+from pipeline.machine.robot.weight import by_moments, carried, work
 from pipeline.reduction.idle import Idle
 from pipeline.reduction.measured import STILL_M, Measured
 
@@ -48,6 +50,14 @@ _TOOL_M = 5e-3
 _ANYWHERE_M = 10.0
 """Prior standard deviation of the position of F_b [m]: its base reflectors are not part of the
 robot."""
+
+_TOOL_ARM_M = 0.2
+"""Distance of a tool's centre of mass from the flange [m]: what payload diagrams of medium and
+heavy robots allow for at the rated payload."""
+
+_UNMOVED_M = 1e-6
+"""Rms motion of a reflector below which a combination of masses counts as none [m]: a tenth of the
+best tracker's noise."""
 
 FIXED_STD = 1e-8
 """Standard deviation of what is not estimated [m or rad]; for masses it is a thousand times as
@@ -95,6 +105,7 @@ class _UnknownColumns:
         table: Geometric parameters.
         loose: Turn of F_b beyond what is stated, or of the rail in it [rad].
         masses: Of the arm, in units of their usual sizes.
+        links: Mass and first moments of all links beside these, in principal axes of their effect.
         beside: Independent errors of what absolute positions tell of the robot besides its table,
             in standard deviations.
         changes: In mid-campaign [m] or [rad], one after the other.
@@ -106,6 +117,7 @@ class _UnknownColumns:
     table: slice
     loose: slice
     masses: slice
+    links: slice
     beside: slice
     changes: slice
 
@@ -140,6 +152,9 @@ class Unloaded(Locked):
             (p, 3, 3), where all targets of a pose were computed from one 6D pose, in place of which
             its position, of covariance `cov`, and its rotation are read; else None.
         changes: What may have changed in mid-campaign.
+        weight_std: Prior standard deviation of the arm's weight, in units of its usual size: every
+            arm sags, so that lengths and joint zeros do not have to take it. 0 of an arm that is
+            taken to be weightless unless its masses are free.
         beside: Motion of each reading by each of those errors [m], shape (z, 3, r): of a crooked
             rail for instance, where poses near each other err alike.
     """
@@ -159,6 +174,7 @@ class Unloaded(Locked):
     misshapen: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     turned: Array | None = None
     changes: tuple[MidChange, ...] = ()
+    weight_std: float = 0.0
     beside: Array = field(default_factory=lambda: np.zeros((0, 3, 0)))
 
     @cached_property
@@ -176,8 +192,8 @@ class Unloaded(Locked):
         """Layout of the unknowns."""
         masses = len(self.sag.parameters) if self.sag else 0
         changes = sum(one.unknowns for one in self.changes)
-        more, tool = self.beside.shape[2], 3 * len(self.tool.points)
-        sizes = (3, 3, tool, len(self.letters), 3, masses, more, changes)
+        more, tool, links = self.beside.shape[2], 3 * len(self.tool.points), self.bent.shape[2]
+        sizes = (3, 3, tool, len(self.letters), 3, masses, links, more, changes)
         ends = np.cumsum([0, *sizes]).tolist()
         return _UnknownColumns(*(slice(a, b) for a, b in pairwise(ends)))
 
@@ -222,6 +238,7 @@ class Unloaded(Locked):
         """Prior standard deviations if only position, stated rotation and tool are free, (K,)."""
         std, where = np.full(self.columns.count, FIXED_STD), self.columns
         std[where.shift], std[where.turn], std[where.beside] = _ANYWHERE_M, 1.0, 1.0
+        std[where.links] = FIXED_STD
         std[where.tool], std[where.masses] = max(_TOOL_M, self.tool_std), 1e3 * FIXED_STD
         return std
 
@@ -279,6 +296,8 @@ class Unloaded(Locked):
         D[:, :, where.table] = R @ reach(twists(here, self.letters), p[:, None])[:, :3]
         if self.sag is not None:
             D[:, :, where.masses] = Z @ self._sagging()
+        D[:, :, where.links] = Z @ self.bent
+        stands += D[:, :, where.links] @ x[where.links]
         if self.beside.size:
             D[:, :, where.beside] = self.beside
             stands += self.beside @ x[where.beside]
@@ -315,6 +334,37 @@ class Unloaded(Locked):
         typical = np.diag([parameter.typical for parameter in self.sag.parameters])
         each = [self.sag.geometry(self.robot, self.pulls, one) - self.pulls.q for one in typical]
         return np.stack(each, axis=2)
+
+    @cached_property
+    def bent(self) -> Array:
+        """Deflection of the joints by masses and first moments of the links, shape (z, n, k).
+
+        Those of each link are independent a priori and of the usual size (`yielding.usual`), on the
+        last one also a tool as heavy as the rated payload. With T_i their torques of unit size, the
+        readings Z_i C T_i determine few combinations: the right singular vectors of all rows, of
+        which those are kept that move a reflector.
+        """
+        if not self.weight_std:
+            return np.zeros((len(self.pulls.q), self.robot.n, 0))
+        here, n = configure(self.robot, self.pulls.q), self.robot.n
+        size = np.hypot(*usual(self.robot))
+        size[-1] += (self.robot.payload_kg or 0.0) * np.array([1.0, *[_TOOL_ARM_M] * 3])
+        unit = by_moments(here, self.robot.gravity)
+        T = carried_by(here.twists, np.arange(1, n + 1), unit) * size.ravel()
+        G = self.robot.nominal_compliance[:, None] * T
+        points = here.points(self.tool.points)[np.arange(len(G)), self.target]
+        moved = reach(here.twists, points[:, None])[:, :3] @ G
+        _, s, Vt = np.linalg.svd(moved.reshape(-1, 4 * n), full_matrices=False)
+        return np.asarray(G @ Vt[s > _UNMOVED_M * np.sqrt(len(G))].T)
+
+    def hangs(self, x: Array) -> bool:
+        """Whether the usual weight does work in the estimated deflection, as gravity does."""
+        here, none = configure(self.robot, self.pulls.q), np.zeros((len(self.pulls.q), 3))
+        weight = carried(here, self.robot.gravity, usual(self.robot)[0], none[:, 0], none)
+        bent = self.bent @ x[self.columns.links]
+        if self.sag is not None:
+            bent = bent + self._sagging() @ x[self.columns.masses]
+        return bool(np.sum(work(here.twists, weight) * bent) > 0)
 
     def seen(self, x: Array) -> Array:
         """Residuals of the readings [m], without the joints' errors, shape (v, 3)."""

@@ -23,6 +23,7 @@ from pipeline.base.quantities import (
     with_std,
     with_uncertainty,
 )
+from pipeline.diagnosis.finding import Finding
 from pipeline.machine.effect import in_place
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
@@ -103,6 +104,8 @@ def found(answer: Answer, say: Say = str) -> str:
         more = say(f" (and {len(mistakes) - 1} more)") if len(mistakes) > 1 else ""
         return f"{_begun(_cut(say(_LINES.sub(_FIRST, mistakes[0]))))}{more}."
     causes = answer.diagnosis.causes
+    if not causes and Finding.STANDS_UNEXPLAINED in answer.diagnosis.reasons:
+        return say("The unloaded reflectors do not stand where the robot file places them.")
     if not causes:
         return say(_NOTHING.get(str(answer.diagnosis.verdict), ""))
     return f"{capital(say(_listed(causes)))}{say(_gain(answer))}."

@@ -20,6 +20,7 @@ from pipeline.diagnosis.facts import (
     Facts,
     FoundCause,
     PossibleCause,
+    UnloadedFacts,
 )
 from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.diagnosis.verdict import TABLE, findings, of_both, verdict
@@ -134,6 +135,10 @@ ROWS = {
     ),
     Finding.ROUGH_TABLE: (
         Facts(unloaded=replace(MISPLACED, gain=gain(0.9, 0.8), rough=True)),
+        Verdict.ADEQUATE,
+    ),
+    Finding.STANDS_UNEXPLAINED: (
+        Facts(unloaded=UnloadedFacts(1e-3, 1.1e-3, {}, noise_m=3e-5, usual_m=3e-4)),
         Verdict.ADEQUATE,
     ),
     Finding.TABLES_DISAGREE: (
