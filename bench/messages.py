@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1] / "pipeline"
@@ -20,7 +20,7 @@ SPOKEN: dict[str, tuple[str, ...]] = {
         *("_next", "_again", "_proposed", "_unchecked", "_pulled", "_joints"),
         *("_least_certain", "_NONE_OPEN", "_settled"),
     ),
-    "answer/tolerance_sentence.py": ("DECIDED",),
+    "answer/conformity.py": ("DECIDED",),
     "answer/words.py": ("DO", "listed", "loads"),
     "design/discriminate.py": ("_never",),
     "design/criteria.py": ("prediction",),
@@ -152,11 +152,22 @@ _WORDS = re.compile(r"[^\W\d_]{2,}")
 def texts() -> dict[str, str]:
     """Every text, and the first file that contains it."""
     found = dict.fromkeys(JOINED, "")
-    for pattern in SPOKEN:
-        for path in sorted(ROOT.glob(pattern)):
-            for _, text in _said(path.read_text("utf-8"), SPOKEN[pattern]):
+    for pattern, names in SPOKEN.items():
+        sources = {path: path.read_text("utf-8") for path in sorted(ROOT.glob(pattern))}
+        _there(pattern, names, sources.values())
+        for path, source in sources.items():
+            for _, text in _said(source, names):
                 found.setdefault(text, path.relative_to(ROOT).as_posix())
     return found
+
+
+def _there(pattern: str, names: tuple[str, ...], sources: Collection[str]) -> None:
+    """Stop if a file or a name of `SPOKEN` is gone: its texts would vanish from the catalogues."""
+    if not sources:
+        raise SystemExit(f"pipeline/{pattern} is gone: correct SPOKEN of bench/messages.py")
+    defined = {name for one in sources for node in ast.parse(one).body for name in _names(node)}
+    for name in sorted(set(names) - defined):
+        raise SystemExit(f"pipeline/{pattern} has no {name}: correct SPOKEN of bench/messages.py")
 
 
 def catalogues() -> None:

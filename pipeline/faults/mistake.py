@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import pandas as pd
 
+from pipeline.base.errors import listed
 from pipeline.base.quantities import plain
 from pipeline.reduction.case import Case
 
@@ -78,17 +79,16 @@ class Mistake:
 
 def told_once(found: Sequence[Mistake]) -> tuple[Mistake, ...]:
     """The mistakes, those of one origin as one with all their lines, where the first of them is."""
-    told: dict[tuple[str, str], list[Mistake]] = {}
+    origins: dict[tuple[str, str | int], list[Mistake]] = {}
     for k, one in enumerate(found):
-        told.setdefault((one.name, one.alike or f"alone {k}"), []).append(one)
-    return tuple(_as_one(*of) for of in told.values())
+        origins.setdefault((one.name, one.alike or k), []).append(one)
+    return tuple(_as_one(*of) for of in origins.values())
 
 
 def _as_one(first: Mistake, *others: Mistake) -> Mistake:
     if not others:
         return first
-    every = [one.where for one in others]
-    few = ", ".join(every[:3]) + (f" and {len(every) - 3} more" if len(every) > 3 else "")
+    few = listed((one.where for one in others), 3)
     return replace(
         first,
         evidence=f"{first.evidence}; the same in {few}",

@@ -63,10 +63,10 @@ def _coordinates(case: Case) -> Iterator[Mistake]:
         at, of = lines_of(rows[wrong]), rows["pose"].notna()
         order = rows[of].sort_values(["file", "line"]).index
         later = _from(wrong[order].to_numpy(bool), ~wrong[order].to_numpy(bool)) is not None
+        since = f"from {at[0]} on in the tracker export {says}"
         found = _finding(
             where=unit,
-            says=f"{f'from {at[0]} on' if later else f'in {len(at)} rows'} in the tracker export "
-            f"{says}",
+            says=since if later else f"in {len(at)} rows of the tracker export {says}",
             why=f"the targets of these groups are {factor:.4g} times as far from each other if so, "
             "as those of the others are",
             at=at,
