@@ -91,8 +91,7 @@ def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
     """Ingest the tables of a campaign.
 
     Poses beyond the robot's limits that no wrong unit or convention explains are left out, and so
-    are
-    readings that contradict their rows.
+    are readings that contradict their rows.
 
     Args:
         raw: Files, settings and robot of the campaign.
@@ -216,27 +215,27 @@ def _of_pulls(
     case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
     _enough(reduced.data, raw.robot)
     given = step(fit)(case, reduced)
-    held = converge(case, reduced, given, step)
-    screened, right, where, diagnosis = held.screened, held.right, held.where, held.diagnosis
+    end = converge(case, reduced, given, step)
+    screened, right, test_pose, diagnosis = end.screened, end.right, end.where, end.diagnosis
     given = given if screened.findings else right
 
     facts = replace(diagnosis.facts, mistakes=told_once(screened.findings))
-    stands = springs_of_extended(right, diagnosis)
+    springs = springs_of_extended(right, diagnosis)
     if both is not None:
-        both = both.beside(stands, diagnosis)
+        both = both.beside(springs, diagnosis)
         facts = both.facts(facts)
     word = verdict(facts)
     row = decide(DecisionBasis.of(facts, diagnosis))
-    values = alone = recommend(row, stands, diagnosis, where)
+    values = of_pulls = recommend(row, springs, diagnosis, test_pose)
     if both is not None and both.agrees:
-        values = step(beside_positions)(alone)
-    told = predicted(values.model(name, word, row), values, where, step)
-    paper, delivered = told, given if both is None else both.given(step)
-    if row.model != Which.JOINT_SPRINGS or stands is not delivered:
-        springs = joint_springs(delivered)
-        paper = predicted(springs.model(name, word, row), springs, where, step)
-    controls, carried = step(control)(alone, where)
-    shown_m = HeldOutError(told.model.held_out_m, right.data.pulls.range_n[1])
+        values = step(beside_positions)(of_pulls)
+    reported = predicted(values.model(name, word, row), values, test_pose, step)
+    springs_only, delivered = reported, given if both is None else both.given(step)
+    if row.model != Which.JOINT_SPRINGS or springs is not delivered:
+        unextended = joint_springs(delivered)
+        springs_only = predicted(unextended.model(name, word, row), unextended, test_pose, step)
+    controls, carried = step(control)(of_pulls, test_pose)
+    held_out = HeldOutError(reported.model.held_out_m, right.data.pulls.range_n[1])
     found = CampaignResults(
         campaign=name,
         raw=raw,
@@ -245,20 +244,22 @@ def _of_pulls(
         diagnosis=diagnosis,
         facts=facts,
         row=row,
-        told=told,
-        springs=paper,
-        extended=identified(stands, diagnosis, where),
-        where=where,
+        told=reported,
+        springs=springs_only,
+        extended=identified(springs, diagnosis, test_pose),
+        where=test_pose,
         control=controls,
         carried=carried,
-        judged=step(judge)(told.model, where.q, where.force, shown_m, path, _most_m(raw)),
+        judged=step(judge)(
+            reported.model, test_pose.q, test_pose.force, held_out, path, _most_m(raw)
+        ),
         one_pose=pose,
     )
     shown = {**right.reduced.shown, "rejected": case.rejected, **kept(found, keep, step)}
     if both is None:
-        return CampaignAnswer(answer_of(found), shown, told.model)
+        return CampaignAnswer(answer_of(found), shown, reported.model)
     shown |= both.shown(shown, keep)
-    model = told.model
+    model = reported.model
     return CampaignAnswer(both.answer(found, answer_of(found)), shown, model, both.files(model))
 
 
@@ -290,7 +291,7 @@ def _enough(data: Measured, robot: Robot) -> None:
     if not data.enough(robot.n):
         raise InputError(
             f"{size} displacement coordinates for {robot.n} stiffnesses"
-            + ("" if size < robot.n else " leave none to tell the noise from"),
+            + ("" if size < robot.n else " leave none to estimate the noise from"),
             "add pulls in more poses, or more reflectors"
             + ("" if noise else ", or state the noise as sigma_m"),
         )

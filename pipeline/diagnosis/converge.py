@@ -1,4 +1,4 @@
-"""Stages 5 to 7 as one: mistakes, noise and causes, each judged given the others.
+"""One iteration over mistakes, noise and causes, each judged given the others.
 
 The state consists of mistakes in single readings and pulls, the noise (scale and shape) and the
 causes. Each move changes one of them given the other two: readings are screened again from

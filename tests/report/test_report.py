@@ -127,8 +127,8 @@ def words(text: str) -> str:
 
 def pdf_words(content: bytes) -> str:
     """All text of a PDF without the line at the foot of its pages, as `words` gives it."""
-    pages = pages_of(content)
-    return words("".join(text.rpartition("\nJoint stiffness of ")[0] or text for text in pages))
+    foot = re.compile(r"Joint stiffness of [^\n]*?\d+ ?/ ?\d+")
+    return words("".join(foot.sub("", text) for text in pages_of(content)))
 
 
 def broken(pages: Iterable[pypdf.PdfPage]) -> list[str]:
