@@ -24,7 +24,7 @@ _ELSEWHERE = "(somebody else's code)"
 
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"|`[^`]*`")
 _PATH = re.compile(r"\S*[/\\]\S*")
-_NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)+(?:[eE][-+]?\d+)?|[-+]?\d+[eE][-+]?\d+|\d{3,}")
+_NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)+(?:[eE][-+]?\d+)?|[-+]?\d+[eE][-+]?\d+|\d{4,}")
 _PLAIN = re.compile(r"[(\[]*[a-z]+[)\].,:;]*|[(\[]*\d{1,3}[)\].,:;x\d]*|…[)\].,:;]*|[=<>!]+")
 
 

@@ -354,8 +354,9 @@ class Unloaded(Locked):
         G = self.robot.nominal_compliance[:, None] * T
         points = here.points(self.tool.points)[np.arange(len(G)), self.target]
         moved = reach(here.twists, points[:, None])[:, :3] @ G
-        _, s, Vt = np.linalg.svd(moved.reshape(-1, 4 * n), full_matrices=False)
-        return np.asarray(G @ Vt[s > _UNMOVED_M * np.sqrt(len(G))].T)
+        flat = moved.reshape(-1, 4 * n)
+        square, directions = linear.directions(flat.T @ flat)
+        return np.asarray(G @ directions[:, square > _UNMOVED_M**2 * len(G)])
 
     def hangs(self, x: Array) -> bool:
         """Whether the usual weight does work in the estimated deflection, as gravity does."""
