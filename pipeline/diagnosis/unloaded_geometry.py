@@ -245,7 +245,14 @@ class _Search:
         """The sag as a cause, too, where it stands far beyond the rest beside all others."""
         sag = [one for one in self.asked if one.sags]
         more = self.with_free((*self.free, *sag))
-        return more if sag and all(more.far(one) for one in more.free) else self
+        heavy = bool(sag) and all(map(more.possible, sag))
+        return more if heavy and all(more.far(one) for one in more.free) else self
+
+    def possible(self, one: _Suspect) -> bool:
+        """Whether its magnitude is within the bounds of its parameters: no mass is negative."""
+        values = self.found.mean[list(one.columns)] * _units(one)
+        pairs = zip(one.effect.parameters, values, strict=True)
+        return all(parameter.lower <= value <= parameter.upper for parameter, value in pairs)
 
     def with_slip(self, effects: Sequence[Effect]) -> _Search:
         """The search with the target that moved on the effector by its shape alone, if any did."""
@@ -415,7 +422,6 @@ def _off(search: _Search, number: int) -> TableCause:
     odds = special.softmax([beside.evidence(other) for other in others])
     twins = [other for other in others if other is not one and same(zeros, sums, one, other)]
     mine = [i for i, other in enumerate(others) if other is one or other in twins]
-    order = np.argsort(-np.round(odds, 9), kind="stable")
     at, units = list(one.columns), _units(one)
     cov = search.found.covariance[np.ix_(at, at)] * units[:, None] * units
     return TableCause(
@@ -424,12 +430,18 @@ def _off(search: _Search, number: int) -> TableCause:
         std=np.sqrt(np.diag(cov)),
         p_value=search.p_value(one),
         probability=float(sum(odds[i] for i in mine)),
-        rivals=tuple(
-            PossibleCause(others[i].effect, float(odds[i]))
-            for i in order
-            if odds[i] > alarms.GEOMETRY and i not in mine
-        ),
+        rivals=_rivals(others, odds, mine),
         twins=tuple(other.effect for other in twins),
+    )
+
+
+def _rivals(others: list[_Suspect], odds: Array, mine: list[int]) -> tuple[PossibleCause, ...]:
+    """The other suspects that are not improbable, the likeliest first."""
+    order = np.argsort(-np.round(odds, 9), kind="stable")
+    return tuple(
+        PossibleCause(others[i].effect, float(odds[i]))
+        for i in order
+        if odds[i] > alarms.GEOMETRY and i not in mine
     )
 
 

@@ -167,11 +167,17 @@ def scale_outliers(asked: Screening) -> list[Mistake]:
         if righted is None or not _matters(righted, scale):
             return []
         if righted.alone or righted.clear:
-            sure = _sure(data, righted) and (righted.alone or not _by_law(asked, righted))
-            found = _findings(asked.case, data, righted) if sure else []
-            return [replace(one, rivalled=not righted.alone) for one in found]
+            return _judged(asked, righted)
         which.append(righted.next)
     return []
+
+
+def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
+    """The readings as mistakes, if they are; `rivalled` where others stand out as well."""
+    data = asked.reduced.data
+    sure = _sure(data, righted) and (righted.alone or not _by_law(asked, righted))
+    found = _findings(asked.case, data, righted) if sure else []
+    return [replace(one, rivalled=not righted.alone) for one in found]
 
 
 def _sure(data: Measured, righted: _Righted) -> bool:

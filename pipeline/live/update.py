@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.answer.contract import Answer, Tip, Tolerance
+from pipeline.answer.contract import Answer, Cause, Tip, Tolerance
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.faults.mistake import Mistake
@@ -222,11 +222,19 @@ def _warnings(answer: Answer, robot: Robot) -> Iterator[str]:
             at = f" ({one.where})" if one.where is not None else ""
             at += f" {one.form}" if (one.form or "").startswith("since") else ""
             what = str(one.name).replace("_", " ")
-            of_scale = one.where == "scale"  # a law of the scale that is not in the catalogue
-            done = _ADVICE.get("scale_zero" if of_scale else str(one.name))
-            settled = f"; what would settle it: {one.needs}" if one.needs else ""
-            then = f": {done}" if done else ", of the robot itself" if one.name in own else settled
+            then = _advice(one, str(one.name) in own)
             yield f"{what[:1].upper()}{what[1:]}{at}, probability {one.probability:.2f}{then}."
+
+
+def _advice(cause: Cause, of_robot: bool) -> str:
+    """What to do about a cause, or what would settle it."""
+    of_scale = cause.where == "scale"  # a law of the scale that is not in the catalogue
+    done = _ADVICE.get("scale_zero" if of_scale else str(cause.name))
+    if done:
+        return f": {done}"
+    if of_robot:
+        return ", of the robot itself"
+    return f"; what would settle it: {cause.needs}" if cause.needs else ""
 
 
 def _stiffness(answer: Answer) -> Iterator[_Open]:

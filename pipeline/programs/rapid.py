@@ -393,12 +393,20 @@ def _steps(found: _Rapid) -> Iterator[ProgramStep]:
         if handler and word in (*_HANDLERS, *_ENDS):
             yield ProgramStep(at, "close", found.source.line(at))
         handler = word in _HANDLERS or (handler and word not in _ENDS)
-        if token[0].startswith("%") and not token[0].startswith(_HEAD):
-            yield _called_by_name(found, at)
-        elif kind:
-            yield ProgramStep(at, kind, found.source.line(at), _DISPLACED.get(word, ""))
+        yield from _step(found, token, word, kind)
         compact = word == "if" or (compact and token[0].lower() not in _ENDS_IF)
         before = word
+
+
+def _step(
+    found: _Rapid, token: re.Match[str], word: str, kind: StepKind | None
+) -> Iterator[ProgramStep]:
+    """The step at a token, if it is one."""
+    at = token.start()
+    if token[0].startswith("%") and not token[0].startswith(_HEAD):
+        yield _called_by_name(found, at)
+    elif kind:
+        yield ProgramStep(at, kind, found.source.line(at), _DISPLACED.get(word, ""))
 
 
 def _called_by_name(found: _Rapid, at: int) -> ProgramStep:
