@@ -113,7 +113,6 @@ def from_unloaded(
     zeros = unloaded(cell.robot, cell.tool, _sag(effects), data, scale)
     if zeros is None:
         return NO_UNLOADED
-    zeros = replace(zeros, weight_std=float(data.stance is None))  # else positions know it
     asked = tuple(_suspects(zeros, effects))
     x = np.zeros(zeros.columns.count)
     rows = zeros.about(x)

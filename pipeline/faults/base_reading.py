@@ -209,8 +209,7 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
 
     y_k = v + w x p_k + a(t_k) (v' + w' x p_k) + e_k [m], F_b: with a a law of `LAWS`, normalised to
     1 at the end; or v', or v' and w', of each round; or in addition the growth g' p_k of the base
-    frame, as in a hall that warms (`reduction.growth`), then one of its own along each axis of F_b,
-    as of a frame of which only one part warms.
+    frame, as in a hall that warms (`reduction.growth`).
     """
     table = registration.table
     C = covariance.weighing(table)
@@ -230,8 +229,6 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
     axes = white * lever[:, None, :]
     grown = np.concatenate([rigid, axes.sum(axis=2, keepdims=True)], axis=2)
     ways = [rigid[:, :, :3], rigid, grown]
-    if table["target"].nunique() > _REFLECTORS:  # of three any change of shape would be one
-        ways.append(np.concatenate([rigid, axes], axis=2))
     for way in ways if later.shape[1] else ():
         some = way.shape[2]
         moved = way[:, :, None, :] * later[:, None, :, None]

@@ -223,19 +223,16 @@ def grown(case, kelvin):
     return replace(case, readings=rows)
 
 
-@pytest.mark.parametrize("kelvin", [(6.0, 6.0, 6.0), (0.0, 15.0, 0.0), (0.0, 4.0, 0.0)])
+@pytest.mark.parametrize("kelvin", [(6.0, 6.0, 6.0), (12.0, 12.0, 12.0)])
 def test_a_base_frame_that_grew_with_the_hall_accuses_no_reading(case, kelvin):
-    """By 0.7 to 2.6 mm at its far end; of a reading that is off beside that none but it is named.
-
-    Growth of its own along each axis leaves three freedoms of twelve in a round: too few.
-    """
+    """And of a reading that is off beside that, none but it is named."""
     late = grown(case, kelvin)
     wrong = spoiled(late, 6, np.array([12e-4, 0.0, 16e-4]))
     row = wrong.readings[wrong.readings["pose"].isna()].iloc[6]
 
     assert base_outlier(registered(late), 1.0) == []
     found = [one.where for one in base_outlier(registered(wrong), 1.0)]
-    assert found == [f"{row['group']}/{row['target']}"] * (kelvin[0] > 0)
+    assert found == [f"{row['group']}/{row['target']}"]
 
 
 def in_rounds(rounds, course, rng, step_h=0.7):
