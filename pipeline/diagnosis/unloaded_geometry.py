@@ -37,7 +37,6 @@ from pipeline.geometry.roughness import (
 )
 from pipeline.geometry.scatter import START
 from pipeline.geometry.unloaded import (
-    FIXED_STD,
     USUAL,
     MidChange,
     PoseRows,
@@ -415,8 +414,7 @@ def _off(search: _Search, number: int) -> TableCause:
     zeros, one = search.zeros, search.free[number]
     rest = tuple(other for other in search.free if other is not one)
     sums = products(search.rows)
-    without = replace(zeros, weight_std=FIXED_STD) if one.sags else zeros
-    beside = unrefined(without, sums, rest)
+    beside = unrefined(zeros, sums, rest)
     others = [other for other in search.asked if other not in rest]
     odds = special.softmax([beside.evidence(other) for other in others])
     twins = [other for other in others if other is not one and same(zeros, sums, one, other)]
