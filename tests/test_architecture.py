@@ -205,7 +205,6 @@ OUTBUILDINGS = {
         "diagnosis.average": "what single pulls say of a law is asked of the likeliest hypothesis",
         "reduction": "and of its readings",
         "system": "what fewer poses would say, of the estimator",
-        "diagnosis.positions": "and of single positions, by the name of such laws there",
         "geometry": "and where a robot stood whose positions were read",
         "prediction.workspace": "the arm as it stands in a plane",
     },
