@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.answer import contract
 from pipeline.answer.conformity import axis_values
 from pipeline.answer.contract import Equilibrium, NoiseFrom, Predicted
-from pipeline.answer.numbers import left_out_mm
+from pipeline.answer.recommended import left_out_mm
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import law_told, why
 from pipeline.diagnosis.facts import (

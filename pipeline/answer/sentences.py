@@ -27,7 +27,7 @@ from pipeline.answer.contract import (
     Which,
 )
 from pipeline.answer.inputs import lost_told
-from pipeline.answer.numbers import left_out_mm
+from pipeline.answer.recommended import left_out_mm
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import (
     DO,

@@ -9,14 +9,14 @@ import pandas as pd
 
 from pipeline.answer import contract
 from pipeline.answer.contract import Drawn, Fit, NoiseFrom, TargetDeflection, Validation
-from pipeline.answer.numbers import left_out_mm, rms_mm
-from pipeline.answer.recommended import ModelValues
+from pipeline.answer.recommended import ModelValues, left_out_mm
 from pipeline.answer.results import ReportedModel
 from pipeline.answer.stiffness import stiffness_entries
+from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.machine.cell import Cell
-from pipeline.prediction.by_payload import by_payload
 from pipeline.prediction.model import IdentifiedModel
+from pipeline.prediction.validate import by_payload
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.assemble import second_order
@@ -44,7 +44,7 @@ def values_entry(told: ReportedModel, where: PoseOfInterest) -> contract.Values:
 def _fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
     """Residuals of the model, and the test of its fit."""
     return Fit(
-        rms_mm=rms_mm(estimate.residual),
+        rms_mm=1e3 * linear.rms(estimate.residual),
         chi2=estimate.chi2,
         dof=estimate.dof,
         p_value=estimate.p_value,
@@ -60,7 +60,7 @@ def _second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
     n = len(cell.parameters)  # the springs come first
     known = estimate.identifiable[:n] & (estimate.value[:n] > 0)
     x = np.where(known, estimate.value[:n], cell.robot.nominal_compliance)
-    return rms_mm(second_order(cell, data, x))
+    return 1e3 * linear.rms(second_order(cell, data, x))
 
 
 _RESTS_ON = "Uncertainties, chi-squared and its p-value rest on the noise"

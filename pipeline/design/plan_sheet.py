@@ -27,9 +27,9 @@ from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effect import branches
 from pipeline.machine.robot import Joint, Robot, axes
 from pipeline.report import words
-from pipeline.report.columns import Cells, number_column, roughly, table_of, word_column
 from pipeline.report.record import (
     Block,
+    Cells,
     Column,
     Figure,
     Paragraph,
@@ -38,9 +38,13 @@ from pipeline.report.record import (
     Section,
     TableEntry,
     entry,
+    number_column,
     present,
+    roughly,
     section_of,
+    table_of,
     unlabelled,
+    word_column,
 )
 
 _BEFORE = (

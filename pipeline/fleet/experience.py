@@ -11,7 +11,8 @@ with s and m that maximise the marginal likelihood (empirical Bayes, beta-binomi
     ln(size / typical) ~ N(mu_c, SPREAD^2),   mu_c ~ N(0, BETWEEN^2),
 
 so that a cause of few robots stays close to the guess: all causes equally likely, of typical size.
-Campaigns whose own answer uses learnt priors are not counted.
+Campaigns whose own answer uses learnt priors are not counted. `pipeline priors` writes them as
+tables for campaign.toml.
 """
 
 from __future__ import annotations
@@ -19,13 +20,18 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy import optimize, special
 
 from pipeline.answer.contract import Answer
 from pipeline.base.arrays import Array, Ints
+from pipeline.base.errors import UsageError
 from pipeline.diagnosis.finding import Verdict
+from pipeline.fleet.history import finished
+from pipeline.machine.effects import catalogue
+from pipeline.machine.robot import load
 
 ROBOTS, CAMPAIGNS = 10, 20
 """Minimum number of robots and of campaigns from which rates are learnt."""
@@ -170,3 +176,47 @@ def _odds(total: Array, robots: Ints) -> Array:
     log = special.logit(rate)
     most = math.log(_MOST_ODDS)
     return np.asarray(np.exp(np.clip(log - log.mean(), -most, most)))
+
+
+def learnt(root: Path, robot: str) -> Experience:
+    """Experience from all finished campaigns with the causes that a robot can have.
+
+    Simulated campaigns are not counted, since their causes were chosen.
+
+    Raises:
+        InputError: There is no such robot.
+        UsageError: No campaign is finished.
+    """
+    everyone = [one.answer for one in finished(root)]
+    if not everyone:
+        raise UsageError("no campaign is finished: run `pipeline run` first")
+    answers = [one for one in everyone if not one.simulated]
+    return experience(answers, {effect.name for effect in catalogue(load(robot))})
+
+
+def toml(said: Experience) -> str:
+    """Tables to append to campaign.toml; guesses are stated as such in comments."""
+    return "\n".join(_lines(said)) + "\n"
+
+
+def _lines(said: Experience) -> Iterator[str]:
+    yield f"# From {said.campaigns} campaigns of {said.robots} robots by `pipeline priors`."
+    if not said.learnt:
+        yield (
+            f"# Too few to learn how common causes are ({ROBOTS} robots and {CAMPAIGNS} campaigns "
+            "are needed): all are guessed to be equally likely."
+        )
+    for one in said.causes:
+        if one.odds_learnt or one.size_learnt:
+            yield from _table(one)
+    guessed = [one.name for one in said.causes if not one.size_learnt]
+    if guessed:
+        yield f"# Sizes are guessed, too few robots have them: {', '.join(guessed)}."
+
+
+def _table(one: Expected) -> Iterator[str]:
+    yield f"[priors.{one.name}]  # in {one.robots:.2g} robots"
+    if one.odds_learnt:
+        yield f"odds = {one.odds:.3g}"
+    if one.size_learnt:
+        yield f"size = {one.size:.3g}"

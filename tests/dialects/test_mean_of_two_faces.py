@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.dialects._faces import mean
+from pipeline.dialects._export import mean
 
 
 def test_the_mean_of_two_readings_has_half_their_variance():

@@ -7,9 +7,18 @@ from urllib.parse import quote
 
 from pipeline.answer.contract import Answer, Measuring, Rejected, Unit
 from pipeline.answer.words import listed
-from pipeline.report.columns import Cells, table_of, word_column
 from pipeline.report.identity import LabelledText, rows
-from pipeline.report.record import Column, Paragraph, Section, TableEntry, entry, section_of
+from pipeline.report.record import (
+    Cells,
+    Column,
+    Paragraph,
+    Section,
+    TableEntry,
+    entry,
+    section_of,
+    table_of,
+    word_column,
+)
 
 
 def identity(answer: Answer) -> Section | None:

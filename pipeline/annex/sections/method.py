@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from pipeline.answer.contract import Answer, Equilibrium, Input, Which
 from pipeline.base.quantities import plain, typeset
-from pipeline.report.columns import Cells, number_column, table_of, word_column
-from pipeline.report.record import Paragraph, ReportTable, Section, section_of
+from pipeline.report.record import (
+    Cells,
+    Paragraph,
+    ReportTable,
+    Section,
+    number_column,
+    section_of,
+    table_of,
+    word_column,
+)
 from pipeline.report.summaries import Tables
 
 _LEFT_OUT = (

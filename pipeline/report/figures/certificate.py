@@ -19,8 +19,7 @@ from pipeline.base.quantities import MISSING, percent, plain, with_uncertainty
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot
-from pipeline.report.figures.sheet import PixelSheet
-from pipeline.report.figures.view import FROM, TO, View, outlines
+from pipeline.report.figures.sheet import FROM, TO, PixelSheet, View, outlines
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, BODY, EDGE, GREEN, GRID, INK, MUTED, PAPER, RED
