@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
+from pipeline.annex.position_tables import identified
 from pipeline.annex.scene import scene, scene_of_positions
 from pipeline.annex.seen_laws import laws
 from pipeline.answer.results import CampaignResults
@@ -41,8 +42,8 @@ def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
 
 
 def of_positions(found: Study, keep: Keep, step: Step) -> _Tables:
-    """Tables of the scene of a campaign of positions."""
-    return _kept(step(scene_of_positions)(found), keep)
+    """Tables of the figures of a campaign of positions."""
+    return {**identified(found, keep), **_kept(step(scene_of_positions)(found), keep)}
 
 
 def _kept(made: _Tables, keep: Keep) -> _Tables:

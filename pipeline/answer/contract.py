@@ -1095,9 +1095,7 @@ class Heading(Fact):
     )
     measured: Day | None = Field(description="date, or date and time")
     verdict_sentence: tuple[str, ...] = Field(description="the first screen, most important first")
-    first_screen: tuple[Line, ...] = Field(
-        default=(), exclude_if=_nothing, description="the same, with what each line is about"
-    )
+    first_screen: tuple[Line, ...] = Field(description="the same, with what each line is about")
     recommended: Recommended = Field(description="which values stand at the top, and why")
 
 
@@ -1113,9 +1111,7 @@ class Answer(Values, Heading):
     tolerance: Tolerance | None = Field(
         default=None, exclude_if=_nothing, description="absent without [tolerance]"
     )
-    identity: Identity | None = Field(
-        default=None, exclude_if=_nothing, description="what the report is filed by"
-    )
+    identity: Identity = Field(description="what the report is filed by")
     day_to_day: DayToDay | None = Field(
         default=None,
         exclude_if=_nothing,

@@ -18,11 +18,12 @@ from pipeline import tables
 from pipeline.answer import contract
 from pipeline.answer import positions as of_positions
 from pipeline.answer.contract import About, Answer, Line
-from pipeline.answer.of_positions import law_table, model_file, pictures
+from pipeline.answer.of_positions import model_file
 from pipeline.answer.positions import PositionsResults
 from pipeline.answer.recommended import joint_springs
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import listed
+from pipeline.base import doors
 from pipeline.diagnosis.combined import SpringAgreement, combined, spring_agreement
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
@@ -35,6 +36,9 @@ from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.system import alarms
 from pipeline.system.fit import Fitted, fit
+
+_ANNEX = "pipeline.annex.position_tables:identified"
+"""Tables of the positions for the figures behind the first page."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +120,10 @@ class PositionsAndPulls:
 
     def shown(self, pulls: Mapping[str, pd.DataFrame], keep: Keep) -> dict[str, pd.DataFrame]:
         """The tables of the positions, beside those of the pulls."""
-        laws = pd.concat([law_table(self.said.found), pulls["laws"]], ignore_index=True)
         rejected = pd.concat([self.said.rejected, pulls["rejected"]], ignore_index=True)
+        pictured = doors.found(_ANNEX)
         return {
-            **pictures(self.said, keep),
-            "laws": keep("53_laws", laws, tables.LAWS),
+            **(pictured(self.said.found, keep, pulls["laws"]) if pictured else {}),
             "rejected": keep("13_rejected", rejected, tables.REJECTED),
         }
 

@@ -138,11 +138,6 @@ TABLE: tuple[DecisionRow, ...] = (
 """Rows of the decision; the first that holds decides."""
 
 
-def row_of(reason: str) -> DecisionRow:
-    """The row of a reason."""
-    return next(row for row in TABLE if row.reason == reason)
-
-
 def decide(basis: DecisionBasis) -> DecisionRow:
     """The first row of `TABLE` that holds."""
     data = _CORRECTED if basis.mistakes else _GIVEN

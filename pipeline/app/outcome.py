@@ -132,8 +132,6 @@ def _first_screen(answer: Answer) -> list[str]:
     from pipeline.answer.contract import About
     from pipeline.answer.words import ABOUT
 
-    if not answer.first_screen:
-        return list(answer.verdict_sentence)
     first, *more = answer.first_screen
     chosen = [one for one in more if one.about is not About.NUMBERS]
     return [first.text, *(f"{ABOUT[one.about]}: {one.text}" for one in chosen)]

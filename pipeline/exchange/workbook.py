@@ -106,10 +106,7 @@ def _summary(answer: Answer) -> Iterator[_SummaryLine]:
     yield _SummaryLine("robot", answer.machine)
     yield _SummaryLine("measured", answer.measured)
     yield _SummaryLine("verdict", words.VERDICTS[verdict][0])
-    if answer.first_screen:
-        yield from (_SummaryLine(ABOUT[one.about].lower(), one.text) for one in answer.first_screen)
-    else:
-        yield from (_SummaryLine("in words", sentence) for sentence in answer.verdict_sentence)
+    yield from (_SummaryLine(ABOUT[one.about].lower(), one.text) for one in answer.first_screen)
     yield from _asked(answer)
     yield _SummaryLine("values of", words.values_of(answer))
     yield _SummaryLine("because", answer.recommended.why)

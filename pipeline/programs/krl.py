@@ -449,7 +449,14 @@ def _settings(
         yield which, _frame(found, source, start + assigned.start(3), which, assigned[3])
     elif assigned and assigned[2].lower() == "fdat_act":
         yield from _form(found, assigned[3].strip(), at)
-    elif (setting := _SETTING.search(line)) and not _MOTION.match(line):
+    else:
+        yield from _set_otherwise(line, at)
+
+
+def _set_otherwise(line: str, at: int) -> Iterator[tuple[str, HeldState]]:
+    """Unknown states due to a line that sets them in no way known here."""
+    setting = _SETTING.search(line)
+    if setting and not _MOTION.match(line):
         yield from _unsure(setting[setting.lastindex or 1].upper(), at)
 
 

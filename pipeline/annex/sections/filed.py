@@ -36,8 +36,6 @@ def identity(answer: Answer) -> Section | None:
 def _unsaid(answer: Answer) -> Iterator[LabelledText]:
     """LabelledText listing what should be filed but is not stated in campaign.toml."""
     found, instrument = answer.identity, answer.instrument
-    if found is None:
-        return
     papers = {"robot": answer.robot_unit, "instrument": instrument, "scale": found.scale}
     if found.force_n is None:
         del papers["scale"]
