@@ -1083,7 +1083,7 @@ class Input(Fact):
     bytes: int
 
 
-class Heading(Fact):
+class _Heading(Fact):
     """What stands first in result.json."""
 
     format: Literal[1]
@@ -1099,7 +1099,7 @@ class Heading(Fact):
     recommended: Recommended = Field(description="which values stand at the top, and why")
 
 
-class Answer(Values, Heading):
+class Answer(Values, _Heading):
     """result.json; the values at the top are those of the recommended model."""
 
     test_pose: TestPose | None = Field(

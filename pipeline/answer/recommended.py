@@ -189,7 +189,7 @@ class ModelValues:
                 for h in self.hypotheses
             ),
             self._stated,
-            left_out_m(self.left_out_m),
+            _left_out_m(self.left_out_m),
             self.fitted.data.pulls.range_n,
             None if self.where is None else (self.where.q, self.where.force),
         )
@@ -278,7 +278,7 @@ def _left_out(diagnosis: Diagnosed) -> Array:
     return diagnosis.left_out_after_m if tested else left_out(diagnosis.hypotheses[0].system)
 
 
-def left_out_m(residuals: Array) -> float | None:
+def _left_out_m(residuals: Array) -> float | None:
     """Rms [m] of the cross-validation residuals that other poses determine; None without any."""
     known = residuals[np.isfinite(residuals)]
     return linear.rms(known) if len(known) else None
@@ -286,5 +286,5 @@ def left_out_m(residuals: Array) -> float | None:
 
 def left_out_mm(residuals: Array) -> float | None:
     """Rms [mm] of the cross-validation residuals that other poses determine; None without any."""
-    rms = left_out_m(residuals)
+    rms = _left_out_m(residuals)
     return None if rms is None else 1e3 * rms

@@ -42,13 +42,13 @@ def _rows_table(system: System) -> pd.DataFrame:
     )
 
 
-def system_table(system: System) -> pd.DataFrame:
+def _system_table(system: System) -> pd.DataFrame:
     """Table `tables.system`."""
     columns = {f"B_{p.name}": system.B[:, k] for k, p in enumerate(system.parameters)}
     return _rows_table(system).assign(c_m=system.c, **columns)
 
 
-def errors_table(system: System) -> pd.DataFrame:
+def _errors_table(system: System) -> pd.DataFrame:
     """Table ERRORS."""
     G = system.errors.G.tocoo()
     return pd.DataFrame(
@@ -62,7 +62,7 @@ def errors_table(system: System) -> pd.DataFrame:
     )
 
 
-def residuals_table(system: System, estimate: Estimate, left_out_m: Array) -> pd.DataFrame:
+def _residuals_table(system: System, estimate: Estimate, left_out_m: Array) -> pd.DataFrame:
     """Table RESIDUALS; without stated noise, the residuals are whitened by their own scatter.
 
     Args:
@@ -95,7 +95,7 @@ def models_table(springs: System, paper: Estimate, residual: Array, nominal: Arr
     )
 
 
-def estimate_table(names: Sequence[Parameter], found: Estimate | Springs) -> pd.DataFrame:
+def _estimate_table(names: Sequence[Parameter], found: Estimate | Springs) -> pd.DataFrame:
     """Table ESTIMATE."""
     return pd.DataFrame(
         {
@@ -144,14 +144,14 @@ def kept(found: CampaignResults, keep: Keep, step: Step) -> dict[str, pd.DataFra
             part = name[3:]
             keep(f"{name}_as_given", given[part], promise)
             keep(name, used[part], promise)
-    keep("30_system", system_table(system), tables.system(system.parameters))
-    keep("31_errors", errors_table(system), tables.ERRORS)
+    keep("30_system", _system_table(system), tables.system(system.parameters))
+    keep("31_errors", _errors_table(system), tables.ERRORS)
     for suffix, one in (("", values), ("_joint_springs", paper)):
         names, held = one.parameters, one.found
-        keep(f"40_estimate{suffix}", estimate_table(names, held), tables.ESTIMATE)
+        keep(f"40_estimate{suffix}", _estimate_table(names, held), tables.ESTIMATE)
         cov = covariance_table(names, held.cov)
         keep(f"41_covariance{suffix}", cov, tables.covariance(names))
-    residuals = residuals_table(system, values.first.estimate, values.left_out_m)
+    residuals = _residuals_table(system, values.first.estimate, values.left_out_m)
     cell, data = found.right.case.cell, found.right.data
     keep("44_influence", found.carried, tables.INFLUENCE)
     examined = examined_table(said, cell, data, found.right.system, found.right.estimate)

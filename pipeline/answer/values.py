@@ -51,7 +51,7 @@ def _fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
         noise_from=NoiseFrom(estimate.noise_from),
         residual_std_mm=1e3 * estimate.residual_std_m,
         second_order_rms_mm=_second_order_mm(cell, data, estimate),
-        noise_statement=noise_statement(estimate, data.tracked),
+        noise_statement=_noise_statement(estimate, data.tracked),
     )
 
 
@@ -81,7 +81,7 @@ def _beside(estimate: Estimate) -> str:
     return ""
 
 
-def noise_statement(estimate: Estimate, tracked: bool) -> str:
+def _noise_statement(estimate: Estimate, tracked: bool) -> str:
     """Sentences on the origin of the noise and on what depends on it."""
     if estimate.noise_from in _STATEMENTS:
         return _STATEMENTS[estimate.noise_from] + _beside(estimate)

@@ -283,7 +283,7 @@ def _remarks(raw: Raw, robot: Robot) -> list[str]:
         one
         for file, form, whose in both
         if file in files
-        for one in remarks_of(file, files[file], form, whose)
+        for one in _remarks_of(file, files[file], form, whose)
     ]
 
 
@@ -425,7 +425,7 @@ def _table(robot: Robot, poses: list[SurveyedPose]) -> Iterator[str]:
         yield f"  and {len(poses) - _MOST_LINES} more poses; --json has them all"
 
 
-def remarks_of(name: str, data: bytes, said: LogForm, robot: Robot | None = None) -> list[str]:
+def _remarks_of(name: str, data: bytes, said: LogForm, robot: Robot | None = None) -> list[str]:
     """What the column `remark` of a log says, each with its line, pose and pull.
 
     Args:

@@ -54,7 +54,7 @@ def wrong_lines(raw: Raw) -> list[WrongLine]:
         return []
     given = _read(raw, raw.settings)
     text = text_of(raw)
-    word = wrong_word(raw.settings, given, partial(_read, raw))
+    word = _wrong_entry_of_tracker(raw.settings, given, partial(_read, raw))
     if word is not None:
         return [_wrong_word(text, word)]
     found = () if given is None else wrong_entries(given)
@@ -74,7 +74,7 @@ def text_of(raw: Raw) -> str:
     return raw.files[TOML].decode("utf-8", "replace")
 
 
-def _wrong_word(text: str, word: WrongWord) -> WrongLine:
+def _wrong_word(text: str, word: _WrongWord) -> WrongLine:
     off = (
         "the export cannot be read"
         if word.before_m is None
@@ -106,7 +106,7 @@ _Read = Callable[[Settings], Case | None]
 
 
 @dataclass(frozen=True)
-class WrongWord:
+class _WrongWord:
     """A wrong entry of [tracker].
 
     Attributes:
@@ -125,7 +125,9 @@ class WrongWord:
     after_m: float
 
 
-def wrong_word(settings: Settings, given: Case | None, read: _Read) -> WrongWord | None:
+def _wrong_entry_of_tracker(
+    settings: Settings, given: Case | None, read: _Read
+) -> _WrongWord | None:
     """The one wrong entry of [tracker]; None if all are right or it cannot be decided.
 
     Unit, decimal mark, kind of coordinates and meaning of angles are each tried with every other
@@ -150,7 +152,7 @@ def wrong_word(settings: Settings, given: Case | None, read: _Read) -> WrongWord
             and after < GROSS_DISTANCE_M
             and (before is None or CLEARLY_NEARER * after < before)
         ):
-            found.append(WrongWord(key, stated, other, before, after))
+            found.append(_WrongWord(key, stated, other, before, after))
     return min(found, key=lambda one: one.after_m, default=None)
 
 

@@ -51,7 +51,7 @@ _MOST_ODDS, _MOST_SIZE = 4.0, 3.0
 
 
 @dataclass(frozen=True)
-class Expected:
+class _Expected:
     """Expectation of one cause.
 
     Attributes:
@@ -72,7 +72,7 @@ class Expected:
 
 
 @dataclass(frozen=True)
-class Experience:
+class _Experience:
     """What all campaigns teach.
 
     Attributes:
@@ -83,7 +83,7 @@ class Experience:
 
     robots: int
     campaigns: int
-    causes: tuple[Expected, ...]
+    causes: tuple[_Expected, ...]
 
     @property
     def learnt(self) -> bool:
@@ -91,22 +91,22 @@ class Experience:
         return self.robots >= ROBOTS and self.campaigns >= CAMPAIGNS
 
 
-def experience(answers: Iterable[Answer], names: Collection[str]) -> Experience:
+def experience(answers: Iterable[Answer], names: Collection[str]) -> _Experience:
     """Expectations of the causes with these names from finished campaigns."""
     by_robot = _by_robot(answers)
     seen = {name: list(_shares(by_robot.values(), name)) for name in sorted(names)}
     sizes = {name: [size for own in by_robot.values() for size in _size(own, name)]
              for name in sorted(names)}  # fmt: skip
     count = sum(map(len, by_robot.values()))
-    told = Experience(len(by_robot), count, ())
+    told = _Experience(len(by_robot), count, ())
     total = np.array([sum(one) for one in seen.values()])
     robots = np.array([len(one) for one in seen.values()])
     odds = _odds(total, robots) if told.learnt else np.ones(len(seen))
     causes = [
-        Expected(name, y, o, _expected_size(sizes[name]), told.learnt, len(sizes[name]) >= _SIZED)
+        _Expected(name, y, o, _expected_size(sizes[name]), told.learnt, len(sizes[name]) >= _SIZED)
         for name, y, o in zip(seen, total.tolist(), odds.tolist(), strict=True)
     ]
-    return Experience(len(by_robot), count, tuple(causes))
+    return _Experience(len(by_robot), count, tuple(causes))
 
 
 def _by_robot(answers: Iterable[Answer]) -> dict[str, list[Answer]]:
@@ -178,7 +178,7 @@ def _odds(total: Array, robots: Ints) -> Array:
     return np.asarray(np.exp(np.clip(log - log.mean(), -most, most)))
 
 
-def learnt(root: Path, robot: str) -> Experience:
+def learnt(root: Path, robot: str) -> _Experience:
     """Experience from all finished campaigns with the causes that a robot can have.
 
     Simulated campaigns are not counted, since their causes were chosen.
@@ -194,12 +194,12 @@ def learnt(root: Path, robot: str) -> Experience:
     return experience(answers, {effect.name for effect in catalogue(load(robot))})
 
 
-def toml(said: Experience) -> str:
+def toml(said: _Experience) -> str:
     """Tables to append to campaign.toml; guesses are stated as such in comments."""
     return "\n".join(_lines(said)) + "\n"
 
 
-def _lines(said: Experience) -> Iterator[str]:
+def _lines(said: _Experience) -> Iterator[str]:
     yield f"# From {said.campaigns} campaigns of {said.robots} robots by `pipeline priors`."
     if not said.learnt:
         yield (
@@ -214,7 +214,7 @@ def _lines(said: Experience) -> Iterator[str]:
         yield f"# Sizes are guessed, too few robots have them: {', '.join(guessed)}."
 
 
-def _table(one: Expected) -> Iterator[str]:
+def _table(one: _Expected) -> Iterator[str]:
     yield f"[priors.{one.name}]  # in {one.robots:.2g} robots"
     if one.odds_learnt:
         yield f"odds = {one.odds:.3g}"

@@ -41,7 +41,7 @@ _SANDBOX = ImmutableSandboxedEnvironment(undefined=StrictUndefined, autoescape=F
 
 
 @dataclass(frozen=True)
-class HouseLine:
+class _HouseLine:
     """One line of the house.
 
     Attributes:
@@ -62,7 +62,7 @@ class HouseLine:
         return _SANDBOX.from_string(self.text).render(known | {_OWN: dict(own)})
 
 
-def line(label: str, text: str, file: str) -> HouseLine:
+def _line(label: str, text: str, file: str) -> _HouseLine:
     """Parse a line that only refers to facts.
 
     Raises:
@@ -86,7 +86,7 @@ def line(label: str, text: str, file: str) -> HouseLine:
             own.add(one.attr)
         if isinstance(one, nodes.Name) and one.name not in (*_FACTS, _OWN):
             raise refused(f'there is no "{one.name}"')
-    return HouseLine(label, text, frozenset(own))
+    return _HouseLine(label, text, frozenset(own))
 
 
 _FILE = "house.toml"
@@ -146,7 +146,7 @@ class House:
 
     logo: str
     order: tuple[str, ...]
-    lines: tuple[HouseLine, ...]
+    lines: tuple[_HouseLine, ...]
 
     def fields(
         self, facts: Mapping[str, str], own: Mapping[str, str]
@@ -181,7 +181,7 @@ def house(root: Path, name: str) -> House:
     text = files.text(_content(folder, name, _FILE, toml.LARGEST_TEXT), f"{name}/{_FILE}")
     content = toml.loads(text, f"{name}/{_FILE}")
     said = checked(_Overrides, content, f"{name}/{_FILE}", "", _WAY_OUT, text)
-    lines = tuple(line(label, one, f"{name}/{_FILE}") for label, one in said.fields.items())
+    lines = tuple(_line(label, one, f"{name}/{_FILE}") for label, one in said.fields.items())
     return House(_logo(folder, name, said.logo) if said.logo else "", tuple(said.order), lines)
 
 

@@ -281,7 +281,7 @@ def _reached(robot: Robot, tool: Array, bodies: Capsules, seen: bool) -> tuple[l
         for body, carrier in enumerate(bodies.carrier):
             a, b = bodies.ends[:, body, :, None]
             p = at[point][:, None]
-            off = (p - a - nearest(a, b, p) * (b - a))[:, 0]
+            off = (p - a - _nearest(a, b, p) * (b - a))[:, 0]
             far = float(np.linalg.norm(off))
             if carrier != robot.n or far > bodies.radius[body] + _SEAT_M:
                 crossed[point, body] = True
@@ -359,7 +359,7 @@ def closest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
     return s, _held(s * uv + vw, vv)
 
 
-def nearest(a: Array, b: Array, p: Array) -> Array:
+def _nearest(a: Array, b: Array, p: Array) -> Array:
     """Fraction along the segment ab closest to the point p, all (3, k); shape (k,)."""
     u = b - a
     return _held(dot(u, p - a), dot(u, u))
