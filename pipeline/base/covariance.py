@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError
 from pipeline.base.threads import WORTH_A_THREAD, spread
 
-_T = TypeVar("T")
+_T = TypeVar("_T")
 
 PAIRS = ("xx", "xy", "xz", "yy", "yz", "zz")
 ROW, COLUMN = np.triu_indices(3)

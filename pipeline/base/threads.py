@@ -15,8 +15,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
-_S = TypeVar("S")
-_T = TypeVar("T")
+_S = TypeVar("_S")
+_T = TypeVar("_T")
 
 WORTH_A_THREAD = 100_000
 """Number of rows, or bytes to be read, from which a second thread saves time."""
