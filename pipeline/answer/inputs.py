@@ -152,7 +152,7 @@ def registration_findings(
     Args:
         registration: How they fit.
         told: The same as the answer has it.
-        drifts: A drift of the tracker is named: no single reflector is to blame.
+        drifts: A drift of the tracker is named: no single reflector is wrong.
     """
     if told is None or told.p_value is None or told.p_value >= MISFIT_P:
         return []

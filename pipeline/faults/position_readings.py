@@ -15,7 +15,7 @@ from pipeline.geometry.study import BadReading, Study
 
 _USUAL_LOSS = 1e-3
 """Fraction of readings that an unattended instrument loses [1]; up to it, outliers are left out and
-listed without accusing the campaign. In a published stationary series of an absolute tracker, 13 of
+listed, and the campaign keeps its verdict. In a published stationary series of an absolute tracker, 13 of
 1000 rows are failed locks; it is the second smallest fraction in `system.family.MISTAKES`."""
 
 
