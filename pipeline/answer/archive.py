@@ -138,14 +138,14 @@ def kept_tables(campaign: CampaignFolder) -> dict[str, pd.DataFrame]:
 
 def look_of(
     dress: Callable[[Mapping[str, Any], AppearanceFacts], Appearance],
-    said: Mapping[str, Any],
+    entries: Mapping[str, Any],
     of: Answer,
 ) -> Appearance:
     """Appearance of a campaign's certificate, with the facts that lines of the house may quote.
 
     Args:
         dress: Result of `looks` for the project.
-        said: Language and fields stated in campaign.toml, as kept in the manifest.
+        entries: Language and fields stated in campaign.toml, as kept in the manifest.
         of: The answer.
     """
     worst = of.tolerance.worst if of.tolerance else None
@@ -159,4 +159,4 @@ def look_of(
         "tolerance": str(worst or ""),
         "digest": files.sha256(dump(of.as_json()))[:16],
     }
-    return dress(said, facts)
+    return dress(entries, facts)

@@ -18,11 +18,11 @@ from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.prediction.decision import Decision
 
 
-def _known(said: Any, info: ValidationInfo) -> Any:
+def _known(value: Any, info: ValidationInfo) -> Any:
     """None for a number that is infinite or undefined; in result.json itself there is none."""
-    if info.mode == "json" or not isinstance(said, float):
-        return said
-    return float(said) if math.isfinite(said) else None
+    if info.mode == "json" or not isinstance(value, float):
+        return value
+    return float(value) if math.isfinite(value) else None
 
 
 Number = Annotated[float | None, BeforeValidator(_known)]
@@ -30,9 +30,9 @@ Number = Annotated[float | None, BeforeValidator(_known)]
 Where = int | str | None
 
 
-def _dated(said: str) -> str:
-    date.fromisoformat(said[:10])
-    return said
+def _dated(text: str) -> str:
+    date.fromisoformat(text[:10])
+    return text
 
 
 Day = Annotated[str, AfterValidator(_dated)]

@@ -67,24 +67,24 @@ def identify_positions(name: str, raw: Raw, keep: Keep, step: Step) -> Positions
     return PositionsResults.of(name, raw, found, mistakes, rejected)
 
 
-def conclude(said: PositionsResults, keep: Keep, step: Step) -> CampaignAnswer:
+def conclude(results: PositionsResults, keep: Keep, step: Step) -> CampaignAnswer:
     """The end of a campaign of nothing but positions."""
-    found, given = said.found, positions.answer(said)
+    found, given = results.found, positions.answer(results)
     pictured = doors.found(_ANNEX)
     shown = {
-        "rejected": said.rejected,
+        "rejected": results.rejected,
         **(pictured(found, keep, step) if pictured else {}),
         "posture": keep("73_posture", _posture(found), tables.POSTURE),
     }
-    model = _model(said.campaign, found.final, given)
-    return CampaignAnswer(given, shown, model, model_file(said))
+    model = _model(results.campaign, found.final, given)
+    return CampaignAnswer(given, shown, model, model_file(results))
 
 
-def model_file(said: PositionsResults, by_pulls: ByPulls | None = None) -> dict[str, bytes]:
+def model_file(results: PositionsResults, by_pulls: ByPulls | None = None) -> dict[str, bytes]:
     """What `pipeline predict` reads, by name."""
-    settings = said.raw.settings
+    settings = results.raw.settings
     tip = None if settings.of_positions else np.array(settings.tool["load_point"])
-    return {_MODEL: dumps(kinematic_model(said.campaign, said.found.final, tip, by_pulls))}
+    return {_MODEL: dumps(kinematic_model(results.campaign, results.found.final, tip, by_pulls))}
 
 
 def _studied(raw: Raw, read: Positioned, step: Step) -> Study:
@@ -117,8 +117,8 @@ def _rejected(read: Positioned, off: Sequence[Mistake]) -> pd.DataFrame:
         )
         for one in off
     ]
-    told = pd.DataFrame(bad, columns=["file", "line", "reason"])
-    return pd.concat([read.rejected, told.astype({"line": "int64"})], ignore_index=True)
+    outlying = pd.DataFrame(bad, columns=["file", "line", "reason"])
+    return pd.concat([read.rejected, outlying.astype({"line": "int64"})], ignore_index=True)
 
 
 def _model(name: str, found: Calibration, given: Answer) -> IdentifiedModel:

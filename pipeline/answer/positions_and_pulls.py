@@ -80,16 +80,18 @@ class PositionsAndPulls:
             return self
         one = diagnosis.hypotheses[0] if diagnosis.hypotheses else joint_springs(stands).first
         now = combined(one, stands.data)
-        held = spring_agreement(one, now, self.lighter)
+        agreement = spring_agreement(one, now, self.lighter)
         found, every = self.said.found.final, self.said.found.final.mechanism.elements
         before = opened(found, called_for(every, stands.data.stance.held))
         gears = laws_of_gears(one.cell.effects, every)
         table_p = unloaded_p_value(before, stands.data.stance, stands.data, self.case.tool, gears)
-        held = replace(held, table_p=table_p)
+        agreement = replace(agreement, table_p=table_p)
         found = opened(found, called_for(every, now.stance.held))
-        if held.p >= alarms.MISFIT:
+        if agreement.p >= alarms.MISFIT:
             found = beside_pulls(found, now.stance, now.value, now.cov)
-        return replace(self, said=self.said.ending(self.said.found.ending(found)), agreement=held)
+        return replace(
+            self, said=self.said.ending(self.said.found.ending(found)), agreement=agreement
+        )
 
     @property
     def agrees(self) -> bool:
@@ -197,9 +199,9 @@ class PositionsAndPulls:
             "The table of the robot is estimated from its positions, its springs from pulls and "
             "from the arm's own weight together."
         )
-        held = self.case.stance.held
-        if held:
-            them = listed([one.called for one in held])
+        yielding = self.case.stance.held
+        if yielding:
+            them = listed([one.called for one in yielding])
             yield f"Beside them yield, under weight and pulls alike: {them}."
         if self.agreement is not None and self.agreement.factor is not None:
             yield (
@@ -209,19 +211,19 @@ class PositionsAndPulls:
 
     def _springs(self) -> contract.SpringsBy | None:
         """Springs by weight and by pulls, beside each other."""
-        held = self.agreement
-        if held is None:
+        agreement = self.agreement
+        if agreement is None:
             return None
         names = [f"k_{joint.name}" for joint in self.case.robot.joints]
         return contract.SpringsBy(
-            chi2=held.chi2,
-            dof=held.dof,
-            p_value=held.p,
+            chi2=agreement.chi2,
+            dof=agreement.dof,
+            p_value=agreement.p,
             joined=self.agrees,
-            lighter=held.factor,
+            lighter=agreement.factor,
             each=tuple(
                 contract.SpringBy(name=name, by_weight=_of(w), by_pulls=_of(p))
-                for name, w, p in zip(names, held.weight, held.pulls, strict=True)
+                for name, w, p in zip(names, agreement.weight, agreement.pulls, strict=True)
             ),
         )
 

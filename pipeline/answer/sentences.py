@@ -120,8 +120,8 @@ def first_screen(found: CampaignResults, stated: FirstScreen) -> tuple[Line, ...
 def _wrong(found: CampaignResults, stated: FirstScreen) -> tuple[str, ...]:
     """What is wrong, and after it, or before "nothing else", what the noise does; what is lost."""
     noisy = tuple(noise_told(stated.diagnosis.causes))
-    unseen, told = len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)
-    said = wrong(found.facts, unseen, told)
+    unseen, others = len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)
+    said = wrong(found.facts, unseen, others)
     rest = (*noisy, said) if clear(found.facts) else (said, *noisy)
     return (*stated.contradicted, *rest, *lost_told(found.given.case.lost))
 

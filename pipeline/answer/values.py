@@ -34,11 +34,13 @@ def stated(values: ModelValues, model: IdentifiedModel, where: PoseOfInterest) -
     }
 
 
-def values_entry(told: ReportedModel, where: PoseOfInterest) -> contract.Values:
+def values_entry(reported: ReportedModel, where: PoseOfInterest) -> contract.Values:
     """Stiffnesses, fit, deflection at the test pose and validation of one model."""
-    left, checked = told.values.left_out_m, told.checked
-    validation = None if checked is None else _validation_entry(checked, left, where, told.values)
-    return contract.Values(validation=validation, **stated(told.values, told.model, where))
+    left, checked = reported.values.left_out_m, reported.checked
+    validation = (
+        None if checked is None else _validation_entry(checked, left, where, reported.values)
+    )
+    return contract.Values(validation=validation, **stated(reported.values, reported.model, where))
 
 
 def _fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:

@@ -87,11 +87,11 @@ def _one_face(readings: Export, second: Bools) -> Export:
         return readings
     columns = [c.to_pylist() for c in (readings.group, readings.target) if c is not None]
     found = _face_pairs(list(zip(*columns, strict=True)), second, readings.position)
-    told = _face_summary(readings.position, found, second)
+    summary = _face_summary(readings.position, found, second)
     position, C = _face_mean(readings.position, readings.covariance, found)
     keep = np.ones(len(second), dtype=bool)
     keep[found[:, 1]] = False
-    averaged = replace(readings, position=position, covariance=C, faces=told)
+    averaged = replace(readings, position=position, covariance=C, faces=summary)
     of_each = sifted({name: getattr(averaged, name) for name in OF_EACH}, keep)
     return replace(averaged, **of_each)
 

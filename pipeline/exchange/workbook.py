@@ -303,9 +303,9 @@ _SOURCE = "pipeline.annex.words:source"
 
 
 def _words_of(column: pd.Series) -> pa.Array:
-    told = column.astype(object).where(column.notna(), None)
+    cells = column.astype(object).where(column.notna(), None)
     said = (doors.found(_SOURCE) if column.name == "source" else None) or str
-    return pa.array([None if one is None else printable(said(one)) for one in told], STR)
+    return pa.array([None if one is None else printable(said(one)) for one in cells], STR)
 
 
 def _numbers_of(column: pd.Series, factor: float) -> pa.Array:

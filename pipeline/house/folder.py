@@ -157,8 +157,8 @@ class House:
             facts: Facts about the campaign, by name.
             own: `[fields]` of campaign.toml.
         """
-        told = ((one.label, one.said(facts, own)) for one in self.lines)
-        return tuple((label, text) for label, text in told if text is not None)
+        texts = ((one.label, one.said(facts, own)) for one in self.lines)
+        return tuple((label, text) for label, text in texts if text is not None)
 
 
 def house(root: Path, name: str) -> House:

@@ -130,8 +130,8 @@ class ParserState:
         unfit = next((one.why for one in points if isinstance(one, Uncorrected)), None)
         targets = [one for one in points if isinstance(one, Target)]
         posed = any(one.kind == "cartesian" for one in targets)
-        held = (tool, base) if posed else (tool,)
-        unsure = next((one.why for one in held if isinstance(one, UnknownState)), None)
+        frames = (tool, base) if posed else (tool,)
+        unsure = next((one.why for one in frames if isinstance(one, UnknownState)), None)
         if why := unfit or unsure:
             return why
         for one in targets:

@@ -69,7 +69,7 @@ def _told(answer: Answer) -> str:
     if answer.of_positions:
         return _OF_POSITIONS
     deformed = answer.model.equilibrium is Equilibrium.DEFORMED
-    told = [
+    lines = [
         _METHOD.format(**_loads(answer)),
         "The force acts on the deflected robot (second order in the load)."
         if deformed
@@ -77,15 +77,15 @@ def _told(answer: Answer) -> str:
     ]
     recommended = answer.recommended
     if recommended.model != Which.JOINT_SPRINGS and not recommended.reason.unseen:
-        told.append(
+        lines.append(
             "In addition to the joint springs the model includes what was identified, "
             "c = B x + Z z."
         )
     if answer.position_steps:
-        told.append(_OF_POSITIONS)
+        lines.append(_OF_POSITIONS)
     size = plain(answer.fit.second_order_rms_mm, 2)
-    told.append(f"The second order in the load amounts to {size} mm rms")
-    return " ".join(told) + ("." if deformed else _LEFT_OUT)
+    lines.append(f"The second order in the load amounts to {size} mm rms")
+    return " ".join(lines) + ("." if deformed else _LEFT_OUT)
 
 
 def _loads(answer: Answer) -> dict[str, str]:

@@ -290,8 +290,8 @@ def _compliance_table(joints: Sequence[Stiffness]) -> ReportTable | None:
         ),
         word_column("Unit", lambda joint: prefixed(joint.compliance_unit, "")),
     ]
-    told = joints if any(joint.compliance is not None for joint in joints) else ()
-    return table_of("compliance", "Compliances, as estimated", columns, told)
+    shown = joints if any(joint.compliance is not None for joint in joints) else ()
+    return table_of("compliance", "Compliances, as estimated", columns, shown)
 
 
 def _fit_text(fit: Fit) -> Paragraph:
