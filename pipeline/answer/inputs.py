@@ -201,8 +201,9 @@ def sheet_findings(settings: Settings) -> list[str]:
     like = near(instrument.model)
     ask = f"did you mean {listed(like)}? If not, state" if like else "state"
     return [
-        f'The data sheet of [instrument] model = "{instrument.model}" is not known: {ask} its noise '
-        "as [tracker] noise. Readings without an uncertainty of their own rest on repeats and misfit."
+        f'The data sheet of [instrument] model = "{instrument.model}" is not known: {ask} its '
+        "noise as [tracker] noise. Readings without an uncertainty of their own rest on repeats "
+        "and misfit."
     ]
 
 
