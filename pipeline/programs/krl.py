@@ -202,7 +202,7 @@ class _Krl(ParserState):
 _Frames = Mapping[str, Callable[[int], HeldState]]
 
 
-def _read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
+def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     """Read the points of a program.
 
     Without its companion file, all points of a .dat are taken as targets.
@@ -389,12 +389,12 @@ def _component(entry: ListItem) -> tuple[str, Number] | None:
         return None
     name, decimal, binary, hexadecimal = part.groups()
     if decimal:
-        _read = number(entry.start + part.start(2), decimal)
+        read = number(entry.start + part.start(2), decimal)
     else:
         bits = int(binary, 2) if binary else int(hexadecimal, 16)
         quote = entry.start + entry.text.index("'")
-        _read = Number(quote, entry.start + len(entry.text), float(bits))
-    return None if _read is None else (name.lower(), _read)
+        read = Number(quote, entry.start + len(entry.text), float(bits))
+    return None if read is None else (name.lower(), read)
 
 
 # --- state in force -------------------------------------------------------------------------------

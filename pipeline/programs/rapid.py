@@ -31,7 +31,7 @@ from pipeline.programs.inverse import Range
 from pipeline.programs.notation import ABB
 from pipeline.programs.program import MotionUse, Number, Program, Target, Uncorrected
 
-_SUFFIXES = (".mod", ".modx", ".prg")
+SUFFIXES = (".mod", ".modx", ".prg")
 
 _SILENT = re.compile(r'"(?:[^"\r\n]|"")*"|![^\r\n]*')
 _DECLARED = re.compile(
@@ -168,7 +168,7 @@ class _Rapid(ParserState):
         return self.ends[k] if k < len(self.ends) else start
 
 
-def _read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
+def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     """Points of a module.
 
     Args:
@@ -320,15 +320,15 @@ def _point(
     found: _Rapid, name: str, entry: ListItem, parts: Sequence[ListItem]
 ) -> Target | Uncorrected:
     """Point of a robtarget (four lists) or a jointtarget (two lists)."""
-    _read = [numbers(inner(found.source, part)) or () for part in parts]
+    read = [numbers(inner(found.source, part)) or () for part in parts]
     place = name, found.source.file, found.source.line(entry.start)
-    external = tuple(n.value for n in _read[-1] if abs(n.value) < _UNUSED)
-    match [len(one) for one in _read]:
+    external = tuple(n.value for n in read[-1] if abs(n.value) < _UNUSED)
+    match [len(one) for one in read]:
         case [6, 6]:
-            return Target(*place, "joint", _read[0], external)
+            return Target(*place, "joint", read[0], external)
         case [3, 4, 4, 6]:
-            pose = (*_read[0], *_read[1])
-            return Target(*place, "cartesian", pose, external, ranges=_ranges(_read[2]))
+            pose = (*read[0], *read[1])
+            return Target(*place, "cartesian", pose, external, ranges=_ranges(read[2]))
         case _:
             return Uncorrected(*place[1:], f"{name} is computed at run time")
 

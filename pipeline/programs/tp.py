@@ -36,7 +36,7 @@ from pipeline.programs.program import (
     number,
 )
 
-_SUFFIXES = (".ls",)
+SUFFIXES = (".ls",)
 
 _SILENT = re.compile(r"^[ \t]*\d+[ \t]*:[ \t]*(?:!|//)[^\r\n]*", re.MULTILINE)
 _POSITIONS = re.compile(r"^/POS\b", re.MULTILINE | re.IGNORECASE)
@@ -99,7 +99,7 @@ class _Tp(ParserState):
     bases_set: dict[str, str] = field(default_factory=dict)
 
 
-def _read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
+def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     """Read the points of a program.
 
     Args:
@@ -265,8 +265,8 @@ def _values(plain: str, start: int, end: int) -> dict[str, Number]:
     """Axis values and coordinates by their names in lower case."""
     values = {}
     for one in _VALUE.finditer(plain, start, end):
-        if _read := number(one.start(2), one[2]):
-            values[one[1].lower()] = _read
+        if read := number(one.start(2), one[2]):
+            values[one[1].lower()] = read
     return values
 
 

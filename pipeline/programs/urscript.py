@@ -21,7 +21,7 @@ from pipeline.programs._text import ListItem, Source, entries, inner, numbers
 from pipeline.programs.notation import UR
 from pipeline.programs.program import Program, Target, Uncorrected
 
-_SUFFIXES = (".script", ".urscript")
+SUFFIXES = (".script", ".urscript")
 
 _SILENT = re.compile(r'"[^"\r\n]*"|\'[^\'\r\n]*\'|#[^\r\n]*')
 _ASSIGNED = re.compile(
@@ -79,7 +79,7 @@ class _Script(ParserState):
         return self.sources[0]
 
 
-def _read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
+def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     """Read the points of a script.
 
     Args:
