@@ -11,7 +11,7 @@ from functools import cache
 from importlib import resources
 
 from pipeline.dialects._titles import titled, triples
-from pipeline.readers._cells import IN_BRACKETS
+from pipeline.readers._cells import IN_BRACKETS, is_number
 
 SampledCells = Callable[[], Mapping[str, Sequence[str]]]
 """Returns the cells of each column by title, of the rows that have one cell per title."""
@@ -97,8 +97,9 @@ def of_loads(
 ) -> dict[str, str] | None:
     """Our names for the titles of a log of loads, None if it is not one.
 
-    A force may also be the only column with a unit that only forces have; poses and pulls may be
-    the columns of whole numbers, poses in the one that changes less often.
+    A force may also be the only column with a unit that only forces have, and `Load` the number of
+    a pull; poses and pulls may be the columns of whole numbers, poses in the one that changes less
+    often.
 
     Args:
         titles: As written.
@@ -115,6 +116,7 @@ def of_loads(
         found |= _by_unit(titles, units["force"])
     if not found.keys() & units.keys() or _coordinates(titles):
         return None
+    found = _numbered(found, cells)
     if "pose" not in found:
         counting = _counting(cells(), [title for title, _ in found.values()])
         lacking = ("pose",) if "repeat" in found else ("pose", "repeat")
@@ -122,6 +124,28 @@ def of_loads(
             return None
         found |= {role: (title, ()) for role, title in zip(lacking, counting, strict=False)}
     return _ours(found)
+
+
+def _numbered(
+    found: dict[str, tuple[str, Sequence[str]]], cells: SampledCells
+) -> dict[str, tuple[str, Sequence[str]]]:
+    """The roles; a force that counts 1, 2, 3 in each pose is the pull if another can be the force.
+
+    That is the only other column of numbers.
+    """
+    title, units = found.get("force", ("", ()))
+    if len(units) < 2 or "pose" not in found or "repeat" in found:
+        return found
+    columns, taken = cells(), [one for one, _ in found.values()]
+    runs = itertools.groupby(
+        zip(columns.get(found["pose"][0], ()), columns.get(title, ()), strict=True), lambda row: row[0]
+    )
+    others = [one for one, some in columns.items() if one not in taken and all(map(is_number, some))]
+    counts = all([pull for _, pull in run] == [*map(str, range(1, len(run) + 1))]
+                 for run in (list(rows) for _, rows in runs))  # fmt: skip
+    if len(others) != 1 or not counts:
+        return found
+    return found | {"repeat": (title, ()), "force": (others[0], units)}
 
 
 def _by_unit(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str, Sequence[str]]]:
