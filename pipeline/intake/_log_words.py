@@ -138,9 +138,12 @@ def _numbered(
         return found
     columns, taken = cells(), [one for one, _ in found.values()]
     runs = itertools.groupby(
-        zip(columns.get(found["pose"][0], ()), columns.get(title, ()), strict=True), lambda row: row[0]
+        zip(columns.get(found["pose"][0], ()), columns.get(title, ()), strict=True),
+        lambda row: row[0],
     )
-    others = [one for one, some in columns.items() if one not in taken and all(map(is_number, some))]
+    others = [
+        one for one, some in columns.items() if one not in taken and all(map(is_number, some))
+    ]
     counts = all([pull for _, pull in run] == [*map(str, range(1, len(run) + 1))]
                  for run in (list(rows) for _, rows in runs))  # fmt: skip
     if len(others) != 1 or not counts:

@@ -84,9 +84,7 @@ def _all_known(said: FilesProposal, robot: str | None, given: KnownData, ask: bo
     return replace(given, robot=robot, instrument=given.words.get("instrument.model"))
 
 
-def _propose(
-    root: Path, folder: Path, robot: str | None, stated: Path | None, ask: bool
-) -> None:
+def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, ask: bool) -> None:
     """Write campaign.toml for the files in the folder, with known or asked data."""
     from pipeline.intake import blank
     from pipeline.intake.files import propose

@@ -201,9 +201,14 @@ def _offers(
     books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
     for name in (*found.refused, *books):
         with contextlib.suppress(InputError):
-            if one := offer(name, files[name], hints):
+            if one := offer(name, files[name], hints) or _settled(hints):
                 offers[name] = one, readers.read(name, files[name], one.hints)
     return offers
+
+
+def _settled(hints: ExportSettings) -> Offer | None:
+    """The statements alone, where they leave nothing open; None if there are none."""
+    return None if hints == ExportSettings() else Offer("", (), (), "", (), hints)
 
 
 def _tells(*exports: Export) -> bool:

@@ -398,9 +398,7 @@ async def _fill(state: _State, request: Request) -> Response:
     return _told(seen=desk.digest(TOML), reload=new != filled or (one and one.key == "robot"))
 
 
-async def _asked_anew(
-    state: _State, desk: Desk, text: str, one: entries.FormEntry | None
-) -> str:
+async def _asked_anew(state: _State, desk: Desk, text: str, one: entries.FormEntry | None) -> str:
     """A text, with what depends on an entry that was changed in it.
 
     The robot names the columns of the joint log. An answer on how exports are read may show names
