@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import tomllib
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -134,18 +135,15 @@ def _numbered(
     That is the only other column of numbers.
     """
     title, units = found.get("force", ("", ()))
-    if len(units) < 2 or "pose" not in found or "repeat" in found:
+    if len(units) < 2 or "pose" not in found or "repeat" in found or not cells():
         return found
     columns, taken = cells(), [one for one, _ in found.values()]
-    runs = itertools.groupby(
-        zip(columns.get(found["pose"][0], ()), columns.get(title, ()), strict=True),
-        lambda row: row[0],
-    )
-    others = [
-        one for one, some in columns.items() if one not in taken and all(map(is_number, some))
-    ]
-    counts = all([pull for _, pull in run] == [*map(str, range(1, len(run) + 1))]
-                 for run in (list(rows) for _, rows in runs))  # fmt: skip
+    pulls = defaultdict[str, list[str]](list)
+    for pose, pull in zip(columns[found["pose"][0]], columns[title], strict=True):
+        pulls[pose].append(pull)
+    counts = all(own == [*map(str, range(1, len(own) + 1))] for own in pulls.values())
+    left = {one: own for one, own in columns.items() if one not in taken}
+    others = [one for one, own in left.items() if all(map(is_number, own))]
     if len(others) != 1 or not counts:
         return found
     return found | {"repeat": (title, ()), "force": (others[0], units)}

@@ -60,7 +60,7 @@ class FormEntry:
 
     @property
     def decides(self) -> bool:
-        """Whether further entries depend on it: the robot, and questions on how exports are read."""
+        """Whether others depend on it: the robot, and questions on how exports are read."""
         return (self.table, self.key) == ("", "robot") or (self.table == "tracker" and self.needed)
 
     @property

@@ -553,7 +553,7 @@ def test_two_ways_to_part_names_are_asked(init):
 
 
 def test_answers_on_an_export_show_its_names(init, tmp_path):
-    """Angles without units leave names open; `--stated` tells them, and distances are those read."""
+    """Angles without units leave names open; `--stated` tells them."""
     rows = []
     for line in FILES["tracker.csv"].decode().splitlines()[1:]:
         group, target, *xyz, _ = line.split(",")

@@ -47,9 +47,8 @@ def fill_in(tab, hall):
         asked = tab.locator("tr.ask").get_by_label(key, exact=True)
         if asked.count():
             asked.fill(word)
-            tab.keyboard.press("Tab")
-            tab.wait_for_timeout(300)
-            tab.wait_for_load_state("networkidle")
+            with tab.expect_response("**/fill"):
+                tab.keyboard.press("Tab")
             tab.reload()
     for table in ("base_frame", "tool"):
         section = tab.locator("section", has=tab.get_by_role("heading", name=table, exact=True))
