@@ -53,7 +53,8 @@ class FilesProposal(LogFiles):
         measured: Targets read unloaded and loaded.
         chain: Both ends of the chain, the one at the effector first; empty if there is none.
         base: Reflectors in groups that are not states of a pose.
-        apart_m: Distances between measured targets as read [m], by both names.
+        apart_m: Distances between measured targets as read [m], by both names; empty while a unit
+            or angle is open.
     """
 
     exports: tuple[str, ...] = ()
@@ -101,14 +102,17 @@ def propose(
     found = found if found.exports else _offered(files, found, hints)
     found = _with_groups(files, found, hints, logged)
     exports = [*found.exports.values()]
-    names = (hints.names,) if hints.names else tuple(separators(exports))
+    names = (hints.names,) if hints.names else _splits(exports)
     if len(names) == 1:
         exports = [split(one, names[0]) for one in exports]
     rows = _by_group(exports)
     stated = _told(logged, files, rows)
     columns = logged.load_columns | stated.columns
+    named = _named(rows, stated.states, unloaded)
+    sized = not (found.reach or (found.offer and found.offer.questions))
     return replace(
-        _named(rows, stated.states, unloaded),
+        named,
+        apart_m=named.apart_m if sized else {},
         nameless=_lacking(exports),
         offer=found.offer,
         names=names,
@@ -117,6 +121,13 @@ def propose(
         unsure=unsure(logged.loads, files, columns),
         **vars(logged) | {"load_columns": columns, "refused": logged.refused | found.refused},
     )
+
+
+def _splits(exports: Sequence[Export]) -> tuple[str, ...]:
+    """Possible values of `names`; those whose groups show which are states, if there are any."""
+    ways = separators(exports)
+    telling = [way for way in ways if _tells(*(split(one, way) for one in exports))]
+    return tuple(telling or ways)
 
 
 @dataclass(frozen=True)
@@ -190,14 +201,19 @@ def _offers(
     books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
     for name in (*found.refused, *books):
         with contextlib.suppress(InputError):
-            if one := offer(name, files[name], hints):
+            if one := offer(name, files[name], hints) or _settled(hints):
                 offers[name] = one, readers.read(name, files[name], one.hints)
     return offers
 
 
-def _tells(export: Export) -> bool:
-    """Whether the names of its groups show which of them are states of poses."""
-    rows = _by_group([export])
+def _settled(hints: ExportSettings) -> Offer | None:
+    """The statements alone, where they leave nothing open; None if there are none."""
+    return None if hints == ExportSettings() else Offer("", (), (), "", (), hints)
+
+
+def _tells(*exports: Export) -> bool:
+    """Whether the names of the groups show which of them are states of poses."""
+    rows = _by_group(exports)
     return bool(rows and ways_to_read(rows))
 
 
