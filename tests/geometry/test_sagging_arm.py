@@ -76,8 +76,8 @@ def test_the_weight_leaves_nothing_to_the_joints():
     """Estimated beside the table, also where no listed cause stands for it."""
     data = measured(1)
     left = []
-    for std in (0.0, 1.0):
-        zeros = replace(unloaded(KR500, TOOL, None, data, 1.0), weight_std=std)
+    for weighs in (False, True):
+        zeros = replace(unloaded(KR500, TOOL, None, data, 1.0), weighs=weighs)
         rows = zeros.about(np.zeros(zeros.columns.count))
         left.append(unrefined(zeros, products(rows)).transmission @ unrefined(
             zeros, products(rows)).weight)  # fmt: skip
