@@ -299,11 +299,13 @@ def _do(found: CampaignResults) -> str:
     if stood.corrects and not stood.unexplained and found.row.reason in _SPRINGS:
         return (
             f"{DO[Reason.ADEQUATE]} Where absolute positions matter, correct the robot's geometry, "
-            "too: model.toml holds its DH parameters, and a campaign of positions identifies the "
-            "sag."
+            f"too: model.toml holds its DH parameters{_SAG * stood.weighs}."
         )
     said = DO[found.row.reason]
     return f"{correct(found.facts)} {said}" if found.mistakes else said
+
+
+_SAG = ", and a campaign of positions identifies the sag"
 
 
 def _unfit(found: CampaignResults, stiffness: Sequence[Stiffness]) -> Iterator[str]:

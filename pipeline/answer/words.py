@@ -364,7 +364,7 @@ def _stands_unexplained(facts: Facts) -> str:
         f"The unloaded reflectors are {plain(1e3 * stood.remains_m, 2)} mm rms from where {whose} "
         f"place them (base and tool fitted), {stood.remains_m / stood.noise_m:.0f} times the noise "
         "of the readings, and neither DH parameters nor the arm's weight nor a change during the "
-        "campaign explains it. The stiffnesses hardly depend on it, positions do."
+        "campaign explains it. Whatever it is may act on the pulls, too."
     )
     if stood.down is None:
         return f"{said} Check the joint log, [tool] and the robot file, and [gravity]."
@@ -379,12 +379,17 @@ def _rough_table(facts: Facts) -> str:
     gain = facts.unloaded.gain
     assert gain is not None
     before, after = 1e3 * gain.rms_before_m, 1e3 * gain.rms_after_m
+    rough, weighs = facts.unloaded.rough, facts.unloaded.weighs
+    many = (
+        "many of the robot's DH parameters deviate a little from nominal, none far more than the "
+        "others"
+    )
+    both = [*[many] * rough, *["the arm sags under its weight"] * weighs]
     return (
-        "Many of the robot's DH parameters deviate a little from nominal, none far more than the "
-        "others, and the arm sags under its weight: in cross-validation "
+        f"{capital(', and '.join(both))}: in cross-validation "
         f"the unloaded reflectors are {plain(before, 2)} mm rms per coordinate from where "
         f"the nominal DH parameters place them, and {plain(after, 2)} mm from where the identified "
-        "ones and the sag do."
+        f"ones {'and the sag do' if weighs else 'do'}."
     )
 
 
