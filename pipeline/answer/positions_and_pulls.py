@@ -1,7 +1,7 @@
 """A campaign of absolute positions and pulls of one robot: one estimate, one answer.
 
-Positions are identified first and say where the pulls' robot stands (`geometry.stance`); what both
-say of the springs is estimated together (`diagnosis.joined`), and what that changes of the
+Positions are identified first and say where the pulls' robot stands (`geometry.with_pulls`); what
+both say of the springs is estimated together (`diagnosis.combined`), and what that changes of the
 positions goes back into their model.
 """
 
