@@ -185,7 +185,7 @@ class PositionsAndPulls:
         more = {
             About.VERDICT: [] if self.said.facts.mistakes else [predicted],
             About.MODEL: list(self._model()),
-            About.WRONG: list(of_positions.beside_causes(self.said)),
+            About.WRONG: list(of_positions.besides_causes(self.said)),
         }
         for line in pulls.first_screen:
             beside = more.pop(line.about, [])
