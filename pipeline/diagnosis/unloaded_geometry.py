@@ -121,8 +121,8 @@ def from_unloaded(
     if not _fits(zeros, rows, table_only):
         heavy = search.over(replace(zeros, sag=None, weighs=True), effects).with_free(())
         search, heavy = search.whole(effects), heavy.whole(effects)
-        if heavy.found.log_evidence > search.found.log_evidence + _SURE:
-            search = heavy
+        least = search.found.log_evidence + (0.0 if any(one.sags for one in search.free) else _SURE)
+        search = heavy if heavy.found.log_evidence > least else search
     found, zeros = search.found, search.zeros
     missed = left_out(table_only, rows), left_out(found, search.rows)
     stood = UnloadedFacts(
