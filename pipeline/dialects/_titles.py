@@ -33,10 +33,10 @@ _ROLES = {
     "active": ("active", "aktiv", "use", "used", "valid", "gültig", "enabled"),
     "azimuth": (
         "hz", "hz angle", "horizontal angle", "horizontal", "azimut", "hz winkel",
-        "horizontalwinkel", "richtung", "hr", "ha", "hl",
+        "horizontalwinkel", "richtung", "hr", "ha", "hl", "hor", "hor angle",
     ),
     "vertical": ("v", "vz", "vertical angle", "vertical", "v angle", "v winkel", "va",
-                 "vertikalwinkel"),
+                 "vertikalwinkel", "vert", "vert angle"),
     "zenith": ("zenit", "zenith angle", "zenitwinkel", "zenitdistanz", "zenith distance", "za",
                "vz zenith"),
     "elevation": ("elevation angle", "elev", "höhenwinkel"),

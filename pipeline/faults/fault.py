@@ -57,8 +57,13 @@ class Screening:
         return self.known or bring(self.case)
 
     @cached_property
+    def _exact(self) -> tuple[System, Estimate]:
+        """As `_identified`, with the laws of the causes exact."""
+        return identify(self.cell, self.reduced.data, self.start)
+
+    @cached_property
     def _identified(self) -> tuple[System, Estimate]:
-        return self.identified(self.reduced.data, self.start)
+        return self._uncertain(*self._exact)
 
     @cached_property
     def laws(self) -> Errors | None:
@@ -66,7 +71,7 @@ class Screening:
         causes = self.cell.effects[len(self.case.cell.effects) :]
         if not causes or not self.suspects:
             return None
-        values = identify(self.cell, self.reduced.data, self.start)[1].value
+        values = self._exact[1].value
         return of_laws(self.cell, self.reduced.data, values, causes, self.suspects)
 
     def widened(self, system: System) -> System:
@@ -76,7 +81,9 @@ class Screening:
 
     def identified(self, data: Measured, start: Array) -> tuple[System, Estimate]:
         """The system of the model and its solution, laws uncertain as for `widened`."""
-        system, estimate = identify(self.cell, data, start)
+        return self._uncertain(*identify(self.cell, data, start))
+
+    def _uncertain(self, system: System, estimate: Estimate) -> tuple[System, Estimate]:
         if self.laws is None:
             return system, estimate
         system = self.widened(system)

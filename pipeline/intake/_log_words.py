@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 import re
 import tomllib
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
 from pipeline.dialects._titles import titled, triples
-from pipeline.readers._cells import IN_BRACKETS
+from pipeline.readers._cells import IN_BRACKETS, is_number
 
 SampledCells = Callable[[], Mapping[str, Sequence[str]]]
 """Returns the cells of each column by title, of the rows that have one cell per title."""
@@ -97,8 +98,9 @@ def of_loads(
 ) -> dict[str, str] | None:
     """Our names for the titles of a log of loads, None if it is not one.
 
-    A force may also be the only column with a unit that only forces have; poses and pulls may be
-    the columns of whole numbers, poses in the one that changes less often.
+    A force may also be the only column with a unit that only forces have, and `Load` the number of
+    a pull; poses and pulls may be the columns of whole numbers, poses in the one that changes less
+    often.
 
     Args:
         titles: As written.
@@ -115,6 +117,7 @@ def of_loads(
         found |= _by_unit(titles, units["force"])
     if not found.keys() & units.keys() or _coordinates(titles):
         return None
+    found = _numbered(found, cells)
     if "pose" not in found:
         counting = _counting(cells(), [title for title, _ in found.values()])
         lacking = ("pose",) if "repeat" in found else ("pose", "repeat")
@@ -122,6 +125,28 @@ def of_loads(
             return None
         found |= {role: (title, ()) for role, title in zip(lacking, counting, strict=False)}
     return _ours(found)
+
+
+def _numbered(
+    found: dict[str, tuple[str, Sequence[str]]], cells: SampledCells
+) -> dict[str, tuple[str, Sequence[str]]]:
+    """The roles; a force that counts 1, 2, 3 in each pose is the pull if another can be the force.
+
+    That is the only other column of numbers.
+    """
+    title, units = found.get("force", ("", ()))
+    if len(units) < 2 or "pose" not in found or "repeat" in found or not cells():
+        return found
+    columns, taken = cells(), [one for one, _ in found.values()]
+    pulls = defaultdict[str, list[str]](list)
+    for pose, pull in zip(columns[found["pose"][0]], columns[title], strict=True):
+        pulls[pose].append(pull)
+    counts = all(own == [*map(str, range(1, len(own) + 1))] for own in pulls.values())
+    left = {one: own for one, own in columns.items() if one not in taken}
+    others = [one for one, own in left.items() if all(map(is_number, own))]
+    if len(others) != 1 or not counts:
+        return found
+    return found | {"repeat": (title, ()), "force": (others[0], units)}
 
 
 def _by_unit(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str, Sequence[str]]]:

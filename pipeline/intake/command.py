@@ -28,6 +28,7 @@ from pipeline.base.shown import typed
 if TYPE_CHECKING:  # they import the numerical libraries, which takes a second
     from pipeline.intake.blank import KnownData
     from pipeline.intake.files import FilesProposal
+    from pipeline.readers import ExportSettings
 
 _USUAL = "kr500_rail"
 """Default robot of a campaign that has no files yet."""
@@ -42,6 +43,10 @@ def init(
     robot: Annotated[str | None, Option(help="Name of a built-in robot, or a robot file.")] = None,
     plan: Annotated[
         Path | None, Option(help="Take poses, load steps and tool from this plan file.")
+    ] = None,
+    stated: Annotated[
+        Path | None,
+        Option(metavar="TOML", help="A campaign.toml whose [tracker] says how exports are read."),
     ] = None,
     root: Root = Path(),
 ) -> None:
@@ -58,7 +63,7 @@ def init(
         name = str(typer.prompt(f"Name of the campaign ({blank.FOLDER_NAME})", err=True))
     folder = blank.vacant(root, name)
     if plan is None:
-        _propose(root, folder, robot, ask)
+        _propose(root, folder, robot, stated, ask)
     elif robot is not None:
         raise UsageError("the plan names its robot: leave out --robot, or --plan")
     elif folder.exists():
@@ -79,7 +84,7 @@ def _all_known(said: FilesProposal, robot: str | None, given: KnownData, ask: bo
     return replace(given, robot=robot, instrument=given.words.get("instrument.model"))
 
 
-def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
+def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, ask: bool) -> None:
     """Write campaign.toml for the files in the folder, with known or asked data."""
     from pipeline.intake import blank
     from pipeline.intake.files import propose
@@ -90,7 +95,8 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
         blank.known(root, folder.name, robot)
     files = blank.there(root, folder)
     given, wrong = filled_in(files)
-    said = _settled(files) if ask else propose(files)
+    hints = _stated(stated)
+    said = _settled(files, hints) if ask else propose(files, hints)
     for line in [*_seen(said), *wrong]:
         _tell(line)
     if robot is None:
@@ -123,13 +129,32 @@ def _named(root: Path, folder: Path, given: KnownData) -> str | None:
     return name or None
 
 
-def _settled(files: Mapping[str, bytes]) -> FilesProposal:
+def _stated(path: Path | None) -> ExportSettings:
+    """What the [tracker] of a campaign.toml says about exports, as far as it is answered.
+
+    While the columns of a table are asked, its mapping is a guess and not a statement.
+    """
+    from pipeline.base import files, strict, toml
+    from pipeline.readers import ExportSettings
+    from pipeline.reduction.settings import unfilled
+
+    if path is None:
+        return ExportSettings()
+    text = files.words(path, path.name, toml.LARGEST_TEXT)
+    said = toml.loads(text, path.name).get("tracker")
+    guessed = {"mapping"} if "columns" in unfilled(text).values() else set()
+    known = said if isinstance(said, dict) else {}
+    keys = (ExportSettings.model_fields.keys() & known) - guessed
+    content = {key: known[key] for key in keys}
+    return strict.checked(ExportSettings, content, path.name, "[tracker]", "correct it", text)
+
+
+def _settled(files: Mapping[str, bytes], hints: ExportSettings) -> FilesProposal:
     """What the files say, after asking for everything they leave open about exports and names."""
     from pipeline.intake import asking
     from pipeline.intake.files import propose
-    from pipeline.readers import ExportSettings
 
-    hints, tell = ExportSettings(), partial(typer.echo, err=True)
+    tell = partial(typer.echo, err=True)
     said = propose(files, hints)
     while said.offer and said.offer.question:
         hints = hints.model_copy(update=asking.ask(said.offer, tell))

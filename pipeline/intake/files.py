@@ -53,7 +53,8 @@ class FilesProposal(LogFiles):
         measured: Targets read unloaded and loaded.
         chain: Both ends of the chain, the one at the effector first; empty if there is none.
         base: Reflectors in groups that are not states of a pose.
-        apart_m: Distances between measured targets as read [m], by both names.
+        apart_m: Distances between measured targets as read [m], by both names; empty while a unit
+            or angle is open.
     """
 
     exports: tuple[str, ...] = ()
@@ -101,14 +102,17 @@ def propose(
     found = found if found.exports else _offered(files, found, hints)
     found = _with_groups(files, found, hints, logged)
     exports = [*found.exports.values()]
-    names = (hints.names,) if hints.names else tuple(separators(exports))
+    names = (hints.names,) if hints.names else _splits(exports)
     if len(names) == 1:
         exports = [split(one, names[0]) for one in exports]
     rows = _by_group(exports)
-    told = _told(logged, files, rows)
-    columns = logged.load_columns | told.columns
+    stated = _told(logged, files, rows)
+    columns = logged.load_columns | stated.columns
+    named = _named(rows, stated.states, unloaded)
+    sized = not (found.reach or (found.offer and found.offer.questions))
     return replace(
-        _named(rows, told.states, unloaded),
+        named,
+        apart_m=named.apart_m if sized else {},
         nameless=_lacking(exports),
         offer=found.offer,
         names=names,
@@ -117,6 +121,13 @@ def propose(
         unsure=unsure(logged.loads, files, columns),
         **vars(logged) | {"load_columns": columns, "refused": logged.refused | found.refused},
     )
+
+
+def _splits(exports: Sequence[Export]) -> tuple[str, ...]:
+    """Possible values of `names`; those whose groups show which are states, if there are any."""
+    ways = separators(exports)
+    telling = [way for way in ways if _tells(*(split(one, way) for one in exports))]
+    return tuple(telling or ways)
 
 
 @dataclass(frozen=True)
@@ -190,21 +201,26 @@ def _offers(
     books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
     for name in (*found.refused, *books):
         with contextlib.suppress(InputError):
-            if one := offer(name, files[name], hints):
+            if one := offer(name, files[name], hints) or _settled(hints):
                 offers[name] = one, readers.read(name, files[name], one.hints)
     return offers
 
 
-def _tells(export: Export) -> bool:
-    """Whether the names of its groups show which of them are states of poses."""
-    rows = _by_group([export])
+def _settled(hints: ExportSettings) -> Offer | None:
+    """The statements alone, where they leave nothing open; None if there are none."""
+    return None if hints == ExportSettings() else Offer("", (), (), "", (), hints)
+
+
+def _tells(*exports: Export) -> bool:
+    """Whether the names of the groups show which of them are states of poses."""
+    rows = _by_group(exports)
     return bool(rows and ways_to_read(rows))
 
 
 def _named_by_groups(one: Offer) -> Offer:
     """Drop the question about columns if titles name the coordinates: the groups confirm them."""
-    told = all(c.why == "title" for c in one.columns if c.role in ("x", "y", "z"))
-    left = [q for q in one.questions if q.about != "columns" or len(q.answers) > 1 or not told]
+    stated = all(c.why == "title" for c in one.columns if c.role in ("x", "y", "z"))
+    left = [q for q in one.questions if q.about != "columns" or len(q.answers) > 1 or not stated]
     return replace(one, questions=tuple(left))
 
 
@@ -229,8 +245,8 @@ def _with_groups(
             with contextlib.suppress(InputError):
                 tried = readers.read(name, files[name], hints)
                 if _sets_apart(tried, _told(logged, files, _by_group([tried])).states):
-                    told = _named_by_groups(replace(one, hints=hints))
-                    return replace(found, exports={name: tried}, offer=told)
+                    stated = _named_by_groups(replace(one, hints=hints))
+                    return replace(found, exports={name: tried}, offer=stated)
     return found
 
 
@@ -255,12 +271,12 @@ def _untaken(one: Offer) -> list[ColumnRole]:
     return [c for c in one.columns if c.title and c.title not in taken]
 
 
-def _sets_apart(export: Export, told: Mapping[str, str]) -> bool:
+def _sets_apart(export: Export, stated: Mapping[str, str]) -> bool:
     """Whether groups are states of poses, and no target was read twice in one."""
     rows = _by_group([export]) or {}
     ways = ways_to_read(rows)
-    if told or not ways or export.group is None or export.target is None:
-        return bool(told)
+    if stated or not ways or export.group is None or export.target is None:
+        return bool(stated)
     states = states_of(list(rows), ways[0])
     both = zip(export.group.to_pylist(), export.target.to_pylist(), strict=True)
     pairs = [pair for pair in both if pair[0] in states]
@@ -328,21 +344,21 @@ def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Arra
 
 
 def _named(
-    rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str], word: str | None
+    rows: dict[str, dict[str, Array]] | None, stated: Mapping[str, str], word: str | None
 ) -> FilesProposal:
     """Roles of the names of groups and targets, as far as they or a log show.
 
     Args:
         rows: Position of each target in each group; None if an export has no names.
-        told: State of each group that a log names.
+        stated: State of each group that a log names.
         word: That of the unloaded state, if a person states it.
     """
     if rows is None:
         return FilesProposal()
-    ways = _ways(rows, told, word)
-    if not ways and not told:
+    ways = _ways(rows, stated, word)
+    if not ways and not stated:
         return FilesProposal(groups=tuple(rows)[:_SHOWN])
-    state = states_of(list(rows), ways[0]) if ways else told
+    state = states_of(list(rows), ways[0]) if ways else stated
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*STATES, None)
     )
@@ -351,7 +367,7 @@ def _named(
     ends = [name for name in _targets(loaded) if name not in read]
     return FilesProposal(
         ways=ways,
-        groups=() if told else tuple(rows)[:_SHOWN],
+        groups=() if stated else tuple(rows)[:_SHOWN],
         measured=tuple(measured),
         chain=_chain(ends, measured, loaded),
         base=tuple(_targets(others)),
@@ -360,10 +376,10 @@ def _named(
 
 
 def _ways(
-    rows: Mapping[str, Mapping[str, Array]], told: Mapping[str, str], word: str | None
+    rows: Mapping[str, Mapping[str, Array]], stated: Mapping[str, str], word: str | None
 ) -> tuple[Group, ...]:
     """How group names are read if no log says it: by one word of the unloaded state, or by any."""
-    ways = () if told else ways_to_read(rows)
+    ways = () if stated else ways_to_read(rows)
     return tuple(one for one in ways if one.states[0] == word) or ways
 
 

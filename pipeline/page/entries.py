@@ -59,6 +59,11 @@ class FormEntry:
         return self.table in _PLACES and self.key != "file"
 
     @property
+    def decides(self) -> bool:
+        """Whether others depend on it: the robot, and questions on how exports are read."""
+        return (self.table, self.key) == ("", "robot") or (self.table == "tracker" and self.needed)
+
+    @property
     def confirmable(self) -> bool:
         """Whether it asks for something below to be confirmed, by removing the line."""
         return self.needed and re.search("(then|and) remove this line", self.about) is not None

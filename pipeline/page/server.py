@@ -36,7 +36,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from pipeline.base import toml
+from pipeline.base import files, toml
 from pipeline.base.errors import CannotWrite, InputError, UsageError
 from pipeline.base.quantities import common_prefix, plain, prefixed
 from pipeline.base.shown import printable
@@ -305,26 +305,28 @@ async def _set_up(state: _State, request: Request) -> Response:
     """Have campaign.toml written for the files; entries of an old one are kept."""
     desk = state.desk(request)
     old, seen = desk.text(), desk.digest(TOML)
-    new, words = await _proposed(state, desk, _robot(old or ""))
+    new, words = await _proposed(state, desk, old or "")
     if new is None:
         return _told(words or "campaign.toml could not be written")
     desk.written(new if old is None else entries.carried_over(old, new), seen)
     return _told(go=f"/c/{quote(desk.name, safe='')}/setup")
 
 
-async def _proposed(state: _State, desk: Desk, robot: str) -> tuple[str | None, str]:
-    """campaign.toml as `init` writes it for the files, and the last line of its messages."""
+async def _proposed(state: _State, desk: Desk, text: str) -> tuple[str | None, str]:
+    """campaign.toml as `init` writes it for the files and what a text states of robot and exports.
+
+    Returns:
+        It, None if there is none, and the last line of the messages.
+    """
     with tempfile.TemporaryDirectory(dir=state.root) as folder:
         beside = Desk(Path(folder), desk.name)
         await asyncio.to_thread(desk.copied, beside)
-        chosen = [f"--robot={robot}"] if robot else []
+        stated = Path(folder) / TOML
+        files.write(stated, text.encode())
+        robot = str(_stated(text).get("robot", ""))
+        chosen = [f"--stated={stated}", *([f"--robot={robot}"] if robot else [])]
         said = await state.look("init", "--root", beside.root, *chosen, "--", desk.name)
         return beside.text(), " ".join(said.words[-1:])
-
-
-def _robot(text: str) -> str:
-    """The robot named in a campaign.toml; empty if there is none."""
-    return str(_stated(text).get("robot", ""))
 
 
 def _stated(text: str) -> dict[str, Any]:
@@ -381,22 +383,36 @@ async def _fill(state: _State, request: Request) -> Response:
     desk, typed = state.desk(request), await _typed(request)
     text = desk.text() or ""
     line, said = int(str(typed.get("line", 0))), typed.get("said", "")
-    if typed.get("confirm"):
-        desk.written(entries.confirmed(text, line), str(typed.get("seen", "")))
-        return _told(seen=desk.digest(TOML))
     one = next((each for each in entries.entries(text) if each.line == line), None)
+    if typed.get("confirm"):
+        new = await _asked_anew(state, desk, entries.confirmed(text, line), one)
+        desk.written(new, str(typed.get("seen", "")))
+        return _told(seen=desk.digest(TOML))
     if isinstance(said, list):
         value = entries.point([str(part) for part in said], str(typed.get("unit", "m")))
     else:
         value = entries.value(str(said), one.words if one else (), one.key if one else "")
-    new = entries.filled(text, line, value)
-    of_robot = one is not None and (one.table, one.key) == ("", "robot")
-    proposed = (await _proposed(state, desk, _robot(new)))[0] if of_robot else None
-    if proposed is not None:
-        for table in _OF_ROBOT:
-            new = entries.with_table(new, proposed, table)
+    filled = entries.filled(text, line, value)
+    new = await _asked_anew(state, desk, filled, one)
     desk.written(new, str(typed.get("seen", "")))
-    return _told(seen=desk.digest(TOML), reload=of_robot)
+    return _told(seen=desk.digest(TOML), reload=new != filled or (one and one.key == "robot"))
+
+
+async def _asked_anew(state: _State, desk: Desk, text: str, one: entries.FormEntry | None) -> str:
+    """A text, with what depends on an entry that was changed in it.
+
+    The robot names the columns of the joint log. An answer on how exports are read may show names
+    of groups and targets, which have entries of their own.
+    """
+    if one is None or not one.decides:
+        return text
+    new = (await _proposed(state, desk, text))[0] or text
+    if not one.table:
+        for table in _OF_ROBOT:
+            text = entries.with_table(text, new, table)
+        return text
+    asked = [{(each.table, each.key) for each in entries.entries(some)} for some in (text, new)]
+    return text if asked[1] <= asked[0] else entries.carried_over(text, new)
 
 
 async def _rewrite(state: _State, request: Request) -> Response:

@@ -227,6 +227,19 @@ def test_titles_of_others_are_proposed_for_the_logs(init):
     assert tomllib.loads(text)["joints"]["columns"]["Achse 6 [°]"] == "A6_deg"
 
 
+@pytest.mark.parametrize("other", ["Reading", "Anzeige", "Peak"])
+def test_loads_that_count_in_every_pose_are_pulls(other):
+    """`Load` 1, 2, 3 is no force where another column of numbers is left for it."""
+    rows = [f"{pose},{pull},{900 + 7.5 * pull * pose}" for pose in (1, 2) for pull in (1, 2, 3)]
+    said = propose({"gauge.csv": "\n".join([f"Pose,Load,{other}", *rows, ""]).encode()})
+    heavy = [row.replace(",1,", ",1200,", 1) for row in rows]
+    as_force = propose({"gauge.csv": "\n".join([f"Pose,Load,{other}", *heavy, ""]).encode()})
+
+    assert said.load_columns["Load"] == "repeat"
+    assert said.load_columns[other].startswith("force_n|")
+    assert as_force.load_columns["Load"].startswith("force_n|")
+
+
 def test_a_direction_that_is_no_branch_is_not_proposed():
     """Its words would cost every row."""
     said = propose({"kraft.csv": LOADS.replace(";auf", ";nach Norden").encode()})
@@ -537,6 +550,37 @@ def test_two_ways_to_part_names_are_asked(init):
     text = init(files)
     assert "names" in unfilled(text).values()
     assert f'# names = ?                 # how names hold group and target: "{last}" or' in text
+
+
+def test_answers_on_an_export_show_its_names(init, tmp_path):
+    """Angles without units leave names open; `--stated` tells them."""
+    rows = []
+    for line in FILES["tracker.csv"].decode().splitlines()[1:]:
+        group, target, *xyz, _ = line.split(",")
+        x, y, z = map(float, xyz)
+        far = np.linalg.norm([x, y, z])
+        turns = np.degrees([np.arctan2(y, x), np.arccos(z / far)])
+        rows.append(f"{group}.{target};{far / 1e3:.7f};{turns[0]:.7f};{turns[1]:.7f}")
+    raw = "\n".join(["pt;dist;hor;vert", *rows, ""]).encode()
+    before = init({**FILES, "tracker.csv": raw})
+    stated = tmp_path / "stated.toml"
+    stated.write_text('[tracker]\nunit = "m"\nangle = "deg"\nhorizontal = "counter-clockwise"\n')
+    folder = tmp_path / "again" / "data" / "raw" / "hall"
+    folder.mkdir(parents=True)
+    for name, data in (FILES | {"tracker.csv": raw}).items():
+        (folder / name).write_bytes(data)
+
+    words = ["init", "hall", "--stated", str(stated), "--root", str(tmp_path / "again")]
+    assert cli._exit_code(words) == 0
+    after = (folder / "campaign.toml").read_text()
+    assert {"unit", "angle"} <= set(unfilled(before).values())
+    assert "mm measured" not in before
+    left = set(unfilled(after).values())
+    assert not {"unit", "angle", "vertical", "horizontal", "names"} & left
+    assert set(TRUE["base_frame"]) <= left
+    apart = np.linalg.norm(np.subtract(TRUE["tool"]["P1"], TRUE["tool"]["P2"]))
+    read = float(re.search(r"P1 to P2: ([0-9.]+) mm measured", after)[1])
+    assert abs(read - 1e3 * apart) < 0.5
 
 
 def test_the_way_to_part_names_that_is_chosen_holds(init, capsys):

@@ -109,8 +109,8 @@ const fields = document.getElementById("fields");
 let waiting = Promise.resolve();
 
 async function fill(line, said, unit, inputs) {
-  const all = fields.querySelectorAll("input, select, button"), whole = inputs[0].tagName === "SELECT";
-  if (whole) for (const one of all) one.disabled = true;  // another robot is another drawing, and other names
+  const all = fields.querySelectorAll("input, select, button"), whole = "decides" in inputs[0].dataset;
+  if (whole) for (const one of all) one.disabled = true;  // other entries may follow from it
   const answer = await ask("POST", fields.dataset.fill, JSON.stringify({ line, said, unit, seen: fields.dataset.seen }));
   if (answer.reload) return again(inputs[0]);
   if (whole) for (const one of all) one.disabled = false;
