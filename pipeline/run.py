@@ -8,7 +8,7 @@ task).
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -31,7 +31,7 @@ from pipeline.answer.recommended import (
     springs_of_extended,
 )
 from pipeline.answer.reliability import control
-from pipeline.answer.results import CampaignResults
+from pipeline.answer.results import CampaignAnswer, CampaignResults
 from pipeline.answer.tables import kept, predicted
 from pipeline.base import doors
 from pipeline.base.appearance import appearances
@@ -43,7 +43,7 @@ from pipeline.faults.conventions import conventions
 from pipeline.faults.joint_row import contradicted
 from pipeline.faults.mistake import told_once
 from pipeline.machine.robot import Robot
-from pipeline.prediction.model import IdentifiedModel, dumps
+from pipeline.prediction.model import dumps
 from pipeline.prediction.tolerance import HeldOutError, judge, path_of
 from pipeline.reduction.bring import Keep, Reduced, Step, bring, conformed, plain
 from pipeline.reduction.case import Case
@@ -177,23 +177,6 @@ def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
     return found.answer
 
 
-@dataclass(frozen=True, eq=False)
-class CampaignAnswer:
-    """Results from the files of a campaign.
-
-    Attributes:
-        answer: Content of result.json.
-        shown: Tables displayed in the report, by name.
-        model: The identified robot, for use elsewhere.
-        files: Further files to deliver, by name.
-    """
-
-    answer: Answer
-    shown: dict[str, pd.DataFrame]
-    model: IdentifiedModel
-    files: dict[str, bytes] = field(default_factory=dict)
-
-
 def campaign_answer(
     name: str, raw: Raw, keep: Keep = conformed, step: Step = plain
 ) -> CampaignAnswer:
@@ -202,8 +185,7 @@ def campaign_answer(
         read = None if raw.settings.positions is None else positions(name, raw, keep, step)
         if read is None or not raw.settings.of_positions:
             return _of_pulls(name, raw, read, keep, step)
-        end = conclude(read, keep, step)
-        return CampaignAnswer(end.answer, end.shown, end.model, end.files)
+        return conclude(read, keep, step)
 
 
 def _of_pulls(

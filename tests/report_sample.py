@@ -85,6 +85,16 @@ def _content() -> dict[str, Any]:
             "The carriage rolls about the rail and the paper's model does not know it.",
             "Add it to the model before you correct machining paths.",
         ],
+        "first_screen": [
+            {
+                "about": "verdict",
+                "text": "The carriage rolls about the rail and the paper's model does not know it.",
+            },
+            {
+                "about": "to_do",
+                "text": "Add it to the model before you correct machining paths.",
+            },
+        ],
         "stiffness": joints,
         "findings": [joints[6]["finding"]],
         "fit": fit,

@@ -201,6 +201,7 @@ OUTBUILDINGS = {
         "answer": "its captions are in the words of the answer",
         "diagnosis.facts": "and its lines at the thresholds of the tests",
         "diagnosis.finding": "the verdicts by name",
+        "diagnosis.positions": "the laws of positions by their label",
         "prediction.decision": "and the decisions on a tolerance",
         "diagnosis.average": "what single pulls say of a law is asked of the likeliest hypothesis",
         "reduction": "and of its readings",

@@ -19,13 +19,14 @@ import pandas as pd
 import pyarrow as pa
 
 from bench.fuzz.mutation import Files
+from pipeline.answer.results import CampaignAnswer
 from pipeline.base.errors import InputError, PipelineError
 from pipeline.exchange.files import simulators
 from pipeline.machine.robot import Robot
 from pipeline.prediction.model import dumps
 from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
-from pipeline.run import CampaignAnswer, campaign_answer
+from pipeline.run import campaign_answer
 from pipeline.store.campaign import CampaignFolder, dump
 
 SCREENED, ANSWER = "screened", "answer"

@@ -22,8 +22,7 @@ from bench.league.run import KNOWN_LABELS, NEVER, League, answer_of, largest, ya
 from bench.league.table import share, wrong
 from pipeline.answer.contract import Answer
 from pipeline.diagnosis.isolability import twins
-from pipeline.fleet.experience import experience
-from pipeline.fleet.priors import toml
+from pipeline.fleet.experience import experience, toml
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 

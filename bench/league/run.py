@@ -18,6 +18,7 @@ from bench.league.judge import Score, foretold, score
 from bench.league.outside_catalogue import STRANGE
 from bench.league.play import Plan, Rules, at_further_poses, drawn, play
 from bench.league.visible import identifiable
+from pipeline.answer.results import CampaignAnswer
 from pipeline.base.errors import PipelineError
 from pipeline.diagnosis.blindspots import needed, smallest_visible
 from pipeline.diagnosis.diagnose import case_of
@@ -26,7 +27,7 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot, load
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.reduction.bring import Step, bring, conformed, plain
-from pipeline.run import CampaignAnswer, campaign_answer, ingested
+from pipeline.run import campaign_answer, ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.detect import threshold
 from pipeline.system.estimate import identify, left_out

@@ -63,7 +63,7 @@ def _answered(games: Games) -> Games:
     return [g for g in games if g.judged.outcome == "answered"]
 
 
-def _accused(games: Games) -> str:
+def _false_alarms(games: Games) -> str:
     return share(g.judged.accused for g in games)
 
 
@@ -138,7 +138,7 @@ def _still(hidden: bool) -> Callable[[Games], str]:
     return count
 
 
-def _innocents(games: Games) -> str:
+def _good_reported(games: Games) -> str:
     return share(bool(g.judged.innocents) for g in games)
 
 
@@ -165,7 +165,7 @@ def _both(games: Games) -> str:
 
 
 def _before(games: Games) -> str:
-    """Fraction accused without the errors; an allowed drift does not count."""
+    """Fraction of false alarms without the errors; an allowed drift does not count."""
     return share(g.before.accused for g in games if g.before is not None)
 
 
@@ -196,7 +196,7 @@ def _mixed(games: Games) -> str:
 
 
 def _right(games: Games) -> str:
-    """Fraction accused although everything is as stated."""
+    """Fraction of false alarms although everything is as stated."""
     return share(g.judged.accused for g in games if not g.wrong)
 
 
@@ -214,7 +214,7 @@ def _told(clearly: bool) -> Callable[[Games], str]:
     return count
 
 
-def _slandered(games: Games) -> str:
+def _right_reported(games: Games) -> str:
     """Fraction in which another payload is reported, of games with torques."""
     return share(bool({*g.judged.contradicted} - {g.wrong}) for g in games if g.judged.weighed)
 
@@ -241,7 +241,7 @@ def _wrong(games: Games) -> str:
     return share(g.named for g in games if g.cause != "table")
 
 
-def _blamed(games: Games) -> str:
+def _wrong_reported(games: Games) -> str:
     """Fraction in which an entry is named although all are slightly wrong."""
     return share(any(_is_entry(c) for c in g.judged.causes) for g in games if g.cause == "table")
 
@@ -280,12 +280,12 @@ CAUSE: tuple[Column, ...] = (
 
 COLUMNS: dict[str, tuple[Column, ...]] = {
     "noise": (
-        ("accused", _accused),
+        ("false alarm", _false_alarms),
         ("family identified", _family),
         ("springs covered", _springs),
         ("test pose covered", _deflections),
         ("width", _width),
-        ("reading left out", _innocents),
+        ("reading left out", _good_reported),
         ("verdicts", _verdicts),
         ("s", _seconds),
     ),
@@ -294,7 +294,7 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("found in place, others", _placed(False)),
         ("nothing moved, clearly visible", _still(False)),
         ("nothing moved, others", _still(True)),
-        ("good reading accused", _innocents),
+        ("good reading reported", _good_reported),
         ("false cause", _false),
         ("springs covered", _springs),
         ("test pose covered", _deflections),
@@ -302,7 +302,7 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("drift reported", _drift),
         ("drift and blunder reported", _both),
         ("forces doubted", _said),
-        ("accused without the blunder", _before),
+        ("false alarm without the blunder", _before),
         ("verdicts", _verdicts),
         ("s", _seconds),
     ),
@@ -312,19 +312,19 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("springs covered", _springs),
         ("combinations per game", _mixed),
         ("combinations covered", _combinations),
-        ("accused", _accused),
+        ("false alarm", _false_alarms),
         ("identified, nothing else", _named),
         ("verdicts", _verdicts),
         ("s", _seconds),
     ),
     "payloads": (
         ("outcome", _outcomes),
-        ("accused", _right),
+        ("false alarm", _right),
         ("false cause", _false),
         ("identified, nothing else", _named),
         ("wrong payload reported, clearly visible", _told(True)),
         ("wrong payload reported, others", _told(False)),
-        ("right payload accused", _slandered),
+        ("right payload reported", _right_reported),
         ("any doubt", _doubted),
         ("mass and centre covered", _weighed),
         ("springs covered", _springs),
@@ -336,7 +336,7 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
     "tables": (
         ("entry identified, nothing else", _wrong),
         ("among causes and rivals", _listed),
-        ("wrong entry accused", _blamed),
+        ("wrong entry reported", _wrong_reported),
         ("springs covered", _springs),
         ("adequate, a spring beyond 5 sigma", _far),
         ("held-out reflectors closer, factor", _nearer),
@@ -345,7 +345,7 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
     ),
     "instruments": (
         ("outcome", _outcomes),
-        ("accused", _accused),
+        ("false alarm", _false_alarms),
         ("poses found", _poses),
         ("identified, nothing else", _named),
         ("springs covered", _springs),

@@ -6,16 +6,19 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.annex.fewer_poses import enough
+from pipeline.annex.position_tables import identified
 from pipeline.annex.scene import scene, scene_of_positions
 from pipeline.annex.seen_laws import laws
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.tables import covariance_table, models_table
-from pipeline.base.arrays import Ints
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Ints
 from pipeline.geometry.study import Study
 from pipeline.machine.effect import Pulls
 from pipeline.prediction.workspace import arm_in_plane
 from pipeline.reduction.bring import Keep, Step
+from pipeline.system.system import System
+from pipeline.system.whiten import Whitener, whitener
 
 _Tables = dict[str, pd.DataFrame]
 
@@ -39,8 +42,8 @@ def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
 
 
 def of_positions(found: Study, keep: Keep, step: Step) -> _Tables:
-    """Tables of the scene of a campaign of positions."""
-    return _kept(step(scene_of_positions)(found), keep)
+    """Tables of the figures of a campaign of positions."""
+    return {**identified(found, keep), **_kept(step(scene_of_positions)(found), keep)}
 
 
 def _kept(made: _Tables, keep: Keep) -> _Tables:
@@ -67,3 +70,56 @@ def _as_measured(pulls: Pulls) -> Ints:
     order = np.lexsort((pulls.pose, np.nan_to_num(pulls.time)))
     poses, first = np.unique(pulls.pose[order], return_index=True)
     return np.asarray(poses[np.argsort(first)])
+
+
+_STEPS = 14
+"""Maximum number of steps in the number of poses."""
+
+
+def enough(
+    system: System, size: Array, names: list[str], order: Ints, ratio: float = 1.0
+) -> pd.DataFrame:
+    """Relative standard uncertainty of parameters as a function of the number of poses.
+
+    u_j(n) = s sqrt([(sum_(p <= n) X_p' X_p + P)^-1]_jj) / |x_j| with X_p the whitened rows of the
+    p-th pose and P the priors of the errors common to all poses, which further poses reduce only as
+    far as they determine these errors. s is `ratio`. The last step has every pose twice.
+
+    Args:
+        system: c = B x + G e about the estimate.
+        size: |x_j|, in the order of the system's first parameters, shape (k,).
+        names: Names of these parameters.
+        order: Poses in the order of measuring, shape (p,).
+        ratio: Ratio of found to stated scatter that the uncertainties of the estimate include [1].
+
+    Returns:
+        Table ENOUGH.
+    """
+    white = whitener(system.errors, system.rows.pose)
+    X = np.hstack([white.with_priors(system.B * system.typical), white.columns])
+    rank = _ranks(system, white, order)
+    parts = []
+    for count, weight in [*((n, 1.0) for n in _counts(len(order))), (2 * len(order), np.sqrt(2.0))]:
+        rows = X[rank < count] * np.where(rank[rank < count] < 0, 1.0, weight)[:, None]
+        var = np.diag(linear.pseudoinverse(rows).cov)[: len(size)]
+        std = ratio * np.sqrt(var) * system.typical[: len(size)]
+        parts.append(_part(count, names, std, size))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _ranks(system: System, white: Whitener, order: Ints) -> Ints:
+    """Rank of each row's pose in the order of measuring, from 0; -1 for priors."""
+    place = {pose: k for k, pose in enumerate(order.tolist())}
+    own = [place.get(pose, -1) for pose in system.rows.pose.tolist()]
+    return np.array(own + [-1] * white.common.shape[1], dtype=np.int64)
+
+
+def _counts(poses: int) -> list[int]:
+    """Numbers of poses from two to all, in a geometric progression."""
+    steps = np.geomspace(min(2, poses), poses, _STEPS).round().astype(int)
+    return [int(n) for n in np.unique(steps)]
+
+
+def _part(count: int, names: list[str], std: Array, size: Array) -> pd.DataFrame:
+    share = np.divide(std, size, out=np.full(len(size), np.inf), where=size > 0)
+    return pd.DataFrame({"poses": count, "parameter": names, "relative_std": share})

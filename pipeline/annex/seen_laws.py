@@ -150,8 +150,8 @@ def _rows(
     pull, m = found.system.rows.pull, len(data.pulls)
     square = np.bincount(pull, one.by**2, m)
     along = np.bincount(pull, one.by * found.estimate.residual, m)
-    told = square > _LEVER**2 * np.median(square[square > 0]) if square.any() else square > 0
-    at = np.flatnonzero(told)
+    moved = square > _LEVER**2 * np.median(square[square > 0]) if square.any() else square > 0
+    at = np.flatnonzero(moved)
     return pd.DataFrame(
         {
             "cause": effect.label,

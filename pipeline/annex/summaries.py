@@ -168,8 +168,8 @@ def _places(tables: Tables) -> pd.DataFrame:
 
 def suspects(diagnosis: pd.DataFrame, most: int = 12) -> pd.DataFrame:
     """The suspects with the most evidence, best first: name, where, log_evidence, named."""
-    told = finite(diagnosis, "log_evidence")
-    return told.sort_values("log_evidence", ascending=False, kind="stable").head(most)
+    known = finite(diagnosis, "log_evidence")
+    return known.sort_values("log_evidence", ascending=False, kind="stable").head(most)
 
 
 def separability(table: pd.DataFrame, identified: Collection[str] = ()) -> pd.DataFrame:

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pipeline.answer import contract
-from pipeline.answer.combinations import combination_entries, combination_sentences
 from pipeline.answer.conformity import path_findings, pose_entry, tolerance_entry
 from pipeline.answer.contract import Answer
 from pipeline.answer.contradictions import (
@@ -53,7 +52,7 @@ from pipeline.answer.reliability import carried_entries, controlled_entries
 from pipeline.answer.remarks import contradicted
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.sentences import FirstScreen, first_screen, joint_to_pull
-from pipeline.answer.stiffness import budget_entries
+from pipeline.answer.stiffness import budget_entries, combination_entries, combination_sentences
 from pipeline.answer.values import stated, values_entry
 from pipeline.answer.words import BECAUSE, enormous, hangs_on
 from pipeline.machine.effect import Observation

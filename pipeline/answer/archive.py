@@ -11,15 +11,11 @@ from typing import Any
 import pandas as pd
 
 from pipeline import tables
-from pipeline.answer import contract
-from pipeline.answer.contract import Answer, Reason
-from pipeline.answer.recommended import row_of
-from pipeline.answer.words import BECAUSE
+from pipeline.answer.contract import Answer
 from pipeline.base import files, parquet
 from pipeline.base.appearance import Appearance, AppearanceFacts
 from pipeline.base.doors import found
 from pipeline.base.errors import UsageError
-from pipeline.diagnosis.finding import Verdict
 from pipeline.store.campaign import CampaignFolder, dump
 
 _SHOWN = {
@@ -83,9 +79,8 @@ def with_digest(campaign: CampaignFolder) -> Finished:
     """
     try:
         written = campaign.result_text()
-        content = _brought_up_to_date(json.loads(written))
         # keys that only another version knows are ignored
-        answer = Answer.model_validate(content, strict=False, extra="ignore")
+        answer = Answer.model_validate(json.loads(written), strict=False, extra="ignore")
         return Finished(campaign, answer, files.sha256(written))
     except (ValueError, LookupError, TypeError, AttributeError, OSError, RecursionError) as problem:
         raise UsageError(
@@ -97,34 +92,6 @@ def with_digest(campaign: CampaignFolder) -> Finished:
 def done(campaign: CampaignFolder, key: str) -> Answer | None:
     """The answer of an earlier run with the same key and intact outputs; None without one."""
     return read(campaign) if campaign.done(key) else None
-
-
-def _brought_up_to_date(content: dict[str, Any]) -> dict[str, Any]:
-    """Convert the content of a result.json, possibly of an earlier version, to this version.
-
-    Early versions had values of the joint springs only, and no name of the joint in a stiffness.
-    """
-    alone = {name: content[name] for name in contract.Values.model_fields}
-    extended = content.get("extended")
-    return {
-        "recommended": _joint_springs_alone(Verdict(content["diagnosis"]["verdict"])),
-        **_joints_named(content),
-        "diagnosis": {"reasons": [], **content["diagnosis"]},
-        "joint_springs": _joints_named(content.get("joint_springs", alone)),
-        "extended": extended and _joints_named(extended),
-    }
-
-
-def _joint_springs_alone(verdict: Verdict) -> dict[str, Any]:
-    """Recommendation of an early version, which had values of the joint springs only."""
-    row = row_of(Reason.ADEQUATE if verdict is Verdict.ADEQUATE else Reason.UNEXPLAINED)
-    alone = {"model": row.model, "data": row.data, "reason": row.reason, "why": BECAUSE[row.reason]}
-    return {**alone, "hypotheses": [{"weight": 1.0, "causes": []}]}
-
-
-def _joints_named(values: dict[str, Any]) -> dict[str, Any]:
-    named = [{"joint_name": j["name"].removeprefix("k_"), **j} for j in values["stiffness"]]
-    return {**values, "stiffness": named}
 
 
 _AMONG, _REFRESH = "pipeline.fleet.pages:among", "pipeline.fleet.pages:refresh"
@@ -171,25 +138,25 @@ def kept_tables(campaign: CampaignFolder) -> dict[str, pd.DataFrame]:
 
 def look_of(
     dress: Callable[[Mapping[str, Any], AppearanceFacts], Appearance],
-    said: Mapping[str, Any],
+    entries: Mapping[str, Any],
     of: Answer,
 ) -> Appearance:
     """Appearance of a campaign's certificate, with the facts that lines of the house may quote.
 
     Args:
         dress: Result of `looks` for the project.
-        said: Language and fields stated in campaign.toml, as kept in the manifest.
+        entries: Language and fields stated in campaign.toml, as kept in the manifest.
         of: The answer.
     """
     worst = of.tolerance.worst if of.tolerance else None
     facts = {
         "campaign": of.name,
         "measured": (of.measured or "")[:10],
-        "operator": (of.identity and of.identity.operator) or "",
+        "operator": of.identity.operator or "",
         "robot": of.robot,
         "machine": of.machine,
         "verdict": str(of.diagnosis.verdict),
         "tolerance": str(worst or ""),
         "digest": files.sha256(dump(of.as_json()))[:16],
     }
-    return dress(said, facts)
+    return dress(entries, facts)

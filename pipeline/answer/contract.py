@@ -18,11 +18,11 @@ from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.prediction.decision import Decision
 
 
-def _known(said: Any, info: ValidationInfo) -> Any:
+def _known(value: Any, info: ValidationInfo) -> Any:
     """None for a number that is infinite or undefined; in result.json itself there is none."""
-    if info.mode == "json" or not isinstance(said, float):
-        return said
-    return float(said) if math.isfinite(said) else None
+    if info.mode == "json" or not isinstance(value, float):
+        return value
+    return float(value) if math.isfinite(value) else None
 
 
 Number = Annotated[float | None, BeforeValidator(_known)]
@@ -30,9 +30,9 @@ Number = Annotated[float | None, BeforeValidator(_known)]
 Where = int | str | None
 
 
-def _dated(said: str) -> str:
-    date.fromisoformat(said[:10])
-    return said
+def _dated(text: str) -> str:
+    date.fromisoformat(text[:10])
+    return text
 
 
 Day = Annotated[str, AfterValidator(_dated)]
@@ -1083,7 +1083,7 @@ class Input(Fact):
     bytes: int
 
 
-class Heading(Fact):
+class _Heading(Fact):
     """What stands first in result.json."""
 
     format: Literal[1]
@@ -1095,13 +1095,11 @@ class Heading(Fact):
     )
     measured: Day | None = Field(description="date, or date and time")
     verdict_sentence: tuple[str, ...] = Field(description="the first screen, most important first")
-    first_screen: tuple[Line, ...] = Field(
-        default=(), exclude_if=_nothing, description="the same, with what each line is about"
-    )
+    first_screen: tuple[Line, ...] = Field(description="the same, with what each line is about")
     recommended: Recommended = Field(description="which values stand at the top, and why")
 
 
-class Answer(Values, Heading):
+class Answer(Values, _Heading):
     """result.json; the values at the top are those of the recommended model."""
 
     test_pose: TestPose | None = Field(
@@ -1113,9 +1111,7 @@ class Answer(Values, Heading):
     tolerance: Tolerance | None = Field(
         default=None, exclude_if=_nothing, description="absent without [tolerance]"
     )
-    identity: Identity | None = Field(
-        default=None, exclude_if=_nothing, description="what the report is filed by"
-    )
+    identity: Identity = Field(description="what the report is filed by")
     day_to_day: DayToDay | None = Field(
         default=None,
         exclude_if=_nothing,

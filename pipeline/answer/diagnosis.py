@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.answer import contract
 from pipeline.answer.conformity import axis_values
 from pipeline.answer.contract import Equilibrium, NoiseFrom, Predicted
-from pipeline.answer.numbers import left_out_mm
+from pipeline.answer.recommended import left_out_mm
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import law_told, why
 from pipeline.diagnosis.facts import (
@@ -41,67 +41,67 @@ def diagnosis_entry(found: CampaignResults) -> contract.Diagnosis:
 
     Scatter that the repeats have found already joins the causes.
     """
-    said = diagnosis_of_good_data(found.diagnosis, found.right.case.robot, found.facts)
-    named = {cause.name for cause in said.causes}
+    entry = diagnosis_of_good_data(found.diagnosis, found.right.case.robot, found.facts)
+    named = {cause.name for cause in entry.causes}
     noise = found.right.excess
     larger = np.flatnonzero(noise.larger).tolist()
     noisy = [_noisy(noise, i) for i in larger if NAMES[noise.name[i]] not in named]
     noisy += _shaped(found.right.shape)
-    causes = (*_data_causes(found), *said.causes, *noisy)
-    return said.model_copy(update={"causes": causes, "next_poses_in": _cell(found)})
+    causes = (*_data_causes(found), *entry.causes, *noisy)
+    return entry.model_copy(update={"causes": causes, "next_poses_in": _cell(found)})
 
 
 def _cell(found: CampaignResults) -> contract.CellLimits | None:
     """What the next poses were checked for; None where nobody says what stands around them."""
     case = found.right.case
-    points, robot, said = case.tool.named, case.robot, case.settings
-    room = room_of(robot, points, said, 0.0)
+    points, robot, settings = case.tool.named, case.robot, case.settings
+    room = room_of(robot, points, settings, 0.0)
     if room is None:
         return None
     return contract.CellLimits(
         kept=room.kept(robot),
-        not_checked=unchecked(robot, case.tool.targets.tolist(), said),
+        not_checked=unchecked(robot, case.tool.targets.tolist(), settings),
         capsules=robot.capsules.source or None,
     )
 
 
 def diagnosis_of_good_data(
-    said: Diagnosed, robot: Robot, whole: Facts | None = None
+    diagnosis: Diagnosed, robot: Robot, whole: Facts | None = None
 ) -> contract.Diagnosis:
     """What the diagnosis says of data without mistakes.
 
     Args:
-        said: The diagnosis.
+        diagnosis: The diagnosis.
         robot: The robot.
         whole: What the verdict follows from; that of the diagnosis alone unless stated.
     """
-    facts, (before_m, after_m) = whole or said.facts, said.stood_off_m
+    facts, (before_m, after_m) = whole or diagnosis.facts, diagnosis.stood_off_m
     return contract.Diagnosis(
         verdict=verdict(facts),
         why=why(facts),
         reasons=tuple(row.finding for row in findings(facts)),
-        causes=tuple(map(cause_entry, said.causes)),
-        alone=tuple(map(_alone, said.alone)),
+        causes=tuple(map(cause_entry, diagnosis.causes)),
+        alone=tuple(map(_alone, diagnosis.alone)),
         unloaded_off_mm=(1e3 * before_m, 1e3 * after_m),
-        blind_spots=tuple(map(_blind, said.blind_spots)),
-        next_poses=tuple(_pose(proposal, robot) for proposal in said.next_poses),
-        refused=said.refused,
-        misfit_sits_at=tuple(contract.MisfitPlace(**asdict(one)) for one in said.misfits),
-        detection=_detection(said),
-        scatter=_scatter(said.scatter),
-        equilibrium=Equilibrium(said.equilibrium),
-        noise_floor_mm=said.noise_floor_m * 1e3,
+        blind_spots=tuple(map(_blind, diagnosis.blind_spots)),
+        next_poses=tuple(_pose(proposal, robot) for proposal in diagnosis.next_poses),
+        refused=diagnosis.refused,
+        misfit_sits_at=tuple(contract.MisfitPlace(**asdict(one)) for one in diagnosis.misfits),
+        detection=_detection(diagnosis),
+        scatter=_scatter(diagnosis.scatter),
+        equilibrium=Equilibrium(diagnosis.equilibrium),
+        noise_floor_mm=diagnosis.noise_floor_m * 1e3,
     )
 
 
-def _detection(said: Diagnosed) -> contract.Detection:
-    poses, pulls = said.lack_of_fit
-    left_poses, left_pulls, further = said.remainder
+def _detection(diagnosis: Diagnosed) -> contract.Detection:
+    poses, pulls = diagnosis.lack_of_fit
+    left_poses, left_pulls, further = diagnosis.remainder
     return contract.Detection(
-        threshold_p=said.threshold,
-        smallest_p=min((clue.p_value for clue in said.clues), default=None),
+        threshold_p=diagnosis.threshold,
+        smallest_p=min((clue.p_value for clue in diagnosis.clues), default=None),
         lack_of_fit_p=contract.PosesPulls(poses=poses, pulls=pulls),
-        remainder_over_scatter=said.rough,
+        remainder_over_scatter=diagnosis.rough,
         remainder_p=contract.Remainder(poses=left_poses, pulls=left_pulls, further_cause=further),
     )
 
@@ -275,15 +275,15 @@ def _to_measure(pose: ProposedPose, robot: Robot) -> dict[str, Any]:
 
 
 def best_pose(
-    said: Diagnosed, robot: Robot, joint: contract.Stiffness | None
+    diagnosis: Diagnosed, robot: Robot, joint: contract.Stiffness | None
 ) -> contract.BestPose | None:
     """The pose that would determine a joint best; None where none is known.
 
     Uncertainties scale from those of the joint springs to those of the answer.
     """
-    if not said.determining or joint is None:
+    if not diagnosis.determining or joint is None:
         return None
-    found = said.determining[joint.joint - 1]
+    found = diagnosis.determining[joint.joint - 1]
     now = joint.relative_std if joint.value is not None else found.before
     after = None if now is None else now * found.after / found.before
     return contract.BestPose(

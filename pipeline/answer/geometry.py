@@ -161,8 +161,8 @@ def with_positions(values: contract.Values, stood: UnloadedFacts) -> contract.Va
     if stood.gain is None or values.validation is None:
         return values
     off = 1e3 * np.linalg.norm(stood.gain.after.reshape(-1, 3), axis=1)
-    held = contract.HeldOutPosition(
+    distances = contract.HeldOutPosition(
         mean=float(off.mean()), rms=rms(off), p95=float(np.quantile(off, 0.95))
     )
-    checked = values.validation.model_copy(update={"held_out_position_mm": held})
+    checked = values.validation.model_copy(update={"held_out_position_mm": distances})
     return values.model_copy(update={"validation": checked})

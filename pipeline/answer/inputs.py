@@ -115,9 +115,9 @@ def _growth_entry(grown: BaseGrowth) -> contract.Growth | None:
     )
 
 
-def growth_findings(told: contract.BaseResiduals | None) -> list[str]:
+def growth_findings(residuals: contract.BaseResiduals | None) -> list[str]:
     """A sentence where the base frame has another length than it should have."""
-    grown = told.growth if told is not None else None
+    grown = residuals.growth if residuals is not None else None
     if grown is None or grown.seen is None or grown.seen_std is None:
         return []
     seen = f"{with_std(1e3 * grown.seen, 1e3 * grown.seen_std)} mm per metre"
@@ -145,26 +145,27 @@ def _miss_m(registration: Registration) -> Array:
 
 
 def registration_findings(
-    registration: Registration, told: contract.BaseResiduals | None, drifts: bool
+    registration: Registration, residuals: contract.BaseResiduals | None, drifts: bool
 ) -> list[str]:
     """A sentence when the base reflectors disagree by more than chance explains.
 
     Args:
         registration: How they fit.
-        told: The same as the answer has it.
-        drifts: A drift of the tracker is named: no single reflector is to blame.
+        residuals: The same as the answer has it.
+        drifts: A drift of the tracker is named: no single reflector is wrong.
     """
-    if told is None or told.p_value is None or told.p_value >= MISFIT_P:
+    if residuals is None or residuals.p_value is None or residuals.p_value >= MISFIT_P:
         return []
     if drifts:
         return [
             f"The base reflectors do not fit their nominal coordinates (p = "
-            f"{told.p_value:.1g}): the tracker moved while they were read, see its drift below."
+            f"{residuals.p_value:.1g}): the tracker moved while they were read, see its drift "
+            "below."
         ]
     worst = registration.table.iloc[int(np.argmax(_miss_m(registration)))]
     return [
-        f"The base reflectors do not fit their nominal coordinates (p = {told.p_value:.1g}): "
-        f"{worst['target']} in {worst['group']} is off by {plain(told.max_mm, 3)} mm; check "
+        f"The base reflectors do not fit their nominal coordinates (p = {residuals.p_value:.1g}): "
+        f"{worst['target']} in {worst['group']} is off by {plain(residuals.max_mm, 3)} mm; check "
         f"[base_frame] and whether the tracker or a reflector moved."
     ]
 
@@ -191,16 +192,18 @@ def instrument_entry(settings: Settings) -> contract.Measuring | None:
 
 def sheet_findings(settings: Settings) -> list[str]:
     """A sentence where the instrument has no data sheet here and its noise is not stated."""
-    said, tracker = settings.instrument, settings.tracker
-    if said.model is None or tracker is None or sheet(said.model) is not None:
+    instrument, tracker = settings.instrument, settings.tracker
+    if instrument.model is None or tracker is None or sheet(instrument.model) is not None:
         return []
-    if said.kind != "laser_tracker" or tracker.sigma_m is not None or tracker.noise is not None:
+    known = tracker.sigma_m is not None or tracker.noise is not None
+    if instrument.kind != "laser_tracker" or known:
         return []
-    like = near(said.model)
+    like = near(instrument.model)
     ask = f"did you mean {listed(like)}? If not, state" if like else "state"
     return [
-        f'The data sheet of [instrument] model = "{said.model}" is not known: {ask} its noise as '
-        "[tracker] noise. Readings without an uncertainty of their own rest on repeats and misfit."
+        f'The data sheet of [instrument] model = "{instrument.model}" is not known: {ask} its '
+        "noise as [tracker] noise. Readings without an uncertainty of their own rest on repeats "
+        "and misfit."
     ]
 
 
@@ -209,17 +212,17 @@ def unit_entry(settings: Settings) -> contract.Unit | None:
     return _unit(settings.robot_unit)
 
 
-def _unit(said: UnitSettings | Scale) -> contract.Unit | None:
-    repairs = said.history if isinstance(said, UnitSettings) else ()
-    if not (said.serial or said.certificate or said.calibrated or repairs):
+def _unit(unit: UnitSettings | Scale) -> contract.Unit | None:
+    repairs = unit.history if isinstance(unit, UnitSettings) else ()
+    if not (unit.serial or unit.certificate or unit.calibrated or repairs):
         return None
-    day = None if said.calibrated is None else said.calibrated.isoformat()
+    day = None if unit.calibrated is None else unit.calibrated.isoformat()
     history = tuple(
         contract.Repaired(date=one.date.isoformat(), joints=one.joints, what=one.what)
         for one in repairs
     )
     return contract.Unit(
-        serial=said.serial, certificate=said.certificate, calibrated=day, history=history
+        serial=unit.serial, certificate=unit.certificate, calibrated=day, history=history
     )
 
 
@@ -351,15 +354,15 @@ def doubt_findings(doubted: Sequence[str]) -> list[str]:
 
 def shot_findings(case: Case, pulls: Pulls) -> list[str]:
     """Sentences for reflectors that were shot from beyond what [tool.acceptance] states."""
-    said, tool = case.settings, case.tool
-    if said.cell is None or said.cell.tracker_m is None:
+    settings, tool = case.settings, case.tool
+    if settings.cell is None or settings.cell.tracker_m is None:
         return []
     poses, first = np.unique(pulls.pose, return_index=True)
     at = configure(case.robot, pulls.q[first])
     points = at.points(np.array(list(tool.named.values())))
     out = []
-    for cone in accepted(tool.named, said):
-        beam = np.array(said.cell.tracker_m) - points[:, cone.point]
+    for cone in accepted(tool.named, settings):
+        beam = np.array(settings.cell.tracker_m) - points[:, cone.point]
         faced = np.einsum("mij,j->mi", at.flange_axes, cone.axis)
         angle = np.arccos((beam * faced).sum(axis=1) / np.linalg.norm(beam, axis=1))
         over = angle > cone.half_angle

@@ -105,16 +105,16 @@ class PositionsResults:
         return self.row.reason.holds_for_its_readings and not self.facts.mistakes
 
 
-def answer(said: PositionsResults) -> Answer:
+def answer(results: PositionsResults) -> Answer:
     """The answer to a campaign of positions."""
-    raw, found, row = said.raw, said.found, said.row
+    raw, found, row = results.raw, results.found, results.row
     last, springs = found.stages[-1], _stage(found, ModelStage.SPRINGS)
-    lines = tuple(_first_screen(said))
+    lines = tuple(_first_screen(results))
     values, payloads = _values(last), payload_entries(last.found)
-    rejected = rejected_entries(said.rejected)
+    rejected = rejected_entries(results.rejected)
     return Answer(
         format=1,
-        campaign=said.campaign,
+        campaign=results.campaign,
         name=raw.settings.name,
         robot=raw.robot.name,
         simulated=raw.settings.simulated,
@@ -132,16 +132,16 @@ def answer(said: PositionsResults) -> Answer:
                     weight=1.0,
                     causes=tuple(
                         contract.Believed(**placed(one.effect), in_catalogue=one.effect.law is None)
-                        for one in said.facts.causes
+                        for one in results.facts.causes
                     ),
                 ),
             ),
         ),
         **dict(values),
         payloads=payloads,
-        diagnosis=_diagnosis(said, lines[0].text),
+        diagnosis=_diagnosis(results, lines[0].text),
         joint_springs=_values(springs),
-        extended=_extended(last) if said.facts.causes else None,
+        extended=_extended(last) if results.facts.causes else None,
         budget=(),
         noise=contract.FoundNoise(from_=_noise_from(last.found), contrasts=0, components=()),
         rejected=rejected,
@@ -180,17 +180,17 @@ def payload_entries(found: Calibration) -> tuple[contract.Payload, ...]:
         at, off = slice(4 * k, 4 * k + 4), found.mechanism.payload[k]
         poses = int(np.sum(found.weights.carried == k + 1))
         free = bodies.std[k] > 0
-        told = poses > 0 and free.any()
+        determined = poses > 0 and free.any()
         std = np.where(free, np.sqrt(np.diag(cov[at, at])), 0.0)
         stated = np.append(bodies.mass[k], bodies.centre[k])
         out.append(
             contract.Payload(
                 name=name,
                 stated=_body(stated, bodies.std[k]),
-                found=_body(stated + off, std) if told else None,
-                poses=poses if told else 0,
+                found=_body(stated + off, std) if determined else None,
+                poses=poses if determined else 0,
                 p_value=_chance(off[free], bodies.std[k][free], cov[at, at][np.ix_(free, free)])
-                if told
+                if determined
                 else None,
             )
         )
@@ -316,13 +316,13 @@ def _letter_combinations(found: Calibration) -> tuple[contract.TableCombination,
 def _fit(found: Calibration) -> contract.Fit:
     e = found.rows.y - found.rows.along(found.solution.x)
     seen = found.linear.read
-    held = float(np.sum(found.rows.variance(found.solution.cov).diagonal(axis1=1, axis2=2)))
+    effective = float(np.sum(found.rows.variance(found.solution.cov).diagonal(axis1=1, axis2=2)))
     off = found.left.reshape(len(e), -1, 6)[..., :3][seen.reshape(len(e), -1, 6)[..., :3]]
     std = 1e3 * found.scatter.position
     return contract.Fit(
         rms_mm=1e3 * rms(off),
         chi2=float(np.sum(e**2)),
-        dof=round(float(seen.sum()) - held),
+        dof=round(float(seen.sum()) - effective),
         p_value=None,
         noise_from=_noise_from(found),
         residual_std_mm=std,
@@ -381,80 +381,80 @@ def _instrument(found: Study) -> Iterator[str]:
         )
 
 
-def _first_screen(said: PositionsResults) -> Iterator[Line]:
+def _first_screen(results: PositionsResults) -> Iterator[Line]:
     """The first screen, line by line as for a campaign of pulls."""
-    stiffness = _stiffness_entries(said.found.stages[-1].found)
+    stiffness = _stiffness_entries(results.found.stages[-1].found)
     lines = (
-        (About.VERDICT, _verdict(said)),
-        (About.TO_DO, _to_do(said)),
-        (About.MODEL, _model(said)),
-        (About.NUMBERS, _numbers(said, stiffness)),
+        (About.VERDICT, _verdict(results)),
+        (About.TO_DO, _to_do(results)),
+        (About.MODEL, _model(results)),
+        (About.NUMBERS, _numbers(results, stiffness)),
         (About.TOLERANCE, _NOT_JUDGED),
-        (About.WRONG, " ".join(_wrong(said))),
-        (About.NEXT, " ".join(_next(said, stiffness))),
+        (About.WRONG, " ".join(_wrong(results))),
+        (About.NEXT, " ".join(_next(results, stiffness))),
     )
     return (Line(about=about, text=text) for about, text in lines)
 
 
-def _verdict(said: PositionsResults) -> str:
+def _verdict(results: PositionsResults) -> str:
     """The mistakes, or that nothing explains the readings, and how well they are predicted."""
-    first, last = (1e3 * said.found.stages[k].mean(Partition.BETWEEN) for k in (0, -1))
+    first, last = (1e3 * results.found.stages[k].mean(Partition.BETWEEN) for k in (0, -1))
     predicted = (
         f"Targets of held-out poses are predicted to {plain(last, 2)} mm on average, and to "
         f"{plain(first, 2)} mm with the nominal DH parameters."
     )
-    if said.facts.mistakes:
-        return f"{mistaken(said.facts)} {predicted}"
-    if not said.row.reason.holds_for_its_readings:
+    if results.facts.mistakes:
+        return f"{mistaken(results.facts)} {predicted}"
+    if not results.row.reason.holds_for_its_readings:
         return f"{_WHY[Reason.UNEXPLAINED]} {predicted}"
     return predicted
 
 
-def _to_do(said: PositionsResults) -> str:
+def _to_do(results: PositionsResults) -> str:
     """What to do with the values, and what of them no controller takes."""
-    if said.facts.mistakes:
-        return f"{correct(said.facts)} enter none of these values into a controller."
-    if not said.row.reason.holds_for_its_readings:
+    if results.facts.mistakes:
+        return f"{correct(results.facts)} enter none of these values into a controller."
+    if not results.row.reason.holds_for_its_readings:
         return "Use none of these values; find out first what the model misses, and run again."
-    beside = " A controller's table has no entry for the causes." if said.facts.causes else ""
+    beside = " A controller's table has no entry for the causes." if results.facts.causes else ""
     those = "DH parameters, springs and causes together" if beside else _ALONE
     return (
         f"Use {those}: predict the positions of targets at other joint values with `pipeline "
-        f"predict {said.campaign} poses.csv`.{beside}"
+        f"predict {results.campaign} poses.csv`.{beside}"
     )
 
 
 _ALONE = "the identified DH parameters with their springs"
 
 
-def _numbers(said: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> str:
+def _numbers(results: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> str:
     """What a controller may have: nothing from wrong readings, or from unexplained ones."""
-    if said.usable:
-        return " ".join([entered(stiffness, ()), *_by_weight(said, stiffness)])
-    if said.facts.mistakes:
+    if results.usable:
+        return " ".join([entered(stiffness, ()), *_by_weight(results, stiffness)])
+    if results.facts.mistakes:
         return "None until the files are put right: what the values rest on is corrected data."
     return "None: the values below do not explain the readings."
 
 
-def _by_weight(said: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
+def _by_weight(results: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
     """What the weight has to do with the stiffnesses."""
     if any(joint.value is not None for joint in stiffness):
         yield "They come from the arm's own weight."
-    if said.found.final.wanted.moments and _sags(said):
+    if results.found.final.wanted.moments and _sags(results):
         yield _SAGS
 
 
-def _sags(said: PositionsResults) -> bool:
-    return any(one.effect.name == "gravity_sag" for one in said.facts.causes)
+def _sags(results: PositionsResults) -> bool:
+    return any(one.effect.name == "gravity_sag" for one in results.facts.causes)
 
 
 _SAGS = "How far each joint sags is seen, but no masses are stated that would tell stiffness by it."
 _NO_SAG = "No sag is visible: the arm is weightless or balanced, or its controller compensates it."
 
 
-def _model(said: PositionsResults) -> str:
+def _model(results: PositionsResults) -> str:
     """What the model holds, and what each part of it is worth."""
-    steps = list(pairwise(said.found.stages))
+    steps = list(pairwise(results.found.stages))
     between = Partition.BETWEEN
     each = [
         f"{now.step.value} {percent(1 - now.mean(between) / before.mean(between))}"
@@ -462,10 +462,10 @@ def _model(said: PositionsResults) -> str:
         if now.found is not before.found
     ]
     parts = ["table", "springs under the arm's weight"]
-    listed_, laws = (_those(said.facts.causes, law) for law in (False, True))
+    listed_, laws = (_those(results.facts.causes, law) for law in (False, True))
     parts += ["causes of the catalogue"] if listed_ else []
     whose = listed([*parts, *(["laws of the joints"] if laws else [])])
-    corrected = said.row.data == contract.Data.CORRECTED
+    corrected = results.row.data == contract.Data.CORRECTED
     data = "the corrected data" if corrected else "the data as given"
     return (
         f"{capital(whose)}, from {data}. Each part reduces the cross-validation error "
@@ -479,32 +479,32 @@ _NOT_JUDGED = (
 )
 
 
-def _wrong(said: PositionsResults) -> Iterator[str]:
-    facts, beside = said.facts, list(beside_causes(said))
-    if facts.moved or not said.row.reason.holds_for_its_readings:
+def _wrong(results: PositionsResults) -> Iterator[str]:
+    facts, beside = results.facts, list(beside_causes(results))
+    if facts.moved or not results.row.reason.holds_for_its_readings:
         yield wrong(facts, 0)
     elif facts.causes:
         yield from _named(facts.causes)
     if clear(facts):
-        yield from _nothing_else(said, beside)
-    if said.usable and said.found.final.wanted.moments and not _sags(said):
+        yield from _nothing_else(results, beside)
+    if results.usable and results.found.final.wanted.moments and not _sags(results):
         yield _NO_SAG
     yield from beside
 
 
-def _nothing_else(said: PositionsResults, beside: Sequence[str]) -> Iterator[str]:
+def _nothing_else(results: PositionsResults, beside: Sequence[str]) -> Iterator[str]:
     """What is said where no finding calls for more."""
-    if said.facts.mistakes and _erring(said.found, said.raw.robot) is None:
-        yield wrong(said.facts, 0)
-    elif not (said.facts.causes or beside):
+    if results.facts.mistakes and _erring(results.found, results.raw.robot) is None:
+        yield wrong(results.facts, 0)
+    elif not (results.facts.causes or beside):
         yield "Nothing detectable in these readings."
 
 
-def beside_causes(said: PositionsResults) -> Iterator[str]:
+def beside_causes(results: PositionsResults) -> Iterator[str]:
     """What is wrong beside causes: the instrument, a joint, rows that were left out."""
-    left_out = len(said.rejected)
-    yield from _instrument(said.found)
-    yield from filter(None, [_erring(said.found, said.raw.robot)])
+    left_out = len(results.rejected)
+    yield from _instrument(results.found)
+    yield from filter(None, [_erring(results.found, results.raw.robot)])
     if left_out:
         rows = "1 row of the files was" if left_out == 1 else f"{left_out} rows of the files were"
         yield f"{rows} left out; see Rejected rows for file and line of each."
@@ -551,12 +551,12 @@ _SHARE = 0.25
 """Part of what joints that err move the targets by, squared, from which on one is said."""
 
 
-def _next(said: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
-    last = said.found.stages[-1]
-    if said.facts.mistakes:
+def _next(results: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
+    last = results.found.stages[-1]
+    if results.facts.mistakes:
         yield "Nothing until the files are put right: the readings taken may then do."
         return
-    if not said.row.reason.holds_for_its_readings:
+    if not results.row.reason.holds_for_its_readings:
         yield _AGAIN
         return
     apart = Partition.SERIES if Partition.SERIES in last.errors else Partition.SPACE
@@ -572,9 +572,9 @@ def _next(said: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> It
 _AGAIN = "Nothing until the readings are explained: those taken may then do."
 
 
-def _diagnosis(said: PositionsResults, first_line: str) -> contract.Diagnosis:
+def _diagnosis(results: PositionsResults, first_line: str) -> contract.Diagnosis:
     """`diagnosis`: mistakes in the data first, then the laws."""
-    found, facts = said.found, said.facts
+    found, facts = results.found, results.facts
     first, last = found.stages[0], found.stages[-1]
     causes = (
         *(mistake_entry(one, None) for one in facts.mistakes),

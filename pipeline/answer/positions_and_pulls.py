@@ -18,11 +18,12 @@ from pipeline import tables
 from pipeline.answer import contract
 from pipeline.answer import positions as of_positions
 from pipeline.answer.contract import About, Answer, Line
-from pipeline.answer.of_positions import law_table, model_file, pictures
+from pipeline.answer.of_positions import model_file
 from pipeline.answer.positions import PositionsResults
 from pipeline.answer.recommended import joint_springs
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import listed
+from pipeline.base import doors
 from pipeline.diagnosis.combined import SpringAgreement, combined, spring_agreement
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
@@ -35,6 +36,9 @@ from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.system import alarms
 from pipeline.system.fit import Fitted, fit
+
+_ANNEX = "pipeline.annex.position_tables:identified"
+"""Tables of the positions for the figures behind the first page."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,16 +80,18 @@ class PositionsAndPulls:
             return self
         one = diagnosis.hypotheses[0] if diagnosis.hypotheses else joint_springs(stands).first
         now = combined(one, stands.data)
-        held = spring_agreement(one, now, self.lighter)
+        agreement = spring_agreement(one, now, self.lighter)
         found, every = self.said.found.final, self.said.found.final.mechanism.elements
         before = opened(found, called_for(every, stands.data.stance.held))
         gears = laws_of_gears(one.cell.effects, every)
         table_p = unloaded_p_value(before, stands.data.stance, stands.data, self.case.tool, gears)
-        held = replace(held, table_p=table_p)
+        agreement = replace(agreement, table_p=table_p)
         found = opened(found, called_for(every, now.stance.held))
-        if held.p >= alarms.MISFIT:
+        if agreement.p >= alarms.MISFIT:
             found = beside_pulls(found, now.stance, now.value, now.cov)
-        return replace(self, said=self.said.ending(self.said.found.ending(found)), agreement=held)
+        return replace(
+            self, said=self.said.ending(self.said.found.ending(found)), agreement=agreement
+        )
 
     @property
     def agrees(self) -> bool:
@@ -116,11 +122,10 @@ class PositionsAndPulls:
 
     def shown(self, pulls: Mapping[str, pd.DataFrame], keep: Keep) -> dict[str, pd.DataFrame]:
         """The tables of the positions, beside those of the pulls."""
-        laws = pd.concat([law_table(self.said.found), pulls["laws"]], ignore_index=True)
         rejected = pd.concat([self.said.rejected, pulls["rejected"]], ignore_index=True)
+        pictured = doors.found(_ANNEX)
         return {
-            **pictures(self.said, keep),
-            "laws": keep("53_laws", laws, tables.LAWS),
+            **(pictured(self.said.found, keep, pulls["laws"]) if pictured else {}),
             "rejected": keep("13_rejected", rejected, tables.REJECTED),
         }
 
@@ -194,9 +199,9 @@ class PositionsAndPulls:
             "The table of the robot is estimated from its positions, its springs from pulls and "
             "from the arm's own weight together."
         )
-        held = self.case.stance.held
-        if held:
-            them = listed([one.called for one in held])
+        yielding = self.case.stance.held
+        if yielding:
+            them = listed([one.called for one in yielding])
             yield f"Beside them yield, under weight and pulls alike: {them}."
         if self.agreement is not None and self.agreement.factor is not None:
             yield (
@@ -206,19 +211,19 @@ class PositionsAndPulls:
 
     def _springs(self) -> contract.SpringsBy | None:
         """Springs by weight and by pulls, beside each other."""
-        held = self.agreement
-        if held is None:
+        agreement = self.agreement
+        if agreement is None:
             return None
         names = [f"k_{joint.name}" for joint in self.case.robot.joints]
         return contract.SpringsBy(
-            chi2=held.chi2,
-            dof=held.dof,
-            p_value=held.p,
+            chi2=agreement.chi2,
+            dof=agreement.dof,
+            p_value=agreement.p,
             joined=self.agrees,
-            lighter=held.factor,
+            lighter=agreement.factor,
             each=tuple(
                 contract.SpringBy(name=name, by_weight=_of(w), by_pulls=_of(p))
-                for name, w, p in zip(names, held.weight, held.pulls, strict=True)
+                for name, w, p in zip(names, agreement.weight, agreement.pulls, strict=True)
             ),
         )
 

@@ -10,8 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from pipeline.answer.contract import Data, Reason, Which
-from pipeline.answer.numbers import left_out_m
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Parameter
 from pipeline.diagnosis.average import (
     Hypothesis,
@@ -136,11 +138,6 @@ TABLE: tuple[DecisionRow, ...] = (
 """Rows of the decision; the first that holds decides."""
 
 
-def row_of(reason: str) -> DecisionRow:
-    """The row of a reason."""
-    return next(row for row in TABLE if row.reason == reason)
-
-
 def decide(basis: DecisionBasis) -> DecisionRow:
     """The first row of `TABLE` that holds."""
     data = _CORRECTED if basis.mistakes else _GIVEN
@@ -192,7 +189,7 @@ class ModelValues:
                 for h in self.hypotheses
             ),
             self._stated,
-            left_out_m(self.left_out_m),
+            _left_out_m(self.left_out_m),
             self.fitted.data.pulls.range_n,
             None if self.where is None else (self.where.q, self.where.force),
         )
@@ -279,3 +276,15 @@ def _left_out(diagnosis: Diagnosed) -> Array:
     """
     tested = any(cause.gain and cause.gain.of == "displacements" for cause in diagnosis.causes)
     return diagnosis.left_out_after_m if tested else left_out(diagnosis.hypotheses[0].system)
+
+
+def _left_out_m(residuals: Array) -> float | None:
+    """Rms [m] of the cross-validation residuals that other poses determine; None without any."""
+    known = residuals[np.isfinite(residuals)]
+    return linear.rms(known) if len(known) else None
+
+
+def left_out_mm(residuals: Array) -> float | None:
+    """Rms [mm] of the cross-validation residuals that other poses determine; None without any."""
+    rms = _left_out_m(residuals)
+    return None if rms is None else 1e3 * rms

@@ -121,11 +121,11 @@ def both_stiffnesses(joint: Stiffness) -> str:
         return ""
     load = "load with the arm's own weight" if both.of == "total" else "pull"
     first, other = sorted((both.positive, both.negative), key=lambda one: one.axis_turns != "plus")
-    held = both.positive if both.value_of == "positive" else both.negative
+    at_pose = both.positive if both.value_of == "positive" else both.negative
     return (
         f"{joint.called} is {_size(first, joint)} where the {load} turns {_way(first, joint)}, and "
         f"{_size(other, joint)} where it turns {_way(other, joint)}; at the test pose it turns "
-        f"{_way(held, joint)}."
+        f"{_way(at_pose, joint)}."
     )
 
 

@@ -2,21 +2,39 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import pandas as pd
 
+from pipeline.answer.contract import Answer
 from pipeline.answer.recommended import DecisionRow, ModelValues
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.mistake import Mistake
-from pipeline.prediction import model as handover
+from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.tolerance import JudgedTolerance
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.store.campaign import Raw
 from pipeline.system.fit import Fitted
 from pipeline.system.one_pose import OnePose
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignAnswer:
+    """Results from the files of a campaign.
+
+    Attributes:
+        answer: Content of result.json.
+        shown: Tables displayed in the report, by name.
+        model: The identified robot, for use elsewhere.
+        files: Further files to deliver, by name.
+    """
+
+    answer: Answer
+    shown: dict[str, pd.DataFrame]
+    model: IdentifiedModel
+    files: dict[str, bytes] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +48,7 @@ class ReportedModel:
     """
 
     values: ModelValues
-    model: handover.IdentifiedModel
+    model: IdentifiedModel
     checked: pd.DataFrame | None
 
 

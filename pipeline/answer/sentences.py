@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +27,7 @@ from pipeline.answer.contract import (
     Which,
 )
 from pipeline.answer.inputs import lost_told
-from pipeline.answer.numbers import left_out_mm
+from pipeline.answer.recommended import left_out_mm
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import (
     DO,
@@ -120,8 +120,8 @@ def first_screen(found: CampaignResults, stated: FirstScreen) -> tuple[Line, ...
 def _wrong(found: CampaignResults, stated: FirstScreen) -> tuple[str, ...]:
     """What is wrong, and after it, or before "nothing else", what the noise does; what is lost."""
     noisy = tuple(noise_told(stated.diagnosis.causes))
-    unseen, told = len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)
-    said = wrong(found.facts, unseen, told)
+    unseen, others = len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)
+    said = wrong(found.facts, unseen, others)
     rest = (*noisy, said) if clear(found.facts) else (said, *noisy)
     return (*stated.contradicted, *rest, *lost_told(found.given.case.lost))
 
@@ -159,13 +159,52 @@ _SPRINGS = (Reason.ADEQUATE, Reason.TOO_SMALL)
 
 def _of_reason(found: CampaignResults) -> str:
     """Whether a model of more than springs holds."""
-    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.misdescribed:
-        return "Joint springs explain the readings on a robot that is not as its file says."
-    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.changed:
-        return "Joint springs explain the readings, in which something changed once."
-    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
-        return "Joint springs explain the readings on a robot that sags under its own weight."
-    return HOLDS[found.row.reason]
+    robot = _of_robot(found)
+    return robot.holds if robot else HOLDS[found.row.reason]
+
+
+@dataclass(frozen=True)
+class _OfRobot:
+    """What is said where joint springs hold on a robot that is not as its file says.
+
+    Attributes:
+        applies: Whether it is so, by the facts.
+        holds: Whether the model holds.
+        do: What to do with the values.
+    """
+
+    applies: Callable[[Facts], object]
+    holds: str
+    do: str
+
+
+_OF_ROBOT = (
+    _OfRobot(
+        lambda facts: facts.misdescribed,
+        "Joint springs explain the readings on a robot that is not as its file says.",
+        "Check type and file of the robot first. The stiffnesses belong to the corrected "
+        "geometry, which model.toml holds; correct the robot file.",
+    ),
+    _OfRobot(
+        lambda facts: facts.changed,
+        "Joint springs explain the readings, in which something changed once.",
+        f"{DO[Reason.ADEQUATE]} They allow for the change during the campaign. Positions of "
+        "before and after it do not belong together.",
+    ),
+    _OfRobot(
+        lambda facts: facts.moved,
+        "Joint springs explain the readings on a robot that sags under its own weight.",
+        f"{DO[Reason.ADEQUATE]} Where absolute positions matter, the arm's own weight moves "
+        "them: a campaign of positions identifies how.",
+    ),
+)
+"""The first that applies is said."""
+
+
+def _of_robot(found: CampaignResults) -> _OfRobot | None:
+    if found.row.reason != Reason.WEIGHED_ANEW:
+        return None
+    return next((one for one in _OF_ROBOT if one.applies(found.facts)), None)
 
 
 def _of_springs(estimate: Estimate, good: bool) -> str:
@@ -254,30 +293,19 @@ def _to_do(found: CampaignResults, stiffness: Sequence[Stiffness]) -> str:
 
 def _do(found: CampaignResults) -> str:
     """What to do with the values."""
-    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.misdescribed:
-        return (
-            "Check type and file of the robot first. The stiffnesses belong to the corrected "
-            "geometry, which model.toml holds; correct the robot file."
-        )
-    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.changed:
-        return (
-            f"{DO[Reason.ADEQUATE]} They allow for the change during the campaign. Positions of "
-            "before and after it do not belong together."
-        )
-    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
-        return (
-            f"{DO[Reason.ADEQUATE]} Where absolute positions matter, the arm's own weight moves "
-            "them: a campaign of positions identifies how."
-        )
+    if robot := _of_robot(found):
+        return robot.do
     stood = found.facts.unloaded
     if stood.corrects and not stood.unexplained and found.row.reason in _SPRINGS:
         return (
             f"{DO[Reason.ADEQUATE]} Where absolute positions matter, correct the robot's geometry, "
-            "too: model.toml holds its DH parameters, and a campaign of positions identifies the "
-            "sag."
+            f"too: model.toml holds its DH parameters{_SAG * stood.weighs}."
         )
     said = DO[found.row.reason]
     return f"{correct(found.facts)} {said}" if found.mistakes else said
+
+
+_SAG = ", and a campaign of positions identifies the sag"
 
 
 def _unfit(found: CampaignResults, stiffness: Sequence[Stiffness]) -> Iterator[str]:

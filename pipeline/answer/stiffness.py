@@ -1,4 +1,4 @@
-"""`stiffness` and `budget`: one record per joint, with the reason if it has no value."""
+"""`stiffness`, `budget` and `combinations`: what is determined of joints, singly and together."""
 
 from __future__ import annotations
 
@@ -11,14 +11,18 @@ from pipeline.answer import remarks
 from pipeline.answer.contract import (
     BudgetPart,
     BySign,
+    Combination,
     JointType,
     Odd,
     OneWay,
     Remark,
     Stiffness,
 )
+from pipeline.answer.recommended import ModelValues
+from pipeline.answer.words import listed
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
+from pipeline.base.quantities import bracketed
 from pipeline.diagnosis.average import (
     Dependence,
     Hypothesis,
@@ -33,9 +37,10 @@ from pipeline.diagnosis.average import (
 )
 from pipeline.machine import sides
 from pipeline.machine.cell import Cell
-from pipeline.machine.robot import Joint, axes
+from pipeline.machine.robot import Joint, Robot, axes
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.budget import budget
+from pipeline.system.combinations import Motion, parting
 
 _WHICH = "which_cause"
 """Source of the uncertainty about which cause is true."""
@@ -68,8 +73,8 @@ def stiffness_entries(
         silent = stiffness_entry(joint, found, k, _budget(found, parts, k), names[k])
         on = [one for one in depends if one.spring == k]
         said = tuple(_remarks(silent, odd.of(k), on, _called(cell, odd.partners[k])))
-        told = silent.model_copy(update={"remarks": said, "by_sign": both.get(k)})
-        out.append(told.model_copy(update={"finding": remarks.finding(told)}))
+        complete = silent.model_copy(update={"remarks": said, "by_sign": both.get(k)})
+        out.append(complete.model_copy(update={"finding": remarks.finding(complete)}))
     return tuple(out)
 
 
@@ -246,3 +251,49 @@ def _dependence(cause: str, on: Sequence[Dependence], identifiable: bool) -> Rem
         return Remark(odd=Odd.LOST, cause=cause, others=tuple(lost))
     odd = Odd.DEPENDS if identifiable else Odd.SCATTERED
     return Remark(odd=odd, cause=cause, others=tuple(dict.fromkeys(one.rival for one in on)))
+
+
+def combination_entries(values: ModelValues) -> tuple[Combination, ...]:
+    """One record per combination that is determined of joints that are not determined singly."""
+    fitted, n = values.fitted, values.fitted.case.robot.n
+    alone = values.found.identifiable[:n]
+    if n - int(alone.sum()) < 2:
+        return ()
+    N = information(values.hypotheses)
+    joints = fitted.case.robot.joints
+    out = []
+    for one in together(values.hypotheses, N, alone):
+        motion = parting(fitted.case.cell, fitted.system, fitted.data.pulls, N, one.of)
+        out.append(
+            Combination(
+                of=tuple(f"k_{joints[j].name}" for j in one.of),
+                weights=tuple(one.weights.tolist()),
+                value=one.value,
+                std=one.std,
+                ci95=(one.low, one.high),
+                unit=joints[int(one.of[0])].compliance_unit,
+                needs=_needs(fitted.case.robot, motion),
+            )
+        )
+    return tuple(out)
+
+
+def _needs(robot: Robot, motion: Motion) -> str:
+    """The motion of a joint that would best separate the members of a combination, in words."""
+    joint, unit = robot.joints[motion.joint], "deg"
+    to, low, high = (float(np.rad2deg(one)) for one in (motion.to, motion.low, motion.high))
+    if joint.prismatic:
+        to, low, high, unit = motion.to, motion.low, motion.high, "m"
+    at, before, after = (f"{round(one, 1):g}" for one in (to, low, high))
+    so_far = f"at {before} {unit}" if before == after else f"from {before} to {after} {unit}"
+    return f"the same pulls in poses with {joint.name} at {at} {unit} (so far {so_far})"
+
+
+def combination_sentences(combinations: Sequence[Combination]) -> list[str]:
+    """Two sentences per combination: what is determined, and how to separate its members."""
+    return [
+        f"{listed(one.of)} cannot be distinguished: of their compliances these poses determine "
+        f"{one.formula} = {bracketed(one.value, one.std)} {one.unit}. What "
+        f"would separate them best: {one.needs}."
+        for one in combinations
+    ]

@@ -42,13 +42,13 @@ def _rows_table(system: System) -> pd.DataFrame:
     )
 
 
-def system_table(system: System) -> pd.DataFrame:
+def _system_table(system: System) -> pd.DataFrame:
     """Table `tables.system`."""
     columns = {f"B_{p.name}": system.B[:, k] for k, p in enumerate(system.parameters)}
     return _rows_table(system).assign(c_m=system.c, **columns)
 
 
-def errors_table(system: System) -> pd.DataFrame:
+def _errors_table(system: System) -> pd.DataFrame:
     """Table ERRORS."""
     G = system.errors.G.tocoo()
     return pd.DataFrame(
@@ -62,7 +62,7 @@ def errors_table(system: System) -> pd.DataFrame:
     )
 
 
-def residuals_table(system: System, estimate: Estimate, left_out_m: Array) -> pd.DataFrame:
+def _residuals_table(system: System, estimate: Estimate, left_out_m: Array) -> pd.DataFrame:
     """Table RESIDUALS; without stated noise, the residuals are whitened by their own scatter.
 
     Args:
@@ -95,7 +95,7 @@ def models_table(springs: System, paper: Estimate, residual: Array, nominal: Arr
     )
 
 
-def estimate_table(names: Sequence[Parameter], found: Estimate | Springs) -> pd.DataFrame:
+def _estimate_table(names: Sequence[Parameter], found: Estimate | Springs) -> pd.DataFrame:
     """Table ESTIMATE."""
     return pd.DataFrame(
         {
@@ -137,24 +137,24 @@ def predicted(
 def kept(found: CampaignResults, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
     """The tables of the answer, and of the joint springs beside it."""
     values, paper, where = found.told.values, found.springs.values, found.where
-    system, said = values.first.system.of_pulls, found.diagnosis
+    system, diagnosis = values.first.system.of_pulls, found.diagnosis
     if found.mistakes:  # what the answer rests on stands under the usual names
         given, used = found.given.reduced.shown, found.right.reduced.shown
         for name, promise in _CORRECTED:
             part = name[3:]
             keep(f"{name}_as_given", given[part], promise)
             keep(name, used[part], promise)
-    keep("30_system", system_table(system), tables.system(system.parameters))
-    keep("31_errors", errors_table(system), tables.ERRORS)
+    keep("30_system", _system_table(system), tables.system(system.parameters))
+    keep("31_errors", _errors_table(system), tables.ERRORS)
     for suffix, one in (("", values), ("_joint_springs", paper)):
-        names, held = one.parameters, one.found
-        keep(f"40_estimate{suffix}", estimate_table(names, held), tables.ESTIMATE)
-        cov = covariance_table(names, held.cov)
+        names, estimate = one.parameters, one.found
+        keep(f"40_estimate{suffix}", _estimate_table(names, estimate), tables.ESTIMATE)
+        cov = covariance_table(names, estimate.cov)
         keep(f"41_covariance{suffix}", cov, tables.covariance(names))
-    residuals = residuals_table(system, values.first.estimate, values.left_out_m)
+    residuals = _residuals_table(system, values.first.estimate, values.left_out_m)
     cell, data = found.right.case.cell, found.right.data
     keep("44_influence", found.carried, tables.INFLUENCE)
-    examined = examined_table(said, cell, data, found.right.system, found.right.estimate)
+    examined = examined_table(diagnosis, cell, data, found.right.system, found.right.estimate)
     mine, alone = found.told.model.hypotheses, found.springs.model.hypotheses
     soft = step(workspace)(mine, where)
     other = no_workspace() if found.mistakes or alone is mine else workspace(alone, where)
@@ -166,8 +166,8 @@ def kept(found: CampaignResults, keep: Keep, step: Step) -> dict[str, pd.DataFra
         "residuals": keep("42_residuals", residuals, tables.RESIDUALS),
         "reliability": keep("43_reliability", found.control, tables.RELIABILITY),
         "examined": keep("50_examined", examined, tables.examined(found.raw.robot)),
-        "diagnosis": keep("51_diagnosis", clues_table(said), tables.DIAGNOSIS),
-        "separability": keep("52_separability", apart_table(said), tables.SEPARABILITY),
+        "diagnosis": keep("51_diagnosis", clues_table(diagnosis), tables.DIAGNOSIS),
+        "separability": keep("52_separability", apart_table(diagnosis), tables.SEPARABILITY),
         "validation": keep("60_validation", checked, tables.VALIDATION),
         "workspace": keep("61_workspace", soft, tables.WORKSPACE),
         **_path(found, keep),

@@ -9,14 +9,14 @@ import pandas as pd
 
 from pipeline.answer import contract
 from pipeline.answer.contract import Drawn, Fit, NoiseFrom, TargetDeflection, Validation
-from pipeline.answer.numbers import left_out_mm, rms_mm
-from pipeline.answer.recommended import ModelValues
+from pipeline.answer.recommended import ModelValues, left_out_mm
 from pipeline.answer.results import ReportedModel
 from pipeline.answer.stiffness import stiffness_entries
+from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.machine.cell import Cell
-from pipeline.prediction.by_payload import by_payload
 from pipeline.prediction.model import IdentifiedModel
+from pipeline.prediction.validate import by_payload
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.assemble import second_order
@@ -34,24 +34,26 @@ def stated(values: ModelValues, model: IdentifiedModel, where: PoseOfInterest) -
     }
 
 
-def values_entry(told: ReportedModel, where: PoseOfInterest) -> contract.Values:
+def values_entry(reported: ReportedModel, where: PoseOfInterest) -> contract.Values:
     """Stiffnesses, fit, deflection at the test pose and validation of one model."""
-    left, checked = told.values.left_out_m, told.checked
-    validation = None if checked is None else _validation_entry(checked, left, where, told.values)
-    return contract.Values(validation=validation, **stated(told.values, told.model, where))
+    left, checked = reported.values.left_out_m, reported.checked
+    validation = (
+        None if checked is None else _validation_entry(checked, left, where, reported.values)
+    )
+    return contract.Values(validation=validation, **stated(reported.values, reported.model, where))
 
 
 def _fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
     """Residuals of the model, and the test of its fit."""
     return Fit(
-        rms_mm=rms_mm(estimate.residual),
+        rms_mm=1e3 * linear.rms(estimate.residual),
         chi2=estimate.chi2,
         dof=estimate.dof,
         p_value=estimate.p_value,
         noise_from=NoiseFrom(estimate.noise_from),
         residual_std_mm=1e3 * estimate.residual_std_m,
         second_order_rms_mm=_second_order_mm(cell, data, estimate),
-        noise_statement=noise_statement(estimate, data.tracked),
+        noise_statement=_noise_statement(estimate, data.tracked),
     )
 
 
@@ -60,7 +62,7 @@ def _second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
     n = len(cell.parameters)  # the springs come first
     known = estimate.identifiable[:n] & (estimate.value[:n] > 0)
     x = np.where(known, estimate.value[:n], cell.robot.nominal_compliance)
-    return rms_mm(second_order(cell, data, x))
+    return 1e3 * linear.rms(second_order(cell, data, x))
 
 
 _RESTS_ON = "Uncertainties, chi-squared and its p-value rest on the noise"
@@ -81,7 +83,7 @@ def _beside(estimate: Estimate) -> str:
     return ""
 
 
-def noise_statement(estimate: Estimate, tracked: bool) -> str:
+def _noise_statement(estimate: Estimate, tracked: bool) -> str:
     """Sentences on the origin of the noise and on what depends on it."""
     if estimate.noise_from in _STATEMENTS:
         return _STATEMENTS[estimate.noise_from] + _beside(estimate)

@@ -47,11 +47,11 @@ _PLACES = 4
 
 def why(facts: Facts) -> str:
     """What the verdict rests on: every finding in a sentence, but for "nothing" beside others."""
-    told = _told(facts) or _FINDINGS[Finding.NOTHING](facts)
+    sentences = _told(facts) or _FINDINGS[Finding.NOTHING](facts)
     return (
-        f"{mistaken(facts)} The rest holds for the corrected data. {told}"
+        f"{mistaken(facts)} The rest holds for the corrected data. {sentences}"
         if facts.mistakes
-        else told
+        else sentences
     )
 
 
@@ -88,13 +88,13 @@ def _some(places: Sequence[str]) -> str:
     return listed([*places[:_PLACES], *rest])
 
 
-def wrong(facts: Facts, unseen: int, told: Sequence[str] = ()) -> str:
+def wrong(facts: Facts, unseen: int, besides: Sequence[str] = ()) -> str:
     """What is wrong, in a sentence, mistakes in the data apart, which the verdict tells.
 
     Args:
         facts: What was found.
         unseen: How many causes would not have shown at their typical magnitude.
-        told: Sentences on what was found besides, on what was stated or the noise.
+        besides: Sentences on what was found besides, on what was stated or the noise.
     """
     others = _told(facts)
     if others:
@@ -103,7 +103,7 @@ def wrong(facts: Facts, unseen: int, told: Sequence[str] = ()) -> str:
     nothing = "Nothing detectable in these readings."
     if facts.mistakes:
         nothing = "The error in the data that the verdict names; nothing else was detected."
-    elif told:
+    elif besides:
         nothing = "Nothing else detectable in these readings."
     return f"{nothing}{also}"
 
@@ -158,8 +158,8 @@ def _told(facts: Facts) -> str:
 
 def told_of(facts: Facts, asked: Collection[Finding]) -> list[str]:
     """Those of some findings that hold, in sentences."""
-    held = [row.finding for row in findings(facts) if row.finding in asked]
-    return [capital(_FINDINGS[one](facts)) for one in held]
+    holding = [row.finding for row in findings(facts) if row.finding in asked]
+    return [capital(_FINDINGS[one](facts)) for one in holding]
 
 
 def _impossible(facts: Facts) -> str:
@@ -364,7 +364,7 @@ def _stands_unexplained(facts: Facts) -> str:
         f"The unloaded reflectors are {plain(1e3 * stood.remains_m, 2)} mm rms from where {whose} "
         f"place them (base and tool fitted), {stood.remains_m / stood.noise_m:.0f} times the noise "
         "of the readings, and neither DH parameters nor the arm's weight nor a change during the "
-        "campaign explains it. The stiffnesses hardly depend on it, positions do."
+        "campaign explains it. Whatever it is may act on the pulls, too."
     )
     if stood.down is None:
         return f"{said} Check the joint log, [tool] and the robot file, and [gravity]."
@@ -379,12 +379,17 @@ def _rough_table(facts: Facts) -> str:
     gain = facts.unloaded.gain
     assert gain is not None
     before, after = 1e3 * gain.rms_before_m, 1e3 * gain.rms_after_m
+    rough, weighs = facts.unloaded.rough, facts.unloaded.weighs
+    many = (
+        "many of the robot's DH parameters deviate a little from nominal, none far more than the "
+        "others"
+    )
+    both = [*[many] * rough, *["the arm sags under its weight"] * weighs]
     return (
-        "Many of the robot's DH parameters deviate a little from nominal, none far more than the "
-        "others, and the arm sags under its weight: in cross-validation "
+        f"{capital(', and '.join(both))}: in cross-validation "
         f"the unloaded reflectors are {plain(before, 2)} mm rms per coordinate from where "
         f"the nominal DH parameters place them, and {plain(after, 2)} mm from where the identified "
-        "ones and the sag do."
+        f"ones {'and the sag do' if weighs else 'do'}."
     )
 
 
@@ -483,33 +488,33 @@ def _predicts_nothing(facts: Facts) -> str:
 
 def _springs_disagree(facts: Facts) -> str:
     assert facts.agreement is not None
-    held = facts.agreement
-    if held.elements.p < ChiSquare(held.chi2, held.dof).p:
+    agreement = facts.agreement
+    if agreement.elements.p < ChiSquare(agreement.chi2, agreement.dof).p:
         return (
             f"Under the arm's own weight yields what does not so under the pulls "
-            f"({listed(list(held.held))}; chi-square {plain(held.elements.chi2, 3)} with "
-            f"{held.elements.dof} degrees of freedom): the weight acts on something that the model "
-            "lacks, a balancer or a law of the joint beside it. The stiffnesses are those of the "
-            "pulls alone."
+            f"({listed(list(agreement.held))}; chi-square {plain(agreement.elements.chi2, 3)} with "
+            f"{agreement.elements.dof} degrees of freedom): the weight acts on something that the "
+            "model lacks, a balancer or a law of the joint beside it. The stiffnesses are those of "
+            "the pulls alone."
         )
-    if held.common is not None:
-        ratio, std = 1 / held.common.factor, held.common.std / held.common.factor**2
+    if agreement.common is not None:
+        ratio, std = 1 / agreement.common.factor, agreement.common.std / agreement.common.factor**2
         why = (
             f"One factor explains it: links weigh {with_std(ratio, std)} times what the robot "
             "file states, or the scale reads so many times the force. Weigh a link or a payload, "
             "or have the scale calibrated."
         )
     else:
-        joint, times = held.most
+        joint, times = agreement.most
         where = capital(in_place(joint + 1).removeprefix(" in "))
         how = f"under the pulls it is {plain(times, 3)} times as compliant"
         if times <= 0:
             how = "the weight turns it against its own torque"
-        why = f"{where} differs most: {how}. {_STATED if held.factor is None else _NOT_STATED}"
+        why = f"{where} differs most: {how}. {_STATED if agreement.factor is None else _NOT_STATED}"
     return (
         "The springs by the arm's own weight are not those by the pulls (chi-square "
-        f"{plain(held.chi2, 3)} with {held.dof} degrees of freedom, {p_value(held.p)}). {why} The "
-        "stiffnesses are those of the pulls alone."
+        f"{plain(agreement.chi2, 3)} with {agreement.dof} degrees of freedom, "
+        f"{p_value(agreement.p)}). {why} The stiffnesses are those of the pulls alone."
     )
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import io
 import os
 import sys
+import threading
+import time
 from typing import Any
 
 import typer
@@ -15,6 +18,11 @@ from pipeline.app.commands._shared import app as everything
 from pipeline.app.commands._shared import fitted
 from pipeline.base.errors import CannotWrite, Interrupted, PipelineError, UsageError, ended
 from pipeline.base.files import DISK_FULL
+
+_FAREWELL_S = 60.0
+"""Time for which libraries may delay the end of the process when its work is done [s]."""
+_LAST_S = 10.0
+"""Time after that in which they may end the processes that they have started [s]."""
 
 
 def main(
@@ -28,7 +36,22 @@ def main(
         name: Name of the program as typed.
     """
     _prepare_streams()
-    sys.exit(_exit_code(arguments, app, name))
+    code = _exit_code(arguments, app, name)
+    if arguments is None:  # otherwise the process is the caller's
+        threading.Thread(target=_end_at_last, args=[code], daemon=True).start()
+    sys.exit(code)
+
+
+def _end_at_last(code: int) -> None:
+    """End the process even if a library waits without end for something that no longer answers.
+
+    Prefect sends its last messages before the process may end, and waits for its server.
+    """
+    time.sleep(_FAREWELL_S)
+    last = threading.Thread(target=atexit._run_exitfuncs, daemon=True)
+    last.start()
+    last.join(_LAST_S)
+    os._exit(code)
 
 
 def _prepare_streams() -> None:

@@ -132,8 +132,6 @@ def _first_screen(answer: Answer) -> list[str]:
     from pipeline.answer.contract import About
     from pipeline.answer.words import ABOUT
 
-    if not answer.first_screen:
-        return list(answer.verdict_sentence)
     first, *more = answer.first_screen
     chosen = [one for one in more if one.about is not About.NUMBERS]
     return [first.text, *(f"{ABOUT[one.about]}: {one.text}" for one in chosen)]
@@ -246,8 +244,8 @@ def _told(rows: Sequence[Rejected]) -> list[str]:
     first: dict[str, str] = {}
     for row in rows:
         first.setdefault(row.reason, f"{place(row.file, row.line)}{row.reason}")
-    told = list(first.values())[:_ALIKE]
-    more = len(rows) - len(told)
+    shown = list(first.values())[:_ALIKE]
+    more = len(rows) - len(shown)
     if more:
-        told.append(f"{rows[0].file}: ... and {more} more line{'s' * (more > 1)} like this")
-    return told
+        shown.append(f"{rows[0].file}: ... and {more} more line{'s' * (more > 1)} like this")
+    return shown

@@ -108,9 +108,9 @@ def _status(campaign: CampaignFolder) -> Outcome:
     rejected = campaign.rejection(key)
     if rejected is None:
         return _standing(campaign, "changed" if before else "new", None)
-    told = failed(campaign.name, rejected)
+    refused = failed(campaign.name, rejected)
     content = {"campaign": campaign.name, "state": "rejected", "verdict": None}
-    return replace(told, content=told.content | content, text=f"{campaign.name:24} rejected")
+    return replace(refused, content=refused.content | content, text=f"{campaign.name:24} rejected")
 
 
 def _standing(campaign: CampaignFolder, state: str, verdict: str | None) -> Outcome:

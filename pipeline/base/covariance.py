@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError
 from pipeline.base.threads import WORTH_A_THREAD, spread
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 PAIRS = ("xx", "xy", "xz", "yy", "yz", "zz")
 ROW, COLUMN = np.triu_indices(3)
@@ -71,7 +71,7 @@ def alike(C: Array, work: Callable[[Array], Array]) -> Array:
     return np.broadcast_to(one, (len(C), *one.shape[1:]))
 
 
-def each(columns: Sequence[Any], work: Callable[[Any], T]) -> list[T]:
+def each(columns: Sequence[Any], work: Callable[[Any], _T]) -> list[_T]:
     """Apply `work` to every column, once for columns that share memory.
 
     Covariances of a stated noise are of this kind: two distinct arrays in six columns.

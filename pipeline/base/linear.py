@@ -311,7 +311,7 @@ def whitening(V: Array) -> Array:
             raise
         unit_rows = V / (size * np.swapaxes(size, -1, -2))
         L = size * np.linalg.cholesky(unit_rows + _ROUNDED * np.eye(V.shape[-1]))
-    return np.asarray(np.linalg.inv(L))
+    return np.asarray(np.linalg.inv(L) if L.ndim > 2 else lapack.dtrtri(L, lower=1)[0])
 
 
 def triangular(V: Array) -> tuple[Array, Array]:

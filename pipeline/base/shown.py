@@ -77,7 +77,7 @@ def typed(name: str) -> str:
 def quoted(text: str) -> str:
     """Text for a terminal: commands are in single quotes, unless they contain some."""
     return "".join(
-        f"'{piece}'" if told and "'" not in piece else piece for piece, told in runs(text)
+        f"'{piece}'" if code and "'" not in piece else piece for piece, code in runs(text)
     )
 
 

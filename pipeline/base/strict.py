@@ -239,8 +239,8 @@ def checked(
 
 def _with_way_out(message: str, otherwise: str) -> tuple[str, str]:
     """Split a message at its semicolon into what is wrong and a way out of its own."""
-    said, own, told = message.partition("; ")
-    return said, told if own else otherwise
+    said, own, stated = message.partition("; ")
+    return said, stated if own else otherwise
 
 
 def _without_unions(kind: type[BaseModel], words: Sequence[_Part]) -> list[_Part]:

@@ -15,14 +15,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
-S = TypeVar("S")
-T = TypeVar("T")
+_S = TypeVar("_S")
+_T = TypeVar("_T")
 
 WORTH_A_THREAD = 100_000
 """Number of rows, or bytes to be read, from which a second thread saves time."""
 
 
-def both(first: Callable[[], S], second: Callable[[], T], much: bool) -> tuple[S, T]:
+def both(first: Callable[[], _S], second: Callable[[], _T], much: bool) -> tuple[_S, _T]:
     """Results of two functions, evaluated in parallel if there is much to do.
 
     If both fail, the error of the first is raised.
@@ -34,7 +34,7 @@ def both(first: Callable[[], S], second: Callable[[], T], much: bool) -> tuple[S
         return first(), beside.result()
 
 
-def spread(work: Callable[[S], T], items: Iterable[S], much: bool = True) -> list[T]:
+def spread(work: Callable[[_S], _T], items: Iterable[_S], much: bool = True) -> list[_T]:
     """Apply `work` to every item in order; two at a time if there is much to do."""
     if not much:
         return [work(item) for item in items]

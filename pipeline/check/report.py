@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,6 @@ from pipeline.base.shown import typed
 from pipeline.base.toml import line_of
 from pipeline.check.of_positions import of_positions
 from pipeline.check.proven import proven
-from pipeline.check.remarks import remarks
 from pipeline.check.survey import (
     CampaignTimes,
     Distance,
@@ -41,6 +40,10 @@ from pipeline.machine.robot import Robot, axes, configure
 from pipeline.machine.robot.axes import in_log_units
 from pipeline.prediction.path import Path, beside_pulls
 from pipeline.prediction.tolerance import path_of
+from pipeline.readers import _log_table
+from pipeline.readers._log_form import opened
+from pipeline.readers.export_settings import LogForm
+from pipeline.readers.logs import POSE, REMARK, REPEAT, has_joints, has_load
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.expected import expected
@@ -280,7 +283,7 @@ def _remarks(raw: Raw, robot: Robot) -> list[str]:
         one
         for file, form, whose in both
         if file in files
-        for one in remarks(file, files[file], form, whose)
+        for one in _remarks_of(file, files[file], form, whose)
     ]
 
 
@@ -420,3 +423,29 @@ def _table(robot: Robot, poses: list[SurveyedPose]) -> Iterator[str]:
         yield f"  {one.pose:4d} {values} {one.pulls:6d} {force}"
     if len(poses) > _MOST_LINES:
         yield f"  and {len(poses) - _MOST_LINES} more poses; --json has them all"
+
+
+def _remarks_of(name: str, data: bytes, said: LogForm, robot: Robot | None = None) -> list[str]:
+    """What the column `remark` of a log says, each with its line, pose and pull.
+
+    Args:
+        name: Name of the file.
+        data: Its content.
+        said: [scale] or [joints] of campaign.toml.
+        robot: Whose joint log it is; None for a log of loads.
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    holds = has_load if robot is None else partial(has_joints, robot)
+    section = "scale" if robot is None else "joints"
+    file = opened(name, data, said, section, POSE.stem, holds)
+    pose, repeat = replace(POSE, filled=False), replace(REPEAT, needed=False)
+    log = _log_table.typed(file, [pose, repeat, REMARK], said, section)
+    out = []
+    for k in np.flatnonzero(log.word.get("remark", np.array([])) != ""):
+        where = [f"{what} {log.number[what][k]:.0f}" for what in ("pose", "repeat")
+                 if what in log.number and np.isfinite(log.number[what][k])]  # fmt: skip
+        said_of = f", {' '.join(where)}" if where else ""
+        out.append(f"{name}, line {log.line[k]}{said_of}: {log.word['remark'][k]}")
+    return out

@@ -63,8 +63,8 @@ def controls(problem: Problem, measurement: Measurement) -> tuple[Control, ...]:
     most = np.argmax(found.moves, axis=1)
     least: dict[tuple[str, int, int, str], Control] = {}
     for j in np.argsort(found.r, kind="stable").tolist():
-        told = found.r[j], found.visible[j] * size[j], found.moves[j, most[j]], most[j] + 1
-        least.setdefault(readings[j], Control(*readings[j], *(one.item() for one in told)))
+        columns = found.r[j], found.visible[j] * size[j], found.moves[j, most[j]], most[j] + 1
+        least.setdefault(readings[j], Control(*readings[j], *(one.item() for one in columns)))
     return tuple(least.values())
 
 

@@ -119,13 +119,13 @@ def by_anchor(
         starts: Random starts at each position.
     """
     box, anchor = _held(problem, plan, axis, at)
-    held, joints = box.problem, box.poses * len(box.problem.lower)
+    fixed, joints = box.problem, box.poses * len(box.problem.lower)
     drawn = np.random.default_rng(seed).uniform(size=(len(at), starts, joints))
     mine = box.closed(np.repeat(plan.q[None], len(at), axis=0), anchor)
     start = np.concatenate([mine[:, None, :joints], drawn], axis=1)
     there = np.broadcast_to(mine[:, None, joints:], (*start.shape[:2], mine.shape[1] - joints))
     start = np.concatenate([start, there], axis=2).reshape(-1, box.size)
-    wanted = objective(held, HARD)
+    wanted = objective(fixed, HARD)
 
     def function(x: Array) -> tuple[Array, Array]:
         value, slope = wanted(x)
@@ -133,10 +133,10 @@ def by_anchor(
         return value, slope
 
     found = descend(function, start, rounds=200, gain=1e-6)
-    plans = evaluate(held, *box.opened(found.x))
+    plans = evaluate(fixed, *box.opened(found.x))
     figure = np.array([p.figure if p.kept else np.inf for p in plans]).reshape(len(at), -1)
     best = figure.min(axis=1)
-    own = evaluate(held, np.repeat(plan.q[None], len(at), axis=0), anchor)
+    own = evaluate(fixed, np.repeat(plan.q[None], len(at), axis=0), anchor)
     best[np.isinf(best)] = np.nan
     return ByAnchor(axis, at, best, np.array([one.figure for one in own]))
 
@@ -148,5 +148,5 @@ def _held(problem: Problem, plan: Plan, axis: int, at: Array) -> tuple[PlanCoord
     place: dict[str, Any] = dict(zip(("x_m", "y_m", "z_m"), plan.anchor.tolist(), strict=True))
     ends = sorted({float(at.min()), float(at.max())})
     place["xyz"[axis] + "_m"] = ends if len(ends) > 1 else ends[0]
-    held = build(revised(problem.spec, {"anchor": place}), problem.robot)
-    return PlanCoordinates(replace(held, known=problem.known), held.poses), anchor
+    anchored = build(revised(problem.spec, {"anchor": place}), problem.robot)
+    return PlanCoordinates(replace(anchored, known=problem.known), anchored.poses), anchor

@@ -152,15 +152,15 @@ def _cell(proposal: BoundedPlan, factor: float, unit: str) -> dict[str, Any]:
     problem, found = proposal.problem, proposal.cost
     if problem.spec.cell is None:
         return {}
-    told: dict[str, Any] = {"not_checked": list(_unchecked(problem))}
+    content: dict[str, Any] = {"not_checked": list(_unchecked(problem))}
     if found is not None:
-        told |= {
+        content |= {
             f"free_epsilon{unit}": factor * found.figure,
             f"free_bound{unit}": factor * found.bound,
             "excluded": dict(found.excluded),
             "left": found.left,
         }
-    return {"cell": told}
+    return {"cell": content}
 
 
 def _unpulled(proposal: BoundedPlan) -> dict[str, Any]:

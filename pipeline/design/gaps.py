@@ -13,8 +13,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.machine.robot import Configuration
-from pipeline.machine.room import Room
-from pipeline.machine.segments import closest, dot, length
+from pipeline.machine.room import Room, closest, dot, length
 
 _ROUNDED = 1e-3
 """Minimum gap of random poses [m or 1]: they are printed rounded to 1e-4 deg."""

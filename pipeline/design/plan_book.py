@@ -80,7 +80,7 @@ def _put(
     styles: dict[str, Any],
     say: Say,
     name: str,
-    told: str,
+    text: str,
     titles: Sequence[str],
     rows: Sequence[_Row],
     free: tuple[int, int],
@@ -89,7 +89,7 @@ def _put(
     page = made.add_worksheet(name)
     titles = list(map(say, titles))
     rows = [[say(one) if _words(one) else one for one in row] for row in rows]
-    page.write(0, 0, say(told))
+    page.write(0, 0, say(text))
     page.write_row(2, 0, titles, styles["bold"])
     for k, row in enumerate(rows, 3):
         page.write_row(k, 0, row)

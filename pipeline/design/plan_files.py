@@ -64,8 +64,8 @@ def _sizes(proposal: BoundedPlan, seed: int) -> BySize | None:
     problem, plan = proposal.problem, proposal.plan
     if problem.experiment.scatter.zero or proposal.mixed is not None:
         return None
-    held = plan.relative_std.max() > _FREE * problem.limits.max_relative_std
-    own = plan if len(problem.spec.pull.steps_n) == 1 and not held else None
+    limited = plan.relative_std.max() > _FREE * problem.limits.max_relative_std
+    own = plan if len(problem.spec.pull.steps_n) == 1 and not limited else None
     return by_size(problem, _SIZES, _SIZES, seed, own=own)
 
 

@@ -27,9 +27,9 @@ from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effect import branches
 from pipeline.machine.robot import Joint, Robot, axes
 from pipeline.report import words
-from pipeline.report.columns import Cells, number_column, roughly, table_of, word_column
 from pipeline.report.record import (
     Block,
+    Cells,
     Column,
     Figure,
     Paragraph,
@@ -38,9 +38,13 @@ from pipeline.report.record import (
     Section,
     TableEntry,
     entry,
+    number_column,
     present,
+    roughly,
     section_of,
+    table_of,
     unlabelled,
+    word_column,
 )
 
 _BEFORE = (
@@ -428,9 +432,13 @@ def _seeing(sights: list[Detectability], axes: words.Axes) -> Section | None:
         "Noticed: in 80 % of the cases at 1 % false alarms for all causes together. Named: 4.6 "
         "standard uncertainties away from what any rival can explain. Twins count as one cause.",
     )
-    told = _visibility(sights)
-    figure = Figure("sights", "What the plan can see", told, f"Range chart of the causes. {told}")
-    return section_of("sights", "What it will and will not see", [Paragraph(told), figure, table])
+    visibility = _visibility(sights)
+    figure = Figure(
+        "sights", "What the plan can see", visibility, f"Range chart of the causes. {visibility}"
+    )
+    return section_of(
+        "sights", "What it will and will not see", [Paragraph(visibility), figure, table]
+    )
 
 
 def _controlling(problem: Problem, controls: Sequence[Control]) -> Section | None:
@@ -478,6 +486,6 @@ def _times(size: float) -> TableEntry:
 
 
 def _assumptions(problem: Problem) -> Section | None:
-    told = [*problem.spec.assumptions, *problem.robot.assumptions] or ["none"]
-    table = table_of("assumptions", "Assumptions", [word_column("Assumption", str)], told)
+    sentences = [*problem.spec.assumptions, *problem.robot.assumptions] or ["none"]
+    table = table_of("assumptions", "Assumptions", [word_column("Assumption", str)], sentences)
     return section_of("assumptions", "Assumptions", [table])

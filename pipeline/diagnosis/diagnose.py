@@ -32,7 +32,7 @@ from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.separability import separation, separation_found
 from pipeline.diagnosis.suspect_statistics import misfits, suspect_statistics
 from pipeline.diagnosis.unlisted import with_unlisted_laws
-from pipeline.diagnosis.unloaded_geometry import as_stiff, corrected, from_unloaded
+from pipeline.diagnosis.unloaded_geometry import as_stiff, beside_springs, corrected, from_unloaded
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect, Noise
 from pipeline.machine.effects import catalogue
@@ -127,13 +127,14 @@ def diagnose(
         causes=causes,
         scatter=of_scatter(whole, spread),
         beyond_a_tracker=estimate.p_value is None and not is_plausible(estimate, data.tracked),
-        unloaded=stood,
         moved=moved,
         base=drift,
         stated_p=stated_p,
         misfit_p=misfit,
     )
     held = (facts.causes if facts.helps else ()) + facts.scatter
+    stood = beside_springs(stood, cell, [one.effect for one in held])
+    facts = replace(facts, unloaded=stood)
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
     single = _alone(found, worth, rng)

@@ -291,6 +291,8 @@ class UnloadedFacts(Locked):
         miss_m: Their deviation from the table, tool and base estimated, rms [m]; NaN where too few
             were read.
         left_m: Their deviation from the estimated table with the causes, rms [m].
+        yields_m: What is left of that where a cause in the displacements yields under the weight,
+            too, by as much as it may at each pose, rms [m]; infinite without such a cause.
         visible: Multiple of its typical magnitude from which each cause would be found, by label.
         cells: The estimated table, None where too few positions were read.
         causes: Parameters that are off by far more than the rest of the table.
@@ -315,6 +317,12 @@ class UnloadedFacts(Locked):
     noise_m: float = np.nan
     usual_m: float = np.nan
     down: tuple[str, float] | None = None
+    yields_m: float = np.inf
+
+    @property
+    def weighs(self) -> bool:
+        """Whether they show that the arm sags under the weight of its links."""
+        return self.cells is not None and self.cells.zeros.weighs
 
     @property
     def remains_m(self) -> float:
@@ -323,11 +331,9 @@ class UnloadedFacts(Locked):
 
     @property
     def unexplained(self) -> bool:
-        """Whether they deviate by more than any noise, and than joints usually err by.
-
-        It leaves the springs alone, since displacements are differences within a pose.
-        """
-        return bool(self.remains_m > max(FAULTY * self.noise_m, _DOUBLE * self.usual_m))
+        """Whether they deviate by more than any noise, and than joints usually err by."""
+        left = min(self.remains_m, self.yields_m)
+        return bool(left > max(FAULTY * self.noise_m, _DOUBLE * self.usual_m))
 
     @property
     def useless(self) -> bool:
@@ -358,7 +364,7 @@ class UnloadedFacts(Locked):
         with four poses, all improve by chance in one campaign of sixteen.
         """
         better = self.gain is not None and self.gain.ci95[0] > 0
-        return self.believed or (self.rough and better and not self.refuted)
+        return self.believed or ((self.rough or self.weighs) and better and not self.refuted)
 
     @property
     def effects(self) -> tuple[Effect, ...]:

@@ -25,6 +25,7 @@ from pipeline.diagnosis.facts import (
     UnloadedFacts,
 )
 from pipeline.geometry import remastered
+from pipeline.geometry.mechanism import reach
 from pipeline.geometry.roughness import (
     ScaleGrid,
     SuspectUnknowns,
@@ -45,11 +46,10 @@ from pipeline.geometry.unloaded import (
     unloaded,
 )
 from pipeline.machine.cell import Cell, load
-from pipeline.machine.effect import Effect, Geometry, Observation, Pulls
+from pipeline.machine.effect import Effect, Elastic, Geometry, Observation, Pulls
 from pipeline.machine.effects import (
     base_moved,
     base_rotation,
-    gravity_sag,
     joint_offset,
     table,
     target_moved,
@@ -119,14 +119,16 @@ def from_unloaded(
     table_only = straight(zeros, sums)
     search = _Search(zeros, asked, x, rows, cells(zeros, sums), wander_m)
     if not _fits(zeros, rows, table_only):
-        search = search.with_slip(effects).with_changes(effects).done()
-        search = search.with_changes(effects).done().with_sag()
+        search = search.whole(effects)
+        heavy = search.with_links(effects)
+        if heavy.found.log_evidence > search.found.log_evidence + _SURE:
+            search = heavy.with_free(()).whole(effects)
     found, zeros = search.found, search.zeros
     missed = left_out(table_only, rows), left_out(found, search.rows)
     stood = UnloadedFacts(
         miss_m=rms((rows.y - rows.D @ table_only.mean)[rows.place]),
         left_m=off(zeros, found.mean),
-        visible=dict.fromkeys(_unseen(effects, asked), np.inf) | _visible(found, asked),
+        visible=dict.fromkeys(_unseen(effects, asked), np.inf) | _visible(search),
         cells=found,
         causes=tuple(_off(search, k) for k in range(len(found.free))),
         gain=_gain(missed, zeros, found),
@@ -141,22 +143,20 @@ def from_unloaded(
 
 def _down(zeros: Unloaded, found: ScaleGrid) -> tuple[str, float] | None:
     """Axis of F_b along which gravity makes the readings certainly likelier; what is then left."""
-    best = float(special.logsumexp(found.log + found.width)) + _SURE
-    down = None
+    best, down = found.log_evidence + _SURE, None
     for axis, sign in product(range(3), (1.0, -1.0)):
         gravity = sign * np.linalg.norm(zeros.robot.gravity) * np.eye(3)[axis]
-        turned = zeros.robot.under(gravity)
-        other = replace(zeros, robot=turned, sag=_sag(gravity_sag.effects(turned)))
+        other = replace(zeros, robot=zeros.robot.under(gravity), sag=None, weighs=True)
         there = unrefined(other, products(other.about(np.zeros(other.columns.count))))
-        evidence = float(special.logsumexp(there.log + there.width))
-        if evidence > best and other.hangs(there.mean):
-            best, down = evidence, (f"{'+-'[sign < 0]}{'xyz'[axis]}", off(other, there.mean))
+        if there.log_evidence > best and other.hangs(there.mean):
+            left_m = off(other, there.mean)
+            best, down = there.log_evidence, (f"{'+-'[sign < 0]}{'xyz'[axis]}", left_m)
     return down
 
 
 _SURE = 10.0
-"""Log odds from which on gravity acts along another axis than stated [1]: twenty thousand to one,
-against one of a thousand files that state it wrongly."""
+"""Log odds from which on the links weigh, or gravity acts along another axis than stated [1]:
+twenty thousand to one, against one of a thousand files that state it wrongly."""
 
 
 def _moved_tool(zeros: Unloaded, found: ScaleGrid) -> float:
@@ -229,6 +229,16 @@ class _Search:
     found: ScaleGrid
     wander_m: float
 
+    def whole(self, effects: Sequence[Effect]) -> _Search:
+        """All steps of the search."""
+        search = self.with_slip(effects).with_changes(effects).done()
+        return search.with_changes(effects).done().with_sag()
+
+    def with_links(self, effects: Sequence[Effect]) -> _Search:
+        """The same causes of an arm of which every link weighs."""
+        heavy = self._over(replace(self.zeros, sag=None, weighs=True), effects)
+        return heavy.with_free(heavy.free)
+
     def done(self) -> _Search:
         """Add causes one by one while each of them is far beyond the rest."""
         now = self
@@ -259,7 +269,7 @@ class _Search:
         tries = self._tries + len(slips) * remastered.places(self.zeros)
         if likeliest is None or tries * slips[likeliest] >= alarms.GEOMETRY:
             return self
-        more = self._changed(tuple(slips), effects)
+        more = self._over(replace(self.zeros, changes=tuple(slips)), effects)
         which = [one for one in more.asked if more.change_of(one) == likeliest]
         return more.with_free((*more.free, *which))
 
@@ -279,12 +289,13 @@ class _Search:
         if any(one.columns[0] >= where.start for one in self.free):
             return self
         changes = remastered.changes(self.zeros, self.rows, self.found)
-        return self if changes == self.zeros.changes else self._changed(changes, effects)
+        zeros = replace(self.zeros, changes=changes)
+        return self if changes == self.zeros.changes else self._over(zeros, effects)
 
-    def _changed(self, changes: tuple[MidChange, ...], effects: Sequence[Effect]) -> _Search:
-        """The search with other changes among its suspects."""
-        where, zeros = self.zeros.columns.changes, replace(self.zeros, changes=changes)
-        x = np.append(self.x[: where.start], np.zeros(zeros.columns.count - where.start))
+    def _over(self, zeros: Unloaded, effects: Sequence[Effect]) -> _Search:
+        """The search in the same readings, with other changes or weights among the unknowns."""
+        stays = zeros.columns.masses.start
+        x = np.append(self.x[:stays], np.zeros(zeros.columns.count - stays))
         asked, rows = tuple(_suspects(zeros, effects)), zeros.about(x)
         free = tuple(one for one in asked if one.label in {old.label for old in self.free})
         found = cells(zeros, products(rows), free)
@@ -384,9 +395,11 @@ def _moves(found: ScaleGrid, one: SuspectUnknowns) -> Array:
     return np.asarray(found.zeros.about(found.mean).D[:, :, list(one.columns)])
 
 
-def _visible(found: ScaleGrid, asked: Sequence[_Suspect]) -> dict[str, float]:
+def _visible(search: _Search) -> dict[str, float]:
     """Multiples of the typical magnitude from which a cause is found in 80 % of the cases."""
-    out, best, free = {}, found.best, {one.label for one in found.free}
+    out, found = dict[str, float](), search.found
+    asked = [one for one in search.asked if not search.change_of(one)]
+    best, free = found.best, {one.label for one in found.free}
     far = float(special.ndtri(1 - alarms.GEOMETRY / len(asked) / 2)) + _POWER
     for one in asked:
         at = list(one.columns)
@@ -456,6 +469,32 @@ def _gain(missed: tuple[Array, Array], zeros: Unloaded, found: ScaleGrid) -> Cro
     reduction, ci95 = interval(before, after, np.repeat(zeros.read, 3), rng)
     chosen = (tuple(one.label for one in found.free),) * zeros.poses
     return CrossValidation(before, after, reduction, ci95, chosen, "unloaded positions")
+
+
+def beside_springs(stood: UnloadedFacts, cell: Cell, causes: Sequence[Effect]) -> UnloadedFacts:
+    """The facts beside springs found in the displacements, which the weight loads, too.
+
+    By how much no mass tells: the residuals of each pose are projected off the motions along the
+    screws of the virtual joints.
+
+    Args:
+        stood: The facts without them.
+        cell: The joint springs model.
+        causes: What was found in the displacements.
+    """
+    springs = [facet for one in causes for facet in one.facets if isinstance(facet, Elastic)]
+    if not springs or not stood.unexplained or stood.cells is None:
+        return stood
+    zeros, x = stood.cells.zeros, stood.cells.mean
+    loaded = load(replace(cell, effects=(), held=()), zeros.where_it_is(x)[1], np.zeros(0))
+    at = loaded.points[np.arange(len(zeros.target)), zeros.target]
+    screws = np.concatenate([one.screws(loaded) for one in springs], axis=1)
+    moves, left = reach(screws, at[:, None])[:, :3], zeros.seen(x)
+    for pose in range(zeros.poses if zeros.turned is None else 0):
+        mine = zeros.pose == pose
+        S, e = moves[mine].reshape(-1, moves.shape[2]), left[mine].ravel()
+        left[mine] = (e - S @ linear.least_squares(S, e)).reshape(-1, 3)
+    return replace(stood, yields_m=rms(left))
 
 
 def as_stiff(cell: Cell, estimate: Estimate) -> Cell:

@@ -99,7 +99,7 @@ _UNLOADED = (
     ),
     VerdictRow(
         Finding.STANDS_UNEXPLAINED,
-        Verdict.ADEQUATE,
+        Verdict.UNEXPLAINED,
         lambda f: f.unloaded.unexplained and f.agreement is None and not f.unloaded.refuted,
     ),
     VerdictRow(

@@ -7,18 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Bools, sifted
+from pipeline.base.arrays import Array, Bools, Ints, sifted
 from pipeline.base.errors import InputError
-from pipeline.dialects import _faces
 from pipeline.dialects._coordinates import cartesian, covariance, second_face
 from pipeline.readers import _reader
 from pipeline.readers._layout import TypedRows
-from pipeline.readers._reader import OF_EACH, Export, Meaning, in_a_hall, kept, of_targets
+from pipeline.readers._reader import OF_EACH, Export, Faces, Meaning, in_a_hall, kept, of_targets
 from pipeline.readers._text import Text
 from pipeline.readers.export_settings import ExportSettings
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 
 EXPANDED, STANDARD, A_PRIORI, RMS = "expanded", "standard", "a-priori", "rms"
 _PREFERRED = (A_PRIORI, STANDARD, EXPANDED)
@@ -77,16 +78,20 @@ def export(
 
 
 def _one_face(readings: Export, second: Bools) -> Export:
-    """Average the two readings of each target in two faces, in the place of the first."""
+    """Average the two readings of each target in two faces, in the place of the first.
+
+    Collimation error and tilt of the axes displace the two in opposite directions and leave their
+    mean unchanged.
+    """
     if not second.any() or readings.target is None:
         return readings
     columns = [c.to_pylist() for c in (readings.group, readings.target) if c is not None]
-    found = _faces.pairs(list(zip(*columns, strict=True)), second, readings.position)
-    told = _faces.summary(readings.position, found, second)
-    position, C = _faces.mean(readings.position, readings.covariance, found)
+    found = _face_pairs(list(zip(*columns, strict=True)), second, readings.position)
+    summary = _face_summary(readings.position, found, second)
+    position, C = _face_mean(readings.position, readings.covariance, found)
     keep = np.ones(len(second), dtype=bool)
     keep[found[:, 1]] = False
-    averaged = replace(readings, position=position, covariance=C, faces=told)
+    averaged = replace(readings, position=position, covariance=C, faces=summary)
     of_each = sifted({name: getattr(averaged, name) for name in OF_EACH}, keep)
     return replace(averaged, **of_each)
 
@@ -135,3 +140,45 @@ def diagonal(std: Sequence[Array], factor: float = 1.0) -> Array:
     x, y, z = (s / factor * np.abs(s / factor) for s in std)  # a negative one stays negative
     none = np.zeros_like(x)
     return np.column_stack([x, none, none, y, none, z])
+
+
+def _face_pairs(names: Sequence[Any], second: Bools, position: Array) -> Ints:
+    """Pair each reading of a target with its previous one in the other face, shape (pairs, 2).
+
+    Pairs farther apart than any maladjustment explains are not of the same place and are dropped.
+
+    Args:
+        names: Group and target of each reading.
+        second: Which are in the second face, shape (n,).
+        position: Coordinates [m], shape (n, 3).
+    """
+    waiting: dict[Any, int] = {}
+    found = []
+    for k, name in enumerate(names):
+        before = waiting.pop(name, None)
+        if before is not None and second[before] != second[k]:
+            found.append((before, k))
+        else:
+            waiting[name] = k
+    both = np.array(found, dtype=np.int64).reshape(-1, 2)
+    apart = np.linalg.norm(position[both[:, 0]] - position[both[:, 1]], axis=1)
+    return both[apart <= GROSS_DISTANCE_M]
+
+
+def _face_summary(position: Array, found: Ints, second: Bools) -> Faces:
+    """Summary of the pairs `found`; position [m] has shape (n, 3)."""
+    apart = np.linalg.norm(position[found[:, 0]] - position[found[:, 1]], axis=1)
+    return Faces(len(found), float(apart.max(initial=0.0)), int(second.sum()) - len(found))
+
+
+def _face_mean(
+    position: Array, covariance: Array | None, found: Ints
+) -> tuple[Array, Array | None]:
+    """Positions and covariances, with the first reading of each pair replaced by their mean."""
+    one, other = found.T
+    position = position.copy(order="F")
+    position[one] = (position[one] + position[other]) / 2
+    if covariance is not None:
+        covariance = covariance.copy()
+        covariance[one] = (covariance[one] + covariance[other]) / 4
+    return position, covariance

@@ -20,7 +20,7 @@ SEARCHED = 1000
 """Number of rows searched for the first one with a time [1]; if there is none, ISO 8601 is
 assumed."""
 _SEVERAL = 2
-"""Number of cells that are not times from which the column, rather than a damaged cell, is blamed
+"""Number of cells that are not times from which the column, rather than a damaged cell, is wrong
 [1]."""
 
 

@@ -57,7 +57,7 @@ def _titles(line: str) -> list[str]:
     return [title.strip() for title in line.split(",")]
 
 
-def read(text: Text, hints: ExportSettings) -> Export:
+def _read(text: Text, hints: ExportSettings) -> Export:
     """Read an emScon dump; its readings have no names.
 
     Raises:
@@ -131,7 +131,7 @@ def _lengths_only(table: TypedRows, titles: Sequence[str]) -> bool:
     return bool(np.allclose(np.sqrt(s1**2 + s2**2 + s3**2), total, rtol=_RELATIVE, atol=_ABSOLUTE))
 
 
-def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
+def _write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     """Write a dump in Cartesian coordinates; names and times are lost.
 
     An assignment restores the names.
@@ -156,4 +156,4 @@ def _statistics(six: Array) -> list[str]:
     return [repr(value) for value in (*std, xy, xz, yz)]
 
 
-READER = Reader("Leica emScon dump", _recognise, read, write, says_unit=False, says_names=False)
+READER = Reader("Leica emScon dump", _recognise, _read, _write, says_unit=False, says_names=False)

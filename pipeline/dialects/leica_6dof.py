@@ -26,12 +26,12 @@ def _recognise(lines: Sequence[str]) -> bool:
     return header is not None and expanded(header) and not titled.recognise(lines)
 
 
-def read(text: Text, hints: ExportSettings) -> Export:
+def _read(text: Text, hints: ExportSettings) -> Export:
     """Read a T-Mac export; readings marked as deleted are rejected."""
     return _tables.below_header(text, hints, READER.name)
 
 
-def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
+def _write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     """Write a T-Mac export; orientations are zero, U(95) is twice the standard uncertainty."""
     six = np.zeros((len(readings.group), 6)) if readings.covariance is None else readings.covariance
     U95 = text_of(raw(USUAL_FACTORS[EXPANDED] * np.sqrt(six[:, [0, 3, 5]]), Meaning(unit)), None)
@@ -45,4 +45,4 @@ def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     return "\r\n".join([*lines, ""]).encode("cp1252")
 
 
-READER = Reader("Leica 6DoF CSV", _recognise, read, write, general=True)
+READER = Reader("Leica 6DoF CSV", _recognise, _read, _write, general=True)

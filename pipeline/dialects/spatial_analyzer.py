@@ -78,7 +78,7 @@ def _recognise(lines: Sequence[str]) -> bool:
     return bool(comments) or shape.compound > 0
 
 
-def read(text: Text, hints: ExportSettings) -> Export:
+def _read(text: Text, hints: ExportSettings) -> Export:
     """Read a SpatialAnalyzer export.
 
     Raises:
@@ -251,7 +251,7 @@ def _kinds_by_titles(comments: Sequence[str]) -> set[str]:
     return found
 
 
-def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
+def _write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     """Write a Cartesian export with header and timestamps."""
     words = {"mm": "Millimeters", "m": "Meters", "in": "Inches"}
     head = [
@@ -266,4 +266,4 @@ def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     return "\r\n".join([*head, *lines, ""]).encode()
 
 
-READER = Reader("SpatialAnalyzer ASCII", _recognise, read, write, suffix=".txt", general=True)
+READER = Reader("SpatialAnalyzer ASCII", _recognise, _read, _write, suffix=".txt", general=True)

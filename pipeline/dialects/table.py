@@ -11,7 +11,7 @@ from pipeline.readers._reader import TABLE, Export, Reader
 from pipeline.readers._text import Text
 from pipeline.readers.export_settings import ExportSettings
 
-_DESCRIBED = "pipeline.intake.table:described"
+_DESCRIBED = "pipeline.intake.proposal:described"
 """Reference to the intake, which interprets tables in no known dialect."""
 
 

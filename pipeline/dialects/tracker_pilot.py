@@ -35,12 +35,12 @@ def _recognise(lines: Sequence[str]) -> bool:
     return header.has("target") and not expanded(header) and not _turned(header)
 
 
-def read(text: Text, hints: ExportSettings) -> Export:
+def _read(text: Text, hints: ExportSettings) -> Export:
     """Read a Tracker Pilot export."""
     return table.read(text, hints, READER.name)
 
 
-def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
+def _write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     """Write a Tracker Pilot export with group and point names, times to the second."""
     lines = [f"Point Group;Point Name;X [{unit}];Y [{unit}];Z [{unit}];Timestamp"]
     lines += [
@@ -50,4 +50,4 @@ def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     return "\r\n".join([*lines, ""]).encode("cp1252")
 
 
-READER = Reader("Leica Tracker Pilot CSV", _recognise, read, write, general=True)
+READER = Reader("Leica Tracker Pilot CSV", _recognise, _read, _write, general=True)

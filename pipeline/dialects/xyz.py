@@ -33,7 +33,7 @@ def _cells(line: str) -> list[str]:
     return cells[:-1] if cells and not cells[-1] else cells
 
 
-def read(text: Text, hints: ExportSettings) -> Export:
+def _read(text: Text, hints: ExportSettings) -> Export:
     """Read an .xyz file.
 
     Raises:
@@ -42,11 +42,11 @@ def read(text: Text, hints: ExportSettings) -> Export:
     return table.read(text, hints, READER.name)
 
 
-def write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
+def _write(readings: OutgoingReadings, unit: str, digits: int | None) -> bytes:
     """Write rows of group, target and coordinates; times are lost."""
     rows = written(readings, unit, digits)
     lines = [";".join([group, target, *xyz]) for group, target, xyz, _ in rows]
     return "\r\n".join([*lines, ""]).encode()
 
 
-READER = Reader("semicolon xyz", _recognise, read, write, suffix=".xyz", says_unit=False)
+READER = Reader("semicolon xyz", _recognise, _read, _write, suffix=".xyz", says_unit=False)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
@@ -111,10 +111,7 @@ def read(text: str, file: str) -> Tree:
         raise InputError(thing, "give the URDF of the arm alone", file=file)
     joints = [_joint(element, file) for element in root.findall("joint")]
     links = tuple(_word(link, "name", "a link", file) for link in root.findall("link"))
-    twice = [name for name, n in Counter(joint.child for joint in joints).items() if n > 1]
-    if twice:
-        thing = f"link {twice[0]} has several parent joints, and a link of a serial arm has one"
-        raise InputError(thing, "remove the others, if the arm is one without them", file=file)
+    _one_parent_each(joints, file)
     bodies = dict(zip(links, (_body(one, file) for one in root.findall("link")), strict=True))
     return Tree(
         name=root.get("name") or "robot",
@@ -122,6 +119,13 @@ def read(text: str, file: str) -> Tree:
         bodies={name: body for name, body in bodies.items() if body is not None},
         links=links,
     )
+
+
+def _one_parent_each(joints: Sequence[UrdfJoint], file: str) -> None:
+    twice = [name for name, n in Counter(joint.child for joint in joints).items() if n > 1]
+    if twice:
+        thing = f"link {twice[0]} has several parent joints, and a link of a serial arm has one"
+        raise InputError(thing, "remove the others, if the arm is one without them", file=file)
 
 
 def _root(text: str, file: str) -> ET.Element:

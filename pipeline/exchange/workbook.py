@@ -106,10 +106,7 @@ def _summary(answer: Answer) -> Iterator[_SummaryLine]:
     yield _SummaryLine("robot", answer.machine)
     yield _SummaryLine("measured", answer.measured)
     yield _SummaryLine("verdict", words.VERDICTS[verdict][0])
-    if answer.first_screen:
-        yield from (_SummaryLine(ABOUT[one.about].lower(), one.text) for one in answer.first_screen)
-    else:
-        yield from (_SummaryLine("in words", sentence) for sentence in answer.verdict_sentence)
+    yield from (_SummaryLine(ABOUT[one.about].lower(), one.text) for one in answer.first_screen)
     yield from _asked(answer)
     yield _SummaryLine("values of", words.values_of(answer))
     yield _SummaryLine("because", answer.recommended.why)
@@ -306,9 +303,9 @@ _SOURCE = "pipeline.annex.words:source"
 
 
 def _words_of(column: pd.Series) -> pa.Array:
-    told = column.astype(object).where(column.notna(), None)
+    cells = column.astype(object).where(column.notna(), None)
     said = (doors.found(_SOURCE) if column.name == "source" else None) or str
-    return pa.array([None if one is None else printable(said(one)) for one in told], STR)
+    return pa.array([None if one is None else printable(said(one)) for one in cells], STR)
 
 
 def _numbers_of(column: pd.Series, factor: float) -> pa.Array:

@@ -179,9 +179,9 @@ def shifts(registration: Registration, scale: float, which: Ints) -> ScoreTests:
 def astray(registration: Registration, scale: float, far: float) -> tuple[int, int]:
     """Minimum number of base readings off by more than `far` standard deviations, and the total.
 
-    It holds for any motion of the tracker between rounds and any positions of the reflectors:
-    readings are freed one by one, the worst first, until the residual is explained by chance and
-    one such reading. It does not identify them.
+    It holds for any motion of the tracker between rounds, either growth of the base frame, and any
+    positions of the reflectors: readings are freed one by one, the worst first, until the residual
+    is explained by chance and one such reading. It does not identify them.
 
     Args:
         registration: Pose of the tracker.
@@ -191,17 +191,22 @@ def astray(registration: Registration, scale: float, far: float) -> tuple[int, i
     table = registration.table
     if table["group"].nunique() < 2 or table["group"].nunique() > _ROUNDS:
         return 0, 0
-    *_, freest = _courses(registration, scale)
     places = np.eye(table["target"].nunique())[pd.factorize(table["target"])[0]]
-    own = freest.white[:, :, None, :] * places[:, None, :, None]
-    freest = replace(freest, X=np.concatenate([freest.X, own.reshape(len(own), 3, -1)], axis=2))
-    used = np.ones(len(table), dtype=bool)
+    *_, whole, along = _courses(registration, scale)
+    return min(_astray(one, places, far) for one in (whole, along)), len(table)
+
+
+def _astray(one: _Readings, places: Array, far: float) -> int:
+    """Minimum number of readings astray, for one way of motion and growth; places (m, targets)."""
+    own = one.white[:, :, None, :] * places[:, None, :, None]
+    freest = replace(one, X=np.concatenate([one.X, own.reshape(len(own), 3, -1)], axis=2))
+    used = np.ones(len(places), dtype=bool)
     while (base := freest.base(used)).dof > 0:
         if base.rest <= far**2 + special.chdtri(base.dof, alarms.READING):
             break
         worst = np.flatnonzero(used)[int(np.argmax(freest.each(used).drop))]
         used[worst] = False
-    return int((~used).sum()), len(table)
+    return int((~used).sum())
 
 
 def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
@@ -209,7 +214,8 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
 
     y_k = v + w x p_k + a(t_k) (v' + w' x p_k) + e_k [m], F_b: with a a law of `LAWS`, normalised to
     1 at the end; or v', or v' and w', of each round; or in addition the growth g' p_k of the base
-    frame, as in a hall that warms (`reduction.growth`).
+    frame, as in a hall that warms (`reduction.growth`), or g' u u'p_k along the rail alone, u its
+    longest extent.
     """
     table = registration.table
     C = covariance.weighing(table)
@@ -226,9 +232,9 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
         yield _Readings(X, y, white, float(special.chdtri(6, alarms.DRIFT)))
     rounds = pd.factorize(table["group"])[0]
     later = np.eye(rounds.max() + 1)[rounds][:, 1:]
-    axes = white * lever[:, None, :]
-    grown = np.concatenate([rigid, axes.sum(axis=2, keepdims=True)], axis=2)
-    ways = [rigid[:, :, :3], rigid, grown]
+    rail = linear.principal(lever.T @ lever)[2][0]
+    grown = (white @ part[..., None] for part in (lever, np.outer(lever @ rail, rail)))
+    ways = [rigid[:, :, :3], rigid, *(np.concatenate([rigid, one], axis=2) for one in grown)]
     for way in ways if later.shape[1] else ():
         some = way.shape[2]
         moved = way[:, :, None, :] * later[:, None, :, None]

@@ -29,7 +29,7 @@ class Mistake:
         size_unit: Unit of `size`.
         p_value: Probability of such evidence by chance, None where chance plays no part.
         correct: Function that corrects a campaign, or for positions their table.
-        at: Lines that are accused, `file:line`; empty if it is no single row.
+        at: Lines that are wrong, `file:line`; empty if it is no single row.
         axes: Number of coordinates whose squares sum to that of `before`, where that is in sigma.
         together: Whether several readings are displaced alike, which noise tails of single readings
             do not explain.
@@ -67,12 +67,12 @@ class Mistake:
 
     @property
     def of_reading(self) -> bool:
-        """Whether it accuses a single reading of the tracker."""
+        """Whether it is a single reading of the tracker."""
         return self.name == "outlier" and self.size_unit == "m"
 
     @property
     def may_be_noise(self) -> bool:
-        """Whether it does so by a probability, which depends on the tails of the noise."""
+        """Whether it is so by a probability, which depends on the tails of the noise."""
         single = self.of_reading and not self.together
         return single and self.unit == "sigma" and self.p_value is not None
 

@@ -15,8 +15,9 @@ from pipeline.geometry.study import BadReading, Study
 
 _USUAL_LOSS = 1e-3
 """Fraction of readings that an unattended instrument loses [1]; up to it, outliers are left out and
-listed without accusing the campaign. In a published stationary series of an absolute tracker, 13 of
-1000 rows are failed locks; it is the second smallest fraction in `system.family.MISTAKES`."""
+listed without costing the campaign its verdict. In a published stationary series of an absolute
+tracker, 13 of 1000 rows are failed locks; it is the second smallest fraction in
+`system.family.MISTAKES`."""
 
 
 def exchanged_beside(sheet: PositionSheet, found: Study) -> tuple[list[Mistake], PositionSheet]:

@@ -221,7 +221,7 @@ def outliers(asked: Screening) -> list[Mistake]:
     They are tested with the model if that fits without them, else with a free stiffness of every
     pose. The scatter is the median of the residuals there, at least as stated: a certificate may be
     conservative, but chance must not create outliers. If a reading of another pose would explain as
-    much, there are too few readings to accuse any of them.
+    much, there are too few readings to name any of them.
     """
     case, reduced, system = asked.case, asked.reduced, asked.system
     shifted = shifted_readings(case, reduced, asked.zeros, system, asked.estimate)

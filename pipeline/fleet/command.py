@@ -65,7 +65,7 @@ def priors(
     root: Root = Path(),
 ) -> None:
     """Estimate from all campaigns how common and how large causes are, for campaign.toml."""
-    from pipeline.fleet import priors as learning
+    from pipeline.fleet import experience as learning
 
     typer.echo(learning.toml(learning.learnt(root, robot)), nl=False)
 
@@ -101,7 +101,7 @@ def remove(campaign: Named, root: Root = Path()) -> None:
 
     Its results are deleted, its folder is moved from data/raw to data/removed.
     """
-    from pipeline.fleet import removal
+    from pipeline.fleet import pages
 
-    kept = removal.remove(root, campaign)
+    kept = pages.remove(root, campaign)
     typer.echo("nothing measured was there" if kept is None else kept)

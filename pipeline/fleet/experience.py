@@ -11,7 +11,8 @@ with s and m that maximise the marginal likelihood (empirical Bayes, beta-binomi
     ln(size / typical) ~ N(mu_c, SPREAD^2),   mu_c ~ N(0, BETWEEN^2),
 
 so that a cause of few robots stays close to the guess: all causes equally likely, of typical size.
-Campaigns whose own answer uses learnt priors are not counted.
+Campaigns whose own answer uses learnt priors are not counted. `pipeline priors` writes them as
+tables for campaign.toml.
 """
 
 from __future__ import annotations
@@ -19,13 +20,18 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy import optimize, special
 
 from pipeline.answer.contract import Answer
 from pipeline.base.arrays import Array, Ints
+from pipeline.base.errors import UsageError
 from pipeline.diagnosis.finding import Verdict
+from pipeline.fleet.history import finished
+from pipeline.machine.effects import catalogue
+from pipeline.machine.robot import load
 
 ROBOTS, CAMPAIGNS = 10, 20
 """Minimum number of robots and of campaigns from which rates are learnt."""
@@ -45,7 +51,7 @@ _MOST_ODDS, _MOST_SIZE = 4.0, 3.0
 
 
 @dataclass(frozen=True)
-class Expected:
+class _Expected:
     """Expectation of one cause.
 
     Attributes:
@@ -66,7 +72,7 @@ class Expected:
 
 
 @dataclass(frozen=True)
-class Experience:
+class _Experience:
     """What all campaigns teach.
 
     Attributes:
@@ -77,7 +83,7 @@ class Experience:
 
     robots: int
     campaigns: int
-    causes: tuple[Expected, ...]
+    causes: tuple[_Expected, ...]
 
     @property
     def learnt(self) -> bool:
@@ -85,22 +91,22 @@ class Experience:
         return self.robots >= ROBOTS and self.campaigns >= CAMPAIGNS
 
 
-def experience(answers: Iterable[Answer], names: Collection[str]) -> Experience:
+def experience(answers: Iterable[Answer], names: Collection[str]) -> _Experience:
     """Expectations of the causes with these names from finished campaigns."""
     by_robot = _by_robot(answers)
     seen = {name: list(_shares(by_robot.values(), name)) for name in sorted(names)}
     sizes = {name: [size for own in by_robot.values() for size in _size(own, name)]
              for name in sorted(names)}  # fmt: skip
     count = sum(map(len, by_robot.values()))
-    told = Experience(len(by_robot), count, ())
+    told = _Experience(len(by_robot), count, ())
     total = np.array([sum(one) for one in seen.values()])
     robots = np.array([len(one) for one in seen.values()])
     odds = _odds(total, robots) if told.learnt else np.ones(len(seen))
     causes = [
-        Expected(name, y, o, _expected_size(sizes[name]), told.learnt, len(sizes[name]) >= _SIZED)
+        _Expected(name, y, o, _expected_size(sizes[name]), told.learnt, len(sizes[name]) >= _SIZED)
         for name, y, o in zip(seen, total.tolist(), odds.tolist(), strict=True)
     ]
-    return Experience(len(by_robot), count, tuple(causes))
+    return _Experience(len(by_robot), count, tuple(causes))
 
 
 def _by_robot(answers: Iterable[Answer]) -> dict[str, list[Answer]]:
@@ -170,3 +176,47 @@ def _odds(total: Array, robots: Ints) -> Array:
     log = special.logit(rate)
     most = math.log(_MOST_ODDS)
     return np.asarray(np.exp(np.clip(log - log.mean(), -most, most)))
+
+
+def learnt(root: Path, robot: str) -> _Experience:
+    """Experience from all finished campaigns with the causes that a robot can have.
+
+    Simulated campaigns are not counted, since their causes were chosen.
+
+    Raises:
+        InputError: There is no such robot.
+        UsageError: No campaign is finished.
+    """
+    everyone = [one.answer for one in finished(root)]
+    if not everyone:
+        raise UsageError("no campaign is finished: run `pipeline run` first")
+    answers = [one for one in everyone if not one.simulated]
+    return experience(answers, {effect.name for effect in catalogue(load(robot))})
+
+
+def toml(said: _Experience) -> str:
+    """Tables to append to campaign.toml; guesses are stated as such in comments."""
+    return "\n".join(_lines(said)) + "\n"
+
+
+def _lines(said: _Experience) -> Iterator[str]:
+    yield f"# From {said.campaigns} campaigns of {said.robots} robots by `pipeline priors`."
+    if not said.learnt:
+        yield (
+            f"# Too few to learn how common causes are ({ROBOTS} robots and {CAMPAIGNS} campaigns "
+            "are needed): all are guessed to be equally likely."
+        )
+    for one in said.causes:
+        if one.odds_learnt or one.size_learnt:
+            yield from _table(one)
+    guessed = [one.name for one in said.causes if not one.size_learnt]
+    if guessed:
+        yield f"# Sizes are guessed, too few robots have them: {', '.join(guessed)}."
+
+
+def _table(one: _Expected) -> Iterator[str]:
+    yield f"[priors.{one.name}]  # in {one.robots:.2g} robots"
+    if one.odds_learnt:
+        yield f"odds = {one.odds:.3g}"
+    if one.size_learnt:
+        yield f"size = {one.size:.3g}"

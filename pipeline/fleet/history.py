@@ -78,13 +78,13 @@ def previous(answer: Answer, answers: Iterable[Answer]) -> Answer | None:
         for other in answers
         if other.machine == answer.machine
         and alike(other, answer)
-        and precedes(other.measured, now)
+        and _precedes(other.measured, now)
         and trusted(other)
     ]
     return ordered(earlier)[-1] if earlier else None
 
 
-def precedes(day: str | None, now: str | None) -> bool:
+def _precedes(day: str | None, now: str | None) -> bool:
     """Whether a campaign was measured before another by their dates; False if one has none."""
     return bool(day and now) and str(day) < str(now)
 
@@ -217,7 +217,7 @@ def earlier(campaign: CampaignFolder, answer: Answer) -> Answer | None:
     for other, manifest in _with_manifest(campaign.root):
         day = manifest.get("measured", _LONG_AGO)
         alike = all(manifest.get(key, said) == said for key, said in _machine(answer).items())
-        if alike and precedes(day, answer.measured):
+        if alike and _precedes(day, answer.measured):
             by_day.setdefault(day, []).append(other)
     found = _readable(by_day.pop(_LONG_AGO, []))
     for day in sorted(by_day, reverse=True):

@@ -22,16 +22,9 @@ from pipeline.fleet.sentences import alarm, changed_of, joints_table, of, robots
 from pipeline.fleet.trends import Trend, chance, robots, together, trends, within_a_day
 from pipeline.fleet.wear_table import RobotWear
 from pipeline.report import words
-from pipeline.report.columns import (
-    Cells,
-    measured_column,
-    number_column,
-    roughly,
-    table_of,
-    word_column,
-)
 from pipeline.report.record import (
     Block,
+    Cells,
     Column,
     Figure,
     Paragraph,
@@ -39,9 +32,14 @@ from pipeline.report.record import (
     ReportTable,
     Section,
     TableEntry,
+    measured_column,
+    number_column,
     present,
+    roughly,
     section_of,
+    table_of,
     unlabelled,
+    word_column,
 )
 from pipeline.report.render import page
 

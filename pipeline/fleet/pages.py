@@ -1,7 +1,8 @@
-"""Pages of all finished campaigns: the overview, and what each states about the previous ones."""
+"""Pages of all finished campaigns: the overview, what each states of others, and removal."""
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -14,7 +15,7 @@ from pipeline.answer.archive import Among, Finished, kept_tables, look_of, read
 from pipeline.answer.contract import Answer
 from pipeline.base import files, preferences
 from pipeline.base.appearance import Appearance, AppearanceFacts, appearances
-from pipeline.base.errors import CannotWrite
+from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.base.shown import printable
 from pipeline.fleet import tables as fleet
 from pipeline.fleet.history import about, earlier, finished, mark, previous
@@ -129,3 +130,49 @@ def _key(everyone: Sequence[Finished], wear: Sequence[RobotWear]) -> str:
 def _is_of(page: Path, manifest: Path, key: str) -> bool:
     drawn = files.sha256(page.read_bytes()) if page.is_file() else None
     return bool(recalled(manifest) == {"key": key, "page": drawn})
+
+
+REMOVED = "removed"
+"""Folder under data where measurements of removed campaigns are kept."""
+
+
+def remove(root: Path, name: str) -> Path | None:
+    """Delete the results of a campaign and move its measurements aside.
+
+    Args:
+        root: The project's root.
+        name: Name of the campaign, whose folder in data/raw may be gone.
+
+    Returns:
+        Where its folder is kept; None if there was none in data/raw.
+
+    Raises:
+        UsageError: There is no such campaign.
+        CannotWrite: The disk cannot be written.
+    """
+    campaign = CampaignFolder(root, root / "data" / "raw" / Path(name).name)
+    there = [one for one in (campaign.folder, campaign.processed, campaign.reports) if one.is_dir()]
+    if not there:
+        raise UsageError(f"there is no campaign {name}, neither measured nor computed")
+    kept = None
+    with campaign.locked(), files.writing(campaign.reports):
+        if campaign.folder.is_dir():
+            kept = _vacant(root / "data" / REMOVED / campaign.name)
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            campaign.folder.rename(kept)
+        shutil.rmtree(campaign.reports, ignore_errors=True)
+    with files.writing(campaign.processed):
+        shutil.rmtree(campaign.processed, ignore_errors=True)
+    if refresh(root) is None:  # it was the last one
+        (root / "reports" / "index.html").unlink(missing_ok=True)
+    return kept
+
+
+def _vacant(path: Path) -> Path:
+    """The path, with a number appended if it exists already."""
+    number = 1
+    free = path
+    while free.exists():
+        number += 1
+        free = path.with_name(f"{path.name}-{number}")
+    return free

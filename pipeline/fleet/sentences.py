@@ -11,8 +11,17 @@ from pipeline.base.quantities import MISSING, bracketed, p_value, plain, with_st
 from pipeline.fleet.trends import trends, within_a_day
 from pipeline.fleet.wear_table import JointWear, RobotWear
 from pipeline.report import words
-from pipeline.report.columns import Cells, measured_column, number_column, table_of, word_column
-from pipeline.report.record import Column, ReportTable, TableEntry, entry
+from pipeline.report.record import (
+    Cells,
+    Column,
+    ReportTable,
+    TableEntry,
+    entry,
+    measured_column,
+    number_column,
+    table_of,
+    word_column,
+)
 
 _AS_ONE = 3
 """Minimum number of joints that change alike, if they are all joints, to suspect the scale."""

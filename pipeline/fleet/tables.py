@@ -269,11 +269,11 @@ def _bring_up_to_date(
 def _write_wear(place: Path, robot: str, scatter: float | None) -> None:
     """Write the wear of all robots of a type; remove the file if none has a campaign."""
     path = _path(place, "wear", robot, "wear")
-    held = wear_table.History(*(_held(place, name, robot) for name in wear_table.READ))
-    if not held.campaigns:
+    history = wear_table.History(*(_held(place, name, robot) for name in wear_table.READ))
+    if not history.campaigns:
         path.unlink(missing_ok=True)
         return
-    rows = wear_table.rows(held, scatter)
+    rows = wear_table.rows(history, scatter)
     parquet.write(path, pa.Table.from_pylist(rows, wear_table.WEAR))
 
 

@@ -352,7 +352,7 @@ def _of_robot(
         "robots": fleet.type.robots,
         "type_guessed": fleet.type.guessed,
     }
-    spread, told = np.diag(fleet.type.between), np.diag(fleet.type.cov)
+    spread, variance = np.diag(fleet.type.between), np.diag(fleet.type.cov)
     return [
         shared
         | {
@@ -368,7 +368,7 @@ def _of_robot(
             "changed": one.changed,
             "scatter": _percent(fleet.scatter.std[j]),
             "type_percent_a_year": _percent(-fleet.type.mean[n + j]),
-            "type_std": _percent(np.sqrt(told[n + j])),
+            "type_std": _percent(np.sqrt(variance[n + j])),
             "type_spread": _percent(np.sqrt(spread[j])),
         }
         for j, (name, one) in enumerate(zip(names, found.joints, strict=True))

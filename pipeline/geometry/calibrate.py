@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,8 +18,10 @@ from pipeline.geometry.estimate import (
     ReadRows,
     again,
     by_a_factor,
+    held_step,
     larger,
     padded,
+    precision,
     prior,
     rougher,
     rows,
@@ -32,10 +35,10 @@ from pipeline.geometry.yielding import usual
 from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Robot
 
-_FEWEST, _SETTLED, _MOST = 3, 8, 14
-"""Numbers of linearisations: minimum, those that re-estimate scatter and prior scales, maximum. The
-product of a weight and the compliance it acts on needs more of them than DH parameters that are off
-by milliradians."""
+_SETTLED, _MOST = 8, 14
+"""Numbers of linearisations: those that re-estimate scatter and prior scales, maximum. The product
+of a weight and the compliance it acts on needs more of them than DH parameters that are off by
+milliradians."""
 
 _STRAIGHT = 0.02
 """Convergence limit on the change of the residuals in the last linearisation, in standard
@@ -44,13 +47,13 @@ _MOST_OF_THEM = 0.98
 """Fraction of the readings that must meet `_STRAIGHT` [1]; where a torque is about zero, steps at
 its sign keep changing."""
 
-_STILL = 2e-3
-"""Convergence limit on the change of a compliance in the last linearisation, over its nominal
-value [1]."""
+_STILL, _LEAST_STD = 2e-2, 0.1
+"""Convergence limit on the change of a compliance in the last linearisation, over its standard
+uncertainty [1], and the least one that is asked for, over the nominal compliance [1]."""
 
-_STEPS = (4, 2, 2)
-"""Number of updates of scatter and prior scales in the first linearisation, the second, and later
-ones; an estimate that starts from an earlier one begins with the second."""
+_UPDATES, _FLAT = 4, 0.05
+"""Maximum number of updates of scatter and prior scales in one linearisation, and the change of
+the log evidence below which they end [1]: a decision takes units."""
 
 _SIZE = {True: 1e-4, False: 2e-4}
 """Initial prior size of a curve: sliding [m] (True), rotary [rad] (False)."""
@@ -139,38 +142,124 @@ def calibrate(
         known: Priors of an earlier estimate to start from.
     """
     mechanism = _equipped(begun, readings, wanted)
-    shapes = [[(c.screw, c.length) for c in one.curves] for one in (begun, mechanism)]
-    warm = known is not None and shapes[0] == shapes[1]
     before = prior(mechanism, stated, weights.payloads)
     known = _only(_scaled(before, mechanism, known), mechanism, wanted)
-    here = linearised(readings, mechanism, weights)
+    now = _LinearFit(mechanism, known, scatter, linearised(readings, mechanism, weights))
     for turn in range(_MOST):
-        for _ in range(_steps(turn, warm)):
-            whitened = rows(here, mechanism, scatter)
-            found = solved(whitened, mechanism, known)
-            scatter = again(whitened, here, found, scatter)
-            known = _only(rougher(known, found), mechanism, wanted)
-            mechanism = larger(mechanism, found)
-        whitened = rows(here, mechanism, scatter)
-        found = solved(whitened, mechanism, known)
-        moved = mechanism.moved(found.x, layout(mechanism))
-        then = linearised(readings, moved, weights)
-        off = np.einsum("mij,mj->mi", whitened.W, then.y[:, then.used]) - whitened.y
-        far = float(np.quantile(np.abs(off + whitened.along(found.x)), _MOST_OF_THEM))
-        turned = np.abs(moved.compliance - mechanism.compliance) / begun.table.nominal_compliance
-        if _ends(turn + 1, far, float(turned.max())):
+        now = now.rescaled(wanted, _UPDATES if turn < _SETTLED else 0)
+        fit, moved, now, straight = now, *now.stepped(readings, weights)
+        if straight:
             break
-        mechanism, here = moved, then
-    if mechanism.unknown:
-        found = by_a_factor(whitened, mechanism, found, weights.any)
-    return Calibration(moved, readings, weights, known, scatter, here, whitened, found, wanted)
+    return fit.ended(moved, readings, weights, wanted)
 
 
-def _steps(turn: int, warm: bool) -> int:
-    """Number of updates of scatter and prior scales in one linearisation."""
-    if turn >= _SETTLED:
-        return 0
-    return _STEPS[min(turn + warm, len(_STEPS) - 1)]
+@dataclass(frozen=True, eq=False)
+class _LinearFit:
+    """Least squares about one linearisation, with the fields of `Calibration`."""
+
+    mechanism: Mechanism
+    known: Prior
+    scatter: PoseScatter
+    here: Linear
+    damped: float = 0.0
+
+    @cached_property
+    def rows(self) -> ReadRows:
+        return rows(self.here, self.mechanism, self.scatter)
+
+    @cached_property
+    def found(self) -> Posterior:
+        return solved(self.rows, self.mechanism, self.known)
+
+    @cached_property
+    def likely(self) -> float:
+        return self.found.evidence + float(linear.log_det(self.rows.W).sum())
+
+    def ended(
+        self,
+        moved: Mechanism,
+        readings: PositionReadings,
+        weights: ArmWeights,
+        wanted: ModelStructure,
+    ) -> Calibration:
+        """The estimate, with a mechanism that a step was made to."""
+        found = self.found
+        if self.mechanism.unknown:
+            found = by_a_factor(self.rows, self.mechanism, found, weights.any)
+        return Calibration(
+            moved,
+            readings,
+            weights,
+            self.known,
+            self.scatter,
+            self.here,
+            self.rows,
+            found,
+            wanted,
+        )
+
+    def rescaled(self, wanted: ModelStructure, most: int) -> _LinearFit:
+        """The fit with scatter and scales of the priors that the readings make likeliest."""
+        now = self
+        for _ in range(most):
+            before = now
+            now = _LinearFit(
+                larger(before.mechanism, before.found),
+                _only(rougher(before.known, before.found), before.mechanism, wanted),
+                again(before.rows, before.here, before.found, before.scatter),
+                before.here,
+                before.damped,
+            )
+            if abs(now.likely - before.likely) < _FLAT:
+                break
+        return now
+
+    def stepped(
+        self, readings: PositionReadings, weights: ArmWeights
+    ) -> tuple[Mechanism, _LinearFit, bool]:
+        """The mechanism and fit after a step, and whether the iteration ends.
+
+        Where products of parameters bend the objective so much that a step to the solution does
+        not lessen it as predicted, the step is damped (Levenberg and Marquardt).
+        """
+        where, x = layout(self.mechanism), self.found.x
+        x0, P = self.mechanism.at(where), precision(self.mechanism, self.known)[0]
+        off = padded(self.known.mean, len(x)) - x0
+        before = np.einsum("mij,mj->mi", self.rows.W, self.here.seen[0])
+        slope = self.rows.products(before[..., None])[:, 0] + P @ off
+        damped = self.damped
+        while True:
+            step = x - x0
+            if damped:
+                step = held_step(self.rows, self.mechanism, self.known, slope, damped)
+            moved = self.mechanism.moved(x0 + step, where)
+            then = linearised(readings, moved, weights)
+            left = np.einsum("mij,mj->mi", self.rows.W, then.y[:, then.used])
+            expected = before - self.rows.along(step)
+            prior_gain = float(step @ P @ (2 * off - step))
+            gain = float(np.sum(before**2) - np.sum(left**2)) + prior_gain
+            promised = float(np.sum(before**2) - np.sum(expected**2)) + prior_gain
+            if gain > _KEPT[0] * promised - _TINY or damped > _MOST_DAMPED:
+                break
+            damped = max(10 * damped, 1.0)
+        if gain > _KEPT[1] * promised:
+            damped = damped / 10 if damped > 1 else 0.0
+        off = np.abs(left - expected)
+        nominal = self.mechanism.table.nominal_compliance
+        std = np.sqrt(np.diag(self.found.cov))[where.compliance]
+        turned = np.abs(moved.compliance - self.mechanism.compliance)
+        still = (turned < _STILL * np.maximum(std, _LEAST_STD * nominal)).all()
+        straight = float(np.quantile(off, _MOST_OF_THEM)) < _STRAIGHT
+        ends = straight and still and not damped
+        return moved, replace(self, mechanism=moved, here=then, damped=damped), bool(ends)
+
+
+_KEPT, _TINY = (0.25, 0.75), 1e-6
+"""Gains over those of the linear model [1] below which a step is damped more, and beyond which the
+next one is damped less; change of the objective that is rounding [1]."""
+
+_MOST_DAMPED = 1e6
+"""Precision of a damped step over that of the prior, beyond which the step is taken [1]."""
 
 
 def _scaled(new: Prior, mechanism: Mechanism, earlier: Prior | None) -> Prior:
@@ -203,11 +292,6 @@ def _amplitudes(begun: Mechanism, wanted: ModelStructure) -> Array:
     if begun.laws != wanted.laws[: len(begun.laws)]:
         return np.zeros(count)
     return padded(begun.amplitudes, count)
-
-
-def _ends(count: int, far: float, turned: float) -> bool:
-    """Whether the iteration ends: it has converged, or reached the maximum number."""
-    return count == _MOST or (count >= _FEWEST and far < _STRAIGHT and turned < _STILL)
 
 
 def _equipped(begun: Mechanism, readings: PositionReadings, wanted: ModelStructure) -> Mechanism:
@@ -264,17 +348,14 @@ def likeliest(
     """
     best, taken = -np.inf if known is None else known, choices[0]
     for wanted in choices if known is None else choices[1:]:
-        if (now := evidence(found, wanted)) < best:
+        if (now := tried(found, wanted).likely) < best:
             break
         best, taken = now, wanted
     return taken, best
 
 
-def evidence(found: Calibration, wanted: ModelStructure) -> float:
-    """Log marginal likelihood of the readings by a model of another structure than an estimate.
-
-    Scatter and curve sizes are re-estimated, about the same linearisation.
-    """
+def tried(found: Calibration, wanted: ModelStructure) -> Calibration:
+    """Estimate with another structure from one linearisation, about an estimate."""
     mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
     here = found.linear
     anew = wanted.bed is not None or wanted.moments or wanted.yields != found.wanted.yields
@@ -284,11 +365,5 @@ def evidence(found: Calibration, wanted: ModelStructure) -> float:
     if len(known.std) != layout(mechanism).dense:
         new = prior(mechanism, known.stated, found.weights.payloads)
         known = _only(_scaled(new, mechanism, known), mechanism, wanted)
-    for _ in range(_STEPS[0]):
-        whitened = rows(here, mechanism, scatter)
-        solution = solved(whitened, mechanism, known)
-        scatter = again(whitened, here, solution, scatter)
-        mechanism = larger(mechanism, solution)
-    whitened = rows(here, mechanism, scatter)
-    solution = solved(whitened, mechanism, known)
-    return solution.evidence + float(linear.log_det(whitened.W).sum())
+    fit = _LinearFit(mechanism, known, scatter, here).rescaled(wanted, _UPDATES)
+    return fit.ended(fit.mechanism, found.readings, found.weights, wanted)

@@ -175,15 +175,15 @@ class ReadRows(Locked):
 
     def variance(self, cov: Array) -> Array:
         """X cov X' of each pose, shape (m, r, r)."""
-        dense = self.D.shape[2]
-        flat = self.D.reshape(-1, dense) @ cov[:dense, :dense]  # one product, as in `along`
-        out = flat.reshape(self.D.shape) @ np.swapaxes(self.D, 1, 2)
+        dense, D = self.D.shape[2], self.D.reshape(-1, self.D.shape[2])
+        half = D @ cov[:dense, :dense]  # products of all rows, not one for each pose
         if self.knots:
-            beside = cov[:dense, dense:].T[self.at]  # m, 2c, dense
-            mixed = self.K @ beside @ np.swapaxes(self.D, 1, 2)
+            half += 2 * (self._sparse @ cov[dense:, :dense])
+        out = half.reshape(self.D.shape) @ np.swapaxes(self.D, 1, 2)
+        if self.knots:
             own = cov[dense:, dense:][self.at[:, :, None], self.at[:, None, :]]
-            out += mixed + np.swapaxes(mixed, 1, 2) + self.K @ own @ np.swapaxes(self.K, 1, 2)
-        return np.asarray(out)
+            out += self.K @ own @ np.swapaxes(self.K, 1, 2)
+        return np.asarray(0.5 * (out + np.swapaxes(out, 1, 2)))
 
 
 def rows(about: Linear, mechanism: Mechanism, scatter: PoseScatter) -> ReadRows:
@@ -300,6 +300,23 @@ def solved(rows: ReadRows, mechanism: Mechanism, known: Prior) -> Posterior:
         N, b, square = N + np.outer(d, d), b + d * (d @ x0), square + float(d @ x0) ** 2
     mean = padded(known.mean, len(b))
     return _solve(N, b, square, precision(mechanism, known), mean)
+
+
+def held_step(
+    rows: ReadRows, mechanism: Mechanism, known: Prior, slope: Array, held: float
+) -> Array:
+    """Step of a damped iteration: solution u of (N + P + held E) u = slope, (size,).
+
+    E is the prior precision of what enters in products: compliances, elastic elements, moments.
+    """
+    P, where = precision(mechanism, known)[0], layout(mechanism)
+    for part in (where.compliance, where.yields, where.moments):
+        at = np.arange(part.start, part.stop)
+        P[at, at] *= 1 + held
+    if mechanism.unknown:
+        d = damping(mechanism, known)
+        P += np.outer(d, d)
+    return factored(rows.N + P).solve(slope)
 
 
 def damping(mechanism: Mechanism, known: Prior) -> Array:

@@ -457,8 +457,9 @@ def derivatives(
         torques = payload_torques(here, weights.gravity, mass, centre)
         hung = weights.by_payload(mechanism.compliance[:, None] * torques)
         D[..., where.payload] = Z @ hung
-    each = yielding * stand.yields.answers(stand.borne)[:, None]
-    D[..., where.yields] = each @ np.eye(len(mechanism.yields))[stand.yields.parameter]
+    amounts = stand.yields.answers(stand.borne)[:, None]
+    for v, k in enumerate(stand.yields.parameter.tolist()):
+        D[..., where.yields.start + k] += yielding[..., v] * amounts[..., v]
     if mechanism.unknown:
         unit = by_moments(stand.bent, weights.gravity)
         joints = np.arange(1, mechanism.table.n + 1)

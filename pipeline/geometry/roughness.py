@@ -42,10 +42,6 @@ _NEGLIGIBLE = 9.0
 """Difference of the log density from its maximum beyond which a node, and its neighbours, are
 dropped [1]."""
 
-_APART = 0.3
-"""Size of what the links weigh beside the two masses of `gravity_sag` that stand for an arm, over
-the usual weight [1]: motors, balancers and cables are not at the middle of a link. An estimate."""
-
 _COUNTS = 1e-3
 """Minimum weight of a grid cell in the covariance [1]."""
 
@@ -147,6 +143,11 @@ class ScaleGrid(Locked):
     def weight(self) -> Array:
         """Posterior probability of each cell, shape (c,)."""
         return np.asarray(special.softmax(self.log + self.width))
+
+    @property
+    def log_evidence(self) -> float:
+        """Log marginal likelihood over the grid."""
+        return float(special.logsumexp(self.log + self.width))
 
     @property
     def best(self) -> int:
@@ -301,9 +302,6 @@ def _std(zeros: Unloaded, rough: Array, free: Iterable[SuspectUnknowns]) -> Arra
     std = np.tile(zeros.held(), (len(rough), 1))
     std[:, zeros.columns.table] = np.hypot(rough[:, zeros.turns.astype(int)], zeros.stated)
     std[:, zeros.columns.loose] = rough[:, 1:]  # the rail's direction in F_b is an angle, too
-    weights = zeros.columns.masses, zeros.columns.links
-    for at, share in zip(weights, (1.0, _APART if zeros.sag else 1.0), strict=True):
-        std[:, at] = np.maximum(std[:, at], share * zeros.weight_std)
     for one in free:
         std[:, list(one.columns)] = one.wide
     return std

@@ -18,7 +18,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.bootstrap import interval
 from pipeline.geometry import law_tests, left_out, outliers, spline
-from pipeline.geometry.calibrate import Calibration, ModelStructure, likeliest
+from pipeline.geometry.calibrate import Calibration, ModelStructure, likeliest, tried
 from pipeline.geometry.catalogue_causes import (
     OTHER_MASSES,
     CatalogueCause,
@@ -226,7 +226,7 @@ def _weigh(before: Calibration, after: Calibration, rng: np.random.Generator) ->
     near, far = (
         _gain(before, after, parts[one], rng) for one in (Partition.BETWEEN, next(reversed(parts)))
     )
-    return _Weighed(after, p, (near, far)) if near.sure else None
+    return _Weighed(after, p, (near, far)) if near.sure and far.sure else None
 
 
 def _gain(
@@ -295,9 +295,12 @@ readings [1]."""
 def _otherwise(
     data: LawSearchData, found: Calibration, rng: np.random.Generator
 ) -> _Weighed | None:
-    """Estimate with link masses other than in the robot file, if it is certainly better."""
+    """Estimate with link masses other than in the robot file, if it is certainly better.
+
+    One linearisation shows whether it may be; another weight of the arm acts at all its poses.
+    """
     other = replace(found.wanted, moments=True)
-    if not weighs(found.mechanism.table) or likeliest(found, [found.wanted, other])[0] != other:
+    if not weighs(found.mechanism.table) or not _weigh(found, tried(found, other), rng):
         return None
     return _weigh(found, data.identify(found.mechanism, other, found), rng)
 

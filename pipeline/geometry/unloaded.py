@@ -105,7 +105,7 @@ class _UnknownColumns:
         table: Geometric parameters.
         loose: Turn of F_b beyond what is stated, or of the rail in it [rad].
         masses: Of the arm, in units of their usual sizes.
-        links: Mass and first moments of all links beside these, in principal axes of their effect.
+        links: Mass and first moments of links that weigh, in principal axes of their effect.
         beside: Independent errors of what absolute positions tell of the robot besides its table,
             in standard deviations.
         changes: In mid-campaign [m] or [rad], one after the other.
@@ -152,9 +152,8 @@ class Unloaded(Locked):
             (p, 3, 3), where all targets of a pose were computed from one 6D pose, in place of which
             its position, of covariance `cov`, and its rotation are read; else None.
         changes: What may have changed in mid-campaign.
-        weight_std: Prior standard deviation of the arm's weight, in units of its usual size: every
-            arm sags, so that lengths and joint zeros do not have to take it. 0 of an arm that is
-            taken to be weightless unless its masses are free.
+        weighs: Whether all links weigh, so that lengths and joint zeros do not have to take what
+            their weight does; then there is no `sag` by two of them.
         beside: Motion of each reading by each of those errors [m], shape (z, 3, r): of a crooked
             rail for instance, where poses near each other err alike.
     """
@@ -174,7 +173,7 @@ class Unloaded(Locked):
     misshapen: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     turned: Array | None = None
     changes: tuple[MidChange, ...] = ()
-    weight_std: float = 0.0
+    weighs: bool = False
     beside: Array = field(default_factory=lambda: np.zeros((0, 3, 0)))
 
     @cached_property
@@ -192,7 +191,8 @@ class Unloaded(Locked):
         """Layout of the unknowns."""
         masses = len(self.sag.parameters) if self.sag else 0
         changes = sum(one.unknowns for one in self.changes)
-        more, tool, links = self.beside.shape[2], 3 * len(self.tool.points), self.bent.shape[2]
+        more, tool = self.beside.shape[2], 3 * len(self.tool.points)
+        links = self._principal.shape[1]
         sizes = (3, 3, tool, len(self.letters), 3, masses, links, more, changes)
         ends = np.cumsum([0, *sizes]).tolist()
         return _UnknownColumns(*(slice(a, b) for a, b in pairwise(ends)))
@@ -237,8 +237,8 @@ class Unloaded(Locked):
     def held(self) -> Array:
         """Prior standard deviations if only position, stated rotation and tool are free, (K,)."""
         std, where = np.full(self.columns.count, FIXED_STD), self.columns
-        std[where.shift], std[where.turn], std[where.beside] = _ANYWHERE_M, 1.0, 1.0
-        std[where.links] = FIXED_STD
+        std[where.shift] = _ANYWHERE_M
+        std[where.turn], std[where.links], std[where.beside] = 1.0, 1.0, 1.0
         std[where.tool], std[where.masses] = max(_TOOL_M, self.tool_std), 1e3 * FIXED_STD
         return std
 
@@ -261,17 +261,17 @@ class Unloaded(Locked):
         return robot, self.as_changed(pulls, x)
 
     def as_changed(self, pulls: Pulls, x: Array) -> Pulls:
-        """Pulls of this campaign with the joint values corrected for changes of their zeros.
+        """Pulls of this campaign at joint values after changes of their zeros and under the links.
 
         Args:
-            pulls: Pulls with the joint values of the log, or those under the arm's weight.
+            pulls: Pulls with the joint values of the log, or those under the masses of `sag`.
             x: The unknowns, shape (K,).
         """
-        q = pulls.q.copy()
+        q = pulls.q + self._bent(pulls.q) @ x[self.columns.links]
         for one, at in self.changed:
             if one.joint:
                 q[:, one.joint - 1] += x[at] * one.share(pulls)
-        return replace(pulls, q=q) if self.changes else pulls
+        return replace(pulls, q=q)
 
     def base_turn(self, x: Array) -> Array:
         """Rotation of F_b relative to the base reflectors [rad], shape (3,)."""
@@ -296,8 +296,7 @@ class Unloaded(Locked):
         D[:, :, where.table] = R @ reach(twists(here, self.letters), p[:, None])[:, :3]
         if self.sag is not None:
             D[:, :, where.masses] = Z @ self._sagging()
-        D[:, :, where.links] = Z @ self.bent
-        stands += D[:, :, where.links] @ x[where.links]
+        D[:, :, where.links] = Z @ self._bent(self.pulls.q)
         if self.beside.size:
             D[:, :, where.beside] = self.beside
             stands += self.beside @ x[where.beside]
@@ -335,36 +334,45 @@ class Unloaded(Locked):
         each = [self.sag.geometry(self.robot, self.pulls, one) - self.pulls.q for one in typical]
         return np.stack(each, axis=2)
 
-    @cached_property
-    def bent(self) -> Array:
-        """Deflection of the joints by masses and first moments of the links, shape (z, n, k).
+    def _by_links(self, q: Array) -> Array:
+        """Deflection of the joints by mass and first moments of each link, of usual size.
 
         Those of each link are independent a priori and of the usual size (`yielding.usual`), on the
-        last one also a tool as heavy as the rated payload. With T_i their torques of unit size, the
-        readings Z_i C T_i determine few combinations: the right singular vectors of all rows, of
-        which those are kept that move a reflector.
+        last one also a tool as heavy as the rated payload. Shape (m, n, 4 n).
         """
-        if not self.weight_std:
-            return np.zeros((len(self.pulls.q), self.robot.n, 0))
-        here, n = configure(self.robot, self.pulls.q), self.robot.n
+        here, n = configure(self.robot, q), self.robot.n
         size = np.hypot(*usual(self.robot))
         size[-1] += (self.robot.payload_kg or 0.0) * np.array([1.0, *[_TOOL_ARM_M] * 3])
         unit = by_moments(here, self.robot.gravity)
-        T = carried_by(here.twists, np.arange(1, n + 1), unit) * size.ravel()
-        G = self.robot.nominal_compliance[:, None] * T
-        points = here.points(self.tool.points)[np.arange(len(G)), self.target]
-        moved = reach(here.twists, points[:, None])[:, :3] @ G
-        flat = moved.reshape(-1, 4 * n)
+        torques = carried_by(here.twists, np.arange(1, n + 1), unit) * size.ravel()
+        return np.asarray(self.robot.nominal_compliance[:, None] * torques)
+
+    @cached_property
+    def _principal(self) -> Array:
+        """Combinations of those masses and moments that the readings determine, shape (4 n, k).
+
+        The right singular vectors of what they move the reflectors by, Z_i C T_i, of which those
+        are kept that move one.
+        """
+        if not self.weighs:
+            return np.zeros((4 * self.robot.n, 0))
+        here = configure(self.robot, self.pulls.q)
+        points = here.points(self.tool.points)[np.arange(len(self.target)), self.target]
+        moved = reach(here.twists, points[:, None])[:, :3] @ self._by_links(self.pulls.q)
+        flat = moved.reshape(-1, 4 * self.robot.n)
         square, directions = linear.directions(flat.T @ flat)
-        return np.asarray(G @ directions[:, square > _UNMOVED_M**2 * len(G)])
+        return np.asarray(directions[:, square > _UNMOVED_M**2 * len(points)])
+
+    def _bent(self, q: Array) -> Array:
+        """Deflection of the joints by each of those combinations, shape (m, n, k)."""
+        none = np.zeros((*q.shape, 0))
+        return np.asarray(self._by_links(q) @ self._principal) if self.weighs else none
 
     def hangs(self, x: Array) -> bool:
         """Whether the usual weight does work in the estimated deflection, as gravity does."""
         here, none = configure(self.robot, self.pulls.q), np.zeros((len(self.pulls.q), 3))
         weight = carried(here, self.robot.gravity, usual(self.robot)[0], none[:, 0], none)
-        bent = self.bent @ x[self.columns.links]
-        if self.sag is not None:
-            bent = bent + self._sagging() @ x[self.columns.masses]
+        bent = self._bent(self.pulls.q) @ x[self.columns.links]
         return bool(np.sum(work(here.twists, weight) * bent) > 0)
 
     def seen(self, x: Array) -> Array:

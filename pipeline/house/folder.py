@@ -1,4 +1,7 @@
-"""The folder of overrides: its house.toml, and the logo named there."""
+"""The folder of overrides: its house.toml with lines of its own, and the logo named there.
+
+A line is text with names of facts in double braces, and nothing executable.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,80 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 
+from jinja2 import StrictUndefined, TemplateSyntaxError, nodes
+from jinja2.sandbox import ImmutableSandboxedEnvironment
 from pydantic import Field
 
 from pipeline.base import files, toml
 from pipeline.base.errors import InputError
 from pipeline.base.strict import FileName, Name, Strict, checked
-from pipeline.house.line import HouseLine, line
+
+_FACTS = ("campaign", "measured", "operator", "robot", "machine", "verdict", "tolerance", "digest")
+"""Facts about a campaign that a line may use."""
+
+_OWN = "fields"
+"""Name of the table of campaign.toml whose entries a line may use."""
+
+_PLAIN = (nodes.Template, nodes.Output, nodes.TemplateData, nodes.Name, nodes.Getattr)
+"""Permitted syntax elements of a line; everything else in Jinja is rejected."""
+
+_LINE_WAY_OUT = (
+    f"write text with {', '.join(f'{{{{ {one} }}}}' for one in _FACTS)} or "
+    f"{{{{ {_OWN}.NAME }}}} of campaign.toml in it"
+)
+
+_SANDBOX = ImmutableSandboxedEnvironment(undefined=StrictUndefined, autoescape=False)
+"""Template environment without a loader: a line cannot include files."""
+
+
+@dataclass(frozen=True)
+class _HouseLine:
+    """One line of the house.
+
+    Attributes:
+        label: Its label.
+        text: Its text, with names in double braces.
+        own: Names of the fields of campaign.toml that it needs.
+    """
+
+    label: str
+    text: str
+    own: frozenset[str]
+
+    def said(self, facts: Mapping[str, str], own: Mapping[str, str]) -> str | None:
+        """Its text for a campaign; None if campaign.toml lacks a field of it."""
+        if not self.own <= own.keys():
+            return None
+        known = {name: facts.get(name, "") for name in _FACTS}
+        return _SANDBOX.from_string(self.text).render(known | {_OWN: dict(own)})
+
+
+def _line(label: str, text: str, file: str) -> _HouseLine:
+    """Parse a line that only refers to facts.
+
+    Raises:
+        InputError: It does more than that, or names an unknown fact.
+    """
+
+    def refused(why: str) -> InputError:
+        return InputError(f'[fields] "{label}": {why}', _LINE_WAY_OUT, file=file)
+
+    try:
+        tree = _SANDBOX.parse(text)
+    except TemplateSyntaxError as problem:
+        raise refused(f"{problem.message}") from problem
+    own = set[str]()
+    for one in tree.find_all(nodes.Node):
+        if not isinstance(one, _PLAIN):
+            raise refused(f"{type(one).__name__.lower()} is nothing that a line may do")
+        if isinstance(one, nodes.Getattr):
+            if not isinstance(one.node, nodes.Name) or one.node.name != _OWN:
+                raise refused(f'"{one.attr}" belongs to no table of campaign.toml')
+            own.add(one.attr)
+        if isinstance(one, nodes.Name) and one.name not in (*_FACTS, _OWN):
+            raise refused(f'there is no "{one.name}"')
+    return _HouseLine(label, text, frozenset(own))
+
 
 _FILE = "house.toml"
 _LOGO_BYTES = 200_000
@@ -75,7 +146,7 @@ class House:
 
     logo: str
     order: tuple[str, ...]
-    lines: tuple[HouseLine, ...]
+    lines: tuple[_HouseLine, ...]
 
     def fields(
         self, facts: Mapping[str, str], own: Mapping[str, str]
@@ -86,8 +157,8 @@ class House:
             facts: Facts about the campaign, by name.
             own: `[fields]` of campaign.toml.
         """
-        told = ((one.label, one.said(facts, own)) for one in self.lines)
-        return tuple((label, text) for label, text in told if text is not None)
+        texts = ((one.label, one.said(facts, own)) for one in self.lines)
+        return tuple((label, text) for label, text in texts if text is not None)
 
 
 def house(root: Path, name: str) -> House:
@@ -110,7 +181,7 @@ def house(root: Path, name: str) -> House:
     text = files.text(_content(folder, name, _FILE, toml.LARGEST_TEXT), f"{name}/{_FILE}")
     content = toml.loads(text, f"{name}/{_FILE}")
     said = checked(_Overrides, content, f"{name}/{_FILE}", "", _WAY_OUT, text)
-    lines = tuple(line(label, one, f"{name}/{_FILE}") for label, one in said.fields.items())
+    lines = tuple(_line(label, one, f"{name}/{_FILE}") for label, one in said.fields.items())
     return House(_logo(folder, name, said.logo) if said.logo else "", tuple(said.order), lines)
 
 

@@ -88,8 +88,8 @@ def roles_beside(table: SheetTable, taken: set[int]) -> tuple[dict[int, Role], b
     at = {one.role: place for place, one in roles.items()}
     left = [k for k in table.of_kind("word", taken | {*roles}) if _names_something(table, k)]
     if "target" not in at:
-        names, told = roles_of_words(table, left, {*at})
-        return roles | names, told
+        names, stated = roles_of_words(table, left, {*at})
+        return roles | names, stated
     apart = [k for k in left if "group" not in at and tells_apart(table, k, at["target"])]
     return roles | {k: Role("group", "names") for k in apart[:1]}, len(apart) <= 1
 
@@ -146,9 +146,9 @@ def roles_of_words(
         return {k: Role("target", "words") for k in often[:1]}, len(places) <= 1
     first, second = places[-2:]
     swapped = table.content[first].runs > _CLEARLY * (table.content[second].runs + 1)
-    told = not (swapped or table.sheet.titled or len(places) > len(_TWO) + 1)  # and a collection
+    stated = not (swapped or table.sheet.titled or len(places) > len(_TWO) + 1)  # and a collection
     ordered = (second, first) if swapped else (first, second)
-    return {k: Role(role, "words") for k, role in zip(ordered, _TWO, strict=True)}, told
+    return {k: Role(role, "words") for k, role in zip(ordered, _TWO, strict=True)}, stated
 
 
 _TWO = ("group", "target")

@@ -116,9 +116,9 @@ def _by_titles(table: SheetTable, sets: Sequence[Triple]) -> list[RoleAssignment
             beside = uncertainties(table.named, one)
             roles |= {k: Role(_mapped(role), "title") for k, role in beside.items()}
             roles |= _titled_matrix(table)
-        others, told = roles_beside(table, {*roles})
+        others, stated = roles_beside(table, {*roles})
         out.append(RoleAssignment(one.kind, roles | others))
-        sure = sure and one.plain and told
+        sure = sure and one.plain and stated
     return out if sure else _doubted(out)
 
 
@@ -130,8 +130,8 @@ def _one_target(table: SheetTable, sets: Sequence[Triple]) -> None:
     """
     first = [one.columns[0] for one in sets if one.kind == "cartesian" and not one.nominal]
     for names in (*_above(table.sheet, first), numbered([table.named[k] for k in first])):
-        told = all(names) and not any(is_quantity(one) or is_number(one) for one in names)
-        if len({*names}) > 1 and told:
+        stated = all(names) and not any(is_quantity(one) or is_number(one) for one in names)
+        if len({*names}) > 1 and stated:
             raise InputError(
                 f"each row contains x, y, z of several targets ({listed(dict.fromkeys(names))})",
                 "write a row for each target, with its name: time,target,x_mm,y_mm,z_mm",
@@ -167,7 +167,7 @@ def _by_numbers(
     table: SheetTable, number: list[int], kind: str | None, unit: str | None
 ) -> list[RoleAssignment]:
     """Ways to read columns of numbers that no title explains."""
-    roles, left, told = _without_names(table, number)
+    roles, left, stated = _without_names(table, number)
     known = [k for k in left if table.named[k].role]  # coordinates have no title
     left = [k for k in left if k not in known] if len(left) - len(known) >= len(_SPACE) else left
     if len(left) < len(_SPACE):
@@ -176,9 +176,9 @@ def _by_numbers(
     places = (left[0], left[1], left[2])
     found = _of_three(table, places, roles, kind, unit)
     if len(left) > len(_SPACE) and not matrix:
-        told = told and _keep_distances(table, places, roles)
+        stated = stated and _keep_distances(table, places, roles)
     found = [replace(one, roles={**one.roles, **_if_cartesian(one, matrix)}) for one in found]
-    return found if told else _doubted([*found, *_further(table, left, roles)])
+    return found if stated else _doubted([*found, *_further(table, left, roles)])
 
 
 def _further(
@@ -217,8 +217,8 @@ def _without_names(table: SheetTable, number: list[int]) -> tuple[dict[int, Role
     points = _by_points(table, number, words)
     if points:
         return roles | points, [k for k in number if k not in points], True
-    names, told = _by_words(table, number, words, at)
-    return roles | names, number, told
+    names, stated = _by_words(table, number, words, at)
+    return roles | names, number, stated
 
 
 def _by_points(table: SheetTable, number: Sequence[int], words: Sequence[int]) -> dict[int, Role]:
@@ -235,8 +235,8 @@ def _by_words(
     """Names in columns of words, those before the numbers first, and whether they are certain."""
     leading = [k for k in words if not number or k < number[0]]
     if len(leading) > 1 and _is_instrument(table.content[leading[0]]):
-        names, told = roles_of_words(table, leading[1:], known)
-        return names | {leading[0]: Role("instrument", "words")}, told
+        names, stated = roles_of_words(table, leading[1:], known)
+        return names | {leading[0]: Role("instrument", "words")}, stated
     return roles_of_words(table, leading or words, known)
 
 

@@ -106,9 +106,9 @@ def propose(
     if len(names) == 1:
         exports = [split(one, names[0]) for one in exports]
     rows = _by_group(exports)
-    told = _told(logged, files, rows)
-    columns = logged.load_columns | told.columns
-    named = _named(rows, told.states, unloaded)
+    stated = _told(logged, files, rows)
+    columns = logged.load_columns | stated.columns
+    named = _named(rows, stated.states, unloaded)
     sized = not (found.reach or (found.offer and found.offer.questions))
     return replace(
         named,
@@ -212,8 +212,8 @@ def _tells(export: Export) -> bool:
 
 def _named_by_groups(one: Offer) -> Offer:
     """Drop the question about columns if titles name the coordinates: the groups confirm them."""
-    told = all(c.why == "title" for c in one.columns if c.role in ("x", "y", "z"))
-    left = [q for q in one.questions if q.about != "columns" or len(q.answers) > 1 or not told]
+    stated = all(c.why == "title" for c in one.columns if c.role in ("x", "y", "z"))
+    left = [q for q in one.questions if q.about != "columns" or len(q.answers) > 1 or not stated]
     return replace(one, questions=tuple(left))
 
 
@@ -238,8 +238,8 @@ def _with_groups(
             with contextlib.suppress(InputError):
                 tried = readers.read(name, files[name], hints)
                 if _sets_apart(tried, _told(logged, files, _by_group([tried])).states):
-                    told = _named_by_groups(replace(one, hints=hints))
-                    return replace(found, exports={name: tried}, offer=told)
+                    stated = _named_by_groups(replace(one, hints=hints))
+                    return replace(found, exports={name: tried}, offer=stated)
     return found
 
 
@@ -264,12 +264,12 @@ def _untaken(one: Offer) -> list[ColumnRole]:
     return [c for c in one.columns if c.title and c.title not in taken]
 
 
-def _sets_apart(export: Export, told: Mapping[str, str]) -> bool:
+def _sets_apart(export: Export, stated: Mapping[str, str]) -> bool:
     """Whether groups are states of poses, and no target was read twice in one."""
     rows = _by_group([export]) or {}
     ways = ways_to_read(rows)
-    if told or not ways or export.group is None or export.target is None:
-        return bool(told)
+    if stated or not ways or export.group is None or export.target is None:
+        return bool(stated)
     states = states_of(list(rows), ways[0])
     both = zip(export.group.to_pylist(), export.target.to_pylist(), strict=True)
     pairs = [pair for pair in both if pair[0] in states]
@@ -337,21 +337,21 @@ def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Arra
 
 
 def _named(
-    rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str], word: str | None
+    rows: dict[str, dict[str, Array]] | None, stated: Mapping[str, str], word: str | None
 ) -> FilesProposal:
     """Roles of the names of groups and targets, as far as they or a log show.
 
     Args:
         rows: Position of each target in each group; None if an export has no names.
-        told: State of each group that a log names.
+        stated: State of each group that a log names.
         word: That of the unloaded state, if a person states it.
     """
     if rows is None:
         return FilesProposal()
-    ways = _ways(rows, told, word)
-    if not ways and not told:
+    ways = _ways(rows, stated, word)
+    if not ways and not stated:
         return FilesProposal(groups=tuple(rows)[:_SHOWN])
-    state = states_of(list(rows), ways[0]) if ways else told
+    state = states_of(list(rows), ways[0]) if ways else stated
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*STATES, None)
     )
@@ -360,7 +360,7 @@ def _named(
     ends = [name for name in _targets(loaded) if name not in read]
     return FilesProposal(
         ways=ways,
-        groups=() if told else tuple(rows)[:_SHOWN],
+        groups=() if stated else tuple(rows)[:_SHOWN],
         measured=tuple(measured),
         chain=_chain(ends, measured, loaded),
         base=tuple(_targets(others)),
@@ -369,10 +369,10 @@ def _named(
 
 
 def _ways(
-    rows: Mapping[str, Mapping[str, Array]], told: Mapping[str, str], word: str | None
+    rows: Mapping[str, Mapping[str, Array]], stated: Mapping[str, str], word: str | None
 ) -> tuple[Group, ...]:
     """How group names are read if no log says it: by one word of the unloaded state, or by any."""
-    ways = () if told else ways_to_read(rows)
+    ways = () if stated else ways_to_read(rows)
     return tuple(one for one in ways if one.states[0] == word) or ways
 
 

@@ -39,10 +39,9 @@ from pipeline.intake._beside import Role, SheetTable
 from pipeline.intake._contents import contents, mark_of
 from pipeline.intake._polar import Polar
 from pipeline.intake._roles import RoleAssignment
-from pipeline.intake._sheet import Sheet, cells_of, sheet
-from pipeline.intake._stated import TableStatements
+from pipeline.intake._sheet import Sheet, TableStatements, cells_of, sheet
 from pipeline.intake.question import ColumnRole, Question, QuestionTopic, Reply, TableProposal
-from pipeline.readers._cells import is_number, is_turn
+from pipeline.readers._cells import is_number, is_turn, shortened
 from pipeline.readers._layout import JOINT
 from pipeline.readers._text import Text
 from pipeline.readers._time import ISO
@@ -452,3 +451,29 @@ def _columns(table: SheetTable, reading: RoleAssignment) -> tuple[ColumnRole, ..
             ColumnRole(place + 1, table.sheet.titles[place], content.example, role.role, role.why)
         )
     return tuple(out)
+
+
+def holds_one(text: Text) -> bool:
+    """Whether a file has rows with three numbers."""
+    return sheet(text) is not None
+
+
+def described(text: Text, hints: ExportSettings) -> tuple[ExportSettings, str | None]:
+    """All entries of [tracker] that it needs, and a column that should contain times and does not.
+
+    Raises:
+        InputError: There is no table, or a question must be answered first.
+    """
+    found = propose(text, hints)
+    if found is None:
+        raise InputError(
+            "there is no table of points in the file: no rows with three numbers",
+            "describe its columns in [tracker.mapping] of campaign.toml, or export it as CSV with "
+            "the columns group,target,x_mm,y_mm,z_mm,time",
+            line=1,
+        )
+    if found.questions:
+        raise found.questions[0].problem()
+    doubtful = (one for one in found.columns if one.why == "untimed")
+    untimed = next((f'{one.title} ("{shortened(one.example)}")' for one in doubtful), None)
+    return found.hints, untimed

@@ -49,10 +49,10 @@ def refuse_unheld(
     if not len(beyond):
         return
     first = int(beyond[0])
-    held = float(size[first] / times[first])
+    limit_n = float(size[first] / times[first])
     raise InputError(
         f"a force of {float(f'{size[first]:.4g}'):g} N is more than the robot holds, about "
-        f"{float(f'{held:.3g}'):g} N ({beside})",
+        f"{float(f'{limit_n:.3g}'):g} N ({beside})",
         "correct the force or its unit",
         file=file or None,
         line=line[first] if len(line) else None,

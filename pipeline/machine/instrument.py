@@ -163,9 +163,9 @@ def correlated(position: Array, variance: Array) -> Array | None:
     lever = np.sum(away**2, axis=1, keepdims=True)
     slope = np.sum(away * variance, axis=1, keepdims=True) / np.where(lever > 0, lever, 1.0)
     left = np.linalg.norm(variance - mean - slope * away, axis=1)
-    apart, told = np.ptp(variance, axis=1), mean[:, 0] > 0
-    part = np.column_stack([left, apart])[told] / mean[told]
-    if not told.any() or np.median(part[:, 0]) > _BEAM or np.median(part[:, 1]) < _BEAM:
+    apart, known = np.ptp(variance, axis=1), mean[:, 0] > 0
+    part = np.column_stack([left, apart])[known] / mean[known]
+    if not known.any() or np.median(part[:, 0]) > _BEAM or np.median(part[:, 1]) < _BEAM:
         return None
     d, b = position / np.where(reach > 0, reach, 1.0), mean - slope / 3
     sound = (left <= _BEAM * mean[:, 0]) & (np.minimum(b, b + slope)[:, 0] > 0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
-Kind = Literal["periodic", "smooth", "step", "coupling"]
-Variable = Literal["angle", "torque", "position", "direction", "time", "force", "temperature"]
+_Kind = Literal["periodic", "smooth", "step", "coupling"]
+_Variable = Literal["angle", "torque", "position", "direction", "time", "force", "temperature"]
 
 _AND = " + "
 
@@ -34,8 +34,8 @@ class Law:
 
     where: int | str
     part: str
-    kind: Kind
-    variable: Variable
+    kind: _Kind
+    variable: _Variable
     source: int
     order: float
     low: float
@@ -81,13 +81,13 @@ def parse(where: str, form: str) -> Law:
     """
     own, _, more = form.partition(_AND)
     part, kind, variable, source, order, low, high, at, beyond = own.split()
-    if kind not in get_args(Kind) or variable not in get_args(Variable):
+    if kind not in get_args(_Kind) or variable not in get_args(_Variable):
         raise ValueError(form)
     return Law(
         int(where) if where.isdigit() else where,
         part,
-        cast("Kind", kind),
-        cast("Variable", variable),
+        cast("_Kind", kind),
+        cast("_Variable", variable),
         int(source),
         float(order),
         float(low),

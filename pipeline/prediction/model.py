@@ -439,10 +439,10 @@ def _points(tool: Tool) -> dict[str, list[float]]:
 
 def _hypothesis(one: ModelHypothesis, tool: Tool) -> dict[str, Any]:
     mine = _points(one.cell.tool)
-    told: dict[str, Any] = {} if mine == _points(tool) else {"tool": mine}
+    entries: dict[str, Any] = {} if mine == _points(tool) else {"tool": mine}
     if one.free is not None and one.within is not None:
-        told |= {"undetermined": one.free.T.tolist(), "variance_within": one.within.tolist()}
-    return told | {
+        entries |= {"undetermined": one.free.T.tolist(), "variance_within": one.within.tolist()}
+    return entries | {
         "weight": one.weight,
         "equilibrium": one.cell.equilibrium,
         "effects": [[e.label, e.form] for e in one.more],

@@ -130,8 +130,8 @@ class ParserState:
         unfit = next((one.why for one in points if isinstance(one, Uncorrected)), None)
         targets = [one for one in points if isinstance(one, Target)]
         posed = any(one.kind == "cartesian" for one in targets)
-        held = (tool, base) if posed else (tool,)
-        unsure = next((one.why for one in held if isinstance(one, UnknownState)), None)
+        frames = (tool, base) if posed else (tool,)
+        unsure = next((one.why for one in frames if isinstance(one, UnknownState)), None)
         if why := unfit or unsure:
             return why
         for one in targets:
@@ -215,17 +215,23 @@ def _hand_over(found: ParserState, source: Source) -> None:
     for at, name, to in _mentions(source, found.lexicon, names):
         if known[at]:
             continue
+        reads = to in found.lexicon.reading
         if not name:
-            if to not in found.lexicon.reading:
-                to = to if to and to != ":=" else "what is not known here"
-                found.leave(source, at, f"coordinates are handed to {to}, which may move there")
-        elif to is None or to in found.lexicon.reading:
+            if not reads:
+                _leave_coordinates(found, source, at, to)
+        elif to is None or reads:
             found.read.add(name)
         elif to == ":=":
             found.change(name, source, at)
         else:
             why = f"is handed to {to} on line {source.line(at)}, which may change it or move there"
             found.unsettle(name, why)
+
+
+def _leave_coordinates(found: ParserState, source: Source, at: int, to: str | None) -> None:
+    """Record coordinates that are passed to a routine which may move there."""
+    receiver = "what is not known here" if to in (None, "", ":=") else to
+    found.leave(source, at, f"coordinates are handed to {receiver}, which may move there")
 
 
 _TOKEN = re.compile(

@@ -232,9 +232,9 @@ def _carry_out(found: _Krl, source: Source) -> None:
     if _ASIDE.search(source.plain):
         motions = [(at, source.line(at)) for at, line in source.lines if _MOTION.match(line)]
         steps = {one: interrupted(several, motions) for one, several in steps.items()}
-    held = {one: holding(steps[one], "", thing) for one, thing in _THINGS.items()}
+    states = {one: holding(steps[one], "", thing) for one, thing in _THINGS.items()}
     for start, line in source.lines:
-        _follow(found, source, start, line, held)
+        _follow(found, source, start, line, states)
 
 
 def _all(found: _Krl) -> None:
@@ -418,8 +418,8 @@ def _steps(found: _Krl, source: Source) -> dict[str, list[ProgramStep]]:
     form = holding(sorted([*blocks, *forms], key=lambda one: one.at), "", "inline form")
     out = {one: [*blocks] for one in _THINGS}
     for at, n, line in lines:
-        for which, held in _settings(found, source, at, line, form(at)):
-            out[which].append(ProgramStep(at, "set", n, held))
+        for which, state in _settings(found, source, at, line, form(at)):
+            out[which].append(ProgramStep(at, "set", n, state))
     return {one: sorted(steps, key=lambda step: step.at) for one, steps in out.items()}
 
 
@@ -449,7 +449,14 @@ def _settings(
         yield which, _frame(found, source, start + assigned.start(3), which, assigned[3])
     elif assigned and assigned[2].lower() == "fdat_act":
         yield from _form(found, assigned[3].strip(), at)
-    elif (setting := _SETTING.search(line)) and not _MOTION.match(line):
+    else:
+        yield from _set_otherwise(line, at)
+
+
+def _set_otherwise(line: str, at: int) -> Iterator[tuple[str, HeldState]]:
+    """Unknown states due to a line that sets them in no way known here."""
+    setting = _SETTING.search(line)
+    if setting and not _MOTION.match(line):
         yield from _unsure(setting[setting.lastindex or 1].upper(), at)
 
 
@@ -548,7 +555,7 @@ def _data(found: _Krl, key: str, at: int) -> HeldState:
 # --- motions --------------------------------------------------------------------------------------
 
 
-def _follow(found: _Krl, source: Source, start: int, line: str, held: _Frames) -> None:
+def _follow(found: _Krl, source: Source, start: int, line: str, frames: _Frames) -> None:
     """Process a line in execution order, if it is a motion."""
     if _ROUTINE.match(line):
         found.moved = False
@@ -556,13 +563,13 @@ def _follow(found: _Krl, source: Source, start: int, line: str, held: _Frames) -
         found.account(source, start, start + len(line))
     elif motion := _MOTION.match(line):
         found.account(source, start, start + len(line))
-        _move(found, source, start + motion.start(3), motion, held)
+        _move(found, source, start + motion.start(3), motion, frames)
 
 
-def _move(found: _Krl, source: Source, start: int, motion: re.Match[str], held: _Frames) -> None:
+def _move(found: _Krl, source: Source, start: int, motion: re.Match[str], frames: _Frames) -> None:
     """Record the targets of a motion."""
     kind, words = motion[1].upper(), motion[3]
-    now = {which: at(start) for which, at in held.items()}
+    now = {which: at(start) for which, at in frames.items()}
     if found_with := _WITH.fullmatch(words):
         words = found_with[1]
         now |= dict(_with(found, source, start + found_with.start(2), found_with[2]))

@@ -383,19 +383,38 @@ def _pose(source: Source, entry: ListItem) -> Array | None:
 
 def _steps(found: _Rapid) -> Iterator[ProgramStep]:
     """Yield displacement changes and the blocks around them; an IF without THEN is a block."""
-    plain, compact, before, handler = found.source.plain, False, "", False
+    plain, state = found.source.plain, _Open()
     jumps = {*map(str.lower, re.findall(r"\bGOTO\s+(\w+)", plain, re.IGNORECASE))}
     for token in _TOKEN.finditer(plain):
         word, at = (token[1] or "").lower(), token.start()
-        kind = _kind(found, word, before, bool(token[2]) and word in jumps)
-        if compact and token[0] == ";":
+        kind = _kind(found, word, state.before, bool(token[2]) and word in jumps)
+        if state.compact and token[0] == ";":
             kind = "close"
-        if handler and word in (*_HANDLERS, *_ENDS):
+        if state.handler and word in (*_HANDLERS, *_ENDS):
             yield ProgramStep(at, "close", found.source.line(at))
-        handler = word in _HANDLERS or (handler and word not in _ENDS)
         yield from _step(found, token, word, kind)
-        compact = word == "if" or (compact and token[0].lower() not in _ENDS_IF)
-        before = word
+        state.follow(token[0].lower(), word)
+
+
+@dataclass
+class _Open:
+    """What is open before a token: an IF that may have no block, an error handler.
+
+    Attributes:
+        compact: Whether it is the IF.
+        handler: Whether it is the handler.
+        before: The word before the token.
+    """
+
+    compact: bool = False
+    handler: bool = False
+    before: str = ""
+
+    def follow(self, token: str, word: str) -> None:
+        """Advance past a token."""
+        self.handler = word in _HANDLERS or (self.handler and word not in _ENDS)
+        self.compact = word == "if" or (self.compact and token not in _ENDS_IF)
+        self.before = word
 
 
 def _step(

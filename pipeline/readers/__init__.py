@@ -36,7 +36,7 @@ __all__ = [
 
 
 _DIALECTS, _MAPPED = "pipeline.dialects:DIALECTS", "pipeline.dialects.mapped:read"
-_HOLDS = "pipeline.intake.table:holds_one"
+_HOLDS = "pipeline.intake.proposal:holds_one"
 _NAMED = "pipeline.dialects._named:find"
 """References to the code for files of other programs, which may not be installed."""
 

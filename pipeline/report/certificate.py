@@ -131,11 +131,11 @@ def _begun(text: str) -> str:
 
 def _cut(text: str) -> str:
     """Cut a sentence of more than `_MOST_FOUND` words after its last clause that fits."""
-    told = text.split()
-    if len(told) <= _MOST_FOUND:
+    parts = text.split()
+    if len(parts) <= _MOST_FOUND:
         return text
-    ends = [k for k, one in enumerate(told[:_MOST_FOUND], 1) if one[-1] in ",:;"]
-    kept = " ".join(told[: max(ends, default=_MOST_FOUND)]).rstrip(" ,:;")
+    ends = [k for k, one in enumerate(parts[:_MOST_FOUND], 1) if one[-1] in ",:;"]
+    kept = " ".join(parts[: max(ends, default=_MOST_FOUND)]).rstrip(" ,:;")
     return re.sub(r"[:;] \S+ \S+$", "", kept)
 
 
@@ -216,16 +216,16 @@ def _measure(answer: Answer, say: Say = str) -> str:
     """What to measure next: the first sentences of that line of the first screen."""
     line = next((one.text for one in answer.first_screen if one.about == About.NEXT), "")
     every = say(" ".join(one for one in _ENDS.split(line) if "standard uncertainty" not in one))
-    told: list[str] = []
+    kept: list[str] = []
     for sentence in _ENDS.split(every):
-        room = _MOST_NEXT - sum(len(one.split()) for one in told)
-        if told and len(sentence.split()) > room:
+        room = _MOST_NEXT - sum(len(one.split()) for one in kept)
+        if kept and len(sentence.split()) > room:
             clause = sentence.split("; ")[0]
             if clause != sentence and len(clause.split()) <= room and not re.search(r"\d", clause):
-                told.append(f"{clause}.")
+                kept.append(f"{clause}.")
             break
-        told.append(sentence)
-    return " ".join(told)
+        kept.append(sentence)
+    return " ".join(kept)
 
 
 _ENDS = re.compile(r"(?<=\.) (?=[A-ZÀÉÜ])")

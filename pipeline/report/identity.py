@@ -19,8 +19,6 @@ IDENTITY_NAMES = ("Campaign", "Operator", "Software")
 def rows(answer: Answer) -> Iterator[LabelledText]:
     """Data for filing; what is not stated is omitted."""
     found = answer.identity
-    if found is None:
-        return
     every = (
         ("Campaign", answer.name),
         ("Measured", _when(answer, found)),

@@ -15,7 +15,7 @@ from pipeline.base.language import spoken, translated
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.certificate import certificate, enterable
-from pipeline.report.record import Headline, Item, PageFrame, Report, Section, unlabelled
+from pipeline.report.record import Headline, Item, PageFrame, Report, Section
 from pipeline.report.summaries import Tables
 
 _ANNEX = "pipeline.annex.sections:sections"
@@ -54,7 +54,10 @@ def compose(
         title=say(_title(answer)),
         verdict=say(title),
         tone=tone,
-        first=(*_first(answer), *([Item("Wear", wear)] if wear else [])),
+        first=(
+            *(Item(ABOUT[one.about], one.text) for one in answer.first_screen),
+            *([Item("Wear", wear)] if wear else []),
+        ),
         sections=tuple(sorted(sections, key=lambda one: _place(one, look))),
         judged=translated(_judged(answer), say),
         elsewhere=say(
@@ -64,14 +67,6 @@ def compose(
         certificate=certificate(answer, tables, say, look),
         frame=translated(PageFrame(language=look.language), say),
     )
-
-
-def _first(answer: Answer) -> tuple[Item, ...]:
-    """The lines of the first screen, or the sentences of the verdict if it has none."""
-    lines = answer.first_screen
-    if not lines:
-        return unlabelled(*answer.verdict_sentence)
-    return tuple(Item(ABOUT[one.about], one.text) for one in lines)
 
 
 def _verdict(answer: Answer) -> tuple[str, str]:

@@ -30,6 +30,6 @@ def interval(joints: Sequence[Stiffness], unit: Array | float) -> Array:
 
     The upper limit is infinite where the interval of the compliance includes zero.
     """
-    told = np.array([(joint.value, *joint.ci95) for joint in joints], dtype=float).reshape(-1, 3)
-    value, low, high = told.T / unit
+    limits = np.array([(joint.value, *joint.ci95) for joint in joints], dtype=float).reshape(-1, 3)
+    value, low, high = limits.T / unit
     return np.array([value, low, np.where(np.isnan(high), np.inf, high)])

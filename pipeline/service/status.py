@@ -18,8 +18,17 @@ from pathlib import Path
 from urllib.parse import quote
 
 from pipeline.base.shown import printable
-from pipeline.report.columns import Cells, table_of, word_column
-from pipeline.report.record import Column, Report, ReportTable, TableEntry, section_of, unlabelled
+from pipeline.report.record import (
+    Cells,
+    Column,
+    Report,
+    ReportTable,
+    TableEntry,
+    section_of,
+    table_of,
+    unlabelled,
+    word_column,
+)
 from pipeline.report.render import page
 from pipeline.report.words import VERDICTS
 from pipeline.service import doctor, watch

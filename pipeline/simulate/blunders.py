@@ -5,6 +5,7 @@ Each blunder changes the operator's notebook, never the cell; the truth records 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,7 +19,6 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.robot.variants import misread
 from pipeline.readers import OutgoingReadings
-from pipeline.simulate._words import amounts, parts
 
 KGF_N, _LBF_N, INCH_M = 9.80665, 4.4482216152605, 0.0254
 """Newtons in a kilogram-force and in a pound-force, metres in an inch; all exact by definition."""
@@ -257,3 +257,38 @@ def controller_axes(robot: Robot, q: Array) -> Array:
         return np.empty((len(q), 0))
     axes = linear.solve(robot.controller_matrix, (q - robot.controller_offset).T).T
     return np.where(robot.prismatic, axes, np.rad2deg(axes))
+
+
+def parts(text: str) -> tuple[str, str]:
+    """Name (with its place), and size as typed."""
+    named, _, size = text.partition("=")
+    return named.strip(), size.strip()
+
+
+def amounts(size: str, parameters: tuple[Parameter, ...], text: str) -> Array:
+    """A size in SI, shape (k,).
+
+    Args:
+        size: Empty for the typical size, `2x` for twice that, or one number per parameter in SI.
+        parameters: Parameters that have the size.
+        text: The whole input, for the message.
+
+    Raises:
+        UsageError: It is none of these.
+    """
+    typical = np.array([parameter.typical for parameter in parameters])
+    times = re.fullmatch(r"(.+?)\s*x", size)
+    try:
+        if not size:
+            return typical
+        if times:
+            return float(times[1]) * typical
+        values = np.array([float(number) for number in size.split(",")])
+    except ValueError as problem:
+        raise UsageError(
+            f'"{text}": {size} is no size; write a number in SI, or 2x for twice the typical size.'
+        ) from problem
+    if len(values) != len(typical) or not np.isfinite(values).all():
+        wanted = ", ".join(f"{p.name} [{p.unit}]" for p in parameters) or "no size"
+        raise UsageError(f'"{text}": it has {wanted}; give one number for each.')
+    return values

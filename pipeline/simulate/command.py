@@ -148,7 +148,7 @@ def effects(
 ) -> None:
     """List the causes of misfit that the diagnosis knows, with magnitudes and signatures."""
     from pipeline.machine.robot import load
-    from pipeline.simulate import listing
+    from pipeline.simulate import hidden
 
     machine = load(robot)
-    typer.echo(listing.as_json(machine) if as_json else listing.as_text(machine))
+    typer.echo(hidden.as_json(machine) if as_json else hidden.as_text(machine))

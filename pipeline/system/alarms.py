@@ -1,4 +1,4 @@
-"""False-alarm rates: how often chance may accuse a clean campaign, per test and in total.
+"""False-alarm rates: how often chance may give a clean campaign a finding, per test and in total.
 
 Every test that can call a clean campaign anything but `adequate` takes its rate from here, so that
 the total is one sum. The rate of a family of tests (all suspects, all readings) holds for the

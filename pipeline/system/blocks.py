@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import scipy.linalg
 import scipy.sparse
 
 from pipeline.base import linear
@@ -16,9 +17,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 _T = TypeVar("_T", bound=np.generic)
 
 _SMALL = 60
-"""Rows up to which a block is padded in any case: twenty readings in three axes."""
-_WASTE = 4
-"""Ratio of work with and without padding above which block-by-block computation is faster [1]."""
+"""Rows up to which blocks are computed together, padded: twenty readings in three axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,32 +50,31 @@ class Blocks(Locked):
         return len(self.count), int(self.count.max(initial=0))
 
     @property
-    def uneven(self) -> bool:
-        """Whether one block is so large that the cubic work on padding exceeds all the rest."""
-        p, s = self.shape
-        return s > _SMALL and p * s**3 > _WASTE * int((self.count.astype(np.int64) ** 3).sum())
+    def large(self) -> bool:
+        """Whether a block is so large that each by itself, without padding, is faster."""
+        return self.shape[1] > _SMALL
 
     def square(self, work: Callable[[Array], Array], padded: Array) -> Array:
-        """Apply `work` to matrices (p, s, s), to each without its padding where blocks are uneven.
+        """Apply `work` to matrices (p, s, s), to each without its padding where blocks are large.
 
         In that case it works in place; the padding is the identity and stays so.
         """
-        if not self.uneven:
+        if not self.large:
             return work(padded)
         for one, n in zip(padded, self.count, strict=True):
             one[:n, :n] = work(one[:n, :n])
         return padded
 
-    def solve(self, A: Array, padded: Array) -> Array:
-        """Solve the regular A x = y of each block, (p, s, s) and (p, s, j), as for `square`.
+    def solve(self, L: Array, padded: Array) -> Array:
+        """Solve L x = y of each block, L lower triangular, (p, s, s) and (p, s, j).
 
-        Even blocks use the inverse, which is twice as fast where y has more columns than rows.
+        Small blocks are inverted together; a large one is substituted, in s / j of the time.
         """
-        if not self.uneven:
-            return linear.regular_inverse(A) @ padded
+        if not self.large:
+            return linear.regular_inverse(L) @ padded
         out = np.zeros_like(padded)
-        for one, a, y, n in zip(out, A, padded, self.count, strict=True):
-            one[:n] = linear.solve(a[:n, :n], y[:n])
+        for one, own, y, n in zip(out, L, padded, self.count, strict=True):
+            one[:n] = scipy.linalg.solve_triangular(own[:n, :n], y[:n], lower=True)
         return out
 
     @property
@@ -101,8 +99,26 @@ class Blocks(Locked):
         return padded[self.index, self.place]
 
     def covariance(self, G: scipy.sparse.csr_array) -> Array:
-        """G G' of errors that each stay within one block, shape (p, s, s)."""
-        V = (G @ G.T).tocoo()
+        """G G' of errors that each stay within one block, shape (p, s, s).
+
+        An error of more rows than a small block has is multiplied densely: in a sparse product it
+        takes as many times longer.
+        """
+        wide = np.bincount(G.indices, minlength=G.shape[1]) > _SMALL
+        V = (G[:, ~wide] @ G[:, ~wide].T).tocoo()
         out = np.zeros((self.shape[0], self.shape[1], self.shape[1]))
         out[self.index[V.row], self.place[V.row], self.place[V.col]] = V.data
+        if wide.any():
+            F = self.padded(self.dense(G[:, wide])[1])
+            out += F @ np.swapaxes(F, 1, 2)
         return out
+
+    def dense(self, G: scipy.sparse.csr_array) -> tuple[Blocks, Array]:
+        """Errors that each stay within one block: blocks of at most e of them, and dense (M, e)."""
+        G = scipy.sparse.csc_array(G)
+        G = G[:, np.diff(G.indptr) > 0]
+        index = self.index[G.indices[G.indptr[:-1]]]
+        blocks = Blocks(index, Blocks.of(index).place, np.bincount(index, minlength=self.shape[0]))
+        each, out = G.tocoo(), np.zeros((G.shape[0], blocks.shape[1]))
+        out[each.row, blocks.place[each.col]] = each.data
+        return blocks, out

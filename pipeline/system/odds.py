@@ -1,6 +1,6 @@
-"""How clearly one explanation must beat another: choices between models, which accuse nothing.
+"""How clearly one explanation must beat another: choices between models, which find nothing wrong.
 
-The rates of false alarms, which do, are in alarms.py.
+The rates of tests that do, and of their false alarms, are in alarms.py.
 """
 
 FITS = 1e-3

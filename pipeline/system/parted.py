@@ -100,7 +100,7 @@ class PartedRows(Locked):
         unit = linear.rms(system.c) or 1.0
         y = (system.c - Q @ (Q.T @ system.c)) / unit  # free of the fixed effects
         A = errors.G[:, errors.common].toarray() / unit
-        which, F = _by_pose(errors.G[:, ~errors.common & ~own], Blocks.of(pose))
+        which, F = Blocks.of(pose).dense(errors.G[:, ~errors.common & ~own])
         frames = linear.principal(u[:, None])[2]
         rows = frames @ np.column_stack([F / unit, Q, A, y]).reshape(len(u), 3, -1)
         turn = scipy.sparse.bsr_array((frames, np.arange(len(u)), np.arange(len(u) + 1)))
@@ -160,14 +160,3 @@ def _whitener(G: scipy.sparse.csr_array, pose: Ints) -> Whitener:
     """Whitener of rows with errors G that each stay within one pose."""
     n = G.shape[1]
     return whitener(Errors(G, np.full(n, "own", dtype=object), np.zeros(n, dtype=bool)), pose)
-
-
-def _by_pose(G: scipy.sparse.csr_array, rows: Blocks) -> tuple[Blocks, Array]:
-    """Errors that each stay within one block of the rows: blocks of them, and dense (M, e)."""
-    G = scipy.sparse.csc_array(G)
-    G = G[:, np.diff(G.indptr) > 0]
-    index = rows.index[G.indices[G.indptr[:-1]]]
-    blocks = Blocks(index, Blocks.of(index).place, np.bincount(index, minlength=rows.shape[0]))
-    each, out = G.tocoo(), np.zeros((G.shape[0], blocks.shape[1]))
-    out[each.row, blocks.place[each.col]] = each.data
-    return blocks, out

@@ -112,12 +112,12 @@ class PaddedRows(Locked):
         own, rest = self.loss(log_scale)
         return float(own.sum() + rest)
 
-    def of_scales(self, told: Bools) -> _Loss:
-        """The loss as a function of the log scales marked in `told`; the others stay as stated."""
+    def of_scales(self, determined: Bools) -> _Loss:
+        """The loss as a function of the log scales in `determined`; the others stay as stated."""
 
         def loss(x: Array) -> tuple[Array, float]:
-            full = np.zeros(len(told))
-            full[told] = x
+            full = np.zeros(len(determined))
+            full[determined] = x
             return self.loss(full)
 
         return loss
@@ -136,7 +136,7 @@ _STEP = 3e-3
 """Step in log scale for first and second derivatives [1]."""
 
 
-def maximum(blocks: PaddedRows, told: Bools) -> tuple[Array, Array, Array]:
+def maximum(blocks: PaddedRows, determined: Bools) -> tuple[Array, Array, Array]:
     """The log scales that the data determine, their standard uncertainties and p-values.
 
     With L the loss, H its Hessian and g_p the gradient of pose p's part, u(t)^2 is the larger of 2
@@ -145,7 +145,7 @@ def maximum(blocks: PaddedRows, told: Bools) -> tuple[Array, Array, Array]:
     t_k < 0: the likelihood ratio against the component as stated. The curvature is no substitute: a
     component may stand out clearly at a scale at which it would be invisible.
     """
-    loss, start = blocks.of_scales(told), np.full(int(told.sum()), blocks.rough)
+    loss, start = blocks.of_scales(determined), np.full(int(determined.sum()), blocks.rough)
     x = lowest(loss, start)
     _, H, scores = _derivatives(loss, x)
     values, vectors = linear.directions(H)
@@ -159,8 +159,8 @@ def maximum(blocks: PaddedRows, told: Bools) -> tuple[Array, Array, Array]:
         information = 2 * np.diag(inverse)
         longer = np.maximum(sandwich / information, 1.0)
     best, p = _total(loss, x), np.empty(len(x))
-    for i, k in enumerate(np.flatnonzero(told)):
-        others = told & (np.arange(len(told)) != k)
+    for i, k in enumerate(np.flatnonzero(determined)):
+        others = determined & (np.arange(len(determined)) != k)
         as_stated = blocks.of_scales(others)
         worse = _total(as_stated, lowest(as_stated, np.delete(x, i))) - best
         tail = 0.5 * chi2_beyond(max(worse, 0.0) / longer[i], 1)

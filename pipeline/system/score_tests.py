@@ -236,7 +236,7 @@ class Base(Locked):
 def _spans(blocks: Blocks, X: Array) -> Array:
     """Orthonormal columns of each block by itself, (p, s, r); columns beyond its rank are zero."""
     stack = blocks.padded(X)
-    if not blocks.uneven:
+    if not blocks.large:
         return linear.spans(stack)
     out = np.zeros((*blocks.shape, min(stack.shape[1:])))
     for one, rows, n in zip(out, stack, blocks.count, strict=True):

@@ -85,9 +85,9 @@ class Suspects(Locked):
         N = (D @ D.T) * same - (QD @ QD.T) * (same if base.own else 1.0)
         return ScoreTests(N, g, np.einsum("ms,ms->m", D, D), base.rest, base.dof)
 
-    def beside(self, base: Base, held: Ints) -> tuple[Base, ScoreTests]:
+    def beside(self, base: Base, active: Ints) -> tuple[Base, ScoreTests]:
         """The base extended by the held suspects, and every suspect tested in addition to it."""
-        wider = base.more(self.rows(base, held)) if len(held) else base
+        wider = base.more(self.rows(base, active)) if len(active) else base
         return wider, wider.beside(self.D).rows(self.blocks)
 
     def farthest(self, drop: Array) -> Ints:
@@ -97,19 +97,19 @@ class Suspects(Locked):
         least = np.maximum(best[self.blocks.index], _AS_FAR * drop.max(initial=0.0))
         return np.flatnonzero((drop > 0) & (drop >= least))
 
-    def rivals(self, held: ActiveSuspects) -> list[Ints]:
+    def rivals(self, active: ActiveSuspects) -> list[Ints]:
         """For each held suspect, those that would do nearly as well in its place.
 
         A rival must explain nothing in addition to it; otherwise both may be at work.
         """
-        left = held.others.drop < DECIDES * held.variance
+        left = active.others.drop < DECIDES * active.variance
         out = []
-        for one in held.which:
-            found = self.beside(held.given, held.which[held.which != one])[1]
-            told = found.drop / held.variance
+        for one in active.which:
+            found = self.beside(active.given, active.which[active.which != one])[1]
+            told = found.drop / active.variance
             told = np.where(found.rank > 0, told - cost(told, found.rank), -np.inf)
             near = np.flatnonzero(left & (told > told[one] - DECIDES))
-            out.append(np.setdiff1d(near, held.which))
+            out.append(np.setdiff1d(near, active.which))
         return out
 
 
@@ -196,36 +196,36 @@ def active_suspects(base: Base, suspects: Suspects, least: float) -> ActiveSuspe
 
 def _end(base: Base, suspects: Suspects, least: float, most: float) -> ActiveSuspects:
     """End of the search: none joins, leaves or is exchanged; variance at most `most` until then."""
-    held, tried = np.zeros(0, np.int64), set[bytes]()
-    wider, found = suspects.beside(base, held)
+    active, tried = np.zeros(0, np.int64), set[bytes]()
+    wider, found = suspects.beside(base, active)
     for _ in range(_ROUNDS):
-        variance = min(_variance(found, held, least), most)
-        joined = np.union1d(held, _joining(found, suspects, variance))
+        variance = min(_variance(found, active, least), most)
+        joined = np.union1d(active, _joining(found, suspects, variance))
         joined = _staying(base, suspects, joined, variance)
-        if joined.tobytes() == held.tobytes():  # costly, seldom needed before all have joined
+        if joined.tobytes() == active.tobytes():  # costly, seldom needed before all have joined
             joined = _exchanged(base, suspects, joined, variance)
         if joined.tobytes() in tried or joined.size * suspects.D.shape[3] > _MOST * base.dof:
             break
         tried.add(joined.tobytes())
-        if joined.tobytes() != held.tobytes():
+        if joined.tobytes() != active.tobytes():
             wider, found = suspects.beside(base, joined)
-        held = joined
+        active = joined
     while True:  # held suspects that are significant in the scatter of all others, without the cap
-        variance = _variance(found, held, least)
-        stay = _staying(base, suspects, held, variance)
-        if len(stay) == len(held):
+        variance = _variance(found, active, least)
+        stay = _staying(base, suspects, active, variance)
+        if len(stay) == len(active):
             break
-        held = stay
-        wider, found = suspects.beside(base, held)
-    size, drop, rank = _each(base, suspects, held)
-    tests = int((found.rank > 0).sum()) + len(held)
-    return ActiveSuspects(held, size, drop, rank, variance, base, wider, tests, found)
+        active = stay
+        wider, found = suspects.beside(base, active)
+    size, drop, rank = _each(base, suspects, active)
+    tests = int((found.rank > 0).sum()) + len(active)
+    return ActiveSuspects(active, size, drop, rank, variance, base, wider, tests, found)
 
 
-def _variance(found: ScoreTests, held: Ints, least: float) -> float:
+def _variance(found: ScoreTests, active: Ints, least: float) -> float:
     """Median drop of the suspects that are not held, over that of chi-square."""
     there = found.rank > 0
-    there[held] = False
+    there[active] = False
     if not there.any():
         return max(least, found.rest / max(found.dof, 1))
     expected = special.chdtri(found.rank[there], 0.5)
@@ -239,50 +239,50 @@ def _joining(found: ScoreTests, suspects: Suspects, variance: float) -> Ints:
     return suspects.farthest(np.where(p < alarms.READING, found.drop, 0.0))
 
 
-def _each(base: Base, suspects: Suspects, held: Ints) -> tuple[Array, Array, Ints]:
+def _each(base: Base, suspects: Suspects, active: Ints) -> tuple[Array, Array, Ints]:
     """Size, drop and rank of each held suspect given all others."""
     k = suspects.D.shape[3]
-    if not len(held):
+    if not len(active):
         return np.zeros((0, k)), np.zeros(0), np.zeros(0, np.int64)
-    found = suspects.as_one(base, held)
+    found = suspects.as_one(base, active)
     size = found.size.reshape(-1, k)
-    m = len(held)
+    m = len(active)
     own = found.cov.reshape(m, k, m, k)[np.arange(m), :, np.arange(m)]
     drop = np.einsum("ni,nij,nj->n", size, linear.shortest(own), size)
     return size, drop, linear.ranks(own)
 
 
-def sizes(base: Base, suspects: Suspects, held: Ints) -> Array:
+def sizes(base: Base, suspects: Suspects, active: Ints) -> Array:
     """Sizes of some suspects, estimated together with a base, shape (m, k)."""
-    return _each(base, suspects, held)[0]
+    return _each(base, suspects, active)[0]
 
 
-def _staying(base: Base, suspects: Suspects, held: Ints, variance: float) -> Ints:
+def _staying(base: Base, suspects: Suspects, active: Ints, variance: float) -> Ints:
     """Those that are significant given all others; the least significant is dropped first."""
     tests = len(suspects.blocks.index)
-    while len(held):
-        _, drop, rank = _each(base, suspects, held)
+    while len(active):
+        _, drop, rank = _each(base, suspects, active)
         p = tests * chance(drop, rank, variance, base.dof)
         if not (p >= alarms.READING).any():
             break
-        held = np.delete(held, int(np.argmax(p)))
-    return held
+        active = np.delete(active, int(np.argmax(p)))
+    return active
 
 
-def _exchanged(base: Base, suspects: Suspects, held: Ints, variance: float) -> Ints:
+def _exchanged(base: Base, suspects: Suspects, active: Ints, variance: float) -> Ints:
     """The likeliest set of each block, as large as what is held there or smaller."""
     k = suspects.D.shape[3]
-    for block in np.unique(suspects.blocks.index[held]):
-        mine = suspects.blocks.index[held] == block
-        others = np.setdiff1d(held, held[mine])
+    for block in np.unique(suspects.blocks.index[active]):
+        mine = suspects.blocks.index[active] == block
+        others = np.setdiff1d(active, active[mine])
         among = np.flatnonzero(suspects.blocks.index == block)
         beside = suspects.as_one(base, np.append(others, among)).without(len(others) * k)
-        best = _likeliest(beside, k, among, held[mine], variance)
-        held = np.union1d(others, best)
-    return held
+        best = _likeliest(beside, k, among, active[mine], variance)
+        active = np.union1d(others, best)
+    return active
 
 
-def _likeliest(found: ScoreTests, k: int, among: Ints, held: Ints, variance: float) -> Ints:
+def _likeliest(found: ScoreTests, k: int, among: Ints, active: Ints, variance: float) -> Ints:
     """The suspects of a block with the smallest loss; those that are held, if none is smaller.
 
     The loss is -T / v plus the cost of each, T the drop of the set. All sets as large as what is
@@ -293,7 +293,7 @@ def _likeliest(found: ScoreTests, k: int, among: Ints, held: Ints, variance: flo
         found: All suspects of the block, of k columns each, as one.
         k: Columns of a suspect.
         among: Their numbers, shape (n,).
-        held: Numbers of those that are held.
+        active: Numbers of those that are held.
         variance: Variance of the rows.
     """
 
@@ -303,19 +303,19 @@ def _likeliest(found: ScoreTests, k: int, among: Ints, held: Ints, variance: flo
         drop = own.drop / variance
         return np.asarray(m * cost(drop / m, own.rank / m) - drop)
 
-    mine = np.searchsorted(among, held)
+    mine = np.searchsorted(among, active)
     tried = [(losses(sets), sets) for sets in _sets(len(among), mine)]
     loss, sets = min(tried, key=lambda one: float(one[0].min()))
     least = int(np.argmin(loss))
-    return held if loss[least] > losses(mine[None])[0] - _SAME else among[sets[least]]
+    return active if loss[least] > losses(mine[None])[0] - _SAME else among[sets[least]]
 
 
-def _sets(n: int, held: Ints) -> list[Ints]:
+def _sets(n: int, active: Ints) -> list[Ints]:
     """Candidate sets of n suspects to replace those that are held, by their size."""
-    sizes = range(1, len(held) + 1)
+    sizes = range(1, len(active) + 1)
     if sum(comb(n, m) for m in sizes) <= _SETS:
         return [np.array(list(combinations(range(n), m))) for m in sizes]
-    fewer = [np.delete(held, place) for place in range(len(held))]
-    free = np.setdiff1d(np.arange(n), held)
+    fewer = [np.delete(active, place) for place in range(len(active))]
+    free = np.setdiff1d(np.arange(n), active)
     swapped = [np.append(rest, one) for rest in fewer for one in free]
     return [np.array(sets) for sets in (fewer, swapped) if len(sets) and sets[0].size]

@@ -171,9 +171,9 @@ def variance_components(
     if len(system.rows) - X.shape[1] < _FEWEST:
         return _components(system, names, log_scale, std, p, len(system.rows))
     blocks = PaddedRows.of(system, X, [_SCALED[name] for name in names])
-    told = np.array([_told(system, _SCALED[name]) for name in names])
-    if told.any():
-        log_scale[told], std[told], p[told] = maximum(blocks, told)
+    known = np.array([_told(system, _SCALED[name]) for name in names])
+    if known.any():
+        log_scale[known], std[known], p[known] = maximum(blocks, known)
     return _components(system, names, log_scale, std, p, blocks.dof)
 
 

@@ -90,7 +90,7 @@ class Whitener(Locked):
 def _each(factor: Array, blocks: Blocks, rows: Array) -> Array:
     """Rows (M,) or (M, any) of each block multiplied by its matrix, shape of `rows`."""
     wide = rows[:, None] if rows.ndim == 1 else rows
-    if blocks.uneven:
+    if blocks.large:
         out = np.empty(wide.shape)
         for own, one in zip(blocks.members, factor, strict=True):
             out[own] = one[: len(own), : len(own)] @ wide[own]

@@ -266,25 +266,6 @@ def kept(root, name, text):
 
 
 @pytest.mark.parametrize(
-    ("verdict", "reason"),
-    [("adequate", "adequate"), ("explained", "unexplained"), ("bad_data", "unexplained")],
-)
-def test_an_answer_of_the_first_version_stands_for_joint_springs(tmp_path, verdict, reason):
-    """Its values are those of the joint springs, and count if these explain the readings."""
-    old = first_version(verdict)
-
-    answer = read(kept(tmp_path, "old", json.dumps(old)))
-
-    said = answer.recommended
-    assert (said.model, said.data, said.reason) == ("joint_springs", "as_given", reason)
-    assert answer.joint_springs.stiffness == answer.stiffness
-    assert answer.joint_springs.fit == answer.fit
-    assert answer.extended is None
-    assert [joint.joint_name for joint in answer.stiffness][:2] == ["r1", "theta2"]
-    assert [joint.value for joint in answer.stiffness] == [j["value"] for j in old["stiffness"]]
-
-
-@pytest.mark.parametrize(
     "spoil",
     [
         lambda text: text[:-9],

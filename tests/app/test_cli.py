@@ -219,3 +219,25 @@ def test_serve_prints_a_unit_for_systemd(tmp_path):
     refused = pipeline(blank, "serve", "--unit")
     assert refused.returncode == 2
     assert "systemd" in refused.stderr
+
+
+@pytest.mark.parametrize(("words", "code"), [(["--help"], 0), (["run", "--no-such-option"], 2)])
+def test_a_library_that_waits_for_ever_does_not_keep_the_process(words, code):
+    """As Prefect does for a server that is silent; what it has started is ended all the same."""
+    waiting = (
+        "import atexit, sys, threading; from pipeline.app import cli; cli._FAREWELL_S = 0.1\n"
+        "atexit.register(print, 'ended', flush=True)\n"
+        "threading._register_atexit(threading.Event().wait)\n"
+        f"sys.argv[1:] = {words!r}; cli.main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", waiting],
+        capture_output=True,
+        text=True,
+        env=ENVIRONMENT,
+        timeout=60,
+        check=False,
+    )
+
+    assert done.returncode == code
+    assert done.stdout.endswith("ended\n")

@@ -383,7 +383,7 @@ def test_a_wrong_payload_is_due_where_the_torques_show_it():
     assert said["wrong payload reported, clearly visible"].startswith("50.0 % (1 of 2;")
     assert said["wrong payload reported, others"].startswith("0.0 % (0 of 1;")
     assert said["any doubt"].startswith("75.0 % (3 of 4;")
-    assert "accused" not in said
+    assert "false alarm" not in said
 
 
 def test_a_cause_is_sized_with_the_noise_that_is_stated():

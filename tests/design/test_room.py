@@ -15,8 +15,7 @@ from pipeline.design.space import PlanCoordinates
 from pipeline.design.unpulled import unpulled
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.mdh import parse
-from pipeline.machine.room import _pairs, unchecked
-from pipeline.machine.segments import closest, length
+from pipeline.machine.room import _pairs, closest, length, unchecked
 
 BODIED = ("kr500_rail", "kr500_rail_kuka", "ur10", "kr210_r2700_2", "fanuc_r2000ic")
 QUICK = Effort(first=0, rounds=1, poses=96, settled=8, exchanged=2)

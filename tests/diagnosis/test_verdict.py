@@ -139,7 +139,7 @@ ROWS = {
     ),
     Finding.STANDS_UNEXPLAINED: (
         Facts(unloaded=UnloadedFacts(1e-3, 1.1e-3, {}, noise_m=3e-5, usual_m=3e-4)),
-        Verdict.ADEQUATE,
+        Verdict.UNEXPLAINED,
     ),
     Finding.TABLES_DISAGREE: (
         Facts(agreement=replace(APART, chi2=0.0, table_p=1e-4)),

@@ -223,7 +223,9 @@ def grown(case, kelvin):
     return replace(case, readings=rows)
 
 
-@pytest.mark.parametrize("kelvin", [(6.0, 6.0, 6.0), (12.0, 12.0, 12.0)])
+@pytest.mark.parametrize(
+    "kelvin", [(6.0, 6.0, 6.0), (12.0, 12.0, 12.0), (0.0, 15.0, 0.0), (0.0, 4.0, 0.0)]
+)
 def test_a_base_frame_that_grew_with_the_hall_accuses_no_reading(case, kelvin):
     """And of a reading that is off beside that, none but it is named."""
     late = grown(case, kelvin)

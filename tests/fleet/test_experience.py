@@ -11,8 +11,7 @@ import report_sample
 from pipeline.answer.contract import BlindSpot, Cause, PositionStep, Unit
 from pipeline.base.errors import InputError
 from pipeline.diagnosis.finding import Verdict
-from pipeline.fleet.experience import experience
-from pipeline.fleet.priors import toml
+from pipeline.fleet.experience import experience, toml
 from pipeline.reduction.settings import CausePrior
 from pipeline.run import campaign_answer
 from pipeline.simulate import simulate

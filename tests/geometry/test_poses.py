@@ -18,9 +18,8 @@ from pipeline.reduction.settings import parse
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
-from pipeline.system.fit import fit
+from pipeline.system.fit import apart, fit
 from pipeline.system.one_pose import as_measured, one_pose
-from pipeline.system.turning import apart
 
 SIX = {"kind": "camera", "measures": "poses", "sigma_m": 5e-5, "sigma_rad": 2e-4, "stated": False}
 

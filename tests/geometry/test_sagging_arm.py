@@ -6,6 +6,7 @@ The chain of the KR500 is multiplied here, and torques are differences of the en
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from rail_chain import ALPHA, LETTERS, POINTS, D, R, stands, step
 
 from pipeline.diagnosis.unloaded_geometry import from_unloaded
@@ -76,11 +77,62 @@ def test_the_weight_leaves_nothing_to_the_joints():
     """Estimated beside the table, also where no listed cause stands for it."""
     data = measured(1)
     left = []
-    for std in (0.0, 1.0):
-        zeros = replace(unloaded(KR500, TOOL, None, data, 1.0), weight_std=std)
+    for weighs in (False, True):
+        zeros = replace(unloaded(KR500, TOOL, None, data, 1.0), weighs=weighs)
         rows = zeros.about(np.zeros(zeros.columns.count))
         left.append(unrefined(zeros, products(rows)).transmission @ unrefined(
             zeros, products(rows)).weight)  # fmt: skip
 
     assert left[0] > 1.0
     assert left[1] < 0.2
+
+
+@pytest.mark.whole
+def test_a_typed_length_stands_out_beside_the_sag():
+    """27 mm in one entry, as 1.258 for 1.285."""
+    stood = found(measured(2, wrong={"link_offset:5": 0.027}))
+
+    assert "link_offset:5" in [one.effect.label for one in stood.causes]
+    assert stood.left_m < 5e-5
+    assert not stood.unexplained
+
+
+@pytest.mark.whole
+def test_gravity_along_another_axis_is_said():
+    """The arm hangs on a wall: what is left is stated, and the axis that explains it."""
+    stood = found(measured(3, gravity=np.array([0.0, 9.81, 0.0])))
+
+    assert stood.unexplained
+    assert stood.down[0] == "+y"
+    assert stood.down[1] < 5e-5
+
+
+@pytest.mark.whole
+def test_nothing_is_said_of_an_arm_that_hangs_as_stated():
+    """Though it sags by millimetres."""
+    stood = found(measured(4))
+
+    assert stood.weighs
+    assert not stood.causes
+    assert not stood.unexplained
+    assert stood.corrects
+    assert stood.left_m < 5e-5 < 1e-3 < stood.miss_m
+
+
+@pytest.mark.whole
+def test_links_that_nobody_sees_weigh_nothing():
+    """An arm as stiff as its joint log, with the same errors of its table."""
+    assert not found(measured(5, gravity=np.zeros(3))).weighs
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("since", [5, 9])
+def test_a_bumped_foot_is_named_beside_the_sag(since):
+    """By 0.7 mm, a quarter of what the arm sags by."""
+    data = measured(6)
+    at = data.unloaded + 4e-4 * np.array([1, -1, 1]) * (data.pull[:, None] >= since)
+    (cause,) = found(replace(data, unloaded=at)).causes
+
+    assert cause.effect.name == "base_moved"
+    assert cause.probability > 0.95
+    assert np.abs(cause.value[:3]) == pytest.approx(4e-4, abs=2e-4)

@@ -7,7 +7,7 @@ from conftest import with_little_effort
 from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.design import spec
-from pipeline.fleet import removal
+from pipeline.fleet import pages
 from pipeline.intake import command as asking
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.readers import logs, read
@@ -112,7 +112,7 @@ def test_a_removed_campaign_is_on_no_page_and_its_measurements_are_kept(tmp_path
         code, out, err = typed(capsys, "remove", "gone", "--root", tmp_path)
 
         assert code == 0, err
-        kept = tmp_path / "data" / removal.REMOVED / ("gone" if not again else "gone-2")
+        kept = tmp_path / "data" / pages.REMOVED / ("gone" if not again else "gone-2")
         assert {one.name: one.read_bytes() for one in kept.iterdir()} == held
         assert out.split() == [str(kept)]
         assert not folder.exists()

@@ -19,7 +19,7 @@ from pipeline.prediction.model import IdentifiedModel
 from pipeline.report import words
 from pipeline.run import run
 from pipeline.simulate import Plan, revised, simulate
-from pipeline.simulate.listing import as_text
+from pipeline.simulate.hidden import as_text
 from pipeline.store.campaign import find
 
 ASLANT = np.array([1.0, 1.5, 0.8]) / np.linalg.norm([1.0, 1.5, 0.8])

@@ -192,8 +192,7 @@ def test_what_to_type_is_shown_as_such_and_a_name_as_it_is():
     said = "Correct it with `pipeline compensate spring`, not with `rm` of part`s.csv."
 
     def state(content):
-        content["first_screen"] = []
-        content["verdict_sentence"] = [said]
+        content["first_screen"] = [{"about": "to_do", "text": said}]
         content["diagnosis"]["why"] = said
 
     answer = report_sample.revised(report_sample.answer(), state)

@@ -11,7 +11,7 @@ from made_system import dense, generalised, made
 from small_case import PLAN, small
 
 from bench.as_pinocchio import model
-from pipeline.annex.fewer_poses import enough
+from pipeline.annex.figure_tables import enough
 from pipeline.annex.scene import MOST_POSES, scene
 from pipeline.annex.seen_laws import laws
 from pipeline.answer.posture import posture

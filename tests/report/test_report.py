@@ -261,7 +261,7 @@ def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):
     report = compose(said, tables)
 
     keys = [section.key for section in report.sections]
-    assert keys == [key for key in ORDER if key not in ("identity", "validation", "budget")]
+    assert keys == [key for key in ORDER if key not in ("validation", "budget")]
     table = next(b for b in part(report, "stiffness").blocks if isinstance(b, ReportTable))
     assert [row[1].text for row in table.rows] == [
         "not determined" if not joint.identifiable else numbers.MISSING
@@ -369,13 +369,14 @@ def test_a_sentence_of_the_answer_is_shown_to_the_letter(sample):
     why = "link_bending:upper_arm explains it; joint_tilted does not."
 
     def say(content):
-        content["verdict_sentence"] = ["With joint_tilt:3 in the model it fits.", "x"]
+        said = "With joint_tilt:3 in the model it fits."
+        content["first_screen"] = [{"about": "verdict", "text": said}]
         content["diagnosis"]["why"] = why
 
     report = compose(report_sample.revised(sample[0], say), sample[1])
     texts = [b.text for s in report.sections for b in s.blocks if hasattr(b, "text")]
 
-    assert [one.text for one in report.first] == ["With joint_tilt:3 in the model it fits.", "x"]
+    assert [one.text for one in report.first] == ["With joint_tilt:3 in the model it fits."]
     assert why in texts
 
 

@@ -82,9 +82,9 @@ def _apart_key(sheet: PixelSheet, framed: bool) -> None:
     """Draw the key of the shades in the empty corner."""
     x = sheet.width - _KEY + 8
     ends = [*map(str, (0, *(f"{one:g}" for one in _APART_STEPS)))]
-    told = [f"{low} to {high} σ" for low, high in pairwise(ends)] + [f"above {ends[-1]} σ"]
+    labels = [f"{low} to {high} σ" for low, high in pairwise(ends)] + [f"above {ends[-1]} σ"]
     sheet.text(x, 14, "Apart by", 12, font_weight="bold")
-    for k, (said, shade) in enumerate(zip(told, APART_SHADES, strict=True), 1):
+    for k, (said, shade) in enumerate(zip(labels, APART_SHADES, strict=True), 1):
         sheet.square(x, 18 * k + 4, 12, fill=shade)
         sheet.text(x + 18, 18 * k + 15, said, 12)
     if framed:

@@ -11,8 +11,7 @@ from pipeline.base.quantities import MM, plain
 from pipeline.report import words
 from pipeline.report.figures.certificate import REACH, WIDE, arm_of, draw_causes
 from pipeline.report.figures.plot import Plot
-from pipeline.report.figures.sheet import PixelSheet
-from pipeline.report.figures.view import FROM, TO
+from pipeline.report.figures.sheet import FROM, TO, PixelSheet
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import RED

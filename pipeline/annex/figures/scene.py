@@ -20,7 +20,7 @@ from pipeline.answer.contract import Answer, JointType
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import MM, known, plain, typeset
 from pipeline.report.figures.plot import Plot, Tips
-from pipeline.report.figures.view import FROM, PITCH, TO, View, outlines
+from pipeline.report.figures.sheet import FROM, PITCH, TO, View, outlines
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import BLUE, BODY, EDGE, GRID, INK, RED

@@ -7,9 +7,16 @@ from typing import Any
 from pipeline.annex.figures.scene import joints_of, largest, readings_of
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
-from pipeline.report.columns import Cells, number_column, table_of, word_column
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import ReportTable, Section, section_of
+from pipeline.report.record import (
+    Cells,
+    ReportTable,
+    Section,
+    number_column,
+    section_of,
+    table_of,
+    word_column,
+)
 from pipeline.report.summaries import Tables, each_row, has
 
 

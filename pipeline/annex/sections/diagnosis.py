@@ -22,9 +22,18 @@ from pipeline.answer.words import capital, listed
 from pipeline.base.quantities import p_value, percent, plain, probability
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
-from pipeline.report.columns import Cells, number_column, table_of, word_column
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Block, Paragraph, ReportTable, Section, section_of
+from pipeline.report.record import (
+    Block,
+    Cells,
+    Paragraph,
+    ReportTable,
+    Section,
+    number_column,
+    section_of,
+    table_of,
+    word_column,
+)
 from pipeline.report.summaries import Tables
 
 _WORTH_SAYING = 0.01

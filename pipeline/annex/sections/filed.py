@@ -7,9 +7,18 @@ from urllib.parse import quote
 
 from pipeline.answer.contract import Answer, Measuring, Rejected, Unit
 from pipeline.answer.words import listed
-from pipeline.report.columns import Cells, table_of, word_column
 from pipeline.report.identity import LabelledText, rows
-from pipeline.report.record import Column, Paragraph, Section, TableEntry, entry, section_of
+from pipeline.report.record import (
+    Cells,
+    Column,
+    Paragraph,
+    Section,
+    TableEntry,
+    entry,
+    section_of,
+    table_of,
+    word_column,
+)
 
 
 def identity(answer: Answer) -> Section | None:
@@ -27,8 +36,6 @@ def identity(answer: Answer) -> Section | None:
 def _unsaid(answer: Answer) -> Iterator[LabelledText]:
     """LabelledText listing what should be filed but is not stated in campaign.toml."""
     found, instrument = answer.identity, answer.instrument
-    if found is None:
-        return
     papers = {"robot": answer.robot_unit, "instrument": instrument, "scale": found.scale}
     if found.force_n is None:
         del papers["scale"]

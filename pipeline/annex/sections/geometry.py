@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from pipeline.answer.contract import Answer, Cause, PositionStep, TableCombination, TableLetter
 from pipeline.base.quantities import mix, p_value, percent, plain
-from pipeline.report.columns import (
+from pipeline.report.figures.catalogue import figures
+from pipeline.report.record import (
     Cells,
+    Paragraph,
+    ReportTable,
+    Section,
     measured_column,
     number_column,
     roughly,
+    section_of,
     table_of,
     word_column,
 )
-from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Paragraph, ReportTable, Section, section_of
 from pipeline.report.summaries import Tables
 
 _NAMES = {

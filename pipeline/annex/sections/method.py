@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from pipeline.answer.contract import Answer, Equilibrium, Input, Which
 from pipeline.base.quantities import plain, typeset
-from pipeline.report.columns import Cells, number_column, table_of, word_column
-from pipeline.report.record import Paragraph, ReportTable, Section, section_of
+from pipeline.report.record import (
+    Cells,
+    Paragraph,
+    ReportTable,
+    Section,
+    number_column,
+    section_of,
+    table_of,
+    word_column,
+)
 from pipeline.report.summaries import Tables
 
 _LEFT_OUT = (
@@ -61,7 +69,7 @@ def _told(answer: Answer) -> str:
     if answer.of_positions:
         return _OF_POSITIONS
     deformed = answer.model.equilibrium is Equilibrium.DEFORMED
-    told = [
+    lines = [
         _METHOD.format(**_loads(answer)),
         "The force acts on the deflected robot (second order in the load)."
         if deformed
@@ -69,15 +77,15 @@ def _told(answer: Answer) -> str:
     ]
     recommended = answer.recommended
     if recommended.model != Which.JOINT_SPRINGS and not recommended.reason.unseen:
-        told.append(
+        lines.append(
             "In addition to the joint springs the model includes what was identified, "
             "c = B x + Z z."
         )
     if answer.position_steps:
-        told.append(_OF_POSITIONS)
+        lines.append(_OF_POSITIONS)
     size = plain(answer.fit.second_order_rms_mm, 2)
-    told.append(f"The second order in the load amounts to {size} mm rms")
-    return " ".join(told) + ("." if deformed else _LEFT_OUT)
+    lines.append(f"The second order in the load amounts to {size} mm rms")
+    return " ".join(lines) + ("." if deformed else _LEFT_OUT)
 
 
 def _loads(answer: Answer) -> dict[str, str]:

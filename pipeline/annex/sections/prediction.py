@@ -16,16 +16,19 @@ from pipeline.answer.contract import (
 )
 from pipeline.base.quantities import percent, plain
 from pipeline.report import words
-from pipeline.report.columns import (
+from pipeline.report.figures.catalogue import figures
+from pipeline.report.record import (
     Cells,
+    Paragraph,
+    ReportTable,
+    Section,
     measured_column,
     number_column,
     roughly,
+    section_of,
     table_of,
     word_column,
 )
-from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Paragraph, ReportTable, Section, section_of
 from pipeline.report.summaries import Tables
 
 

@@ -23,20 +23,18 @@ from pipeline.answer.contract import (
 )
 from pipeline.answer.pose_budget import HELD_OUT
 from pipeline.base.quantities import known, p_value, percent, plain, with_std
-from pipeline.report.columns import (
-    Cells,
-    measured_column,
-    number_column,
-    roughly,
-    table_of,
-    word_column,
-)
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import (
+    Cells,
     Paragraph,
     ReportTable,
     Section,
+    measured_column,
+    number_column,
+    roughly,
     section_of,
+    table_of,
+    word_column,
 )
 from pipeline.report.summaries import Tables, each_row, has
 

@@ -32,24 +32,22 @@ from pipeline.base.quantities import (
     with_std,
 )
 from pipeline.report import words
-from pipeline.report.columns import (
-    Cells,
-    measured_column,
-    number_column,
-    roughly,
-    table_of,
-    word_column,
-)
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import (
+    Cells,
     Column,
     Paragraph,
     ReportTable,
     Section,
     TableEntry,
     entry,
+    measured_column,
+    number_column,
+    roughly,
     section_of,
+    table_of,
     text_entry,
+    word_column,
 )
 
 _SINCE = "pipeline.fleet.history:since"
@@ -292,8 +290,8 @@ def _compliance_table(joints: Sequence[Stiffness]) -> ReportTable | None:
         ),
         word_column("Unit", lambda joint: prefixed(joint.compliance_unit, "")),
     ]
-    told = joints if any(joint.compliance is not None for joint in joints) else ()
-    return table_of("compliance", "Compliances, as estimated", columns, told)
+    shown = joints if any(joint.compliance is not None for joint in joints) else ()
+    return table_of("compliance", "Compliances, as estimated", columns, shown)
 
 
 def _fit_text(fit: Fit) -> Paragraph:

@@ -18,8 +18,15 @@ from pipeline.answer.words import loads
 from pipeline.base.quantities import percent, plain
 from pipeline.diagnosis.facts import SEPARATED
 from pipeline.report import words
-from pipeline.report.columns import Cells, number_column, roughly, table_of, word_column
-from pipeline.report.record import ReportTable, present
+from pipeline.report.record import (
+    Cells,
+    ReportTable,
+    number_column,
+    present,
+    roughly,
+    table_of,
+    word_column,
+)
 
 _ARRIVES = {
     1.0: "carriage approaches in the positive direction",

@@ -10,8 +10,17 @@ from pipeline.answer.contract import (
 from pipeline.answer.words import unnoticed
 from pipeline.base.quantities import common_prefix, plain, prefixed
 from pipeline.report import words
-from pipeline.report.columns import Cells, table_of, word_column
-from pipeline.report.record import Block, Column, Paragraph, ReportTable, entry, present
+from pipeline.report.record import (
+    Block,
+    Cells,
+    Column,
+    Paragraph,
+    ReportTable,
+    entry,
+    present,
+    table_of,
+    word_column,
+)
 
 _WIDE = 300.0
 """Largest ratio of two magnitudes that share a prefix of their unit [1]."""

@@ -74,7 +74,7 @@ def _version(asked: bool) -> None:
 
 
 @app.callback()
-def everything(
+def _everything(
     context: typer.Context,
     root: Annotated[
         Path | None, Option(help="Project folder, before the command or behind it.")

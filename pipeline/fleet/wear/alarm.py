@@ -128,7 +128,7 @@ def _look(
     z, p = _p_values(found, tried, scatter)
     odds = np.array([_SOFTENS, 1 - _SOFTENS])[:, None] * tried.weight / p
     share = special.softmax(z**2 / 2 + np.log(tried.weight))
-    blamed = np.flatnonzero(share @ tried.joints > 0.5)
+    concerned = np.flatnonzero(share @ tried.joints > 0.5)
     by_gap = {g: float(share[tried.gap == g].sum()) for g in (-1, *after)}
     stepped = by_gap[-1] < 0.5
     last = max(after, key=lambda g: by_gap[g]) if stepped else -1
@@ -137,7 +137,7 @@ def _look(
         _together(float(odds.sum()), odds.size),
         allowed,
         ChangeKind.STEP if stepped else ChangeKind.TREND,
-        tuple(blamed.tolist()),
+        tuple(concerned.tolist()),
         machine.visits[last].campaign if stepped else None,
     )
 

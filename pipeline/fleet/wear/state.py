@@ -114,10 +114,10 @@ def _standing(machine: Machine, found: DayToDayVariances, value: Array, cov: Arr
     own, sized = trends(machine, found), _sized(machine)
     names = tuple(visit.campaign for visit in machine.visits)
     bare = RobotState(machine.name, names, (), seen[-1] if seen else None, raised)
-    blamed = _blamed(bare.tells, own)
+    concerned = _concerned(bare.tells, own)
     enough = len(machine.t) >= FEWEST
     joints = tuple(
-        _joint(own, value, cov, j, enough and bool(sized[j]), changed=j in blamed)
+        _joint(own, value, cov, j, enough and bool(sized[j]), changed=j in concerned)
         for j in range(machine.joints)
     )
     return replace(bare, joints=joints)
@@ -131,7 +131,7 @@ def _sized(machine: Machine) -> Bools:
         return np.asarray(machine.reference * np.sqrt(weight) > _CERTAIN)
 
 
-def _blamed(look: InterimTest | None, own: Trends) -> tuple[int, ...]:
+def _concerned(look: InterimTest | None, own: Trends) -> tuple[int, ...]:
     """Joints concerned by an alarm; for a trend, those whose own trend is significant, if any."""
     if look is None or look.kind is ChangeKind.STEP:
         return look.joints if look else ()

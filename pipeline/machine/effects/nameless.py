@@ -235,9 +235,9 @@ def remembered(pulls: Pulls, torque: Array, fades_s: float) -> Array:
     else:
         step_s = np.full(max(len(order) - 1, 0), _STEP_S)
     keeps = np.exp(-step_s / fades_s)
-    held = np.diff(pulls.pose[order]) == 0
+    same_pose = np.diff(pulls.pose[order]) == 0
     share = np.abs(torque) / np.maximum(np.abs(torque).max(axis=0, initial=0.0), 1e-300)
-    gains = ((1 - keeps) * held)[:, None] * share[order[:-1]]
+    gains = ((1 - keeps) * same_pose)[:, None] * share[order[:-1]]
     out, now = np.zeros_like(torque), np.zeros(torque.shape[1])
     for row, keep, gain in zip(order[1:], keeps.tolist(), gains, strict=True):
         out[row] = now = keep * now + gain

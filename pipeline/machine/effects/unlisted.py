@@ -157,9 +157,9 @@ def worded(robot: Robot, made: Effect) -> Effect:
     """Add noun and signature to the effect of a law, with the controller's names of the joints."""
     assert made.law is not None
     names = axes.alone(robot)
-    told = _noun(made.law, names)
+    noun = _noun(made.law, names)
     axis = names[made.where - 1] if isinstance(made.where, int) else None
-    return replace(made, noun=told, signature=told, axis=axis)
+    return replace(made, noun=noun, signature=noun, axis=axis)
 
 
 def _effect(robot: Robot, law: Law) -> Effect:
@@ -357,8 +357,11 @@ def undecided(robot: Robot, one: Effect, others: Sequence[Law]) -> Effect:
     first, names = one.law, axes.alone(robot)
     alike = [law for law in others if _but_for_order(law, first)]
     orders = [law.shapes[-1].order for law in (first, *alike)]
-    told = [_noun(first, names, orders), *(_noun(law, names) for law in others if law not in alike)]
-    text = ", or ".join(dict.fromkeys(told))
+    nouns = [
+        _noun(first, names, orders),
+        *(_noun(law, names) for law in others if law not in alike),
+    ]
+    text = ", or ".join(dict.fromkeys(nouns))
     return replace(one, noun=text, signature=text)
 
 

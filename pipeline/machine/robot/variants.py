@@ -80,11 +80,11 @@ def _with_row(robot: Robot, file: RobotFile, j: int, change: dict[str, float]) -
 
 def _as(robot: Robot, file: RobotFile) -> Robot:
     placement, flange = placements(file)
-    told: dict[str, object] = {"convention": file.convention}
+    entries: dict[str, object] = {"convention": file.convention}
     ends = {"base": file.base, "flange": file.flange}
-    told |= {name: end.model_dump() for name, end in ends.items() if end is not None}
+    entries |= {name: end.model_dump() for name, end in ends.items() if end is not None}
     rows = {"joint": [row.model_dump(exclude_none=True) for row in file.joint]}
-    text = toml.dumps(toml.loads(robot.text, robot.name) | told | rows)
+    text = toml.dumps(toml.loads(robot.text, robot.name) | entries | rows)
     return replace(robot, placement=placement, flange=flange, text=text)
 
 

@@ -19,8 +19,7 @@ from pipeline.base.quantities import MISSING, percent, plain, with_uncertainty
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot
-from pipeline.report.figures.sheet import PixelSheet
-from pipeline.report.figures.view import FROM, TO, View, outlines
+from pipeline.report.figures.sheet import FROM, TO, PixelSheet, View, outlines
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, BODY, EDGE, GREEN, GRID, INK, MUTED, PAPER, RED
@@ -415,15 +414,15 @@ _LETTERS = 46
 
 def _draw_gauge(answer: Answer, tables: Tables, say: Say = str) -> str:
     """Draw a bar for each deflection, with a line at the tolerance."""
-    told = list(_judged_deflections(answer))
+    judged = list(_judged_deflections(answer))
     most = answer.tolerance.deflection_mm if answer.tolerance else None
-    full = 1.15 * max([*(one.end for one in told), most or 0.0])
-    sheet = PixelSheet(_ACROSS, _ROW * len(told) + 18, say)
+    full = 1.15 * max([*(one.end for one in judged), most or 0.0])
+    sheet = PixelSheet(_ACROSS, _ROW * len(judged) + 18, say)
 
     def at(mm: float) -> float:
         return _LEFT + (_RIGHT - _LEFT) * mm / full
 
-    for k, one in enumerate(told):
+    for k, one in enumerate(judged):
         y, colour = _ROW * k + 40, _GAUGE[one.decision]
         sheet.line((_LEFT, y), (_RIGHT, y), GRID, 16)
         low, high = max(one.size - (one.u or 0.0), 0.0), one.end
@@ -436,7 +435,7 @@ def _draw_gauge(answer: Answer, tables: Tables, say: Say = str) -> str:
         sheet.text(_RIGHT, y - 15, right, size, text_anchor="end")
         if most is not None:
             sheet.line((at(most), y - 12), (at(most), y + 12), INK, 3)
-    foot = _ROW * len(told)
+    foot = _ROW * len(judged)
     if most is not None:
         text = f"tolerance {most:g} mm"
         sheet.text(min(at(most), _RIGHT - 60), foot + 13, text, 13, text_anchor="middle")
@@ -445,12 +444,12 @@ def _draw_gauge(answer: Answer, tables: Tables, say: Say = str) -> str:
 
 
 def _write_gauge(answer: Answer, tables: Tables) -> Figure | None:
-    told = list(_judged_deflections(answer))
-    if not told:
+    judged = list(_judged_deflections(answer))
+    if not judged:
         return None
     parts = [
         f"{one.name} {one.said}{'' if one.decision is None else f', {DECIDED[one.decision]}'}"
-        for one in told
+        for one in judged
     ]
     most = answer.tolerance.deflection_mm if answer.tolerance else None
     limit = "" if most is None else f", beside a tolerance of {most:g} mm"
