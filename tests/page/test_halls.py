@@ -49,7 +49,8 @@ def fill_in(tab, hall):
             asked.fill(word)
             with tab.expect_response("**/fill"):
                 tab.keyboard.press("Tab")
-            tab.reload()
+            tab.wait_for_timeout(1500)  # the page loads itself again where others follow
+            tab.wait_for_load_state("networkidle")
     for table in ("base_frame", "tool"):
         section = tab.locator("section", has=tab.get_by_role("heading", name=table, exact=True))
         section.locator("select").select_option(hall.unit)
