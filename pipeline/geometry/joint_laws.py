@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry import law_tests, spline
-from pipeline.geometry.calibrate import Calibration, ModelStructure, calibrate, likeliest
+from pipeline.geometry.calibrate import Calibration, ModelStructure, calibrate, likeliest, tried
 from pipeline.geometry.catalogue_causes import CatalogueCause, CatalogueLaw, causes, chances
 from pipeline.geometry.cross_validation import NO_GAIN, LeftOutGain, LeftOutPoses, Partition
 from pipeline.geometry.laws import JointLaw, LawKind, LawVariable
@@ -164,9 +164,10 @@ def with_laws(
     others = [law for law in every if not _own_angle(law)]
     found, further = _of_all_else(data, found, others, signs, judge)
     plain = [k for k, one in enumerate(names) if not one.name]
-    chance = chances(found, [_of_law(found.mechanism, k) for k in plain], signs)
+    copies = law_tests.score(found, signs).x
+    chance = chances(found, [_of_law(found.mechanism, k) for k in plain], copies)
     p |= {_key(names[k].law): c for k, c in zip(plain, chance, strict=True)} | further
-    return _NamedModel(found, _named(found, p, judge), causes(found, names, signs, judge))
+    return _NamedModel(found, _named(found, p, judge), causes(found, names, copies, judge))
 
 
 def _bent(clues: Sequence[law_tests.LawTest]) -> dict[int, float]:
@@ -189,18 +190,17 @@ def _of_own_angles(
     if not bent:
         return springs, {}
     joints = sorted(bent)
-    wanted, _ = likeliest(
+    found = likeliest(
         springs,
         [
             replace(springs.wanted, curves=tuple((j, length) for j in joints))
             for length in spline.LENGTHS[False]
         ],
     )
-    found = data.identify(springs.mechanism, wanted, springs)
     waves = [law for j in joints if (law := _one_wave(found, clues, j)) is not None]
     p = {_curve_of(j): chance for j, chance in bent.items()}
     p |= {_key(law): bent[law.joint - 1] for law in waves}
-    return _better(data, found, waves, judge), p
+    return data.again(_better(found, waves, judge)), p
 
 
 def _of_all_else(
@@ -220,23 +220,21 @@ def _of_all_else(
             break
         law = law_tests.sharpened(here, left[0].law, inputs)
         new = (*found.mechanism.laws, law)
-        more = data.identify(found.mechanism, replace(found.wanted, laws=new), found)
+        more = tried(found, replace(found.wanted, laws=new))
         if not judge.carries(more, _of_law(more.mechanism, len(new) - 1), law.once):
             break
-        found, p[_key(law)] = more, left[0].p
+        found, p[_key(law)] = data.again(more), left[0].p
         free.remove(left[0].law)
     return found, p
 
 
-def _better(
-    data: LawSearchData, bent: Calibration, waves: Sequence[JointLaw], judge: LeftOutPoses
-) -> Calibration:
+def _better(bent: Calibration, waves: Sequence[JointLaw], judge: LeftOutPoses) -> Calibration:
     """The estimate with waves in place of curves, where held-out poses are predicted as well."""
     found = bent
     for law in waves:
         rest = tuple(one for one in found.wanted.curves if one[0] != law.joint - 1)
         wanted = replace(found.wanted, laws=(*found.mechanism.laws, law), curves=rest)
-        trial = data.identify(found.mechanism, wanted, found)
+        trial = tried(found, wanted)
         if judge.as_good(trial, found):
             found = trial
     return found
@@ -271,7 +269,7 @@ def _one_wave(
 ) -> JointLaw | None:
     """The wave that explains at least `_HALF` of a joint's curve over the poses, if any."""
     q = found.readings.q[:, joint]
-    curve, knots = _curve(found.mechanism, joint)
+    curve, knots = _curve(found, joint)
     f = curve.value(q, knots)
     tried = [c.law for c in clues if c.law and c.law.kind == "periodic" and c.joint == joint + 1]
     orders = np.unique(tried[0].order + _NEAR) if tried else np.zeros(0)
@@ -281,12 +279,12 @@ def _one_wave(
     return replace(tried[0], order=float(orders[int(np.argmax(shares))]))
 
 
-def _curve(mechanism: Mechanism, joint: int) -> tuple[spline.Curve, Array]:
+def _curve(found: Calibration, joint: int) -> tuple[spline.Curve, Array]:
     """A joint's curve and its values at the knots."""
-    at = 0
-    for one in mechanism.curves:
+    at = layout(found.mechanism).knots.start
+    for one in found.mechanism.curves:
         if one.screw == joint:
-            return one, mechanism.knots[at : at + one.count]
+            return one, found.solution.x[at : at + one.count]
         at += one.count
     raise KeyError(joint)
 
