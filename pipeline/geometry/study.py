@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.bootstrap import interval
-from pipeline.geometry import law_tests, left_out, outliers, spline
+from pipeline.geometry import law_tests, left_out, outliers, random_curve
 from pipeline.geometry.calibrate import Calibration, ModelStructure, likeliest, tried
 from pipeline.geometry.catalogue_causes import (
     OTHER_MASSES,
@@ -261,8 +261,8 @@ def _base(data: LawSearchData, begun: Mechanism) -> tuple[Calibration, tuple[Cat
         found = data.identify(table.mechanism, wanted, table)
         best = _formed(found)
     else:
-        found = data.identify(table.mechanism, replace(wanted, bed=spline.BED[1]), table)
-        beds = [replace(wanted, bed=length) for length in spline.BED]
+        found = data.identify(table.mechanism, replace(wanted, bed=random_curve.BED[1]), table)
+        beds = [replace(wanted, bed=length) for length in random_curve.BED]
         best = _formed(likeliest(found, beds))
     return (best if best is found else data.again(best)), names
 
