@@ -481,7 +481,9 @@ def _by_kind(
 def law_tests(
     here: _LawScore, inputs: Inputs, laws: Sequence[JointLaw], bent: Sequence[bool] = ()
 ) -> list[LawTest]:
-    """Tests of all laws and curves, the least probable by chance first.
+    """Tests of all laws and curves, those of the joint that is the least likely by chance first.
+
+    Of the significant ones of a joint the one that explains most comes first.
 
     Each T is standardised by its values in the copies. p is the probability of the largest of all
     standardised values being as large: from its rank among the copies, and beyond them from an
@@ -507,7 +509,14 @@ def law_tests(
         LawTest(law, joint, float(t), float(chance))
         for (law, joint), t, chance in zip(of, every[:, 0], p, strict=True)
     ]
-    return sorted(found, key=lambda clue: (clue.p, -clue.statistic))
+    least: dict[tuple[int, bool], float] = {}
+    for one in found:
+        kind = one.joint, one.law is None
+        least[kind] = min(one.p, least.get(kind, 1.0))
+    return sorted(
+        found,
+        key=lambda one: (least[one.joint, one.law is None], one.p >= alarms.LAW, -one.statistic),
+    )
 
 
 def beyond_copies(T: Array) -> Array:
