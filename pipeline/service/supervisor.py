@@ -229,9 +229,8 @@ def _started(server: _Child, asked: threading.Event) -> None:
         time.sleep(0.3)
     if not asked.is_set():
         *_, last = ["it is silent", *server.log.read_text(errors="replace").split("\n")[:-1]]
-        raise UsageError(
-            f"Prefect's server did not start ({printable(last.rstrip('.'), 400)}); {server.log} says more"
-        )
+        why = printable(last.rstrip("."), 400)
+        raise UsageError(f"Prefect's server did not start ({why}); {server.log} says more")
 
 
 @contextlib.contextmanager
