@@ -84,8 +84,8 @@ def place(folder: Path, content: Mapping[str, bytes]) -> None:
     """
     with writing(folder):
         folder.parent.mkdir(parents=True, exist_ok=True)
-        # one level up: beside the folder an unfinished one would count
-        temporary = Path(tempfile.mkdtemp(dir=folder.parent.parent, prefix=f".{folder.name}."))
+        # in the same file system as the folder; a name with a dot is that of no campaign
+        temporary = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
         try:
             for name, data in content.items():
                 write(temporary / "new" / name, data)
