@@ -47,6 +47,18 @@ def writing(path: Path) -> Iterator[None]:
         raise CannotWrite(f"{thing}; {_way_out(path, problem)}.") from problem
 
 
+def refused(problem: BaseException) -> CannotWrite | None:
+    """What to say if the disk is full, read-only, or a file another user's; None otherwise."""
+    match problem:
+        case OSError(errno=number) if number in DISK_FULL:
+            why = f"The answer cannot be written ({problem.strerror})"
+        case OSError(errno=number, filename=str(name)) if number in _CLOSED:
+            why = f"{name} cannot be used ({problem.strerror})"
+        case _:
+            return None
+    return CannotWrite(f"{why}; {_way_out(Path(), problem)}.")
+
+
 def _way_out(path: Path, problem: OSError) -> str:
     if isinstance(problem, FileExistsError | NotADirectoryError):
         for above in (path, *path.parents):
