@@ -180,6 +180,7 @@ def failed(name: str, problem: Exception) -> Outcome:
     """Outcome of a campaign without a result, with the reason."""
     if isinstance(problem, MemoryError):
         problem = Unfinished("needs more memory than it may have", _FRUGAL)
+    problem = files.refused(problem) or problem
     if isinstance(problem, PipelineError):
         words, code = str(problem), problem.exit_code
     else:
