@@ -104,10 +104,12 @@ def first_screen(found: CampaignResults, stated: FirstScreen) -> tuple[Line, ...
     lines: list[tuple[About, str]] = [
         (
             About.TOLERANCE,
-            "" if stated.tolerance is None else tolerated(stated.tolerance, stated.pose),
+            tolerated(stated.tolerance, stated.pose, holds=_holds(found))
+            if stated.tolerance
+            else "",
         ),
         (About.VERDICT, f"{_verdict(found)} {capital(_predicted(found))}."),
-        (About.TO_DO, " ".join((*_out(stated), _to_do(found, stated.mine.stiffness)))),
+        (About.TO_DO, " ".join((*_out(found, stated), _to_do(found, stated.mine.stiffness)))),
         (About.MODEL, " ".join(_model(found, stated))),
         (About.NUMBERS, " ".join((_for_controller(found, stated), *_uncalibrated(found, stated)))),
         (About.TEST_POSE, " ".join(_test_pose(found, stated))),
@@ -115,6 +117,11 @@ def first_screen(found: CampaignResults, stated: FirstScreen) -> tuple[Line, ...
         (About.NEXT, _next(found, stated)),
     ]
     return tuple(Line(about=about, text=text) for about, text in lines if text)
+
+
+def _holds(found: CampaignResults) -> bool:
+    """Whether the answer's values explain the readings."""
+    return found.row.reason.holds_for_its_readings
 
 
 def _wrong(found: CampaignResults, stated: FirstScreen) -> tuple[str, ...]:
@@ -244,9 +251,9 @@ def _instead(found: CampaignResults) -> str:
     )
 
 
-def _out(stated: FirstScreen) -> Iterator[str]:
-    """What a tolerance that is not kept asks for, before all else."""
-    asked = stated.tolerance
+def _out(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
+    """What a tolerance that is not kept asks for, before all else; nothing without a model."""
+    asked = stated.tolerance if _holds(found) else None
     worst = None if asked is None else asked.worst
     if worst is Decision.FAIL:
         yield (
@@ -282,7 +289,7 @@ def _to_do(found: CampaignResults, stiffness: Sequence[Stiffness]) -> str:
     if beside and found.row.model == Which.AVERAGED and len(found.told.model.hypotheses) > 1:
         beside = ["any of the possible causes"]
     text = " ".join((_do(found), *_unfit(found, stiffness)))
-    if not beside or not found.row.reason.holds_for_its_readings:
+    if not beside or not _holds(found):
         return text
     return (
         f"{text} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
@@ -311,7 +318,7 @@ _SAG = ", and a campaign of positions identifies the sag"
 def _unfit(found: CampaignResults, stiffness: Sequence[Stiffness]) -> Iterator[str]:
     """Stiffnesses that are no number to enter, where the others are."""
     half = [joint.called for joint in stiffness if joint.value and joint.ci95[1] is None]
-    if half and found.row.reason.holds_for_its_readings:
+    if half and _holds(found):
         yield (
             f"Enter no value for {listed(half)}: these pulls cannot distinguish it from a rigid "
             "axis."
@@ -376,7 +383,7 @@ def _for_controller(found: CampaignResults, stated: FirstScreen) -> str:
 
     Values that were estimated beside a cause are too stiff without it.
     """
-    holds = found.row.reason.holds_for_its_readings and not found.mistakes
+    holds = _holds(found) and not found.mistakes
     if not holds or not found.told.model.hypotheses[0].beside_springs:
         return _numbers(found, stated.mine.stiffness, stated.together)
     error = left_out_mm(found.springs.values.left_out_m)
@@ -414,7 +421,7 @@ def _numbers(
         )
     if not good:
         return "These pulls determine no stiffness and no combination of stiffnesses."
-    if not found.row.reason.holds_for_its_readings:
+    if not _holds(found):
         return "None: the values below do not explain the readings."
     return entered(stiffness, together)
 
@@ -529,7 +536,7 @@ def _next(found: CampaignResults, stated: FirstScreen) -> str:
             "A known weight hung from the load point in two of the poses: it tells whether the "
             "scale is wrong or the masses are."
         )
-    if not found.row.reason.holds_for_its_readings:
+    if not _holds(found):
         return (
             "The poses that are missed most, once more and on another day: this tells the machine "
             "from the readings."
@@ -574,7 +581,7 @@ def joint_to_pull(
         return None
     if _again(found):
         return worst if worst.value is None else None
-    explained = found.row.reason.holds_for_its_readings
+    explained = _holds(found)
     return worst if explained and not _needs(found, diagnosis) else None
 
 

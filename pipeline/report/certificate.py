@@ -240,7 +240,8 @@ def _to_controller(answer: Answer) -> Iterator[str]:
 
 def _by_tolerance(answer: Answer) -> Iterator[str]:
     """What to do if the tolerance is not kept or undecided."""
-    worst = answer.tolerance.worst if answer.tolerance else None
+    holds = answer.recommended.reason.holds_for_its_readings
+    worst = answer.tolerance.worst if answer.tolerance and holds else None
     if worst is Decision.FAIL:
         yield "For the tolerance: reduce the force or compensate the path."
     elif worst is Decision.UNDECIDED:

@@ -19,12 +19,20 @@ from pipeline.answer.contract import (
     BestPose,
     JudgedPath,
     NextPose,
+    Reason,
     Stretch,
+    TestPose,
     Tip,
     Tolerance,
     ToMeasure,
 )
-from pipeline.answer.sentences import _least_certain, _proposed, _uncalibrated, joint_to_pull
+from pipeline.answer.sentences import (
+    _least_certain,
+    _out,
+    _proposed,
+    _uncalibrated,
+    joint_to_pull,
+)
 from pipeline.answer.words import correct, mistaken, unnoticed, wrong
 from pipeline.diagnosis.facts import Facts
 from pipeline.faults.mistake import outlying
@@ -114,6 +122,27 @@ def test_few_stretches_are_told_and_many_are_counted():
     said = tolerated(Tolerance(deflection_mm=0.25, test_pose=None, path=many))
     assert "Test pose" not in said
     assert "of 12 points 6 pass and 6 fail" in said
+
+
+def test_no_decision_is_printed_of_a_model_that_does_not_explain_the_readings():
+    """One sentence that says why, and nothing to do about the force."""
+    asked = Tolerance(deflection_mm=0.25, test_pose=Decision.UNDECIDED, path=None)
+    found, stated = (
+        SimpleNamespace(row=SimpleNamespace(reason=Reason.UNEXPLAINED)),
+        SimpleNamespace(
+            tolerance=asked,
+            pose=TestPose(deflection_mm=0.1, std_mm=0.1, axes=(), force_n=(0, 0, 1.0), stated=True),
+        ),
+    )
+    said = tolerated(asked, holds=False)
+
+    assert said == (
+        "campaign.toml allows a deflection of 0.25 mm; conformity is undecided, since the model "
+        "does not explain the readings."
+    )
+    assert not [*_out(found, stated)]
+    found.row.reason = Reason.ADEQUATE
+    assert [*_out(found, stated)][0].startswith("Conformity with the tolerance is undecided")
 
 
 @pytest.mark.parametrize(
