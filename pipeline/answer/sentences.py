@@ -55,6 +55,9 @@ from pipeline.base.quantities import (
 )
 from pipeline.base.shown import typed
 from pipeline.diagnosis.facts import SEPARATED, Facts
+from pipeline.diagnosis.finding import Verdict
+from pipeline.diagnosis.verdict import CERTAIN, verdict
+from pipeline.faults.mistake import in_common
 from pipeline.prediction.decision import Decision
 from pipeline.system.estimate import is_plausible
 from pipeline.system.system import Estimate
@@ -150,7 +153,8 @@ def _verdict(found: CampaignResults) -> str:
     estimate, good = fitted.estimate, is_plausible(fitted.estimate, fitted.data.tracked)
     alone = found.row.model == Which.JOINT_SPRINGS or reason == Reason.TOO_SMALL
     if found.mistakes:
-        return mistaken(found.facts)
+        shared = in_common(found.facts.mistakes, found.given.case.readings)
+        return f"{mistaken(found.facts)}{f' {shared}' if shared else ''}"
     if alone and not good and estimate.p_value is None:
         left = 1e3 * estimate.residual_std_m
         return (
@@ -170,6 +174,11 @@ def _of_reason(found: CampaignResults) -> str:
     return robot.holds if robot else HOLDS[found.row.reason]
 
 
+def _open(found: CampaignResults) -> bool:
+    """Whether the verdict is that more than one cause may be true."""
+    return verdict(found.facts) is Verdict.AMBIGUOUS
+
+
 @dataclass(frozen=True)
 class _OfRobot:
     """What is said where joint springs hold on a robot that is not as its file says.
@@ -184,6 +193,13 @@ class _OfRobot:
     holds: str
     do: str
 
+
+_UNDECIDED = _OfRobot(
+    lambda _: True,
+    "Joint springs explain the readings, but what displaces the unloaded reflectors is uncertain.",
+    "Find out first which cause it is: the stiffnesses belong to the robot with the one that is "
+    "named.",
+)
 
 _OF_ROBOT = (
     _OfRobot(
@@ -211,6 +227,8 @@ _OF_ROBOT = (
 def _of_robot(found: CampaignResults) -> _OfRobot | None:
     if found.row.reason != Reason.WEIGHED_ANEW:
         return None
+    if _open(found):
+        return _UNDECIDED
     return next((one for one in _OF_ROBOT if one.applies(found.facts)), None)
 
 
@@ -309,8 +327,12 @@ def _do(found: CampaignResults) -> str:
             f"too: model.toml holds its DH parameters{_SAG * stood.weighs}."
         )
     said = DO[found.row.reason]
+    if _open(found) and found.row.reason == Reason.SPRINGS_UNTOUCHED:
+        said = f"{said} {_UNTOUCHED}"
     return f"{correct(found.facts)} {said}" if found.mistakes else said
 
+
+_UNTOUCHED = "What is open does not change them."
 
 _SAG = ", and a campaign of positions identifies the sag"
 
@@ -543,14 +565,12 @@ def _next(found: CampaignResults, stated: FirstScreen) -> str:
         )
     needs = _needs(found, stated.diagnosis)
     if needs:
-        return (
-            "For the cause: no reachable pose tells the causes apart by pulls alone. What would: "
-            f"{needs[0]}."
-        )
+        return f"What would tell which cause it is: {needs[0]}."
     worst = joint_to_pull(found, stated.diagnosis, stated.mine.stiffness)
     if worst is None:
         return "Nothing can be proposed: no stiffness is known."
-    return _least_certain(stated, worst)
+    settled = verdict(found.facts) in (Verdict.ADEQUATE, Verdict.EXPLAINED)
+    return f"{f'{_NONE_OPEN} ' * settled}{_least_certain(stated, worst)}"
 
 
 def _again(found: CampaignResults) -> str:
@@ -563,9 +583,13 @@ def _again(found: CampaignResults) -> str:
 
 def _needs(found: CampaignResults, diagnosis: Diagnosis) -> list[str]:
     """What would part causes that no pull does."""
-    if found.row.model != Which.AVERAGED:
+    if not _open(found) and found.row.model != Which.AVERAGED:
         return []
-    return [one.needs for one in diagnosis.causes if one.needs and one.rivals]
+    return [
+        one.needs
+        for one in diagnosis.causes
+        if one.needs and (one.rivals or one.twins or one.probability < CERTAIN)
+    ]
 
 
 def joint_to_pull(
@@ -622,18 +646,13 @@ def _joints(pose: ToMeasure) -> str:
 
 def _least_certain(stated: FirstScreen, worst: Stiffness) -> str:
     """Which pulls would gain most, and what one such pose would settle."""
-    best = stated.diagnosis.best_pose
-    more = (
-        ""
-        if best is None
-        else f" One more pose: {_pulled(best)}. {_settled(best, worst)}{_unchecked(stated)}"
-    )
-    pulls = remarks.WORK[worst.joint_type]
+    best, pulls = stated.diagnosis.best_pose, remarks.WORK[worst.joint_type]
+    after = "" if best is None else f" {_settled(best, worst)}"
     if worst.value is None:
+        more = f" One more pose: {_pulled(best)}.{after}{_unchecked(stated)}" if best else ""
         return f"{capital(pulls)}: {worst.called} is not determined.{more}"
     known = f"Its standard uncertainty is {percent(worst.relative_std)}."
-    optional = f"Optional: {pulls} would improve {worst.called} most."
-    return f"{_NONE_OPEN} {optional} {known}{more}"
+    return f"Optional: {pulls} would improve {worst.called} most. {known}{after}"
 
 
 _NONE_OPEN = "No question is open."
@@ -643,7 +662,7 @@ def _settled(best: BestPose, joint: Stiffness) -> str:
     """What the best pose makes of the uncertainty of a joint."""
     after = percent(best.relative_std_after)
     if joint.value is not None:
-        return f"With it the standard uncertainty of {joint.called} is expected to be {after}."
+        return f"With the pose that the report proposes it is expected to be {after}."
     if best.determines:
         return (
             f"With it {joint.called} is determined, with a standard uncertainty of about {after} "
