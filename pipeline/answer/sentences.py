@@ -569,7 +569,7 @@ def _next(found: CampaignResults, stated: FirstScreen) -> str:
     worst = joint_to_pull(found, stated.diagnosis, stated.mine.stiffness)
     if worst is None:
         return "Nothing can be proposed: no stiffness is known."
-    settled = verdict(found.facts) in (Verdict.ADEQUATE, Verdict.EXPLAINED)
+    settled = stated.diagnosis.verdict in (Verdict.ADEQUATE, Verdict.EXPLAINED)
     return f"{f'{_NONE_OPEN} ' * settled}{_least_certain(stated, worst)}"
 
 
@@ -583,7 +583,7 @@ def _again(found: CampaignResults) -> str:
 
 def _needs(found: CampaignResults, diagnosis: Diagnosis) -> list[str]:
     """What would part causes that no pull does."""
-    if not _open(found) and found.row.model != Which.AVERAGED:
+    if found.row.model != Which.AVERAGED and diagnosis.verdict != Verdict.AMBIGUOUS:
         return []
     return [
         one.needs
