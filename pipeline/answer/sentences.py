@@ -129,6 +129,8 @@ def _holds(found: CampaignResults) -> bool:
 
 def _wrong(found: CampaignResults, stated: FirstScreen) -> tuple[str, ...]:
     """What is wrong, and after it, or before "nothing else", what the noise does; what is lost."""
+    if found.facts.hopeless:
+        return ("The error in the data that the verdict names; nothing else can be judged.",)
     noisy = tuple(noise_told(stated.diagnosis.causes))
     unseen, others = len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)
     said = wrong(found.facts, unseen, others)
@@ -170,6 +172,8 @@ _SPRINGS = (Reason.ADEQUATE, Reason.TOO_SMALL)
 
 def _of_reason(found: CampaignResults) -> str:
     """Whether a model of more than springs holds."""
+    if found.row.reason == Reason.SPRINGS_UNTOUCHED and (beside := found.told.values.first.effects):
+        return f"Joint springs and {listed([one.called for one in beside])} explain the readings."
     robot = _of_robot(found)
     return robot.holds if robot else HOLDS[found.row.reason]
 
@@ -352,7 +356,9 @@ def _model(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
     effects = [one.called for one in found.told.values.first.effects]
     count = len(found.told.values.hypotheses)
     whose = {
-        Which.JOINT_SPRINGS: "Joint springs alone, one linear spring for each joint",
+        Which.JOINT_SPRINGS: f"Joint springs and {listed(effects)}"
+        if effects
+        else "Joint springs alone, one linear spring for each joint",
         Which.EXTENDED: f"Joint springs and {listed(effects or ['what was identified'])}",
         Which.AVERAGED: f"The average over {count} models by their probability",
     }[found.row.model]
@@ -543,6 +549,8 @@ def _changed(
 def _next(found: CampaignResults, stated: FirstScreen) -> str:
     """What to measure next, and whether that would settle what is open."""
     poses = stated.diagnosis.next_poses
+    if found.facts.hopeless:
+        return "What was not measured."
     if poses:
         return f"{_proposed(poses)}{_unchecked(stated)}"
     if again := _again(found):

@@ -768,7 +768,7 @@ _CORRECT: Mapping[str, str] = {
 
 def correct(facts: Facts) -> str:
     """What to do about the mistakes in the data, up to what to use until then."""
-    if any(one.hopeless for one in facts.mistakes):
+    if facts.hopeless:
         return f"Measure again what was not measured{_AGAIN}"
     if all(one.together for one in facts.mistakes):
         return f"Measure that pose again, all its states in one go{_AGAIN}"

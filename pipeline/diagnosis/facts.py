@@ -548,6 +548,11 @@ class Facts:
     agreement: SpringAgreement | None = None
 
     @property
+    def hopeless(self) -> bool:
+        """Whether a mistake in the data cannot be corrected, so that nothing else can be judged."""
+        return any(one.hopeless for one in self.mistakes)
+
+    @property
     def changed(self) -> tuple[FoundCause, ...]:
         """Causes among `moved` that set in during the campaign."""
         return tuple(one for one in self.moved if one.effect.since)

@@ -33,9 +33,11 @@ from pipeline.answer.sentences import (
     _out,
     _proposed,
     _uncalibrated,
+    _wrong,
     joint_to_pull,
 )
 from pipeline.answer.words import correct, mistaken, noise_told, unnoticed, wrong
+from pipeline.diagnosis.bounds import Bounds
 from pipeline.diagnosis.facts import Facts, UnloadedFacts
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.mistake import outlying
@@ -374,6 +376,20 @@ def test_no_question_is_open_only_where_the_verdict_has_none(moved, data, model,
 
     assert _next(found, stated).startswith(said)
     assert (_of_robot(found).do.startswith("Find out first")) == (moved < 0.95)
+
+
+def test_beside_what_was_not_measured_nothing_is_judged():
+    """A dead sensor explains every finding of the data that it spoilt."""
+    lost = outlying("", "the sensor was dead", "", name="dead_sensor", before=0.0, correct=same)
+    facts = Facts(mistakes=(replace(lost, hopeless=True),), bounds=Bounds(determined=False))
+    diagnosis = SimpleNamespace(next_poses=("one",), causes=(), blind_spots=())
+    found, stated = SimpleNamespace(facts=facts), SimpleNamespace(diagnosis=diagnosis)
+    stated.contradicted = ["The stiffnesses are 140 times those of the robot file."]
+
+    (said,) = _wrong(found, stated)
+    assert said == "The error in the data that the verdict names; nothing else can be judged."
+    assert _next(found, stated) == "What was not measured."
+    assert "No stiffness is determined" in wrong(facts, 0)
 
 
 def noise(name, value):
