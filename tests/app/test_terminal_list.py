@@ -38,3 +38,30 @@ def test_a_joint_that_is_stiffer_one_way_has_both_numbers():
     assert "k_theta4" in both[axis]
     assert both[axis].endswith("2.400 ± 0.020 MN·m/rad; 1.500 ± 0.010 MN·m/rad the other way")
     assert all("the other way" not in line for line in plain.values())
+
+
+def forty_off(content):
+    """Forty readings that are off by 10 mm, and one cause."""
+    (cause, *_) = content["diagnosis"]["causes"]
+    evidence = {"sentence": "it is off", "correction": "without it", "before": 9.0, "after": 1.0}
+    size = {"name": "size", "value": 0.01, "std": None, "unit": "m", "ci95": [None, None]}
+    content["diagnosis"]["causes"] = [
+        cause
+        | {
+            "name": "outlier",
+            "where": f"g{k}/P1",
+            "parameters": [size | {"meaning": "size"}],
+            "evidence": evidence | {"unit": "mm"},
+        }
+        for k in range(40)
+    ] + [cause]
+
+
+def test_errors_are_printed_with_their_readings_and_counted_beyond_a_few():
+    """Six of forty by name, then how many more, then the causes as ever."""
+    folder = CampaignFolder(Path("hall"), Path("hall/data/raw/demo"))
+    lines = outcome(folder, lambda _: revised(answer(), forty_off)).text.splitlines()
+    sizes = [one for one in lines if one.startswith("  size of")]
+
+    assert sizes == [f"  size of the error in g{k}/P1: 10.0 mm" for k in range(6)]
+    assert lines[lines.index(sizes[-1]) + 1] == "  34 more errors are listed in the report"

@@ -8,6 +8,7 @@ import pytest
 
 from bench.as_pinocchio import model as pin_model
 from pipeline.annex.seen_laws import laws
+from pipeline.diagnosis.amplitude import yielding
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.average import springs as springs_of
 from pipeline.diagnosis.combined import combined, spring_agreement
@@ -291,9 +292,13 @@ def test_causes_of_the_pulls_keep_their_place_beside_elements_of_the_positions()
 
     assert names[6 : 6 + k] == [p.name for p in alone.effects[0].parameters]
     assert names[6 + k :] == [p.name for p in data.stance.held[0].parameters]
+    assert both.effects == (*alone.effects, *data.stance.held)
+    called = [(one.effect.label, [a.value for a in one.amplitudes]) for one in yielding([both])]
+    assert dict(called)[data.stance.held[0].label] == both.estimate.value[6 + k :].tolist()
     assert both.estimate.value[6 + k :] == pytest.approx(2e-8, abs=4e-8)
     seen = laws(both, data)
-    assert set(seen["cause"]) == {"joint_tilt:2"}
+    assert set(seen["cause"]) == {"joint_tilt:2", "joint_tilt:3"}
+    seen = seen[seen["cause"] == "joint_tilt:2"]
     moved = np.abs(seen["law"]).max() / np.abs(laws(alone, data)["law"]).max()
     assert moved == pytest.approx(
         np.abs(both.estimate.value[6 : 6 + k]).max()

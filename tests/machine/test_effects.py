@@ -18,6 +18,7 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.joint_hysteresis import slid
 from pipeline.machine.effects.nameless import histories, mounting, nameless, remembered
 from pipeline.machine.robot import load
+from pipeline.machine.robot.dh_parameters import dh_parameters
 
 NAMES = [
     "rail_lateral",
@@ -619,3 +620,24 @@ def test_the_scale_remembers_how_the_force_was_reached(bench):
         factor = true.pop(effect.form) / size
         np.testing.assert_allclose(now, still * factor[:, None, None], rtol=1e-9, atol=1e-15)
     assert not true
+
+
+def test_what_is_added_to_a_statement_is_its_correction_and_no_error(bench):
+    """VIM 2.16: error = stated minus true, but the parameters p are true = stated + p.
+
+    A scale that reads 30 N too much on a pull of 1000 N reads 1030 N, and f_0 is -30 N.
+    """
+    robot = load("kr500_rail")
+    every = [p.meaning for effect in EFFECTS for p in effect.parameters]
+    every += [one.meaning for one in dh_parameters(robot)]
+    assert not [one for one in every if one.startswith("error")]
+    assert sum(one.startswith("correction") for one in every) > 20
+
+    cell, pulls, x = bench
+    size = np.linalg.norm(pulls.force, axis=1, keepdims=True)
+    read = replace(pulls, force=pulls.force * (1 + 30.0 / size))
+    zero = next(one for one in EFFECTS if one.name == "scale_zero")
+    with_it = forward.predict(cell.with_effects(zero), read, np.append(x, -30.0))
+    true = forward.predict(cell, pulls, x)
+    np.testing.assert_allclose(with_it.displacement, true.displacement, rtol=1e-9)
+    assert zero.parameters[0].meaning == "correction of the scale's zero"
