@@ -55,6 +55,7 @@ from pipeline.geometry.study import ModelStage, StageResult, Study
 from pipeline.machine.effect import in_place
 from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.axes import alone
+from pipeline.machine.robot.weight import weighs
 from pipeline.store.campaign import Raw, versions
 
 
@@ -440,7 +441,7 @@ def _by_weight(results: PositionsResults, stiffness: Sequence[contract.Stiffness
     """What the weight has to do with the stiffnesses."""
     if any(joint.value is not None for joint in stiffness):
         yield "They come from the arm's own weight."
-    if results.found.final.wanted.moments and _sags(results):
+    if results.found.final.wanted.moments and _sags(results) and not weighs(results.raw.robot):
         yield _SAGS
 
 
