@@ -205,8 +205,8 @@ class PositionsAndPulls:
             them = listed([one.called for one in yielding])
             yield f"Beside them yield, under weight and pulls alike: {them}."
         if self.agreement is not None and self.agreement.factor is not None:
-            masses = "The masses stated do not fit" if weighs(self.case.robot) else _NO_MASSES
-            yield f"{masses}: the pulls tell how heavy the arm is, which the positions alone cannot."
+            fit = "The masses stated do not fit" if weighs(self.case.robot) else _NO_MASSES
+            yield f"{fit}: the pulls tell how heavy the arm is, which the positions alone cannot."
 
     def _springs(self) -> contract.SpringsBy | None:
         """Springs by weight and by pulls, beside each other."""
