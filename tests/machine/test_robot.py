@@ -264,7 +264,7 @@ rpy_deg = [0, 0, 90]
 )
 def test_a_link_weighs_where_the_frame_of_its_row_has_it(convention, rows, centres):
     """A planar arm of two links, 0.7 m long and 0.5 m, centred at 0.35 m and 0.3 m."""
-    head = f'format = 1\nname = "planar"\ndescription = "-"\nsource = "-"\n'
+    head = 'format = 1\nname = "planar"\ndescription = "-"\nsource = "-"\n'
     head += f'convention = "{convention}"\n'
     links = [
         f'[[joint]]\nname = "theta{k}"\ntype = "revolute"\n{row}\nmass_kg = {mass}\n'
