@@ -9,7 +9,7 @@ from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.run import reduce
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory

@@ -10,7 +10,7 @@ from scipy import stats
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.run import reduce
 from pipeline.service.executor import InProcesses, in_order
 from pipeline.simulate import Plan, build, draw, raw_files, revised

@@ -435,6 +435,31 @@ def used(path):
     )
 
 
+def names_of(path):
+    """What a file defines or imports at its top level."""
+    for node in ast.parse(path.read_text("utf-8")).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            yield from (one.id for one in targets if isinstance(one, ast.Name))
+
+
+def test_a_module_that_a_text_names_exists():
+    """`system.score_tests` in a docstring is a file, or a name of the package, also tomorrow."""
+    folders = {path.name: path for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()}
+    missing = [
+        f"{path.relative_to(PACKAGE)}: {room}.{name}"
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for room, name in re.findall(r"`([a-z]+)\.([a-z_]+)(?:[.:]\w+)?`", path.read_text("utf-8"))
+        if room in folders and name != "toml"
+        if not {f"{room}.{name}"} & KNOWN and not (folders[room] / name).is_dir()
+        if name not in names_of(folders[room] / "__init__.py")
+    ]
+
+    assert not missing
+
+
 def test_a_class_of_the_core_has_its_name_alone():
     """One noun for one thing."""
     seen = {}

@@ -12,7 +12,7 @@ import pytest
 from pipeline.diagnosis.diagnose import case_of, diagnose
 from pipeline.diagnosis.verdict import verdict
 from pipeline.machine.cell import paper_cell, sensitivity
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import reduce
 from pipeline.store.campaign import find

@@ -5,6 +5,6 @@ number is in doubt is here: stiffnesses, causes and their gain, cross-validation
 dimensions, residuals, budget, registration, DH parameters, method, and maps of the workspace.
 
 Door: `sections:sections`, `figures:PLOTS`; for the tables that only these need,
-`pictured:pictured`, `pictured:of_positions` and `pictured:beside_pulls`.
+`figure_tables:pictured`, `figure_tables:of_positions` and `position_tables:identified`.
 Tests: `tests/report/`, for whole pages.
 """

@@ -31,7 +31,7 @@ def _shown_in(one: Amplitude) -> tuple[float, str]:
         return 1.0, one.unit.removeprefix("1")
     if one.unit in _UNITS:
         return _UNITS[one.unit]
-    factor, letter = common_prefix([one.value])
+    factor, letter = common_prefix([one.value, one.std])
     return factor, prefixed(one.unit, letter)
 
 

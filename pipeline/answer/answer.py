@@ -10,7 +10,7 @@ from pipeline.answer import contract
 from pipeline.answer.conformity import path_findings, pose_entry, tolerance_entry
 from pipeline.answer.contract import Answer
 from pipeline.answer.contradictions import (
-    beside_the_beam,
+    along_the_beam,
     common_factor,
     entry_findings,
     overload_entry,
@@ -139,7 +139,7 @@ def _of_springs(found: CampaignResults, values: contract.Values) -> Iterator[str
     """What is to be known of springs and data sheets."""
     yield from (joint.finding for joint in values.stiffness if joint.finding)
     yield from sheet_findings(found.raw.settings)
-    yield from beside_the_beam(found.right.shape.beam)
+    yield from along_the_beam(found.right.shape.beam)
 
 
 def _of_causes(found: CampaignResults, carried: Sequence[contract.Carried]) -> Iterator[str]:

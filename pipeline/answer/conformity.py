@@ -15,7 +15,7 @@ from pipeline.base.arrays import Array
 from pipeline.base.quantities import MM, plain, with_uncertainty
 from pipeline.machine.robot import Robot, axes
 from pipeline.prediction.decision import GUARD, Decision
-from pipeline.prediction.path import beside_pulls
+from pipeline.prediction.path import against_pulls
 from pipeline.prediction.tolerance import JudgedTolerance, stretches
 from pipeline.reduction import settings
 from pipeline.reduction.pose_of_interest import PoseOfInterest
@@ -66,7 +66,7 @@ def path_findings(asked: contract.Tolerance | None, pulled: tuple[float, float])
     """A sentence if the path's forces [N] exceed those of the pulls or are far below them."""
     path = None if asked is None else asked.path
     force = None if path is None else path.force_n
-    return [] if force is None else beside_pulls(np.array(force), pulled)
+    return [] if force is None else against_pulls(np.array(force), pulled)
 
 
 def _path(file: str, rows: pd.DataFrame) -> JudgedPath:

@@ -25,9 +25,9 @@ def _known(value: Any, info: ValidationInfo) -> Any:
     return float(value) if math.isfinite(value) else None
 
 
-Number = Annotated[float | None, BeforeValidator(_known)]
+_Number = Annotated[float | None, BeforeValidator(_known)]
 """A number, or null where nobody knows it: the one place where one that is none becomes that."""
-Where = int | str | None
+_Where = int | str | None
 
 
 def _dated(text: str) -> str:
@@ -35,11 +35,11 @@ def _dated(text: str) -> str:
     return text
 
 
-Day = Annotated[str, AfterValidator(_dated)]
+_Day = Annotated[str, AfterValidator(_dated)]
 """A date, or a date and time, in ISO 8601."""
 
-Interval = tuple[Number, Number]
-Share = Annotated[float, Field(ge=-1e-9, le=1 + 1e-9)]
+_Interval = tuple[_Number, _Number]
+_Share = Annotated[float, Field(ge=-1e-9, le=1 + 1e-9)]
 
 LEAST_CONTROLLED = 10
 """So many of the errors that are controlled least stand in result.json."""
@@ -191,11 +191,11 @@ class Remark(Fact):
 class OneWay(Fact):
     """A stiffness where the torque on the joint has one sign; in the unit of the joint's."""
 
-    value: Number = Field(description="null where the data give none")
-    std: Number = Field(description="standard uncertainty")
-    ci95: Interval = Field(description="95 % interval; null is no limit")
-    compliance: Number = Field(description="the estimate itself")
-    compliance_std: Number = Field(description="its standard uncertainty; null: undetermined")
+    value: _Number = Field(description="null where the data give none")
+    std: _Number = Field(description="standard uncertainty")
+    ci95: _Interval = Field(description="95 % interval; null is no limit")
+    compliance: _Number = Field(description="the estimate itself")
+    compliance_std: _Number = Field(description="its standard uncertainty; null: undetermined")
     axis_turns: Literal["plus", "minus"] | None = Field(
         description="which way this torque turns the controller's axis; null without one"
     )
@@ -209,7 +209,7 @@ class BySign(Fact):
     of: Literal["total", "pull"] = Field(
         description="the torque whose sign it is: of pull and own weight, or of the pull alone"
     )
-    correlation: Number = Field(description="of both compliances; null: undetermined")
+    correlation: _Number = Field(description="of both compliances; null: undetermined")
     value_of: Literal["positive", "negative"] = Field(
         description="which of them `value` is: that of the test pose"
     )
@@ -222,9 +222,9 @@ class Stiffness(Fact):
     joint_name: str = Field(description="in the robot file: r1, theta2, ...")
     name: str = Field(description="k_r1, k_theta2, ...")
     unit: str = Field(description="of value, std and ci95")
-    value: Number = Field(description="null where the data give none; `finding` says why")
-    std: Number = Field(description="standard uncertainty")
-    ci95: Interval = Field(description="95 % interval; null is no limit")
+    value: _Number = Field(description="null where the data give none; `finding` says why")
+    std: _Number = Field(description="standard uncertainty")
+    ci95: _Interval = Field(description="95 % interval; null is no limit")
     identifiable: bool = Field(description="whether the data determine it")
     joint_type: JointType
     axis: str | None = Field(
@@ -232,11 +232,11 @@ class Stiffness(Fact):
         description="axis of the controller that moves this joint and no other, A1 or E1; null "
         "where the robot file has none",
     )
-    compliance: Number = Field(description="the estimate itself")
-    compliance_std: Number = Field(description="its standard uncertainty; null: undetermined")
+    compliance: _Number = Field(description="the estimate itself")
+    compliance_std: _Number = Field(description="its standard uncertainty; null: undetermined")
     compliance_unit: str
-    relative_std: Number = Field(description="std over value")
-    nominal: Number = Field(description="stiffness in the robot file")
+    relative_std: _Number = Field(description="std over value")
+    nominal: _Number = Field(description="stiffness in the robot file")
     finding: str | None = Field(description="what to know of it, in a sentence")
     remarks: tuple[Remark, ...] = Field(default=(), description="the same, to be told apart")
     budget: tuple[BudgetPart, ...] = Field(description="where its uncertainty comes from")
@@ -264,7 +264,7 @@ class Combination(Fact):
     weights: tuple[float, ...] = Field(description="of each compliance; the largest is 1")
     value: float = Field(description="sum of weight times compliance")
     std: float = Field(description="standard uncertainty")
-    ci95: Interval
+    ci95: _Interval
     unit: str
     needs: str = Field(description="the motion of one joint that would part them best")
 
@@ -277,17 +277,17 @@ class Combination(Fact):
 class Fit(Fact):
     """Goodness of fit of a model."""
 
-    rms_mm: Number = Field(description="residual, root mean square over coordinates, unweighted")
-    chi2: Number
+    rms_mm: _Number = Field(description="residual, root mean square over coordinates, unweighted")
+    chi2: _Number
     dof: int
-    p_value: Number = Field(description="null where no noise is stated")
+    p_value: _Number = Field(description="null where no noise is stated")
     noise_from: NoiseFrom
-    residual_std_mm: Number
-    second_order_rms_mm: Number = Field(description="what c = B x leaves out, rms")
+    residual_std_mm: _Number
+    second_order_rms_mm: _Number = Field(description="what c = B x leaves out, rms")
     noise_statement: str
 
 
-PerTarget = dict[str, Number]
+PerTarget = dict[str, _Number]
 
 
 class Drawn(Fact):
@@ -304,15 +304,15 @@ class Drawn(Fact):
 class HeldOutPosition(Fact):
     """Cross-validation error of target positions: distance from their prediction [mm]."""
 
-    mean: Number
-    rms: Number
-    p95: Number = Field(description="95 % of the targets are nearer")
+    mean: _Number
+    rms: _Number
+    p95: _Number = Field(description="95 % of the targets are nearer")
 
 
 class Validation(Drawn):
     """How far predictions can be trusted."""
 
-    held_out_rms_mm: Number = Field(
+    held_out_rms_mm: _Number = Field(
         description="rms error of a pose that was left out with all its pulls, unweighted"
     )
     independent: Drawn = Field(description="as in Eq. (23), each stiffness drawn by itself")
@@ -336,10 +336,10 @@ class TargetDeflection(Fact):
     """Predicted deflection of one target at the test pose."""
 
     target: str
-    dx_mm: Number
-    dy_mm: Number
-    dz_mm: Number
-    std_mm: tuple[Number, Number, Number] = Field(description="per axis; null: infinite")
+    dx_mm: _Number
+    dy_mm: _Number
+    dz_mm: _Number
+    std_mm: tuple[_Number, _Number, _Number] = Field(description="per axis; null: infinite")
 
     @property
     def size_mm(self) -> float | None:
@@ -369,7 +369,7 @@ class Placed(Fact):
     """A cause with its place."""
 
     name: str = Field(description="a word of the list of causes")
-    where: Where = Field(description="joint number, link, target, reading, or null")
+    where: _Where = Field(description="joint number, link, target, reading, or null")
     axis: str | None = Field(
         default=None,
         exclude_if=_nothing,
@@ -387,7 +387,7 @@ class Believed(Placed):
 class Weighed(Fact):
     """A set of causes that may be true."""
 
-    weight: Share
+    weight: _Share
     causes: tuple[Believed, ...]
 
 
@@ -410,37 +410,37 @@ class Amplitude(Fact):
     """One parameter of a cause."""
 
     name: str
-    value: Number
-    std: Number
+    value: _Number
+    std: _Number
     unit: str
-    ci95: Interval | None = None
+    ci95: _Interval | None = None
     meaning: str = Field(default="size", description="what it is, in words")
 
 
 class Rival(Placed):
     """What else could stand in the place of a cause."""
 
-    probability: Share
+    probability: _Share
 
 
 class AsGood(Placed):
     """Something outside the catalogue that predicts left-out poses as well as the cause."""
 
-    reduction: Number = Field(
+    reduction: _Number = Field(
         description="fraction by which the error falls with it in the cause's place"
     )
-    ci95: Interval
-    times_typical: Number = Field(description="its largest parameter over the usual size of that")
+    ci95: _Interval
+    times_typical: _Number = Field(description="its largest parameter over the usual size of that")
 
 
 class Unnamed(Fact):
     """Probability that something outside the catalogue acts in place of a cause."""
 
-    probability: Share
+    probability: _Share
     looks_like: str | None = Field(
         description="null where the only sign of it is what the model with the causes leaves"
     )
-    where: Where
+    where: _Where
     as_good: tuple[AsGood, ...] = Field(
         default=(), description="what predicts as well in the cause's place, the best first"
     )
@@ -449,15 +449,15 @@ class Unnamed(Fact):
 class Gain(Fact):
     """Change of the cross-validation error by the causes."""
 
-    held_out_rms_before_mm: Number = Field(
+    held_out_rms_before_mm: _Number = Field(
         description="without the causes, weighted as with them; joint_springs.validation is "
         "weighted by their own noise"
     )
-    held_out_rms_after_mm: Number
-    reduction: Number = Field(description="fraction by which the error falls at one weighting")
-    ci95: Interval | None
+    held_out_rms_after_mm: _Number
+    reduction: _Number = Field(description="fraction by which the error falls at one weighting")
+    ci95: _Interval | None
     of: Predicted | None = None
-    test_pose_change_mm: Number
+    test_pose_change_mm: _Number
 
 
 class Evidence(Fact):
@@ -465,8 +465,8 @@ class Evidence(Fact):
 
     sentence: str
     correction: str
-    before: Number
-    after: Number
+    before: _Number
+    after: _Number
     unit: str
 
 
@@ -474,7 +474,7 @@ class LawShape(Fact):
     """One shape of a law."""
 
     kind: Literal["periodic", "smooth", "step", "coupling"]
-    order: Number = Field(description="periods per turn or per metre, degree, or 0 of a step")
+    order: _Number = Field(description="periods per turn or per metre, degree, or 0 of a step")
 
 
 class OneLaw(Fact):
@@ -484,7 +484,7 @@ class OneLaw(Fact):
     part: str = Field(description="what of the place follows it: spring, friction, roll, ...")
     source_joint: int | None = Field(description="whose angle or torque it is of, where another")
     shapes: tuple[LawShape, ...] = Field(description="which act together")
-    probability: Share = Field(description="if one of these acts there")
+    probability: _Share = Field(description="if one of these acts there")
 
 
 class UnlistedLaw(Fact):
@@ -504,12 +504,12 @@ class UnlistedLaw(Fact):
     )
     joint: int | None = Field(description="that it moves, from 1; null for scale, tracker, guides")
     source_joint: int | None = Field(description="whose angle or torque it is of, where another")
-    order: Number = Field(
+    order: _Number = Field(
         description="periods per turn or per metre, degree, or 0 of a step; of a smooth law of an "
         "angle of a campaign of positions how many of the lengths over which it remembers make a "
         "turn"
     )
-    range: tuple[Number, Number] = Field(description="of the variable, where it was taught, SI")
+    range: tuple[_Number, _Number] = Field(description="of the variable, where it was taught, SI")
     text: str
     either: tuple[OneLaw, ...] = Field(
         default=(),
@@ -526,12 +526,12 @@ class Cause(Placed):
         default=None, description="part of the cell: rail, joint 3, force, ..."
     )
     form: str | None = None
-    probability: Share = Field(
+    probability: _Share = Field(
         description="that it acts; with its rivals and `outside_catalogue` 1, where those stand"
     )
     parameters: tuple[Amplitude, ...]
-    p_value: Number = Field(description="chance of so much evidence without it")
-    times_typical: Number = Field(
+    p_value: _Number = Field(description="chance of so much evidence without it")
+    times_typical: _Number = Field(
         default=None, description="its largest parameter over the usual size of that; null: none"
     )
     rivals: tuple[Rival, ...]
@@ -560,16 +560,16 @@ class Alone(Placed):
     """What a cause achieves as the only one."""
 
     form: str | None
-    probability: Share
-    reduction: Number
-    ci95: Interval
+    probability: _Share
+    reduction: _Number
+    ci95: _Interval
 
 
 class BlindSpot(Placed):
     """An effect that may be present unseen."""
 
     why: str
-    smallest_visible: Number = Field(description="null: never detectable")
+    smallest_visible: _Number = Field(description="null: never detectable")
     parameter: str
     unit: str
     typical: float
@@ -595,7 +595,7 @@ class ToMeasure(Fact):
     )
     force_n: float = Field(description="of the largest load step")
     steps: int = Field(description="load steps")
-    approach: Number = Field(description="which way the carriage comes; null without a rail")
+    approach: _Number = Field(description="which way the carriage comes; null without a rail")
     axes: tuple[AxisValue, ...] = Field(
         default=(), exclude_if=_nothing, description="where the controller's axes stand there"
     )
@@ -605,8 +605,8 @@ class NextPose(ToMeasure):
     """A pose that would decide what is open."""
 
     separates: tuple[str, ...] = Field(description="the two that stay closest with it")
-    sigmas_before: Number
-    sigmas_after: Number
+    sigmas_before: _Number
+    sigmas_after: _Number
     pose: int = Field(description="its number")
 
 
@@ -614,10 +614,10 @@ class BestPose(ToMeasure):
     """The pose that would determine a joint best."""
 
     name: str = Field(description="of its stiffness: k_r1, k_theta2, ...")
-    relative_std_before: Number = Field(
+    relative_std_before: _Number = Field(
         description="of the stiffness; of its typical compliance where it has no value"
     )
-    relative_std_after: Number = Field(description="the same with this pose, as expected")
+    relative_std_after: _Number = Field(description="the same with this pose, as expected")
     determines: bool = Field(description="whether the joint then has a value")
 
 
@@ -633,30 +633,30 @@ class MisfitPlace(Fact):
     """A place where the residuals concentrate."""
 
     place: str
-    share: Number
-    p_value: Number
+    share: _Number
+    p_value: _Number
 
 
 class PosesPulls(Fact):
     """Two tests of lack of fit."""
 
-    poses: Number
-    pulls: Number
+    poses: _Number
+    pulls: _Number
 
 
 class Remainder(PosesPulls):
     """The same with the causes, and the smallest p of a further one."""
 
-    further_cause: Number
+    further_cause: _Number
 
 
 class Detection(Fact):
     """Statistics of the search for causes."""
 
-    threshold_p: Number
-    smallest_p: Number
+    threshold_p: _Number
+    smallest_p: _Number
     lack_of_fit_p: PosesPulls
-    remainder_over_scatter: Number = Field(
+    remainder_over_scatter: _Number = Field(
         description="what is left with the causes over the scatter of the readings; null: unknown"
     )
     remainder_p: Remainder
@@ -665,12 +665,12 @@ class Detection(Fact):
 class Scatter(Fact):
     """Scatter of the readings."""
 
-    tracker_over_stated: Number = Field(
+    tracker_over_stated: _Number = Field(
         description="found over the noise in use: 1 where repeats have corrected the stated one "
         "already, see `noise`"
     )
-    tracker_over_stated_std: Number = Field(description="null: no residuals are left")
-    scale_over_tracker: Number
+    tracker_over_stated_std: _Number = Field(description="null: no residuals are left")
+    scale_over_tracker: _Number
     known_from: str
 
 
@@ -687,7 +687,7 @@ class Diagnosis(Fact):
     alone: tuple[Alone, ...] = Field(
         description="what the likeliest causes do each as the only one"
     )
-    unloaded_off_mm: tuple[Number, Number] = Field(
+    unloaded_off_mm: tuple[_Number, _Number] = Field(
         description="how far the unloaded reflectors stand from the robot's table, and from the "
         "table as estimated from them"
     )
@@ -709,16 +709,16 @@ class Diagnosis(Fact):
     detection: Detection
     scatter: Scatter
     equilibrium: Equilibrium
-    noise_floor_mm: Number
+    noise_floor_mm: _Number
 
 
 class NoiseComponent(Fact):
     """One noise, found over stated (in m where none is stated)."""
 
     name: str
-    found_over_stated: Number
-    std: Number
-    p_value: Number
+    found_over_stated: _Number
+    std: _Number
+    p_value: _Number
 
 
 class FoundNoise(Fact):
@@ -742,21 +742,21 @@ class Growth(Fact):
 
     value: float
     std: float
-    expected: Number = Field(description="by temperature_c; null without")
+    expected: _Number = Field(description="by temperature_c; null without")
     expected_std: float = Field(description="of that, or how far it may be without a temperature")
-    seen: Number = Field(description="by the base reflectors alone; null where they do not tell")
-    seen_std: Number
+    seen: _Number = Field(description="by the base reflectors alone; null where they do not tell")
+    seen_std: _Number
     probability: float = Field(description="that it has grown at all; 1 with temperature_c")
 
 
 class BaseResiduals(Fact):
     """Residuals of the base reflectors; readings identified as outliers are left out."""
 
-    rms_mm: Number
-    max_mm: Number
-    chi2: Number
+    rms_mm: _Number
+    max_mm: _Number
+    chi2: _Number
     dof: int
-    p_value: Number
+    p_value: _Number
     rotation_std_rad: tuple[float, float, float]
     translation_std_m: tuple[float, float, float]
     growth: Growth | None = Field(
@@ -775,12 +775,12 @@ class Controlled(Fact):
     line: int | None
     axis: str | None = Field(description="axis of F_b nearest to it")
     r: float = Field(description="redundancy: the part of it that the residuals show")
-    w: Number = Field(description="standardised residual")
-    smallest_visible: Number = Field(
+    w: _Number = Field(description="standardised residual")
+    smallest_visible: _Number = Field(
         description="found in 80 % of the cases at 0.1 % false alarms; null: no size is"
     )
     unit: str = Field(description="of smallest_visible; 1: standard uncertainties")
-    moves_sigmas: Number = Field(
+    moves_sigmas: _Number = Field(
         description="what that size moves most, in standard uncertainties; null: without limit"
     )
     moves_most: str = Field(description="a stiffness, or target and axis of the test pose")
@@ -791,10 +791,10 @@ class Carried(Fact):
 
     what: str = Field(description="k_theta2, or the cause's parameter that moves most")
     name: str | None = Field(description="the cause; null for a stiffness")
-    where: Where
+    where: _Where
     pose: int
     repeat: int
-    moves_sigmas: Number = Field(
+    moves_sigmas: _Number = Field(
         description="how far it moves without that pull, in standard uncertainties; null: lost"
     )
 
@@ -817,7 +817,7 @@ class Payload(Fact):
         description="from the joint torques or the absolute positions; null where none tell"
     )
     poses: int = Field(description="how many it was carried in, with torques or positions")
-    p_value: Number = Field(description="of differing so much from the stated one by chance")
+    p_value: _Number = Field(description="of differing so much from the stated one by chance")
 
 
 class Overload(Fact):
@@ -882,7 +882,7 @@ class TableCombination(Fact):
     of: tuple[Mixed, ...]
     value: float = Field(description="sum of weight times error; an error is value minus nominal")
     std: float = Field(description="standard uncertainty")
-    ci95: Interval
+    ci95: _Interval
     unit: Literal["m", "rad"]
 
 
@@ -890,9 +890,9 @@ class PositionStep(Fact):
     """Mean distance of left-out targets from their prediction by one model [mm]."""
 
     model: str
-    between_mm: Number = Field(description="every tenth pose left out")
-    space_mm: Number = Field(description="a tenth of joint space left out")
-    series_mm: Number = Field(description="one series left out; null where there is one only")
+    between_mm: _Number = Field(description="every tenth pose left out")
+    space_mm: _Number = Field(description="a tenth of joint space left out")
+    series_mm: _Number = Field(description="one series left out; null where there is one only")
 
 
 class Known(Fact):
@@ -927,7 +927,7 @@ class SpringsBy(Fact):
 class Repaired(Fact):
     """Work after which some joints are no longer what they were."""
 
-    date: Day
+    date: _Day
     joints: tuple[int, ...] = Field(description="their numbers, from 1; empty: all")
     what: str | None
 
@@ -946,10 +946,10 @@ class Unit(Fact):
 class Identity(Fact):
     """What a report is filed by; null is what campaign.toml does not state."""
 
-    first: Day | None = Field(description="first reading")
-    last: Day | None = Field(description="last reading")
+    first: _Day | None = Field(description="first reading")
+    last: _Day | None = Field(description="last reading")
     operator: str | None
-    temperature_c: Number = Field(description="mean of rail and base frame")
+    temperature_c: _Number = Field(description="mean of rail and base frame")
     scale: Unit | None
     poses: int
     unloaded_only: int = Field(
@@ -973,8 +973,8 @@ class DayToDay(Fact):
 class Tip(Fact):
     """Predicted deflection of the load point, where the force acts."""
 
-    deflection_mm: Number
-    std_mm: Number = Field(
+    deflection_mm: _Number
+    std_mm: _Number = Field(
         description="standard uncertainty, never below the error at left-out poses; null: infinite"
     )
 
@@ -1093,7 +1093,7 @@ class _Heading(Fact):
     simulated: bool = Field(
         default=False, exclude_if=_nothing, description="the readings are of a virtual cell"
     )
-    measured: Day | None = Field(description="date, or date and time")
+    measured: _Day | None = Field(description="date, or date and time")
     verdict_sentence: tuple[str, ...] = Field(description="the first screen, most important first")
     first_screen: tuple[Line, ...] = Field(description="the same, with what each line is about")
     recommended: Recommended = Field(description="which values stand at the top, and why")

@@ -172,7 +172,7 @@ def _force(settings: Settings, scale: float) -> str:
 _TOLD: dict[str, Callable[[Settings, float], str]] = {"tracker": _tracker, "force_reading": _force}
 
 
-def beside_the_beam(found: BeamNoise) -> list[str]:
+def along_the_beam(found: BeamNoise) -> list[str]:
     """A sentence if the scatter along the beam is less than the one value stated for all axes."""
     if not found.better:
         return []

@@ -481,7 +481,7 @@ _NOT_JUDGED = (
 
 
 def _wrong(results: PositionsResults) -> Iterator[str]:
-    facts, beside = results.facts, list(beside_causes(results))
+    facts, beside = results.facts, list(besides_causes(results))
     if facts.moved or not results.row.reason.holds_for_its_readings:
         yield wrong(facts, 0)
     elif facts.causes:
@@ -501,7 +501,7 @@ def _nothing_else(results: PositionsResults, beside: Sequence[str]) -> Iterator[
         yield "Nothing detectable in these readings."
 
 
-def beside_causes(results: PositionsResults) -> Iterator[str]:
+def besides_causes(results: PositionsResults) -> Iterator[str]:
     """What is wrong beside causes: the instrument, a joint, rows that were left out."""
     left_out = len(results.rejected)
     yield from _instrument(results.found)

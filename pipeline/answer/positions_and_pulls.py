@@ -1,7 +1,7 @@
 """A campaign of absolute positions and pulls of one robot: one estimate, one answer.
 
-Positions are identified first and say where the pulls' robot stands (`geometry.stance`); what both
-say of the springs is estimated together (`diagnosis.joined`), and what that changes of the
+Positions are identified first and say where the pulls' robot stands (`geometry.with_pulls`); what
+both say of the springs is estimated together (`diagnosis.combined`), and what that changes of the
 positions goes back into their model.
 """
 
@@ -186,7 +186,7 @@ class PositionsAndPulls:
         more = {
             About.VERDICT: [] if self.said.facts.mistakes else [predicted],
             About.MODEL: list(self._model()),
-            About.WRONG: list(of_positions.beside_causes(self.said)),
+            About.WRONG: list(of_positions.besides_causes(self.said)),
         }
         for line in pulls.first_screen:
             beside = more.pop(line.about, [])

@@ -129,7 +129,7 @@ def both_stiffnesses(joint: Stiffness) -> str:
     )
 
 
-def beside(joint: Stiffness) -> str:
+def other_way(joint: Stiffness) -> str:
     """`; 1.500 ± 0.010 MN·m/rad the other way`, to follow the stiffness at the test pose."""
     both = joint.by_sign
     if both is None:

@@ -74,7 +74,7 @@ _STATEMENTS = {
 }
 
 
-def _beside(estimate: Estimate) -> str:
+def _of_the_test(estimate: Estimate) -> str:
     """Sentence on noise with tails in the test of the model, or on a missing test; may be empty."""
     if estimate.p_value is None:
         return " Nothing is left beside these that could test the model."
@@ -86,7 +86,7 @@ def _beside(estimate: Estimate) -> str:
 def _noise_statement(estimate: Estimate, tracked: bool) -> str:
     """Sentences on the origin of the noise and on what depends on it."""
     if estimate.noise_from in _STATEMENTS:
-        return _STATEMENTS[estimate.noise_from] + _beside(estimate)
+        return _STATEMENTS[estimate.noise_from] + _of_the_test(estimate)
     std = 1e3 * estimate.residual_std_m
     more = (
         "; a laser tracker measures better than that, so the model does not fit as well as a "

@@ -16,8 +16,8 @@ from typer.exceptions import Abort, TyperException
 
 from pipeline.app.commands._shared import app as everything
 from pipeline.app.commands._shared import fitted
-from pipeline.base.errors import CannotWrite, Interrupted, PipelineError, UsageError, ended
-from pipeline.base.files import DISK_FULL
+from pipeline.base.errors import Interrupted, PipelineError, UsageError, ended
+from pipeline.base.files import refused
 
 _FAREWELL_S = 60.0
 """Time for which libraries may delay the end of the process when its work is done [s]."""
@@ -89,6 +89,7 @@ def _carried_out(arguments: list[str] | None, app: typer.Typer, name: str) -> in
 
 def _told(problem: Exception | KeyboardInterrupt, name: str) -> tuple[str, int]:
     """One sentence on the problem, and its exit code."""
+    problem = refused(problem) or problem
     match problem:
         case PipelineError():
             return str(problem), problem.exit_code
@@ -100,9 +101,6 @@ def _told(problem: Exception | KeyboardInterrupt, name: str) -> tuple[str, int]:
             command = context.command_path if context else name
             sentence = f"{ended(problem.format_message())} Try `{command} --help`."
             return sentence, UsageError.exit_code
-        case OSError() if problem.errno in DISK_FULL:
-            why = f"The answer cannot be written ({problem.strerror})"
-            return f"{why}; free some space and run it again.", CannotWrite.exit_code
         case _:  # any other error: a sentence for the engineer, details in a file
             from pipeline.app.outcome import record_crash
 

@@ -118,11 +118,11 @@ def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
 
 def _stiffnesses(joints: Sequence[Stiffness]) -> list[str]:
     """`  A1   k_theta2   3.800 ± 0.012 MN·m/rad`; without axes if the robot file maps none."""
-    from pipeline.answer.remarks import beside
+    from pipeline.answer.remarks import other_way
 
     width = max((len(joint.axis) + 3 for joint in joints if joint.axis), default=0)
     return [
-        f"  {joint.axis or '':<{width}}{joint.name:<10} {stiffness_text(joint)}{beside(joint)}"
+        f"  {joint.axis or '':<{width}}{joint.name:<10} {stiffness_text(joint)}{other_way(joint)}"
         for joint in joints
     ]
 
@@ -180,6 +180,7 @@ def failed(name: str, problem: Exception) -> Outcome:
     """Outcome of a campaign without a result, with the reason."""
     if isinstance(problem, MemoryError):
         problem = Unfinished("needs more memory than it may have", _FRUGAL)
+    problem = files.refused(problem) or problem
     if isinstance(problem, PipelineError):
         words, code = str(problem), problem.exit_code
     else:

@@ -156,10 +156,10 @@ def report(root: Path, name: str | None, form: str, language: str | None = None)
     names = {"html": "index.html", "pdf": "report.pdf", "json": "result.json"}
     if language is None:
         return campaign.reports / names[form]
-    return _beside(root, campaign, names[form], language)
+    return _in_language(root, campaign, names[form], language)
 
 
-def _beside(root: Path, campaign: CampaignFolder, name: str, language: str) -> Path:
+def _in_language(root: Path, campaign: CampaignFolder, name: str, language: str) -> Path:
     """Write the report with its certificate in another language, in a folder below its own."""
     from pipeline.answer import archive
     from pipeline.base.appearance import appearances

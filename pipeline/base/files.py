@@ -47,6 +47,18 @@ def writing(path: Path) -> Iterator[None]:
         raise CannotWrite(f"{thing}; {_way_out(path, problem)}.") from problem
 
 
+def refused(problem: BaseException) -> CannotWrite | None:
+    """What to say if the disk is full, read-only, or a file another user's; None otherwise."""
+    match problem:
+        case OSError(errno=number) if number in DISK_FULL:
+            why = f"The answer cannot be written ({problem.strerror})"
+        case OSError(errno=number, filename=str(name)) if number in _CLOSED:
+            why = f"{name} cannot be used ({problem.strerror})"
+        case _:
+            return None
+    return CannotWrite(f"{why}; {_way_out(Path(), problem)}.")
+
+
 def _way_out(path: Path, problem: OSError) -> str:
     if isinstance(problem, FileExistsError | NotADirectoryError):
         for above in (path, *path.parents):
@@ -84,8 +96,8 @@ def place(folder: Path, content: Mapping[str, bytes]) -> None:
     """
     with writing(folder):
         folder.parent.mkdir(parents=True, exist_ok=True)
-        # one level up: beside the folder an unfinished one would count
-        temporary = Path(tempfile.mkdtemp(dir=folder.parent.parent, prefix=f".{folder.name}."))
+        # in the same file system as the folder; a name with a dot is that of no campaign
+        temporary = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
         try:
             for name, data in content.items():
                 write(temporary / "new" / name, data)

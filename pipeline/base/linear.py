@@ -94,15 +94,10 @@ def _lengths(X: Array) -> Array:
     return np.sqrt(np.where(square > least, square, np.inf))
 
 
-def orthonormal(X: Array, least: float = _ROUNDING) -> Array:
-    """Orthonormal basis Q, (M, r), of the column space of X, (M, k).
-
-    Args:
-        X: Columns.
-        least: Relative length of a combination of unit columns that is treated as zero.
-    """
+def orthonormal(X: Array) -> Array:
+    """Orthonormal basis Q, (M, r), of the column space of X, (M, k)."""
     U, s, _ = np.linalg.svd(X / _lengths(X), full_matrices=False)
-    return np.asarray(U[:, s > least * s.max(initial=TINY)])
+    return np.asarray(U[:, s > _ROUNDING * s.max(initial=TINY)])
 
 
 def independent(X: Array) -> Array:

@@ -38,7 +38,7 @@ from pipeline.check.wrong_lines import TOML, WrongLine, mistaken, text_of, wrong
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.robot import Robot, axes, configure
 from pipeline.machine.robot.axes import in_log_units
-from pipeline.prediction.path import Path, beside_pulls
+from pipeline.prediction.path import Path, against_pulls
 from pipeline.prediction.tolerance import path_of
 from pipeline.readers import _log_table
 from pipeline.readers._log_form import opened
@@ -82,7 +82,7 @@ def check(campaign: CampaignFolder) -> Outcome:
         return _refused(campaign, wrong, others, problem)
     told = _told(campaign, raw, case, reduced, wrong)
     if raw.settings.positions is not None:
-        told = _beside(told, of_positions(campaign.name, raw))
+        told = _of_both(told, of_positions(campaign.name, raw))
     return _with_tolerance(told, raw.settings, path, reduced.data.pulls.range_n)
 
 
@@ -101,7 +101,7 @@ def _with_tolerance(
         least, most = float(size.min()), float(size.max())
         found |= {"file": tolerance.path, "points": len(size), "force_range_n": [least, most]}
         line += f" along {tolerance.path}: {len(size)} points, {least:.0f} to {most:.0f} N"
-        notes += [f"{tolerance.path}: {one}" for one in beside_pulls(size, pulled)]
+        notes += [f"{tolerance.path}: {one}" for one in against_pulls(size, pulled)]
     *above, last = told.text.split("\n")
     return replace(
         told,
@@ -111,7 +111,7 @@ def _with_tolerance(
     )
 
 
-def _beside(pulls: Outcome, positions: Outcome) -> Outcome:
+def _of_both(pulls: Outcome, positions: Outcome) -> Outcome:
     """Report on pulls with that on positions inserted above the last line."""
     *above, last = pulls.text.split("\n")
     *more, _ = positions.text.split("\n")

@@ -108,7 +108,7 @@ def write(
         UsageError: A plan of that name was written by hand.
     """
     from pipeline.design.plan_files import plan_files
-    from pipeline.design.planfile import MADE_BY, beside, plan_text, problem_text
+    from pipeline.design.planfile import MADE_BY, plan_text, problem_file, problem_text
     from pipeline.machine.robot import SHIPPED
     from pipeline.store.campaign import dump
 
@@ -117,7 +117,7 @@ def write(
     if plan.exists() and not plan.read_text("utf-8").startswith(MADE_BY):
         raise UsageError(f"{plan} was written by hand: choose another --name")
     files.write(plan, plan_text(made.proposal, f"data/plans/{name}.toml", by).encode())
-    asked = root / beside(f"data/plans/{name}.toml")
+    asked = root / problem_file(f"data/plans/{name}.toml")
     files.write(asked, problem_text(made.proposal.problem.spec).encode())
     content = dump(made.content())
     driven = _programs(made.proposal, at_work)

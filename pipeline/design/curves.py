@@ -56,7 +56,6 @@ def by_size(
     poses: Sequence[int],
     readings: Sequence[int],
     seed: int,
-    effort: Effort = _QUICK,
     own: Plan | None = None,
 ) -> BySize:
     """Best figure for each m_0 and n; the limit on single compliances is dropped.
@@ -69,7 +68,6 @@ def by_size(
         poses: Values of m_0.
         readings: Values of n.
         seed: Determines the searches.
-        effort: Effort of each search.
         own: The plan of the problem, if it is the best one also without that limit and with its
             hardest pull alone: its size is then not searched again.
     """
@@ -80,7 +78,7 @@ def by_size(
         if not shared:
             continue
         found = own if m0 == problem.poses else None
-        plan = found or _best(sized[shared[-1]], seed, effort)
+        plan = found or _best(sized[shared[-1]], seed)
         if plan is None:
             continue
         for j in shared:
@@ -97,9 +95,9 @@ def _sized(problem: Problem, poses: int, readings: int) -> Problem:
     return replace(build(revised(problem.spec, changes), problem.robot), known=problem.known)
 
 
-def _best(problem: Problem, seed: int, effort: Effort) -> Plan | None:
+def _best(problem: Problem, seed: int) -> Plan | None:
     try:
-        *_, last = search(problem, np.random.default_rng(seed), effort)
+        *_, last = search(problem, np.random.default_rng(seed), _QUICK)
     except InputError:
         return None
     return last.best

@@ -32,13 +32,13 @@ def plan_text(proposal: BoundedPlan, file: str, by: str = "") -> str:
         by: Options with which the problem file next to it gives this plan again.
     """
     name = proposal.problem.spec.name
-    words = {"typed": typed(name), "file": typed(file), "by": by,
-             "problem": typed(beside(file)), "rehearsal": typed(f"{name}-rehearsal")}  # fmt: skip
+    words = {"typed": typed(name), "file": typed(file), "by": by}
+    words |= {"problem": typed(problem_file(file)), "rehearsal": typed(f"{name}-rehearsal")}
     header = _HEADER.format(made_by=MADE_BY, figure=figures(proposal), **words)
     return header + toml.dumps(plan_content(proposal))
 
 
-def beside(plan: str) -> str:
+def problem_file(plan: str) -> str:
     """Path of the problem file of a plan, as it was solved: to be run again, or changed."""
     return f"{plan.removesuffix('.toml')}.problem.toml"
 
@@ -47,11 +47,11 @@ def problem_text(spec: ProblemFile) -> str:
     """A problem as it was solved, including the effects of options, robot and time."""
     apart = {"design", "cell", "tool_acceptance", "tool_capsules"}
     content = spec.model_dump(exclude_unset=True, exclude_none=True, exclude=apart)
-    content["robot"] = _lying_beside(spec.robot)
+    content["robot"] = _file_name(spec.robot)
     return toml.dumps({**content, **tooled(content["tool"], spec)})
 
 
-def _lying_beside(robot: str) -> str:
+def _file_name(robot: str) -> str:
     """A robot's name; for a robot file, its name in the folder of the plan."""
     return robot.replace("\\", "/").rpartition("/")[2]
 
@@ -67,7 +67,7 @@ def plan_content(proposal: BoundedPlan) -> dict[str, Any]:
     q = printed(proposal.problem, every)
     content: dict[str, Any] = {
         "name": spec.name,
-        "robot": _lying_beside(spec.robot),
+        "robot": _file_name(spec.robot),
         "seed": 1,
         "poses": {"q": q.tolist(), "approach": approach.tolist()},
         "pulls": _pulls(proposal),

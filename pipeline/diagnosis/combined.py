@@ -1,7 +1,7 @@
 """Springs and causes of a campaign of pulls, estimated together with absolute positions.
 
 The pulls' rows c = B x + G e are extended by the estimate from the positions of the table, the tool
-and the elements that deflect under the arm's weight (`machine.stance`):
+and the elements that deflect under the arm's weight (`machine.positions_estimate`):
 
     c       = B x + B_y y - J F a + G e
     [c0 y0] = [x_s y]     + K a   + W w

@@ -119,10 +119,10 @@ def from_unloaded(
     table_only = straight(zeros, sums)
     search = _Search(zeros, asked, x, rows, cells(zeros, sums), wander_m)
     if not _fits(zeros, rows, table_only):
-        search = search.whole(effects)
-        heavy = search.with_links(effects)
-        if heavy.found.log_evidence > search.found.log_evidence + _SURE:
-            search = heavy.with_free(()).whole(effects)
+        heavy = search.over(replace(zeros, sag=None, weighs=True), effects).with_free(())
+        search, heavy = search.whole(effects), heavy.whole(effects)
+        least = search.found.log_evidence + (0.0 if any(one.sags for one in search.free) else _SURE)
+        search = heavy if heavy.found.log_evidence > least else search
     found, zeros = search.found, search.zeros
     missed = left_out(table_only, rows), left_out(found, search.rows)
     stood = UnloadedFacts(
@@ -234,11 +234,6 @@ class _Search:
         search = self.with_slip(effects).with_changes(effects).done()
         return search.with_changes(effects).done().with_sag()
 
-    def with_links(self, effects: Sequence[Effect]) -> _Search:
-        """The same causes of an arm of which every link weighs."""
-        heavy = self._over(replace(self.zeros, sag=None, weighs=True), effects)
-        return heavy.with_free(heavy.free)
-
     def done(self) -> _Search:
         """Add causes one by one while each of them is far beyond the rest."""
         now = self
@@ -269,7 +264,7 @@ class _Search:
         tries = self._tries + len(slips) * remastered.places(self.zeros)
         if likeliest is None or tries * slips[likeliest] >= alarms.GEOMETRY:
             return self
-        more = self._over(replace(self.zeros, changes=tuple(slips)), effects)
+        more = self.over(replace(self.zeros, changes=tuple(slips)), effects)
         which = [one for one in more.asked if more.change_of(one) == likeliest]
         return more.with_free((*more.free, *which))
 
@@ -290,9 +285,9 @@ class _Search:
             return self
         changes = remastered.changes(self.zeros, self.rows, self.found)
         zeros = replace(self.zeros, changes=changes)
-        return self if changes == self.zeros.changes else self._over(zeros, effects)
+        return self if changes == self.zeros.changes else self.over(zeros, effects)
 
-    def _over(self, zeros: Unloaded, effects: Sequence[Effect]) -> _Search:
+    def over(self, zeros: Unloaded, effects: Sequence[Effect]) -> _Search:
         """The search in the same readings, with other changes or weights among the unknowns."""
         stays = zeros.columns.masses.start
         x = np.append(self.x[:stays], np.zeros(zeros.columns.count - stays))

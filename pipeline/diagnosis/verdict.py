@@ -87,6 +87,11 @@ _BASE = (
 
 _UNLOADED = (
     VerdictRow(
+        Finding.STANDS_UNEXPLAINED,
+        Verdict.UNEXPLAINED,
+        lambda f: f.unloaded.unexplained and f.agreement is None and not f.unloaded.refuted,
+    ),
+    VerdictRow(
         Finding.STANDS_ELSEWHERE_OR_RIVAL,
         Verdict.AMBIGUOUS,
         lambda f: any(one.probability < CERTAIN for one in f.moved),
@@ -96,11 +101,6 @@ _UNLOADED = (
         Finding.TABLES_DISAGREE,
         Verdict.UNEXPLAINED,
         lambda f: f.agreement is not None and f.agreement.table_p < alarms.GEOMETRY,
-    ),
-    VerdictRow(
-        Finding.STANDS_UNEXPLAINED,
-        Verdict.UNEXPLAINED,
-        lambda f: f.unloaded.unexplained and f.agreement is None and not f.unloaded.refuted,
     ),
     VerdictRow(
         Finding.ROUGH_TABLE,

@@ -2,10 +2,11 @@
 
 The model is linearised at the pose of the tracker according to the readings that are not grossly
 off (`register.agreed`). Then readings are freed one after the other, each time the one that reduces
-the sum of squares most given the others (see `system.beside`), and exchanged while another one does
-better. Between two rounds the tracker may have drifted, shifted, or shifted and rotated; otherwise
-a real drift would be attributed to readings. Of these courses the one with the least penalised sum
-of squares is accepted: every reading and every motion costs the threshold of its own test.
+the sum of squares most given the others (see `system.score_tests`), and exchanged while another one
+does better. Between two rounds the tracker may have drifted, shifted, or shifted and rotated;
+otherwise a real drift would be attributed to readings. Of these courses the one with the least
+penalised sum of squares is accepted: every reading and every motion costs the threshold of its own
+test.
 """
 
 from __future__ import annotations

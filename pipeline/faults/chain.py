@@ -1,6 +1,6 @@
 """Bad readings of the two reflectors on the chain, by their distance and by their direction.
 
-Both tests free one pull in the fit to all (see `system.beside`): deleted residuals, externally
+Both tests free one pull in the fit to all (see `system.score_tests`): deleted residuals, externally
 studentised (Cook and Weisberg, Residuals and Influence in Regression, 1982), for the largest of all
 pulls. A chain may stretch with the force and be hung differently in every pose. Its direction may
 change with the force, as the load point yields; with its inverse, as a chain sags; or with the

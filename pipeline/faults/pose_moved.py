@@ -1,9 +1,9 @@
 """A pose in which tracker or robot moved between its states, as a whole and not by the load.
 
 All pulls from some one on then have a common displacement, unlike that of a load: a rigid motion of
-the effector, six columns in addition to the model, is common to them (see `system.beside`). It is a
-mistake in the data if everything else fits once one pose has it. What happens in every pose belongs
-to the machine (lost motion, backlash), and is left to the diagnosis.
+the effector, six columns in addition to the model, is common to them (see `system.score_tests`). It
+is a mistake in the data if everything else fits once one pose has it. What happens in every pose
+belongs to the machine (lost motion, backlash), and is left to the diagnosis.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The robot predicts every target from the joint values, to millimetres with its table as delivered;
 poses are decimetres apart, and wrong units metres. Each series is aligned with the robot as a rigid
-body by most of its rows (`geometry.begin`), so that up to half of them may be wrong; if more are,
+body by most of its rows (`geometry.initial`), so that up to half of them may be wrong; if more are,
 the order in which most of them fit is sought first.
 """
 

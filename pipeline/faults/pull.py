@@ -50,7 +50,10 @@ def reversed_pull(case: Case, estimate: Estimate) -> list[Mistake]:
         Mistake(
             name="sign_or_convention",
             where="pull_reversed",
-            evidence=f"the pull is reversed: {negative} of {known.sum()} clear compliances are "
+            evidence=f"weights pull the other way than [gravity] states: {negative} of "
+            f"{known.sum()} clear compliances are negative, the robot would move against them"
+            if _hangs(case)
+            else f"the pull is reversed: {negative} of {known.sum()} clear compliances are "
             f"negative, the robot would move against the force{seen}",
             correction="recomputed with weights pulling the other way in F_b"
             if _hangs(case)

@@ -1,7 +1,7 @@
 """Single readings that contradict all others: Baarda's w-test, reading by reading.
 
 A reading is shifted by an unknown vector [m] in F_b: a suspect of three columns in addition to the
-model (see `system.beside`; Baarda, A Testing Procedure for Use in Geodetic Networks, 1968, for
+model (see `system.score_tests`; Baarda, A Testing Procedure for Use in Geodetic Networks, 1968, for
 three coordinates). A pose that is read as one has six, and is one reading of its state. A p-value
 is multiplied by the number of readings (Bonferroni). Where the model fits, the scatter is estimated
 from the residuals, at least as stated. The model is that of the joint springs; where these do not

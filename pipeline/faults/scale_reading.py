@@ -190,7 +190,7 @@ def _by_law(asked: Screening, righted: _Righted) -> bool:
     """Whether the law of a cause, free in the pull of such a reading, explains it about as well.
 
     With a the whitened column of the reading, o its error [N], and z that of the law in this pull
-    alone, T = (z'P (y + o a))^2 / z'P z, with P and y as in `system.beside`.
+    alone, T = (z'P (y + o a))^2 / z'P z, with P and y as in `system.score_tests`.
     """
     laws = asked.laws
     if laws is None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from pipeline.answer import archive
 from pipeline.answer.contract import Answer, Cause, Stiffness
 from pipeline.base import files, parquet
 from pipeline.base.errors import UsageError
+from pipeline.base.shown import say
 from pipeline.fleet import wear_table
 from pipeline.fleet.wear_table import column
 from pipeline.store.campaign import FLEET, MANIFEST, CampaignFolder, code_version, dump, recalled
@@ -370,12 +372,27 @@ def _rows(campaign: CampaignFolder, answer: Answer) -> dict[str, pa.Table]:
     return found | {name: _own(campaign, name) for name in _OWN}
 
 
+def _kept(campaign: CampaignFolder, table: str) -> pa.Table | None:
+    """Table of a campaign; None if there is none, or if it is damaged, of which a line is said."""
+    path = campaign.processed / f"{table}.parquet"
+    try:
+        return parquet.read(path)
+    except FileNotFoundError:
+        return None
+    except (OSError, pa.ArrowException):
+        say(
+            f"{path} cannot be read, its rows are missing: run "
+            f"'pipeline run {campaign.name} --force'.",
+            sys.stderr,
+        )
+        return None
+
+
 def _own(campaign: CampaignFolder, name: str) -> pa.Table:
     """One of a campaign's own tables; empty if there is none."""
-    path, promise = campaign.processed / f"{_OWN[name]}.parquet", _PROMISED[name]
-    if not path.is_file():
+    promise, table = _PROMISED[name], _kept(campaign, _OWN[name])
+    if table is None:
         return promise.empty_table()
-    table = parquet.read(path)
     table = table.append_column("campaign", pa.array([campaign.name] * table.num_rows, _STR))
     return table.select(promise.names).replace_schema_metadata(None).cast(promise)
 
@@ -406,10 +423,10 @@ def _campaign(answer: Answer) -> dict[str, Any]:
 
 def _covariance(campaign: CampaignFolder) -> list[dict[str, Any]]:
     """Covariance of the compliances of the recommended model, row by row; empty if not kept."""
-    path = campaign.processed / "41_covariance.parquet"
-    if not path.is_file():
+    kept = _kept(campaign, "41_covariance")
+    if kept is None:
         return []
-    columns = parquet.read(path).to_pydict()
+    columns = kept.to_pydict()
     names = columns.pop("parameter")
     return [
         {"parameter": name, "other": other, "covariance": value}

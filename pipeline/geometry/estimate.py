@@ -20,8 +20,8 @@ from scipy import sparse
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.mechanism import Linear, Mechanism, Payloads, layout
+from pipeline.geometry.random_curve import Curve
 from pipeline.geometry.scatter import PoseScatter
-from pipeline.geometry.spline import Curve
 from pipeline.geometry.yielding import sizes, usual
 from pipeline.machine.positions_estimate import soften
 

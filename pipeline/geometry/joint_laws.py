@@ -9,8 +9,8 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry import law_tests, spline
-from pipeline.geometry.calibrate import Calibration, ModelStructure, calibrate, likeliest
+from pipeline.geometry import law_tests, random_curve
+from pipeline.geometry.calibrate import Calibration, ModelStructure, calibrate, likeliest, tried
 from pipeline.geometry.catalogue_causes import CatalogueCause, CatalogueLaw, causes, chances
 from pipeline.geometry.cross_validation import NO_GAIN, LeftOutGain, LeftOutPoses, Partition
 from pipeline.geometry.laws import JointLaw, LawKind, LawVariable
@@ -24,11 +24,9 @@ _HALF = 0.5
 """Minimum fraction of a curve's variance over the poses that one wave must explain to replace
 it [1]."""
 
-_NEAR = np.linspace(-0.25, 0.25, 41)
-"""Orders tried about the one found by the search [1], periods per turn."""
-
-_MOST_LAWS = 6
-"""Maximum number of laws adopted in addition to the curves, one after the other."""
+_MOST_LAWS, _REFUSED = 18, 2
+"""Maximum numbers of laws that are adopted, and that are refused, in addition to the curves: three
+waves of each of six joints."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,19 +152,20 @@ def with_laws(
         rng: Source of copies and intervals.
     """
     signs = law_tests.flips(data.readings, rng, rail=rail(base.mechanism.table))
-    inputs, slides = base.linear.inputs, base.mechanism.table.prismatic
     every = _candidates(base, names)
-    clues = law_tests.law_tests(law_tests.score(base, signs), inputs, every, slides.tolist())
+    _, clues = law_tests.searched(base, signs, every, base.mechanism.table.prismatic.tolist())
     bed = base.wanted.bed is not None
     clues = [clue for clue in clues if clue.law is not None or not (bed and clue.joint == 1)]
     judge = LeftOutPoses(parts, rng)
     found, p = _of_own_angles(data, base, clues, judge)
-    others = [law for law in every if not _own_angle(law)]
+    curved = {joint + 1 for joint, _ in found.wanted.curves}
+    others = [law for law in every if law.joint not in curved or not _own_angle(law)]
     found, further = _of_all_else(data, found, others, signs, judge)
     plain = [k for k, one in enumerate(names) if not one.name]
-    chance = chances(found, [_of_law(found.mechanism, k) for k in plain], signs)
+    copies = law_tests.score(found, signs).x
+    chance = chances(found, [_of_law(found.mechanism, k) for k in plain], copies)
     p |= {_key(names[k].law): c for k, c in zip(plain, chance, strict=True)} | further
-    return _NamedModel(found, _named(found, p, judge), causes(found, names, signs, judge))
+    return _NamedModel(found, _named(found, p, judge), causes(found, names, copies, judge))
 
 
 def _bent(clues: Sequence[law_tests.LawTest]) -> dict[int, float]:
@@ -189,18 +188,17 @@ def _of_own_angles(
     if not bent:
         return springs, {}
     joints = sorted(bent)
-    wanted, _ = likeliest(
+    found = likeliest(
         springs,
         [
             replace(springs.wanted, curves=tuple((j, length) for j in joints))
-            for length in spline.LENGTHS[False]
+            for length in random_curve.LENGTHS[False]
         ],
     )
-    found = data.identify(springs.mechanism, wanted, springs)
     waves = [law for j in joints if (law := _one_wave(found, clues, j)) is not None]
     p = {_curve_of(j): chance for j, chance in bent.items()}
     p |= {_key(law): bent[law.joint - 1] for law in waves}
-    return _better(data, found, waves, judge), p
+    return data.again(_better(found, waves, judge)), p
 
 
 def _of_all_else(
@@ -212,31 +210,31 @@ def _of_all_else(
 ) -> tuple[Calibration, dict[_Key, float]]:
     """Estimate with further laws, the likeliest first while they carry over, and their p-values."""
     p: dict[_Key, float] = {}
-    free = list(others)
-    for _ in range(_MOST_LAWS):
-        here, inputs = law_tests.score(found, signs), found.linear.inputs
-        left = law_tests.law_tests(here, inputs, free)
+    free = [one for one in others if not any(_alike(one, law) for law in found.mechanism.laws)]
+    adopted = refused = 0
+    while adopted < _MOST_LAWS and refused < _REFUSED:
+        here, left = law_tests.searched(found, signs, free)
         if not left or left[0].p >= alarms.LAW or left[0].law is None:
             break
-        law = law_tests.sharpened(here, left[0].law, inputs)
+        law = law_tests.sharpened(here, left[0].law, found.linear.inputs)
         new = (*found.mechanism.laws, law)
-        more = data.identify(found.mechanism, replace(found.wanted, laws=new), found)
-        if not judge.carries(more, _of_law(more.mechanism, len(new) - 1), law.once):
-            break
-        found, p[_key(law)] = more, left[0].p
-        free.remove(left[0].law)
+        more = tried(found, replace(found.wanted, laws=new))
+        if judge.carries(more, _of_law(more.mechanism, len(new) - 1), law.once):
+            found, p[_key(law)] = data.again(more), left[0].p
+            adopted += 1
+        else:
+            refused += 1
+        free = [one for one in free if not _alike(one, left[0].law)]
     return found, p
 
 
-def _better(
-    data: LawSearchData, bent: Calibration, waves: Sequence[JointLaw], judge: LeftOutPoses
-) -> Calibration:
+def _better(bent: Calibration, waves: Sequence[JointLaw], judge: LeftOutPoses) -> Calibration:
     """The estimate with waves in place of curves, where held-out poses are predicted as well."""
     found = bent
     for law in waves:
         rest = tuple(one for one in found.wanted.curves if one[0] != law.joint - 1)
         wanted = replace(found.wanted, laws=(*found.mechanism.laws, law), curves=rest)
-        trial = data.identify(found.mechanism, wanted, found)
+        trial = tried(found, wanted)
         if judge.as_good(trial, found):
             found = trial
     return found
@@ -262,6 +260,16 @@ def _of_law(mechanism: Mechanism, number: int) -> slice:
     return slice(first, first + mechanism.laws[number].amplitudes)
 
 
+def _alike(one: JointLaw, other: JointLaw) -> bool:
+    """Whether two laws are the same, or waves of orders that few turns hardly distinguish."""
+    same = _key(replace(one, order=0.0)) == _key(replace(other, order=0.0))
+    return same and abs(one.order - other.order) < _APART
+
+
+_APART = 1.0
+"""Difference of the orders of two waves of a joint, below which one takes the other's place [1]."""
+
+
 def _own_angle(law: JointLaw) -> bool:
     return law.variable == "angle" and law.source == law.joint
 
@@ -271,22 +279,22 @@ def _one_wave(
 ) -> JointLaw | None:
     """The wave that explains at least `_HALF` of a joint's curve over the poses, if any."""
     q = found.readings.q[:, joint]
-    curve, knots = _curve(found.mechanism, joint)
+    curve, knots = _curve(found, joint)
     f = curve.value(q, knots)
     tried = [c.law for c in clues if c.law and c.law.kind == "periodic" and c.joint == joint + 1]
-    orders = np.unique(tried[0].order + _NEAR) if tried else np.zeros(0)
+    orders = np.unique(tried[0].order + law_tests.NEAR) if tried else np.zeros(0)
     shares = [_share(f, order * q) for order in orders]
     if not shares or max(shares) < _HALF:
         return None
     return replace(tried[0], order=float(orders[int(np.argmax(shares))]))
 
 
-def _curve(mechanism: Mechanism, joint: int) -> tuple[spline.Curve, Array]:
+def _curve(found: Calibration, joint: int) -> tuple[random_curve.Curve, Array]:
     """A joint's curve and its values at the knots."""
-    at = 0
-    for one in mechanism.curves:
+    at = layout(found.mechanism).knots.start
+    for one in found.mechanism.curves:
         if one.screw == joint:
-            return one, mechanism.knots[at : at + one.count]
+            return one, found.solution.x[at : at + one.count]
         at += one.count
     raise KeyError(joint)
 
@@ -364,7 +372,7 @@ def _size(x: Array, cov: Array) -> tuple[float, float]:
     return size, float(np.sqrt(slope @ cov @ slope))
 
 
-def _bend(curve: spline.Curve, q: Array, x: Array, cov: Array) -> tuple[float, float]:
+def _bend(curve: random_curve.Curve, q: Array, x: Array, cov: Array) -> tuple[float, float]:
     """Root two times the standard deviation of a curve over the poses, and its uncertainty."""
     rows = curve.rows(q).toarray()
     rows = rows - rows.mean(axis=0)

@@ -24,8 +24,8 @@ from scipy.spatial.transform import Rotation
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.laws import Inputs, JointLaw
+from pipeline.geometry.random_curve import Curve
 from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.spline import Curve
 from pipeline.geometry.yielding import Virtual, carried_by, carried_on
 from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Configuration, Robot, configure

@@ -1,12 +1,12 @@
 """Outliers among readings of positions, tested jointly with the whole model.
 
 An outlying reading is a suspect with one column per coordinate, estimated together with all
-parameters and their priors: T = g' N^+ g as in `system.beside`, chi-square with as many degrees of
-freedom as it has directions. The estimated scatter may include the outliers, so the median of all T
-determines the variance; it is unaffected while fewer than half of the readings are outliers
-(Hampel, J. Am. Stat. Assoc. 69, 1974). The caller leaves the outliers out, estimates again, and
-tests all readings again until the same ones are found: forward search with deletion, as in
-`system.together`, one reading per pose at a time.
+parameters and their priors: T = g' N^+ g as in `system.score_tests`, chi-square with as many
+degrees of freedom as it has directions. The estimated scatter may include the outliers, so the
+median of all T determines the variance; it is unaffected while fewer than half of the readings are
+outliers (Hampel, J. Am. Stat. Assoc. 69, 1974). The caller leaves the outliers out, estimates
+again, and tests all readings again until the same ones are found: forward search with deletion, as
+in `system.simultaneous`, one reading per pose at a time.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.bootstrap import interval
-from pipeline.geometry import law_tests, left_out, outliers, spline
+from pipeline.geometry import law_tests, left_out, outliers, random_curve
 from pipeline.geometry.calibrate import Calibration, ModelStructure, likeliest, tried
 from pipeline.geometry.catalogue_causes import (
     OTHER_MASSES,
@@ -259,32 +259,30 @@ def _base(data: LawSearchData, begun: Mechanism) -> tuple[Calibration, tuple[Cat
     table = data.identify(begun, ModelStructure(springs=False))
     if not rail(robot):
         found = data.identify(table.mechanism, wanted, table)
-        best = _formed(found, found.wanted, None)
+        best = _formed(found)
     else:
-        found = data.identify(table.mechanism, replace(wanted, bed=spline.BED[1]), table)
-        beds = [replace(wanted, bed=length) for length in spline.BED]
-        best = _formed(found, *likeliest(found, beds))
-    now = found if best == found.wanted else data.identify(found.mechanism, best, found)
-    return now, names
+        found = data.identify(table.mechanism, replace(wanted, bed=random_curve.BED[1]), table)
+        beds = [replace(wanted, bed=length) for length in random_curve.BED]
+        best = _formed(likeliest(found, beds))
+    return (best if best is found else data.again(best)), names
 
 
-def _formed(found: Calibration, wanted: ModelStructure, known: float | None) -> ModelStructure:
-    """The structure with the likeliest form of each gear law that the readings show.
-
-    `known` is the evidence of `wanted`, if it is known.
-    """
+def _formed(found: Calibration) -> Calibration:
+    """The estimate with the likeliest form of each gear law that the readings show."""
+    best = found
     there, tau = found.mechanism, found.linear.inputs.tau
     x, std = found.solution.x, np.sqrt(np.diag(found.solution.cov))
     at = layout(there).yields.start
     for k, one in enumerate(there.elements):
         if np.abs(x[at] / std[at]) > _SHOWN:
+            yields = best.wanted.yields
             others = [
-                replace(wanted, yields=(*wanted.yields[:k], other, *wanted.yields[k + 1 :]))
+                replace(best.wanted, yields=(*yields[:k], other, *yields[k + 1 :]))
                 for other in other_forms(there.table, tau, one)
             ]
-            wanted, known = likeliest(found, [wanted, *others], known)
+            best = likeliest(best, others, best)
         at += len(one.parameters)
-    return wanted
+    return best
 
 
 _SHOWN = 2.0

@@ -188,7 +188,7 @@ def _letters(text: str) -> int:
 
 
 @cache
-def catalogue(language: str) -> Catalogue:
+def _catalogue(language: str) -> Catalogue:
     """The catalogue of a language."""
     with (resources.files(__package__) / "locale" / f"{language}.mo").open("rb") as compiled:
         return Catalogue(compiled)
@@ -196,4 +196,4 @@ def catalogue(language: str) -> Catalogue:
 
 def translator(language: str) -> Callable[[str], str]:
     """Function that translates a text into a language."""
-    return catalogue(language).say
+    return _catalogue(language).say

@@ -42,6 +42,10 @@ class Group:
         return {word: STATES[k > 0] for k, word in enumerate(self.states)}
 
 
+USUAL = Group(Naming().group)
+"""As the protocol names groups."""
+
+
 def states_of(names: Sequence[str], group: Group) -> dict[str, str]:
     """State of each group that names one."""
     found = patterns.parts(pa.array(names, pa.string()), group.pattern).to_pylist()
@@ -60,9 +64,8 @@ def ways_to_read(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
     repeat. Words whose groups have more targets are loaded: the chain's ends are read only then. If
     all have equally many, any word may be that of the unloaded state: one way for each.
     """
-    usual = Group(Naming().group)
-    if states_of(list(rows), usual):
-        return (usual,)
+    if states_of(list(rows), USUAL):
+        return (USUAL,)
     return next(filter(None, (_ways(rows, token) for token in _TOKENS)), ())
 
 

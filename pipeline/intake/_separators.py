@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pyarrow as pa
@@ -14,6 +14,7 @@ from scipy.sparse import coo_array, csgraph
 from pipeline.base import patterns
 from pipeline.base.arrays import Array
 from pipeline.intake import _polar
+from pipeline.intake._group_names import USUAL, ways_to_read
 from pipeline.readers._reader import Export, part
 
 _SEPARATOR = re.compile(r"[\W_]+")
@@ -25,7 +26,8 @@ def separators(exports: Sequence[Export]) -> list[str]:
     """Possible patterns for `names` of [tracker], for exports whose names combine group and target.
 
     The last or the first part of every name is one of a few that repeat together with the others.
-    Of several such ways those in which targets keep their distances are returned, if there are any.
+    Of several such ways those whose groups tell most of their states are returned, and of these
+    those in which targets keep their distances, if there are any.
     """
     names, places = list[str](), list[Array]()
     for one in exports:
@@ -35,7 +37,16 @@ def separators(exports: Sequence[Export]) -> list[str]:
     ways = itertools.chain.from_iterable(map(_ways, _in_all(names)))
     read = {way: pairs for way in ways if (pairs := _pairs(names, way))}
     few = {way: pairs for way, pairs in read.items() if _come_again({*pairs})}
-    return [way for way, pairs in few.items() if _polar.some_keep(_read(pairs, places))] or [*few]
+    rows = {way: _read(pairs, places) for way, pairs in few.items()}
+    told = {way: _telling(groups) for way, groups in rows.items()}
+    best = [way for way in few if told[way] == max(told.values())]
+    return [way for way in best if _polar.some_keep([*rows[way].values()])] or best
+
+
+def _telling(groups: Mapping[str, Mapping[str, Array]]) -> int:
+    """2 if groups are called as the protocol has it, 1 if they tell states in other words."""
+    ways = ways_to_read(groups)
+    return (USUAL in ways) + bool(ways)
 
 
 def _in_all(names: Sequence[str]) -> list[str]:
@@ -62,12 +73,12 @@ def _pairs(names: Sequence[str], pattern: str) -> list[tuple[str, str]] | None:
     return list(zip(groups, targets, strict=True))
 
 
-def _read(pairs: Sequence[tuple[str, str]], places: Sequence[Array]) -> list[dict[str, Array]]:
+def _read(pairs: Sequence[tuple[str, str]], places: Sequence[Array]) -> dict[str, dict[str, Array]]:
     """Position of each target in each group."""
     groups = defaultdict[str, dict[str, Array]](dict)
     for (group, target), at in zip(pairs, places, strict=True):
         groups[group][target] = at
-    return [*groups.values()]
+    return groups
 
 
 def _come_again(pairs: set[tuple[str, str]]) -> bool:

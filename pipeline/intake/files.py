@@ -102,7 +102,7 @@ def propose(
     found = found if found.exports else _offered(files, found, hints)
     found = _with_groups(files, found, hints, logged)
     exports = [*found.exports.values()]
-    names = (hints.names,) if hints.names else _splits(exports)
+    names = (hints.names,) if hints.names else tuple(separators(exports))
     if len(names) == 1:
         exports = [split(one, names[0]) for one in exports]
     rows = _by_group(exports)
@@ -121,13 +121,6 @@ def propose(
         unsure=unsure(logged.loads, files, columns),
         **vars(logged) | {"load_columns": columns, "refused": logged.refused | found.refused},
     )
-
-
-def _splits(exports: Sequence[Export]) -> tuple[str, ...]:
-    """Possible values of `names`; those whose groups show which are states, if there are any."""
-    ways = separators(exports)
-    telling = [way for way in ways if _tells(*(split(one, way) for one in exports))]
-    return tuple(telling or ways)
 
 
 @dataclass(frozen=True)
@@ -211,9 +204,9 @@ def _settled(hints: ExportSettings) -> Offer | None:
     return None if hints == ExportSettings() else Offer("", (), (), "", (), hints)
 
 
-def _tells(*exports: Export) -> bool:
-    """Whether the names of the groups show which of them are states of poses."""
-    rows = _by_group(exports)
+def _tells(export: Export) -> bool:
+    """Whether the names of its groups show which of them are states of poses."""
+    rows = _by_group([export])
     return bool(rows and ways_to_read(rows))
 
 

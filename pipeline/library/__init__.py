@@ -4,7 +4,7 @@ A campaign identified in this process, and predictions of its model at other pos
 positions, Cartesian stiffness, offsets that compensate a path. `pipeline/__init__.py` exports its
 names lazily; other outbuildings enter here, too.
 
-Door: `library.campaign`, `library.model`; for programs `library.compensate`, `library.standing`,
-`library.holds`.
+Door: `library.campaign`, `library.model`; for programs `library.compensate`,
+`library.target_model`, `library.holds`.
 Tests: `tests/library/`.
 """

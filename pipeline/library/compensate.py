@@ -14,7 +14,7 @@ from pipeline.library.each_way import BothStiffnesses, along, each_way
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.configuration import velocity
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.path import ARM_M, Path, beside_pulls
+from pipeline.prediction.path import ARM_M, Path, against_pulls
 
 _FURTHEST = holds.TWIST_RAD
 """Maximum joint rotation for a correction [rad]; tool motions that need more are left uncorrected,
@@ -81,7 +81,7 @@ class Compensation(Locked):
     def remarks(self) -> list[str]:
         """Summary, and comparison of the forces with the range of the pulls."""
         ways = [one.sentence for one in self.each_way]
-        return [self.summary, *ways, *beside_pulls(self.force, self.pulled)]
+        return [self.summary, *ways, *against_pulls(self.force, self.pulled)]
 
     @property
     def _known(self) -> str:

@@ -23,7 +23,7 @@ from pipeline.geometry.mechanism import (
     frame_of,
     layout,
 )
-from pipeline.geometry.spline import Curve
+from pipeline.geometry.random_curve import Curve
 from pipeline.geometry.yielding import called
 from pipeline.library.under_force import UnderForce, under_force
 from pipeline.machine.robot.mdh import parse

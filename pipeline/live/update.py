@@ -193,6 +193,7 @@ def _suspect(name: str, where: str, readings: Sequence[str], said: str) -> _Susp
 
 _ADVICE = {
     "tracker_knocked": "see that tracker and base stand firm, and read the base reflectors again",
+    "reflectors_loose": "see that every nest holds, and that the effector is stiff",
     "tracker_drift": "let the tracker warm up, read the base reflectors again, and each zero anew",
     "tracker_wander": "read each zero shortly before its pulls, and again behind them",
     "tracker_noise": "look for vibration, draught, sun on the beam and dirty reflectors",
@@ -207,9 +208,11 @@ _ADVICE = {
     "scale_hysteresis": "pull up only, or have the scale checked: unloading it reads otherwise",
     "force_noise": "read the scale when the chain hangs still",
     "heavy_tails": "see that every reflector sits well and nothing cuts the beam",
+    "scattered": "see that every reflector sits well and nothing cuts the beam",
+    "beyond_noise": "look for vibration, draught, sun on the beam and dirty reflectors",
 }
-"""What to do at the robot, by cause; of others it is said what would settle them, and causes in the
-robot itself need no action."""
+"""What to do at the robot, by cause or by finding of the diagnosis; of others it is said what would
+settle them, and causes in the robot itself need no action."""
 
 _OF_THE_ROBOT = ("rail", "joint", "link", "tool", "shoulder", "wrist")
 """Places of causes in the robot itself."""
@@ -223,7 +226,10 @@ def _warnings(answer: Answer, robot: Robot) -> Iterator[str]:
             at += f" {one.form}" if (one.form or "").startswith("since") else ""
             what = str(one.name).replace("_", " ")
             then = _advice(one, str(one.name) in own)
-            yield f"{what[:1].upper()}{what[1:]}{at}, probability {one.probability:.2f}{then}."
+            yield f"{what.capitalize()}{at}, probability {one.probability:.2f}{then}."
+    for reason in answer.diagnosis.reasons:  # of these no cause is stated
+        if done := _ADVICE.get(str(reason)):
+            yield f"{str(reason).replace('_', ' ').capitalize()}: {done}."
 
 
 def _advice(cause: Cause, of_robot: bool) -> str:

@@ -134,7 +134,7 @@ def room_of(
     lower, upper = turns(robot, said)
     tool, at = np.array(list(points.values()), dtype=float), said.cell.tracker_m
     tracker = None if at is None else np.array(at)
-    bodies = robot.capsules.beside(_effector(robot, said))
+    bodies = robot.capsules.with_others(_effector(robot, said))
     outward, crossed = _reached(robot, tool, bodies, tracker is not None)
     turned = 0.0 if tracker is None else _turned_by(robot, tool, lower, upper, hardest_n, tracker)
     shot = [] if tracker is None else accepted(points, said)
@@ -199,7 +199,7 @@ def unchecked(robot: Robot, targets: Sequence[str], said: Surrounded) -> tuple[s
         out.append("the floor: [cell] has no floor_z_m")
     if not cell.max_turn_deg:
         out.append("cables and hoses: [cell] has no max_turn_deg")
-    touching = _pairs(robot, robot.capsules.beside(_effector(robot, said)))[1]
+    touching = _pairs(robot, robot.capsules.with_others(_effector(robot, said)))[1]
     out += [
         f"{one} against {other}: at the zero of all joints they touch" for one, other in touching
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +16,9 @@ from pipeline.machine.robot import Robot, configure, load
 
 _WIDE, _HIGH, _MARGIN = 520, 380, 34
 """Width, height and margin of one view [pixel]."""
+
+_LETTER = 14.0
+"""Height of a line of text, about twice the width of a letter [pixel]."""
 
 _VIEWS = (("from the side", 0, 2, "x", "z"), ("from above", 0, 1, "x", "y"))
 """Title of each view, and the axes of F_b that point right and up."""
@@ -81,17 +84,24 @@ def _view(
         (_WIDE - 2 * _MARGIN) / max(size[0], 0.5), (_HIGH - 2 * _MARGIN) / max(size[1], 0.5)
     )
 
-    def pixel(at: Array) -> str:
-        here = (np.array([at[right], at[up]]) - low) * scale + _MARGIN
-        return f"{here[0]:.1f},{_HIGH - here[1]:.1f}"
+    def place(at: Array) -> tuple[float, float]:
+        x, y = (np.array([at[right], at[up]]) - low) * scale + _MARGIN
+        return float(x), float(_HIGH - y)
 
+    def pixel(at: Array) -> str:
+        x, y = place(at)
+        return f"{x:.1f},{y:.1f}"
+
+    origin = _Mark("F_b", "origin", np.zeros(3))
+    named = [(one.name, *place(one.at)) for one in (origin, *marks) if one.kind != "joint"]
     parts = [
         f'<svg viewBox="0 0 {_WIDE} {_HIGH}" role="img" aria-label="The cell {title}">',
         f"<title>The cell {title}</title>",
         f'<text x="8" y="16">{title}: {x} to the right, {y} upwards</text>',
-        _dot("F_b", "origin", pixel(np.zeros(3))),
+        _dot(origin.name, origin.kind, pixel(origin.at)),
         f'<polyline class="arm" points="{" ".join(pixel(one.at) for one in arm)}"/>',
         *(_dot(one.name, one.kind, pixel(one.at)) for one in marks),
+        *_labels(named),
         _ruler(scale),
         "</svg>",
     ]
@@ -100,11 +110,37 @@ def _view(
 
 def _dot(name: str, kind: str, at: str) -> str:
     x, y = at.split(",")
-    shown = escape(name)
-    dot = f'<circle class="{kind}" cx="{x}" cy="{y}" r="4"><title>{shown}</title></circle>'
-    if kind == "joint":
-        return dot
-    return f'{dot}<text x="{x}" y="{y}" dx="6" dy="-5">{shown}</text>'
+    return f'<circle class="{kind}" cx="{x}" cy="{y}" r="4"><title>{escape(name)}</title></circle>'
+
+
+def _labels(named: Sequence[tuple[str, float, float]]) -> Iterator[str]:
+    """Names beside their points; points whose names would overlap share one line of names.
+
+    Args:
+        named: Name and position [pixel] of each point.
+    """
+    lines: list[tuple[list[str], float, float]] = []
+    for name, x, y in named:
+        near = (line for line in lines if abs(line[2] - y) < _LETTER and _meet(line, name, x))
+        if line := next(near, None):
+            line[0].append(name)
+        else:
+            lines.append(([name], x, y))
+    for names, x, y in lines:
+        side = 'dx="-6" text-anchor="end"' if x > _WIDE / 2 else 'dx="6"'
+        yield f'<text x="{x:.1f}" y="{y:.1f}" {side} dy="-5">{escape(", ".join(names))}</text>'
+
+
+def _meet(line: tuple[list[str], float, float], name: str, x: float) -> bool:
+    """Whether a name beside a point would overlap a line of names."""
+    (left, right), (low, high) = _extent(", ".join(line[0]), line[1]), _extent(name, x)
+    return left < high and low < right
+
+
+def _extent(text: str, x: float) -> tuple[float, float]:
+    """Left and right end of a text beside a point, which is on the inner side of it."""
+    long = _LETTER / 2 * len(text) + 12
+    return (x - long, x) if x > _WIDE / 2 else (x, x + long)
 
 
 def _ruler(scale: float) -> str:
@@ -174,10 +210,6 @@ def _spread(heights: Sequence[float]) -> Array:
     for before, here in pairwise(np.argsort(-out)):
         out[here] = min(out[here], out[before] - _LETTER)
     return out
-
-
-_LETTER = 14.0
-"""Height of a line of text [pixel]."""
 
 
 def _across(poses: int, most: int) -> float:

@@ -269,25 +269,47 @@ def value(typed: str, words: Sequence[str] = (), key: str = "") -> str:
         return in_toml(plain)
 
 
-def _said_anew(new: str, place: tuple[str, str], value: str) -> str:
-    """A campaign.toml with a value put into an entry, if it has this entry on one line."""
+def _stated_again(new: str, old: str, mine: FormEntry) -> str:
+    """A campaign.toml with an entry of an old one and its remark, if it has it on one line."""
+    place = (mine.table, mine.key)
     there = next((one for one in entries(new) if (one.table, one.key) == place), None)
-    return filled(new, there.line, value) if there is not None and there.whole else new
+    if there is None or not there.whole:
+        return new
+    lines = filled(new, there.line, str(mine.value)).splitlines(keepends=True)
+    remark = _parted(old.splitlines()[mine.line - 1])[1]
+    if remark and remark not in lines[there.line - 1]:
+        lines[there.line - 1] = f"{_parted(lines[there.line - 1])[0]}   # {remark}\n"
+    return "".join(lines)
 
 
 def carried_over(old: str, new: str) -> str:
     """A new campaign.toml with all values of an old one that have an entry in it.
 
     What was filled in takes precedence over what the files suggest; only the names of the files
-    come from the new one. Values without an entry are appended as comments.
+    come from the new one. Values without an entry are appended as comments, as are comments on
+    lines of their own that the new one lacks.
     """
     stated = {(one.table, one.key): one for one in entries(old) if one.value is not None}
     for place, mine in stated.items():
         if mine.whole and place not in _OF_FILES:
-            new = _said_anew(new, place, str(mine.value))
+            new = _stated_again(new, old, mine)
     now = {(one.table, one.key) for one in entries(new) if one.value is not None}
     lost = [one for place, one in stated.items() if place not in now or not one.whole]
-    return f"{new.rstrip()}\n\n{_set_aside(old, lost)}" if lost else new
+    notes = _notes(old, new)
+    return f"{new.rstrip()}\n\n{_set_aside(old, lost, notes)}" if lost or notes else new
+
+
+def _notes(old: str, new: str) -> list[str]:
+    """Comments on lines of their own that a new text lacks, and that no entry asks or explains."""
+    asked = {one.line for one in entries(old)}
+    return [
+        line
+        for number, line in enumerate(old.splitlines(), 1)
+        if line.startswith("#")
+        and number not in asked
+        and not (_MORE.match(line) or _TABLE.match(line) or line == _BEFORE)
+        and line not in new
+    ]
 
 
 def with_table(text: str, new: str, name: str) -> str:
@@ -315,15 +337,17 @@ def _span(text: str, name: str) -> tuple[int, int]:
     return 0, 0
 
 
-def _set_aside(old: str, lost: Sequence[FormEntry]) -> str:
-    """Lines of an old text as comments, each below its table."""
-    lines, out = old.splitlines(), ["# from the campaign.toml before, which have no place above:"]
+def _set_aside(old: str, lost: Sequence[FormEntry], notes: Sequence[str]) -> str:
+    """Comments of an old text, and lines of it as comments, each below its table."""
+    lines, out = old.splitlines(), [_BEFORE, *notes]
     for one in lost:
         end = one.line - 1 + _length(lines[one.line - 1 :])
         out += [f"#   of [{one.table}]"] if one.table else []
         out += [f"#   {line}" for line in lines[one.line - 1 : end]]
     return "\n".join([*out, ""])
 
+
+_BEFORE = "# from the campaign.toml before, which have no place above:"
 
 _OF_FILES = (("", "format"), ("tracker", "files"), ("scale", "file"), ("joints", "file"))
 """Entries about files, for which the new campaign.toml is right."""

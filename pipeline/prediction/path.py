@@ -29,7 +29,7 @@ class Path(Locked):
     line: tuple[int, ...] = ()
 
 
-def beside_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str]:
+def against_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str]:
     """Warning if forces [N], shape (m,), are outside the range of the pulls, as a list.
 
     A model is valid where it was tested: above the largest pull its error grows with the force. If

@@ -5,7 +5,7 @@ values at the targets (`aim.py`, `inverse.py`), and one file per language. The o
 `prediction`. A table of joint values is also a path; for it, `predict` states the positions of the
 targets.
 
-Door: `programs.command:compensate`, `programs.predict:predict`; `programs.judged:read`, the path
+Door: `programs.command:compensate`, `programs.predict:predict`; `programs.path_file:read`, the path
 that [tolerance] names.
 Tests: `tests/programs/`.
 """

@@ -16,10 +16,10 @@ from pipeline.programs._text import LARGEST_PROGRAM
 from pipeline.programs.corrected import (
     CorrectionOptions,
     ForceFrame,
-    beside,
-    beside_input,
+    companion,
     drawn,
     listed_lines,
+    spare_input,
     write,
 )
 
@@ -163,7 +163,7 @@ def _one(
         typer.echo(written)
         return remarks
     if output is not None:
-        beside_input(path, output)
+        spare_input(path, output)
     data, remarks, shown = drawn(root, campaign, path, given)
     _put(data, None if output is None else outside_raw(root, output))
     if picture is not None:
@@ -222,7 +222,7 @@ def _within(root: Path, campaign: str, one: Path, output: Path, given: Correctio
         for line in _one(root, campaign, one, output / one.name, given, shown):
             _tell(f"{one.name}: {line}")
     except InputError as problem:
-        if problem.thing != _NOTHING or not beside(one):
+        if problem.thing != _NOTHING or not companion(one):
             _tell(str(problem))
             return False
         _tell(f"{one.name} {_NOTHING}: copied as it is.")  # its companion file has the targets

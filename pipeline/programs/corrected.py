@@ -91,7 +91,7 @@ def write(
     else:
         answer, remarks = _poses(model, path, data, given, letters)
     written = output or campaigns.find(root, name).reports / f"{path.stem}-compensation.csv"
-    beside_input(path, written)
+    spare_input(path, written)
     answer = _with_stamp(answer, _stamp(root, name, given, answer.decode()))
     files.write(campaigns.outside_raw(root, written), answer)
     return written, remarks + _misfit(model)
@@ -118,7 +118,7 @@ def drawn(
     from pipeline.programs.picture import picture
 
     model, data = _model(root, name), _content(path)
-    near = beside(path)
+    near = companion(path)
     other = None if near is None else (near.name, _content(near))
     read_ = read(path.name, data, other)
     setting = _setting(given, read_.notation, model)
@@ -165,13 +165,13 @@ def _acting(
     return said
 
 
-def beside_input(path: Path, output: Path) -> None:
+def spare_input(path: Path, output: Path) -> None:
     """Refuse to overwrite the original, or the companion file of a program.
 
     Raises:
         InputError: `output` is one of them, by whatever name.
     """
-    for one in (path, beside(path)):
+    for one in (path, companion(path)):
         if one is not None and output.exists() and output.samefile(one):
             thing = "is the original, which --output would overwrite"
             raise InputError(thing, "write to another file", file=str(output))
@@ -260,7 +260,7 @@ def _content(path: Path) -> bytes:
     return files.read(path, path.name, LARGEST_PROGRAM)
 
 
-def beside(path: Path) -> Path | None:
+def companion(path: Path) -> Path | None:
     """The companion file of a program; None if there is none."""
     from pipeline.programs import other_suffix
 

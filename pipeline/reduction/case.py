@@ -21,6 +21,7 @@ from pipeline.reduction._raw_readings import (
     RepeatedReading,
     UnusedReadings,
 )
+from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.stations import Station
 
@@ -127,14 +128,3 @@ class Case:
         """The poses of the joint log, and their joint values, shape (p, n)."""
         columns = [self.joints[name].to_numpy(float) for name in self.joint_columns]
         return pd.Index(self.joints["pose"]), np.column_stack(columns)
-
-
-def tool(settings: Settings) -> Tool:
-    """The effector of a campaign: its load point and the targets that are measured."""
-    names = settings.measured
-    return Tool(
-        load_point=np.array(settings.tool["load_point"]),
-        targets=np.array(names, dtype=object),
-        points=np.array([settings.tool[name] for name in names]),
-        six=settings.instrument.measures == "poses",
-    )

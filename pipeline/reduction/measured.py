@@ -19,7 +19,7 @@ from pipeline.machine.positions_estimate import PositionsEstimate
 from pipeline.machine.robot import Robot, configure
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction._index import coded, found, numbered, places, pull_numbers
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.reduction.idle import Idle, idle
 from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Instrument, Scale, Settings

@@ -128,7 +128,7 @@ def values_of(answer: Answer) -> str:
     )
 
 
-def beside(answer: Answer) -> tuple[str, Values] | None:
+def springs_alone(answer: Answer) -> tuple[str, Values] | None:
     """Name and values of the joint springs estimated from the data as given.
 
     None if these are the answer's own values.

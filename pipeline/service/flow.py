@@ -1,6 +1,6 @@
 """The stages of run.py as a Prefect flow: one task per stage, with artifacts at the end.
 
-This file and gate.py are the only ones that import Prefect, which takes seconds. `service.settle`
+This file and gate.py are the only ones that import Prefect, which takes seconds. `server.settle`
 must be called before the import, since Prefect then reads its settings.
 """
 

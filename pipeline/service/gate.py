@@ -28,8 +28,9 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from pipeline.base.errors import UsageError
 from pipeline.service.processes import PARENT, follow
-from pipeline.service.server import ENTER, HERE, HOME, KEY, PASSWORD, known_password
+from pipeline.service.server import ENTER, HERE, HOME, KEY, PASSWORD, known_password, see_settings
 
 _OWN_SITE = (b"same-origin", b"none")
 """Values of Sec-Fetch-Site for a request from our own page, or from the address bar."""
@@ -158,6 +159,10 @@ def reports(folder: str) -> ASGIApp:
 def main(folder: str, port: str) -> None:
     """Serve both until told to stop."""
     follow(int(os.environ[PARENT]))
+    try:
+        see_settings()
+    except UsageError as problem:
+        sys.exit(str(problem))
     from prefect.server.api.server import create_app
 
     prefect = Door(create_app(final=True), Path(folder).parent)

@@ -242,7 +242,8 @@ def see_settings() -> None:
     try:
         with elsewhere():
             importlib.import_module("prefect.context")
-    except (ValueError, OSError) as problem:
+            importlib.import_module("prefect.logging.configuration").setup_logging()
+    except Exception as problem:  # a setting may name a file of any kind
         why = " ".join(str(problem).split())
         raise UsageError(
             f"Prefect rejects its settings ({printable(why, 200)}): correct or unset the "

@@ -26,6 +26,7 @@ from pipeline.base import files
 from pipeline.base.environment import NOBODYS
 from pipeline.base.errors import UsageError
 from pipeline.base.preferences import Preferences, Service
+from pipeline.base.shown import printable
 from pipeline.service import notify
 from pipeline.service import server as service
 from pipeline.service.processes import PARENT, PYTHON, REPORTS_URL, ROOT
@@ -227,7 +228,9 @@ def _started(server: _Child, asked: threading.Event) -> None:
             return
         time.sleep(0.3)
     if not asked.is_set():
-        raise UsageError(f"Prefect's server did not start: {server.log} says why")
+        *_, last = ["it is silent", *server.log.read_text(errors="replace").split("\n")[:-1]]
+        why = printable(last.rstrip("."), 400)
+        raise UsageError(f"Prefect's server did not start ({why}); {server.log} says more")
 
 
 @contextlib.contextmanager

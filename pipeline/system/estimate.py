@@ -45,7 +45,7 @@ def is_plausible(estimate: Estimate, tracked: bool = True) -> bool:
     return estimate.p_value >= MISFIT_P
 
 
-def solve(system: System, start: Array, white: Whitener | None = None) -> Estimate:
+def solve(system: System, start: Array) -> Estimate:
     """Generalised least squares with columns scaled to their typical size.
 
     x = (B' V^-1 B)^-1 B' V^-1 c,    cov(x) = s^2 (B' V^-1 B)^-1,    chi2 = r' V^-1 r,  r = c - B x,
@@ -60,10 +60,8 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
     Args:
         system: The system; its covariance is used in full.
         start: Values of undetermined parameters, shape (k,).
-        white: The system's whitener, if available.
     """
-    white = white or whitener(system.errors, system.rows.pose)
-    typical = system.typical
+    white, typical = whitener(system.errors, system.rows.pose), system.typical
     value, cov, chi2, rank = least_squares(white(system.B), white(system.c), typical, start)
     residual = system.c - system.B @ value
     dof = len(system.rows) - rank
@@ -190,7 +188,7 @@ def left_out(system: System, white: Whitener | None = None) -> Array:
     """Residuals of each pose when that pose with all its pulls is left out of the estimate.
 
     r_p = c_p - B_p x_p, with x_p estimated from the remaining poses with the whole V; see
-    `beside.left_out`.
+    `score_tests.left_out`.
 
     Returns:
         Unweighted residuals [m], shape (M,); NaN where the other poses do not determine x.

@@ -142,7 +142,7 @@ def reliability(system: System, at: Solution) -> Reliability:
 
 
 def _reliability(r: Array, g: Array, moves: Array, scale: float) -> Reliability:
-    """From r, g = g_j' W (c - B x), effect of unit errors; r to `linear.ROUNDING_LEFT` is 0."""
+    """From r, g = g_j' W (c - B x), effect of unit errors; none is seen with r up to rounding."""
     seen = r > linear.ROUNDING_LEFT
     root = np.sqrt(np.where(seen, r, 1.0))
     visible = np.where(seen, scale * _SHIFT / root, np.inf)
@@ -150,7 +150,8 @@ def _reliability(r: Array, g: Array, moves: Array, scale: float) -> Reliability:
         moved = np.where(
             np.abs(moves) > linear.ROUNDING_LEFT, np.abs(moves) * visible[:, None], 0.0
         )
-    return Reliability(np.maximum(r, 0.0), np.where(seen, g / (root * scale), 0.0), visible, moved)
+    r = np.where(r > linear.PRODUCTS, r, 0.0)
+    return Reliability(r, np.where(seen, g / (root * scale), 0.0), visible, moved)
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,7 +42,7 @@ def test_redundancies_add_up_to_rows_minus_parameters(change, common):
         found = reliability(system, at)
 
         assert found.r.sum() == pytest.approx(len(system.rows) - 3, abs=1e-9)
-        assert (found.r >= 0).all()
+        assert (found.r[found.r != 0] > 1e-11).all(), "rounding differs by kind of processor"
         assert (found.r <= 1 + 1e-12).all()
 
 

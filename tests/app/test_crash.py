@@ -1,6 +1,8 @@
 """What is sent with an internal error: where and what, and nothing of a customer."""
 
+import errno
 import json
+import os
 import re
 from pathlib import Path
 
@@ -22,6 +24,20 @@ def spoilt(text):
             raise KeyError(text) from first
     except KeyError as second:
         return second
+
+
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC])
+def test_a_file_of_another_user_is_no_crash(number):
+    """Wherever it is met: exit code 3, with the file, and no report of an internal error."""
+
+    def work():
+        raise OSError(number, os.strerror(number), "/srv/reports/a/index.html")
+
+    one = guarded("a", work)
+
+    assert one.exit_code == 3
+    assert os.strerror(number) in one.complaints[0]
+    assert "internal error" not in one.complaints[0]
 
 
 @pytest.mark.parametrize("secret", SECRET)

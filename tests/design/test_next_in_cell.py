@@ -13,7 +13,7 @@ from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot.axes import from_log_units, in_log_units
 from pipeline.machine.room import room_of
 from pipeline.reduction.bring import bring, conformed, plain
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.run import campaign_answer, ingested, reduce
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan

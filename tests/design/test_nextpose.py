@@ -18,7 +18,7 @@ from pipeline.design.nextpose import (
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.reduction.bring import conformed
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.run import reduce
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan

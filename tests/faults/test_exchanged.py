@@ -230,6 +230,22 @@ def test_one_mistyped_force_is_no_exchange(seed, part):
     assert exchanged_pulls(asked(case(made))) == []
 
 
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("first", range(PULLS - 2))
+def test_a_force_copied_over_three_rows_is_no_exchange(first):
+    """What two of them should read is in no other row."""
+    order = [first if first < i < first + 3 else i for i in range(PULLS)]
+    given = case(reordered(files(0), "loads.csv", [2], order))
+    few = replace(given, loads=given.loads[lambda t: t["pose"].between(*_three(first))])
+    assert exchanged_pulls(asked(few)) == []
+
+
+def _three(first):
+    """Three poses around a pull of the log, which is numbered from 0."""
+    begin = int(np.clip(first // 3, 1, POSES - 2))
+    return begin, begin + 2
+
+
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_two_steps_name_the_groups_that_may_be_meant_instead(seed):

@@ -335,3 +335,18 @@ def test_a_campaign_has_another_name_than_our_folder(tmp_path):
 def test_nothing_is_put_aside_into_the_current_folder(project):
     """DuckDB would take `.tmp` there, which may be somebody's link to elsewhere."""
     assert ask(project, "SELECT current_setting('temp_directory')").rows == [("",)]
+
+
+@pytest.mark.parametrize("damage", [b"", b"PAR1" + b"x" * 99 + b"PAR1"])
+@pytest.mark.parametrize("table", ["41_covariance", "43_reliability"])
+def test_a_damaged_table_of_a_campaign_costs_its_rows_alone(damage, table, project, capsys):
+    """The rest of the campaign is answered, and a line says how to have it again."""
+    name = NAMES[0]
+    rewritten(project, name)
+    before = ask(project, "SELECT * FROM stiffness ORDER BY ALL")
+    rewritten(project, name, title="again")
+    (project / "data" / "processed" / name / f"{table}.parquet").write_bytes(damage)
+    capsys.readouterr()
+
+    assert ask(project, "SELECT * FROM stiffness ORDER BY ALL") == before
+    assert f"run 'pipeline run {name} --force'" in capsys.readouterr().err

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from pipeline.geometry.cross_validation import Partition
 from pipeline.geometry.laws import Inputs, JointLaw
 from pipeline.geometry.mechanism import ArmWeights, Payloads, layout, linearised
+from pipeline.geometry.random_curve import matern, over
 from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.spline import matern, over
 from pipeline.geometry.study import ModelStage, study
 from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import load

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_live import BASE, of_pose, table
+from test_live import BASE, READINGS, of_pose, table
 
 from bench.live import _turn
 from pipeline import identify, load_campaign, simulate_campaign
@@ -53,6 +53,20 @@ def test_a_tracker_that_was_knocked_sends_one_to_the_base_reflectors():
     for rounds in ((), [moved(one) for one in again], timed):
         said = warned(load_campaign(table(*poses, *rounds), name="demo"))
         assert any("read the base reflectors again" in one for one in said)
+
+
+@pytest.mark.whole
+def test_a_knock_that_only_the_base_shows_is_told_by_its_name():
+    """Every pose was read before it, so that no cause is left to be named."""
+    poses = [one for k in range(1, 6) for one in of_pose(k)]
+    again = [one for one in READINGS if one.startswith("base_end")]
+    late = [moved(one.replace("_end", "_late"), f"2026-11-03T12:00:0{k}\n")
+            for k, one in enumerate(again)]  # fmt: skip
+
+    said = warned(load_campaign(table(*poses, *again, *late), name="demo"))
+
+    assert any(one.startswith("Tracker knocked: see that tracker") for one in said), said
+    assert warned(load_campaign(table(*poses, *again), name="demo")) == ()
 
 
 @pytest.mark.whole

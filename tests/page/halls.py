@@ -193,35 +193,7 @@ def japanese() -> Hall:
     )  # fmt: skip
 
 
-def polar() -> Hall:
-    """Distance and two angles without units, group and target in one name; pulls called loads."""
-    tracker, loads, shown, places = _made("kr500_rail_kuka", 26)
-    raw = ["# tracker, raw readings", "pt;dist;hor;vert"]
-    for group, target, *xyz, _ in tracker:
-        x, y, z = map(float, xyz)
-        far = float(np.linalg.norm([x, y, z]))
-        turns = np.degrees([np.arctan2(y, x), np.arccos(z / far)])
-        raw.append(f"{group}.{target};{far / 1e3:.7f};{turns[0]:.7f};{turns[1]:.7f}")
-    return Hall(
-        "kr500_rail_kuka",
-        {
-            "raw.txt": "\n".join([*raw, ""]).encode(),
-            "gauge.csv": "\n".join(
-                ["Force gauge log", "", "Pose,Load,Reading", *(",".join(r[:3]) for r in loads), ""]
-            ).encode(),
-            "axes.csv": "\n".join(
-                ["pose,E1 [m],A1,A2,A3,A4,A5,A6",
-                 *(",".join([str(i), *(f"{x:.5f}" for x in row)])
-                   for i, row in enumerate(shown, 1)), ""]
-            ).encode(),
-        },
-        {"unit": "m", "angle": "deg", "horizontal": "counter-clockwise", "sigma_n": "2.0",
-         "Reading": "force_n"}, "m", places,
-    )  # fmt: skip
-
-
 HALLS = {
-    "polar": polar,
     "german": german,
     "american": american,
     "french": french,

@@ -179,6 +179,30 @@ def test_what_was_filled_in_is_carried_over():
     assert "#       0.1," in text  # nor can several lines be taken over
 
 
+def test_remarks_of_a_person_are_carried_over():
+    """Behind a value, on a line of their own, and once however often a text is made anew."""
+    old = entries.filled(TEXT, of("robot").line, '"ur10"')
+    old = old.replace('"ur10"', '"ur10"   # the one at the window', 1)
+    old = f"# hall 7, P2 was glued anew at noon\n{old}"
+
+    text = entries.carried_over(entries.carried_over(old, TEXT), TEXT)
+
+    assert text.count("# the one at the window") == 1
+    assert '"ur10"' in next(one for one in text.splitlines() if "the one at the window" in one)
+    assert text.count("# hall 7, P2 was glued anew at noon") == 1
+    assert tomllib.loads(text)["robot"] == "ur10"
+
+
+def test_comments_of_both_are_not_written_twice():
+    """What `init` writes behind and between entries is no remark of a person, nor a question."""
+    new = entries.filled(TEXT, of("unit").line, '"mm"')
+
+    text = entries.carried_over(TEXT, new)
+
+    assert "# unit = ?" not in text
+    assert text.count("# a remark = that looks like one") == 1
+
+
 def test_a_question_is_confirmed_by_taking_it_away():
     """With what it says below; what is proposed stays, and no other line can go so."""
     asked = (

@@ -1,4 +1,4 @@
-"""Halls of others, from dropped files to the report in Chromium, and what goes wrong there."""
+"""Four halls of others, from dropped files to the report in Chromium, and what goes wrong there."""
 
 import contextlib
 import io
@@ -43,13 +43,6 @@ def fill_in(tab, hall):
     tab.get_by_label("robot", exact=True).select_option(hall.robot)
     tab.get_by_text("answers are still missing").wait_for()
     tab.wait_for_load_state("networkidle")
-    for key, word in hall.said.items():  # an answer may show names of reflectors
-        asked = tab.locator("tr.ask").get_by_label(key, exact=True)
-        if asked.count():
-            asked.fill(word)
-            with tab.expect_response("**/fill"):
-                tab.keyboard.press("Tab")
-            tab.reload()
     for table in ("base_frame", "tool"):
         section = tab.locator("section", has=tab.get_by_role("heading", name=table, exact=True))
         section.locator("select").select_option(hall.unit)
@@ -60,6 +53,8 @@ def fill_in(tab, hall):
                 typed.replace(".", ",") if "," in hall.said["sigma_n"] else typed
             )
         tab.keyboard.press("Tab")
+    tab.get_by_label("sigma_n", exact=True).fill(hall.said["sigma_n"])
+    tab.keyboard.press("Tab")
     tab.wait_for_load_state("networkidle")
     while before := tab.get_by_role("button", name="Confirm as proposed").all():
         before[0].click()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.prediction.path import beside_pulls
+from pipeline.prediction.path import against_pulls
 
 
 @pytest.mark.parametrize(
@@ -11,6 +11,6 @@ from pipeline.prediction.path import beside_pulls
 )
 def test_less_than_the_smallest_pull_is_warned_of_only_by_the_ratio_of_units(hardest, said):
     """Pulls of 1 to 2 kN: 400 N are a third of a pull, 200 N may be newtons for pounds."""
-    found = " ".join(beside_pulls(np.array([10.0, hardest]), (1000.0, 2000.0)))
+    found = " ".join(against_pulls(np.array([10.0, hardest]), (1000.0, 2000.0)))
 
     assert (said in found) if said else not found

@@ -18,7 +18,7 @@ from pipeline.prediction.decision import Decision, decide
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path
 from pipeline.prediction.tolerance import HeldOutError, nominal, stretches, table, tip
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import parse
 from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate

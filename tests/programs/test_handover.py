@@ -31,7 +31,7 @@ from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path as JointPath
 from pipeline.programs import joint_path
 from pipeline.programs.corrected import CorrectionOptions, program, write
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.run import run
 from pipeline.simulate import parse, simulate
 from pipeline.store.campaign import find, in_memory

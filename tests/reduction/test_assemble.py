@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import conformed
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import Scale
 from pipeline.run import reduce
 from pipeline.simulate import Plan, simulate

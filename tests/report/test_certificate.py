@@ -209,6 +209,7 @@ def test_models_are_judged_at_poses_that_took_no_part(sample):
     [
         (5.15e-8, 0.38e-8, "rad/(N m)", "51.5 ± 3.8 nrad/(N·m)"),
         (2.1e-3, 1e-4, "1", "0.210 ± 0.010 %"),
+        (-1e-9, 5.2e-8, "rad", "-1 ± 52 nrad"),
         (20.0, 1.0, "N", "20.0 ± 1.0 N"),
         (1e-8, None, "m/s", "36.0 µm/h"),
         (None, None, "m", "–"),

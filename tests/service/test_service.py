@@ -13,6 +13,7 @@ import pytest
 
 from pipeline.base.errors import UsageError
 from pipeline.service import server as service
+from pipeline.service import supervisor
 
 
 @pytest.fixture
@@ -140,9 +141,11 @@ def test_a_connection_that_prefect_cannot_take_is_a_sentence(
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("name", ["PREFECT_LOGGING_LEVEL", "PREFECT_PROFILES_PATH"])
+@pytest.mark.parametrize(
+    "name", ["PREFECT_LOGGING_LEVEL", "PREFECT_PROFILES_PATH", "PREFECT_LOGGING_SETTINGS_PATH"]
+)
 def test_a_setting_that_prefect_rejects_is_a_sentence(tmp_path, name):
-    """No level, and a file that is no TOML."""
+    """No level, and a file that is neither TOML nor YAML."""
     (tmp_path / "LOUD").write_text("[[[")
     code = (
         "from pathlib import Path; from pipeline.service import server\n"
@@ -168,3 +171,16 @@ def test_one_looks_at_a_time(tmp_path):
 
     with service.looking(tmp_path) as again:
         assert again
+
+
+@pytest.mark.parametrize(
+    ("said", "why"), [("first\nno \x1b level.\n", r"no \\x1b level"), ("", "it is silent")]
+)
+def test_a_server_that_does_not_start_is_quoted(tmp_path, said, why):
+    """The last line of its log; an escape in it steers no terminal."""
+    log = tmp_path / "server.log"
+    words = [sys.executable, "-S", "-c", f"import sys; sys.stderr.write({said!r})"]
+    server = supervisor._Child("Prefect's server", words, log, lambda: False)
+
+    with pytest.raises(UsageError, match=rf"start \({why}\); .*server.log says more"):
+        supervisor._started(server, threading.Event())

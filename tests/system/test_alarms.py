@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.store.campaign import in_memory
 from pipeline.system import alarms
 from pipeline.system.detect import threshold

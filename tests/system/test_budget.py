@@ -10,7 +10,7 @@ import scipy.sparse
 from pipeline.base.arrays import Parameter
 from pipeline.machine.cell import paper_cell
 from pipeline.reduction.bring import conformed
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.run import reduce
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory

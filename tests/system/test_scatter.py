@@ -9,7 +9,7 @@ import pytest
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.machine.cell import paper_cell
 from pipeline.reduction.bring import conformed
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.run import campaign_answer, reduce
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan

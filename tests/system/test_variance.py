@@ -14,7 +14,7 @@ from pipeline.base import covariance
 from pipeline.base.arrays import Parameter
 from pipeline.machine.cell import paper_cell
 from pipeline.reduction.bring import conformed
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import parse
 from pipeline.run import reduce
 from pipeline.simulate import Plan, revised, simulate

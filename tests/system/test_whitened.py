@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.machine.cell import load, paper_cell
 from pipeline.machine.effects import catalogue
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.linearised import CurrentModel, linearise

@@ -30,7 +30,7 @@ def _beside(answer: Answer, joints: Sequence[Stiffness]) -> Array:
 
     NaN where they have no value, or where these are the answer's own values.
     """
-    other = words.beside(answer)
+    other = words.springs_alone(answer)
     values = {joint.name: joint.value for joint in other[1].stiffness} if other else {}
     return np.array([values.get(joint.name) for joint in joints], dtype=float)
 
@@ -138,7 +138,7 @@ def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 def _circles(answer: Answer) -> str:
     """Sentence on the open circles of the interval plot."""
-    other = words.beside(answer)
+    other = words.springs_alone(answer)
     there = other and any(joint.value for joint in other[1].stiffness)
     return f" Open circles, where they lie within the plot: {other[0]}." if other and there else ""
 

@@ -109,7 +109,7 @@ def _told(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
 
 
 def _springs_beside(answer: Answer) -> str | None:
-    other = words.beside(answer)
+    other = words.springs_alone(answer)
     return other[0] if other else None
 
 

@@ -83,7 +83,7 @@ def _tolerance(asked: Tolerance | None) -> ReportTable | None:
 
 def _beside(answer: Answer) -> ReportTable | None:
     """Prediction by joint springs on the data as given; None if the answer gives the same."""
-    other = words.beside(answer)
+    other = words.springs_alone(answer)
     if other is None:
         return None
     name, springs = other

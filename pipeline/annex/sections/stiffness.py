@@ -228,7 +228,7 @@ def _of_nominal(joint: Stiffness) -> tuple[float | None, float | None]:
 
 def _beside_columns(answer: Answer, factor: float) -> list[Cells[Stiffness]]:
     """Column of joint springs on the data as given; none if the answer gives the same."""
-    other = words.beside(answer)
+    other = words.springs_alone(answer)
     if other is None:
         return []
     name, springs = other

@@ -64,7 +64,7 @@ class Capsules(Locked):
         """Half the segment length of each capsule [m], shape (c,)."""
         return np.asarray(np.linalg.norm(self.ends[1] - self.ends[0], axis=-1) / 2)
 
-    def beside(self, other: Capsules) -> Capsules:
+    def with_others(self, other: Capsules) -> Capsules:
         """These capsules followed by others."""
         return Capsules(
             np.concatenate([self.carrier, other.carrier]),

@@ -40,7 +40,7 @@ for (const form of document.querySelectorAll("form[data-post]")) {
     form.removeAttribute("aria-busy");
     if (said.go) location.href = said.go;
     else if (said.problem) return;
-    else if (form.dataset.then === "progress") { watched.dataset.running = "yes"; watch(); }
+    else if (form.dataset.then === "progress") location.reload();  // the stages above show it, too
     else if (form.dataset.then === "live") follow();
     else if ("reload" in form.dataset) location.reload();
   });
@@ -185,11 +185,13 @@ const watched = document.getElementById("progress");
 async function watch() {
   const [begin, stop] = watched.querySelectorAll("form");
   const [status, words, after] = [watched.querySelector("[role=status]"), watched.querySelector(".words"), watched.querySelector(".after")];
-  for (;;) {
+  for (let began = false; ;) {
     let now;
     try { now = await (await fetch(watched.dataset.progress)).json(); } catch { now = { state: "lost" }; }
     if (!now.state) { await new Promise((done) => setTimeout(done, 500)); continue; }
     const running = now.state === "running";
+    if (began && !running && now.state !== "lost") return location.reload();  // as above
+    began = running;
     begin.hidden = running;
     stop.hidden = !running;
     const time = now.seconds === undefined ? "" : ` ${now.seconds.toFixed(0)} s`;

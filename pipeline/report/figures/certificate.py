@@ -129,14 +129,13 @@ class _DrawnArm:
         return self.rows[(self.rows["part"] == "tool") & (self.rows["name"] == "load_point")]
 
 
-def arm_of(tables: Tables, high: float, top: float, wide: float = WIDE) -> _DrawnArm:
+def arm_of(tables: Tables, high: float, top: float) -> _DrawnArm:
     """The robot, as large as fits the width of the sheet and between two heights [px].
 
     Args:
         tables: Tables of the report, of which POSTURE is used.
         high: Lower end of the picture.
         top: Upper end of the picture.
-        wide: Width of the sheet.
     """
     rows = tables["posture"]
     moving = rows[rows["part"].isin(("carriage", "arm", "tool"))]
@@ -151,8 +150,8 @@ def arm_of(tables: Tables, high: float, top: float, wide: float = WIDE) -> _Draw
     _, shapes = outlines(view, solid, 0.75 * solid["radius_m"].to_numpy(float))
     every = np.concatenate(shapes)
     low, up = every.min(axis=0), every.max(axis=0)
-    scale = float(min((wide - 40) / (up[0] - low[0]), (high - top) / (up[1] - low[1])))
-    middle = np.array([wide / 2, (top + high) / 2])
+    scale = float(min((WIDE - 40) / (up[0] - low[0]), (high - top) / (up[1] - low[1])))
+    middle = np.array([WIDE / 2, (top + high) / 2])
     return _DrawnArm(rows, view, scale, middle - scale * (low + up) / 2 * (1, -1), size)
 
 

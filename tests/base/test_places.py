@@ -1,0 +1,28 @@
+"""Whole folders put in their place at once."""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from pipeline.base import files
+
+ELSEWHERE = Path("/dev/shm")
+
+
+def test_a_folder_on_a_disk_of_its_own_is_filled(tmp_path):
+    """As data/raw on a server's share is; nothing is left beside it."""
+    if not ELSEWHERE.is_dir() or ELSEWHERE.stat().st_dev == tmp_path.stat().st_dev:
+        pytest.skip("there is no second file system here")
+    share = ELSEWHERE / f"raw-{os.getpid()}"
+    share.mkdir()
+    try:
+        (tmp_path / "raw").symlink_to(share)
+        for content in (b"1", b"2"):
+            files.place(tmp_path / "raw" / "spring", {"joints.csv": content, "deep/a": b""})
+
+        assert (share / "spring" / "joints.csv").read_bytes() == b"2"
+        assert [one.name for one in share.iterdir()] == ["spring"]
+    finally:
+        shutil.rmtree(share)
