@@ -43,7 +43,7 @@ from pipeline.base.quantities import p_value, percent, plain
 from pipeline.base.tails import NORMAL_95, chi2_beyond
 from pipeline.diagnosis.average import Springs
 from pipeline.diagnosis.facts import Facts, FoundCause
-from pipeline.diagnosis.positions import facts_of
+from pipeline.diagnosis.positions import erring, facts_of
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
 from pipeline.geometry.calibrate import Calibration
@@ -55,6 +55,7 @@ from pipeline.geometry.study import ModelStage, StageResult, Study
 from pipeline.machine.effect import in_place
 from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.axes import alone
+from pipeline.machine.robot.weight import weighs
 from pipeline.store.campaign import Raw, versions
 
 
@@ -440,7 +441,7 @@ def _by_weight(results: PositionsResults, stiffness: Sequence[contract.Stiffness
     """What the weight has to do with the stiffnesses."""
     if any(joint.value is not None for joint in stiffness):
         yield "They come from the arm's own weight."
-    if results.found.final.wanted.moments and _sags(results):
+    if results.found.final.wanted.moments and _sags(results) and not weighs(results.raw.robot):
         yield _SAGS
 
 
@@ -528,27 +529,17 @@ def _those(causes: Sequence[FoundCause], law: bool) -> list[FoundCause]:
 
 def _erring(found: Study, robot: Robot) -> str | None:
     """The joint that moves the targets most from pose to pose beyond all laws, if unusually."""
-    n = robot.n
-    joints, Z = found.final.scatter.joints[:n], found.final.linear.Z[..., :n]
-    usual = np.where(robot.prismatic, START[True], START[False])
-    positions = Z.reshape(len(Z), -1, 6, Z.shape[2])[:, :, :3]
-    moves = np.mean(np.sum(positions**2, axis=2), axis=(0, 1)) * joints**2
-    worst = int(np.argmax(moves))
-    if joints[worst] < _UNUSUAL * usual[worst] or moves[worst] < _SHARE * moves.sum():
+    worst = erring(found, robot)
+    if worst is None:
         return None
+    joints, usual = found.final.scatter.joints[worst], START[bool(robot.prismatic[worst])]
     unit = "mm" if robot.prismatic[worst] else "mrad"
     return (
-        f"{capital(_called(robot, worst + 1))} errs by {plain(1e3 * joints[worst], 2)} {unit} from "
-        f"pose to pose (standard deviation; usual is {plain(1e3 * usual[worst], 2)}), which no law "
+        f"{capital(_called(robot, worst + 1))} errs by {plain(1e3 * joints, 2)} {unit} from "
+        f"pose to pose (standard deviation; usual is {plain(1e3 * usual, 2)}), which no law "
         "that was tried explains: backlash, a slipping encoder, several effects that hide each "
         "other, or poses that are not those of the joint log."
     )
-
-
-_UNUSUAL = 2.0
-"""Error of a joint at a pose from which on it is said, over the usual one."""
-_SHARE = 0.25
-"""Part of what joints that err move the targets by, squared, from which on one is said."""
 
 
 def _next(results: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:

@@ -31,6 +31,7 @@ from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.verdict import of_both, verdict
 from pipeline.geometry.with_pulls import as_estimated, beside_pulls, opened, unloaded_p_value
 from pipeline.machine.positions_estimate import called_for, laws_of_gears
+from pipeline.machine.robot.weight import weighs
 from pipeline.prediction.kinematic_model import ByPulls
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.reduction.bring import Keep, Step, bring
@@ -203,10 +204,8 @@ class PositionsAndPulls:
             "from the arm's own weight together."
         )
         if self.agreement is not None and self.agreement.factor is not None:
-            yield (
-                "No masses are stated: the pulls tell how heavy the arm is, which the positions "
-                "alone cannot."
-            )
+            fit = "The masses stated do not fit" if weighs(self.case.robot) else _NO_MASSES
+            yield f"{fit}: the pulls tell how heavy the arm is, which the positions alone cannot."
 
     def _springs(self) -> contract.SpringsBy | None:
         """Springs by weight and by pulls, beside each other."""
@@ -225,6 +224,9 @@ class PositionsAndPulls:
                 for name, w, p in zip(names, agreement.weight, agreement.pulls, strict=True)
             ),
         )
+
+
+_NO_MASSES = "No masses are stated"
 
 
 def _of(one: np.ndarray) -> contract.Known | None:

@@ -195,38 +195,36 @@ def _of_bed(found: Calibration) -> Iterator[_Group]:
 
 
 def weight(found: Calibration) -> CatalogueCause:
-    """Sag of an arm whose masses are not stated, as far as the readings determine it.
+    """Sag of an arm whose masses are not as stated, as far as the readings determine it.
 
-    A joint sags by its compliance times the moment of the masses it carries, and the readings
-    determine this product. M is the largest difference of that moment between two poses if the
-    joint has its nominal stiffness. Form is `masses` where payloads separate mass from stiffness
-    (relative uncertainty of the compliances below `_APART`), else `moments`.
+    A joint of compliance c turns by c M under the torque M of the weight of its links. M is given
+    where payloads, or masses in the file, separate the two (relative uncertainty of c below
+    `_APART`; the form is `masses` if they do in all joints, else `moments`), otherwise c M, which
+    is all that the readings determine. Each is the largest magnitude at the measured poses, without
+    any payload.
     """
     mechanism, where = found.mechanism, layout(found.mechanism)
-    cov, x = found.solution.cov, found.solution.x
+    n, cov = mechanism.table.n, found.solution.cov
     at = np.r_[where.compliance, where.moments]
-    c, std = x[where.compliance], np.sqrt(np.diag(cov)[where.compliance])
-    tau, amounts, apart = found.linear.inputs.tau, [], []
+    c, std = mechanism.compliance, np.sqrt(np.diag(cov)[where.compliance])
     here = configure(mechanism.robot, found.readings.q)
-    joints = np.arange(1, mechanism.table.n + 1)
-    slopes = carried_by(here.twists, joints, by_moments(here, found.weights.gravity))
-    most = np.ptp(tau, axis=0)
-    for j, joint in enumerate(mechanism.table.joints):
-        row = slopes[:, j]
-        if most[j] < LOADED * most.max() or joint.prismatic:
-            continue
-        low, high = int(tau[:, j].argmin()), int(tau[:, j].argmax())
-        slope = np.zeros(len(at))
-        slope[j] = most[j]
-        slope[mechanism.table.n :] = c[j] * (row[high] - row[low])
-        nominal = mechanism.table.nominal_compliance[j]
-        value, spread = c[j] * most[j], float(np.sqrt(slope @ cov[np.ix_(at, at)] @ slope))
-        if spread < abs(value):
-            size = value / nominal, spread / nominal
-            meaning = f"moment of the arm's weight on {joint.name}"
-            amounts.append(_Amount(f"M_{joint.name}", "N m", *size, meaning))
-            apart.append(std[j] < _APART * abs(c[j]))
-    form = "masses" if apart and all(apart) else "moments"
+    slopes = carried_by(here.twists, np.arange(1, n + 1), by_moments(here, found.weights.gravity))
+    tau = slopes @ mechanism.moments.ravel()
+    most = np.abs(tau).max(axis=0)
+    loaded = ~mechanism.table.prismatic & (most >= LOADED * most.max())
+    apart = std < _APART * np.abs(c)
+    amounts = []
+    for j in np.flatnonzero(loaded):
+        pose = int(np.abs(tau[:, j]).argmax())
+        by_c, by_tau = (0.0, 1.0) if apart[j] else (tau[pose, j], c[j])
+        slope = np.append(by_c * (np.arange(n) == j), by_tau * slopes[pose, j])
+        value, spread = most[j] * by_tau, float(np.sqrt(slope @ cov[np.ix_(at, at)] @ slope))
+        if spread < value:
+            name = mechanism.table.joints[j].name
+            symbol, unit, of = ("M", "N m", "torque") if apart[j] else ("e", "rad", "sag")
+            meaning = f"{of} of {name} under the weight of its links, largest of all poses"
+            amounts.append(_Amount(f"{symbol}_{name}", unit, value, spread, meaning))
+    form = "masses" if apart[loaded].all() else "moments"
     return CatalogueCause("gravity_sag", None, form, tuple(amounts))
 
 

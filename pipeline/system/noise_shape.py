@@ -23,6 +23,7 @@ from pipeline.system.assemble import ErrorBlock, inputs, with_readings
 from pipeline.system.beam import BeamNoise, beam
 from pipeline.system.family import PRESENT, Family, family, likelihood
 from pipeline.system.linearised import Linearised
+from pipeline.system.odds import DECIDES
 from pipeline.system.rows_by_pose import ReadingsOfRows, RowsByPose, columns, estimates, free
 from pipeline.system.system import Goodness, System
 from pipeline.system.wander import Wander, wander
@@ -218,6 +219,11 @@ def _tails(
     variance = np.ones(readings.loaded + len(readings.zero))
     if beyond.base.dof < _FEWEST:
         return readings, found, variance, beyond
+    less = _overstated(beyond)
+    if less < 1:
+        variance *= less
+        beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
+        readings = ReadingsOfRows.of(data, beyond.white)
     for turn in range(rounds):
         square, spread, good = estimates(beyond.base, readings)
         told, mean = family(likelihood(square, spread, variance)[good], data.paper)
@@ -230,6 +236,17 @@ def _tails(
         if np.abs(np.log(variance / before)).max() < _STILL:
             break
     return readings, found, variance, beyond
+
+
+def _overstated(beyond: RowsByPose) -> float:
+    """Common variance of the residuals over the stated one where it is certainly smaller, else 1.
+
+    A reading is judged by the errors of its prediction from the others, which are overstated, too:
+    s^2 (1 + S) in place of 1 + S would be taken for a variance of s^2 - (1 - s^2) S of its own.
+    """
+    dof, rest = beyond.base.dof, beyond.base.rest
+    less = max(rest / dof, linear.TINY)
+    return less if less < 1 and dof * (less - 1 - np.log(less)) > DECIDES else 1.0
 
 
 def _taken_out(seen: Linearised, accepted: tuple[int, ...] | None, loose: bool) -> Array:

@@ -120,8 +120,21 @@ def test_a_moment_without_masses_is_a_product(crooked):
     """Mass and stiffness cannot be separated without a known load."""
     (sag,) = (cause for cause in crooked.found.causes if cause.name == "gravity_sag")
 
+    names = [joint.name for joint in crooked.robot.joints]
+    most = crooked.machine.truth.joints * torques(crooked.machine, crooked.readings.q[~crooked.out])
     assert sag.form == "moments"
-    assert all(one.unit == "N m" for one in sag.amounts)
+    assert len(sag.amounts) >= 3
+    for one in sag.amounts:
+        assert one.unit == "rad"
+        assert one.value == pytest.approx(most[names.index(one.name[2:])], abs=4 * one.std)
+
+
+def torques(machine, q):
+    """Largest torque of the links' weight about each joint, by Pinocchio, shape (n,) [N m]."""
+    own, x = [k for k, _ in machine.own], np.zeros((len(q), machine.model.nv))
+    x[:, own] = q
+    every = [pin.computeGeneralizedGravity(machine.model, machine.data, one) for one in x]
+    return np.abs(every).max(axis=0)[own]
 
 
 def test_weight_at_the_joints_is_that_of_pinocchio():
@@ -233,9 +246,14 @@ def test_masses_of_the_file_are_believed_only_if_the_readings_agree(wrong):
         np.random.default_rng(0),
     )  # fmt: skip
 
-    sag = [cause.form for cause in found.causes if cause.name == "gravity_sag"]
+    causes = [cause for cause in found.causes if cause.name == "gravity_sag"]
+    sag, most = [cause.form for cause in causes], torques(machine, readings.q)
     c, std = found.final.mechanism.compliance, np.sqrt(np.diag(found.final.solution.cov))
     pulled = [2, 3, 4, 5]  # A2 to A5; A1 carries no weight, A6 hardly any
     off = (c - truth.joints)[pulled] / std[layout(found.final.mechanism).compliance][pulled]
     assert sag == (["other masses"] if wrong else [])
+    for one in (one for cause in causes for one in cause.amounts):
+        joint = [joint.name for joint in robot.joints].index(one.name[2:])
+        right = most[joint] * (truth.joints[joint] if one.unit == "rad" else 1.0)
+        assert one.value == pytest.approx(right, abs=4 * one.std)
     assert np.abs(off).max() < 3.5

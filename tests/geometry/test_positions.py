@@ -1,6 +1,7 @@
 """A campaign of positions from its files to `pipeline predict`."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -228,6 +229,26 @@ def test_the_picture_shows_where_the_robot_stands(hall):
         assert "9000,0" not in line  # the left-out pose is not drawn
     assert (read["51_curve_readings"]["poses"] > 0).all()
     assert set(read["51_curve_readings"]["joint"]) == set(read["50_curves"]["joint"])
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("loose", [True, False])
+def test_a_law_that_leaves_a_joint_erring_explains_nothing(tmp_path, loose):
+    """A ripple in joint 3; with it explained, joint 2 errs as usual, or four times as much."""
+    folder = tmp_path / "data" / "raw" / "hall"
+    folder.mkdir(parents=True)
+    text = TOML.replace(', tuesday = "tuesday.csv"', "")
+    (folder / "campaign.toml").write_text(text)
+    joint = np.array([1e-5, 4e-4 if loose else 1e-5, 1e-5, 1e-5, 1e-5, 1e-5])
+    readings = made(90, np.random.default_rng(3), joint=joint)
+    logged = readings.q - np.outer(1.5e-3 * np.sin(3 * readings.q[:, 2]), np.eye(6)[2])
+    (folder / "monday.csv").write_text(table(replace(readings, q=logged), ","))
+
+    said = run(find(tmp_path, "hall"))
+
+    found = [(one.name, one.where) for one in said.diagnosis.causes]
+    assert ("unlisted_law", 3) in found
+    assert said.diagnosis.verdict == ("unexplained" if loose else "explained")
 
 
 @pytest.mark.whole

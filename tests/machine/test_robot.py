@@ -14,6 +14,7 @@ from pipeline.machine.robot import SHIPPED, configure, load
 from pipeline.machine.robot.configuration import torque, velocity
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.robot.variants import alike, differing, misread
+from pipeline.machine.robot.weight import gravity_torque
 
 POINT = np.array([0.11, -0.07, 0.23])
 RNG = np.random.default_rng(7)
@@ -251,6 +252,36 @@ rpy_deg = [0, 0, 90]
     assert (
         np.abs(configure(parse(text + ends, "two.toml"), q).flange_origin[0] - turned).max() < 1e-14
     )
+
+
+@pytest.mark.parametrize(
+    ("convention", "rows", "centres"),
+    [
+        ("standard", ("a_m = 0.7\nd_m = 0.3", "a_m = 0.5"), (-0.35, -0.2)),
+        ("craig", ("d_m = 0.3", "a_m = 0.7"), (0.35, 0.3)),
+        ("khalil", ("r_m = 0.3", "d_m = 0.7"), (0.35, 0.3)),
+    ],
+)
+def test_a_link_weighs_where_the_frame_of_its_row_has_it(convention, rows, centres):
+    """A planar arm of two links, 0.7 m long and 0.5 m, centred at 0.35 m and 0.3 m."""
+    head = 'format = 1\nname = "planar"\ndescription = "-"\nsource = "-"\n'
+    head += f'convention = "{convention}"\n'
+    links = [
+        f'[[joint]]\nname = "theta{k}"\ntype = "revolute"\n{row}\nmass_kg = {mass}\n'
+        f"centre_of_mass_m = [{x}, 0.0, 0.01]\n"
+        for k, row, mass, x in zip((1, 2), rows, (30.0, 20.0), centres, strict=True)
+    ]
+    robot, q, down = (
+        parse(head + "".join(links), "x.toml"),
+        np.array([[0.4, 0.9]]),
+        [0.0, -9.8, 0.0],
+    )
+    first, second = np.cos(0.4), np.cos(1.3)
+
+    got = gravity_torque(robot, configure(robot, q), np.array(down), np.zeros(1), np.zeros((1, 3)))
+    outer = -9.8 * 20.0 * 0.3 * second
+    inner = -9.8 * (30.0 * 0.35 + 20.0 * 0.7) * first
+    assert got[0] == pytest.approx([inner + outer, outer])
 
 
 def test_the_real_kr500_is_the_published_arm():

@@ -115,6 +115,20 @@ def test_what_goes_with_the_pull_is_no_noise(world, off_m):
     assert beside_springs.likely is (world == "wander10" or off_m > 0)
 
 
+@pytest.mark.whole
+@pytest.mark.parametrize("times", [1.5, 2.0])
+def test_noise_stated_too_large_is_white(times):
+    """Each reading then has the variance that is there, and nothing is left for a wander."""
+    case = ingested(in_memory(written("normal")[3]), conformed, plain)
+    right = fit(case, bring(case))
+    d = len(right.plain.pull)
+    stated = right.plain.reweighed(np.full(d, times**2), np.full(d, times**2))
+    found = shape(linearise(CurrentModel(case.cell, right.estimate.value, 7), stated, ()), ())
+
+    assert not found.likely
+    assert np.median(found.variance) == pytest.approx(1 / times**2, rel=0.15)
+
+
 def test_a_wander_couples_the_displacements_of_a_pose(case):
     """Covariance of two displacements from the wander alone: F F' within a pose, otherwise zero."""
     data, start = bring(case).data, case.robot.nominal_compliance

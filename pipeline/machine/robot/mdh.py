@@ -416,6 +416,14 @@ def _links(file: RobotFile) -> dict[str, tuple[int, Array]]:
     return {BASE: (0, np.eye(4)), **rows}
 
 
+def _weighing(row: Joint, T: Array) -> Joint:
+    """The row with its centre of mass in the frame of its joint, T the row's frame there."""
+    if row.centre_of_mass_m is None:
+        return row
+    x, y, z = (T[:3, :3] @ row.centre_of_mass_m + T[:3, 3]).tolist()
+    return row.model_copy(update={"centre_of_mass_m": (x, y, z)})
+
+
 def _distal(row: Joint) -> Array:
     """Transformation of a distal row after its joint, (4, 4)."""
     return along_z(row, "standard") @ along_x(row, "standard")
@@ -441,7 +449,7 @@ def of_table(table: Mapping[str, Any], text: str, file: str) -> Robot:
         placement, flange = placements(content)
     except ValueError as problem:
         raise InputError(str(problem), "correct the row or the convention", file=file) from problem
-    names = [joint.name for joint in content.joint]
+    names, links = [joint.name for joint in content.joint], _links(content)
     if len(set(names)) < len(names):
         raise InputError(f"joint names {listed(names)} are not unique", "rename one", file=file)
     axes, matrix, offset = _controller(content.controller, content.joint, file)
@@ -449,7 +457,7 @@ def of_table(table: Mapping[str, Any], text: str, file: str) -> Robot:
     return Robot(
         name=content.name,
         description=content.description,
-        joints=tuple(content.joint),
+        joints=tuple(_weighing(row, links[row.name][1]) for row in content.joint),
         placement=placement,
         flange=flange,
         controller=axes,
@@ -457,7 +465,7 @@ def of_table(table: Mapping[str, Any], text: str, file: str) -> Robot:
         controller_offset=offset,
         assumptions=tuple(content.assumptions),
         payload_kg=content.payload_kg,
-        capsules=capsules(content.capsules, _links(content), content.capsules_source, file),
+        capsules=capsules(content.capsules, links, content.capsules_source, file),
         text=text,
         roughness=(
             content.length_sigma_m or math.nan,
