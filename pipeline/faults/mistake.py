@@ -109,10 +109,12 @@ def in_common(found: Sequence[Mistake], readings: pd.DataFrame) -> str:
     rows = readings[np.isin(lines_of(readings), [line for one in single for line in one.at])]
     if len(single) < len(found) or len(rows) < len(single):
         return ""
-    for columns in _IN_COMMON:
-        share = (readings[columns] == rows[columns].iloc[0]).all(axis=1) if len(rows) else []
-        alike = (rows[columns] == rows[columns].iloc[0]).all(axis=1).all() if len(rows) else False
-        if alike and float(np.mean(share)) ** (len(rows) - 1) < _BY_CHANCE:
+    for columns in _IN_COMMON if len(rows) else ():
+        share, alike = (
+            float((each[columns] == rows[columns].iloc[0]).all(axis=1).mean())
+            for each in (readings, rows)
+        )
+        if alike == 1 and share ** (len(rows) - 1) < _BY_CHANCE:
             return _shared(rows, columns, readings, float(np.median([m.size or 0 for m in single])))
     return ""
 
