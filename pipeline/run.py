@@ -217,7 +217,8 @@ def _of_pulls(
         unextended = joint_springs(delivered)
         springs_only = predicted(unextended.model(name, word, row), unextended, test_pose, step)
     controls, carried = step(control)(of_pulls, test_pose)
-    held_out = HeldOutError(reported.model.held_out_m, right.data.pulls.range_n[1])
+    holds = row.reason.holds_for_its_readings
+    held_out = HeldOutError(reported.model.held_out_m, right.data.pulls.range_n[1], holds)
     found = CampaignResults(
         campaign=name,
         raw=raw,

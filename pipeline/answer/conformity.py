@@ -130,13 +130,18 @@ def expanded(one: Tip) -> str:
     return f"{value} mm, U = {u} mm (k = 2)"
 
 
-def tolerated(asked: Tolerance, pose: TestPose | None = None) -> str:
-    """The tolerance, and the decisions at the test pose and along the path."""
-    decided = " ".join(_decided(asked, pose))
-    return (
-        f"campaign.toml allows a deflection of {asked.deflection_mm:g} mm; decision rule of ISO "
-        f"14253-1. {decided}"
-    )
+def tolerated(asked: Tolerance, pose: TestPose | None = None, *, holds: bool = True) -> str:
+    """The tolerance, and the decisions at the test pose and along the path.
+
+    Args:
+        asked: The tolerance.
+        pose: The test pose with its deflection.
+        holds: Whether the model explains the readings; nothing is decided otherwise.
+    """
+    most = f"campaign.toml allows a deflection of {asked.deflection_mm:g} mm"
+    if not holds:
+        return f"{most}; conformity is undecided, since the model does not explain the readings."
+    return f"{most}; decision rule of ISO 14253-1. {' '.join(_decided(asked, pose))}"
 
 
 def largest_force(asked: Tolerance, pose: Tip, force_n: float) -> float | None:

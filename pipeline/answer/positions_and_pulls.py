@@ -18,12 +18,13 @@ from pipeline import tables
 from pipeline.answer import contract
 from pipeline.answer import positions as of_positions
 from pipeline.answer.contract import About, Answer, Line
+from pipeline.answer.diagnosis import cause_entry
 from pipeline.answer.of_positions import model_file
 from pipeline.answer.positions import PositionsResults
 from pipeline.answer.recommended import joint_springs
 from pipeline.answer.results import CampaignResults
-from pipeline.answer.words import listed
 from pipeline.base import doors
+from pipeline.diagnosis.amplitude import yielding
 from pipeline.diagnosis.combined import SpringAgreement, combined, spring_agreement
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
@@ -147,7 +148,7 @@ class PositionsAndPulls:
                     update={"table": contract.TableSource.ESTIMATED}
                 ),
                 "validation": validation,
-                "diagnosis": self._diagnosis(found.facts, pulls.diagnosis),
+                "diagnosis": self._diagnosis(found, pulls.diagnosis),
                 "rejected": (*mine.rejected, *pulls.rejected),
                 "findings": (*pulls.findings, *self._findings(pulls)),
                 "payloads": mine.payloads or pulls.payloads,
@@ -159,15 +160,17 @@ class PositionsAndPulls:
             }
         )
 
-    def _diagnosis(self, facts: Facts, pulls: contract.Diagnosis) -> contract.Diagnosis:
-        """Mistakes of both, then causes of the pulls, then those of the positions."""
-        mine = self._alone.diagnosis
+    def _diagnosis(self, found: CampaignResults, pulls: contract.Diagnosis) -> contract.Diagnosis:
+        """Mistakes of both, causes of the pulls, those of the positions, and what yields in both."""
+        mine, facts = self._alone.diagnosis, found.facts
+        causes = [one for one in mine.causes if one.evidence is None]  # mistakes are told of both
+        causes += [cause_entry(one) for one in yielding(found.told.values.hypotheses)]
         known_values = {(one.name, one.where) for one in pulls.causes}
-        beside = [  # mistakes are told of both
-            one
-            for one in mine.causes
-            if one.evidence is None and (one.name, one.where) not in known_values
-        ]
+        beside = []
+        for one in causes:
+            if (one.name, one.where) not in known_values:
+                known_values.add((one.name, one.where))
+                beside.append(one)
         return pulls.model_copy(
             update={
                 "verdict": verdict(facts),
@@ -200,10 +203,6 @@ class PositionsAndPulls:
             "The table of the robot is estimated from its positions, its springs from pulls and "
             "from the arm's own weight together."
         )
-        yielding = self.case.stance.held
-        if yielding:
-            them = listed([one.called for one in yielding])
-            yield f"Beside them yield, under weight and pulls alike: {them}."
         if self.agreement is not None and self.agreement.factor is not None:
             fit = "The masses stated do not fit" if weighs(self.case.robot) else _NO_MASSES
             yield f"{fit}: the pulls tell how heavy the arm is, which the positions alone cannot."

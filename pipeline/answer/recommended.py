@@ -89,8 +89,7 @@ class DecisionBasis:
         """Basis of a campaign from its facts, mistakes included, and its diagnosis."""
         found = diagnosis.hypotheses
         beside = bool(found and found[0].effects)
-        lost = any(one.hopeless for one in facts.mistakes)
-        rest = Verdict.UNEXPLAINED if lost else verdict(replace(facts, mistakes=()))
+        rest = Verdict.UNEXPLAINED if facts.hopeless else verdict(replace(facts, mistakes=()))
         mistakes, small = bool(facts.mistakes), bool(diagnosis.too_small)
         open_ = [row for row in of_both(facts) if row.verdict != Verdict.ADEQUATE]
         disagree = {row.finding for row in open_} == {Finding.SPRINGS_DISAGREE}

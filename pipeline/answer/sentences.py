@@ -55,6 +55,9 @@ from pipeline.base.quantities import (
 )
 from pipeline.base.shown import typed
 from pipeline.diagnosis.facts import SEPARATED, Facts
+from pipeline.diagnosis.finding import Verdict
+from pipeline.diagnosis.verdict import CERTAIN, verdict
+from pipeline.faults.mistake import in_common
 from pipeline.prediction.decision import Decision
 from pipeline.system.estimate import is_plausible
 from pipeline.system.system import Estimate
@@ -104,10 +107,12 @@ def first_screen(found: CampaignResults, stated: FirstScreen) -> tuple[Line, ...
     lines: list[tuple[About, str]] = [
         (
             About.TOLERANCE,
-            "" if stated.tolerance is None else tolerated(stated.tolerance, stated.pose),
+            tolerated(stated.tolerance, stated.pose, holds=_holds(found))
+            if stated.tolerance
+            else "",
         ),
         (About.VERDICT, f"{_verdict(found)} {capital(_predicted(found))}."),
-        (About.TO_DO, " ".join((*_out(stated), _to_do(found, stated.mine.stiffness)))),
+        (About.TO_DO, " ".join((*_out(found, stated), _to_do(found, stated.mine.stiffness)))),
         (About.MODEL, " ".join(_model(found, stated))),
         (About.NUMBERS, " ".join((_for_controller(found, stated), *_uncalibrated(found, stated)))),
         (About.TEST_POSE, " ".join(_test_pose(found, stated))),
@@ -117,8 +122,15 @@ def first_screen(found: CampaignResults, stated: FirstScreen) -> tuple[Line, ...
     return tuple(Line(about=about, text=text) for about, text in lines if text)
 
 
+def _holds(found: CampaignResults) -> bool:
+    """Whether the answer's values explain the readings."""
+    return found.row.reason.holds_for_its_readings
+
+
 def _wrong(found: CampaignResults, stated: FirstScreen) -> tuple[str, ...]:
     """What is wrong, and after it, or before "nothing else", what the noise does; what is lost."""
+    if found.facts.hopeless:
+        return ("The error in the data that the verdict names; nothing else can be judged.",)
     noisy = tuple(noise_told(stated.diagnosis.causes))
     unseen, others = len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)
     said = wrong(found.facts, unseen, others)
@@ -143,7 +155,8 @@ def _verdict(found: CampaignResults) -> str:
     estimate, good = fitted.estimate, is_plausible(fitted.estimate, fitted.data.tracked)
     alone = found.row.model == Which.JOINT_SPRINGS or reason == Reason.TOO_SMALL
     if found.mistakes:
-        return mistaken(found.facts)
+        shared = in_common(found.facts.mistakes, found.given.case.readings)
+        return f"{mistaken(found.facts)}{f' {shared}' if shared else ''}"
     if alone and not good and estimate.p_value is None:
         left = 1e3 * estimate.residual_std_m
         return (
@@ -159,8 +172,15 @@ _SPRINGS = (Reason.ADEQUATE, Reason.TOO_SMALL)
 
 def _of_reason(found: CampaignResults) -> str:
     """Whether a model of more than springs holds."""
+    if found.row.reason == Reason.SPRINGS_UNTOUCHED and (beside := found.told.values.first.effects):
+        return f"Joint springs and {listed([one.called for one in beside])} explain the readings."
     robot = _of_robot(found)
     return robot.holds if robot else HOLDS[found.row.reason]
+
+
+def _open(found: CampaignResults) -> bool:
+    """Whether the verdict is that more than one cause may be true."""
+    return verdict(found.facts) is Verdict.AMBIGUOUS
 
 
 @dataclass(frozen=True)
@@ -177,6 +197,13 @@ class _OfRobot:
     holds: str
     do: str
 
+
+_UNDECIDED = _OfRobot(
+    lambda _: True,
+    "Joint springs explain the readings, but what displaces the unloaded reflectors is uncertain.",
+    "Find out first which cause it is: the stiffnesses belong to the robot with the one that is "
+    "named.",
+)
 
 _OF_ROBOT = (
     _OfRobot(
@@ -204,6 +231,8 @@ _OF_ROBOT = (
 def _of_robot(found: CampaignResults) -> _OfRobot | None:
     if found.row.reason != Reason.WEIGHED_ANEW:
         return None
+    if _open(found):
+        return _UNDECIDED
     return next((one for one in _OF_ROBOT if one.applies(found.facts)), None)
 
 
@@ -244,9 +273,9 @@ def _instead(found: CampaignResults) -> str:
     )
 
 
-def _out(stated: FirstScreen) -> Iterator[str]:
-    """What a tolerance that is not kept asks for, before all else."""
-    asked = stated.tolerance
+def _out(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
+    """What a tolerance that is not kept asks for, before all else; nothing without a model."""
+    asked = stated.tolerance if _holds(found) else None
     worst = None if asked is None else asked.worst
     if worst is Decision.FAIL:
         yield (
@@ -282,7 +311,7 @@ def _to_do(found: CampaignResults, stiffness: Sequence[Stiffness]) -> str:
     if beside and found.row.model == Which.AVERAGED and len(found.told.model.hypotheses) > 1:
         beside = ["any of the possible causes"]
     text = " ".join((_do(found), *_unfit(found, stiffness)))
-    if not beside or not found.row.reason.holds_for_its_readings:
+    if not beside or not _holds(found):
         return text
     return (
         f"{text} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
@@ -302,8 +331,12 @@ def _do(found: CampaignResults) -> str:
             f"too: model.toml holds its DH parameters{_SAG * stood.weighs}."
         )
     said = DO[found.row.reason]
+    if _open(found) and found.row.reason == Reason.SPRINGS_UNTOUCHED:
+        said = f"{said} {_UNTOUCHED}"
     return f"{correct(found.facts)} {said}" if found.mistakes else said
 
+
+_UNTOUCHED = "What is open does not change them."
 
 _SAG = ", and a campaign of positions identifies the sag"
 
@@ -311,7 +344,7 @@ _SAG = ", and a campaign of positions identifies the sag"
 def _unfit(found: CampaignResults, stiffness: Sequence[Stiffness]) -> Iterator[str]:
     """Stiffnesses that are no number to enter, where the others are."""
     half = [joint.called for joint in stiffness if joint.value and joint.ci95[1] is None]
-    if half and found.row.reason.holds_for_its_readings:
+    if half and _holds(found):
         yield (
             f"Enter no value for {listed(half)}: these pulls cannot distinguish it from a rigid "
             "axis."
@@ -323,7 +356,9 @@ def _model(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
     effects = [one.called for one in found.told.values.first.effects]
     count = len(found.told.values.hypotheses)
     whose = {
-        Which.JOINT_SPRINGS: "Joint springs alone, one linear spring for each joint",
+        Which.JOINT_SPRINGS: f"Joint springs and {listed(effects)}"
+        if effects
+        else "Joint springs alone, one linear spring for each joint",
         Which.EXTENDED: f"Joint springs and {listed(effects or ['what was identified'])}",
         Which.AVERAGED: f"The average over {count} models by their probability",
     }[found.row.model]
@@ -376,7 +411,7 @@ def _for_controller(found: CampaignResults, stated: FirstScreen) -> str:
 
     Values that were estimated beside a cause are too stiff without it.
     """
-    holds = found.row.reason.holds_for_its_readings and not found.mistakes
+    holds = _holds(found) and not found.mistakes
     if not holds or not found.told.model.hypotheses[0].beside_springs:
         return _numbers(found, stated.mine.stiffness, stated.together)
     error = left_out_mm(found.springs.values.left_out_m)
@@ -414,7 +449,7 @@ def _numbers(
         )
     if not good:
         return "These pulls determine no stiffness and no combination of stiffnesses."
-    if not found.row.reason.holds_for_its_readings:
+    if not _holds(found):
         return "None: the values below do not explain the readings."
     return entered(stiffness, together)
 
@@ -514,6 +549,8 @@ def _changed(
 def _next(found: CampaignResults, stated: FirstScreen) -> str:
     """What to measure next, and whether that would settle what is open."""
     poses = stated.diagnosis.next_poses
+    if found.facts.hopeless:
+        return "What was not measured."
     if poses:
         return f"{_proposed(poses)}{_unchecked(stated)}"
     if again := _again(found):
@@ -529,21 +566,19 @@ def _next(found: CampaignResults, stated: FirstScreen) -> str:
             "A known weight hung from the load point in two of the poses: it tells whether the "
             "scale is wrong or the masses are."
         )
-    if not found.row.reason.holds_for_its_readings:
+    if not _holds(found):
         return (
             "The poses that are missed most, once more and on another day: this tells the machine "
             "from the readings."
         )
     needs = _needs(found, stated.diagnosis)
     if needs:
-        return (
-            "For the cause: no reachable pose tells the causes apart by pulls alone. What would: "
-            f"{needs[0]}."
-        )
+        return f"What would tell which cause it is: {needs[0]}."
     worst = joint_to_pull(found, stated.diagnosis, stated.mine.stiffness)
     if worst is None:
         return "Nothing can be proposed: no stiffness is known."
-    return _least_certain(stated, worst)
+    settled = stated.diagnosis.verdict in (Verdict.ADEQUATE, Verdict.EXPLAINED)
+    return f"{f'{_NONE_OPEN} ' * settled}{_least_certain(stated, worst)}"
 
 
 def _again(found: CampaignResults) -> str:
@@ -556,9 +591,13 @@ def _again(found: CampaignResults) -> str:
 
 def _needs(found: CampaignResults, diagnosis: Diagnosis) -> list[str]:
     """What would part causes that no pull does."""
-    if found.row.model != Which.AVERAGED:
+    if found.row.model != Which.AVERAGED and diagnosis.verdict != Verdict.AMBIGUOUS:
         return []
-    return [one.needs for one in diagnosis.causes if one.needs and one.rivals]
+    return [
+        one.needs
+        for one in diagnosis.causes
+        if one.needs and (one.rivals or one.twins or one.probability < CERTAIN)
+    ]
 
 
 def joint_to_pull(
@@ -574,7 +613,7 @@ def joint_to_pull(
         return None
     if _again(found):
         return worst if worst.value is None else None
-    explained = found.row.reason.holds_for_its_readings
+    explained = _holds(found)
     return worst if explained and not _needs(found, diagnosis) else None
 
 
@@ -615,18 +654,13 @@ def _joints(pose: ToMeasure) -> str:
 
 def _least_certain(stated: FirstScreen, worst: Stiffness) -> str:
     """Which pulls would gain most, and what one such pose would settle."""
-    best = stated.diagnosis.best_pose
-    more = (
-        ""
-        if best is None
-        else f" One more pose: {_pulled(best)}. {_settled(best, worst)}{_unchecked(stated)}"
-    )
-    pulls = remarks.WORK[worst.joint_type]
+    best, pulls = stated.diagnosis.best_pose, remarks.WORK[worst.joint_type]
+    after = "" if best is None else f" {_settled(best, worst)}"
     if worst.value is None:
+        more = f" One more pose: {_pulled(best)}.{after}{_unchecked(stated)}" if best else ""
         return f"{capital(pulls)}: {worst.called} is not determined.{more}"
     known = f"Its standard uncertainty is {percent(worst.relative_std)}."
-    optional = f"Optional: {pulls} would improve {worst.called} most."
-    return f"{_NONE_OPEN} {optional} {known}{more}"
+    return f"Optional: {pulls} would improve {worst.called} most. {known}{after}"
 
 
 _NONE_OPEN = "No question is open."
@@ -636,7 +670,7 @@ def _settled(best: BestPose, joint: Stiffness) -> str:
     """What the best pose makes of the uncertainty of a joint."""
     after = percent(best.relative_std_after)
     if joint.value is not None:
-        return f"With it the standard uncertainty of {joint.called} is expected to be {after}."
+        return f"With the pose that the report proposes it is expected to be {after}."
     if best.determines:
         return (
             f"With it {joint.called} is determined, with a standard uncertainty of about {after} "

@@ -100,11 +100,18 @@ def wrong(facts: Facts, unseen: int, besides: Sequence[str] = ()) -> str:
     if others:
         return f"With the data corrected: {others}" if facts.mistakes else others
     also = f" {unnoticed(unseen)}; they are listed in the report." if unseen else ""
-    nothing = "Nothing detectable in these readings."
+    where, stood = "these readings", facts.unloaded
+    if stood.off:
+        where = "the displacements under load"
+        also += (
+            f" Unloaded, the reflectors are {plain(1e3 * stood.remains_m, 2)} mm rms from where "
+            f"{'the estimated DH parameters' if stood.corrects else _of_table(facts)} place them "
+            f"(base and tool fitted), {plain(stood.remains_m / stood.noise_m, 2)} times the noise: "
+            "the stiffnesses do not depend on it, absolute positions do."
+        )
+    nothing = f"Nothing {'else ' if besides else ''}detectable in {where}."
     if facts.mistakes:
         nothing = "The error in the data that the verdict names; nothing else was detected."
-    elif besides:
-        nothing = "Nothing else detectable in these readings."
     return f"{nothing}{also}"
 
 
@@ -117,7 +124,13 @@ def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
     """What was found of the noise that makes up for no cause, a sentence each."""
     for cause in causes:
         entries = {one.name: one.value for one in cause.parameters}
-        if cause.name == "heavy_tails":
+        if cause.name in _SCATTERS:
+            share = percent(next(iter(entries.values())))
+            yield (
+                f"{_SCATTERS[cause.name]} scatter {share} more than stated: the uncertainties "
+                "include it."
+            )
+        elif cause.name == "heavy_tails":
             yield (
                 "Single readings deviate farther than the stated noise allows (heavy tails): they "
                 "weigh less, and the uncertainties include it. Where they come from one target, "
@@ -130,6 +143,12 @@ def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
                 f"The instrument wandered by {plain(1e3 * size, 2)} mm{over}: the uncertainties "
                 "include it."
             )
+
+
+_SCATTERS = {
+    "tracker_noise": "The readings of the tracker",
+    "force_noise": "The readings of the scale",
+}
 
 
 def unnoticed(count: int) -> str:
@@ -349,11 +368,16 @@ def _of_table(facts: Facts) -> str:
 
 def _tables_disagree(facts: Facts) -> str:
     assert facts.agreement is not None
+    why = "an error in the data that is not completely corrected may do this."
+    if not facts.mistakes:
+        why = (
+            "positions and pulls are not of one robot, or of one before and after a collision, "
+            "repair or mastering."
+        )
     return (
         "The unloaded reflectors of the pulls do not stand where the robot identified from the "
         f"positions has them ({plain(1e3 * facts.unloaded.miss_m, 2)} mm rms, "
-        f"{p_value(facts.agreement.table_p)} beside its uncertainty): positions and pulls are not "
-        "of one robot, or of one before and after a collision, repair or mastering."
+        f"{p_value(facts.agreement.table_p)} beside its uncertainty): {why}"
     )
 
 
@@ -571,7 +595,10 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     ),
     Finding.TRACKER_KNOCKED: _tracker_knocked,
     Finding.STANDS_ELSEWHERE: _stands_elsewhere,
-    Finding.STANDS_ELSEWHERE_OR_RIVAL: _stands_elsewhere,
+    Finding.STANDS_ELSEWHERE_OR_RIVAL: lambda facts: (
+        f"{_stands_elsewhere(facts)} The data cannot distinguish between "
+        f"{'; '.join(_or(one) for one in facts.moved if not certain(one))}."
+    ),
     Finding.REFLECTORS_LOOSE: lambda _: (
         "The reflectors move against each other under load: a loose nest or a soft effector."
     ),
@@ -741,7 +768,7 @@ _CORRECT: Mapping[str, str] = {
 
 def correct(facts: Facts) -> str:
     """What to do about the mistakes in the data, up to what to use until then."""
-    if any(one.hopeless for one in facts.mistakes):
+    if facts.hopeless:
         return f"Measure again what was not measured{_AGAIN}"
     if all(one.together for one in facts.mistakes):
         return f"Measure that pose again, all its states in one go{_AGAIN}"

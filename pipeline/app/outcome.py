@@ -17,7 +17,7 @@ from pipeline.base.shown import in_json, printable
 from pipeline.store.campaign import CampaignFolder, find, label
 
 if TYPE_CHECKING:  # importing its types loads the numerical libraries, which takes a second
-    from pipeline.answer.contract import Answer, Combination, Rejected, Stiffness
+    from pipeline.answer.contract import Answer, Cause, Combination, Rejected, Stiffness
 
 
 Meant = str | CampaignFolder
@@ -91,8 +91,6 @@ EARLIER = "of an earlier input or program"
 
 
 def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
-    from pipeline.answer.amounts import sizes
-
     name, answer = campaign.name, compute(campaign)
     first, *more = _first_screen(answer)
     lines = [
@@ -100,7 +98,7 @@ def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
         *(f"  {line}" for line in more),
         *_stiffnesses(answer.stiffness),
         *(f"  {_mixed(one)}" for one in answer.combinations),
-        *(f"  {size}" for cause in answer.diagnosis.causes for size in sizes(cause)),
+        *_sizes(answer.diagnosis.causes),
         f"  {campaign.reports / 'index.html'}",
     ]
     return Outcome(
@@ -114,6 +112,23 @@ def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
         complaints=[f"{name}: {line}" for line in sentences(answer.rejected)],
         verdict=str(answer.diagnosis.verdict),
     )
+
+
+_MOST_SIZES = 6
+"""Maximum number of sizes of errors in the data that are printed."""
+
+
+def _sizes(causes: Sequence[Cause]) -> list[str]:
+    """`  size of the error in pose03/P1: 10.0 mm`, and the number of further ones; then causes."""
+    from pipeline.answer.amounts import sizes
+
+    errors, others = (
+        [f"  {size}" for one in causes if bool(one.evidence) is wrong for size in sizes(one)]
+        for wrong in (True, False)
+    )
+    more = len(errors) - _MOST_SIZES
+    rest = [f"  {more} more errors are listed in the report"] if more > 0 else []
+    return [*errors[:_MOST_SIZES], *rest, *others]
 
 
 def _stiffnesses(joints: Sequence[Stiffness]) -> list[str]:

@@ -150,7 +150,9 @@ def combined(one: Hypothesis, data: Measured, usual: Array | None = None) -> _Co
         noise_from=one.estimate.noise_from,
     )
     whole = replace(one.cell, held=stance.weighs, effects=(*one.cell.effects, *there.fresh))
-    now = replace(one, cell=whole, system=system, estimate=estimate, ratio=1.0, sized=None)
+    effects = (*one.effects, *there.fresh)
+    known = {"system": system, "estimate": estimate, "ratio": 1.0, "sized": None}
+    now = replace(one, effects=effects, cell=whole, **known)
     value, cov = _of_stance(system, stance, there)
     return _CombinedHypothesis(now, stance, value, cov, _more(found, less), _more(less, least))
 

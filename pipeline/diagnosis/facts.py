@@ -341,6 +341,16 @@ class UnloadedFacts(Locked):
         return bool(self.causes) and self.gain is not None and self.gain.reduction <= 0
 
     @property
+    def since(self) -> bool:
+        """Whether all causes set in during the campaign, as a tracker's drift also looks like."""
+        return all(one.effect.since for one in self.causes)
+
+    @property
+    def off(self) -> bool:
+        """Whether they deviate by more than their noise."""
+        return bool(self.remains_m > _DOUBLE * self.noise_m)
+
+    @property
     def believed(self) -> bool:
         """Whether causes were found that improve predictions and explain the unloaded positions."""
         return bool(self.causes) and not self.useless and not self.refuted
@@ -538,9 +548,14 @@ class Facts:
     agreement: SpringAgreement | None = None
 
     @property
+    def hopeless(self) -> bool:
+        """Whether a mistake in the data cannot be corrected, so that nothing else can be judged."""
+        return any(one.hopeless for one in self.mistakes)
+
+    @property
     def changed(self) -> tuple[FoundCause, ...]:
         """Causes among `moved` that set in during the campaign."""
-        return tuple(one for one in self.moved if one.effect.form.startswith("since pose"))
+        return tuple(one for one in self.moved if one.effect.since)
 
     @property
     def misdescribed(self) -> tuple[FoundCause, ...]:

@@ -139,7 +139,11 @@ _DISPLACEMENTS = (
         Verdict.UNEXPLAINED,
         lambda f: not f.detected and not f.scatter and f.beyond_certificate,
     ),
-    VerdictRow(Finding.OFF_THE_TABLE, Verdict.UNEXPLAINED, lambda f: f.unloaded.useless),
+    VerdictRow(
+        Finding.OFF_THE_TABLE,
+        Verdict.UNEXPLAINED,
+        lambda f: f.unloaded.useless and (f.drift is None or not f.unloaded.since),
+    ),
     VerdictRow(Finding.MISFIT, Verdict.UNEXPLAINED, lambda f: f.misfit_p < alarms.MISFIT),
     VerdictRow(Finding.CAUSE_IDENTIFIED, Verdict.EXPLAINED, lambda f: f.detected),
     VerdictRow(Finding.SCATTER, Verdict.EXPLAINED, lambda f: bool(f.scatter)),

@@ -1,4 +1,4 @@
-"""Columns without measured content: displacements without deflection, a copied force or pose.
+"""Columns without measured content: no deflection, or a copied force, pose or joint.
 
 A robot deflects under a load; pulls of a pose with different displacements had different forces;
 and poses with the same joint values cannot have their reflectors decimetres apart. These tests need
@@ -7,8 +7,10 @@ no estimate, and none of these mistakes can be corrected: what is missing was no
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -17,7 +19,7 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.linear import rms
 from pipeline.base.quantities import plain
 from pipeline.faults.assignment import lines
-from pipeline.faults.conventions import unloaded
+from pipeline.faults.conventions import miss, unloaded
 from pipeline.faults.exchanged_pulls import displacement_std
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.joint_row import without_poses
@@ -55,9 +57,9 @@ tracker [1]."""
 
 
 def dead(asked: Screening) -> list[Mistake]:
-    """No deflection anywhere, else one force copied into unlike pulls, and a copied pose."""
-    data = asked.reduced.data
-    return _still(asked, data) or [*_copied(asked.case, data), *_one_pose(asked.case)]
+    """No deflection anywhere, else a force copied into unlike pulls, a copied pose or joint."""
+    case, data = asked.case, asked.reduced.data
+    return _still(asked, data) or [*_copied(case, data), *_one_pose(case), *_one_column(case)]
 
 
 # --- the tracker ----------------------------------------------------------------------------------
@@ -202,6 +204,33 @@ def _one_pose(case: Case) -> list[Mistake]:
             )
         )
     return found
+
+
+def _one_column(case: Case) -> Iterator[Mistake]:
+    """Joints of one unit with equal values in every row, of poses that the table does not place.
+
+    Values that hardly vary may be equal on purpose, and so may any that the reflectors confirm.
+    """
+    log, off = case.joints, miss(case)
+    for one, other in combinations(case.joint_columns, 2):
+        equal = one.rpartition("_")[2] == other.rpartition("_")[2] and log[one].equals(log[other])
+        if equal and log[one].nunique() > _COPIED and off is not None and off >= GROSS_DISTANCE_M:
+            names, at = [column.rpartition("_")[0] for column in (one, other)], lines_of(log)
+            file = str(log["file"].iloc[0])
+            yield Mistake(
+                name="copied_column",
+                where=f"{file} {'/'.join(names)}",
+                evidence=f"{file}: {' and '.join(names)} are equal in every row, and "
+                f"the unloaded reflectors are {length(off)} from where the robot file then places "
+                "them: one column was copied over the other",
+                correction="nothing can be corrected, the values of one joint were not logged",
+                before=1e3 * off,
+                after=0.0,
+                unit="mm",
+                correct=as_it_is,
+                at=at,
+                hopeless=True,
+            )
 
 
 FAULT = Fault("dead_sensor", dead, in_files=True, in_forces=True)

@@ -236,7 +236,7 @@ def _of_rows(case: Case, poses: Ints, ring: Ring, cost: Array) -> Mistake:
     return exchange_mistake(
         ring,
         where=f"{file} {ring.where(names)}",
-        what=f"{file}: the rows of {in_words(names)}",
+        what=f"{file}: the rows of {in_words(names)}, or their groups in the tracker export,",
         stand=misplacement(ring, "row"),
         of="the reflectors of these poses are",
         cost=cost,

@@ -6,11 +6,13 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+import numpy as np
 import pandas as pd
 
 from pipeline.base.errors import listed
 from pipeline.base.quantities import plain
 from pipeline.reduction.case import Case
+from pipeline.reduction.register import XYZ
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,50 @@ def told_once(found: Sequence[Mistake]) -> tuple[Mistake, ...]:
     for k, one in enumerate(found):
         origins.setdefault((one.name, one.alike or k), []).append(one)
     return tuple(_as_one(*of) for of in origins.values())
+
+
+_IN_COMMON = (["target", "state"], ["target"], ["pose"])
+"""What wrong readings may have in common, the narrowest first."""
+
+_BY_CHANCE = 0.01
+"""Probability below which readings drawn at random have it in common [1]."""
+
+_STILL = 0.1
+"""Maximum motion of a target that did not follow the load, over the error of its readings [1]."""
+
+
+def in_common(found: Sequence[Mistake], readings: pd.DataFrame) -> str:
+    """Sentence on what all wrong readings of the poses have in common; empty without anything.
+
+    Args:
+        found: The mistakes.
+        readings: All readings of the campaign.
+    """
+    single = [one for one in found if one.of_reading and one.at]
+    readings = readings[readings["pose"].notna()]
+    rows = readings[np.isin(lines_of(readings), [line for one in single for line in one.at])]
+    if len(single) < len(found) or len(rows) < len(single):
+        return ""
+    for columns in _IN_COMMON:
+        share = (readings[columns] == rows[columns].iloc[0]).all(axis=1) if len(rows) else []
+        alike = (rows[columns] == rows[columns].iloc[0]).all(axis=1).all() if len(rows) else False
+        if alike and float(np.mean(share)) ** (len(rows) - 1) < _BY_CHANCE:
+            return _shared(rows, columns, readings, float(np.median([m.size or 0 for m in single])))
+    return ""
+
+
+def _shared(rows: pd.DataFrame, columns: list[str], readings: pd.DataFrame, off_m: float) -> str:
+    """`All of them are of pose 5.`, or of one target, and whether it did not move with the load."""
+    first = rows.iloc[0]
+    if columns == ["pose"]:
+        return f"All of them are of pose {first['pose']}."
+    states = f"{first['state']} states of " if "state" in columns else ""
+    mine = readings[(readings["target"] == first["target"]) & (readings["state"] == "unloaded")]
+    zero = mine.groupby("pose")[XYZ].mean().reindex(rows["pose"]).to_numpy(float)
+    moved = np.linalg.norm(rows[XYZ].to_numpy(float) - zero, axis=1)
+    still = states and float(np.median(moved)) < _STILL * off_m
+    how = ", which did not move with the load" if still else ""
+    return f"All of them are of {states}{first['target']}{how}: look there first."
 
 
 def _as_one(first: Mistake, *others: Mistake) -> Mistake:

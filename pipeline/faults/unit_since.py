@@ -1,4 +1,4 @@
-"""A unit that changes in mid-file: from some row on the numbers are in another one.
+"""A unit, or the sign of a joint, that changes in mid-file: from some row on numbers are otherwise.
 
 For forces the pulls show it: with factors c_i of the readings and relative weights w_i = 1 / |y_i|,
 the residual sum of squares of the joint springs is quadratic in the factors, so that every row and
@@ -18,14 +18,14 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.faults.assignment import lines
-from pipeline.faults.conventions import LOGGED, UNITS, scaled
+from pipeline.faults.conventions import LOGGED, UNITS, anchored, pairs, scaled, unloaded
 from pipeline.faults.exchanged import misplaced
 from pipeline.faults.exchanged_pulls import FEWEST, MOST, USUAL_MISFIT, PullMoves, ordered, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.machine.effect import PULLED
 from pipeline.readers.logs import FORCE
-from pipeline.readers.reflector_sets import CLEARLY_NEARER
+from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import STILL_M
 from pipeline.reduction.register import XYZ
@@ -60,9 +60,11 @@ def _coordinates(case: Case) -> Iterator[Mistake]:
         wrong = _near(times, factor)
         if min(rows["group"][one].nunique() for one in (wrong, right)) < _ROWS:
             continue
-        at, of = lines_of(rows[wrong]), rows["pose"].notna()
+        of = rows["pose"].notna()
         order = rows[of].sort_values(["file", "line"]).index
         later = _from(wrong[order].to_numpy(bool), ~wrong[order].to_numpy(bool)) is not None
+        wrong = _in_mid_group(rows, wrong, order, factor) if later else wrong
+        at = lines_of(rows[wrong])
         since = f"from {at[0]} on in the tracker export {says}"
         found = _finding(
             where=unit,
@@ -71,9 +73,29 @@ def _coordinates(case: Case) -> Iterator[Mistake]:
             "as those of the others are",
             at=at,
             factor=factor,
-            correct=partial(_regauged, groups=frozenset(rows["group"][wrong]), factor=factor),
+            correct=partial(_regauged, at=frozenset(at), factor=factor),
         )
         yield found if later else replace(found, since=None)
+
+
+def _in_mid_group(
+    rows: pd.DataFrame, wrong: pd.Series[bool], order: pd.Index, factor: float
+) -> pd.Series[bool]:
+    """`wrong` with the rows before it in a group within which the unit changes.
+
+    Such a row is nearer to the centre of the rows before it in its group with the factor.
+    """
+    wrong = wrong.copy()
+    before = order[: int(np.argmax(wrong[order]))]
+    group = rows.loc[before][rows["group"][before] == rows["group"][before[-1]]]
+    points = group[XYZ].to_numpy(float)
+    for k in range(len(group) - 1, 0, -1):
+        centre = points[:k].mean(axis=0)
+        as_read, scaled_ = (np.linalg.norm(c * points[k] - centre) for c in (1.0, factor))
+        if as_read <= scaled_:
+            break
+        wrong[group.index[k]] = True
+    return wrong
 
 
 def _near(times: pd.Series[float], factor: float) -> pd.Series[bool]:
@@ -95,8 +117,8 @@ def _too_small(case: Case, group: pd.DataFrame) -> float:
     return float(np.sqrt(stated / max(read, STILL_M**2)))
 
 
-def _regauged(case: Case, groups: frozenset[str], factor: float) -> Case:
-    mine = case.readings["group"].isin(groups)
+def _regauged(case: Case, at: frozenset[str], factor: float) -> Case:
+    mine = np.isin(lines_of(case.readings), list(at))
     other = scaled(factor)(replace(case, readings=case.readings[mine])).readings
     return replace(case, readings=pd.concat([case.readings[~mine], other]).sort_index())
 
@@ -237,28 +259,45 @@ def _from(wrong: Bools, right: Bools) -> int | None:
 
 
 def _joints(case: Case) -> Iterator[Mistake]:
-    """Rows of the joint log from which on another unit explains the robot's position."""
-    before = misplaced(case) or frozenset()
+    """Rows of the joint log from which on another unit or sign explains the robot's position."""
+    before = _away(case)
     log = case.joints.sort_values(["file", "line"])
-    wrong = log["pose"].isin(before).to_numpy(bool)
-    first = _from(wrong, ~wrong)
-    if first is None:
+    first = int(np.argmax(log["pose"].isin(before)))
+    if not before or not _ROWS <= first <= len(log) - _ROWS:
         return
-    poses = frozenset(log["pose"].iloc[first:].tolist())
-    for ending, unit, factor, says in LOGGED:
-        columns = [name for name in case.joint_columns if name.endswith(ending)]
+    poses, at = frozenset(log["pose"].iloc[first:].tolist()), lines_of(log.iloc[first:])
+    for where, factor, says, columns in _otherwise(case):
         correct = partial(_relogged, columns=columns, poses=poses, factor=factor)
         if columns and misplaced(correct(case)) == frozenset():
-            at = lines_of(log.iloc[first:])
-            yield _finding(
-                where=unit,
+            found = _finding(
+                where=where,
                 says=f"from {at[0]} on in the joint log {says}",
                 why="with that corrected the reflectors are where the robot file places them",
                 at=at,
                 factor=factor,
                 correct=correct,
             )
+            yield replace(found, name="sign_or_convention") if factor < 0 else found
             return
+
+
+def _away(case: Case) -> frozenset[int]:
+    """Poses elsewhere than the table predicts; by the base reflectors alone if most of them are."""
+    known, frame = misplaced(case), anchored(case)
+    if known is not None or frame is None:
+        return known or frozenset()
+    zeros, (R, t) = unloaded(case), frame
+    seen, expected, _ = pairs(case, zeros)
+    far = np.linalg.norm(seen @ R.T + t - expected, axis=1) > GROSS_DISTANCE_M
+    return frozenset(zeros["pose"][far].tolist())
+
+
+def _otherwise(case: Case) -> Iterator[tuple[str, float, str, Sequence[str]]]:
+    """What may change in the joint log: its name, factor, sentence and columns."""
+    for ending, unit, factor, says in LOGGED:
+        yield unit, factor, says, [name for name in case.joint_columns if name.endswith(ending)]
+    for column, joint in zip(case.joint_columns, case.robot.joints, strict=True):
+        yield f"{joint.name}_reversed", -1.0, f"{joint.name} has the opposite sign", [column]
 
 
 def _relogged(case: Case, columns: Sequence[str], poses: frozenset[int], factor: float) -> Case:

@@ -152,7 +152,7 @@ def _of_laws(
 def _amounts(name: str, law: JointLaw, x: Array, std: Array) -> Iterator[_Amount]:
     if name == "rail_scale":
         value, spread = float(x[0]) / law.scale, float(std[0]) / law.scale
-        yield _Amount("scale", "1", value, spread, "error of the pitch of the rack")
+        yield _Amount("scale", "1", value, spread, "correction of the pitch of the rack")
     else:
         for part, a, s in zip(("cos", "sin"), x, std, strict=True):
             text = f"{part} part of order {law.order:g} of the shoulder's deflection"

@@ -171,7 +171,8 @@ def _updated(
     """An answer with the stiffnesses of a model, and its predictions at test pose and path."""
     settings, pulls = case.settings, reduced.data.pulls
     where = place_of_interest(settings.test_pose, case.robot, pulls)
-    shown = HeldOutError(told.held_out_m, pulls.range_n[1])
+    holds = answer.recommended.reason.holds_for_its_readings
+    shown = HeldOutError(told.held_out_m, pulls.range_n[1], holds)
     path = path_of(settings.tolerance, campaign.files, case.robot, case.tool)
     most = np.inf if settings.tolerance is None else settings.tolerance.deflection_mm / MM
     found = judge(told, where.q, where.force, shown, path, most)

@@ -244,6 +244,11 @@ class Effect:
         return self.noun + in_place(self.where, self.name, self.axis)
 
     @property
+    def since(self) -> bool:
+        """Whether it sets in at a pose of the campaign."""
+        return self.form.startswith("since pose")
+
+    @property
     def location(self) -> str:
         """Part of the cell: `rail`, `joint 3`, `upper_arm`, `force`, `metrology` ..."""
         if self.where is None or self.place == "metrology" or self.where in _WHOLE:

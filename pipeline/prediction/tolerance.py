@@ -1,19 +1,21 @@
 """Conformity of a predicted deflection with a tolerance: at a pose, and along a path.
 
 The prediction is that of the recommended model; its uncertainty is never below the held-out error
-(docs/decisions/0030).
+(docs/decisions/0030). Nothing is decided by a model that does not explain the readings, nor where
+possible hypotheses decide differently.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array, Bools, Locked, Strings
 from pipeline.base.doors import opened
+from pipeline.diagnosis.average import POSSIBLE
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import Robot
 from pipeline.prediction.decision import Decision, decide
@@ -30,10 +32,12 @@ class HeldOutError:
         held_out_m: Rms error of held-out poses per axis [m], noise of the readings included; None
             if they cannot be predicted.
         hardest_n: Largest pull among them [N].
+        holds: Whether the model explains the readings, so that this error bounds any prediction.
     """
 
     held_out_m: float | None
     hardest_n: float
+    holds: bool = True
 
     def floor(self, force: Array) -> Array:
         """Lower bound of the standard uncertainty of predictions [m], (m,), for forces (m, 3).
@@ -53,16 +57,24 @@ class TipDeflection(Locked):
         size: Its magnitude d [m], shape (m,).
         std: Standard uncertainty u of d [m]; infinite if a stiffness that acts there is not
             determined, shape (m,).
+        holds: Whether the model explains the readings; nothing is decided otherwise.
+        each: The same by each possible hypothesis; empty for a single one.
     """
 
     moved: Array
     size: Array
     std: Array
+    holds: bool = True
+    each: tuple[TipDeflection, ...] = ()
 
     def decisions(self, tolerance_m: float) -> list[Decision]:
-        """Decision about each pull."""
+        """Decision about each pull, undecided unless all possible hypotheses decide alike."""
+        if not self.holds:
+            return [Decision.UNDECIDED] * len(self.size)
         both = zip(self.size.tolist(), self.std.tolist(), strict=True)
-        return [decide(size, std, tolerance_m) for size, std in both]
+        mine = [decide(size, std, tolerance_m) for size, std in both]
+        every = zip(mine, *(one.decisions(tolerance_m) for one in self.each), strict=True)
+        return [all_[0] if len(set(all_)) == 1 else Decision.UNDECIDED for all_ in every]
 
 
 def tip(model: IdentifiedModel, q: Array, force: Array, shown: HeldOutError) -> TipDeflection:
@@ -77,6 +89,9 @@ def tip(model: IdentifiedModel, q: Array, force: Array, shown: HeldOutError) -> 
         force: Force at the load point [N], F_b, shape (m, 3).
         shown: Held-out error of the model.
     """
+    possible = [one for one in model.hypotheses if one.weight > POSSIBLE]
+    alone = [replace(model, hypotheses=(replace(one, weight=1.0),)) for one in possible]
+    each = [tip(one, q, force, shown) for one in alone] if len(model.hypotheses) > 1 else []
     found = model.at_load_point(q, force)
     size = np.linalg.norm(found.displacement, axis=1)
     along = found.displacement / np.maximum(size, np.finfo(float).tiny)[:, None]
@@ -84,7 +99,7 @@ def tip(model: IdentifiedModel, q: Array, force: Array, shown: HeldOutError) -> 
     cov = np.where(lost[:, None, None], 0.0, found.cov)
     stated = np.sqrt(np.einsum("mi,mij,mj->m", along, cov, along))
     std = np.where(lost, np.inf, np.maximum(stated, shown.floor(np.atleast_2d(force))))
-    return TipDeflection(found.displacement, size, std)
+    return TipDeflection(found.displacement, size, std, shown.holds, tuple(each))
 
 
 def table(

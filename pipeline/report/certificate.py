@@ -23,7 +23,7 @@ from pipeline.base.quantities import (
     with_std,
     with_uncertainty,
 )
-from pipeline.diagnosis.finding import Finding
+from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.machine.effect import in_place
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
@@ -185,6 +185,8 @@ def _gain(answer: Answer) -> str:
 def to_do(answer: Answer) -> str:
     """What to do with the values; for positions the sentence of the first screen, if it has one."""
     reason, corrected = answer.recommended.reason, answer.recommended.data is Data.CORRECTED
+    if answer.diagnosis.verdict == Verdict.AMBIGUOUS and reason == Reason.WEIGHED_ANEW:
+        reason = Reason.CAUSE_DOUBTFUL
     said = _OPEN.get(reason, DO[reason])
     if answer.of_positions:
         every = (one.text for one in answer.first_screen if one.about == About.TO_DO)
@@ -240,7 +242,8 @@ def _to_controller(answer: Answer) -> Iterator[str]:
 
 def _by_tolerance(answer: Answer) -> Iterator[str]:
     """What to do if the tolerance is not kept or undecided."""
-    worst = answer.tolerance.worst if answer.tolerance else None
+    holds = answer.recommended.reason.holds_for_its_readings
+    worst = answer.tolerance.worst if answer.tolerance and holds else None
     if worst is Decision.FAIL:
         yield "For the tolerance: reduce the force or compensate the path."
     elif worst is Decision.UNDECIDED:

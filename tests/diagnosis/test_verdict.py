@@ -111,6 +111,9 @@ MISPLACED = replace(NO_UNLOADED, miss_m=2e-3, left_m=1e-4)
 USELESS = replace(
     MISPLACED, gain=gain(-0.1, -0.3), causes=(SimpleNamespace(effect=ROLL[0].effect),)
 )
+SINCE = replace(
+    USELESS, causes=(SimpleNamespace(effect=replace(ROLL[0].effect, form="since pose 4")),)
+)
 TILTS = (cause("joint_tilt:5", 0.6, rivals=(PossibleCause(effect("joint_tilt:6"), 0.4),)),)
 GEAR = (cause("joint_hardening:3"), cause("joint_lost_motion:3"))
 
@@ -293,6 +296,9 @@ def test_nothing_is_told_of_displacements_that_hold_nothing():
         (Facts(scale_ratio=4.0), Finding.NOTHING),
         (Facts(beyond_a_tracker=True, moved=(cause("joint_offset:3"),)), Finding.NOTHING),
         (Facts(beyond_a_tracker=True, drift=drift(undecided=False)), Finding.NOTHING),
+        (Facts(unloaded=SINCE), Finding.OFF_THE_TABLE),
+        (Facts(unloaded=SINCE, drift=drift(undecided=False)), Finding.NOTHING),
+        (Facts(unloaded=USELESS, drift=drift(undecided=False)), Finding.OFF_THE_TABLE),
         (replace(FOUND, loose_p=2e-4), Finding.CAUSE_IDENTIFIED),
         (Facts(scatter=(cause("tracker_noise"),), beyond_certificate=True), Finding.SCATTER),
     ],

@@ -153,3 +153,16 @@ def test_one_row_of_the_joint_log_copied_down(seed, rows):
     left = set(found.correct(case(made)).joints["pose"])
     assert left == (set(range(rows + 1, 8)) or set(range(1, 8)))
     assert dead(asked(case(files(seed)))) == []
+
+
+@pytest.mark.parametrize("column", [5, 6])
+def test_a_column_copied_over_another(column):
+    """Two joints are equal in every row."""
+    head, rows = table(files(3), "joints.csv")
+    new = [[*row[: column + 1], row[column], *row[column + 2 :]] for row in rows]
+    found = dead(asked(case(written(files(3), "joints.csv", head, new))))
+
+    (one,) = found
+    names = f"theta{column}/theta{column + 1}"
+    assert (one.name, one.where, one.hopeless) == ("copied_column", f"joints.csv {names}", True)
+    assert f"theta{column} and theta{column + 1} are equal in every row" in one.evidence

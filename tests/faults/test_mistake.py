@@ -2,7 +2,11 @@
 
 from dataclasses import replace
 
-from pipeline.faults.mistake import as_it_is, outlying, told_once
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.faults.mistake import as_it_is, in_common, outlying, told_once
 
 
 def one(where, alike="", at=(), **known):
@@ -37,3 +41,52 @@ def test_of_many_the_first_three_others_are_said():
     assert told.evidence == "g0 is off; the same in g1, g2, g3 and 2 more"
     assert told.correction == "without g0, and the same in g1, g2, g3 and 2 more"
     assert len(told.at) == 6
+
+
+def readings():
+    """Three targets in eight poses, each unloaded and under two loads; P3 never moves."""
+    made = []
+    for pose in range(1, 9):
+        for repeat in range(3):
+            for k, target in enumerate(("P1", "P2", "P3")):
+                at = np.array([pose, k, 0.0]) + 3e-3 * repeat * (target != "P3")
+                state = "loaded" if repeat else "unloaded"
+                made.append((pose, state, target, *at, "tracker.csv", len(made) + 2))
+    names = ["pose", "state", "target", "x_m", "y_m", "z_m", "file", "line"]
+    return pd.DataFrame(made, columns=names)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (
+            "target == 'P3' and state == 'loaded'",
+            "All of them are of loaded states of P3, which did not move with the load: look there "
+            "first.",
+        ),
+        (
+            "target == 'P2' and state == 'loaded'",
+            "All of them are of loaded states of P2: look there first.",
+        ),
+        ("target == 'P2'", "All of them are of P2: look there first."),
+        ("pose == 4", "All of them are of pose 4."),
+        ("target != 'P2'", ""),
+        ("target == 'P1' and pose < 3 and state == 'unloaded'", ""),
+        ("pose > 99", ""),
+    ],
+)
+def test_what_many_wrong_readings_have_in_common_is_said(rows, said):
+    """Target and state, target, or pose; nothing of a few, which may have it by chance."""
+    table = readings()
+    lines = table.query(rows)["line"] if "99" not in rows else []
+    found = [one(f"g{k}", at=(f"tracker.csv:{k}",), size=3e-3) for k in lines]
+
+    assert in_common(found, table) == said
+
+
+def test_other_errors_beside_them_have_nothing_in_common():
+    """A unit is no reading."""
+    lines = readings().query("target == 'P3'")["line"]
+    found = [one(f"g{k}", at=(f"tracker.csv:{k}",), size=3e-3) for k in lines]
+
+    assert in_common([*found, one("inch", name="unit_mixup")], readings()) == ""

@@ -127,3 +127,36 @@ def test_where_nothing_tells_no_pose_is_in_its_place():
 def test_a_clean_campaign_changes_no_unit(seed):
     """Whatever the hidden effects of its machine."""
     assert unit_since(asked(case(files(seed)))) == []
+
+
+def test_coordinates_in_another_unit_from_the_middle_of_a_group_on():
+    """The chain's second reflector of a pull is the first in inches: no error of the chain."""
+    head, rows = table(files(3), "tracker.csv")
+    first = next(k for k, row in enumerate(rows) if row[1] == "Pl2" and "pose05" in row[0])
+    new = [
+        [*row[:2], *(repr(float(x) / 25.4) for x in row[2:5]), *row[5:]] if k >= first else row
+        for k, row in enumerate(rows)
+    ]
+    made = written(files(3), "tracker.csv", head, new)
+
+    (found,) = unit_since(asked(case(made)))
+
+    assert (found.where, found.since) == ("inch", f"tracker.csv:{first + 2}")
+    same(found.correct(case(made)), case(files(3)))
+
+
+@pytest.mark.parametrize("column", [5, 6])
+def test_the_sign_of_a_joint_changes_in_mid_file(column):
+    """From the third row on: the line, the joint and the values of its column."""
+    head, rows = table(files(3), "joints.csv")
+    new = [
+        [*row[:column], repr(-float(row[column])), *row[column + 1 :]] if k >= 3 else row
+        for k, row in enumerate(rows)
+    ]
+    made = written(files(3), "joints.csv", head, new)
+
+    (found,) = unit_since(asked(case(made)))
+
+    assert (found.name, found.where) == ("sign_or_convention", f"theta{column}_reversed")
+    assert found.since == "joints.csv:5"
+    same(found.correct(case(made)), case(files(3)))

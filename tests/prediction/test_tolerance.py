@@ -82,6 +82,35 @@ def test_what_is_close_to_the_limit_is_undecided(d, u, said):
     assert decide(d, u, 1.0) == said
 
 
+def test_nothing_is_decided_by_a_model_that_does_not_explain_the_readings():
+    """Half the readings dead: 1.7 mm predicted, 3.8 mm allowed, and still no PASS."""
+    model = nominal(load("kr500_rail"), tool(parse(simulate(PLAN).files["campaign.toml"].decode())))
+    q, force = _pose(1000.0)
+    by = [
+        tip(model, q[None], force[None], HeldOutError(1e-5, 3e3, holds)) for holds in (True, False)
+    ]
+
+    assert [one.decisions(1.0) for one in by] == [[Decision.PASS], [Decision.UNDECIDED]]
+    assert [one.decisions(1e-6) for one in by] == [[Decision.FAIL], [Decision.UNDECIDED]]
+    rows = table(model, Path(np.array([1]), q[None], force[None]), by[1], 1.0)
+    assert rows["decision"].tolist() == ["undecided"]
+
+
+@pytest.mark.parametrize(("weight", "said"), [(0.06, "undecided"), (0.04, "pass")])
+def test_possible_hypotheses_must_decide_alike(weight, said):
+    """One of two is four times as soft; the average of both would pass with either weight."""
+    model = nominal(load("kr500_rail"), tool(parse(simulate(PLAN).files["campaign.toml"].decode())))
+    one = model.hypotheses[0]
+    soft = replace(one, weight=weight, value=4 * one.value)
+    both = replace(model, hypotheses=(replace(one, weight=1 - weight), soft))
+    q, force = _pose(1000.0)
+    shown = HeldOutError(1e-6, 3e3)
+    d = tip(model, q[None], force[None], shown).size[0]
+
+    assert tip(both, q[None], force[None], shown).decisions(3 * d) == [said]
+    assert tip(both, q[None], force[None], shown).decisions(5 * d) == ["pass"]
+
+
 @pytest.mark.whole
 def test_a_path_passes_and_fails_by_stretches(found):
     """Five points, light loads first and last: pass, undecided, fail, pass.

@@ -29,7 +29,7 @@ def _effect(robot: Robot, joint: int) -> Geometry:
         parameters=(
             Parameter(
                 *(f"d_{joint}", "m" if slides else "rad", 1e-3, -0.02, 0.02),
-                "error of the zero of {joint}",
+                "correction of the zero of {joint}",
             ),
         ),
         signature=f"the unloaded reflectors stand millimetres off as joint {joint} would move "

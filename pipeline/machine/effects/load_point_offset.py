@@ -51,7 +51,9 @@ def _said(form: str) -> dict[str, Any]:
         "place": "force",
         "form": form,
         "parameters": tuple(
-            Parameter(f"dl_{axis}", "m", 5e-3, -0.5, 0.5, f"error of the stated point along {axis}")
+            Parameter(
+                f"dl_{axis}", "m", 5e-3, -0.5, 0.5, f"correction of the stated point along {axis}"
+            )
             for axis in "xyz"
         ),
         "signature": "torques of the wrist are off by the force times a lever fixed in the tool, "

@@ -35,7 +35,7 @@ def _mass(name: str) -> Effect:
         where=name,
         noun=NOUNS["payload_mass"],
         place="force",
-        parameters=(Parameter("g_mass", "1", 0.01, -0.5, 0.5, "error of the stated mass"),),
+        parameters=(Parameter("g_mass", "1", 0.01, -0.5, 0.5, "correction of the stated mass"),),
         signature="all that one payload moves is off by the same percentage; another one disagrees",
         needs="the payload on a scale, or the joint torques",
         source="f = m g; 1 % is an estimate",
@@ -53,7 +53,7 @@ def _centre(name: str) -> Effect:
         parameters=tuple(
             Parameter(
                 *(f"dc_{axis}", "m", 5e-3, -0.5, 0.5),
-                f"error of the stated centre of mass along {axis}",
+                f"correction of the stated centre of mass along {axis}",
             )
             for axis in "xyz"
         ),

@@ -53,7 +53,7 @@ _ALL = (
     _scale(
         "gain",
         "wrong gain",
-        Parameter("g_scale", "1", 0.01, -0.2, 0.2, "error of the scale's gain"),
+        Parameter("g_scale", "1", 0.01, -0.2, 0.2, "correction of the scale's gain"),
         _gain,
         signature="all stiffnesses shift by the same percentage; nothing else shows",
         needs="a known dead weight on the scale",
@@ -62,7 +62,7 @@ _ALL = (
     _scale(
         "zero",
         "wrong zero",
-        Parameter("f_zero", "N", 20.0, -300.0, 300.0, "error of the scale's zero"),
+        Parameter("f_zero", "N", 20.0, -300.0, 300.0, "correction of the scale's zero"),
         _zero,
         signature="displacement over force has an offset at zero force, the same at every pose",
         needs="three load levels, or the scale read with nothing on it",

@@ -68,11 +68,11 @@ class DhParameter(Locked):
 
     @property
     def meaning(self) -> str:
-        """`error of the length of link 3`; `{joint}` stands for the controller's axis."""
+        """`correction of the length of link 3`; `{joint}` stands for the controller's axis."""
         if self.name in ("axis_tilt", "joint_offset"):
             what = "tilt of the axis" if self.name == "axis_tilt" else "zero"
-            return f"error of the {what} of {{joint}}"
-        return f"error of the {self.name.removeprefix('link_')} of link {self.joint}"
+            return f"correction of the {what} of {{joint}}"
+        return f"correction of the {self.name.removeprefix('link_')} of link {self.joint}"
 
 
 def dh_parameters(robot: Robot) -> tuple[DhParameter, ...]:
