@@ -161,7 +161,7 @@ class PositionsAndPulls:
         )
 
     def _diagnosis(self, found: CampaignResults, pulls: contract.Diagnosis) -> contract.Diagnosis:
-        """Mistakes of both, causes of pulls and of positions, and what yields in both."""
+        """Mistakes of both, causes of the pulls and of the positions, and what yields in both."""
         mine, facts = self._alone.diagnosis, found.facts
         causes = [one for one in mine.causes if one.evidence is None]  # mistakes are told of both
         causes += [cause_entry(one) for one in yielding(found.told.values.hypotheses)]
