@@ -128,7 +128,7 @@ def test_links_that_nobody_sees_weigh_nothing():
 @pytest.mark.whole
 @pytest.mark.parametrize("since", [5, 9])
 def test_a_bumped_foot_is_named_beside_the_sag(since):
-    """By 0.7 mm, a quarter of what the arm sags by: where it stands, not at F_b's origin 9 m off."""
+    """By 0.7 mm, a quarter of the sag; compared where the arm is, 9 m off the origin of F_b."""
     data = measured(6)
     shift = 4e-4 * np.array([1, -1, 1])
     at = data.unloaded + shift * (data.pull[:, None] >= since)
