@@ -72,24 +72,22 @@ _SEED = 20261123
 """Seed of the draws; another one changes numbers within their stated scatter."""
 
 _WIDE = 0.1
-"""Prior standard deviation of a suspect [m or rad]; for masses it is ten times their usual size."""
+"""Largest size of a suspect [m or rad]; for masses it is ten times their usual size."""
 
 _POWER = 0.84
 """Standard deviations by which a magnitude must exceed a threshold to be detected in 80 % of the
 cases [1]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Suspect(SuspectUnknowns):
     """A possible cause.
 
     Attributes:
         effect: The effect.
-        tries: Number of alternatives, equally likely a priori, of which it is the likeliest.
     """
 
     effect: Effect
-    tries: int = 1
 
     @property
     def sags(self) -> bool:
@@ -178,13 +176,13 @@ def _suspects(zeros: Unloaded, effects: Sequence[Effect]) -> Iterator[_Suspect]:
     where = zeros.columns
     for k, letter in enumerate(zeros.letters, where.table.start):
         if letter.label in known:
-            yield _Suspect(letter.label, (k,), _WIDE, known[letter.label])
+            yield _Suspect(letter.label, (k,), _WIDE, effect=known[letter.label])
     for label, at, wide in (
         ("base_rotation", where.loose, _WIDE),
         ("gravity_sag", where.masses, 10.0),
     ):
         if label in known and at.stop > at.start:
-            yield _Suspect(label, tuple(range(at.start, at.stop)), wide, known[label])
+            yield _Suspect(label, tuple(range(at.start, at.stop)), wide, effect=known[label])
     tries = remastered.places(zeros)
     for one, at in zeros.changed:
         effect: Effect = base_moved.since(one.before, one.since)
@@ -193,8 +191,8 @@ def _suspects(zeros: Unloaded, effects: Sequence[Effect]) -> Iterator[_Suspect]:
         if one.target is not None:
             name = str(zeros.tool.targets[one.target])
             effect = target_moved.since(name, one.target, one.before, one.since)
-        wide, columns = _WIDE * tries ** (1 / one.unknowns), tuple(range(at.start, at.stop))
-        yield _Suspect(f"{effect.label} {effect.form}", columns, wide, effect, tries)
+        label, columns = f"{effect.label} {effect.form}", tuple(range(at.start, at.stop))
+        yield _Suspect(label, columns, _WIDE, tries, effect=effect)
 
 
 def _unseen(effects: Sequence[Effect], asked: Sequence[_Suspect]) -> set[str]:

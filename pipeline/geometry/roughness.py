@@ -4,14 +4,15 @@
 
 The three scales r_L, r_A and t (the joints' errors at a pose) are integrated over a grid with
 logarithmically uniform priors: with a dozen poses, point estimates would be far too certain. The
-grid is refined where the density changes from node to node. A suspect is one parameter, or several,
-with a wide prior of its own. Its effect on each cell of the grid follows from the cell's own
-covariance C,
+grid is refined where the density changes from node to node. A suspect is one parameter, or several
+of one size, log-uniform over three decades: with one wide prior for each of its unknowns, six would
+lose to any single one that explains nearly as much. Its effect on each cell of the grid follows
+from the cell's own covariance C,
 
-    log N(y | free) - log N(y) = 1/2 [ x' S^-1 x - log |E S| - 2 log(w / s) ],  S = E^-1 - C,
+    log N(y | w) - log N(y | s) = 1/2 [ x' B^-1 E x - log |B| - 2 log(w / s) ],  B = 1 - E C,
 
-with E = s^-2 - w^-2 and w the wide prior (matrix determinant lemma), so that all suspects cost one
-inverse.
+with E = s^-2 - w^-2, s the prior standard deviation and w another one (matrix determinant lemma),
+so that all suspects cost one inverse.
 """
 
 from __future__ import annotations
@@ -42,6 +43,9 @@ _NEGLIGIBLE = 9.0
 """Difference of the log density from its maximum beyond which a node, and its neighbours, are
 dropped [1]."""
 
+_SIZES = np.geomspace(1e-3, 1.0, 7)
+"""Sizes of a suspect over its largest, equally likely [1]."""
+
 _COUNTS = 1e-3
 """Minimum weight of a grid cell in the covariance [1]."""
 
@@ -53,12 +57,14 @@ class SuspectUnknowns:
     Attributes:
         label: Name and place.
         columns: Indices of the unknowns.
-        wide: Prior standard deviation if they are off, in their unit.
+        wide: Largest prior standard deviation if they are off, in their unit.
+        tries: Number of alternatives, equally likely a priori, of which it is the likeliest.
     """
 
     label: str
     columns: tuple[int, ...]
     wide: float
+    tries: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +152,11 @@ class ScaleGrid(Locked):
 
     @property
     def log_evidence(self) -> float:
-        """Log marginal likelihood over the grid."""
-        return float(special.logsumexp(self.log + self.width))
+        """Log marginal likelihood over the grid, over all sizes of the suspects that are free."""
+        whole = self.unrefined or self
+        at_most = special.logsumexp(whole.log + whole.width)
+        sized = (self.evidence(one) - at_most for one in self.free)
+        return float(special.logsumexp(self.log + self.width) + sum(sized))
 
     @property
     def best(self) -> int:
@@ -189,24 +198,30 @@ class ScaleGrid(Locked):
         return float(special.chdtrc(2, ratio))
 
     def evidence(self, one: SuspectUnknowns) -> float:
-        """Log marginal likelihood over the whole grid with one more suspect free."""
+        """Log marginal likelihood over the whole grid with a suspect of any size free."""
         whole = self.unrefined or self
-        return float(special.logsumexp(whole.freed(one) + whole.width))
+        rest = 0.0 if one in self.free else whole.std[:, list(one.columns)]
+        sizes = (whole.with_std(one, np.hypot(rest, size * one.wide)) for size in _SIZES)
+        each = [special.logsumexp(log + whole.width) for log in sizes]
+        return float(special.logsumexp(each) - np.log(len(_SIZES) * one.tries))
 
-    def freed(self, one: SuspectUnknowns) -> Array:
-        """Log likelihood of each cell with one more suspect free, shape (c,).
+    def with_std(self, one: SuspectUnknowns, std: Array) -> Array:
+        """Log likelihood of each cell with other prior standard deviations, shape (c,).
 
-        With P = s^-2 the precision before and w^-2 after, E = P - w^-2, S = E^-1 - C_kk: log
-        |M'| = log |M| + log |E S| and b' M'^-1 b = b' x + x_k' S^-1 x_k.
+        With M the normal matrix of prior precision, E is what the precision loses: log |M'| = log
+        |M| + log |1 - E C| and b' M'^-1 b = b' x + x_k' (1 - E C)^-1 E x_k.
+
+        Args:
+            one: A suspect.
+            std: Of its unknowns, shape (c, columns) or a number.
         """
         at = list(one.columns)
-        x, C = self.x[:, at], self.cov[:, at][:, :, at]
-        less = self.std[:, at] ** -2 - one.wide**-2
-        S = np.einsum("ck,kl->ckl", 1 / less, np.eye(len(at))) - C
-        gain = np.einsum("ck,ck->c", x, linear.solve(S, x))
-        occam = np.log(less).sum(axis=1) + linear.log_det(S)
-        wider = 2 * (np.log(one.wide) - np.log(self.std[:, at])).sum(axis=1)
-        return np.asarray(self.log + 0.5 * (gain - occam - wider))
+        x, C, was = self.x[:, at], self.cov[:, at][:, :, at], self.std[:, at]
+        less = was**-2 - std**-2
+        B = np.eye(len(at)) - less[:, :, None] * C
+        gain = np.einsum("ck,ck->c", x, linear.solve(B, less * x))
+        wider = 2 * np.log(std / was).sum(axis=1)
+        return np.asarray(self.log + 0.5 * (gain - linear.log_det(B) - wider))
 
     def p_value(self, one: SuspectUnknowns, beside: Array) -> float:
         """Probability of such large values if the unknowns had the roughness of the rest.
