@@ -14,7 +14,7 @@ keeps what neighbours have in common and destroys any dependence on the robot's 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -34,9 +34,6 @@ _ORDERS = np.arange(0.5, 130.01, 0.25)
 """Periods per turn that are tried [1]: eccentric wheels have one, robot gears up to some hundred
 teeth."""
 
-NEAR = np.linspace(-0.5, 0.5, 81)
-"""Orders tried about the one found by the search [1], periods per turn."""
-
 _COUPLED = (1.0, 2.0, 3.0)
 """Periods per turn of another joint that are tried [1]: what turns with it acts once, twice or
 three times per turn."""
@@ -44,8 +41,8 @@ three times per turn."""
 _BLOCK = 8
 """Number of consecutive poses whose residuals share one sign in a copy."""
 
-_FLIPS, _FEW = 200, 50
-"""Number of copies without a law, and of those by which the likeliest law is found."""
+_FLIPS = 200
+"""Number of copies without a law."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +53,6 @@ class _LawScore(Locked):
         u: z_j' e at each pose and joint, of the readings and then of the copies,
             shape (1 + copies, m, n).
         w: z_j' z_j, shape (m, n).
-        Z: z_j, shape (m, r, n).
         rows: The whitened rows of the estimate.
         P: z_j' D, shape (m, n, dense).
         Q: z_j' K, shape (m, n, 2 c).
@@ -69,7 +65,6 @@ class _LawScore(Locked):
 
     u: Array
     w: Array
-    Z: Array
     rows: ReadRows
     P: Array
     Q: Array
@@ -130,7 +125,7 @@ def score(found: Calibration, signs: Array, copied: Array | None = None) -> _Law
         for k in range(K.shape[1]):
             beside += Q[:, joint, k, None] * x[dense:][rows.at[:, k]]
         u[1:, :, joint] = signs * own[:, joint] - beside.T
-    return _LawScore(u, np.einsum("mrn,mrn->mn", Z, Z), Z, rows, P, Q, cov, e, left, x)
+    return _LawScore(u, np.einsum("mrn,mrn->mn", Z, Z), rows, P, Q, cov, e, left, x)
 
 
 def _as_noise(H: Array, left: Array) -> Array:
@@ -405,14 +400,11 @@ def _frames_moved(
 
 
 def sharpened(here: _LawScore, law: JointLaw, inputs: Inputs) -> JointLaw:
-    """The order of a wave, or the pose of a step in time, that explains most near the one found."""
-    if law.once:
-        pose = int(np.argmax(inputs.series + inputs.time > law.middle))
-        near = list(_steps(inputs, law.joint, _near(inputs, pose)))
-    elif law.kind == "periodic":
-        near = [replace(law, order=order) for order in (law.order + NEAR).tolist() if order > 0]
-    else:
+    """A step in time moved to the pose that explains most, near the one that the search found."""
+    if not law.once:
         return law
+    pose = int(np.argmax(inputs.series + inputs.time > law.middle))
+    near = list(_steps(inputs, law.joint, _near(inputs, pose)))
     T = _explained(here, near, inputs)[:, 0]
     return near[int(np.argmax(T))]
 
@@ -434,56 +426,10 @@ def _curved(here: _LawScore, joint: int, q: Array, slides: bool) -> Array:
     return np.asarray(np.einsum("sk,kl,sl->s", h, one.shape(), h))
 
 
-def searched(
-    found: Calibration, signs: Array, laws: Sequence[JointLaw], bent: Sequence[bool] = ()
-) -> tuple[_LawScore, list[LawTest]]:
-    """Residuals and tests of all laws, against copies of what the likeliest of each joint leave.
-
-    Copies that still contained a law would contain it wherever most of few blocks, such as the
-    stations of a rail, share a sign (ter Braak, as in `instrument_move`). They keep their size.
-
-    Args:
-        found: The estimate.
-        signs: Signs of the copies, shape (copies, m).
-        laws: The laws.
-        bent: As of `law_tests`.
-    """
-    plain, inputs = score(found, signs[:_FEW]), found.linear.inputs
-    kinds = list(_by_kind(plain, inputs, laws))
-    if not kinds:
-        return plain, []
-    likeliest: dict[int, tuple[float, JointLaw]] = {}
-    for mine, T in kinds:
-        z, joint = _standard(T)[:, 0], mine[0].joint
-        best = float(z.max()), mine[int(np.argmax(z))]
-        likeliest[joint] = max(best, likeliest.get(joint, best), key=lambda one: one[0])
-    left = plain.left
-    for _, law in sorted(likeliest.values(), key=lambda one: -one[0]):
-        Z, g = plain.Z[:, :, law.joint - 1], law.basis(inputs)
-        shared = plain.products(g, law.joint - 1)
-        whole = (g * plain.w[:, law.joint - 1, None]).T @ g
-        inverse, _ = linear.left(whole - shared.T @ plain.cov @ shared, np.diag(whole))
-        size = inverse @ (g.T @ np.einsum("mr,mr->m", Z, left))
-        left = left - Z * (g @ size)[:, None] + found.rows.along(plain.cov @ (shared @ size))
-    here = score(found, signs, left * (linear.rms(plain.left) / linear.rms(left)))
-    return here, law_tests(here, inputs, laws, bent)
-
-
-def _by_kind(
-    here: _LawScore, inputs: Inputs, laws: Sequence[JointLaw]
-) -> Iterator[tuple[list[JointLaw], Array]]:
-    """The laws of each joint and number of amplitudes, with their T (laws, 1 + copies)."""
-    for kind in sorted({(law.joint, law.amplitudes) for law in laws}):
-        mine = [law for law in laws if (law.joint, law.amplitudes) == kind]
-        yield mine, _explained(here, mine, inputs)
-
-
 def law_tests(
     here: _LawScore, inputs: Inputs, laws: Sequence[JointLaw], bent: Sequence[bool] = ()
 ) -> list[LawTest]:
-    """Tests of all laws and curves, those of the joint that is the least likely by chance first.
-
-    Of the significant ones of a joint the one that explains most comes first.
+    """Tests of all laws and curves, the largest statistic first.
 
     Each T is standardised by its values in the copies. p is the probability of the largest of all
     standardised values being as large: from its rank among the copies, and beyond them from an
@@ -495,28 +441,23 @@ def law_tests(
         laws: Laws that are tried.
         bent: For each joint whether it slides, where curves are to be tried, too; else empty.
     """
+    kinds = sorted({(law.joint, law.amplitudes) for law in laws})
     of: list[tuple[JointLaw | None, int]] = []
     T: list[Array] = []
-    for mine, each in _by_kind(here, inputs, laws):
-        T.append(each)
+    for kind in kinds:
+        mine = [law for law in laws if (law.joint, law.amplitudes) == kind]
+        T.append(_explained(here, mine, inputs))
         of += [(law, law.joint) for law in mine]
     for joint, slides in enumerate(bent):
         T.append(_curved(here, joint, inputs.q, slides)[None])
         of.append((None, joint + 1))
-    every = np.concatenate(T)
-    p = beyond_copies(every)
+    each = np.concatenate(T)
+    p = beyond_copies(each)
     found = [
         LawTest(law, joint, float(t), float(chance))
-        for (law, joint), t, chance in zip(of, every[:, 0], p, strict=True)
+        for (law, joint), t, chance in zip(of, each[:, 0], p, strict=True)
     ]
-    least: dict[tuple[int, bool], float] = {}
-    for one in found:
-        kind = one.joint, one.law is None
-        least[kind] = min(one.p, least.get(kind, 1.0))
-    return sorted(
-        found,
-        key=lambda one: (least[one.joint, one.law is None], one.p >= alarms.LAW, -one.statistic),
-    )
+    return sorted(found, key=lambda clue: -clue.statistic)
 
 
 def beyond_copies(T: Array) -> Array:
