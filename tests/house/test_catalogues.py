@@ -118,12 +118,9 @@ def test_every_place_that_speaks_is_there():
          "contenu du premier appartient au dernier (poses.csv:2 ...) : tels qu'enregistrés, leurs "
          "réflecteurs sont jusqu'à 5,6 m de là où le fichier du robot les place, et à 6,9 mm "
          "une fois échangées"),
-        ("For the cause: no reachable pose tells the causes apart by pulls alone. What would: "
-         "reflectors at the elbow.",
-         "Zur Ursache: Keine erreichbare Stellung trennt die Ursachen durch Züge allein. Was es "
-         "könnte: Reflektoren am Ellbogen.",
-         "Pour la cause : aucune pose accessible ne sépare les causes par des tractions seules. Ce "
-         "qui le ferait : réflecteurs au coude."),
+        ("What would tell which cause it is: reflectors at the elbow.",
+         "Was zeigen würde, welche Ursache es ist: Reflektoren am Ellbogen.",
+         "Ce qui dirait de quelle cause il s'agit : réflecteurs au coude."),
     ],
 )  # fmt: skip
 def test_what_varies_is_said_in_turn(english, german, french):
