@@ -104,19 +104,20 @@ def in_common(found: Sequence[Mistake], readings: pd.DataFrame) -> str:
         found: The mistakes.
         readings: All readings of the campaign.
     """
-    single = [one for one in found if one.of_reading and one.at]
     readings = readings[readings["pose"].notna()]
+    single = [one for one in found if one.of_reading and one.at]
     rows = readings[np.isin(lines_of(readings), [line for one in single for line in one.at])]
-    if len(single) < len(found) or len(rows) < len(single):
+    if not single or len(single) < len(found) or len(rows) < len(single):
         return ""
-    for columns in _IN_COMMON if len(rows) else ():
-        share, alike = (
-            float((each[columns] == rows[columns].iloc[0]).all(axis=1).mean())
-            for each in (readings, rows)
-        )
-        if alike == 1 and share ** (len(rows) - 1) < _BY_CHANCE:
-            return _shared(rows, columns, readings, float(np.median([m.size or 0 for m in single])))
-    return ""
+    columns = next((one for one in _IN_COMMON if _alike(rows[one], readings[one])), None)
+    off_m = float(np.median([one.size or 0 for one in single]))
+    return _shared(rows, columns, readings, off_m) if columns else ""
+
+
+def _alike(rows: pd.DataFrame, readings: pd.DataFrame) -> bool:
+    """Whether rows agree in all columns, which as many drawn at random would hardly do."""
+    share, alike = (float((one == rows.iloc[0]).all(axis=1).mean()) for one in (readings, rows))
+    return alike == 1 and share ** (len(rows) - 1) < _BY_CHANCE
 
 
 def _shared(rows: pd.DataFrame, columns: list[str], readings: pd.DataFrame, off_m: float) -> str:
