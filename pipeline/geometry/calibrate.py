@@ -337,21 +337,21 @@ def _curves(
 
 
 def likeliest(
-    found: Calibration, choices: Sequence[ModelStructure], best: Calibration | None = None
-) -> Calibration:
-    """The first choice after which the evidence of the readings does not increase, from one step.
+    found: Calibration, choices: Sequence[ModelStructure], known: float | None = None
+) -> tuple[ModelStructure, float]:
+    """The first choice after which the evidence of the readings decreases, with its evidence.
 
     Args:
         found: An estimate.
         choices: Model structures in the order in which they are tried.
-        best: Estimate of a choice before them, if there is one.
+        known: Evidence of the first, if it is known.
     """
-    for wanted in choices:
-        now = tried(best or found, wanted)
-        if best is not None and now.likely < best.likely + _FLAT:
+    best, taken = -np.inf if known is None else known, choices[0]
+    for wanted in choices if known is None else choices[1:]:
+        if (now := tried(found, wanted).likely) < best:
             break
-        best = now
-    return best or found
+        best, taken = now, wanted
+    return taken, best
 
 
 def tried(found: Calibration, wanted: ModelStructure) -> Calibration:

@@ -239,19 +239,19 @@ _APART = 0.2
 
 
 def causes(
-    found: Calibration, names: tuple[CatalogueLaw, ...], copies: Array, judge: LeftOutPoses
+    found: Calibration, names: tuple[CatalogueLaw, ...], signs: Array, judge: LeftOutPoses
 ) -> tuple[CatalogueCause, ...]:
     """Causes of the catalogue that the readings call for, the largest gain first.
 
     Args:
         found: The estimate.
         names: Causes of its first laws.
-        copies: Estimates from the copies, shape (k, copies).
+        signs: Signs of the residuals in the copies, shape (copies, m).
         judge: Gains at left-out poses.
     """
     groups = list(_groups(found, names))
     out = []
-    for group, p in zip(groups, chances(found, [one.at for one in groups], copies), strict=True):
+    for group, p in zip(groups, chances(found, [one.at for one in groups], signs), strict=True):
         if p < alarms.SUSPECT and _physical(group.cause):
             near, far = judge.gains(found, group.at)
             if near.sure:
@@ -272,11 +272,11 @@ def renewed(every: Sequence[CatalogueCause], found: Calibration) -> tuple[Catalo
     return tuple(out)
 
 
-def chances(found: Calibration, groups: Sequence[Ints | slice], copies: Array) -> list[float]:
+def chances(found: Calibration, groups: Sequence[Ints | slice], signs: Array) -> list[float]:
     """Probability, for each group of parameters, that any group has as large a T in the copies."""
     if not groups:
         return []
-    every = np.arange(len(found.solution.x))
+    copies, every = law_tests.score(found, signs).x, np.arange(len(found.solution.x))
     P = precision(found.mechanism, found.known)[0]
     T = np.stack([_explained(found, P, every[one], copies) for one in groups])
     return list(law_tests.beyond_copies(T).tolist())

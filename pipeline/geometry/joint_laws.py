@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry import law_tests, random_curve
-from pipeline.geometry.calibrate import Calibration, ModelStructure, calibrate, likeliest, tried
+from pipeline.geometry.calibrate import Calibration, ModelStructure, calibrate, likeliest
 from pipeline.geometry.catalogue_causes import CatalogueCause, CatalogueLaw, causes, chances
 from pipeline.geometry.cross_validation import NO_GAIN, LeftOutGain, LeftOutPoses, Partition
 from pipeline.geometry.laws import JointLaw, LawKind, LawVariable
@@ -164,10 +164,9 @@ def with_laws(
     others = [law for law in every if not _own_angle(law)]
     found, further = _of_all_else(data, found, others, signs, judge)
     plain = [k for k, one in enumerate(names) if not one.name]
-    copies = law_tests.score(found, signs).x
-    chance = chances(found, [_of_law(found.mechanism, k) for k in plain], copies)
+    chance = chances(found, [_of_law(found.mechanism, k) for k in plain], signs)
     p |= {_key(names[k].law): c for k, c in zip(plain, chance, strict=True)} | further
-    return _NamedModel(found, _named(found, p, judge), causes(found, names, copies, judge))
+    return _NamedModel(found, _named(found, p, judge), causes(found, names, signs, judge))
 
 
 def _bent(clues: Sequence[law_tests.LawTest]) -> dict[int, float]:
@@ -190,17 +189,18 @@ def _of_own_angles(
     if not bent:
         return springs, {}
     joints = sorted(bent)
-    found = likeliest(
+    wanted, _ = likeliest(
         springs,
         [
             replace(springs.wanted, curves=tuple((j, length) for j in joints))
             for length in random_curve.LENGTHS[False]
         ],
     )
+    found = data.identify(springs.mechanism, wanted, springs)
     waves = [law for j in joints if (law := _one_wave(found, clues, j)) is not None]
     p = {_curve_of(j): chance for j, chance in bent.items()}
     p |= {_key(law): bent[law.joint - 1] for law in waves}
-    return data.again(_better(found, waves, judge)), p
+    return _better(data, found, waves, judge), p
 
 
 def _of_all_else(
@@ -220,21 +220,23 @@ def _of_all_else(
             break
         law = law_tests.sharpened(here, left[0].law, inputs)
         new = (*found.mechanism.laws, law)
-        more = tried(found, replace(found.wanted, laws=new))
+        more = data.identify(found.mechanism, replace(found.wanted, laws=new), found)
         if not judge.carries(more, _of_law(more.mechanism, len(new) - 1), law.once):
             break
-        found, p[_key(law)] = data.again(more), left[0].p
+        found, p[_key(law)] = more, left[0].p
         free.remove(left[0].law)
     return found, p
 
 
-def _better(bent: Calibration, waves: Sequence[JointLaw], judge: LeftOutPoses) -> Calibration:
+def _better(
+    data: LawSearchData, bent: Calibration, waves: Sequence[JointLaw], judge: LeftOutPoses
+) -> Calibration:
     """The estimate with waves in place of curves, where held-out poses are predicted as well."""
     found = bent
     for law in waves:
         rest = tuple(one for one in found.wanted.curves if one[0] != law.joint - 1)
         wanted = replace(found.wanted, laws=(*found.mechanism.laws, law), curves=rest)
-        trial = tried(found, wanted)
+        trial = data.identify(found.mechanism, wanted, found)
         if judge.as_good(trial, found):
             found = trial
     return found
@@ -269,7 +271,7 @@ def _one_wave(
 ) -> JointLaw | None:
     """The wave that explains at least `_HALF` of a joint's curve over the poses, if any."""
     q = found.readings.q[:, joint]
-    curve, knots = _curve(found, joint)
+    curve, knots = _curve(found.mechanism, joint)
     f = curve.value(q, knots)
     tried = [c.law for c in clues if c.law and c.law.kind == "periodic" and c.joint == joint + 1]
     orders = np.unique(tried[0].order + _NEAR) if tried else np.zeros(0)
@@ -279,12 +281,12 @@ def _one_wave(
     return replace(tried[0], order=float(orders[int(np.argmax(shares))]))
 
 
-def _curve(found: Calibration, joint: int) -> tuple[random_curve.Curve, Array]:
+def _curve(mechanism: Mechanism, joint: int) -> tuple[random_curve.Curve, Array]:
     """A joint's curve and its values at the knots."""
-    at = layout(found.mechanism).knots.start
-    for one in found.mechanism.curves:
+    at = 0
+    for one in mechanism.curves:
         if one.screw == joint:
-            return one, found.solution.x[at : at + one.count]
+            return one, mechanism.knots[at : at + one.count]
         at += one.count
     raise KeyError(joint)
 

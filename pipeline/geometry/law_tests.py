@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import optimize
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
@@ -478,15 +477,9 @@ def _chance(z: Array) -> Array:
 
 def _beyond(most: Array, found: Array) -> Array:
     """Tail probability of a value, from an extreme-value distribution fitted to the copies."""
-    away = most - most.min()
+    from scipy import stats  # half a second to import, and only laws of joints need it
 
-    def excess(scale: float) -> float:
-        weight = np.exp(-away / scale)
-        return float(scale - away.mean() + (away * weight).sum() / weight.sum())
-
-    scale = optimize.brentq(excess, 1e-6 * away.mean(), 2 * away.mean(), xtol=1e-14)
-    at = most.min() - scale * np.log(np.mean(np.exp(-away / scale)))
-    return np.asarray(-np.expm1(-np.exp(-(found - at) / scale)))
+    return np.asarray(stats.gumbel_r.sf(found, *stats.gumbel_r.fit(most)))
 
 
 def _standard(T: Array) -> Array:

@@ -33,9 +33,6 @@ vanishes as well."""
 _UPHILL = 15
 """Maximum number of optimiser iterations before the products are updated."""
 
-_FLAT = 1e-8
-"""Relative change of the likelihood of a pose at which the search ends [1]."""
-
 _LEAST, _MOST = -36.0, -4.0
 """Bounds of the log variances [1]: standard deviations between 1e-8 and 0.1 m or rad."""
 
@@ -85,7 +82,7 @@ class PoseScatter(Locked):
             jac=True,
             method="L-BFGS-B",
             bounds=[(_LEAST, _MOST)] * free.sum(),
-            options={"maxiter": _UPHILL, "ftol": _FLAT},
+            options={"maxiter": _UPHILL},
         )
         whole = start.copy()
         whole[free] = found.x

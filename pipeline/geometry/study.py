@@ -259,30 +259,32 @@ def _base(data: LawSearchData, begun: Mechanism) -> tuple[Calibration, tuple[Cat
     table = data.identify(begun, ModelStructure(springs=False))
     if not rail(robot):
         found = data.identify(table.mechanism, wanted, table)
-        best = _formed(found)
+        best = _formed(found, found.wanted, None)
     else:
         found = data.identify(table.mechanism, replace(wanted, bed=random_curve.BED[1]), table)
         beds = [replace(wanted, bed=length) for length in random_curve.BED]
-        best = _formed(likeliest(found, beds))
-    return (best if best is found else data.again(best)), names
+        best = _formed(found, *likeliest(found, beds))
+    now = found if best == found.wanted else data.identify(found.mechanism, best, found)
+    return now, names
 
 
-def _formed(found: Calibration) -> Calibration:
-    """The estimate with the likeliest form of each gear law that the readings show."""
-    best = found
+def _formed(found: Calibration, wanted: ModelStructure, known: float | None) -> ModelStructure:
+    """The structure with the likeliest form of each gear law that the readings show.
+
+    `known` is the evidence of `wanted`, if it is known.
+    """
     there, tau = found.mechanism, found.linear.inputs.tau
     x, std = found.solution.x, np.sqrt(np.diag(found.solution.cov))
     at = layout(there).yields.start
     for k, one in enumerate(there.elements):
         if np.abs(x[at] / std[at]) > _SHOWN:
-            yields = best.wanted.yields
             others = [
-                replace(best.wanted, yields=(*yields[:k], other, *yields[k + 1 :]))
+                replace(wanted, yields=(*wanted.yields[:k], other, *wanted.yields[k + 1 :]))
                 for other in other_forms(there.table, tau, one)
             ]
-            best = likeliest(best, others, best)
+            wanted, known = likeliest(found, [wanted, *others], known)
         at += len(one.parameters)
-    return best
+    return wanted
 
 
 _SHOWN = 2.0
