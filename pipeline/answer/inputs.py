@@ -21,7 +21,6 @@ from pipeline.machine.effect import Pulls
 from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.machine.instrument import near, sheet
 from pipeline.machine.robot import configure
-from pipeline.machine.room import accepted
 from pipeline.reduction._raw_readings import UnusedReadings
 from pipeline.reduction.case import Case
 from pipeline.reduction.digits import division, rounding
@@ -359,20 +358,19 @@ def shot_findings(case: Case, pulls: Pulls) -> list[str]:
         return []
     poses, first = np.unique(pulls.pose, return_index=True)
     at = configure(case.robot, pulls.q[first])
-    points = at.points(np.array(list(tool.named.values())))
     out = []
-    for cone in accepted(tool.named, settings):
-        beam = np.array(settings.cell.tracker_m) - points[:, cone.point]
-        faced = np.einsum("mij,j->mi", at.flange_axes, cone.axis)
+    for name, cone in settings.tool_acceptance.items():
+        beam = np.array(settings.cell.tracker_m) - at.points(tool.named[name][None])[:, 0]
+        axis = np.array(cone.direction) / np.linalg.norm(cone.direction)
+        faced = np.einsum("mij,j->mi", at.flange_axes, axis)
         angle = np.arccos((beam * faced).sum(axis=1) / np.linalg.norm(beam, axis=1))
-        over = angle > cone.half_angle
+        over = angle > np.deg2rad(cone.half_angle_deg)
         if not over.any():
             continue
-        name = list(tool.named)[cone.point]
         out.append(
             f"{name} was measured from up to {np.rad2deg(angle.max()):.1f} deg off the direction "
             f"in "
-            f"[tool.acceptance], which allows {np.rad2deg(cone.half_angle):g} deg, in pose "
+            f"[tool.acceptance], which allows {cone.half_angle_deg:g} deg, in pose "
             f"{listed(map(str, poses[over]))}: its readings are used; correct the direction or "
             "tracker_m if that cannot be."
         )

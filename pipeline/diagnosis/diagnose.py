@@ -37,7 +37,7 @@ from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect, Noise
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.nameless import histories, nameless
-from pipeline.machine.room import Room
+from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system import alarms
@@ -82,7 +82,7 @@ def diagnose(
     drift: Drift | None = None,
     noise: Components | None = None,
     shape: NoiseShape | None = None,
-    room: Room | None = None,
+    surroundings: Surrounded | None = None,
 ) -> Diagnosed:
     """Find what the joint springs model lacks in one campaign.
 
@@ -96,7 +96,7 @@ def diagnose(
         drift: Motion of the tracker that the base reflectors show, if any.
         noise: Noise found in the campaign; by default estimated from its pulls.
         shape: Tails and wander of the noise; none by default.
-        room: Obstacles that a proposed pose must avoid.
+        surroundings: What a proposed pose must avoid.
     """
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
@@ -112,7 +112,7 @@ def diagnose(
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
-    case = replace(case, refuted=stood.visible, shape=shape, room=room)
+    case = replace(case, refuted=stood.visible, shape=shape, surroundings=surroundings)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
     facts = replace(_facts(case, found, spread), gain=worth)
