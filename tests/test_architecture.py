@@ -248,6 +248,7 @@ OUTBUILDINGS = {
     },
     "fleet": {
         "app.commands._shared": _COMMAND,
+        "app.shell": _COMMAND,
         "app.outcome": _COMMAND,
         "store.campaign": _PLACES,
         "answer.archive": "which answers are finished, and where their tables lie",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import date
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy import special
 
 from pipeline.answer import contract
 from pipeline.answer.contract import Input, Rejected
-from pipeline.base import covariance, files
+from pipeline.base import covariance, doors, files
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import listed
 from pipeline.base.linear import rms
@@ -30,11 +30,13 @@ from pipeline.reduction.limits import beyond
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.reduction.register import XYZ, Registration
 from pipeline.reduction.settings import Instrument, Scale, Settings, UnitSettings
-from pipeline.reduction.torques import WeighedPayload, weighed
 from pipeline.store.campaign import Raw
 from pipeline.system.estimate import MISFIT_P
 from pipeline.system.family import FAR_OFF
 from pipeline.system.one_pose import OnePose
+
+_WEIGHED = "pipeline.check.torques:weighed"
+"""Door of the check: payloads as the joint torques have them."""
 
 _APART = 3.0
 """Standard uncertainties between thermometer and reflectors from which they contradict: 0.3 %."""
@@ -258,33 +260,24 @@ def identity_entry(
 
 def payload_entries(case: Case) -> tuple[contract.Payload, ...]:
     """Every payload as stated, and as the joint torques have it."""
-    found, out = weighed(case), []
-    for name, said in case.settings.payload.items():
-        one = found.get(name)
-        stated = contract.Body(
-            mass_kg=said.mass_kg,
-            mass_std_kg=said.mass_sigma_kg,
-            center_m=said.center_m,
-            center_std_m=(said.center_sigma_m,) * 3,
+    stated = tuple(
+        contract.Payload(
+            name=name,
+            stated=contract.Body(
+                mass_kg=one.mass_kg,
+                mass_std_kg=one.mass_sigma_kg,
+                center_m=one.center_m,
+                center_std_m=(one.center_sigma_m,) * 3,
+            ),
+            found=None,
+            poses=0,
+            p_value=None,
         )
-        out.append(
-            contract.Payload(
-                name=name,
-                stated=stated,
-                found=None if one is None else _body(one),
-                poses=0 if one is None else one.poses,
-                p_value=None if one is None else one.p_value,
-            )
-        )
-    return tuple(out)
-
-
-def _body(one: WeighedPayload) -> contract.Body:
-    x, y, z = one.center.tolist()
-    a, b, c = one.center_std.tolist()
-    return contract.Body(
-        mass_kg=one.mass, mass_std_kg=one.mass_std, center_m=(x, y, z), center_std_m=(a, b, c)
+        for name, one in case.settings.payload.items()
     )
+    weighed: Callable[[Case, tuple[contract.Payload, ...]], tuple[contract.Payload, ...]] | None
+    weighed = doors.found(_WEIGHED)
+    return weighed(case, stated) if weighed else stated
 
 
 def limit_findings(case: Case) -> list[str]:
