@@ -101,14 +101,8 @@ def diagnose(
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
-    # a base frame that grows with the hall takes the robot with it from pose to pose
-    wander = float(
-        np.hypot(
-            shape.wander.between_poses if shape is not None and shape.wanders else 0.0,
-            drift.deformed_m if drift is not None else 0.0,
-        )
-    )
-    stood = from_unloaded(as_stiff(cell, estimate), data, case.certain_noise, whole, wander)
+    wander, stiff = _between_poses(shape, drift), as_stiff(cell, estimate)
+    stood = from_unloaded(stiff, data, case.certain_noise, whole, wander)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
@@ -155,6 +149,15 @@ def diagnose(
         stood_off_m=(stood.miss_m, stood.left_m),
         too_small=() if sets else too_small(case, found),
     )
+
+
+def _between_poses(shape: NoiseShape | None, drift: Drift | None) -> float:
+    """Standard deviation of what moves from pose to pose beside the robot [m].
+
+    The tracker wanders; a base frame that grows with the hall takes the robot with it.
+    """
+    wander = shape.wander.between_poses if shape is not None and shape.wanders else 0.0
+    return float(np.hypot(wander, drift.deformed_m if drift is not None else 0.0))
 
 
 def _of_search(found: SearchResult, helps: bool) -> dict[str, Any]:
