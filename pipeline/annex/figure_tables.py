@@ -48,12 +48,12 @@ def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
 
 def _examined(found: CampaignResults, keep: Keep) -> _Tables:
     """What the diagnosis examined, and which causes can be told apart."""
-    right, said = found.right, found.diagnosis
-    rows = examined_table(said, right.case.cell, right.data, right.system, right.estimate)
+    right, diagnosis = found.right, found.diagnosis
+    rows = examined_table(diagnosis, right.case.cell, right.data, right.system, right.estimate)
     return {
         "examined": keep("50_examined", rows, tables.examined(found.raw.robot)),
-        "diagnosis": keep("51_diagnosis", clues_table(said), tables.DIAGNOSIS),
-        "separability": keep("52_separability", apart_table(said), tables.SEPARABILITY),
+        "diagnosis": keep("51_diagnosis", clues_table(diagnosis), tables.DIAGNOSIS),
+        "separability": keep("52_separability", apart_table(diagnosis), tables.SEPARABILITY),
     }
 
 

@@ -79,7 +79,7 @@ def answer(found: CampaignResults) -> Answer:
     told_first = FirstScreen(values, springs, together, diagnosis, pose, tolerance, stated)
     lines = first_screen(found, told_first)
     carried = found.control.most if found.control else ()
-    said = [*_of_springs(found, values), *stated, *_of_causes(found, carried)]
+    sentences = [*_of_springs(found, values), *stated, *_of_causes(found, carried)]
     whole = Answer(
         format=1,
         campaign=found.campaign,
@@ -121,7 +121,7 @@ def answer(found: CampaignResults) -> Answer:
         inputs=input_entries(raw),
         versions=versions(),
     )
-    return whole.model_copy(update={"findings": tuple(_findings(found, whole, said))})
+    return whole.model_copy(update={"findings": tuple(_findings(found, whole, sentences))})
 
 
 def _stated(found: CampaignResults, factor: contract.CommonFactor | None) -> list[str]:
@@ -149,13 +149,13 @@ def _of_causes(found: CampaignResults, carried: Sequence[contract.Carried]) -> I
     yield from filter(None, (hangs_on(of[str(one.name), one.where], one) for one in causes))
 
 
-def _findings(found: CampaignResults, whole: Answer, said: Sequence[str]) -> Iterator[str]:
+def _findings(found: CampaignResults, whole: Answer, sentences: Sequence[str]) -> Iterator[str]:
     """What else is to be known, files first.
 
     Args:
         found: What is known.
         whole: The answer, all but this.
-        said: Of springs, sheets and causes.
+        sentences: Of springs, sheets and causes.
     """
     case, fits = found.given.case, whole.registration
     base = found.right.reduced.registration
@@ -172,7 +172,7 @@ def _findings(found: CampaignResults, whole: Answer, said: Sequence[str]) -> Ite
     yield from contradicted(whole.payloads)
     yield from overloaded(whole.overload)
     yield from path_findings(whole.tolerance, found.right.data.pulls.range_n)
-    yield from said
+    yield from sentences
     yield from combination_sentences(whole.combinations)
 
 

@@ -133,8 +133,8 @@ def _wrong(found: CampaignResults, stated: FirstScreen) -> tuple[str, ...]:
         return ("The error in the data that the verdict names; nothing else can be judged.",)
     noisy = tuple(noise_told(stated.diagnosis.causes))
     unseen, others = len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)
-    said = wrong(found.facts, unseen, others)
-    rest = (*noisy, said) if clear(found.facts) else (said, *noisy)
+    sentence = wrong(found.facts, unseen, others)
+    rest = (*noisy, sentence) if clear(found.facts) else (sentence, *noisy)
     return (*stated.contradicted, *rest, *lost_told(found.given.case.lost))
 
 
@@ -330,10 +330,10 @@ def _do(found: CampaignResults) -> str:
             f"{DO[Reason.ADEQUATE]} Where absolute positions matter, correct the robot's geometry, "
             f"too: model.toml holds its DH parameters{_SAG * stood.weighs}."
         )
-    said = DO[found.row.reason]
+    sentence = DO[found.row.reason]
     if _open(found) and found.row.reason == Reason.SPRINGS_UNTOUCHED:
-        said = f"{said} {_UNTOUCHED}"
-    return f"{correct(found.facts)} {said}" if found.mistakes else said
+        sentence = f"{sentence} {_UNTOUCHED}"
+    return f"{correct(found.facts)} {sentence}" if found.mistakes else sentence
 
 
 _UNTOUCHED = "What is open does not change them."

@@ -384,18 +384,18 @@ def _tables_disagree(facts: Facts) -> str:
 def _stands_unexplained(facts: Facts) -> str:
     stood = facts.unloaded
     whose = "the estimated DH parameters" if stood.corrects else _of_table(facts)
-    said = (
+    sentence = (
         f"The unloaded reflectors are {plain(1e3 * stood.remains_m, 2)} mm rms from where {whose} "
         f"place them (base and tool fitted), {stood.remains_m / stood.noise_m:.0f} times the noise "
         "of the readings, and neither DH parameters nor the arm's weight nor a change during the "
         "campaign explains it. Whatever it is may act on the pulls, too."
     )
     if stood.down is None:
-        return f"{said} Check the joint log, [tool] and the robot file, and [gravity]."
+        return f"{sentence} Check the joint log, [tool] and the robot file, and [gravity]."
     axis, left_m = stood.down
     return (
-        f"{said} With gravity along {axis} of F_b they would be {plain(1e3 * left_m, 2)} mm from "
-        "there: state its direction in [gravity]."
+        f"{sentence} With gravity along {axis} of F_b they would be {plain(1e3 * left_m, 2)} mm "
+        "from there: state its direction in [gravity]."
     )
 
 

@@ -49,8 +49,8 @@ def _chained(error: traceback.TracebackException) -> Iterator[str]:
         where = _place(frame.filename)
         line = f": {frame.line}" if where and where.startswith("pipeline/") else ""
         yield f"  {where}:{frame.lineno} {frame.name}{line}" if where else f"  {_ELSEWHERE}"
-    said = "".join(error.format_exception_only()).strip().partition(": ")
-    yield f"{said[0]}: {_anonymous(said[2])}"
+    message = "".join(error.format_exception_only()).strip().partition(": ")
+    yield f"{message[0]}: {_anonymous(message[2])}"
 
 
 def _place(filename: str) -> str | None:

@@ -52,11 +52,11 @@ def appearances(root: Path) -> Callable[[Mapping[str, Any], AppearanceFacts], Ap
     Raises:
         InputError: pipeline.toml, or the folder that it names, is invalid.
     """
-    said = preferences.load(root).report
-    house = None if said.templates is None else opened(_HOUSE)(root, said.templates)
+    preferred = preferences.load(root).report
+    house = None if preferred.templates is None else opened(_HOUSE)(root, preferred.templates)
 
     def look(about: Mapping[str, Any], facts: AppearanceFacts) -> Appearance:
-        language = about.get("language") or said.language
+        language = about.get("language") or preferred.language
         if house is None:
             return Appearance(language)
         fields = house.fields(facts, about.get("fields") or {})

@@ -169,12 +169,12 @@ def _wrong_length(limits: Mapping[str, Any]) -> str:
     return f"there are {limits['actual_length']} here and {bound} are needed"
 
 
-def _wrong_value(value: object, said: str) -> str:
+def _wrong_value(value: object, message: str) -> str:
     """The value followed by what it should be, if it can be printed."""
-    if not isinstance(value, str | int | float) or not said.startswith("Input should be "):
-        return said
+    if not isinstance(value, str | int | float) or not message.startswith("Input should be "):
+        return message
     shown = f'"{printable(value, _VALUE)}"' if isinstance(value, str) else value
-    bound = said.removeprefix("Input should be ")
+    bound = message.removeprefix("Input should be ")
     for long, short in _BOUNDS.items():
         bound = bound.replace(long, short)
     return f"{shown} should be {bound}"

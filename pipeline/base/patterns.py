@@ -30,12 +30,12 @@ _ANY_LETTERS = {r"\w": f"[{_LETTERS}]", r"\W": f"[^{_LETTERS}]", r"\Z": r"\z", "
 def _in_re2(pattern: str) -> str:
     """The expression in the syntax of RE2, with Unicode letters as users expect them."""
 
-    def said(token: re.Match[str]) -> str:
+    def group_of(token: re.Match[str]) -> str:
         if token[0].startswith("["):
             return re.sub(r"\\.", lambda one: _LETTERS if one[0] == r"\w" else one[0], token[0])
         return _ANY_LETTERS.get(token[0], token[0])
 
-    return f"^(?:{_TOKENS.sub(said, pattern)})$"
+    return f"^(?:{_TOKENS.sub(group_of, pattern)})$"
 
 
 def parts(names: pa.StringArray, pattern: str) -> pa.StructArray:

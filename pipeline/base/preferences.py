@@ -132,12 +132,12 @@ class Preferences(Strict):
     report: _CertificatePreferences = _CertificatePreferences()
 
 
-def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
+def load(root: Path, options: Mapping[str, Any] | None = None) -> Preferences:
     """Load the preferences of a project.
 
     Args:
         root: The project's root.
-        said: Options of the command line that override those of the service.
+        options: Options of the command line that override those of the service.
 
     Raises:
         InputError: pipeline.toml is not TOML, or has an unknown key or invalid value.
@@ -147,7 +147,7 @@ def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
     text = files.words(path, FILE, toml.LARGEST_TEXT) if os.path.lexists(path) else ""
     content = toml.loads(text, FILE)
     _validated(content, text)  # before options override it, so that errors name the right source
-    content["service"] = {**content.get("service", {}), **(said or {})}
+    content["service"] = {**content.get("service", {}), **(options or {})}
     try:
         return _validated(content)
     except InputError as problem:

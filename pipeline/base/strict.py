@@ -186,10 +186,10 @@ class Misplaced(ValueError):
         way_out: How to correct it; empty for the usual way in that file.
     """
 
-    def __init__(self, said: str, key: Sequence[str | int], way_out: str = "") -> None:
+    def __init__(self, sentence: str, key: Sequence[str | int], way_out: str = "") -> None:
         """Keep the path."""
         self.key, self.way_out = key, way_out
-        super().__init__(said)
+        super().__init__(sentence)
 
 
 _Record = TypeVar("_Record", bound=BaseModel)
@@ -239,8 +239,8 @@ def checked(
 
 def _with_way_out(message: str, otherwise: str) -> tuple[str, str]:
     """Split a message at its semicolon into what is wrong and a way out of its own."""
-    said, own, stated = message.partition("; ")
-    return said, stated if own else otherwise
+    thing, own, stated = message.partition("; ")
+    return thing, stated if own else otherwise
 
 
 def _without_unions(kind: type[BaseModel], words: Sequence[_Part]) -> list[_Part]:

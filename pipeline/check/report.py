@@ -425,13 +425,13 @@ def _table(robot: Robot, poses: list[SurveyedPose]) -> Iterator[str]:
         yield f"  and {len(poses) - _MOST_LINES} more poses; --json has them all"
 
 
-def _remarks_of(name: str, data: bytes, said: LogForm, robot: Robot | None = None) -> list[str]:
+def _remarks_of(name: str, data: bytes, stated: LogForm, robot: Robot | None = None) -> list[str]:
     """What the column `remark` of a log says, each with its line, pose and pull.
 
     Args:
         name: Name of the file.
         data: Its content.
-        said: [scale] or [joints] of campaign.toml.
+        stated: [scale] or [joints] of campaign.toml.
         robot: Whose joint log it is; None for a log of loads.
 
     Raises:
@@ -439,9 +439,9 @@ def _remarks_of(name: str, data: bytes, said: LogForm, robot: Robot | None = Non
     """
     holds = has_load if robot is None else partial(has_joints, robot)
     section = "scale" if robot is None else "joints"
-    file = opened(name, data, said, section, POSE.stem, holds)
+    file = opened(name, data, stated, section, POSE.stem, holds)
     pose, repeat = replace(POSE, filled=False), replace(REPEAT, needed=False)
-    log = _log_table.typed(file, [pose, repeat, REMARK], said, section)
+    log = _log_table.typed(file, [pose, repeat, REMARK], stated, section)
     out = []
     for k in np.flatnonzero(log.word.get("remark", np.array([])) != ""):
         where = [f"{what} {log.number[what][k]:.0f}" for what in ("pose", "repeat")

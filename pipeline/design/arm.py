@@ -23,17 +23,17 @@ def bodied(robot: Robot) -> Robot:
     return robot if len(robot.capsules) else replace(robot, capsules=hulls(robot))
 
 
-def arm_alone(robot: Robot, tool: Tool, said: Surrounded) -> Room:
+def arm_alone(robot: Robot, tool: Tool, stated: Surrounded) -> Room:
     """Free space that the arm needs regardless of the readings: itself, the chain, a stated floor.
 
     Args:
         robot: The robot.
         tool: The effector.
-        said: Cell and effector as the file describes them.
+        stated: Cell and effector as the file describes them.
     """
-    cell = said.cell or Surroundings()
-    said = said.model_copy(update={"cell": cell.model_copy(update={"tracker_m": None})})
-    room = room_of(bodied(robot), tool.named, said, 0.0)
+    cell = stated.cell or Surroundings()
+    stated = stated.model_copy(update={"cell": cell.model_copy(update={"tracker_m": None})})
+    room = room_of(bodied(robot), tool.named, stated, 0.0)
     assert room is not None  # there is a cell
     return room
 

@@ -110,8 +110,8 @@ def candidates(case: SearchProblem, rng: np.random.Generator) -> Candidates:
     anchors = default_anchors(robot)
     which = np.arange(_CANDIDATES) % len(anchors)
     points = np.vstack([tool.load_point, tool.points])
-    said = case.surroundings
-    room = None if said is None else room_of(robot, tool.named, said, done.range_n[1])
+    stated = case.surroundings
+    room = None if stated is None else room_of(robot, tool.named, stated, done.range_n[1])
     if room is None:
         q = draw_poses(robot, points, anchors, which, rng)
     else:

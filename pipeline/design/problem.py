@@ -140,10 +140,10 @@ def _one_tracker(spec: ProblemFile) -> ProblemFile:
     at = spec.cell.tracker_m if spec.cell else None
     if at is None:
         return spec
-    said = spec.noise.tracker_position_m
-    if "tracker_position_m" in spec.noise.model_fields_set and said != at:
+    stated = spec.noise.tracker_position_m
+    if "tracker_position_m" in spec.noise.model_fields_set and stated != at:
         raise InputError(
-            f"the tracker stands at {list(at)} m by [cell] tracker_m and at {list(said)} m by "
+            f"the tracker stands at {list(at)} m by [cell] tracker_m and at {list(stated)} m by "
             "[noise] tracker_position_m",
             "leave out one of them",
         )

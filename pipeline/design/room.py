@@ -116,14 +116,14 @@ def _line(point: int) -> str:
 
 
 def room_of(
-    robot: Robot, points: Mapping[str, Array], said: Surrounded, hardest_n: float
+    robot: Robot, points: Mapping[str, Array], stated: Surrounded, hardest_n: float
 ) -> Room | None:
     """Clearance conditions of the cell in a file; None if the file has no `[cell]`.
 
     Args:
         robot: The robot.
         points: load_point, then the reflectors, flange frame [m].
-        said: Statements of the file about cell and effector.
+        stated: Statements of the file about cell and effector.
         hardest_n: Largest pull [N]: a reflector must be visible unloaded and loaded, so that its
             acceptance is narrowed by the rotation of the beam relative to the flange under this
             pull.
@@ -131,22 +131,22 @@ def room_of(
     Raises:
         InputError: `[cell]` limits a joint that the robot does not have.
     """
-    if said.cell is None:
+    if stated.cell is None:
         return None
-    lower, upper = turns(robot, said)
-    tool, at = np.array(list(points.values()), dtype=float), said.cell.tracker_m
+    lower, upper = turns(robot, stated)
+    tool, at = np.array(list(points.values()), dtype=float), stated.cell.tracker_m
     tracker = None if at is None else np.array(at)
-    bodies = robot.capsules.with_others(_effector(robot, said))
+    bodies = robot.capsules.with_others(_effector(robot, stated))
     outward, crossed = _reached(robot, tool, bodies, tracker is not None)
     turned = 0.0 if tracker is None else _turned_by(robot, tool, lower, upper, hardest_n, tracker)
-    shot = [] if tracker is None else accepted(points, said)
+    shot = [] if tracker is None else accepted(points, stated)
     cones = [replace(one, half_angle=max(one.half_angle - turned, 0.0)) for one in shot]
     return Room(
         joints=robot.n,
         lower=lower,
         upper=upper,
         tracker=tracker,
-        floor=said.cell.floor_z_m,
+        floor=stated.cell.floor_z_m,
         cones=(*cones, *outward),
         bodies=bodies,
         pairs=_pairs(robot, bodies)[0],
@@ -155,43 +155,43 @@ def room_of(
     )
 
 
-def cell_limits(robot: Robot, tool: Tool, said: Surrounded) -> CellLimits | None:
+def cell_limits(robot: Robot, tool: Tool, stated: Surrounded) -> CellLimits | None:
     """Conditions that proposed poses are checked for; None if the file has no `[cell]`."""
-    room = room_of(robot, tool.named, said, 0.0)
+    room = room_of(robot, tool.named, stated, 0.0)
     if room is None:
         return None
     return CellLimits(
         kept=room.kept(robot),
-        not_checked=unchecked(robot, tool.targets.tolist(), said),
+        not_checked=unchecked(robot, tool.targets.tolist(), stated),
         capsules=robot.capsules.source or None,
     )
 
 
-def unchecked(robot: Robot, targets: Sequence[str], said: Surrounded) -> tuple[str, ...]:
+def unchecked(robot: Robot, targets: Sequence[str], stated: Surrounded) -> tuple[str, ...]:
     """Conditions that are not checked for lack of input, in words."""
-    if said.cell is None:
+    if stated.cell is None:
         return ("beams, collisions, floor and cables: there is no [cell]",)
-    cell, out = said.cell, list[str]()
+    cell, out = stated.cell, list[str]()
     if cell.tracker_m is None:
         out.append("beams: [cell] has no tracker_m")
-    elif lacking := [name for name in targets if name not in said.tool_acceptance]:
+    elif lacking := [name for name in targets if name not in stated.tool_acceptance]:
         out.append(f"from where {listed(lacking)} can be shot: not in [tool.acceptance]")
     if not len(robot.capsules):
         out.append("collisions of the arm, its beams and its chain: the robot has no [[capsules]]")
-    if not said.tool_capsules:
+    if not stated.tool_capsules:
         out.append("the body of the effector: there are no [[tool.capsules]]")
     if cell.floor_z_m is None:
         out.append("the floor: [cell] has no floor_z_m")
     if not cell.max_turn_deg:
         out.append("cables and hoses: [cell] has no max_turn_deg")
-    touching = _pairs(robot, robot.capsules.with_others(_effector(robot, said)))[1]
+    touching = _pairs(robot, robot.capsules.with_others(_effector(robot, stated)))[1]
     out += [
         f"{one} against {other}: at the zero of all joints they touch" for one, other in touching
     ]
     return tuple(out)
 
 
-def accepted(points: Mapping[str, Array], said: Surrounded) -> list[_Cone]:
+def accepted(points: Mapping[str, Array], stated: Surrounded) -> list[_Cone]:
     """Stated acceptance cone of each reflector; `points` as in `room_of`."""
     names = list(points)
     return [
@@ -201,7 +201,7 @@ def accepted(points: Mapping[str, Array], said: Surrounded) -> list[_Cone]:
             np.array(one.direction) / np.linalg.norm(one.direction),
             float(np.deg2rad(one.half_angle_deg)),
         )
-        for name, one in said.tool_acceptance.items()
+        for name, one in stated.tool_acceptance.items()
     ]
 
 
@@ -241,14 +241,14 @@ def _anywhere(robot: Robot, lower: Array, upper: Array, count: int) -> Configura
     return configure(robot, rng.uniform(lower, upper, (count, robot.n)))
 
 
-def _effector(robot: Robot, said: Surrounded) -> Capsules:
+def _effector(robot: Robot, stated: Surrounded) -> Capsules:
     """Bodies of the effector, in the frame of the last joint."""
-    ends = [[(one.start, one.end)[k] for one in said.tool_capsules] for k in range(2)]
+    ends = [[(one.start, one.end)[k] for one in stated.tool_capsules] for k in range(2)]
     at = np.array(ends, dtype=float).reshape(2, -1, 3)
     return Capsules(
         np.full(at.shape[1], robot.n),
         at @ robot.flange[:3, :3].T + robot.flange[:3, 3],
-        np.array([one.radius for one in said.tool_capsules], dtype=float),
+        np.array([one.radius for one in stated.tool_capsules], dtype=float),
     )
 
 

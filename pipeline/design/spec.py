@@ -93,14 +93,14 @@ class _CriterionSpec(Strict):
 
     @field_validator("force_n", mode="before")
     @classmethod
-    def a_size(cls, said: Any) -> Any:
+    def a_size(cls, stated: Any) -> Any:
         """Refuse a vector, which belongs to a test pose."""
-        if isinstance(said, list):
+        if isinstance(stated, list):
             raise ValueError(
                 "force_n of [criterion] is one number, the size of the force in every direction; "
                 "the force of a pose, a vector, stands in [[test_pose]]"
             )
-        return said
+        return stated
 
 
 class _WeightedPose(AskedPose):

@@ -274,10 +274,10 @@ def _same_unit(text: Text, header: Header, unit: str) -> None:
     while place >= 0:
         number = int(np.searchsorted(text.starts, place, side="right"))
         line = text.line(number)
-        said = said_units(line) & {*UNIT_WORDS.values()} if UNIT_LINE.search(line) else {unit}
-        if line.count(header.delimiter) < len(header.columns) - 1 and said - {unit}:
+        units = said_units(line) & {*UNIT_WORDS.values()} if UNIT_LINE.search(line) else {unit}
+        if line.count(header.delimiter) < len(header.columns) - 1 and units - {unit}:
             raise InputError(
-                f"the unit of length changes here to {listed(said - {unit})}, above it was {unit}",
+                f"the unit of length changes here to {listed(units - {unit})}, above it was {unit}",
                 "split the export there into two files and list them in [tracker] files",
                 line=number,
             )
@@ -297,10 +297,10 @@ def _unit_of_rows(text: Text, header: Header, unit: str, comment: str | None) ->
         if is_remark(line, comment):
             continue
         cells = cells_or_none(line, header.delimiter) or []
-        said = UNIT_WORDS.get("".join(cells[place : place + 1]).lower(), unit)
-        if said != unit:
+        unit_here = UNIT_WORDS.get("".join(cells[place : place + 1]).lower(), unit)
+        if unit_here != unit:
             raise InputError(
-                f"the row is in {said} by its unit, others or the file are in {unit}",
+                f"the row is in {unit_here} by its unit, others or the file are in {unit}",
                 "export all rows in one unit, or split the export",
                 line=number,
             )
@@ -363,8 +363,8 @@ def _kind(header: Header, hints: ExportSettings) -> _ThreeColumns:
     for kind, wanted in AXES.items():
         places = tuple(place for role in wanted if (place := _present(header, role)) is not None)
         if len(places) == len(wanted):
-            said = hints.coordinates if kind == "cartesian" else None
-            return _ThreeColumns(said or kind, tuple(header.columns[k] for k in places), places)
+            stated = hints.coordinates if kind == "cartesian" else None
+            return _ThreeColumns(stated or kind, tuple(header.columns[k] for k in places), places)
     lacking = next((role for role in AXES["cartesian"] if not header.has(role)), "x")
     raise InputError(
         f"there is no column {lacking}_mm among {listed(c.title for c in header.columns)}",

@@ -54,16 +54,16 @@ def _header(text: Text, mapping: Columns) -> Header:
 def _words(titles: list[str], mapping: Columns, line: int) -> dict[int, str]:
     """Name that the mapping gives to each column, by index."""
     words: dict[int, str] = {}
-    for said, column in mapping.columns.items():
+    for word, column in mapping.columns.items():
         with at(line=line or None):
-            place = _place(said, column, titles)
+            place = _place(word, column, titles)
         if place in words:
             raise InputError(
-                f"columns.{said} and columns.{words[place]} are the same column",
+                f"columns.{word} and columns.{words[place]} are the same column",
                 "correct one of them in [tracker.mapping.columns]",
                 file="campaign.toml",
             )
-        words[place] = said
+        words[place] = word
     return words
 
 

@@ -216,11 +216,11 @@ def _meaning(
         return Meaning(unit)
     angles = _only(_said(words, ANGLE_WORDS), "angles")
     zeros = words & {"zenith", "elevation"} if kind == "spherical" else set()
-    said = _only(zeros, "vertical angles")
+    zero = _only(zeros, "vertical angles")
     third = np.asarray(table.columns["3"])
     with at(line=line):
         return settled_angles(
-            Meaning(unit, kind), Angles(angles, said, "counter-clockwise"), third, hints
+            Meaning(unit, kind), Angles(angles, zero, "counter-clockwise"), third, hints
         )
 
 

@@ -151,9 +151,9 @@ def _bounded(data: bytes) -> None:
         raise InputError(f"the workbook {too_large(len(data), LARGEST_WORKBOOK)}", _SMALLER)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
-            said = sum(one.file_size for one in packed.infolist())
-            if said > _UNPACKED:
-                raise InputError(f"the workbook unpacked {too_large(said, _UNPACKED)}", _SMALLER)
+            size = sum(one.file_size for one in packed.infolist())
+            if size > _UNPACKED:
+                raise InputError(f"the workbook unpacked {too_large(size, _UNPACKED)}", _SMALLER)
             if "xl/workbook.xml" not in packed.namelist():
                 raise InputError("the file is a ZIP archive and no workbook", "unpack it")
             for one in packed.infolist():

@@ -60,8 +60,8 @@ def _cell(robot: Robot, arm: Array, scale: float, left: float, top: float) -> st
     words = [(robot.name, _INK, 700), (robot.description[:38], _MUTED, 400), (size, _MUTED, 400)]
     text = "".join(
         f'<text x="{left + 12:g}" y="{top + _CELL_PX + 14 + 16 * k:g}" font-size="12" '
-        f'font-weight="{weight}" fill="{colour}">{escape(said)}</text>'
-        for k, (said, colour, weight) in enumerate(words)
+        f'font-weight="{weight}" fill="{colour}">{escape(word)}</text>'
+        for k, (word, colour, weight) in enumerate(words)
     )
     return (
         f'<g fill="{_INK}"><path d="M{left + 12:g} {floor:.1f}h{_CELL_PX - 24:g}" '

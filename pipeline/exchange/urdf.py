@@ -145,22 +145,22 @@ def _root(text: str, file: str) -> ET.Element:
 
 
 def _word(element: ET.Element, key: str, whose: str, file: str) -> str:
-    said = element.get(key)
-    if not said:
+    word = element.get(key)
+    if not word:
         raise InputError(f"{whose} has no {key}", "correct the URDF", file=file)
-    return said
+    return word
 
 
 def _numbers(element: ET.Element | None, key: str, none: str, whose: str, file: str) -> Array:
     """As many numbers as `none` has, which is the default."""
-    said = none if element is None else element.get(key, none)
+    words = none if element is None else element.get(key, none)
     try:
-        values = np.array([float(word) for word in said.split()])
+        values = np.array([float(word) for word in words.split()])
     except ValueError:
         values = np.array([np.nan])
     count = len(none.split())
     if len(values) != count or not (np.abs(values) < _ENDLESS).all():
-        thing = f'{whose}: {key} = "{said}" is not {count} number{"s" * (count > 1)} of a robot'
+        thing = f'{whose}: {key} = "{words}" is not {count} number{"s" * (count > 1)} of a robot'
         raise InputError(thing, "correct the URDF", file=file)
     return values
 

@@ -304,8 +304,8 @@ _SOURCE = "pipeline.annex.words:source"
 
 def _words_of(column: pd.Series) -> pa.Array:
     cells = column.astype(object).where(column.notna(), None)
-    said = (doors.found(_SOURCE) if column.name == "source" else None) or str
-    return pa.array([None if one is None else printable(said(one)) for one in cells], STR)
+    words = (doors.found(_SOURCE) if column.name == "source" else None) or str
+    return pa.array([None if one is None else printable(words(one)) for one in cells], STR)
 
 
 def _numbers_of(column: pd.Series, factor: float) -> pa.Array:

@@ -41,12 +41,12 @@ _MODELS = (*_COVARIANCES, "extended")
 
 def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path | None]:
     """Compare two campaigns or models; return the outcome and its page, if that can be written."""
-    said, content = compared(root, first, second)
+    report, content = compared(root, first, second)
     name = f"{first}--{second}"
     path = root / "reports" / f"{name}.html".replace(":", ".").replace("/", ".")
-    done = Outcome(name, content | {"page": str(path)}, as_text(said))
+    done = Outcome(name, content | {"page": str(path)}, as_text(report))
     try:
-        files.write(path, as_page(said, {}).encode())
+        files.write(path, as_page(report, {}).encode())
     except CannotWrite as problem:  # the result itself needs no page
         content, complaints = content | {"page": None}, [str(problem)]
         code = problem.exit_code

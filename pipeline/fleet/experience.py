@@ -194,22 +194,25 @@ def learnt(root: Path, robot: str) -> _Experience:
     return experience(answers, {effect.name for effect in catalogue(load(robot))})
 
 
-def toml(said: _Experience) -> str:
+def toml(experience: _Experience) -> str:
     """Tables to append to campaign.toml; guesses are stated as such in comments."""
-    return "\n".join(_lines(said)) + "\n"
+    return "\n".join(_lines(experience)) + "\n"
 
 
-def _lines(said: _Experience) -> Iterator[str]:
-    yield f"# From {said.campaigns} campaigns of {said.robots} robots by `pipeline priors`."
-    if not said.learnt:
+def _lines(experience: _Experience) -> Iterator[str]:
+    yield (
+        f"# From {experience.campaigns} campaigns of {experience.robots} robots by "
+        "`pipeline priors`."
+    )
+    if not experience.learnt:
         yield (
             f"# Too few to learn how common causes are ({ROBOTS} robots and {CAMPAIGNS} campaigns "
             "are needed): all are guessed to be equally likely."
         )
-    for one in said.causes:
+    for one in experience.causes:
         if one.odds_learnt or one.size_learnt:
             yield from _table(one)
-    guessed = [one.name for one in said.causes if not one.size_learnt]
+    guessed = [one.name for one in experience.causes if not one.size_learnt]
     if guessed:
         yield f"# Sizes are guessed, too few robots have them: {', '.join(guessed)}."
 

@@ -180,9 +180,11 @@ def house(root: Path, name: str) -> House:
     folder = root / name
     text = files.text(_content(folder, name, _FILE, toml.LARGEST_TEXT), f"{name}/{_FILE}")
     content = toml.loads(text, f"{name}/{_FILE}")
-    said = checked(_Overrides, content, f"{name}/{_FILE}", "", _WAY_OUT, text)
-    lines = tuple(_line(label, one, f"{name}/{_FILE}") for label, one in said.fields.items())
-    return House(_logo(folder, name, said.logo) if said.logo else "", tuple(said.order), lines)
+    overrides = checked(_Overrides, content, f"{name}/{_FILE}", "", _WAY_OUT, text)
+    lines = tuple(_line(label, one, f"{name}/{_FILE}") for label, one in overrides.fields.items())
+    return House(
+        _logo(folder, name, overrides.logo) if overrides.logo else "", tuple(overrides.order), lines
+    )
 
 
 def _content(folder: Path, name: str, file: str, most: int) -> bytes:

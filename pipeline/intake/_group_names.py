@@ -93,11 +93,11 @@ def _apart_from_each_other(names: Sequence[str], group: Group) -> bool:
     return len(set(numbered)) == len(numbered)
 
 
-def _states(said: Mapping[str, str], alike: Mapping[str, Sequence[str]], place: int) -> bool:
+def _states(stated: Mapping[str, str], alike: Mapping[str, Sequence[str]], place: int) -> bool:
     """Whether a part of the names takes a few words, and most numbers at `place` have two."""
-    words = set(said.values())
-    pose = {name: alike[name][place] for name in said if len(alike[name]) > place}
-    both = {(number, said[name]) for name, number in pose.items()}
+    words = set(stated.values())
+    pose = {name: alike[name][place] for name in stated if len(alike[name]) > place}
+    both = {(number, stated[name]) for name, number in pose.items()}
     return (
         len(words) > 1 and all(map(_worded, words)) and len(both) >= 1.5 * len(set(pose.values()))
     )
@@ -117,14 +117,14 @@ def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
 
 
 def _orders(
-    said: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]
+    stated: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]
 ) -> list[tuple[str, ...]]:
     """The word of the unloaded state, then those of loaded ones; any word first if there is a tie.
 
     Only words whose groups have a target in common can be states of one effector.
     """
-    read: dict[str, list[set[str]]] = {word: [] for word in said.values()}
-    for name, word in said.items():
+    read: dict[str, list[set[str]]] = {word: [] for word in stated.values()}
+    for name, word in stated.items():
         read[word].append({*rows[name]})
     most = {word: max(map(len, some)) for word, some in read.items()}
     unloaded, *loaded = sorted(most, key=lambda word: most[word])

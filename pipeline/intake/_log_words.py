@@ -39,16 +39,16 @@ class _Known:
 
 @cache
 def _known() -> _Known:
-    said = tomllib.loads((resources.files(__package__) / "titles.toml").read_text("utf-8"))
-    axes = said["axes"]
+    content = tomllib.loads((resources.files(__package__) / "titles.toml").read_text("utf-8"))
+    axes = content["axes"]
     return _Known(
-        called={role: frozenset(words) for role, words in said["words"].items()},
+        called={role: frozenset(words) for role, words in content["words"].items()},
         numbered=re.compile(f"(?:{'|'.join(axes['numbered'])}) ?0*([1-9])"),
         named=tuple(tuple(one["of"]) for one in axes["named"]),
-        number=frozenset(said["number"]),
-        beside=frozenset(said["beside"]),
-        between=frozenset(said["between"]),
-        unit=said["unit"],
+        number=frozenset(content["number"]),
+        beside=frozenset(content["beside"]),
+        between=frozenset(content["between"]),
+        unit=content["unit"],
     )
 
 

@@ -42,18 +42,18 @@ def ask(found: Offer, say: Callable[[str], None]) -> dict[str, Any]:
 
 
 def numbered(
-    question: str, said: Sequence[str], answers: Sequence[_Answer], say: Callable[[str], None]
+    question: str, texts: Sequence[str], answers: Sequence[_Answer], say: Callable[[str], None]
 ) -> _Answer:
     """Have one of some answers chosen by its number.
 
     Args:
         question: The question.
-        said: Each answer in words.
+        texts: Each answer in words.
         answers: Their values.
         say: Shows a line.
     """
     say(question)
-    for number, words in enumerate(said, 1):
+    for number, words in enumerate(texts, 1):
         say(f"  {number}  {words}")
     return answers[_number(len(answers)) - 1]
 

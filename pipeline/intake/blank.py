@@ -75,19 +75,21 @@ class KnownData:
     simulated: bool = False
 
 
-def write(folder: Path, said: FilesProposal, known: KnownData) -> list[str]:
+def write(folder: Path, proposal: FilesProposal, known: KnownData) -> list[str]:
     """Write campaign.toml, and empty logs if there are none; return what is still open.
 
     Args:
         folder: Of the campaign.
-        said: What its files say.
+        proposal: What its files say.
         known: What a person says.
     """
     from pipeline.reduction.settings import unfilled
 
     template = (resources.files(__package__) / "campaign.toml.jinja").read_text("utf-8")
-    text = jinja2.Template(template, keep_trailing_newline=True).render(_words(folder, said, known))
-    if said.nothing and known.robot is not None:
+    text = jinja2.Template(template, keep_trailing_newline=True).render(
+        _words(folder, proposal, known)
+    )
+    if proposal.nothing and known.robot is not None:
         joints = load(known.robot, folder).joints
         columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]
         files.write(folder / "loads.csv", b"pose,repeat,force_n,branch\n")
@@ -96,55 +98,56 @@ def write(folder: Path, said: FilesProposal, known: KnownData) -> list[str]:
     return [f"{name} (line {line})" for line, name in unfilled(text).items()]
 
 
-def _words(folder: Path, said: FilesProposal, known: KnownData) -> dict[str, object]:
+def _words(folder: Path, proposal: FilesProposal, known: KnownData) -> dict[str, object]:
     """Variables of the template; None or empty where still open."""
-    loads, joints = _LOGS if said.nothing else (said.loads, said.joints)
+    loads, joints = _LOGS if proposal.nothing else (proposal.loads, proposal.joints)
     return {
         "name": quoted(folder.name),
         "loads": _shown(loads, quoted),
         "joints": _shown(joints, quoted),
-        "base": _points(said.base or _BASE * said.nothing, known),
-        "tool": _points(["load_point", *(said.measured or _TARGETS)], known),
-        "decimal_commas": [*map(quoted, said.decimal_commas)],
-        "load_columns": _pairs(_told(said.load_columns, known)),
-        "joint_columns": _pairs(_told(_joint_columns(said, known.robot), known)),
-        **_of_files(said),
-        **_of_names(said),
+        "base": _points(proposal.base or _BASE * proposal.nothing, known),
+        "tool": _points(["load_point", *(proposal.measured or _TARGETS)], known),
+        "decimal_commas": [*map(quoted, proposal.decimal_commas)],
+        "load_columns": _pairs(_told(proposal.load_columns, known)),
+        "joint_columns": _pairs(_told(_joint_columns(proposal, known.robot), known)),
+        **_of_files(proposal),
+        **_of_names(proposal),
         **_of_a_person(known),
     }
 
 
-def _of_files(said: FilesProposal) -> dict[str, object]:
+def _of_files(proposal: FilesProposal) -> dict[str, object]:
     from pipeline.intake.offer import mapping_lines
 
-    blind = bool(said.loads or said.joints or said.refused)
-    mapping = said.offer.hints.mapping if said.offer else None
+    blind = bool(proposal.loads or proposal.joints or proposal.refused)
+    mapping = proposal.offer.hints.mapping if proposal.offer else None
     return {
-        "robots": _fitting(said.robots),
-        "exports": _quoted(said.exports or (() if blind else _DEFAULTS)),
-        "tracker": _tracker(said),
+        "robots": _fitting(proposal.robots),
+        "exports": _quoted(proposal.exports or (() if blind else _DEFAULTS)),
+        "tracker": _tracker(proposal),
         "mapping": mapping_lines(mapping) if mapping else [],
-        "unsure": said.unsure,
-        "reach": _shown(said.reach, plain),
-        "refused": [(printable(name, 80), why) for name, why in said.refused.items()],
+        "unsure": proposal.unsure,
+        "reach": _shown(proposal.reach, plain),
+        "refused": [(printable(name, 80), why) for name, why in proposal.refused.items()],
     }
 
 
-def _of_names(said: FilesProposal) -> dict[str, object]:
-    names = " or ".join(map(quoted, said.names))
-    asked = None if said.ways else said.groups or None
+def _of_names(proposal: FilesProposal) -> dict[str, object]:
+    names = " or ".join(map(quoted, proposal.names))
+    asked = None if proposal.ways else proposal.groups or None
     return {
-        "nameless": said.nameless,
-        "names": names if len(said.names) == 1 else None,
-        "asked_names": names if len(said.names) > 1 else None,
-        "group": _shown(next(iter(said.ways), None), lambda group: quoted(group.pattern)),
+        "nameless": proposal.nameless,
+        "names": names if len(proposal.names) == 1 else None,
+        "asked_names": names if len(proposal.names) > 1 else None,
+        "group": _shown(next(iter(proposal.ways), None), lambda group: quoted(group.pattern)),
         "asked_group": _shown(asked, lambda names: printable(listed(names), 200)),
-        "states": _shown(said.group, lambda group: _states(group.state_of)),
-        "asked_states": " or ".join(_states(one.state_of) for one in said.either),
-        "measured": _quoted(said.measured),
-        "chain": _quoted(said.chain),
+        "states": _shown(proposal.group, lambda group: _states(group.state_of)),
+        "asked_states": " or ".join(_states(one.state_of) for one in proposal.either),
+        "measured": _quoted(proposal.measured),
+        "chain": _quoted(proposal.chain),
         "apart": [
-            f"{one} to {two}: {1e3 * m:.2f} mm measured" for (one, two), m in said.apart_m.items()
+            f"{one} to {two}: {1e3 * m:.2f} mm measured"
+            for (one, two), m in proposal.apart_m.items()
         ],
     }
 
@@ -171,14 +174,14 @@ def _shown(value: _Value | None, words: Callable[[_Value], str]) -> str | None:
     return None if value is None else words(value)
 
 
-def _tracker(said: FilesProposal) -> list[str]:
+def _tracker(proposal: FilesProposal) -> list[str]:
     """Entries and open entries of [tracker] for an export that leaves more open than its unit."""
-    if said.offer is None:
+    if proposal.offer is None:
         return []
-    asked = {question.about: question for question in said.offer.questions}
+    asked = {question.about: question for question in proposal.offer.questions}
     lines = []
     for word in ("unit", "decimal", "coordinates", "angle", "vertical", "horizontal"):
-        value = getattr(said.offer.hints, word)
+        value = getattr(proposal.offer.hints, word)
         if word in asked and word != "unit":  # the unit is asked for every export
             answers = " or ".join(quoted(answer.said) for answer in asked[word].answers)
             lines.append(f"# {word} = ?   # {answers}: the export does not say it")
@@ -190,16 +193,16 @@ def _tracker(said: FilesProposal) -> list[str]:
     return lines
 
 
-def log_lines(said: LogFiles, robot: str | None = None) -> list[str]:
+def log_lines(proposal: LogFiles, robot: str | None = None) -> list[str]:
     """Entries of campaign.toml for the one log of a proposal, and for a robot if one is named."""
-    table, file = ("scale", said.loads) if said.loads else ("joints", said.joints)
-    robot = robot if robot in said.joint_columns else None
-    columns = _pairs(said.load_columns if said.loads else _joint_columns(said, robot))
+    table, file = ("scale", proposal.loads) if proposal.loads else ("joints", proposal.joints)
+    robot = robot if robot in proposal.joint_columns else None
+    columns = _pairs(proposal.load_columns if proposal.loads else _joint_columns(proposal, robot))
     lines = [f"[{table}]", f"file = {quoted(str(file))}"]
     if not columns:
         return lines
-    several = table == "joints" and len({str(one) for one in said.joint_columns.values()}) > 1
-    whose = next(iter(said.joint_columns), "") if several and robot is None else ""
+    several = table == "joints" and len({str(one) for one in proposal.joint_columns.values()}) > 1
+    whose = next(iter(proposal.joint_columns), "") if several and robot is None else ""
     named = f"   # joints as {whose} calls them: name the robot in campaign.toml" if whose else ""
     return [*lines, "", f"[{table}.columns]{named}", *columns]
 
@@ -219,9 +222,9 @@ def described(folder: Path, found: Sequence[str]) -> list[str]:
     return shown or [f"{listing}; `--draw robots.svg` with it draws them."]
 
 
-def log_columns(said: FilesProposal, robot: str | None) -> dict[str, str]:
+def log_columns(proposal: FilesProposal, robot: str | None) -> dict[str, str]:
     """Our names for the titles of both logs, separated by bars where they are ambiguous."""
-    return {**said.load_columns, **_joint_columns(said, robot)}
+    return {**proposal.load_columns, **_joint_columns(proposal, robot)}
 
 
 def _told(columns: Mapping[str, str], known: KnownData) -> dict[str, str]:
@@ -229,10 +232,10 @@ def _told(columns: Mapping[str, str], known: KnownData) -> dict[str, str]:
     return {title: known.columns.get(title, ours) for title, ours in columns.items()}
 
 
-def _joint_columns(said: LogFiles, robot: str | None) -> Mapping[str, str]:
+def _joint_columns(proposal: LogFiles, robot: str | None) -> Mapping[str, str]:
     """Our names for the titles of the joint log; for the first robot it fits if none is named."""
-    first = next(iter(said.joint_columns.values()), {})
-    return said.joint_columns.get(robot, {}) if robot else first
+    first = next(iter(proposal.joint_columns.values()), {})
+    return proposal.joint_columns.get(robot, {}) if robot else first
 
 
 def _pairs(columns: Mapping[str, str]) -> list[str]:

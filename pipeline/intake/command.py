@@ -77,10 +77,12 @@ def init(
               f"pipeline check {typed(folder.name)}")  # fmt: skip
 
 
-def _all_known(said: FilesProposal, robot: str | None, given: KnownData, ask: bool) -> KnownData:
+def _all_known(
+    proposal: FilesProposal, robot: str | None, given: KnownData, ask: bool
+) -> KnownData:
     """Data from a filled-in sheet, and from a person if one can be asked."""
     if ask:
-        return _asked(said, robot, given)
+        return _asked(proposal, robot, given)
     return replace(given, robot=robot, instrument=given.words.get("instrument.model"))
 
 
@@ -96,18 +98,18 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     files = blank.there(root, folder)
     given, wrong = filled_in(files)
     hints = _stated(stated)
-    said = _settled(files, hints) if ask else propose(files, hints)
-    for line in [*_seen(said), *wrong]:
+    proposal = _settled(files, hints) if ask else propose(files, hints)
+    for line in [*_seen(proposal), *wrong]:
         _tell(line)
     if robot is None:
-        robot = _named(root, folder, given) or _robot(root, folder, said, ask)
-    known = _all_known(said, robot, given, ask)
+        robot = _named(root, folder, given) or _robot(root, folder, proposal, ask)
+    known = _all_known(proposal, robot, given, ask)
     if made := blank.simulated(root, folder.name, files):
         known = replace(known, simulated=True)
         _tell(f"{listed(made)} are those of the rehearsal: campaign.toml says simulated = true.")
-    left = blank.write(folder, said, known)
+    left = blank.write(folder, proposal, known)
     typer.echo(folder)
-    if said.nothing:
+    if proposal.nothing:
         _tell("No exports or logs lie there yet. To have campaign.toml written for files of other "
               "programs, copy them there, remove it, and type "
               f"`pipeline init {typed(folder.name)}` again.")  # fmt: skip
@@ -141,9 +143,9 @@ def _stated(path: Path | None) -> ExportSettings:
     if path is None:
         return ExportSettings()
     text = files.words(path, path.name, toml.LARGEST_TEXT)
-    said = toml.loads(text, path.name).get("tracker")
+    tracker = toml.loads(text, path.name).get("tracker")
     guessed = {"mapping"} if "columns" in unfilled(text).values() else set()
-    known = said if isinstance(said, dict) else {}
+    known = tracker if isinstance(tracker, dict) else {}
     keys = (ExportSettings.model_fields.keys() & known) - guessed
     content = {key: known[key] for key in keys}
     return strict.checked(ExportSettings, content, path.name, "[tracker]", "correct it", text)
@@ -155,19 +157,21 @@ def _settled(files: Mapping[str, bytes], hints: ExportSettings) -> FilesProposal
     from pipeline.intake.files import propose
 
     tell = partial(typer.echo, err=True)
-    said = propose(files, hints)
-    while said.offer and said.offer.question:
-        hints = hints.model_copy(update=asking.ask(said.offer, tell))
-        said = propose(files, hints)
-    if len(said.names) > 1:
+    proposal = propose(files, hints)
+    while proposal.offer and proposal.offer.question:
+        hints = hints.model_copy(update=asking.ask(proposal.offer, tell))
+        proposal = propose(files, hints)
+    if len(proposal.names) > 1:
         question = "How do names hold group and target?"
-        named = asking.numbered(question, said.names, said.names, tell)
+        named = asking.numbered(question, proposal.names, proposal.names, tell)
         hints = hints.model_copy(update={"names": named})
-        said = propose(files, hints)
-    if said.either:
-        words = tuple(one.states[0] for one in said.either)
-        said = propose(files, hints, _one_of("Word of the unloaded state in group names", words))
-    return said
+        proposal = propose(files, hints)
+    if proposal.either:
+        words = tuple(one.states[0] for one in proposal.either)
+        proposal = propose(
+            files, hints, _one_of("Word of the unloaded state in group names", words)
+        )
+    return proposal
 
 
 def _tell(words: str) -> None:
@@ -175,14 +179,14 @@ def _tell(words: str) -> None:
     typer.secho(fitted(words, sys.stderr), err=True, dim=sys.stderr.isatty())
 
 
-def _robot(root: Path, folder: Path, said: FilesProposal, ask: bool) -> str | None:
+def _robot(root: Path, folder: Path, proposal: FilesProposal, ask: bool) -> str | None:
     """The only robot that fits, or the typed one; None if it stays open."""
     from pipeline.intake import blank
 
-    fitting = said.robots
+    fitting = proposal.robots
     if len(fitting) == 1:
         return fitting[0]
-    usual = None if said.exports or said.joints else _USUAL
+    usual = None if proposal.exports or proposal.joints else _USUAL
     if not ask:
         return usual
     for line in blank.described(folder, fitting):
@@ -203,7 +207,7 @@ def _typed(question: str, usual: str | None) -> str:
     return str(typer.prompt(question, usual, err=True)) if usual else _answer(question)
 
 
-def _asked(said: FilesProposal, robot: str | None, given: KnownData) -> KnownData:
+def _asked(proposal: FilesProposal, robot: str | None, given: KnownData) -> KnownData:
     """Ask for data that only a person knows, one at a time; an empty answer leaves it open.
 
     What a filled-in sheet states is not asked again.
@@ -214,9 +218,9 @@ def _asked(said: FilesProposal, robot: str | None, given: KnownData) -> KnownDat
     from pipeline.readers.logs import LENGTH
 
     unit = None
-    if said.reach is not None:
-        unit = _one_of(f"Unit of lengths, the numbers reach {said.reach:.0f}", USUAL_UNITS)
-    columns = _columns(log_columns(said, robot))
+    if proposal.reach is not None:
+        unit = _one_of(f"Unit of lengths, the numbers reach {proposal.reach:.0f}", USUAL_UNITS)
+    columns = _columns(log_columns(proposal, robot))
     tracker = given.words.get("instrument.model") or _instrument()
     sigma_m = None
     if tracker is None or sheet(tracker) is None:
@@ -224,9 +228,9 @@ def _asked(said: FilesProposal, robot: str | None, given: KnownData) -> KnownDat
             "Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm",
             "Enter: it is found from repeats and misfit",
         )  # fmt: skip
-    sigma_n, mass_sigma_kg = _of_loads(said, given)
+    sigma_n, mass_sigma_kg = _of_loads(proposal, given)
     warm = given.temperature_c
-    if said.exports and warm is None:
+    if proposal.exports and warm is None:
         warm = _number("Temperature of base, and rail if any [degC]", "Enter: not known")
     return replace(
         given,
@@ -237,27 +241,27 @@ def _asked(said: FilesProposal, robot: str | None, given: KnownData) -> KnownDat
         sigma_n=sigma_n,
         mass_sigma_kg=mass_sigma_kg,
         temperature_c=warm,
-        places={**given.places, **(_places(said, given.places) if said.measured else {})},
+        places={**given.places, **(_places(proposal, given.places) if proposal.measured else {})},
         columns=columns,
     )
 
 
-def _of_loads(said: FilesProposal, given: KnownData) -> tuple[float | None, float | None]:
+def _of_loads(proposal: FilesProposal, given: KnownData) -> tuple[float | None, float | None]:
     """Standard uncertainties of the scale [N] and of weights [kg]; None if unknown."""
     from pipeline.readers.logs import FORCE, MASS
 
     sigma_n, mass_sigma_kg = given.sigma_n, None
-    if "force" in said.unsure and sigma_n is None:
+    if "force" in proposal.unsure and sigma_n is None:
         # step / sqrt(12), GUM F.2.2.1
         _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
         sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
-    if "mass" in said.unsure:
+    if "mass" in proposal.unsure:
         mass_sigma_kg = _size("Standard uncertainty of one weight [kg]", MASS, "kg")
     return sigma_n, mass_sigma_kg
 
 
 def _places(
-    said: FilesProposal, known: Mapping[str, tuple[float, float, float]]
+    proposal: FilesProposal, known: Mapping[str, tuple[float, float, float]]
 ) -> dict[str, tuple[float, float, float]]:
     """Positions of the reflectors that were read [m]; known or open ones are left out."""
     from pipeline.readers.logs import LENGTH
@@ -266,8 +270,8 @@ def _places(
     _tell("Places are in metres, or as 120 35 -40 mm or 4.7 1.4 -1.6 in.")
     # in the order in which campaign.toml has them
     frames = [
-        ("F_b", said.base, HALL_M),
-        ("the flange frame", ["load_point", *said.measured], REACH_M),
+        ("F_b", proposal.base, HALL_M),
+        ("the flange frame", ["load_point", *proposal.measured], REACH_M),
     ]
     found = {
         name: _place(f"{name} in {frame}, x y z [m]", LENGTH, most_m)
@@ -293,21 +297,21 @@ def _instrument() -> str | None:
     return again or typed
 
 
-def _columns(said: Mapping[str, str]) -> dict[str, str]:
+def _columns(stated: Mapping[str, str]) -> dict[str, str]:
     """Our names for titles that state no unit; those with the same possible units share it.
 
     Args:
-        said: All our names by title, separated by bars.
+        stated: All our names by title, separated by bars.
     """
     titles: dict[tuple[str, ...], list[str]] = {}
-    for title, ours in said.items():
+    for title, ours in stated.items():
         if "|" in ours:
             units = tuple(name.rpartition("_")[2] for name in ours.split("|"))
             titles.setdefault(units, []).append(title)
     out = {}
     for units, alike in titles.items():
         if unit := _one_of(f"Unit of {listed(alike)}", units):
-            names = {title: said[title].split("|")[units.index(unit)] for title in alike}
+            names = {title: stated[title].split("|")[units.index(unit)] for title in alike}
             out.update(names)
     return out
 
@@ -366,17 +370,17 @@ def _number(question: str, otherwise: str) -> float | None:
     return None
 
 
-def _seen(said: FilesProposal) -> Iterator[str]:
+def _seen(proposal: FilesProposal) -> Iterator[str]:
     """Interpretation of the files, shown before anything is asked."""
-    logs = {"loads": said.loads, "joints": said.joints}
-    files = {"exports": said.exports} | {what: [one] for what, one in logs.items() if one}
-    names = {"measured targets": said.measured, "chain": said.chain, "base": said.base}
+    logs = {"loads": proposal.loads, "joints": proposal.joints}
+    files = {"exports": proposal.exports} | {what: [one] for what, one in logs.items() if one}
+    names = {"measured targets": proposal.measured, "chain": proposal.chain, "base": proposal.base}
     for what, found in (files | names).items():
         if found:
             yield f"{what}: {listed(found, most=40)}"
-    if said.measured and not said.base:
+    if proposal.measured and not proposal.base:
         yield "base: no reflector is known; without [base_frame] readings are taken to be in F_b"
-    for name, why in said.refused.items():
+    for name, why in proposal.refused.items():
         yield f"{name} is not used: {why}."
 
 

@@ -17,7 +17,7 @@ from pipeline.store.campaign import CampaignFolder
 
 def inspect(
     path: Path,
-    said: Mapping[str, Any],
+    stated: Mapping[str, Any],
     csv: bool = False,
     mapping: Path | None = None,
     ask: _Ask | None = None,
@@ -29,7 +29,7 @@ def inspect(
 
     Args:
         path: The export.
-        said: Entries of [tracker], by key; None where not given.
+        stated: Entries of [tracker], by key; None where not given.
         csv: Whether to give its readings.
         mapping: A file with [tracker.mapping] to try.
         ask: Answers a question; None if nobody can be asked.
@@ -47,11 +47,11 @@ def inspect(
         begins = partial(refuse_other_programs, path.name)
         data = files.read(path, path.name, largest(path.name), none, begins)
         folder = CampaignFolder(path.parent, path.parent)
-        if not (csv or mapping or any(said.values())):
+        if not (csv or mapping or any(stated.values())):
             if log := _log(path, data, folder):
                 return log
             refuse_without_poses(path.name, data)
-        hints, bodies = _hints(folder, said, mapping)
+        hints, bodies = _hints(folder, stated, mapping)
         hints, why = settled(path.name, data, hints, bodies)
         hints = _answered(path.name, data, hints, ask)
         seen = replace(look(path.name, data, hints), settled=list(why))
@@ -100,7 +100,7 @@ _Ask = Callable[[Any], Mapping[str, Any]]
 """From an `intake.offer.Offer`: entries of [tracker] that answer its question."""
 
 
-def _hints(folder: CampaignFolder, said: Mapping[str, Any], mapping: Path | None) -> Any:
+def _hints(folder: CampaignFolder, stated: Mapping[str, Any], mapping: Path | None) -> Any:
     """Statements of campaign.toml, of a mapping to try, of the command line; later ones override.
 
     And the reflectors with positions in campaign.toml; none while it is still to be filled in.
@@ -118,7 +118,7 @@ def _hints(folder: CampaignFolder, said: Mapping[str, Any], mapping: Path | None
         known = _words(
             files.read(mapping, mapping.name, toml.LARGEST_TEXT, none), mapping.name, known
         )
-    given = {word: value for word, value in said.items() if value is not None}
+    given = {word: value for word, value in stated.items() if value is not None}
     return known.model_copy(update=given), bodies
 
 

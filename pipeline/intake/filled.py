@@ -81,9 +81,9 @@ def _known(name: str, rows: list[_Row]) -> tuple[KnownData, list[str]]:
         try:
             known = _with(known, row)
         except ValueError as problem:
-            said = printable(" ".join(row.cells), 60)
+            text = printable(" ".join(row.cells), 60)
             wrong.append(
-                f'{name}, line {row.line}: {row.key} is "{said}", {problem}; it stays open.'
+                f'{name}, line {row.line}: {row.key} is "{text}", {problem}; it stays open.'
             )
     return known, wrong
 
@@ -111,8 +111,8 @@ def _with(known: KnownData, row: _Row) -> KnownData:
     return replace(known, notes=(*known.notes, printable(note, 200)))
 
 
-def _day(said: str) -> str:
-    found = _DAY.match(said)
+def _day(text: str) -> str:
+    found = _DAY.match(text)
     if found is None:
         raise ValueError("no date as 2026-03-01 or 1.3.2026")
     a, b, c, day, month, year = found.groups()

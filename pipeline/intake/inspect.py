@@ -158,9 +158,9 @@ def _columns_in_words(columns: Sequence[Mapping[str, Any]]) -> list[str]:
     out = []
     for one in columns:
         title = one["title"] or "no title"
-        said = one["role"] or "not used"
+        role = one["role"] or "not used"
         why = f" ({_WHY[one['why']]})" if _WHY[one["why"]] else ""
-        out.append(f"  column {one['number']:<5} {title}, {one['example'] or 'empty'}: {said}{why}")
+        out.append(f"  column {one['number']:<5} {title}, {one['example'] or 'empty'}: {role}{why}")
     return out
 
 

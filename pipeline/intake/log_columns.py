@@ -181,9 +181,9 @@ def _as_called(titles: Sequence[str], axes: Sequence[Quantity]) -> dict[str, str
     }
 
 
-def unknown(name: str, data: bytes, said: LogForm) -> tuple[str, ...]:
+def unknown(name: str, data: bytes, stated: LogForm) -> tuple[str, ...]:
     """Titles of a log of loads that are not ours, as written."""
     ours = {one for q in of_loads() for one in (*map(str.lower, names_of(q)), q.stem)}
-    file = opened(name, data, said, "scale", POSE.stem, has_load)
+    file = opened(name, data, stated, "scale", POSE.stem, has_load)
     both = zip(file.titles, file.written, strict=True)
     return tuple(written for title, written in both if title and title not in ours)

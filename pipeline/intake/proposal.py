@@ -380,13 +380,13 @@ def _said_of_angles(
     table: SheetTable, angular: Sequence[int], hints: ExportSettings, stated: TableStatements
 ) -> frozenset[str]:
     """Units of angles that titles and lines above state, and those that the cells show."""
-    said = stated.angles | _said(table, angular, ANGLE_WORDS)
+    units = stated.angles | _said(table, angular, ANGLE_WORDS)
     if any(is_turn(cell) for k in angular for cell in table.content[k].cells):
-        return said | {"deg"}
+        return units | {"deg"}
     if any(_PACKED.search(table.sheet.titles[k]) for k in angular):
-        return said - {"deg"} | {PACKED}
-    doubtful = hints.angle is None and said == {"deg"} and seem_packed(table.numbers(angular))
-    return frozenset() if doubtful else said
+        return units - {"deg"} | {PACKED}
+    doubtful = hints.angle is None and units == {"deg"} and seem_packed(table.numbers(angular))
+    return frozenset() if doubtful else units
 
 
 def _possible_angles(values: Array, ways: Sequence[Polar]) -> list[str]:

@@ -58,7 +58,7 @@ def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
         files: Content by name; TOML files are taken for robots.
     """
     robots = dict(_robots(files))
-    said = LogFiles()
+    proposal = LogFiles()
     for name, data in files.items():
         if not _may_be_log(name, data):
             continue
@@ -67,18 +67,20 @@ def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
         if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
             columns = {robot: form.columns for robot, form in fits.items()}
             new = {"joints": name, "robots": tuple(fits), "joint_columns": columns}
-            said = _added(said, name, new, said.joints)
+            proposal = _added(proposal, name, new, proposal.joints)
         if form:
-            said = _added(said, name, {"loads": name, "load_columns": form.columns}, said.loads)
-    return replace(said, decimal_commas=_with_commas(files, said))
+            proposal = _added(
+                proposal, name, {"loads": name, "load_columns": form.columns}, proposal.loads
+            )
+    return replace(proposal, decimal_commas=_with_commas(files, proposal))
 
 
-def _with_commas(files: Mapping[str, bytes], said: LogFiles) -> tuple[str, ...]:
+def _with_commas(files: Mapping[str, bytes], proposal: LogFiles) -> tuple[str, ...]:
     """Logs whose decimal mark only the other files of the folder show: a comma in all of them."""
     marks = {name: _mark(name, data) for name, data in files.items() if not name.endswith(".toml")}
     if {*marks.values()} - {"", "?"} != {","}:
         return ()
-    return tuple(name for name in (said.loads, said.joints) if name and marks[name] == "?")
+    return tuple(name for name in (proposal.loads, proposal.joints) if name and marks[name] == "?")
 
 
 def _mark(name: str, data: bytes) -> str:
@@ -102,11 +104,11 @@ def _may_be_log(name: str, data: bytes) -> bool:
         return is_workbook(data)  # several of its sheets may qualify: each log looks for its own
 
 
-def _added(said: LogFiles, name: str, new: Mapping[str, Any], earlier: str | None) -> LogFiles:
+def _added(proposal: LogFiles, name: str, new: Mapping[str, Any], earlier: str | None) -> LogFiles:
     """The logs with one more, which is refused if an earlier one is of the same kind."""
     if earlier is None:
-        return replace(said, **new)
-    return replace(said, refused=said.refused | {name: f"{earlier} is such a log, too"})
+        return replace(proposal, **new)
+    return replace(proposal, refused=proposal.refused | {name: f"{earlier} is such a log, too"})
 
 
 def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:

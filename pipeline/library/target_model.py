@@ -258,14 +258,14 @@ def loads(data: bytes, name: str) -> KinematicModel:
 
 
 def _loaded(kept: dict[str, Any]) -> KinematicModel:
-    said = json.loads(kept["said"].tobytes())
-    table = parse(said["table"], said["name"])
+    content = json.loads(kept["said"].tobytes())
+    table = parse(content["table"], content["name"])
     mechanism = Mechanism(
         table=table,
-        unknown=said["unknown"],
-        elements=called(table, said["yields"]),
-        laws=tuple(JointLaw(**one) for one in said["laws"]),
-        curves=tuple(Curve(**one) for one in said["curves"]),
+        unknown=content["unknown"],
+        elements=called(table, content["yields"]),
+        laws=tuple(JointLaw(**one) for one in content["laws"]),
+        curves=tuple(Curve(**one) for one in content["curves"]),
         **{name: kept[name] for name in ARRAYS},
     )
     size = layout(mechanism).size
@@ -273,15 +273,17 @@ def _loaded(kept: dict[str, Any]) -> KinematicModel:
     cov[np.triu_indices(size)] = kept["cov"]
     cov = cov + np.triu(cov, 1).T
     return KinematicModel(
-        campaign=said["campaign"],
+        campaign=content["campaign"],
         mechanism=mechanism,
         six=kept["six"],
-        targets=np.array(said["targets"], dtype=object),
+        targets=np.array(content["targets"], dtype=object),
         cov=cov,
         joints=kept["joints"],
-        bodies=Payloads(tuple(said["payloads"]), kept["mass"], kept["centre"], kept["stated"]),
+        bodies=Payloads(tuple(content["payloads"]), kept["mass"], kept["centre"], kept["stated"]),
         gravity=kept["gravity"],
-        series=said["series"],
-        tip=None if said.get("tip") is None else np.array(said["tip"]),
-        by_pulls=ByPulls(model_of(said["pulls"]), said["joined"]) if said.get("pulls") else None,
+        series=content["series"],
+        tip=None if content.get("tip") is None else np.array(content["tip"]),
+        by_pulls=ByPulls(model_of(content["pulls"]), content["joined"])
+        if content.get("pulls")
+        else None,
     )

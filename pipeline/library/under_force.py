@@ -57,12 +57,12 @@ class UnderForce(NamedTuple):
 
 
 def under_force(
-    said: ByPulls, there: Mechanism, tip: Array, q: Array, force: Array
+    by_pulls: ByPulls, there: Mechanism, tip: Array, q: Array, force: Array
 ) -> list[UnderForce]:
     """Evaluate all hypotheses of the pulls.
 
     Args:
-        said: Model estimated from pulls.
+        by_pulls: Model estimated from pulls.
         there: The robot as estimated from positions.
         tip: Point at which the force acts, flange frame [m], shape (3,).
         q: Joint values [m] or [rad], shape (m, n).
@@ -70,7 +70,7 @@ def under_force(
     """
     points, pulls = there.tool[:, :3, 3], Pulls.at(q, force)
     tool = Tool(tip, np.array([str(k) for k in range(len(points))], dtype=object), points)
-    return [_one(h, said.joined, there, tool, pulls) for h in said.model.hypotheses]
+    return [_one(h, by_pulls.joined, there, tool, pulls) for h in by_pulls.model.hypotheses]
 
 
 def _one(

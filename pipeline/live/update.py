@@ -186,9 +186,9 @@ def _suspects(answer: Answer) -> Iterator[_Suspect]:
             yield _suspect(str(one.name), where, one.readings, one.evidence.sentence)
 
 
-def _suspect(name: str, where: str, readings: Sequence[str], said: str) -> _Suspect:
+def _suspect(name: str, where: str, readings: Sequence[str], sentence: str) -> _Suspect:
     again = "Measure it again, or correct the file."
-    return _Suspect(name, where, tuple(readings), f"{said[:1].upper()}{said[1:]}. {again}")
+    return _Suspect(name, where, tuple(readings), f"{sentence[:1].upper()}{sentence[1:]}. {again}")
 
 
 _ADVICE = {

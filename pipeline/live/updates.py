@@ -83,8 +83,8 @@ class LiveState:
 
     def _may_end(self, update: Update) -> bool:
         """Whether it may be the last: it newly proposes to stop, or no planned pose is left."""
-        said = self.told is not None and self.told.stop.now
-        return update.stop.now > said or not any(one.pose is not None for one in update.next)
+        decided = self.told is not None and self.told.stop.now
+        return update.stop.now > decided or not any(one.pose is not None for one in update.next)
 
     def _sought(
         self, campaign: Campaign, doubted: tuple[Mistake, ...] = ()

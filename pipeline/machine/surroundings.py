@@ -105,12 +105,12 @@ class Surrounded(Strict):
     @property
     def around(self) -> dict[str, Any]:
         """`[cell]` and the tables of `[tool]` other than points, ready for another file."""
-        said = self.model_dump(
+        content = self.model_dump(
             include={"cell", "tool_acceptance", "tool_capsules"}, exclude_none=True
         )
-        if said.get("cell", {}).get("max_turn_deg") == {}:
-            del said["cell"]["max_turn_deg"]
-        return said
+        if content.get("cell", {}).get("max_turn_deg") == {}:
+            del content["cell"]["max_turn_deg"]
+        return content
 
     def accepts_only(self, targets: list[str]) -> None:
         """Check that only reflectors have an acceptance.
@@ -125,7 +125,7 @@ class Surrounded(Strict):
             )
 
 
-def turns(robot: Robot, said: Surrounded) -> tuple[Array, Array]:
+def turns(robot: Robot, stated: Surrounded) -> tuple[Array, Array]:
     """Joint limits [m] or [rad], shape (n,) each, within those of cables and hoses.
 
     Raises:
@@ -134,7 +134,7 @@ def turns(robot: Robot, said: Surrounded) -> tuple[Array, Array]:
     """
     lower, upper = robot.lower.copy(), robot.upper.copy()
     names = [joint.name for joint in robot.joints if not joint.prismatic]
-    for name, most in (said.cell.max_turn_deg if said.cell else {}).items():
+    for name, most in (stated.cell.max_turn_deg if stated.cell else {}).items():
         if name not in names:
             raise InputError(
                 f'[cell] max_turn_deg has "{name}", and {robot.name} has no such joint that turns',
@@ -154,8 +154,8 @@ def turns(robot: Robot, said: Surrounded) -> tuple[Array, Array]:
     return lower, upper
 
 
-def tooled(points: Mapping[str, Any], said: Surrounded) -> dict[str, Any]:
+def tooled(points: Mapping[str, Any], stated: Surrounded) -> dict[str, Any]:
     """`[tool]` with its points and other tables, and `[cell]`, as written in a file."""
-    around = said.around
+    around = stated.around
     inner = {key.removeprefix("tool."): around.pop(key) for key in list(around) if key != "cell"}
     return {"tool": {**points, **inner}, **around}

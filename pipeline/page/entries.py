@@ -119,8 +119,8 @@ def _entry(number: int, table: str, found: re.Match[str]) -> FormEntry | None:
     if silent and value not in ("", "?") and not about and not _is_toml(value):
         return None
     words = tuple(_WORD.findall(about)) if silent else ()
-    said = None if silent else value
-    return FormEntry(number, table, key.strip('"'), said, needed, about, words)
+    shown = None if silent else value
+    return FormEntry(number, table, key.strip('"'), shown, needed, about, words)
 
 
 def _follows(last: FormEntry, number: int, lines: Sequence[str]) -> bool:
@@ -153,13 +153,13 @@ def _is_toml(value: str) -> bool:
         return False
 
 
-def filled(text: str, line: int, said: str) -> str:
+def filled(text: str, line: int, stated: str) -> str:
     """The text with a value filled in at a line, or the line open again if the value is empty.
 
     Args:
         text: campaign.toml.
         line: Line of an entry.
-        said: TOML of its value; empty to remove it.
+        stated: TOML of its value; empty to remove it.
 
     Raises:
         UsageError: The line contains no entry, or the text would no longer be valid TOML.
@@ -173,10 +173,10 @@ def filled(text: str, line: int, said: str) -> str:
     _, key, rest = _LINE.match(old.rstrip("\r\n")).groups()  # type: ignore[union-attr]
     about = _parted(rest)[1]
     remark = f"   # {about}" if about else ""
-    if said and not _is_toml(said):
-        raise UsageError(f"what is typed for {one.key} would not be valid TOML: {said[:80]}")
-    if said:
-        lines[line - 1] = f"{key} = {said}{remark}{end}"
+    if stated and not _is_toml(stated):
+        raise UsageError(f"what is typed for {one.key} would not be valid TOML: {stated[:80]}")
+    if stated:
+        lines[line - 1] = f"{key} = {stated}{remark}{end}"
         _uncover(lines, line)
     else:
         needed = " ?" if one.needed or one.place else ""

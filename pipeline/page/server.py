@@ -160,16 +160,16 @@ class _State:
 
     def passed(self, desk: Desk) -> bool:
         """Whether `_check` accepted the campaign with its present files."""
-        digest, said = self.checked.get(desk.name, ("", None))
-        return said is not None and said.runs_next and digest == desk.digest()
+        digest, output = self.checked.get(desk.name, ("", None))
+        return output is not None and output.runs_next and digest == desk.digest()
 
     async def asked(self, *desks: Desk) -> None:
         """Ask `status` which reports are up to date, if anything has changed."""
         marks = {desk.name: await asyncio.to_thread(_mark, desk) for desk in desks}
         if all(self.stands.get(name, ("",))[0] == mark for name, mark in marks.items()):
             return
-        said = await self.look("status", "--root", self.root, "--json")
-        done = {one.get("campaign") for one in said.records if one.get("state") == "done"}
+        output = await self.look("status", "--root", self.root, "--json")
+        done = {one.get("campaign") for one in output.records if one.get("state") == "done"}
         self.stands |= {name: (mark, name in done) for name, mark in marks.items()}
 
     def done(self, desk: Desk) -> bool:
@@ -266,14 +266,14 @@ async def _look_page(state: _State, request: Request) -> Response:
     path = desk.file(request.path_params["file"])
     key = f"{desk.name}/{path.name}:{desk.digest(path.name, TOML)}"
     if path.suffix == ".toml":
-        said: dict[str, Any] = {"dialect": "robot file"}
+        described: dict[str, Any] = {"dialect": "robot file"}
     else:
         if key not in state.looked:
             state.looked[key] = await state.look("inspect", "--json", "--", path)
         found = state.looked[key]
-        said = dict(found.content) or {"error": {"message": " ".join(found.words[-1:])}}
+        described = dict(found.content) or {"error": {"message": " ".join(found.words[-1:])}}
     body = _PAGES.get_template("_file.html.jinja").render(
-        campaign=desk.name, name=path.name, said=said
+        campaign=desk.name, name=path.name, said=described
     )
     return HTMLResponse(body, headers=_HEADERS)
 
@@ -325,8 +325,8 @@ async def _proposed(state: _State, desk: Desk, text: str) -> tuple[str | None, s
         files.write(stated, text.encode())
         robot = str(_stated(text).get("robot", ""))
         chosen = [f"--stated={stated}", *([f"--robot={robot}"] if robot else [])]
-        said = await state.look("init", "--root", beside.root, *chosen, "--", desk.name)
-        return beside.text(), " ".join(said.words[-1:])
+        output = await state.look("init", "--root", beside.root, *chosen, "--", desk.name)
+        return beside.text(), " ".join(output.words[-1:])
 
 
 def _stated(text: str) -> dict[str, Any]:
@@ -362,18 +362,18 @@ async def _setup_page(state: _State, request: Request) -> Response:
 def _picture(desk: Desk, text: str) -> str:
     """The cell as far as campaign.toml states it."""
     with contextlib.suppress(ValueError, TypeError, KeyError):  # not stated yet: not drawn
-        said = _stated(text)
+        stated = _stated(text)
         points = {
             table: {
                 name: at
-                for name, at in said.get(table, {}).items()
+                for name, at in stated.get(table, {}).items()
                 if isinstance(at, list) and len(at) == 3
                 and all(isinstance(one, int | float) and abs(one) < 1e4 for one in at)
             }
             for table in ("tool", "base_frame")
         }  # fmt: skip
         return drawing.cell(
-            str(said["robot"]), desk.folder, None, points["tool"], points["base_frame"]
+            str(stated["robot"]), desk.folder, None, points["tool"], points["base_frame"]
         )
     return ""
 
@@ -382,16 +382,16 @@ async def _fill(state: _State, request: Request) -> Response:
     """Change one line of campaign.toml."""
     desk, typed = state.desk(request), await _typed(request)
     text = desk.text() or ""
-    line, said = int(str(typed.get("line", 0))), typed.get("said", "")
+    line, stated = int(str(typed.get("line", 0))), typed.get("said", "")
     one = next((each for each in entries.entries(text) if each.line == line), None)
     if typed.get("confirm"):
         new = await _asked_anew(state, desk, entries.confirmed(text, line), one)
         desk.written(new, str(typed.get("seen", "")))
         return _told(seen=desk.digest(TOML))
-    if isinstance(said, list):
-        value = entries.point([str(part) for part in said], str(typed.get("unit", "m")))
+    if isinstance(stated, list):
+        value = entries.point([str(part) for part in stated], str(typed.get("unit", "m")))
     else:
-        value = entries.value(str(said), one.words if one else (), one.key if one else "")
+        value = entries.value(str(stated), one.words if one else (), one.key if one else "")
     filled = entries.filled(text, line, value)
     new = await _asked_anew(state, desk, filled, one)
     desk.written(new, str(typed.get("seen", "")))
@@ -425,11 +425,11 @@ async def _rewrite(state: _State, request: Request) -> Response:
 async def _check_page(state: _State, request: Request) -> Response:
     """Page of the output of `_check`, with the lines of campaign.toml concerned."""
     desk = state.desk(request)
-    digest, said = state.checked.get(desk.name, ("", None))
+    digest, output = state.checked.get(desk.name, ("", None))
     lines = (desk.text() or "").splitlines()
     return await _page(
         request, state, "check", desk,
-        said=said, current=digest == desk.digest(), lines=lines, passed=state.passed(desk),
+        said=output, current=digest == desk.digest(), lines=lines, passed=state.passed(desk),
     )  # fmt: skip
 
 
@@ -567,14 +567,16 @@ async def _correct(state: _State, request: Request) -> Response:
         path.write_bytes(data)
         if other and named(other) != name:
             path.with_name(other).write_bytes(rest)
-        said = await state.look("compensate", "--root", state.root, *options, "--", desk.name, path)
-    if said.code:
-        return _told("\n".join(said.words[-12:]) or f"it ended with {said.code}")
-    old, new = (one.decode("utf-8", "replace").splitlines() for one in (data, said.output))
+        output = await state.look(
+            "compensate", "--root", state.root, *options, "--", desk.name, path
+        )
+    if output.code:
+        return _told("\n".join(output.words[-12:]) or f"it ended with {output.code}")
+    old, new = (one.decode("utf-8", "replace").splitlines() for one in (data, output.output))
     rows = [*_side_by_side(old, new)]
-    text = said.output.decode("latin-1")
+    text = output.output.decode("latin-1")
     more = [f"{len(rows) - _MOST_ROWS} more lines differ"] if len(rows) > _MOST_ROWS else []
-    return _told(rows=rows[:_MOST_ROWS], corrected=text, words=[*said.words, *more])
+    return _told(rows=rows[:_MOST_ROWS], corrected=text, words=[*output.words, *more])
 
 
 def _options(request: Request) -> list[str]:

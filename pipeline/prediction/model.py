@@ -518,8 +518,10 @@ def parse(text: str, file: str = "model.toml") -> IdentifiedModel:
     try:
         content = _File.model_validate(toml.loads(text, file, _LARGEST))
     except ValidationError as problem:
-        path, said = first_wrong(problem)
-        raise InputError(f"is no model ({'.'.join(path)}: {said})", _ANEW, file=file) from problem
+        path, sentence = first_wrong(problem)
+        raise InputError(
+            f"is no model ({'.'.join(path)}: {sentence})", _ANEW, file=file
+        ) from problem
     robot = parse_robot(toml.dumps(content.robot), file)
     robot = robot.under(np.array(content.gravity_m_s2))
     springs = paper_cell(robot, Tool.of(content.tool))
@@ -535,12 +537,12 @@ def parse(text: str, file: str = "model.toml") -> IdentifiedModel:
     )
 
 
-def _pose(said: _TestPose | None, robot: Robot, file: str) -> tuple[Array, Array] | None:
-    if said is None:
+def _pose(stated: _TestPose | None, robot: Robot, file: str) -> tuple[Array, Array] | None:
+    if stated is None:
         return None
-    if len(said.q) != robot.n:
+    if len(stated.q) != robot.n:
         raise InputError(f"test_pose.q is not of {robot.n} joints", _ANEW, file=file)
-    return np.array(said.q), np.array(said.force_n)
+    return np.array(stated.q), np.array(stated.force_n)
 
 
 _LARGEST = 2**26

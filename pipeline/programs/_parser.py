@@ -321,5 +321,5 @@ def _spare(found: ParserState) -> Iterator[Uncorrected]:
         counts = why is not None or not found.read.isdisjoint((name, array(name)))
         for one in several:
             word = one.name if isinstance(one, Target) else name
-            said = why or "is taught, and no motion here goes to it"
-            yield Uncorrected(one.file, one.line, f"{word} {said}", counts)
+            reason = why or "is taught, and no motion here goes to it"
+            yield Uncorrected(one.file, one.line, f"{word} {reason}", counts)

@@ -216,8 +216,8 @@ class _Aiming:
 
     def _within(self, target: Target, q: Array, only: Bools) -> None:
         """Reject joint values beyond the limits, of the joints in `only`."""
-        if said := worst_limit(self.robot, np.where(only, q, np.nan)):
-            raise wrong(target, said, "correct the target")
+        if worst := worst_limit(self.robot, np.where(only, q, np.nan)):
+            raise wrong(target, worst, "correct the target")
 
 
 def _frame(name: str, given: Mapping[str, Array], own: Mapping[str, Array]) -> Array | None:

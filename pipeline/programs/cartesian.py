@@ -86,9 +86,9 @@ def read(
         InputError: A row or column is invalid; a path must be complete.
     """
     titles = logs.columns(name, data)
-    said, known = _axes(titles, robot)
+    named, known = _axes(titles, robot)
     beside = [
-        q for q, slides in zip(_quantities(said), said.slides, strict=True) if known or slides
+        q for q, slides in zip(_quantities(named), named.slides, strict=True) if known or slides
     ]
     coordinates = [*_XYZ, *_TURNS[letters]]
     log = whole(logs.table(name, data, [logs.POSE, *coordinates, *beside]))
@@ -96,7 +96,7 @@ def read(
     units = [_unit(q, title) for q, title in zip(coordinates, found, strict=True)]
     return _Poses(
         log.number["pose"].astype(np.int64),
-        _targets(log, coordinates, said, axes.of(robot), known),
+        _targets(log, coordinates, named, axes.of(robot), known),
         Notation(letters, 1.0, 1.0),
         forces(name, data, len(log.line), constant),
         tuple(found),
@@ -119,20 +119,20 @@ def _unit(q: Quantity, title: str) -> float:
 
 
 def _targets(
-    log: logs.Log, coordinates: Sequence[Quantity], said: axes.Axes, of: axes.Axes, known: bool
+    log: logs.Log, coordinates: Sequence[Quantity], named: axes.Axes, of: axes.Axes, known: bool
 ) -> tuple[Target, ...]:
     """The rows as targets.
 
     Args:
         log: The table.
         coordinates: Its columns that form a pose.
-        said: Axes that may have columns in it.
+        named: Axes that may have columns in it.
         of: Axes of the controller.
         known: Whether all axes have columns.
     """
     none = np.zeros(len(log.line))
-    given = np.column_stack([log.number.get(q.stem, none) for q in _quantities(said)])
-    near = of.values(said.joints(given))
+    given = np.column_stack([log.number.get(q.stem, none) for q in _quantities(named)])
+    near = of.values(named.joints(given))
     values = np.column_stack([log.number[q.stem] for q in coordinates])
     return tuple(
         Target(

@@ -184,8 +184,8 @@ def _refused(
                 f"{1e3 * found.left[k]:.3f} mm of its deflection"
             )
             out.append(wrong(target, thing, "move the target, or turn the tool a little"))
-        elif said := worst_limit(robot, aimed.q[k] + found.joints[k]):
-            out.append(wrong(target, f"corrected, {said}", "move the target away from the limit"))
+        elif worst := worst_limit(robot, aimed.q[k] + found.joints[k]):
+            out.append(wrong(target, f"corrected, {worst}", "move the target away from the limit"))
     return out
 
 

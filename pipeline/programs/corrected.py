@@ -148,21 +148,21 @@ def _acting(
     texts = {read_.file: read_.text} | (
         {} if other is None else {other[0]: one_byte_characters(*other)}
     )
-    said = stated(texts, read_.targets)
+    forces = stated(texts, read_.targets)
     if given.forces is not None:
-        said = tabled(given.forces.name, _content(given.forces), read_.targets)
-    if given.force is not None and said is None:
+        forces = tabled(given.forces.name, _content(given.forces), read_.targets)
+    if given.force is not None and forces is None:
         return _newtons(given.force)
-    if said is None:
+    if forces is None:
         raise UsageError(
             "the program says no forces: give --force FX,FY,FZ [N], --forces TABLE.csv, or write "
             "remarks FORCE and CUT into it (docs/hand-over.md)"
         )
     if given.force is not None:
         raise UsageError("the forces are given twice, for all points and for each: leave out one")
-    if said.cuts and given.frame == ForceFrame.TOOL:
+    if forces.cuts and given.frame == ForceFrame.TOOL:
         raise UsageError("a CUT knows its direction by the motion: leave out --force-frame tool")
-    return said
+    return forces
 
 
 def spare_input(path: Path, output: Path) -> None:
@@ -192,10 +192,10 @@ _STAMPED = "corrected"
 """Title of the column with the stamp in the table of offsets of a path."""
 
 
-def _with_stamp(table: bytes, said: str) -> bytes:
+def _with_stamp(table: bytes, stamp: str) -> bytes:
     """A table with the stamp as one more column, the same in each row; no quotes are needed."""
     head, *rows = table.decode().splitlines()
-    lines = [f"{head},{_STAMPED}", *(f"{row},{said.replace(',', ';')}" for row in rows)]
+    lines = [f"{head},{_STAMPED}", *(f"{row},{stamp.replace(',', ';')}" for row in rows)]
     return "".join(f"{line}\n" for line in lines).encode()
 
 

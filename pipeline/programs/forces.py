@@ -165,17 +165,17 @@ def _lines(text: str) -> list[str]:
 
 def _sections(file: str, text: str) -> list[_Section]:
     sign = _SIGNS[file.lower()[file.rindex(".") :]]
-    said = re.compile(rf"{re.escape(sign)}[ \t]*(FORCE|CUT)\b[ \t]*([^\r\n]*)", re.IGNORECASE)
+    words = re.compile(rf"{re.escape(sign)}[ \t]*(FORCE|CUT)\b[ \t]*([^\r\n]*)", re.IGNORECASE)
     return [
         _section(file, number, one[1].upper(), one[2].rstrip(" \t;"))
         for number, line in enumerate(text.splitlines(), 1)
-        if (one := said.search(line))
+        if (one := words.search(line))
     ]
 
 
-def _cut(said: str) -> tuple[float, float] | None:
+def _cut(words: str) -> tuple[float, float] | None:
     """Tangential and axial force of a cut [N]; None if its words do not define one."""
-    pairs = dict(re.findall(rf"(\w+)\s*=\s*({NUMBER_PATTERN})", said.lower()))
+    pairs = dict(re.findall(rf"(\w+)\s*=\s*({NUMBER_PATTERN})", words.lower()))
     if not {*_WORDS[:3]} <= {*pairs} <= {*_WORDS}:
         return None
     kc, depth, feed = (float(pairs[one]) for one in _WORDS[:3])
@@ -185,22 +185,22 @@ def _cut(said: str) -> tuple[float, float] | None:
     return force, force * float(pairs.get("axial", 0))
 
 
-def _section(file: str, line: int, word: str, said: str) -> _Section:
+def _section(file: str, line: int, word: str, words: str) -> _Section:
     """Read one remark.
 
     Raises:
         InputError: It is neither a force nor a cut.
     """
     if word == "CUT":
-        if (force := _cut(said)) is not None:
+        if (force := _cut(words)) is not None:
             return _Section(line, np.zeros(3), force)
-    elif said.strip().upper() == "OFF":
+    elif words.strip().upper() == "OFF":
         return _Section(line, np.zeros(3))
-    elif len(numbers := re.findall(NUMBER_PATTERN, said)) == 3 and not re.sub(
-        NUMBER_PATTERN, "", said
+    elif len(numbers := re.findall(NUMBER_PATTERN, words)) == 3 and not re.sub(
+        NUMBER_PATTERN, "", words
     ).strip(", \t"):
         return _Section(line, np.array([float(one) for one in numbers]))
-    raise InputError(f'"{word} {said}" is no force', _MEANT, file=file, line=line)
+    raise InputError(f'"{word} {words}" is no force', _MEANT, file=file, line=line)
 
 
 _LINE, _TARGET = logs.Quantity("line", {}), logs.Quantity("target", {}, "name")

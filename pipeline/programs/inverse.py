@@ -115,11 +115,11 @@ class FixedSlidingArm(Locked):
     def _within(self, ranges: Sequence[Range]) -> list[Range]:
         """Range of each joint that is moved by one axis alone."""
         turning = np.flatnonzero(~self.axes.slides).tolist()
-        said = dict(zip(turning, ranges, strict=False))
+        ranges_of = dict(zip(turning, ranges, strict=False))
         out: list[Range] = []
         for j in range(self.robot.n):
             own = self.axes.alone(j)
-            both = said.get(own[0]) if own else None
+            both = ranges_of.get(own[0]) if own else None
             ends = [own[1] * end + float(self.axes.offset[j]) for end in both or ()] if own else []
             out.append((min(ends), max(ends)) if ends else None)
         return out
@@ -153,8 +153,8 @@ class FixedSlidingArm(Locked):
         for j in np.flatnonzero(~self.robot.prismatic).tolist():
             turns = q[j] + _TURNS
             low, high = self.robot.lower[j], self.robot.upper[j]
-            if (said := within[j]) is not None:
-                low, high = max(low, said[0]), min(high, said[1])
+            if (interval := within[j]) is not None:
+                low, high = max(low, interval[0]), min(high, interval[1])
             fits = turns[(turns >= low - _SLACK) & (turns <= high + _SLACK)]
             if not len(fits):
                 return None

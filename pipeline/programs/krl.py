@@ -490,14 +490,14 @@ def _bas(
 def _form(found: _Krl, form: str, at: int) -> Iterator[tuple[str, HeldState]]:
     """States set by the data of an inline form."""
     key = _key(form)
-    said = _said(form) if form.startswith("{") else found.lines.get(key)
+    content = _said(form) if form.startswith("{") else found.lines.get(key)
     for which in _THINGS:
-        if said is None or key in found.changed:
+        if content is None or key in found.changed:
             yield which, UnknownState(f"{key.upper()} of line {at} is not known")
-        elif which != "mode" and not said.get(which, "0").isdecimal():
-            yield which, UnknownState(f"{which} {said[which]} of line {at} is not known")
+        elif which != "mode" and not content.get(which, "0").isdecimal():
+            yield which, UnknownState(f"{which} {content[which]} of line {at} is not known")
         else:
-            yield which, said.get(which, "")
+            yield which, content.get(which, "")
 
 
 def _with(found: _Krl, source: Source, start: int, words: str) -> Iterator[tuple[str, HeldState]]:

@@ -50,13 +50,13 @@ def _curves(along: Array, before: Array, after: Array) -> Iterator[str]:
     yield _words(_EDGE - 6, floor - height, f"{most:.3f} mm", _BEFORE, "end")
     yield _words(_EDGE - 6, floor, "0", _TAUGHT, "end")
     yield _words(_WIDE - _EDGE, floor + 18, f"{far:.3f} m along the way", _TAUGHT, "end")
-    for values, color, said, at in (
+    for values, color, text, at in (
         (before, _BEFORE, f"before: up to {before.max():.3f} mm", _EDGE),
         (after, _AFTER, f"after, by the model: up to {after.max():.4f} mm", _EDGE + 260),
     ):
         y = floor - values / most * height
         yield _line([*zip(x, y, strict=True)], color, True)
-        yield _words(at, 22, said, color)
+        yield _words(at, 22, text, color)
 
 
 def _part(tips: Array, shift: Array) -> Iterator[str]:
@@ -87,7 +87,7 @@ def _line(points: Sequence[tuple[float, float]], color: str, dotted: bool = Fals
     return f'<polyline points="{places}" fill="none" stroke="{color}" stroke-width="1.5"/>{marks}'
 
 
-def _words(x: float, y: float, said: str, color: str, anchor: str = "start") -> str:
+def _words(x: float, y: float, text: str, color: str, anchor: str = "start") -> str:
     return (
-        f'<text x="{x:.0f}" y="{y:.0f}" fill="{color}" text-anchor="{anchor}">{escape(said)}</text>'
+        f'<text x="{x:.0f}" y="{y:.0f}" fill="{color}" text-anchor="{anchor}">{escape(text)}</text>'
     )

@@ -242,8 +242,8 @@ def gathered(
         if place in changed:
             left.append(Uncorrected(first.file, first.line, f"{first.name} {changed[place]}"))
         elif more:
-            said = listed(sorted(" in ".join(filter(None, one)) or "none" for one in found))
-            why = f"{first.name} is used with different tools or frames ({said})"
+            places = listed(sorted(" in ".join(filter(None, one)) or "none" for one in found))
+            why = f"{first.name} is used with different tools or frames ({places})"
             left.append(Uncorrected(first.file, first.line, why))
         else:
             targets.append(first)

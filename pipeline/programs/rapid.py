@@ -353,8 +353,8 @@ def _framed(source: Source, kind: str, value: ListItem | None) -> _Framed:
     return (_tool if kind == "tooldata" else _work_object)(source, labels, parts)
 
 
-def _tool(source: Source, said: Sequence[str], parts: Sequence[ListItem]) -> _Framed:
-    match said:
+def _tool(source: Source, words: Sequence[str], parts: Sequence[ListItem]) -> _Framed:
+    match words:
         case ["TRUE", _, _]:
             return _pose(source, parts[1]), None
         case ["FALSE", _, _]:
@@ -362,8 +362,8 @@ def _tool(source: Source, said: Sequence[str], parts: Sequence[ListItem]) -> _Fr
     return None, None
 
 
-def _work_object(source: Source, said: Sequence[str], parts: Sequence[ListItem]) -> _Framed:
-    match said:
+def _work_object(source: Source, words: Sequence[str], parts: Sequence[ListItem]) -> _Framed:
+    match words:
         case ["FALSE", "TRUE", _, _, _]:
             user, object_ = (_pose(source, one) for one in parts[3:])
             return None if user is None or object_ is None else user @ object_, None

@@ -202,12 +202,12 @@ def _tool(found: _Script, call: re.Match[str], line: int) -> str:
     """Name of the tool that is set; the tool is stored if known."""
     name = f"line {line}"
     given = _arguments(found, call) or [ListItem(call.end(), call.end(), "")]
-    said = _without(given[0], _ARGUMENT)
-    points = found.points.get(said.text, []) if said.text not in found.changed else []
+    argument = _without(given[0], _ARGUMENT)
+    points = found.points.get(argument.text, []) if argument.text not in found.changed else []
     if not points:
-        points = list(_points(found, "tool", said))
+        points = list(_points(found, "tool", argument))
     else:
-        found.framed.add(said.text)
+        found.framed.add(argument.text)
     if len(points) == 1 and isinstance(points[0], Target) and points[0].kind == "cartesian":
         found.tools[name] = UR.frame(points[0].values)
     return name
@@ -251,9 +251,9 @@ def _inside(found: _Script, entry: ListItem) -> tuple[ListItem, tuple[float, ...
         return entry, ()
     near: tuple[float, ...] = ()
     for other in more[:1]:
-        said = _without(other, _NEAR)
-        points = found.points.get(said.text, []) or list(_points(found, "", said))
-        found.named.add(said.text)
+        arguments = _without(other, _NEAR)
+        points = found.points.get(arguments.text, []) or list(_points(found, "", arguments))
+        found.named.add(arguments.text)
         near = next((p.values for p in points if isinstance(p, Target)), ())
     return _without(first, _ARGUMENT), near
 

@@ -65,7 +65,7 @@ class Titled:
 def opened(
     name: str,
     data: bytes,
-    said: LogForm,
+    stated: LogForm,
     table: str | None,
     key: str,
     holds: Callable[[Sequence[str]], bool] = bool,
@@ -78,7 +78,7 @@ def opened(
     Args:
         name: Name of the file, for messages.
         data: Its content.
-        said: Description of its columns in campaign.toml.
+        stated: Description of its columns in campaign.toml.
         table: Table of campaign.toml that holds it; None if there is none.
         key: A column that every log of this kind has.
         holds: Whether our names of all columns are those of this kind, to select a sheet.
@@ -89,8 +89,8 @@ def opened(
     """
     with at(name):
         refuse_other_programs(name, data)
-        own = {title.lower(): ours.lower() for title, ours in said.columns.items()}
-        sheet, mark = said.sheet, said.decimal
+        own = {title.lower(): ours.lower() for title, ours in stated.columns.items()}
+        sheet, mark = stated.sheet, stated.decimal
 
         def fits(one: Text) -> int:
             found = _found(one, own, key)
@@ -100,7 +100,7 @@ def opened(
         head = _found(file, own, key) or _header(file, _no_remark(file))
         with at(line=head.line):
             ours = _ours(head.titles, own)
-            _agree(head.titles, said.columns, table)
+            _agree(head.titles, stated.columns, table)
             _unique(ours)
         file = squeezed(file) if head.delimiter == " " else file
         early = above(file, head.line, head.delimiter, [ours.index(key)]) if key in ours else []
@@ -209,13 +209,15 @@ def _cut(line: str, delimiter: str) -> list[str]:
     return [bare(cell) for cell in cells]
 
 
-def _ours(titles: Sequence[str], said: Mapping[str, str]) -> list[str]:
+def _ours(titles: Sequence[str], stated: Mapping[str, str]) -> list[str]:
     """Our names of the columns; `Force [N]` is `force_n` unless campaign.toml says otherwise.
 
     What it says of `Force` also applies to `Force [N]`.
     """
     small = [title.lower() for title in titles]
-    return [said.get(title) or said.get(_parted(title)[0]) or _suffixed(title) for title in small]
+    return [
+        stated.get(title) or stated.get(_parted(title)[0]) or _suffixed(title) for title in small
+    ]
 
 
 def _parted(title: str) -> tuple[str, str]:

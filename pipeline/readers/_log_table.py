@@ -110,13 +110,13 @@ def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
     return typed(opened(name, data, OWN_LOG, None, wanted[0].stem), wanted, OWN_LOG, None)
 
 
-def typed(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str | None) -> Log:
+def typed(file: Titled, wanted: Sequence[Quantity], stated: LogForm, where: str | None) -> Log:
     """Read the wanted columns as in `table`, from a log whose header was found.
 
     Args:
         file: The log.
         wanted: Columns to look for.
-        said: Description of the log in campaign.toml.
+        stated: Description of the log in campaign.toml.
         where: Table of campaign.toml that may hold it; None if there is none.
     """
     name, titles = file.text.name, file.titles
@@ -128,7 +128,7 @@ def typed(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str | 
                  for q, title, _ in there}  # fmt: skip
         other = {title: Field(title, "any" if title else "blank", False) for title in titles}
         fields = tuple((other | known)[title] for title in titles)
-        layout = Layout(fields, file.delimiter, file.first, said.decimal, table=where)
+        layout = Layout(fields, file.delimiter, file.first, stated.decimal, table=where)
         log = _log(name, rows(file.text, layout), there)
         early = tuple((name, line, reason) for line, reason in file.above)
         log = replace(log, rejected=early + log.rejected)
@@ -137,14 +137,14 @@ def typed(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str | 
     return _possible(log, [q.stem for q in wanted if q.units])
 
 
-def known_columns(said: LogForm, where: str, quantities: Sequence[Quantity]) -> None:
+def known_columns(stated: LogForm, where: str, quantities: Sequence[Quantity]) -> None:
     """Check that every column name assigned in campaign.toml is one of ours.
 
     Raises:
         InputError: One is not.
     """
     names = [name for q in quantities for name in names_of(q)]
-    for title, ours in said.columns.items():
+    for title, ours in stated.columns.items():
         if ours.lower() not in {name.lower() for name in names}:
             raise InputError(
                 f'[{where}.columns] calls "{title}" {ours}, which is no known column',

@@ -99,7 +99,7 @@ REMARK = Quantity("remark", {}, "name", needed=False)
 """Remark of the operator on a row; `check` repeats it."""
 
 
-def loads(name: str, data: bytes, said: LogForm = OWN_LOG) -> Log:
+def loads(name: str, data: bytes, stated: LogForm = OWN_LOG) -> Log:
     """Read the log of loads: pose, repeat, branch if known, and one kind of load in each row.
 
     The load is `force` [N], read on a scale in a chain, `mass` [kg] of a weight at the load point
@@ -111,20 +111,20 @@ def loads(name: str, data: bytes, said: LogForm = OWN_LOG) -> Log:
     Args:
         name: Name of the file.
         data: Its content.
-        said: [scale] of campaign.toml.
+        stated: [scale] of campaign.toml.
 
     Raises:
         InputError: The file cannot be read or trusted as a whole.
     """
     wanted = of_loads()
     _, _, force, *other = wanted
-    file = opened(name, data, said, "scale", POSE.stem, has_load)
+    file = opened(name, data, stated, "scale", POSE.stem, has_load)
     named = suffixed(file.titles, other[-1]) is not None
     needed = not any(suffixed(file.titles, q) for q in other[:3])
     wanted[0] = replace(POSE, filled=not named)
     wanted[2] = replace(force, needed=needed, filled=not named)
-    known_columns(said, "scale", [*wanted, _TIME, REMARK])
-    log = _one_load(_pulls(typed(file, wanted, said, "scale")))
+    known_columns(stated, "scale", [*wanted, _TIME, REMARK])
+    log = _one_load(_pulls(typed(file, wanted, stated, "scale")))
     if "branch" in log.word:
         own = np.array(
             [_BRANCH_OF.get(cell.strip().lower(), cell) for cell in log.word["branch"]],
@@ -253,7 +253,7 @@ def _one_load(log: Log) -> Log:
 
 
 def joints(
-    name: str, data: bytes, robot: Robot, said: LogForm = OWN_LOG, section: str | None = "joints"
+    name: str, data: bytes, robot: Robot, stated: LogForm = OWN_LOG, section: str | None = "joints"
 ) -> Log:
     """Read the controller's joint log, by the robot's joint names or the controller's axis names.
 
@@ -261,7 +261,7 @@ def joints(
         name: Name of the file.
         data: Its content.
         robot: The robot whose joints they are.
-        said: [joints] of campaign.toml.
+        stated: [joints] of campaign.toml.
         section: Table of campaign.toml that may rename its columns; None for a file outside a
             campaign.
 
@@ -273,7 +273,7 @@ def joints(
         InputError: A joint is missing; the file cannot be read.
     """
     own, axes = own_joints(robot), controller_axes(robot)
-    file = opened(name, data, said, "joints", POSE.stem, partial(has_joints, robot))
+    file = opened(name, data, stated, "joints", POSE.stem, partial(has_joints, robot))
     from_controller = bool(axes) and not _has(file.titles, own) and _has(file.titles, axes)
     wanted = axes if from_controller else own
     approach = Quantity("approach", {}, needed=False)
@@ -281,8 +281,8 @@ def joints(
                for j, q in enumerate(wanted, 1)]  # fmt: skip
     repeat = replace(REPEAT, needed=False)
     others = [approach, repeat, *torques]
-    known_columns(said, "joints", [POSE, _TIME, REMARK, *own, *axes, *others])
-    log = whole_numbers(typed(file, [POSE, *wanted, *others], said, section))
+    known_columns(stated, "joints", [POSE, _TIME, REMARK, *own, *axes, *others])
+    log = whole_numbers(typed(file, [POSE, *wanted, *others], stated, section))
     reason = "approach is neither 1 nor -1; correct it or leave it empty"
     log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
     log = once(log, ["pose", *({"repeat"} & {*log.number})])
@@ -374,14 +374,14 @@ TEMPERATURE = {"c": 1.0}
 """Units of temperature [degC]."""
 
 
-def positions(name: str, data: bytes, robot: Robot, said: LogForm = OWN_LOG) -> Log:
+def positions(name: str, data: bytes, robot: Robot, stated: LogForm = OWN_LOG) -> Log:
     """Read a table of positions: joint values, x, y, z and, for 6D targets, rx, ry, rz.
 
     Args:
         name: Name of the file.
         data: Its content.
         robot: The robot whose joints they are.
-        said: [positions] of campaign.toml.
+        stated: [positions] of campaign.toml.
 
     Returns:
         Numbers by joint [m] or [rad], x, y, z [m]; if present rx, ry, rz [rad], pose and
@@ -395,24 +395,26 @@ def positions(name: str, data: bytes, robot: Robot, said: LogForm = OWN_LOG) -> 
     others = [*turns, Quantity("pose", {}, needed=False),
               Quantity("temperature", TEMPERATURE, needed=False),
               *(Quantity(word, {}, "name", needed=False) for word in _WORDS)]  # fmt: skip
-    return with_joints(name, data, robot, said, [*places, *others])
+    return with_joints(name, data, robot, stated, [*places, *others])
 
 
 _WORDS = ("series", "target", "payload")
 
 
-def with_joints(name: str, data: bytes, robot: Robot, said: LogForm, others: list[Quantity]) -> Log:
+def with_joints(
+    name: str, data: bytes, robot: Robot, stated: LogForm, others: list[Quantity]
+) -> Log:
     """Read joint values, under the robot's or its controller's names, and further columns.
 
     Raises:
         InputError: A joint is missing; the file cannot be read.
     """
     own, axes = own_joints(robot), controller_axes(robot)
-    file = opened(name, data, said, "positions", own[0].stem)
+    file = opened(name, data, stated, "positions", own[0].stem)
     there = [[q for q in kind if suffixed(file.titles, q)] for kind in (own, axes)]
     from_controller = bool(axes) and len(there[1]) > len(there[0])
-    known_columns(said, "positions", [*own, *axes, *others])
-    log = typed(file, [*(axes if from_controller else own), *others], said, "positions")
+    known_columns(stated, "positions", [*own, *axes, *others])
+    log = typed(file, [*(axes if from_controller else own), *others], stated, "positions")
     if not from_controller:
         return log
     values = np.column_stack([log.number[axis.stem] for axis in axes])

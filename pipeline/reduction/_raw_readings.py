@@ -217,9 +217,9 @@ def _slots(
     if states:
         every = [states.get(group_name(name)) for name in names.to_pylist()]
         items = [one[:3] for one in every if one is not None]
-        said = np.array([one is not None for one in every], dtype=bool)
-        keys[:, said] = np.array(items, dtype=np.int64).reshape(-1, 3).T
-        names, rest = names.filter(pa.array(~said)), rest[~said]
+        stated = np.array([one is not None for one in every], dtype=bool)
+        keys[:, stated] = np.array(items, dtype=np.int64).reshape(-1, 3).T
+        names, rest = names.filter(pa.array(~stated)), rest[~stated]
     half = len(names) // 2
     parts = pa.chunked_array(
         spread(
@@ -245,14 +245,14 @@ def _keys(names: pa.StringArray, parts: pa.StructArray, naming: Naming) -> Ints:
     """
     found = parts.drop_null()
     named = names.filter(parts.is_valid())
-    said = naming.state_of
-    word = pc.index_in(pc.utf8_lower(found.field("state")), pa.array(list(said)))
-    loaded = np.array([*(state == "loaded" for state in said.values()), -1], dtype=np.int64)[
+    words = naming.state_of
+    word = pc.index_in(pc.utf8_lower(found.field("state")), pa.array(list(words)))
+    loaded = np.array([*(state == "loaded" for state in words.values()), -1], dtype=np.int64)[
         word.fill_null(-1)
     ]
     pose, repeat = _whole(found, "pose"), _whole(found, "repeat", missing=_UNNUMBERED)
     for wrong in np.flatnonzero((pose < 0) | (repeat == _NO_NUMBER) | (loaded < 0))[:1]:
-        raise _no_state(str(named[wrong]), found[wrong].as_py(), said)
+        raise _no_state(str(named[wrong]), found[wrong].as_py(), words)
     return np.array([pose, _counted(pose, repeat, loaded == 1), loaded], dtype=np.int64)
 
 
@@ -295,16 +295,16 @@ def _counted(pose: Ints, repeat: Ints, loaded: Bools) -> Ints:
     return out
 
 
-def _no_state(name: str, parts: Mapping[str, str], said: Mapping[str, str]) -> InputError:
+def _no_state(name: str, parts: Mapping[str, str], stated: Mapping[str, str]) -> InputError:
     """The error for a group whose name matches but holds no pose, repeat and state."""
     read = listed(f'{part} "{shortened(text)}"' for part, text in parts.items() if part in _PARTS)
     word = parts.get("state", "")
-    known = not word or word.lower() in said
+    known = not word or word.lower() in stated
     line = f'states = {{ {quoted(word)} = "loaded" }}'
     add = "" if known else f', or write {line} (or "unloaded") into [naming], beside what is there'
     return InputError(
         f'naming.group reads {read} from group "{shortened(name)}"',
-        f"let it find whole numbers and one of {listed(said)}{add}",
+        f"let it find whole numbers and one of {listed(stated)}{add}",
         file="campaign.toml",
         key=["naming", "group"],
     )

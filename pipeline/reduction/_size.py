@@ -46,7 +46,7 @@ def check_units(shots: RawReadings, settings: Settings) -> None:
     _check_size(shots, rows, group.astype(np.int64), nominal[target], "[base_frame]")
 
 
-def _check_size(shots: RawReadings, rows: Ints, together: Ints, nominal: Array, said: str) -> None:
+def _check_size(shots: RawReadings, rows: Ints, together: Ints, nominal: Array, words: str) -> None:
     """Compare the spread of points read together with the spread of their nominal positions.
 
     A unit holds for a whole file: only a factor shared by most sets of a file counts.
@@ -72,7 +72,7 @@ def _check_size(shots: RawReadings, rows: Ints, together: Ints, nominal: Array, 
             first = rows[member == hit[0]][0]
             raise InputError(
                 f"distances between reflectors are {_off(factor)}, as if {meaning} "
-                f"({plain(ratio[hit[0]], 4)} of those in {said})",
+                f"({plain(ratio[hit[0]], 4)} of those in {words})",
                 "correct the unit of the export, in its column names or in [tracker]",
                 file=shots.files[shots.file[first]],
                 line=int(shots.line[first]),

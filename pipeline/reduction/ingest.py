@@ -143,11 +143,11 @@ def _doubt(check: Callable[[], None], plausible: bool) -> InputError | None:
     return None
 
 
-def _file(raw: Mapping[str, bytes], name: str, said: str) -> bytes:
+def _file(raw: Mapping[str, bytes], name: str, words: str) -> bytes:
     if name not in raw:
         raise InputError(
             "the file is missing",
-            f"put it into the campaign folder or correct {said} of campaign.toml",
+            f"put it into the campaign folder or correct {words} of campaign.toml",
             file=name,
         )
     return raw[name]
@@ -480,15 +480,15 @@ def _nothing_left(rejected: Sequence[Rejection]) -> InputError:
 
 def _reduced(
     settings: Settings,
-    said: Displacements,
+    stated: Displacements,
     robot: Robot,
     raw: Mapping[str, bytes],
     joints: logs.Log,
     doubt: InputError | None,
     left_out: Mapping[int, str],
 ) -> _Ingested:
-    moved = logs.displacements(said.file, _file(raw, said.file, "[displacements]"))
-    forces = logs.forces(said.forces, _file(raw, said.forces, "[displacements]"))
+    moved = logs.displacements(stated.file, _file(raw, stated.file, "[displacements]"))
+    forces = logs.forces(stated.forces, _file(raw, stated.forces, "[displacements]"))
     moved = moved.only(
         np.isin(moved.word["target"], settings.measured),
         f"this target is none of {listed(settings.measured)}; add it to [tool] or rename it",
@@ -518,7 +518,7 @@ def _reduced(
     return _Ingested(
         joints=_joints(joints, robot),
         rejected=_rejected([*moved.rejected, *forces.rejected, *joints.rejected]),
-        displacements=_displacements(moved, said.sigma_m),
+        displacements=_displacements(moved, stated.sigma_m),
         forces=_forces(forces),
         doubt=doubt,
     )

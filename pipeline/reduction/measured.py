@@ -312,7 +312,7 @@ def _payloads(settings: Settings, pulls: pd.DataFrame) -> Strings:
     return np.asarray(names[np.where(mounted, pulls["body"].to_numpy(np.int64), -1)])
 
 
-def _in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> Measured:
+def _in_poses(data: Measured, robot: Robot, effector: Tool, stated: Instrument) -> Measured:
     """The same with position and rotation of the effector in place of its targets.
 
     The errors of both are those of a target, for the rotation at the radius of the targets, unless
@@ -332,7 +332,7 @@ def _in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) ->
             'export them all, or set measures = "points" in [instrument]',
             file="campaign.toml",
         )
-    if said.sigma_rad is not None and not data.noise_stated:
+    if stated.sigma_rad is not None and not data.noise_stated:
         raise InputError(
             "[instrument] states sigma_rad but no noise of the positions",
             "state [tracker] sigma_m, too, or leave sigma_rad out so that both are estimated from "
@@ -344,7 +344,7 @@ def _in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) ->
     loaded, zero = (
         cov[rows].reshape(-1, t, 3, 3).mean(axis=1) for cov in (data.loaded_cov, data.zero_cov)
     )
-    rad = said.sigma_rad if data.noise_stated else None
+    rad = stated.sigma_rad if data.noise_stated else None
     own = None if rad is None else (six.radius(effector.points) * rad) ** 2 * np.eye(3)
 
     def rotation(position: Array) -> Array:

@@ -313,10 +313,10 @@ class AskedPose(Strict):
             )
         return self._joints(robot, np.array(self.said))
 
-    def _joints(self, robot: Robot, said: Array) -> Array:
+    def _joints(self, robot: Robot, stated: Array) -> Array:
         if self.axes is None:
-            return from_log_units(robot, said)
-        return axes.from_shown(robot, said)
+            return from_log_units(robot, stated)
+        return axes.from_shown(robot, stated)
 
     def within_limits(self, robot: Robot) -> None:
         """Check that the robot can take the pose.
@@ -345,18 +345,18 @@ class AskedPose(Strict):
         return "; or ".join([*self._as_axes(robot), *self._with_other_sign(robot)])
 
     def _with_other_sign(self, robot: Robot) -> Iterator[str]:
-        said = np.array(self.said)
+        stated = np.array(self.said)
         names = [joint.name for joint in robot.joints] if self.axes is None else _axes_of(robot)
         for k, name in enumerate(names):
-            turned = np.where(np.arange(len(said)) == k, -said, said)
+            turned = np.where(np.arange(len(stated)) == k, -stated, stated)
             if not _beyond(robot, self._joints(robot, turned)).any():
-                yield f"is {name} = {-said[k]:g} meant, with the other sign?"
+                yield f"is {name} = {-stated[k]:g} meant, with the other sign?"
 
     def _as_axes(self, robot: Robot) -> Iterator[str]:
-        said, names = np.array(self.said), _axes_of(robot)
-        if self.axes is not None or len(names) != len(said):
+        stated, names = np.array(self.said), _axes_of(robot)
+        if self.axes is not None or len(names) != len(stated):
             return
-        shown = np.where(axes.of(robot).slides, 1e3 * said, said)
+        shown = np.where(axes.of(robot).slides, 1e3 * stated, stated)
         if not _beyond(robot, axes.from_shown(robot, shown)).any():
             yield (
                 f"are these what the controller shows for {', '.join(names)}? Then write "
@@ -596,11 +596,11 @@ class Settings(Surrounded):
         Any stated noise takes precedence. A sheet is valid for points, relative to the instrument,
         whose position is unknown without a base frame.
         """
-        tracker, said = self.tracker, self.instrument
+        tracker, stated = self.tracker, self.instrument
         if tracker is None or tracker.sigma_m is not None or tracker.noise is not None:
             return None
-        fits = said.measures == "points" and said.kind == "laser_tracker" and self.base_frame
-        return sheet(said.model) if fits and said.model else None
+        fits = stated.measures == "points" and stated.kind == "laser_tracker" and self.base_frame
+        return sheet(stated.model) if fits and stated.model else None
 
     @property
     def reading_noise(self) -> InstrumentNoise | Literal["paper"] | None:

@@ -187,13 +187,13 @@ def to_do(answer: Answer) -> str:
     reason, corrected = answer.recommended.reason, answer.recommended.data is Data.CORRECTED
     if answer.diagnosis.verdict == Verdict.AMBIGUOUS and reason == Reason.WEIGHED_ANEW:
         reason = Reason.CAUSE_DOUBTFUL
-    said = _OPEN.get(reason, DO[reason])
+    sentence = _OPEN.get(reason, DO[reason])
     if answer.of_positions:
         every = (one.text for one in answer.first_screen if one.about == About.TO_DO)
-        said = _NO_VALUE if corrected else next(every, said)
-    if corrected or said[0].islower():
-        return f"Correct the files; until then {said}"
-    return said
+        sentence = _NO_VALUE if corrected else next(every, sentence)
+    if corrected or sentence[0].islower():
+        return f"Correct the files; until then {sentence}"
+    return sentence
 
 
 _OPEN = {

@@ -154,11 +154,11 @@ def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
 
     from pipeline.report.svg import FONTS
 
-    said = asdict(_typeset(printed(report))) | {"version": __version__, "worst": report.worst}
+    content = asdict(_typeset(printed(report))) | {"version": __version__, "worst": report.worst}
     shown = {one.name: drawings[one.name] for one in printed(report).figures}
     compiled = typst.compile(  # type: ignore[call-overload]  # its own stub lacks bytes
         _text("page.typ").encode(),
-        sys_inputs={"report": json.dumps(said), "figures": json.dumps(shown)},
+        sys_inputs={"report": json.dumps(content), "figures": json.dumps(shown)},
         font_paths=[FONTS],
         ignore_system_fonts=True,
         pdf_standards="ua-1",

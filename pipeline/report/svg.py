@@ -172,8 +172,8 @@ def _attach(root: ET.Element, artist: str, words: Sequence[str]) -> None:
     marks = [mark for group in root.iter() if group.get("id") == artist for mark in _marks(group)]
     if len(marks) != len(words):
         raise AssertionError(f"{artist}: {len(marks)} marks drawn for {len(words)} values")
-    for mark, said in zip(marks, words, strict=True):
-        mark.set("data-tip", said)
+    for mark, word in zip(marks, words, strict=True):
+        mark.set("data-tip", word)
 
 
 def _marks(element: ET.Element) -> list[ET.Element]:

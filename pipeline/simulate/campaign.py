@@ -281,10 +281,10 @@ def _campaign_toml(plan: Plan, robot: str, simulated: bool = True) -> bytes:
 
 def _instrument(plan: Plan) -> dict[str, Any]:
     """Table [instrument], where it is not a laser tracker that measures points."""
-    said = plan.tracker.model_dump(include={"kind", "measures"}, exclude_defaults=True)
+    stated = plan.tracker.model_dump(include={"kind", "measures"}, exclude_defaults=True)
     if plan.tracker.measures == "poses" and plan.tracker.stated:
-        said["sigma_rad"] = plan.tracker.sigma_rad
-    return {"instrument": said} if said else {}
+        stated["sigma_rad"] = plan.tracker.sigma_rad
+    return {"instrument": stated} if stated else {}
 
 
 def _loaded_by(plan: Plan) -> dict[str, Any]:
@@ -298,8 +298,8 @@ def _loaded_by(plan: Plan) -> dict[str, Any]:
 
 def _certified(scale: SpringScale) -> dict[str, float]:
     """Values of the scale's certificate; the zero only if it is stated."""
-    said = scale.model_dump(include={"sigma_n", "sigma_rel", "gain_sigma", "zero_sigma_n"})
-    return {key: value for key, value in said.items() if value or key != "zero_sigma_n"}
+    stated = scale.model_dump(include={"sigma_n", "sigma_rel", "gain_sigma", "zero_sigma_n"})
+    return {key: value for key, value in stated.items() if value or key != "zero_sigma_n"}
 
 
 def _stated(plan: Plan) -> dict[str, Any]:

@@ -156,11 +156,11 @@ class _TrackerPlan(Strict):
 
     @field_validator("digits", mode="before")
     @classmethod
-    def digits_count(cls, said: Any) -> Any:
+    def digits_count(cls, stated: Any) -> Any:
         """Require a number of digits or `full`, with one message for anything else."""
-        if said is None or said == "full" or re.fullmatch(r"[0-9]|1[0-5]", str(said)):
-            return said
-        raise ValueError(f'"{said}" is neither a number from 0 to 15 nor full')
+        if stated is None or stated == "full" or re.fullmatch(r"[0-9]|1[0-5]", str(stated)):
+            return stated
+        raise ValueError(f'"{stated}" is neither a number from 0 to 15 nor full')
 
     @model_validator(mode="after")
     def one_noise(self) -> _TrackerPlan:

@@ -84,9 +84,9 @@ def _apart_key(sheet: PixelSheet, framed: bool) -> None:
     ends = [*map(str, (0, *(f"{one:g}" for one in _APART_STEPS)))]
     labels = [f"{low} to {high} σ" for low, high in pairwise(ends)] + [f"above {ends[-1]} σ"]
     sheet.text(x, 14, "Apart by", 12, font_weight="bold")
-    for k, (said, shade) in enumerate(zip(labels, APART_SHADES, strict=True), 1):
+    for k, (text, shade) in enumerate(zip(labels, APART_SHADES, strict=True), 1):
         sheet.square(x, 18 * k + 4, 12, fill=shade)
-        sheet.text(x + 18, 18 * k + 15, said, 12)
+        sheet.text(x + 18, 18 * k + 15, text, 12)
     if framed:
         sheet.square(x, 112, 12, fill="none", stroke=BLUE, stroke_width=1.2)
         sheet.text(x + 18, 123, "magnitudes found", 12)

@@ -125,7 +125,7 @@ def _draw_correlation(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes.set_aspect("equal", adjustable="box", anchor="W")
     axes.grid(visible=False)
     axes.legend(loc="upper left", bbox_to_anchor=(1, 1), markerscale=0.6)
-    return {key: said for key, said in tips.items() if said}
+    return {key: tip for key, tip in tips.items() if tip}
 
 
 def _write_correlation(answer: Answer, tables: Tables) -> Figure | None:

@@ -27,10 +27,10 @@ width of 5.0 pt, and the labels of the axis take a tenth of the width."""
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
 
-def dots(axes: Axes, key: str, x: Any, y: Any, said: Iterable[str], **style: Any) -> Tips:
-    """Draw marks in a plot, and return their hover texts `said` under `key`."""
+def dots(axes: Axes, key: str, x: Any, y: Any, texts: Iterable[str], **style: Any) -> Tips:
+    """Draw marks in a plot, and return their hover texts `texts` under `key`."""
     axes.scatter(x, y, gid=key, **style)
-    return {key: list(said)}
+    return {key: list(texts)}
 
 
 _SHARES = np.linspace(0.0, 1.0, 41)
@@ -38,7 +38,12 @@ _SHARES = np.linspace(0.0, 1.0, 41)
 
 
 def cumulative(
-    axes: Axes, key: str, values: Any, label: str, said: Callable[[float, float], str], **style: Any
+    axes: Axes,
+    key: str,
+    values: Any,
+    label: str,
+    text_of: Callable[[float, float], str],
+    **style: Any,
 ) -> Tips:
     """Draw the share of the values below each value [%], with marks and their hover texts.
 
@@ -47,14 +52,14 @@ def cumulative(
         key: Id of the marks.
         values: The values, shape (n,).
         label: Name in the legend.
-        said: Hover text of a mark from its share [%] and its value.
+        text_of: Hover text of a mark from its share [%] and its value.
         style: Style of the curve.
     """
     at, shares = np.quantile(values, _SHARES), 100 * _SHARES
     axes.plot(at, shares, linewidth=1.6, label=label, **style)
     shown = slice(4, -1, 4)
     words = [
-        f"{label}: {said(share, value)}"
+        f"{label}: {text_of(share, value)}"
         for share, value in zip(shares[shown], at[shown], strict=True)
     ]
     return dots(axes, key, at[shown], shares[shown], words, s=9, color=style["color"], linewidths=0)

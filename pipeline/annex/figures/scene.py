@@ -106,9 +106,9 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         _arrows(axes, view, tables["vectors"], columns, scale, colour)
     axes.autoscale_view()
     canvas.set_size_inches(_WIDE_IN, _height(axes))
-    said = _legend(answer, moved, left)
+    legend = _legend(answer, moved, left)
     handles = [Line2D([], [], color=colour, lw=1.6) for colour in (BLUE, RED)]
-    axes.legend(handles, said, loc="lower left", bbox_to_anchor=(0, 1), ncols=1, borderaxespad=0)
+    axes.legend(handles, legend, loc="lower left", bbox_to_anchor=(0, 1), ncols=1, borderaxespad=0)
     return {}
 
 
@@ -194,7 +194,7 @@ def _parts(rows: pd.DataFrame) -> list[list[Any]]:
     """Part, name, both ends [m] and radius [m] of each capsule; the radius of points is 0."""
     numbers = rows.assign(slim=_slim(rows))[[*FROM, *TO, "slim"]].to_numpy(float)
     words = rows[["part", "name"]].to_numpy(object)
-    return [[*said, *_numbers(row)] for said, row in zip(words, numbers, strict=True)]
+    return [[*word, *_numbers(row)] for word, row in zip(words, numbers, strict=True)]
 
 
 def _reflectors(vectors: pd.DataFrame) -> list[list[Any]]:

@@ -169,14 +169,14 @@ def _write_stiffness(answer: Answer, tables: Tables) -> Figure | None:
     joints = _comparable(answer)
     if not joints:
         return None
-    said = _extremes(joints)
+    extremes = _extremes(joints)
     return Figure(
         "stiffness",
         "Stiffness as a share of the nominal value",
-        f"{said} Bars are 95 % intervals; an arrow marks one that continues beyond the plot, with "
-        f"its numbers, or has no upper limit. A joint whose bar does not reach the line at 100 % "
-        f"differs from nominal by more than the uncertainty of the measurement.{_circles(answer)}",
-        f"Interval plot of {len(joints)} joint stiffnesses relative to nominal. {said}",
+        f"{extremes} Bars are 95 % intervals; an arrow marks one that continues beyond the plot, "
+        f"with its numbers, or has no upper limit. A joint whose bar does not reach the line at "
+        f"100 % differs from nominal by more than the uncertainty of the measurement.{_circles(answer)}",
+        f"Interval plot of {len(joints)} joint stiffnesses relative to nominal. {extremes}",
     )
 
 

@@ -106,16 +106,18 @@ def _alone(single: Sequence[Alone]) -> ReportTable | None:
 
 def _unnamed_sentence(other: Unnamed, axes: words.Axes) -> str:
     """Probability that no known cause is present, and laws that predict equally well."""
-    said = []
+    sentences = []
     if other.probability >= _WORTH_SAYING:
         chance = probability(other.probability)
         like = other.looks_like and words.at(other.looks_like, other.where, axes)
         looks = f"; it resembles {like}" if like else ""
-        said.append(f"The probability that it is none of the known causes is {chance}{looks}.")
+        sentences.append(f"The probability that it is none of the known causes is {chance}{looks}.")
     if other.as_good:
         alike = listed([_as_good(one) for one in other.as_good[:_ALIKE]])
-        said.append(f"Laws outside the catalogue that predict equally well in its place: {alike}.")
-    return " ".join(said)
+        sentences.append(
+            f"Laws outside the catalogue that predict equally well in its place: {alike}."
+        )
+    return " ".join(sentences)
 
 
 def _as_good(one: AsGood) -> str:

@@ -27,14 +27,14 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
     first = turning(robot)[0]
     upper = _Link(robot, shoulder, elbow, tuple(range(first, shoulder + 1)))
     masses = _Masses((upper, _Link(robot, elbow, wrist, tuple(range(first, elbow + 1)))))
-    said = _said(relative(robot))
+    described = _said(relative(robot))
     elastic = Elastic(
-        **said,
+        **described,
         carrier=tuple(joint for link in masses.links for joint in link.chain),
         response=masses.response,
         shared=tuple(k for k, link in enumerate(masses.links) for _ in link.chain),
     )
-    return (Compound(**said, acts=(Geometry(**said, geometry=masses.geometry), elastic)),)
+    return (Compound(**described, acts=(Geometry(**described, geometry=masses.geometry), elastic)),)
 
 
 def under_pulls(compliance: Array, moments: Array, gravity: Array) -> Elastic:

@@ -141,17 +141,17 @@ def _effect(
     shared: tuple[int, ...] = (),
 ) -> Elastic:
     """An effect with one parameter per virtual joint, or shared ones, all of one magnitude."""
-    said = name.replace("_", " ")
+    words = name.replace("_", " ")
     return Elastic(
         name=name,
         where=where,
-        noun=said,
+        noun=words,
         place="joint",
         parameters=tuple(  # unit 1, relative to typical values: it is never reported
             Parameter(f"{name}_{where}_{k}", "1", size, -20 * size if signed else 0.0, 20 * size)
             for k in sorted({*shared} or range(len(carrier)))
         ),
-        signature=f"{said} {where}",
+        signature=f"{words} {where}",
         needs="",
         source="",
         carrier=carrier,
@@ -281,15 +281,15 @@ def _play(gear: Elastic) -> Effect:
 
 def _acting(name: str, unit: str, size: float) -> dict[str, Any]:
     """Description of an effect with three parameters x, y, z that moves no virtual joint."""
-    said = name.replace("_", " ")
+    words = name.replace("_", " ")
     return {
         "name": name,
-        "noun": said,
+        "noun": words,
         "place": "force",
         "parameters": tuple(
             Parameter(f"{name}_{axis}", unit, size, -20 * size, 20 * size) for axis in "xyz"
         ),
-        "signature": said,
+        "signature": words,
         "needs": "",
         "source": "",
         "of": (PULLED, HUNG),
@@ -298,7 +298,7 @@ def _acting(name: str, unit: str, size: float) -> dict[str, Any]:
 
 def _turned() -> Effect:
     """Load point and targets rotated together about the flange's origin."""
-    said = _acting("effector_turned", "rad", _TURN_RAD)
+    described = _acting("effector_turned", "rad", _TURN_RAD)
 
     def turned(loaded: Loaded, points: Array, values: Array) -> Array:
         here = loaded.configuration
@@ -312,7 +312,10 @@ def _turned() -> Effect:
     def points(loaded: Loaded, values: Array) -> Array:
         return turned(loaded, loaded.points, values)
 
-    return Compound(**said, acts=(Wrench(**said, wrench=wrench), Reflectors(**said, points=points)))
+    return Compound(
+        **described,
+        acts=(Wrench(**described, wrench=wrench), Reflectors(**described, points=points)),
+    )
 
 
 def _on_the_forearm(joint: int) -> Effect:

@@ -481,8 +481,8 @@ def _spring(robot: Robot, law: Law, joint: int) -> Effect:
             return np.stack(each, axis=1)
         return np.asarray(tau * _basis(law, variable(law, loaded)))
 
-    said = _said(law, place, k, unit, _PART * compliance(robot, joint))
-    return Elastic(**said, carrier=(joint,) * k, response=response)  # type: ignore[arg-type]
+    described = _said(law, place, k, unit, _PART * compliance(robot, joint))
+    return Elastic(**described, carrier=(joint,) * k, response=response)  # type: ignore[arg-type]
 
 
 def _of_own_torque(law: Law, tau: Array) -> Array:
@@ -502,8 +502,8 @@ def _knee(robot: Robot, law: Law, joint: int) -> Effect:
         return np.asarray(np.sign(tau) * np.maximum(np.abs(tau) - knees, 0.0))
 
     unit = robot.joints[joint - 1].compliance_unit
-    said = _said(law, "joint", len(knees), unit, 2 * _PART * compliance(robot, joint))
-    return Elastic(**said, carrier=(joint,) * len(knees), response=response)  # type: ignore[arg-type]
+    described = _said(law, "joint", len(knees), unit, 2 * _PART * compliance(robot, joint))
+    return Elastic(**described, carrier=(joint,) * len(knees), response=response)  # type: ignore[arg-type]
 
 
 def _turns(robot: Robot, law: Law, joint: int) -> Effect:
@@ -520,8 +520,8 @@ def _turns(robot: Robot, law: Law, joint: int) -> Effect:
         return np.asarray(sense * np.insert(waves, 0, 1.0, axis=1))
 
     k = 1 if law.kind == "step" else 1 + _width(law, False)
-    said = _said(law, "joint", k, "rad", 5e-5)
-    return Elastic(**said, carrier=(joint,) * k, response=response)  # type: ignore[arg-type]
+    described = _said(law, "joint", k, "rad", 5e-5)
+    return Elastic(**described, carrier=(joint,) * k, response=response)  # type: ignore[arg-type]
 
 
 def _creeps(robot: Robot, law: Law, joint: int) -> Effect:
@@ -532,15 +532,15 @@ def _creeps(robot: Robot, law: Law, joint: int) -> Effect:
 
     typical = 2.0 * compliance(robot, joint) if law.part == "creep" else 2e-4
     unit = robot.joints[joint - 1].compliance_unit if law.part == "creep" else "rad"
-    said = _said(law, "joint", 1, f"{unit}/h", typical)
-    return Elastic(**said, carrier=(joint,), response=response)  # type: ignore[arg-type]
+    described = _said(law, "joint", 1, f"{unit}/h", typical)
+    return Elastic(**described, carrier=(joint,), response=response)  # type: ignore[arg-type]
 
 
 def _grows(robot: Robot, law: Law, joint: int) -> Effect:
     """Growth of a joint's link since the zero, along the axes of its frame."""
-    said = _said(law, "joint", 3, "m/h", 1e-4)
+    described = _said(law, "joint", 3, "m/h", 1e-4)
     return Elastic(
-        **said,  # type: ignore[arg-type]
+        **described,  # type: ignore[arg-type]
         carrier=(joint,) * 3,
         twists=lambda loaded: _shifts(loaded, joint, (0, 1, 2)),
         response=lambda loaded, tau: np.repeat(_since(loaded)[:, None], 3, axis=1),
@@ -644,8 +644,8 @@ def _of_tracker(law: Law) -> Effect:
         g = (np.maximum(np.nan_to_num(time), 0.0) / law.high) ** law.order
         return points + g[:, None, None] * values
 
-    said = _said(law, "metrology", 3, "m", 5e-5)
-    return Observation(**said, observe=observe, instrument=True)  # type: ignore[arg-type]
+    described = _said(law, "metrology", 3, "m", 5e-5)
+    return Observation(**described, observe=observe, instrument=True)  # type: ignore[arg-type]
 
 
 # functions of the variable

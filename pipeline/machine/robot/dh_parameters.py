@@ -166,8 +166,8 @@ def changed(robot: Robot, wanted: Sequence[DhParameter], values: Array) -> Robot
     rows = [row.model_dump(exclude_none=True) for row in file.joint]
     for letter, value in zip(wanted, values, strict=True):
         row = rows[letter.joint - 1]
-        said = float(np.rad2deg(value)) if letter.turns else float(value)
-        row[letter.key] = float(row.get(letter.key) or 0.0) + said
+        shift = float(np.rad2deg(value)) if letter.turns else float(value)
+        row[letter.key] = float(row.get(letter.key) or 0.0) + shift
     content = dict(_table(robot.text, robot.name)) | {"joint": rows}
     return of_table(content, toml.dumps(content), robot.name).under(robot.gravity)
 

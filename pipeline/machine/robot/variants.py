@@ -45,10 +45,10 @@ def counted_back(robot: Robot, joint: int) -> Robot:
     """The robot with one joint's sense reversed, Rz(-q) Tz(-r) = Rx(pi) Rz(q) Tz(r) Rx(-pi)."""
     file, j = _file(robot), joint - 1
     rows, row = list(file.joint), file.joint[j]
-    said: dict[str, object] = {"theta_deg": -row.theta_deg, "alpha_deg": row.alpha_deg + 180.0}
+    changes: dict[str, object] = {"theta_deg": -row.theta_deg, "alpha_deg": row.alpha_deg + 180.0}
     key = "r_m" if file.convention == "khalil" else "d_m"
-    said[key] = -(getattr(row, key) or 0.0)
-    rows[j] = row.model_copy(update=said)
+    changes[key] = -(getattr(row, key) or 0.0)
+    rows[j] = row.model_copy(update=changes)
     base, flange = file.base or Fixed(), file.flange or Fixed()
     if file.convention == "standard" and j:
         before = rows[j - 1]

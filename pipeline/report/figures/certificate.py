@@ -202,8 +202,8 @@ def stand(joint: Stiffness) -> _JointClass:
     word = _ALIKE if off <= _TELLS else _WIDE_OPEN
     if abs(ratio - 1) > max(_NEAR, off):
         word = _SOFT if ratio < 1 else _STIFF
-    said = MISSING if joint.ci95[1] is None else percent(ratio, 3 if ratio >= 1 else 2)
-    return _JointClass(word, _COLOURS[word], said)
+    text = MISSING if joint.ci95[1] is None else percent(ratio, 3 if ratio >= 1 else 2)
+    return _JointClass(word, _COLOURS[word], text)
 
 
 def _by_uncertainty(rough: float | None) -> _JointClass:

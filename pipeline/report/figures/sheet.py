@@ -61,12 +61,12 @@ class PixelSheet:
         own = {"x": f"{x:.1f}", "y": f"{y:.1f}", "width": f"{side:.1f}", "height": f"{side:.1f}"}
         self._add("rect", own | ({"data-tip": tip} if tip else {}), style)
 
-    def text(self, x: float, y: float, said: str, size: float = 12, **style: Any) -> None:
+    def text(self, x: float, y: float, words: str, size: float = 12, **style: Any) -> None:
         """Add a text that starts at a point of its baseline, with a halo in the paper's colour."""
         own = {"x": f"{x:.1f}", "y": f"{y:.1f}", "paint-order": "stroke", "stroke": PAPER}
         own |= {"stroke-width": "3", "stroke-linejoin": "round"}
         base = {"font_family": _FONT, "font_size": f"{size:g}px", "fill": INK}
-        self._add("text", own, base | style).text = self.say(said)
+        self._add("text", own, base | style).text = self.say(words)
 
     def _add(self, kind: str, own: dict[str, str], style: dict[str, Any]) -> ET.Element:
         entries = {name.replace("_", "-"): f"{value}" for name, value in style.items()}
