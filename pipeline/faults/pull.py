@@ -43,7 +43,7 @@ def reversed_pull(case: Case, estimate: Estimate) -> list[Mistake]:
     share = _farther(case)
     if share is not None and share < 0.5:
         return []
-    evidence, correction = _reversed(case, f"{negative} of {known.sum()} clear compliances", share)
+    evidence, correction = _reversed(case, negative, int(known.sum()), share)
     return [
         Mistake(
             name="sign_or_convention",
@@ -58,24 +58,20 @@ def reversed_pull(case: Case, estimate: Estimate) -> list[Mistake]:
     ]
 
 
-def _reversed(case: Case, negative: str, farther: float | None) -> tuple[str, str]:
-    """Evidence and correction; `farther` as of `_farther`."""
+def _reversed(case: Case, negative: int, clear: int, share: float | None) -> tuple[str, str]:
+    """Evidence and correction; `share` of the pulls whose first end is farther, if known."""
     if _hangs(case):
         return (
-            f"weights pull the other way than [gravity] states: {negative} are negative, the robot "
-            "would move against them",
+            f"weights pull the other way than [gravity] states: {negative} of "
+            f"{clear} clear compliances are negative, the robot would move against them",
             "recomputed with weights pulling the other way in F_b",
         )
-    seen = (
-        f", and in {farther:.0%} of the pulls the first end is farther from the load point"
-        if farther is not None
-        else ""
-    )
-    names = " and ".join(case.settings.naming.chain)
-    raw = case.settings.displacements is None
+    names, raw = " and ".join(case.settings.naming.chain), case.settings.displacements is None
+    seen = "" if share is None else f", and in {share:.0%} of the pulls the first end is farther "
+    seen += "" if share is None else "from the load point"
     return (
-        f"the pull is reversed: {negative} are negative, the robot would move against the "
-        f"force{seen}",
+        f"the pull is reversed: {negative} of {clear} clear compliances are "
+        f"negative, the robot would move against the force{seen}",
         f"recomputed with {names} exchanged" if raw else "recomputed with all forces reversed",
     )
 

@@ -175,7 +175,8 @@ def _write_stiffness(answer: Answer, tables: Tables) -> Figure | None:
         "Stiffness as a share of the nominal value",
         f"{extremes} Bars are 95 % intervals; an arrow marks one that continues beyond the plot, "
         f"with its numbers, or has no upper limit. A joint whose bar does not reach the line at "
-        f"100 % differs from nominal by more than the uncertainty of the measurement.{_circles(answer)}",
+        f"100 % differs from nominal by more than the uncertainty of the measurement."
+        f"{_circles(answer)}",
         f"Interval plot of {len(joints)} joint stiffnesses relative to nominal. {extremes}",
     )
 
