@@ -33,7 +33,7 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     "machine/effects/[!nu]*.py": (),
     "machine/effects/noise.py": (),
     "machine/effects/unlisted.py": ("_said",),
-    "machine/room.py": ("unchecked",),
+    "design/room.py": ("unchecked",),
     "report/certificate.py": (),
     "report/figures/certificate.py": (
         *(

@@ -30,7 +30,6 @@ from pipeline.answer.recommended import (
     recommend,
     springs_of_extended,
 )
-from pipeline.answer.reliability import control
 from pipeline.answer.results import CampaignAnswer, CampaignResults
 from pipeline.answer.tables import kept, predicted
 from pipeline.base import doors
@@ -57,6 +56,8 @@ from pipeline.system.one_pose import as_measured
 
 _FOR_OTHERS = "pipeline.exchange.files:files"
 """Door of the exports: a workbook, and the robot for simulators."""
+_CONTROL = "pipeline.annex.reliability:control"
+"""Door of the annex: how the readings check each other."""
 _LAST_RESORT = "campaign.toml"
 """File named when input is rejected for reasons that concern no single file."""
 
@@ -216,7 +217,7 @@ def _of_pulls(
     if row.model != Which.JOINT_SPRINGS or springs is not delivered:
         unextended = joint_springs(delivered)
         springs_only = predicted(unextended.model(name, word, row), unextended, test_pose, step)
-    controls, carried = step(control)(of_pulls, test_pose)
+    control = doors.found(_CONTROL)
     holds = row.reason.holds_for_its_readings
     held_out = HeldOutError(reported.model.held_out_m, right.data.pulls.range_n[1], holds)
     found = CampaignResults(
@@ -231,8 +232,7 @@ def _of_pulls(
         springs=springs_only,
         extended=identified(springs, diagnosis, test_pose),
         where=test_pose,
-        control=controls,
-        carried=carried,
+        control=step(control)(of_pulls, test_pose) if control else None,
         judged=step(judge)(
             reported.model, test_pose.q, test_pose.force, held_out, path, _most_m(raw)
         ),

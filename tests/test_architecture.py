@@ -207,7 +207,7 @@ OUTBUILDINGS = {
         "reduction": "and of its readings",
         "system": "what fewer poses would say, of the estimator",
         "geometry": "and where a robot stood whose positions were read",
-        "prediction.workspace": "the arm as it stands in a plane",
+        "prediction.model": "and what the model of it says of other poses",
     },
     "design": {
         "app.commands._shared": _COMMAND,
@@ -216,6 +216,7 @@ OUTBUILDINGS = {
         "report": _PAGES,
         "annex.figures.marks": _PAGES,
         "annex.words": _PAGES,
+        "annex.redundancy": "readings of a plan check each other as those of a campaign do",
         "reduction.settings": "a plan becomes a campaign.toml, and is written in its words",
         "reduction.bring": "further poses begin with the readings that a campaign has",
         "run": "further poses begin with the readings that a campaign has",
@@ -247,6 +248,7 @@ OUTBUILDINGS = {
     },
     "fleet": {
         "app.commands._shared": _COMMAND,
+        "app.shell": _COMMAND,
         "app.outcome": _COMMAND,
         "store.campaign": _PLACES,
         "answer.archive": "which answers are finished, and where their tables lie",

@@ -6,25 +6,27 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
+from pipeline.annex.diagnosis_tables import apart_table, clues_table, examined_table
 from pipeline.annex.position_tables import identified
 from pipeline.annex.scene import scene, scene_of_positions
 from pipeline.annex.seen_laws import laws
+from pipeline.annex.workspace import arm_in_plane, workspace
+from pipeline.annex.workspace import none as no_workspace
 from pipeline.answer.results import CampaignResults
-from pipeline.answer.tables import covariance_table, models_table
+from pipeline.answer.tables import covariance_table, rows_table
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.geometry.study import Study
 from pipeline.machine.effect import Pulls
-from pipeline.prediction.workspace import arm_in_plane
 from pipeline.reduction.bring import Keep, Step
-from pipeline.system.system import System
+from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
 
 _Tables = dict[str, pd.DataFrame]
 
 
 def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
-    """Tables of the scene, comparison of models, arm, covariance, number of poses, and laws."""
+    """Tables of the scene, of what causes explain, of the workspace, and of the readings."""
     values, right = found.told.values, found.right
     nominal = np.array([1 / (joint.stiffness or np.nan) for joint in right.case.robot.joints])
     left = values.first.estimate.residual
@@ -38,7 +40,41 @@ def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
         **_kept(step(scene)(values), keep),
         "enough": keep("47_enough", _enough(found, step), tables.ENOUGH),
         "laws": keep("53_laws", seen, tables.LAWS),
+        **_examined(found, keep),
+        **_soft(found, keep, step),
+        **_controlled(found, keep),
     }
+
+
+def _examined(found: CampaignResults, keep: Keep) -> _Tables:
+    """What the diagnosis examined, and which causes can be told apart."""
+    right, said = found.right, found.diagnosis
+    rows = examined_table(said, right.case.cell, right.data, right.system, right.estimate)
+    return {
+        "examined": keep("50_examined", rows, tables.examined(found.raw.robot)),
+        "diagnosis": keep("51_diagnosis", clues_table(said), tables.DIAGNOSIS),
+        "separability": keep("52_separability", apart_table(said), tables.SEPARABILITY),
+    }
+
+
+def _soft(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
+    """Compliance over the workspace, by the recommended values and by the joint springs alone."""
+    mine, alone = found.told.model.hypotheses, found.springs.model.hypotheses
+    here = step(workspace)(mine, found.where)
+    same = found.mistakes or alone is mine
+    other = no_workspace() if same else workspace(alone, found.where)
+    return {
+        "workspace": keep("61_workspace", here, tables.WORKSPACE),
+        "workspace_joint_springs": keep("62_workspace_joint_springs", other, tables.WORKSPACE),
+    }
+
+
+def _controlled(found: CampaignResults, keep: Keep) -> _Tables:
+    """How the readings check each other."""
+    if found.control is None:
+        return {}
+    keep("44_influence", found.control.pulls, tables.INFLUENCE)
+    return {"reliability": keep("43_reliability", found.control.readings, tables.RELIABILITY)}
 
 
 def of_positions(found: Study, keep: Keep, step: Step) -> _Tables:
@@ -70,6 +106,23 @@ def _as_measured(pulls: Pulls) -> Ints:
     order = np.lexsort((pulls.pose, np.nan_to_num(pulls.time)))
     poses, first = np.unique(pulls.pose[order], return_index=True)
     return np.asarray(poses[np.argsort(first)])
+
+
+def models_table(springs: System, paper: Estimate, residual: Array, nominal: Array) -> pd.DataFrame:
+    """Table MODELS.
+
+    Args:
+        springs: The system of the joint springs.
+        paper: Its solution.
+        residual: Residuals of the recommended model [m], shape (M,).
+        nominal: Compliances of the robot file, NaN where it states none, shape (n,).
+    """
+    return rows_table(springs).assign(
+        measured_m=springs.c,
+        nominal_m=springs.B @ nominal,
+        joint_springs_m=springs.c - paper.residual,
+        recommended_m=springs.c - residual,
+    )
 
 
 _STEPS = 14

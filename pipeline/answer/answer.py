@@ -48,7 +48,6 @@ from pipeline.answer.inputs import (
 )
 from pipeline.answer.pose_budget import pose_budget
 from pipeline.answer.recommended import ModelValues
-from pipeline.answer.reliability import carried_entries, controlled_entries
 from pipeline.answer.remarks import contradicted
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.sentences import FirstScreen, first_screen, joint_to_pull
@@ -79,7 +78,7 @@ def answer(found: CampaignResults) -> Answer:
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
     told_first = FirstScreen(values, springs, together, diagnosis, pose, tolerance, stated)
     lines = first_screen(found, told_first)
-    carried = carried_entries(found.carried, found.told.values)
+    carried = found.control.most if found.control else ()
     said = [*_of_springs(found, values), *stated, *_of_causes(found, carried)]
     whole = Answer(
         format=1,
@@ -105,7 +104,7 @@ def answer(found: CampaignResults) -> Answer:
         rejected=rejected_entries(given.case.rejected),
         findings=(),
         registration=registration_entry(found.right.reduced.registration),
-        reliability=controlled_entries(found.control),
+        reliability=found.control.least if found.control else (),
         influence=carried,
         payloads=payload_entries(given.case),
         instrument=instrument_entry(given.case.settings),

@@ -13,6 +13,7 @@ from pipeline.answer.contract import Equilibrium, NoiseFrom, Predicted
 from pipeline.answer.recommended import left_out_mm
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import law_told, why
+from pipeline.base import doors
 from pipeline.diagnosis.facts import (
     Diagnosed,
     EffectSize,
@@ -28,12 +29,14 @@ from pipeline.faults.mistake import Mistake
 from pipeline.machine.effect import Effect
 from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
-from pipeline.machine.room import room_of, unchecked
 from pipeline.system.estimate import left_out
 from pipeline.system.fit import Fitted
 from pipeline.system.noise_shape import NoiseShape
 from pipeline.system.system import ScatterRatio
 from pipeline.system.variance import NAMES, Components, at_most
+
+_LIMITS = "pipeline.design.room:cell_limits"
+"""Door of the design: what the poses were checked for that it proposes."""
 
 
 def diagnosis_entry(found: CampaignResults) -> contract.Diagnosis:
@@ -53,16 +56,11 @@ def diagnosis_entry(found: CampaignResults) -> contract.Diagnosis:
 
 def _cell(found: CampaignResults) -> contract.CellLimits | None:
     """What the next poses were checked for; None where nobody says what stands around them."""
-    case = found.right.case
-    points, robot, settings = case.tool.named, case.robot, case.settings
-    room = room_of(robot, points, settings, 0.0)
-    if room is None:
-        return None
-    return contract.CellLimits(
-        kept=room.kept(robot),
-        not_checked=unchecked(robot, case.tool.targets.tolist(), settings),
-        capsules=robot.capsules.source or None,
+    case, limits = found.right.case, doors.found(_LIMITS)
+    stated: contract.CellLimits | None = (
+        limits(case.robot, case.tool, case.settings) if limits else None
     )
+    return stated
 
 
 def diagnosis_of_good_data(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import date
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy import special
 
 from pipeline.answer import contract
 from pipeline.answer.contract import Input, Rejected
-from pipeline.base import covariance, files
+from pipeline.base import covariance, doors, files
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import listed
 from pipeline.base.linear import rms
@@ -21,7 +21,6 @@ from pipeline.machine.effect import Pulls
 from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.machine.instrument import near, sheet
 from pipeline.machine.robot import configure
-from pipeline.machine.room import accepted
 from pipeline.reduction._raw_readings import UnusedReadings
 from pipeline.reduction.case import Case
 from pipeline.reduction.digits import division, rounding
@@ -31,11 +30,13 @@ from pipeline.reduction.limits import beyond
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.reduction.register import XYZ, Registration
 from pipeline.reduction.settings import Instrument, Scale, Settings, UnitSettings
-from pipeline.reduction.torques import WeighedPayload, weighed
 from pipeline.store.campaign import Raw
 from pipeline.system.estimate import MISFIT_P
 from pipeline.system.family import FAR_OFF
 from pipeline.system.one_pose import OnePose
+
+_WEIGHED = "pipeline.check.torques:weighed"
+"""Door of the check: payloads as the joint torques have them."""
 
 _APART = 3.0
 """Standard uncertainties between thermometer and reflectors from which they contradict: 0.3 %."""
@@ -259,33 +260,24 @@ def identity_entry(
 
 def payload_entries(case: Case) -> tuple[contract.Payload, ...]:
     """Every payload as stated, and as the joint torques have it."""
-    found, out = weighed(case), []
-    for name, said in case.settings.payload.items():
-        one = found.get(name)
-        stated = contract.Body(
-            mass_kg=said.mass_kg,
-            mass_std_kg=said.mass_sigma_kg,
-            center_m=said.center_m,
-            center_std_m=(said.center_sigma_m,) * 3,
+    stated = tuple(
+        contract.Payload(
+            name=name,
+            stated=contract.Body(
+                mass_kg=one.mass_kg,
+                mass_std_kg=one.mass_sigma_kg,
+                center_m=one.center_m,
+                center_std_m=(one.center_sigma_m,) * 3,
+            ),
+            found=None,
+            poses=0,
+            p_value=None,
         )
-        out.append(
-            contract.Payload(
-                name=name,
-                stated=stated,
-                found=None if one is None else _body(one),
-                poses=0 if one is None else one.poses,
-                p_value=None if one is None else one.p_value,
-            )
-        )
-    return tuple(out)
-
-
-def _body(one: WeighedPayload) -> contract.Body:
-    x, y, z = one.center.tolist()
-    a, b, c = one.center_std.tolist()
-    return contract.Body(
-        mass_kg=one.mass, mass_std_kg=one.mass_std, center_m=(x, y, z), center_std_m=(a, b, c)
+        for name, one in case.settings.payload.items()
     )
+    weighed: Callable[[Case, tuple[contract.Payload, ...]], tuple[contract.Payload, ...]] | None
+    weighed = doors.found(_WEIGHED)
+    return weighed(case, stated) if weighed else stated
 
 
 def limit_findings(case: Case) -> list[str]:
@@ -359,20 +351,19 @@ def shot_findings(case: Case, pulls: Pulls) -> list[str]:
         return []
     poses, first = np.unique(pulls.pose, return_index=True)
     at = configure(case.robot, pulls.q[first])
-    points = at.points(np.array(list(tool.named.values())))
     out = []
-    for cone in accepted(tool.named, settings):
-        beam = np.array(settings.cell.tracker_m) - points[:, cone.point]
-        faced = np.einsum("mij,j->mi", at.flange_axes, cone.axis)
+    for name, cone in settings.tool_acceptance.items():
+        beam = np.array(settings.cell.tracker_m) - at.points(tool.named[name][None])[:, 0]
+        axis = np.array(cone.direction) / np.linalg.norm(cone.direction)
+        faced = np.einsum("mij,j->mi", at.flange_axes, axis)
         angle = np.arccos((beam * faced).sum(axis=1) / np.linalg.norm(beam, axis=1))
-        over = angle > cone.half_angle
+        over = angle > np.deg2rad(cone.half_angle_deg)
         if not over.any():
             continue
-        name = list(tool.named)[cone.point]
         out.append(
             f"{name} was measured from up to {np.rad2deg(angle.max()):.1f} deg off the direction "
             f"in "
-            f"[tool.acceptance], which allows {np.rad2deg(cone.half_angle):g} deg, in pose "
+            f"[tool.acceptance], which allows {cone.half_angle_deg:g} deg, in pose "
             f"{listed(map(str, poses[over]))}: its readings are used; correct the direction or "
             "tracker_m if that cannot be."
         )

@@ -9,13 +9,12 @@ import pandas as pd
 
 from pipeline.base.arrays import Array, Ints
 from pipeline.machine import bodies
-from pipeline.machine.bodies import Bodies
+from pipeline.machine.bodies import Bodies, arm_joints
 from pipeline.machine.cell import Tool, load
 from pipeline.machine.effect import Elastic, Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque, velocity
 from pipeline.prediction.model import ModelHypothesis
-from pipeline.prediction.workspace import arm_joints
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 
 _JOINT, _PLACE = "joint", "place"

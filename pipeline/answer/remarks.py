@@ -8,7 +8,9 @@ from typing import Any
 from pipeline.answer.contract import Body, JointType, Odd, OneWay, Payload, Remark, Stiffness
 from pipeline.answer.words import listed
 from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
-from pipeline.reduction.torques import CONTRADICTS
+
+_CONTRADICTS = 0.001
+"""p-value below which mass and centre contradict the stated ones [1]."""
 
 
 def finding(joint: Stiffness) -> str | None:
@@ -23,7 +25,7 @@ def contradicted(payloads: Sequence[Payload], by: str = "joint torques") -> list
         f"{_of(one.found)}, and campaign.toml says {_of(one.stated)} (p = {one.p_value:.1g}); "
         "weigh it, or check how it is mounted."
         for one in payloads
-        if one.found is not None and one.p_value is not None and one.p_value < CONTRADICTS
+        if one.found is not None and one.p_value is not None and one.p_value < _CONTRADICTS
     ]
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
-from pipeline.answer.contract import Answer
+from pipeline.answer.contract import Answer, Carried, Controlled
 from pipeline.answer.recommended import DecisionRow, ModelValues
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
@@ -53,6 +53,23 @@ class ReportedModel:
 
 
 @dataclass(frozen=True, eq=False)
+class ReadingControl:
+    """How readings check each other, and how much each pull changes what is estimated.
+
+    Attributes:
+        readings: Table RELIABILITY.
+        pulls: Table INFLUENCE.
+        least: The errors with the lowest redundancy.
+        most: The pull with the largest effect on each stiffness and on each cause.
+    """
+
+    readings: pd.DataFrame
+    pulls: pd.DataFrame
+    least: tuple[Controlled, ...]
+    most: tuple[Carried, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class CampaignResults:
     """Everything that a run found out about a campaign.
 
@@ -70,8 +87,8 @@ class CampaignResults:
         extended: Estimate of springs and identified causes from the data on which the answer rests;
             None without causes.
         where: The test pose.
-        control: Table RELIABILITY of the recommended values.
-        carried: Table INFLUENCE of the recommended values.
+        control: Control of the readings on which the recommended values rest; None without the
+            annex.
         judged: Predictions at the test pose and along the path, and their conformity.
         one_pose: Evidence that all targets of a pose were computed from one pose of the effector;
             None if not applicable.
@@ -88,8 +105,7 @@ class CampaignResults:
     springs: ReportedModel
     extended: ModelValues | None
     where: PoseOfInterest
-    control: pd.DataFrame
-    carried: pd.DataFrame
+    control: ReadingControl | None
     judged: JudgedTolerance
     one_pose: OnePose | None = None
 

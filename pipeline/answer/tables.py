@@ -14,12 +14,9 @@ from pipeline.answer.results import CampaignResults, ReportedModel
 from pipeline.base import doors
 from pipeline.base.arrays import Array, Parameter
 from pipeline.diagnosis.average import Springs
-from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.validate import none as no_validation
 from pipeline.prediction.validate import validate
-from pipeline.prediction.workspace import none as no_workspace
-from pipeline.prediction.workspace import workspace
 from pipeline.reduction.bring import Keep, Step
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.system import Estimate, System
@@ -28,7 +25,7 @@ from pipeline.system.whiten import whitener
 _AXES = np.array(["x", "y", "z"], dtype=object)
 
 
-def _rows_table(system: System) -> pd.DataFrame:
+def rows_table(system: System) -> pd.DataFrame:
     """Number, pose, repeat, target and axis of each row of a system."""
     rows = system.rows
     return pd.DataFrame(
@@ -45,7 +42,7 @@ def _rows_table(system: System) -> pd.DataFrame:
 def _system_table(system: System) -> pd.DataFrame:
     """Table `tables.system`."""
     columns = {f"B_{p.name}": system.B[:, k] for k, p in enumerate(system.parameters)}
-    return _rows_table(system).assign(c_m=system.c, **columns)
+    return rows_table(system).assign(c_m=system.c, **columns)
 
 
 def _errors_table(system: System) -> pd.DataFrame:
@@ -73,25 +70,8 @@ def _residuals_table(system: System, estimate: Estimate, left_out_m: Array) -> p
     whitened = whitener(system.errors, system.rows.pose)(estimate.residual)
     if not system.noise_stated:
         whitened = whitened / np.sqrt(np.sum(whitened**2) / max(estimate.dof, 1))
-    return _rows_table(system).assign(
+    return rows_table(system).assign(
         residual_m=estimate.residual, whitened=whitened, left_out_m=left_out_m
-    )
-
-
-def models_table(springs: System, paper: Estimate, residual: Array, nominal: Array) -> pd.DataFrame:
-    """Table MODELS.
-
-    Args:
-        springs: The system of the joint springs.
-        paper: Its solution.
-        residual: Residuals of the recommended model [m], shape (M,).
-        nominal: Compliances of the robot file, NaN where it states none, shape (n,).
-    """
-    return _rows_table(springs).assign(
-        measured_m=springs.c,
-        nominal_m=springs.B @ nominal,
-        joint_springs_m=springs.c - paper.residual,
-        recommended_m=springs.c - residual,
     )
 
 
@@ -136,8 +116,8 @@ def predicted(
 
 def kept(found: CampaignResults, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
     """The tables of the answer, and of the joint springs beside it."""
-    values, paper, where = found.told.values, found.springs.values, found.where
-    system, diagnosis = values.first.system.of_pulls, found.diagnosis
+    values, paper = found.told.values, found.springs.values
+    system = values.first.system.of_pulls
     if found.mistakes:  # what the answer rests on stands under the usual names
         given, used = found.given.reduced.shown, found.right.reduced.shown
         for name, promise in _CORRECTED:
@@ -152,26 +132,14 @@ def kept(found: CampaignResults, keep: Keep, step: Step) -> dict[str, pd.DataFra
         cov = covariance_table(names, estimate.cov)
         keep(f"41_covariance{suffix}", cov, tables.covariance(names))
     residuals = _residuals_table(system, values.first.estimate, values.left_out_m)
-    cell, data = found.right.case.cell, found.right.data
-    keep("44_influence", found.carried, tables.INFLUENCE)
-    examined = examined_table(diagnosis, cell, data, found.right.system, found.right.estimate)
-    mine, alone = found.told.model.hypotheses, found.springs.model.hypotheses
-    soft = step(workspace)(mine, where)
-    other = no_workspace() if found.mistakes or alone is mine else workspace(alone, where)
     checked = no_validation() if found.told.checked is None else found.told.checked
-    posed = step(posture)(mine[0], where)
+    posed = step(posture)(found.told.model.hypotheses[0], found.where)
     pictured = doors.found(_ANNEX)
     return (pictured(found, keep, step) if pictured else {}) | {
         "posture": keep("73_posture", posed, tables.POSTURE),
         "residuals": keep("42_residuals", residuals, tables.RESIDUALS),
-        "reliability": keep("43_reliability", found.control, tables.RELIABILITY),
-        "examined": keep("50_examined", examined, tables.examined(found.raw.robot)),
-        "diagnosis": keep("51_diagnosis", clues_table(diagnosis), tables.DIAGNOSIS),
-        "separability": keep("52_separability", apart_table(diagnosis), tables.SEPARABILITY),
         "validation": keep("60_validation", checked, tables.VALIDATION),
-        "workspace": keep("61_workspace", soft, tables.WORKSPACE),
         **_path(found, keep),
-        "workspace_joint_springs": keep("62_workspace_joint_springs", other, tables.WORKSPACE),
     }
 
 

@@ -1,7 +1,7 @@
 """Readings of a plan that are not controlled by others, before anything is measured.
 
 The plan's readings as c = B x + G e with the scatter that it states; redundancy and minimal
-detectable biases need no c (`system.reliability`). Chain and base reflectors are not part of a
+detectable biases need no c (`annex.redundancy`). Chain and base reflectors are not part of a
 plan's scatter and are not included.
 """
 
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse
 
+from pipeline.annex.redundancy import reliability, solution
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Strings
 from pipeline.design.information import station
@@ -19,7 +20,6 @@ from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.schedule import pulls_at
 from pipeline.machine.cell import jacobian, paper_cell
-from pipeline.system.reliability import reliability, solution
 from pipeline.system.system import Errors, RowIndex, System
 
 

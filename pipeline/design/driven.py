@@ -23,8 +23,8 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.design.arm import arm_alone
 from pipeline.design.gaps import gaps
 from pipeline.design.problem import Problem
+from pipeline.design.room import Room
 from pipeline.machine.robot import Robot, configure
-from pipeline.machine.room import Room
 
 _STEP_RAD, _STEP_M = np.deg2rad(1.0), 0.02
 """Step at which lines are checked, and initial step of the halving [rad], [m]."""

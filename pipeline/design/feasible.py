@@ -11,9 +11,9 @@ from pipeline.design.descent import descend
 from pipeline.design.information import station
 from pipeline.design.limits import narrow, penalty, slacks
 from pipeline.design.problem import Problem
+from pipeline.design.room import Room
 from pipeline.design.space import PlanCoordinates
 from pipeline.design.spec import Limits
-from pipeline.machine.room import Room
 
 _TRIED, _FOLLOWED = 2000, 64
 """Number of random poses, and of those nearest to the limits that are moved inside [1]."""

@@ -14,11 +14,11 @@ from pipeline.base.shown import in_json
 from pipeline.design.arm import bodied
 from pipeline.design.problem import Problem
 from pipeline.design.propose import BoundedPlan, propose
+from pipeline.design.room import unchecked
 from pipeline.design.search import Effort
 from pipeline.design.unpulled import Unpulled
 from pipeline.machine.robot import axes
 from pipeline.machine.robot.axes import in_log_units
-from pipeline.machine.room import unchecked
 
 _MM = 1e3
 """Millimetres in a metre."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.design.room import Room, closest, dot, length
 from pipeline.machine.robot import Configuration
-from pipeline.machine.room import Room, closest, dot, length
 
 _ROUNDED = 1e-3
 """Minimum gap of random poses [m or 1]: they are printed rounded to 1e-4 deg."""

@@ -14,11 +14,11 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools
 from pipeline.design.gaps import Gaps, gaps
 from pipeline.design.information import PlannedPoses
+from pipeline.design.room import Room
 from pipeline.design.singular import dexterity
 from pipeline.design.spec import Limits
 from pipeline.machine.robot import Configuration
 from pipeline.machine.robot.configuration import velocity
-from pipeline.machine.room import Room
 
 _MARGIN_M = 1e-3
 """Margin that the search keeps, so that its penalty cannot end on the wrong side [m or 1]."""

@@ -19,6 +19,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.design.poses import default_anchors, draw_poses, try_poses
+from pipeline.design.room import room_of
 from pipeline.diagnosis.cause_search import SearchProblem
 from pipeline.diagnosis.facts import SEPARATED, Determining, ProposedPose, SeparatingPose
 from pipeline.diagnosis.separability import left_by, sizes
@@ -109,10 +110,12 @@ def candidates(case: SearchProblem, rng: np.random.Generator) -> Candidates:
     anchors = default_anchors(robot)
     which = np.arange(_CANDIDATES) % len(anchors)
     points = np.vstack([tool.load_point, tool.points])
-    if case.room is None:
+    said = case.surroundings
+    room = None if said is None else room_of(robot, tool.named, said, done.range_n[1])
+    if room is None:
         q = draw_poses(robot, points, anchors, which, rng)
     else:
-        q = try_poses(robot, points, anchors, which, rng, case.room)
+        q = try_poses(robot, points, anchors, which, rng, room)
         found = ~np.isnan(q[:, 0])
         q, which = q[found], which[found]
     at = configure(robot, q).points(points)[:, 0]

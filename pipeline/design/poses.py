@@ -7,9 +7,9 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.errors import InputError
 from pipeline.design.gaps import free
+from pipeline.design.room import Room
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.axes import rounded
-from pipeline.machine.room import Room
 
 _CHAIN_M = (1.2, 4.5)
 """Shortest and longest sensible chain [m], scale and turnbuckle included."""

@@ -14,6 +14,7 @@ from pipeline.design.arm import arm_alone, bodied
 from pipeline.design.criteria import Criterion
 from pipeline.design.information import Experiment
 from pipeline.design.pull import REFERENCE_PULL_N, round_pull, share
+from pipeline.design.room import Room, room_of
 from pipeline.design.scatter import PulledReadings, TrackerBeam
 from pipeline.design.spec import Limits, NoiseSpec, ProblemFile, revised
 from pipeline.library import holds
@@ -23,7 +24,7 @@ from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
 from pipeline.machine.robot import Joint, Robot, axes, configure
 from pipeline.machine.robot.axes import rounded
 from pipeline.machine.robot.configuration import velocity
-from pipeline.machine.room import Room, room_of, turns
+from pipeline.machine.surroundings import turns
 
 _G_N_PER_KG = 9.81
 """Weight of a kilogram [N], with as many digits as a payload has."""

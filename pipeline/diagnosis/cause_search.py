@@ -14,7 +14,7 @@ from pipeline.diagnosis.finding import WRONG_LAW
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects.nameless import NAMELESS
-from pipeline.machine.room import Room
+from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.measured import Measured
 from pipeline.system.detect import LackOfFit, Threshold, lack_of_fit, threshold
 from pipeline.system.elimination import coefficients, eliminate
@@ -64,7 +64,7 @@ class SearchProblem:
         refuted: Multiples of the typical magnitude that the unloaded reflectors rule out, by label.
         shape: Tails and wander of the noise in the data; None where all readings have equal
             weights.
-        room: Obstacles that a proposed pose must avoid; None where not stated.
+        surroundings: What a proposed pose must avoid; None where not stated.
     """
 
     cell: Cell
@@ -76,7 +76,7 @@ class SearchProblem:
     nameless: tuple[Effect, ...] = ()
     refuted: Mapping[str, float] = field(default_factory=dict)
     shape: NoiseShape | None = None
-    room: Room | None = None
+    surroundings: Surrounded | None = None
 
     def linearised(self, model: CurrentModel, near: Linearised | None = None) -> Linearised:
         """The campaign linearised at a model; the errors are those of `near` if given."""

@@ -20,7 +20,6 @@ from pipeline.diagnosis.noise_bounds import bounds
 from pipeline.faults.base_reading import astray
 from pipeline.faults.screen import Screened, ScreeningBase, files_beside, files_of, singles_of
 from pipeline.machine.effects.tracker_drift import by_order
-from pipeline.machine.room import room_of
 from pipeline.reduction.bring import Reduced, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.reduction.expected import expected
@@ -146,9 +145,8 @@ def _diagnosed(right: Fitted, where: PoseOfInterest, step: Step) -> Diagnosed:
         effects = by_order(effects)
     wander = right.shape.wander
     moved = drift(right.reduced.registration, scale, data.unloaded, effects, wander)
-    room = room_of(cell.robot, cell.tool.named, right.case.settings, data.pulls.range_n[1])
-    told = right.noise, right.shape, room
-    return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *told)
+    noted = right.noise, right.shape, right.case.settings
+    return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *noted)
 
 
 def _weighed(end: _Converged, step: Step) -> _Converged:

@@ -37,7 +37,7 @@ from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect, Noise
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.nameless import histories, nameless
-from pipeline.machine.room import Room
+from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system import alarms
@@ -82,7 +82,7 @@ def diagnose(
     drift: Drift | None = None,
     noise: Components | None = None,
     shape: NoiseShape | None = None,
-    room: Room | None = None,
+    surroundings: Surrounded | None = None,
 ) -> Diagnosed:
     """Find what the joint springs model lacks in one campaign.
 
@@ -96,23 +96,17 @@ def diagnose(
         drift: Motion of the tracker that the base reflectors show, if any.
         noise: Noise found in the campaign; by default estimated from its pulls.
         shape: Tails and wander of the noise; none by default.
-        room: Obstacles that a proposed pose must avoid.
+        surroundings: What a proposed pose must avoid.
     """
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
-    # a base frame that grows with the hall takes the robot with it from pose to pose
-    wander = float(
-        np.hypot(
-            shape.wander.between_poses if shape is not None and shape.wanders else 0.0,
-            drift.deformed_m if drift is not None else 0.0,
-        )
-    )
-    stood = from_unloaded(as_stiff(cell, estimate), data, case.certain_noise, whole, wander)
+    wander, stiff = _between_poses(shape, drift), as_stiff(cell, estimate)
+    stood = from_unloaded(stiff, data, case.certain_noise, whole, wander)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
-    case = replace(case, refuted=stood.visible, shape=shape, room=room)
+    case = replace(case, refuted=stood.visible, shape=shape, surroundings=surroundings)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
     facts = replace(_facts(case, found, spread), gain=worth)
@@ -155,6 +149,15 @@ def diagnose(
         stood_off_m=(stood.miss_m, stood.left_m),
         too_small=() if sets else too_small(case, found),
     )
+
+
+def _between_poses(shape: NoiseShape | None, drift: Drift | None) -> float:
+    """Standard deviation of what moves from pose to pose beside the robot [m].
+
+    The tracker wanders; a base frame that grows with the hall takes the robot with it.
+    """
+    wander = shape.wander.between_poses if shape is not None and shape.wanders else 0.0
+    return float(np.hypot(wander, drift.deformed_m if drift is not None else 0.0))
 
 
 def _of_search(found: SearchResult, helps: bool) -> dict[str, Any]:

@@ -104,14 +104,14 @@ def in_common(found: Sequence[Mistake], readings: pd.DataFrame) -> str:
         found: The mistakes.
         readings: All readings of the campaign.
     """
+    if not found or not all(one.of_reading and one.at for one in found):
+        return ""
     readings = readings[readings["pose"].notna()]
-    single = [one for one in found if one.of_reading and one.at]
-    rows = readings[np.isin(lines_of(readings), [line for one in single for line in one.at])]
-    if not single or len(single) < len(found) or len(rows) < len(single):
+    rows = readings[np.isin(lines_of(readings), [line for one in found for line in one.at])]
+    if len(rows) < len(found):
         return ""
     columns = next((one for one in _IN_COMMON if _alike(rows[one], readings[one])), None)
-    off_m = float(np.median([one.size or 0 for one in single]))
-    return _shared(rows, columns, readings, off_m) if columns else ""
+    return _shared(found, rows, columns, readings) if columns else ""
 
 
 def _alike(rows: pd.DataFrame, readings: pd.DataFrame) -> bool:
@@ -120,7 +120,9 @@ def _alike(rows: pd.DataFrame, readings: pd.DataFrame) -> bool:
     return alike == 1 and share ** (len(rows) - 1) < _BY_CHANCE
 
 
-def _shared(rows: pd.DataFrame, columns: list[str], readings: pd.DataFrame, off_m: float) -> str:
+def _shared(
+    found: Sequence[Mistake], rows: pd.DataFrame, columns: list[str], readings: pd.DataFrame
+) -> str:
     """`All of them are of pose 5.`, or of one target, and whether it did not move with the load."""
     first = rows.iloc[0]
     if columns == ["pose"]:
@@ -129,6 +131,7 @@ def _shared(rows: pd.DataFrame, columns: list[str], readings: pd.DataFrame, off_
     mine = readings[(readings["target"] == first["target"]) & (readings["state"] == "unloaded")]
     zero = mine.groupby("pose")[XYZ].mean().reindex(rows["pose"]).to_numpy(float)
     moved = np.linalg.norm(rows[XYZ].to_numpy(float) - zero, axis=1)
+    off_m = float(np.median([one.size or 0 for one in found]))
     still = states and float(np.median(moved)) < _STILL * off_m
     how = ", which did not move with the load" if still else ""
     return f"All of them are of {states}{first['target']}{how}: look there first."

@@ -43,29 +43,41 @@ def reversed_pull(case: Case, estimate: Estimate) -> list[Mistake]:
     share = _farther(case)
     if share is not None and share < 0.5:
         return []
-    names = " and ".join(case.settings.naming.chain)
-    seen = "" if share is None else f", and in {share:.0%} of the pulls the first end is farther "
-    seen += "" if share is None else "from the load point"
+    evidence, correction = _reversed(case, f"{negative} of {known.sum()} clear compliances", share)
     return [
         Mistake(
             name="sign_or_convention",
             where="pull_reversed",
-            evidence=f"weights pull the other way than [gravity] states: {negative} of "
-            f"{known.sum()} clear compliances are negative, the robot would move against them"
-            if _hangs(case)
-            else f"the pull is reversed: {negative} of {known.sum()} clear compliances are "
-            f"negative, the robot would move against the force{seen}",
-            correction="recomputed with weights pulling the other way in F_b"
-            if _hangs(case)
-            else f"recomputed with {names} exchanged"
-            if case.settings.displacements is None
-            else "recomputed with all forces reversed",
+            evidence=evidence,
+            correction=correction,
             before=float(against),
             after=1 - float(against),
             unit="1",
             correct=_turned_round,
         )
     ]
+
+
+def _reversed(case: Case, negative: str, farther: float | None) -> tuple[str, str]:
+    """Evidence and correction; `farther` as of `_farther`."""
+    if _hangs(case):
+        return (
+            f"weights pull the other way than [gravity] states: {negative} are negative, the robot "
+            "would move against them",
+            "recomputed with weights pulling the other way in F_b",
+        )
+    seen = (
+        f", and in {farther:.0%} of the pulls the first end is farther from the load point"
+        if farther is not None
+        else ""
+    )
+    names = " and ".join(case.settings.naming.chain)
+    raw = case.settings.displacements is None
+    return (
+        f"the pull is reversed: {negative} are negative, the robot would move against the "
+        f"force{seen}",
+        f"recomputed with {names} exchanged" if raw else "recomputed with all forces reversed",
+    )
 
 
 def _hangs(case: Case) -> bool:

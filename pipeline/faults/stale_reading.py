@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -81,11 +82,8 @@ def repeated(asked: Screening) -> list[Mistake]:
     across = float(pairs.sum() * (pairs.sum() - 1) / 2) - within
     copy = _Copy(asked)
     found: dict[int, Mistake] = {}
-    for names, same in _twice(rows[equal]):
-        here = rows.loc[same[0]].iloc[0], rows.loc[same[1]].iloc[0]
+    for names, same, here in _unexplained(case, rows, rows[equal]):
         alike = here[0]["at"] == here[1]["at"]
-        if not alike and _stand_alike(case, here):
-            continue
         p = (within if alike else across) * float(np.prod(chance[same[1]].to_numpy(float)))
         if p < alarms.READING:
             which = copy.of(names, here)
@@ -95,6 +93,16 @@ def repeated(asked: Screening) -> list[Mistake]:
                 origin = f"{sorted(names)}" if alike else f"{here[1 - which]['at']} {row['at']}"
                 found.setdefault(k, replace(one, alike=origin))
     return [found[k] for k in sorted(found)]
+
+
+def _unexplained(
+    case: Case, rows: pd.DataFrame, equal: pd.DataFrame
+) -> Iterator[tuple[tuple[str, str], tuple[list[int], list[int]], tuple[Any, Any]]]:
+    """Groups as of `_twice` and their first rows, without those of a target that stands still."""
+    for names, same in _twice(equal):
+        here = rows.loc[same[0]].iloc[0], rows.loc[same[1]].iloc[0]
+        if here[0]["at"] == here[1]["at"] or not _stand_alike(case, here):
+            yield names, same, here
 
 
 def _twice(rows: pd.DataFrame) -> Iterator[tuple[tuple[str, str], tuple[list[int], list[int]]]]:

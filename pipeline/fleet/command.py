@@ -10,7 +10,21 @@ import typer
 from typer import Argument, Option
 
 from pipeline.app.commands._shared import AsJson, Named, Root, open_it, show
-from pipeline.base.errors import UsageError
+from pipeline.base.errors import UsageError, worst
+
+
+def status(as_json: AsJson = False, root: Root = Path()) -> None:
+    """List the campaigns in data/raw: new, changed or done, with their verdicts."""
+    from pipeline.app.shell import no_campaign
+    from pipeline.fleet.states import states
+
+    codes = []
+    for outcome in states(root):
+        codes.append(outcome.exit_code)
+        show(outcome, as_json)
+    if not codes:
+        typer.secho(str(no_campaign(root)), err=True)
+    raise typer.Exit(worst(codes))
 
 
 def query(

@@ -138,15 +138,19 @@ def _numbered(
     if len(units) < 2 or "pose" not in found or "repeat" in found or not cells():
         return found
     columns, taken = cells(), [one for one, _ in found.values()]
-    pulls = defaultdict[str, list[str]](list)
-    for pose, pull in zip(columns[found["pose"][0]], columns[title], strict=True):
-        pulls[pose].append(pull)
-    counts = all(own == [*map(str, range(1, len(own) + 1))] for own in pulls.values())
     left = {one: own for one, own in columns.items() if one not in taken}
     others = [one for one, own in left.items() if all(map(is_number, own))]
-    if len(others) != 1 or not counts:
+    if len(others) != 1 or not _counts(columns[found["pose"][0]], columns[title]):
         return found
     return found | {"repeat": (title, ()), "force": (others[0], units)}
+
+
+def _counts(poses: Sequence[str], numbers: Sequence[str]) -> bool:
+    """Whether numbers count 1, 2, 3 in each pose."""
+    pulls = defaultdict[str, list[str]](list)
+    for pose, number in zip(poses, numbers, strict=True):
+        pulls[pose].append(number)
+    return all(own == [*map(str, range(1, len(own) + 1))] for own in pulls.values())
 
 
 def _by_unit(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str, Sequence[str]]]:

@@ -29,11 +29,7 @@ def separators(exports: Sequence[Export]) -> list[str]:
     Of several such ways those whose groups tell most of their states are returned, and of these
     those in which targets keep their distances, if there are any.
     """
-    names, places = list[str](), list[Array]()
-    for one in exports:
-        if one.group is None and one.target is not None:
-            names += one.target[:LOOKED_AT].cast(pa.string()).to_pylist()
-            places += [*one.position[:LOOKED_AT]]
+    names, places = _joined(exports)
     ways = itertools.chain.from_iterable(map(_ways, _in_all(names)))
     read = {way: pairs for way in ways if (pairs := _pairs(names, way))}
     few = {way: pairs for way, pairs in read.items() if _come_again({*pairs})}
@@ -41,6 +37,16 @@ def separators(exports: Sequence[Export]) -> list[str]:
     told = {way: _telling(groups) for way, groups in rows.items()}
     best = [way for way in few if told[way] == max(told.values())]
     return [way for way in best if _polar.some_keep([*rows[way].values()])] or best
+
+
+def _joined(exports: Sequence[Export]) -> tuple[list[str], list[Array]]:
+    """Names that have no group, and where each was read."""
+    names, places = list[str](), list[Array]()
+    for one in exports:
+        if one.group is None and one.target is not None:
+            names += one.target[:LOOKED_AT].cast(pa.string()).to_pylist()
+            places += [*one.position[:LOOKED_AT]]
+    return names, places
 
 
 def _telling(groups: Mapping[str, Mapping[str, Array]]) -> int:

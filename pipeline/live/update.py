@@ -222,14 +222,18 @@ def _warnings(answer: Answer, robot: Robot) -> Iterator[str]:
     own = {str(one.name) for one in catalogue(robot) if one.place in _OF_THE_ROBOT}
     for one in answer.diagnosis.causes:
         if one.evidence is None and (one.probability or 0.0) >= _LIKELY:
-            at = f" ({one.where})" if one.where is not None else ""
-            at += f" {one.form}" if (one.form or "").startswith("since") else ""
-            what = str(one.name).replace("_", " ")
             then = _advice(one, str(one.name) in own)
-            yield f"{what.capitalize()}{at}, probability {one.probability:.2f}{then}."
+            yield f"{_named(one)}, probability {one.probability:.2f}{then}."
     for reason in answer.diagnosis.reasons:  # of these no cause is stated
         if done := _ADVICE.get(str(reason)):
             yield f"{str(reason).replace('_', ' ').capitalize()}: {done}."
+
+
+def _named(cause: Cause) -> str:
+    """`Joint tilt (4)`, and since when."""
+    at = f" ({cause.where})" if cause.where is not None else ""
+    at += f" {cause.form}" if (cause.form or "").startswith("since") else ""
+    return str(cause.name).replace("_", " ").capitalize() + at
 
 
 def _advice(cause: Cause, of_robot: bool) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Locked, Strings
 from pipeline.machine.cell import Tool
-from pipeline.machine.robot import Configuration, Robot
+from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.capsules import Capsules
 
 _BASE, _CARRIAGE, _ARM, _TOOL = "base", "carriage", "arm", "tool"
@@ -105,3 +105,13 @@ def points(part: str, named: dict[str, Array]) -> Bodies:
     at = np.array(list(named.values()), dtype=float).reshape(1, -1, 1, 3)
     both = np.repeat(at, 2, axis=2)
     return Bodies(part, np.array(list(named), dtype=object), both, np.zeros(len(named)))
+
+
+def arm_joints(robot: Robot, q: Array) -> tuple[int, int] | None:
+    """Indices of the first two neighbouring revolute joints whose axes are parallel."""
+    axes = configure(robot, q[None]).axes[0, :, :, 2]
+    for j in range(robot.n - 1):
+        turning = not (robot.joints[j].prismatic or robot.joints[j + 1].prismatic)
+        if turning and np.linalg.norm(np.cross(axes[j], axes[j + 1])) < 1e-6:
+            return j, j + 1
+    return None

@@ -8,8 +8,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AliasChoices, ConfigDict, Field, field_validator, model_validator
 
-from pipeline.base.errors import listed
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError, listed
 from pipeline.base.strict import Length, Misplaced, Name, Positive, Strict
+from pipeline.machine.robot import Robot
 
 _Point = tuple[Length, Length, Length]
 
@@ -121,6 +123,35 @@ class Surrounded(Strict):
                 f"tool.acceptance has {listed(unknown)}, the reflectors are {listed(targets)}",
                 ["tool", "acceptance", unknown[0]],
             )
+
+
+def turns(robot: Robot, said: Surrounded) -> tuple[Array, Array]:
+    """Joint limits [m] or [rad], shape (n,) each, within those of cables and hoses.
+
+    Raises:
+        InputError: `[cell] max_turn_deg` names a joint that is not revolute or does not exist, or
+            leaves no range.
+    """
+    lower, upper = robot.lower.copy(), robot.upper.copy()
+    names = [joint.name for joint in robot.joints if not joint.prismatic]
+    for name, most in (said.cell.max_turn_deg if said.cell else {}).items():
+        if name not in names:
+            raise InputError(
+                f'[cell] max_turn_deg has "{name}", and {robot.name} has no such joint that turns',
+                f"its joints that turn are {listed(names)}",
+                key=["cell", "max_turn_deg", name],
+            )
+        k = [joint.name for joint in robot.joints].index(name)
+        most_rad = float(np.deg2rad(most))
+        if lower[k] >= most_rad or upper[k] <= -most_rad:
+            raise InputError(
+                f"[cell] max_turn_deg.{name} = {most:g} leaves nothing of the limits "
+                f"{np.rad2deg(lower[k]):g} to {np.rad2deg(upper[k]):g} deg of that joint",
+                "allow a larger turn, or correct the robot file",
+                key=["cell", "max_turn_deg", name],
+            )
+        lower[k], upper[k] = max(lower[k], -most_rad), min(upper[k], most_rad)
+    return lower, upper
 
 
 def tooled(points: Mapping[str, Any], said: Surrounded) -> dict[str, Any]:

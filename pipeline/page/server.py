@@ -585,12 +585,7 @@ async def _correct(state: _State, request: Request) -> Response:
     first = request.query_params.get("first", "")
     size = int(first) if first.isdecimal() else len(data)
     data, rest = data[:size], data[size:]
-    options: list[str] = []
-    for key in ("force", "tool", "base", "world", "flange", "start"):
-        if typed := request.query_params.get(key, "").strip():
-            options += [f"--{key}={typed}"]
-    if request.query_params.get("partial") == "1":
-        options.append("--partial")
+    options = _options(request)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_bytes(data)
@@ -604,6 +599,14 @@ async def _correct(state: _State, request: Request) -> Response:
     text = said.output.decode("latin-1")
     more = [f"{len(rows) - _MOST_ROWS} more lines differ"] if len(rows) > _MOST_ROWS else []
     return _told(rows=rows[:_MOST_ROWS], corrected=text, words=[*said.words, *more])
+
+
+def _options(request: Request) -> list[str]:
+    """Options of `compensate` as typed into the page."""
+    asked = ("force", "tool", "base", "world", "flange", "start")
+    typed = {key: request.query_params.get(key, "").strip() for key in asked}
+    partial = ["--partial"] * (request.query_params.get("partial") == "1")
+    return [*(f"--{key}={value}" for key, value in typed.items() if value), *partial]
 
 
 def _side_by_side(old: list[str], new: list[str]) -> Iterator[dict[str, Any]]:

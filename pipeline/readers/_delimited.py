@@ -69,15 +69,13 @@ def rows(text: Text, layout: Layout) -> TypedRows:
     fields = [field for field in layout.fields if field.kind != "any"]
     much = len(found.line) > WORTH_A_THREAD
     cells = spread(_trimmed, found.columns, much)
-    cells = [
-        _bare_numbers(_without(c, field.unit)) if field.kind == "number" else c
-        for c, field in zip(cells, fields, strict=True)
-    ]
-    numbers = [c for c, field in zip(cells, fields, strict=True) if field.kind == "number"]
-    layout = replace(
-        layout, decimal=layout.decimal or decimal_mark(numbers, found.line, layout.table)
+    numbers = {k: _bare_numbers(_without(cells[k], field.unit))
+               for k, field in enumerate(fields) if field.kind == "number"}  # fmt: skip
+    mark = layout.decimal or decimal_mark([*numbers.values()], found.line, layout.table)
+    layout = replace(layout, decimal=mark)
+    columns = spread(
+        lambda k: _parsed(fields[k], numbers.get(k, cells[k]), layout), range(len(fields)), much
     )
-    columns = spread(lambda k: _parsed(fields[k], cells[k], layout), range(len(fields)), much)
     good = np.logical_and.reduce([column.good for column in columns])
     _zones_alike(columns, good)
     if len(good) >= HOPELESS and not good.any():

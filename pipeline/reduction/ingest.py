@@ -25,7 +25,7 @@ from pipeline.base.threads import WORTH_A_THREAD, both
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot
-from pipeline.machine.room import turns
+from pipeline.machine.surroundings import turns
 from pipeline.readers import Export, logs
 from pipeline.readers.reflector_sets import ReflectorSet
 from pipeline.reduction import _pulls, _raw_readings, _size, limits

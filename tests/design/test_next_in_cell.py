@@ -11,7 +11,6 @@ from pipeline.design.nextpose import PlaceQuestion, candidates, propose
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot.axes import from_log_units, in_log_units
-from pipeline.machine.room import room_of
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.effector import tool
 from pipeline.run import campaign_answer, ingested, reduce
@@ -47,8 +46,7 @@ def asked():
     _, estimate = identify(cell, data, raw.robot.nominal_compliance)
     case, _ = case_of(cell, data, estimate)
     view = case.whitened(case.linearised(case.model((), estimate.value)))
-    room = room_of(raw.robot, cell.tool.named, raw.settings, 3000.0)
-    return replace(case, room=room), view
+    return replace(case, surroundings=raw.settings), view
 
 
 def question(view, labels):
@@ -85,7 +83,7 @@ def test_every_next_pose_can_be_shot(asked, draws):
 def test_without_the_cell_some_next_pose_cannot_be_shot(asked):
     """The check does find fault: the same draws, chosen without a cell."""
     case, view = asked
-    found = proposals((replace(case, room=None), view), 0)
+    found = proposals((replace(case, surroundings=None), view), 0)
 
     assert any(complaints(case, one) for one in found)
 

@@ -10,12 +10,12 @@ from pipeline.design.feasible import check_reachable
 from pipeline.design.gaps import free
 from pipeline.design.library import problem_of
 from pipeline.design.limits import kept, narrow, penalty
+from pipeline.design.room import _pairs, closest, length, unchecked
 from pipeline.design.search import Effort, rounded, search
 from pipeline.design.space import PlanCoordinates
 from pipeline.design.unpulled import unpulled
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.mdh import parse
-from pipeline.machine.room import _pairs, closest, length, unchecked
 
 BODIED = ("kr500_rail", "kr500_rail_kuka", "ur10", "kr210_r2700_2", "fanuc_r2000ic")
 QUICK = Effort(first=0, rounds=1, poses=96, settled=8, exchanged=2)

@@ -8,11 +8,11 @@ import pytest
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline import tables
+from pipeline.annex.diagnosis_tables import apart_table, clues_table, examined_table
 from pipeline.answer.diagnosis import diagnosis_of_good_data
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.diagnosis.average import dependences
 from pipeline.diagnosis.diagnose import diagnose
-from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import verdict
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import load

@@ -11,19 +11,18 @@ from made_system import dense, generalised, made
 from small_case import PLAN, small
 
 from bench.as_pinocchio import model
-from pipeline.annex.figure_tables import enough
+from pipeline.annex.figure_tables import enough, models_table
 from pipeline.annex.scene import MOST_POSES, scene
 from pipeline.annex.seen_laws import laws
+from pipeline.annex.workspace import arm_in_plane
 from pipeline.answer.posture import posture
 from pipeline.answer.recommended import joint_springs
-from pipeline.answer.tables import models_table
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine import bodies
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import configure, load
 from pipeline.prediction.model import ModelHypothesis as Handed
-from pipeline.prediction.workspace import arm_in_plane
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.pose_of_interest import PoseOfInterest, place_of_interest
 from pipeline.run import ingested

@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 
 from pipeline.annex.sections.method import method
+from pipeline.answer.inputs import payload_entries
 from pipeline.base.errors import InputError
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import bring, conformed, plain
-from pipeline.reduction.torques import weighed as weighed_by_torques
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -334,12 +334,13 @@ def test_joint_torques_weigh_a_payload(repeats):
         files["loads.csv"] = "\n".join(["pose,repeat,payload", *rows]).encode()
     for seed in range(12):
         case = case_of(torques(files, q, repeats, seed, sense=(-1.0) ** seed))
-        found = weighed_by_torques(case)
+        found = {one.name: one for one in payload_entries(case)}
         for name, (mass, center) in PAYLOADS.items():
-            one = found[name]
-            z += [(one.mass - mass) / one.mass_std, *((one.center - center) / one.center_std)]
+            one, body = found[name], found[name].found
+            z.append((body.mass_kg - mass) / body.mass_std_kg)
+            z += ((np.array(body.center_m) - center) / body.center_std_m).tolist()
             p.append(one.p_value)
-            assert one.mass_std < 0.5
+            assert body.mass_std_kg < 0.5
             assert one.poses == (12 if repeats else 6)
 
     assert 0.7 < np.std(z) < 1.4

@@ -30,7 +30,7 @@ COMMANDS = {
         "Process new or changed campaigns and write their reports.",
     ),
     "status": _Command(
-        "pipeline.app.commands.campaigns:status",
+        "pipeline.fleet.command:status",
         "List the campaigns: new, changed or done, with their verdicts.",
     ),
     "report": _Command(

@@ -1,4 +1,4 @@
-"""Commands for measured campaigns: `run`, `status` and `report`."""
+"""Commands for measured campaigns: `run` and `report`."""
 
 from __future__ import annotations
 
@@ -66,19 +66,6 @@ def run(
     ):
         codes += [outcome.exit_code, MISFIT if strict and outcome.misfit else 0]
         show(outcome, as_json)
-    raise typer.Exit(worst(codes))
-
-
-def status(as_json: AsJson = False, root: Root = Path()) -> None:
-    """List the campaigns in data/raw: new, changed or done, with their verdicts."""
-    from pipeline.app import shell
-
-    codes = []
-    for outcome in shell.status(root):
-        codes.append(outcome.exit_code)
-        show(outcome, as_json)
-    if not codes:
-        typer.secho(str(shell.no_campaign(root)), err=True)
     raise typer.Exit(worst(codes))
 
 

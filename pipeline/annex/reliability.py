@@ -13,8 +13,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.annex.redundancy import (
+    Reliability,
+    Solution,
+    influence,
+    of_base,
+    reliability,
+    solution,
+)
 from pipeline.answer.contract import LEAST_CONTROLLED, Carried, Controlled
 from pipeline.answer.recommended import ModelValues
+from pipeline.answer.results import ReadingControl
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.machine.cell import Cell, jacobian
@@ -24,14 +33,6 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.assemble import by_inputs
 from pipeline.system.fit import Fitted
-from pipeline.system.reliability import (
-    Reliability,
-    Solution,
-    influence,
-    of_base,
-    reliability,
-    solution,
-)
 from pipeline.system.system import System
 
 _AXES = np.array(["x", "y", "z"], dtype=object)
@@ -76,8 +77,8 @@ def _asked(cell: Cell, values: Array, where: PoseOfInterest) -> _QuantitiesOfInt
     )
 
 
-def control(values: ModelValues, where: PoseOfInterest) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Tables RELIABILITY and INFLUENCE of the first hypothesis of a model."""
+def control(values: ModelValues, where: PoseOfInterest) -> ReadingControl:
+    """Control of the readings in the first hypothesis of a model."""
     first, fitted = values.first, values.fitted
     system, x = first.system, first.estimate.value
     about = _asked(first.cell, x, where)
@@ -87,7 +88,10 @@ def control(values: ModelValues, where: PoseOfInterest) -> tuple[pd.DataFrame, p
     named = inputs.table(system, _names(fitted.case, fitted.reduced.placed))
     table = pd.DataFrame(named | _told(reliability(system, at), inputs.size, about))
     parts = [table[inputs.kept], *_base(fitted, at, turn, about)]
-    return pd.concat(parts, ignore_index=True), _influence(system, at, about)
+    readings, pulls = pd.concat(parts, ignore_index=True), _influence(system, at, about)
+    return ReadingControl(
+        readings, pulls, controlled_entries(readings), carried_entries(pulls, values)
+    )
 
 
 def _influence(system: System, at: Solution, about: _QuantitiesOfInterest) -> pd.DataFrame:

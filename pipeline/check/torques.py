@@ -10,20 +10,19 @@ Int. J. Robotics Research 5, 1986). Each joint's torque has an offset in additio
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy import special
 
+from pipeline.answer.contract import Body, Payload
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.arrays import Array, Ints
 from pipeline.machine.robot import configure
 from pipeline.machine.robot.configuration import torque
 from pipeline.reduction.case import Case
 from pipeline.reduction.settings import PayloadSettings
-
-CONTRADICTS = 0.001
-"""p-value below which mass and centre contradict the stated ones [1]."""
 
 _FEWEST = 3
 """Minimum number of poses to separate a payload from an offset, and minimum degrees of freedom."""
@@ -53,40 +52,19 @@ _ALIKE = 1e-3
 """Variance of the joints' log variances beyond chance below which all scatter alike [1]."""
 
 
-@dataclass(frozen=True, eq=False)
-class WeighedPayload(Locked):
-    """A payload as estimated from joint torques.
-
-    Attributes:
-        mass: [kg].
-        mass_std: Its standard uncertainty from the torques' own scatter, scaled so that the 95 %
-            interval of Student's tails is 1.96 of it to either side.
-        center: Flange frame [m], shape (3,).
-        center_std: Its standard uncertainties, likewise, shape (3,).
-        poses: Number of poses used.
-        p_value: Probability of a difference this large from the stated payload, including its
-            uncertainties.
-    """
-
-    mass: float
-    mass_std: float
-    center: Array
-    center_std: Array
-    poses: int
-    p_value: float
+def weighed(case: Case, stated: Sequence[Payload]) -> tuple[Payload, ...]:
+    """The stated payloads, with what the logged torques determine of them."""
+    return tuple(one.model_copy(update=_told(case, one)) for one in stated)
 
 
-def weighed(case: Case) -> dict[str, WeighedPayload]:
-    """Each payload that the logged torques determine, by name."""
+def _told(case: Case, stated: Payload) -> dict[str, Any]:
+    """What torques determine of one payload; empty for nothing."""
     if case.torques is None or not len(case.torques):
         return {}
-    out: dict[str, WeighedPayload] = {}
-    for name, payload in case.settings.payload.items():
-        pose, tau = _of(case, name)
-        if len(np.unique(pose)) >= _FEWEST:
-            found = _fit(case, payload, pose, tau)
-            out |= {name: found} if found else {}
-    return out
+    pose, tau = _of(case, stated.name)
+    if len(np.unique(pose)) < _FEWEST:
+        return {}
+    return _fit(case, case.settings.payload[stated.name], pose, tau)
 
 
 def _of(case: Case, name: str) -> tuple[Ints, Array]:
@@ -110,13 +88,13 @@ def _of(case: Case, name: str) -> tuple[Ints, Array]:
     return pose, both[tau].to_numpy(float) - bare.reindex(pose).to_numpy(float)
 
 
-def _fit(case: Case, payload: PayloadSettings, pose: Ints, tau: Array) -> WeighedPayload | None:
+def _fit(case: Case, payload: PayloadSettings, pose: Ints, tau: Array) -> dict[str, Any]:
     """Estimate (m, m c) and offsets, integrating over the unknown scatter of each joint."""
     X, y, joint = _rows(case, payload, pose, tau)
     inverse = linear.pseudoinverse(X)
     dof = len(y) - inverse.rank
     if dof < _FEWEST:
-        return None
+        return {}
     n, size = case.robot.n, np.ones(case.robot.n)
     for _ in range(_ROUNDS):
         inverse = linear.pseudoinverse(X / size[joint, None])
@@ -127,7 +105,7 @@ def _fit(case: Case, payload: PayloadSettings, pose: Ints, tau: Array) -> Weighe
         left = (weight * usual + square) / (weight + np.maximum(spare, 0.0))
         size = np.maximum(np.sqrt(left), _LEAST * np.abs(y).max())
     if not np.isfinite(np.diag(inverse.cov)[:4]).all():
-        return None
+        return {}
     drawn = _drawn(X, y, joint, size, (weight, usual))[:, :4]
     drawn *= np.sign(np.median(drawn[:, 0]))
     return _weighed(payload, drawn, dof, len(np.unique(pose)))
@@ -224,15 +202,18 @@ _LEAST = 1e-9
 """Fraction of the largest torque below which it is rounding [1]."""
 
 
-def _weighed(payload: PayloadSettings, drawn: Array, dof: int, poses: int) -> WeighedPayload | None:
+def _weighed(payload: PayloadSettings, drawn: Array, dof: int, poses: int) -> dict[str, Any]:
     """Mass and centre from draws of (m, m c), and their p-value against the stated ones.
+
+    Uncertainties are scaled so that the 95 % interval of Student's tails is 1.96 of them to either
+    side.
 
     F = (t - t0)' (C + C0)^-1 (t - t0) / 4 with 4 and `dof` degrees of freedom, t0 and C0 those
     stated; the sign convention of the controller's torques is not judged.
     """
     theta, cov = drawn.mean(axis=0), np.cov(drawn.T)
     if theta[0] <= 0 or (drawn[:, 0] <= 0).mean() > _LOST:
-        return None
+        return {}
     m, center = theta[0], theta[1:] / theta[0]
     stated = np.array(payload.center_m)
     off = theta - payload.mass_kg * np.array([1.0, *stated])
@@ -244,14 +225,14 @@ def _weighed(payload: PayloadSettings, drawn: Array, dof: int, poses: int) -> We
     F = float(off @ linear.solve(both, off)) / 4
     # d(c) = (d(m c) - c dm) / m
     centers = center + (drawn[:, 1:] - theta[1:] - np.outer(drawn[:, 0] - m, center)) / m
-    return WeighedPayload(
-        mass=float(m),
-        mass_std=float(_std(drawn[:, 0])),
-        center=center,
-        center_std=_std(centers),
-        poses=poses,
-        p_value=float(special.fdtrc(4, dof, F)),
+    (x, y, z), (a, b, c) = center.tolist(), _std(centers).tolist()
+    found = Body(
+        mass_kg=float(m),
+        mass_std_kg=float(_std(drawn[:, 0])),
+        center_m=(x, y, z),
+        center_std_m=(a, b, c),
     )
+    return {"found": found, "poses": poses, "p_value": float(special.fdtrc(4, dof, F))}
 
 
 def _std(drawn: Array) -> Array:

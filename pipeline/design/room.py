@@ -8,12 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from pipeline.answer.contract import CellLimits
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.base.errors import InputError, listed
+from pipeline.base.errors import listed
+from pipeline.machine.cell import Tool
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.capsules import Capsules
 from pipeline.machine.robot.configuration import torque, velocity
-from pipeline.machine.surroundings import Surrounded
+from pipeline.machine.surroundings import Surrounded, turns
 
 _SEAT_M = 0.01905
 """Height of the centre of a 1.5 inch reflector above its mounting surface [m]: a point no further
@@ -153,33 +155,16 @@ def room_of(
     )
 
 
-def turns(robot: Robot, said: Surrounded) -> tuple[Array, Array]:
-    """Joint limits [m] or [rad], shape (n,) each, within those of cables and hoses.
-
-    Raises:
-        InputError: `[cell] max_turn_deg` names a joint that is not revolute or does not exist, or
-            leaves no range.
-    """
-    lower, upper = robot.lower.copy(), robot.upper.copy()
-    names = [joint.name for joint in robot.joints if not joint.prismatic]
-    for name, most in (said.cell.max_turn_deg if said.cell else {}).items():
-        if name not in names:
-            raise InputError(
-                f'[cell] max_turn_deg has "{name}", and {robot.name} has no such joint that turns',
-                f"its joints that turn are {listed(names)}",
-                key=["cell", "max_turn_deg", name],
-            )
-        k = [joint.name for joint in robot.joints].index(name)
-        most_rad = float(np.deg2rad(most))
-        if lower[k] >= most_rad or upper[k] <= -most_rad:
-            raise InputError(
-                f"[cell] max_turn_deg.{name} = {most:g} leaves nothing of the limits "
-                f"{np.rad2deg(lower[k]):g} to {np.rad2deg(upper[k]):g} deg of that joint",
-                "allow a larger turn, or correct the robot file",
-                key=["cell", "max_turn_deg", name],
-            )
-        lower[k], upper[k] = max(lower[k], -most_rad), min(upper[k], most_rad)
-    return lower, upper
+def cell_limits(robot: Robot, tool: Tool, said: Surrounded) -> CellLimits | None:
+    """Conditions that proposed poses are checked for; None if the file has no `[cell]`."""
+    room = room_of(robot, tool.named, said, 0.0)
+    if room is None:
+        return None
+    return CellLimits(
+        kept=room.kept(robot),
+        not_checked=unchecked(robot, tool.targets.tolist(), said),
+        capsules=robot.capsules.source or None,
+    )
 
 
 def unchecked(robot: Robot, targets: Sequence[str], said: Surrounded) -> tuple[str, ...]:

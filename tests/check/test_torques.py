@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.reduction.torques import _drawn, _std
+from pipeline.check.torques import _drawn, _std
 
 JOINTS, READINGS, GAMES = 6, 7, 60
 TRUE = np.array([120.0, 12.0, -8.0, 30.0])

@@ -7,9 +7,10 @@ import pytest
 from made_system import TYPICAL, dense, generalised, made
 from small_case import PLAN, moved, small, where
 
+from pipeline.annex.redundancy import CRITICAL, influence, reliability, solution
+from pipeline.annex.reliability import control
 from pipeline.answer.contract import Carried
 from pipeline.answer.recommended import joint_springs
-from pipeline.answer.reliability import control
 from pipeline.answer.words import hangs_on
 from pipeline.base.arrays import Parameter
 from pipeline.machine.effects import catalogue
@@ -18,7 +19,6 @@ from pipeline.reduction.bring import bring
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.reduction.register import register
 from pipeline.system.fit import fit
-from pipeline.system.reliability import CRITICAL, influence, reliability, solution
 
 EYE = np.eye(3)
 
@@ -79,7 +79,8 @@ def _controlled(case):
     fitted = fit(case, bring(case))
     values = joint_springs(fitted)
     at = place_of_interest(case.settings.test_pose, case.robot, fitted.data.pulls)
-    return values, *control(values, at)
+    found = control(values, at)
+    return values, found.readings, found.pulls
 
 
 def test_the_smallest_visible_error_is_found_in_four_of_five_cases(campaign):

@@ -8,11 +8,12 @@ import pinocchio as pin
 import pytest
 
 from bench.as_pinocchio import model
+from pipeline.annex.workspace import _seen, workspace
+from pipeline.machine.bodies import arm_joints
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
-from pipeline.prediction.workspace import _seen, arm_joints, workspace
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.system import Estimate, Goodness
 

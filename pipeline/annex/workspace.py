@@ -10,7 +10,7 @@ import pandas as pd
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
-from pipeline.machine.bodies import links
+from pipeline.machine.bodies import arm_joints, links
 from pipeline.machine.cell import Cell, jacobian, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
@@ -54,16 +54,6 @@ def workspace(
     inside, plane = _seen(configure(cell.robot, q), cell, pair)
     found = np.column_stack([grid[inside], plane[inside], *_softest(hypotheses, q[inside])])
     return pd.DataFrame(found, columns=WORKSPACE.names).astype({"row": "i4", "column": "i4"})
-
-
-def arm_joints(robot: Robot, q: Array) -> tuple[int, int] | None:
-    """Indices of the first two neighbouring revolute joints whose axes are parallel."""
-    axes = configure(robot, q[None]).axes[0, :, :, 2]
-    for j in range(robot.n - 1):
-        turning = not (robot.joints[j].prismatic or robot.joints[j + 1].prismatic)
-        if turning and np.linalg.norm(np.cross(axes[j], axes[j + 1])) < 1e-6:
-            return j, j + 1
-    return None
 
 
 def _swept(robot: Robot, q: Array, pair: tuple[int, int], steps: int) -> tuple[Array, Array]:
