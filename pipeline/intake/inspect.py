@@ -18,6 +18,7 @@ from pipeline.intake.by_reflectors import rounds
 from pipeline.intake.offer import Offer, offer
 from pipeline.readers import TABLE, Export, ExportSettings, read
 from pipeline.readers._reader import split
+from pipeline.readers.export_settings import ROLES
 
 _MOST_TARGETS = 50
 """Maximum number of names that are listed."""
@@ -81,7 +82,8 @@ class _Inspection:
     def to_json(self) -> dict[str, Any]:
         """Content for `--json`; rare entries are included only where the file has them."""
         rare = ("rounds", "two_faces", "untimed", "columns", "preview", "proposal", "settled")
-        return {k: v for k, v in asdict(self).items() if k not in rare or v not in (None, [])}
+        out = {k: v for k, v in asdict(self).items() if k not in rare or v not in (None, [])}
+        return out | ({"roles": list(ROLES)} if self.columns else {})
 
     def to_text(self) -> str:
         """Text for people, one line per fact."""
@@ -134,32 +136,13 @@ def _faces_in_words(faces: dict[str, Any]) -> str:
     )
 
 
-_WHY = {
-    "title": "by its title",
-    "words": "words that differ",
-    "names": "names",
-    "numbers": "numbers that name points",
-    "time": "times",
-    "matrix": "a covariance: symmetric",
-    "faces": "a point is read in two faces",
-    "rigid": "targets keep their distances while they move",
-    "range": "no angles: too large, or no distance among them",
-    "order": "three numbers, in this order",
-    "stated": "as stated",
-    "empty": "empty",
-    "untold": "",
-    "untimed": "contains no reliable times",
-}
-"""Evidence for the role of a column, in words."""
-
-
 def _columns_in_words(columns: Sequence[Mapping[str, Any]]) -> list[str]:
     """One line for each column: number, title, first cell, role, and evidence."""
     out = []
     for one in columns:
         title = one["title"] or "no title"
         role = one["role"] or "not used"
-        why = f" ({_WHY[one['why']]})" if _WHY[one["why"]] else ""
+        why = f" ({one['because']})" if one["because"] else ""
         out.append(f"  column {one['number']:<5} {title}, {one['example'] or 'empty'}: {role}{why}")
     return out
 
@@ -167,7 +150,7 @@ def _columns_in_words(columns: Sequence[Mapping[str, Any]]) -> list[str]:
 def offer_in_words(file: str, found: Offer) -> str:
     """Interpretation of a file, for people: its columns, first rows and the text to paste."""
     lines = [file, f"  {'dialect':12} {found.dialect}"]
-    lines += _columns_in_words([vars(column) for column in found.columns])
+    lines += _columns_in_words([one.to_json() for one in found.columns])
     lines += rows_in_words(found.preview)
     return "\n".join([*lines, "", found.proposal.rstrip()])
 
@@ -256,7 +239,7 @@ def _as_proposed(
         others = f"   # or {', '.join(map(in_toml, names[1:]))}" if names[1:] else ""
         return {"proposal": f"[tracker]\nnames = {in_toml(names[0])}{others}"} if names else {}
     return {
-        "columns": [dict(vars(one)) for one in found.columns],
+        "columns": [one.to_json() for one in found.columns],
         "preview": [dict(row) for row in found.preview],
         "proposal": found.proposal,
     }

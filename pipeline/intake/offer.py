@@ -26,6 +26,7 @@ from pipeline.readers import (
     recognise,
 )
 from pipeline.readers._units import USUAL_UNITS
+from pipeline.readers.export_settings import ROLES
 
 _FIRST = 5
 """Number of rows of a preview."""
@@ -72,7 +73,8 @@ class Offer:
             answers = [answer.said for answer in self.question.answers]
             out["question"] = {"about": self.question.about, "answers": answers}
         if self.columns:
-            out["columns"] = [dict(vars(column)) for column in self.columns]
+            out["columns"] = [column.to_json() for column in self.columns]
+            out["roles"] = list(ROLES)
         return out | {"preview": [dict(row) for row in self.preview]}
 
 

@@ -15,6 +15,25 @@ QuestionTopic = Literal["columns", "coordinates", "instrument", "unit", "angle",
 """Subject of a question."""
 
 
+EVIDENCE: Mapping[Why, str] = {
+    "title": "by its title",
+    "words": "words that differ",
+    "names": "names",
+    "numbers": "numbers that name points",
+    "time": "times",
+    "matrix": "a covariance: symmetric",
+    "faces": "a point is read in two faces",
+    "rigid": "targets keep their distances while they move",
+    "range": "no angles: too large, or no distance among them",
+    "order": "three numbers, in this order",
+    "stated": "as stated",
+    "empty": "empty",
+    "untold": "",
+    "untimed": "contains no reliable times",
+}
+"""Evidence for the role of a column, in words."""
+
+
 @dataclass(frozen=True)
 class ColumnRole:
     """Probable role of a column.
@@ -32,6 +51,10 @@ class ColumnRole:
     example: str
     role: str
     why: Why
+
+    def to_json(self) -> dict[str, Any]:
+        """Content for `--json`, with the evidence in words."""
+        return dict(vars(self)) | {"because": EVIDENCE[self.why]}
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.base.errors import UsageError
@@ -198,6 +198,27 @@ def confirmed(text: str, line: int) -> str:
     while end < len(lines) and _MORE.match(lines[end].rstrip("\r\n")):
         end += 1
     return sound("".join([*lines[: line - 1], *lines[end:]]))
+
+
+def with_columns(text: str, columns: Mapping[str, str | int]) -> str:
+    """The text with what each column of a table is, which settles the question about them.
+
+    Args:
+        text: campaign.toml.
+        columns: Title or number of the column by role.
+
+    Raises:
+        UsageError: The text has no [tracker.mapping], or not in one line.
+    """
+    found = {(one.table, one.key): one for one in entries(text)}
+    if (mapping := found.get(("tracker.mapping", "columns"))) is None:
+        raise UsageError("campaign.toml has no columns in [tracker.mapping]: edit its text")
+    said = ", ".join(
+        f"{role} = {one if isinstance(one, int) else in_toml(one)}" for role, one in columns.items()
+    )
+    text = filled(text, mapping.line, f"{{ {said} }}")
+    asked = found.get(("tracker", "columns"))
+    return confirmed(text, asked.line) if asked and asked.confirmable else text
 
 
 def _uncover(lines: list[str], line: int) -> None:

@@ -264,18 +264,42 @@ async def _look_page(state: _State, request: Request) -> Response:
     """The detected format of one file."""
     desk = state.desk(request)
     path = desk.file(request.path_params["file"])
-    key = f"{desk.name}/{path.name}:{desk.digest(path.name, TOML)}"
-    if path.suffix == ".toml":
-        described: dict[str, Any] = {"dialect": "robot file"}
-    else:
-        if key not in state.looked:
-            state.looked[key] = await state.look("inspect", "--json", "--", path)
-        found = state.looked[key]
-        described = dict(found.content) or {"error": {"message": " ".join(found.words[-1:])}}
+    described = await _looked(state, desk, path)
     body = _PAGES.get_template("_file.html.jinja").render(
-        campaign=desk.name, name=path.name, said=described
+        campaign=desk.name, name=path.name, said=described, seen=desk.digest(TOML)
     )
     return HTMLResponse(body, headers=_HEADERS)
+
+
+async def _looked(state: _State, desk: Desk, path: Path) -> dict[str, Any]:
+    """What `inspect` says of a file."""
+    if path.suffix == ".toml":
+        return {"dialect": "robot file"}
+    key = f"{desk.name}/{path.name}:{desk.digest(path.name, TOML)}"
+    if key not in state.looked:
+        state.looked[key] = await state.look("inspect", "--json", "--", path)
+    found = state.looked[key]
+    return dict(found.content) or {"error": {"message": " ".join(found.words[-1:])}}
+
+
+async def _columns(state: _State, request: Request) -> Response:
+    """Write what each column of a table is; names that it shows get their entries."""
+    desk, typed = state.desk(request), await _typed(request)
+    said = await _looked(state, desk, desk.file(request.path_params["file"]))
+    titles = [str(one["title"]) for one in said.get("columns", ())]
+    chosen: dict[str, str | int] = {}
+    for number, title in enumerate(titles, 1):
+        if role := str(typed.get(str(number), "")):
+            if role in chosen:
+                raise UsageError(f'columns {chosen[role]} and {title or number} are both "{role}"')
+            chosen[role] = title if title and titles.count(title) == 1 else number
+    new = desk.text() or (await _proposed(state, desk, ""))[0] or ""
+    text = entries.with_columns(new, chosen)
+    again, words = await _proposed(state, desk, text)
+    if again is None:
+        return _told(words or "these columns cannot be read")
+    desk.written(entries.carried_over(text, again), str(typed.get("seen", "")))
+    return _told()
 
 
 async def _put(state: _State, request: Request) -> Response:
@@ -648,6 +672,7 @@ _ROUTES: tuple[tuple[str, str, _Handler], ...] = (
     ("GET", "/c/{name}/look/{file}", _look_page),
     ("PUT", "/c/{name}/file/{file}", _put),
     ("DELETE", "/c/{name}/file/{file}", _remove),
+    ("POST", "/c/{name}/columns/{file}", _columns),
     ("POST", "/c/{name}/init", _set_up),
     ("GET", "/c/{name}/setup", _setup_page),
     ("POST", "/c/{name}/fill", _fill),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
@@ -14,6 +14,8 @@ _Role = Literal[
     "x", "y", "z", "range", "azimuth", "vertical",
     "sx", "sy", "sz", "u95_x", "u95_y", "u95_z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
 ]  # fmt: skip
+ROLES: tuple[str, ...] = get_args(_Role)
+"""What a column of [tracker.mapping] may be."""
 
 
 _Column = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]

@@ -249,3 +249,30 @@ def test_a_table_is_taken_from_another_text_and_all_else_stays():
     )
     assert entries.with_table(JOINTS + REST, new, "joints.columns") == f"{JOINTS}\n{other}{REST}"
     assert entries.with_table(JOINTS + REST, "[tool]\n", "joints.columns") == JOINTS + REST
+
+
+MAPPED = """\
+[tracker]
+# columns = ?   # which column is what is a guess: correct columns in [tracker.mapping] below,
+#               # then remove this line
+# sigma_m =     # of one reading
+
+[tracker.mapping]           # as proposed
+columns = { x = "T", y = "U" }   # by title
+"""
+
+
+def test_columns_that_are_chosen_are_no_question_any_more():
+    """By title, or by number where a title does not say which; remarks stay."""
+    text = entries.with_columns(MAPPED, {"x": "U", "y": 7})
+
+    assert tomllib.loads(text)["tracker"]["mapping"]["columns"] == {"x": "U", "y": 7}
+    assert "# columns" not in text
+    assert "# sigma_m =     # of one reading" in text
+    assert "# by title" in text
+
+
+def test_columns_of_a_known_dialect_are_not_chosen():
+    """There is no mapping that could be changed."""
+    with pytest.raises(UsageError, match=r"no columns in \[tracker\.mapping\]"):
+        entries.with_columns(TEXT, {"x": 1})

@@ -136,6 +136,27 @@ def test_rows_of_a_spreadsheet_can_be_pasted(page, tmp_path):
     assert written["P2"] == [-0.12, 0.19, 0.1]
 
 
+def test_a_column_is_something_else(page, tmp_path):
+    """Chosen among the columns of the file, and read that way at once."""
+    folder = tmp_path / "data" / "raw" / "hall"
+    folder.mkdir(parents=True)
+    rows = [one.split(",") for one in (DEMO / "tracker.csv").read_text().splitlines()[1:]]
+    odd = [f"{r[0]};{r[1]};20.1;{r[2]};{r[3]};{r[4]};0.01" for r in rows]
+    (folder / "odd.csv").write_text("\n".join(["G;P;T;U;V;W;S", *odd, ""]))
+    page.goto(page.url.rstrip("/") + "/c/hall/files")
+    page.get_by_text("Its columns", exact=True).click()
+    sound(page)
+    for number, role in enumerate(("group", "target", "", "x", "y", "z", ""), 1):
+        page.get_by_label(f"column {number}", exact=True).select_option(role or "not used")
+    page.get_by_role("button", name="Read it that way").click()
+    page.get_by_text("as stated").first.wait_for(state="attached")
+    page.get_by_text("Its columns", exact=True).click()
+
+    written = tomllib.loads((folder / "campaign.toml").read_text())
+    assert written["tracker"]["mapping"]["columns"]["x"] == "U"
+    assert page.complaints == []
+
+
 def test_two_windows_do_not_undo_each_other(page, tmp_path):
     """The second one to write is told, and nothing is lost."""
     shutil.copytree(DEMO, tmp_path / "data" / "raw" / "hall")

@@ -5,6 +5,7 @@ import shutil
 import socket
 import threading
 import time
+import tomllib
 from pathlib import Path
 
 import httpx
@@ -369,3 +370,38 @@ def test_a_log_that_was_not_recognised_is_chosen_among_the_files(client, tmp_pat
 
     assert "# file" in text
     assert "<option>hook.csv</option>" in page
+
+
+@pytest.fixture
+def untitled(client):
+    """An export whose titles say nothing: U, V and W are the coordinates, T is the temperature."""
+    drop(client, DEMO / "joints.csv", DEMO / "loads.csv")
+    rows = [one.split(",") for one in (DEMO / "tracker.csv").read_text().splitlines()[1:]]
+    odd = [f"{r[0]};{r[1]};20.1;{r[2]};{r[3]};{r[4]};0.01" for r in rows]
+    client.put("/c/hall/file/odd.csv", content="\n".join(["G;P;T;U;V;W;S", *odd, ""]).encode())
+    return client
+
+
+RIGHT = {"1": "group", "2": "target", "4": "x", "5": "y", "6": "z"}
+
+
+def test_what_a_column_is_can_be_chosen(untitled, tmp_path):
+    """What is chosen is read at once, and nothing more is asked about the columns."""
+    proposed = untitled.get("/c/hall/look/odd.csv").text
+    right = RIGHT | {"seen": proposed.partition('name="seen" value="')[2].partition('"')[0]}
+    twice, said = (
+        untitled.post("/c/hall/columns/odd.csv", content=json.dumps(typed)).json()
+        for typed in (right | {"7": "z"}, right)
+    )
+    text = (tmp_path / "data" / "raw" / "hall" / "campaign.toml").read_text()
+    stated = tomllib.loads(text)
+
+    assert said == {"problem": ""}
+    assert twice == {"problem": 'columns W and S are both "z".'}
+    assert "<option selected>x" in proposed
+    assert stated["tracker"]["mapping"]["columns"] == {
+        "group": "G", "target": "P", "x": "U", "y": "V", "z": "W"
+    }  # fmt: skip
+    assert "# columns = ?" not in text
+    assert stated["naming"]["measured"] == ["P1", "P2", "P3"]
+    assert "-2361.79" in untitled.get("/c/hall/look/odd.csv").text

@@ -29,7 +29,7 @@ async function ask(method, url, body) {
   return said;
 }
 
-for (const form of document.querySelectorAll("form[data-post]")) {
+function posts(form) {
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     const button = form.querySelector("button");
@@ -45,6 +45,8 @@ for (const form of document.querySelectorAll("form[data-post]")) {
     else if ("reload" in form.dataset) location.reload();
   });
 }
+
+document.querySelectorAll("form[data-post]").forEach(posts);
 
 // --- files
 
@@ -97,6 +99,7 @@ for (const section of document.querySelectorAll("[data-look]"))
   fetch(section.dataset.look).then(async (answer) => {
     if (!answer.ok) throw new Error((await answer.json()).problem);
     section.innerHTML = await answer.text();  // of our templates: all that a file says is escaped
+    section.querySelectorAll("form[data-post]").forEach(posts);
     section.querySelector("[data-delete]")?.addEventListener("click", async (event) => {
       const said = await ask("DELETE", event.target.dataset.delete);
       if (!said.problem) location.reload();
