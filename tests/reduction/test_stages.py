@@ -12,7 +12,7 @@ from pipeline.base import covariance
 from pipeline.base.errors import InputError
 from pipeline.reduction.displacements import displacements
 from pipeline.reduction.forces import forces
-from pipeline.reduction.register import place, register
+from pipeline.reduction.register import agreed, place, register
 from pipeline.reduction.settings import parse
 
 SETTINGS = """
@@ -122,6 +122,18 @@ def test_weighted_registration_is_the_maximum_of_the_likelihood(settings):
 
 
 @pytest.mark.slow
+def test_a_base_reading_that_is_left_out_takes_its_three_coordinates_with_it():
+    """Five reflectors, one of them half a metre off: 4 * 3 - 6 degrees of freedom are left."""
+    settings = parse(SETTINGS.replace("[tool]", "B5 = [3.0, 2.0, 1.0]\n[tool]"))
+    table = readings(base_rows(settings, R0, T0))
+    table.loc[4, "z_m"] += 0.5
+    found, agree = agreed(register(settings, table))
+
+    assert agree.tolist() == [True] * 4 + [False]
+    assert found.dof == 4 * 3 - 6
+    assert np.abs(found.t - T0).max() < 1e-9
+
+
 def test_registration_claims_the_scatter_it_has(settings):
     """Over 400 noisy registrations the rotation scatters as its covariance states."""
     rng = np.random.default_rng(9)
