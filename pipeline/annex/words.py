@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from pipeline.answer.contract import Answer
+from collections.abc import Mapping
+
+from pipeline.answer.contract import Answer, Data, Placed, Values, Which
 from pipeline.base.quantities import known, plain
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.axes import alone
-from pipeline.report.words import Axes, from_label
+from pipeline.report.words import cause
 
 _SOURCES = {
     "tracker": "tracker readings",
@@ -53,6 +55,26 @@ def size(value: float, unit: str) -> str:
     return f"{plain(factor * value)} {shown}" if known(value) else "none"
 
 
+def label(one: Placed) -> str:
+    """The machine-readable name, `joint_tilt 2`."""
+    return one.name if one.where is None else f"{one.name} {one.where}"
+
+
+Axes = Mapping[int, str]
+"""Axis of the controller by number of the joint; empty if the robot file maps none."""
+
+
+def from_label(text: str, axes: Axes) -> str:
+    """A cause in words from its label, `joint_tilt:2` or `joint_tilt`."""
+    name, _, where = text.partition(":")
+    return at(name, int(where) if where.isdigit() else where or None, axes)
+
+
+def at(name: str, where: int | str | None, axes: Axes) -> str:
+    """A cause in words with its place, under the controller's name of the axis if there is one."""
+    return cause(name, where, axes.get(where) if isinstance(where, int) else None)
+
+
 def axes_of(robot: Robot) -> Axes:
     """Axes of the controller by number of the joint, for a robot without an answer."""
     return {joint: axis for joint, axis in enumerate(alone(robot), 1) if axis}
@@ -61,3 +83,14 @@ def axes_of(robot: Robot) -> Axes:
 def from_twins(text: str, axes: Axes) -> str:
     """Twins, `joint_tilt:7 = tool_flex`, in words."""
     return " = ".join(from_label(label, axes) for label in text.split(" = "))
+
+
+def springs_alone(answer: Answer) -> tuple[str, Values] | None:
+    """Name and values of the joint springs estimated from the data as given.
+
+    None if these are the answer's own values.
+    """
+    recommended = answer.recommended
+    names = ["joint springs alone"] if recommended.model != Which.JOINT_SPRINGS else []
+    names += ["data as given"] if recommended.data == Data.CORRECTED else []
+    return (", ".join(names), answer.joint_springs) if names else None

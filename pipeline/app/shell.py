@@ -20,6 +20,8 @@ if TYPE_CHECKING:  # importing its types loads the numerical libraries, which ta
 
 _PREFECT = "pipeline.service.engine:through_prefect"
 """Door: brings a campaign up to date as a Prefect flow."""
+_TEXT = "pipeline.annex.text:as_text"
+"""Door: a report as plain text."""
 _FETCH, _PUBLISH = "pipeline.service.sync:fetch", "pipeline.service.sync:publish"
 """Doors: copy campaigns from object storage to this machine and back."""
 
@@ -147,10 +149,11 @@ def report_text(root: Path, name: str) -> str:
     """A campaign's report as plain text."""
     from pipeline.answer import archive
     from pipeline.report.model import compose
-    from pipeline.report.text import as_text
 
     report(root, name, "html")
     campaign = campaigns.find(root, name)
     answer = archive.read(campaign)
     others, shown = archive.among(campaign, answer), archive.kept_tables(campaign)
-    return as_text(compose(answer, shown, previous=others.previous, wear=others.wear))
+    whole = compose(answer, shown, previous=others.previous, wear=others.wear)
+    text: str = opened(_TEXT)(whole)
+    return text

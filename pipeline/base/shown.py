@@ -1,6 +1,6 @@
 """Display and storage of foreign text: it must not control a terminal or break a file.
 
-`printable` is for people, `in_json`, `in_toml` and `in_xml` are for files. Our own sentences put
+`printable` is for people, `in_json` and `in_toml` are for files. Our own sentences put
 what to type between backticks; `runs` and `quoted` show it without them.
 """
 
@@ -22,7 +22,6 @@ _ODD = re.compile(
 _HALF = re.compile("[\ud800-\udfff]")
 _IN_STRINGS = re.compile(f"(?!\n){_ODD.pattern}")
 """The same without line feeds, which JSON escapes itself and uses for its layout."""
-_NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
 def printable(text: str, most: int | None = None) -> str:
@@ -96,11 +95,6 @@ def in_toml(text: str) -> str:
     """A basic string of TOML, which does not allow surrogates."""
     written = json.dumps(_HALF.sub("\ufffd", text), ensure_ascii=False)
     return _IN_STRINGS.sub(lambda found: f"\\U{ord(found[0]):08x}", written)
-
-
-def in_xml(text: str) -> str:
-    """Text for an element, an attribute or a comment of XML."""
-    return _NOT_XML.sub("\ufffd", text)
 
 
 def say(line: str, screen: TextIO | None = None) -> None:

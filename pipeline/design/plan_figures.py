@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pipeline.annex.words import Axes as AxisNames
 from pipeline.annex.words import from_twins
 from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SERIES, Drawing, drawn
 
@@ -20,7 +21,6 @@ from pipeline.design.discriminate import Detectability
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem
 from pipeline.machine.robot import configure
-from pipeline.report import words
 from pipeline.report.figures.plot import Tips
 
 _AROUND_M = 1.0
@@ -119,7 +119,7 @@ def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor"
     return drawn(name, draw)
 
 
-def sight_chart(sights: list[Detectability], axes_of: words.Axes, name: str = "sights") -> Drawing:
+def sight_chart(sights: list[Detectability], axes_of: AxisNames, name: str = "sights") -> Drawing:
     """Size from which each cause is detected and named, in multiples of its typical size."""
     shown = sorted(sights, key=lambda sight: -min(sight.named_from, 1e6))
     names = [from_twins(sight.name, axes_of) for sight in shown]

@@ -9,7 +9,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from pipeline.annex.words import axes_of, from_twins, size
+from pipeline.annex.words import Axes, axes_of, from_twins, size
 from pipeline.answer.contract import LEAST_CONTROLLED
 from pipeline.answer.words import capital
 from pipeline.base.arrays import Array
@@ -26,7 +26,6 @@ from pipeline.design.schedule import pulls_at
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effect import branches
 from pipeline.machine.robot import Joint, Robot, axes
-from pipeline.report import words
 from pipeline.report.record import (
     Block,
     Cells,
@@ -414,7 +413,7 @@ def _curves(proposal: BoundedPlan, extras: SheetExtras) -> list[Block]:
     return out
 
 
-def _seeing(sights: list[Detectability], axes: words.Axes) -> Section | None:
+def _seeing(sights: list[Detectability], axes: Axes) -> Section | None:
     columns: list[Cells[Detectability]] = [
         word_column("Cause", lambda sight: from_twins(sight.name, axes)),
         (Column("Noticed from", numeric=True), lambda sight: _times(sight.detected_from)),

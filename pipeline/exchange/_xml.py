@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.base.shown import in_xml
 from pipeline.machine.robot import Joint
 from pipeline.prediction.model import IdentifiedModel
+
+_NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 BASE, FLANGE = "F_b", "F_flange"
 """Names of the base and flange frames in every file."""
@@ -23,6 +25,11 @@ _SWING_HZ = 30.0
 [Hz]: typical of the first modes of an arm, and low enough for steps of 1 ms, 33 to a period."""
 _STAND_IN = 1.0
 """Substitute for an unknown mass [kg] or rotational inertia [kg m^2] on which no result depends."""
+
+
+def in_xml(text: str) -> str:
+    """Text for an element, an attribute or a comment of XML."""
+    return _NOT_XML.sub("\ufffd", text)
 
 
 @dataclass(frozen=True)

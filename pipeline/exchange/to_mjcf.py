@@ -7,7 +7,6 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.base.shown import in_xml
 from pipeline.exchange._xml import (
     BASE,
     FLANGE,
@@ -15,6 +14,7 @@ from pipeline.exchange._xml import (
     body,
     comment,
     document,
+    in_xml,
     left_out,
     row,
     rpy,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 from pipeline.base.arrays import Array
-from pipeline.base.shown import in_xml
 from pipeline.exchange._xml import (
     BASE,
     FLANGE,
@@ -13,6 +12,7 @@ from pipeline.exchange._xml import (
     body,
     comment,
     document,
+    in_xml,
     row,
     rpy,
     shift,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 from pipeline.base.arrays import Array
-from pipeline.base.shown import in_xml
-from pipeline.exchange._xml import BASE, FLANGE, causes, document, row, rpy, shift
+from pipeline.exchange._xml import BASE, FLANGE, causes, document, in_xml, row, rpy, shift
 from pipeline.prediction.model import IdentifiedModel
 
 _FAR = 1e6

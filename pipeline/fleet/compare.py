@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.answer.archive import Finished, with_digest
 from pipeline.answer.contract import Answer, Data, Stiffness, Which
 from pipeline.app.outcome import Outcome
-from pipeline.base import files, parquet
+from pipeline.base import doors, files, parquet
 from pipeline.base.arrays import Array
 from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.base.shown import typed
@@ -30,8 +30,10 @@ from pipeline.fleet.trends import chance, together
 from pipeline.report import words
 from pipeline.report.record import Report
 from pipeline.report.render import page as as_page
-from pipeline.report.text import as_text
 from pipeline.store.campaign import CampaignFolder, find
+
+_TEXT = "pipeline.annex.text:as_text"
+"""Door: a report as plain text."""
 
 _COVARIANCES = {"recommended": "41_covariance", "joints": "41_covariance_joint_springs"}
 """Models of a campaign that have a covariance, with the names of its tables."""
@@ -44,7 +46,7 @@ def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path | None]:
     report, content = compared(root, first, second)
     name = f"{first}--{second}"
     path = root / "reports" / f"{name}.html".replace(":", ".").replace("/", ".")
-    done = Outcome(name, content | {"page": str(path)}, as_text(report))
+    done = Outcome(name, content | {"page": str(path)}, doors.opened(_TEXT)(report))
     try:
         files.write(path, as_page(report, {}).encode())
     except CannotWrite as problem:  # the result itself needs no page

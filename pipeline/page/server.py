@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate, zip_longest
 from operator import add, itemgetter
@@ -285,14 +285,8 @@ async def _looked(state: _State, desk: Desk, path: Path) -> dict[str, Any]:
 async def _columns(state: _State, request: Request) -> Response:
     """Write what each column of a table is; names that it shows get their entries."""
     desk, typed = state.desk(request), await _typed(request)
-    said = await _looked(state, desk, desk.file(request.path_params["file"]))
-    titles = [str(one["title"]) for one in said.get("columns", ())]
-    chosen: dict[str, str | int] = {}
-    for number, title in enumerate(titles, 1):
-        if role := str(typed.get(str(number), "")):
-            if role in chosen:
-                raise UsageError(f'columns {chosen[role]} and {title or number} are both "{role}"')
-            chosen[role] = title if title and titles.count(title) == 1 else number
+    described = await _looked(state, desk, desk.file(request.path_params["file"]))
+    chosen = _chosen([str(one["title"]) for one in described.get("columns", ())], typed)
     new = desk.text() or (await _proposed(state, desk, ""))[0] or ""
     text = entries.with_columns(new, chosen)
     again, words = await _proposed(state, desk, text)
@@ -300,6 +294,18 @@ async def _columns(state: _State, request: Request) -> Response:
         return _told(words or "these columns cannot be read")
     desk.written(entries.carried_over(text, again), str(typed.get("seen", "")))
     return _told()
+
+
+def _chosen(titles: Sequence[str], typed: Mapping[str, object]) -> dict[str, str | int]:
+    """Column of each role that was chosen, by its title, or its number if another has the same."""
+    chosen: dict[str, str | int] = {}
+    for number, title in enumerate(titles, 1):
+        role = str(typed.get(str(number), ""))
+        if role in chosen:
+            raise UsageError(f'columns {chosen[role]} and {title or number} are both "{role}"')
+        if role:
+            chosen[role] = title if title and titles.count(title) == 1 else number
+    return chosen
 
 
 async def _put(state: _State, request: Request) -> Response:

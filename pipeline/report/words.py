@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
 
-from pipeline.answer.contract import Answer, Data, Placed, Values, Which
+from pipeline.answer.contract import Answer, Data, Placed
 from pipeline.base.language import Say
 from pipeline.machine.effect import in_place
 from pipeline.prediction.decision import Decision
@@ -100,40 +99,9 @@ def by_axis(answer: Answer, say: Say) -> Say:
     return told
 
 
-def label(one: Placed) -> str:
-    """The machine-readable name, `joint_tilt 2`."""
-    return one.name if one.where is None else f"{one.name} {one.where}"
-
-
-Axes = Mapping[int, str]
-"""Axis of the controller by number of the joint; empty if the robot file maps none."""
-
-
-def from_label(text: str, axes: Axes) -> str:
-    """A cause in words from its label, `joint_tilt:2` or `joint_tilt`."""
-    name, _, where = text.partition(":")
-    return at(name, int(where) if where.isdigit() else where or None, axes)
-
-
-def at(name: str, where: int | str | None, axes: Axes) -> str:
-    """A cause in words with its place, under the controller's name of the axis if there is one."""
-    return cause(name, where, axes.get(where) if isinstance(where, int) else None)
-
-
 def values_of(answer: Answer) -> str:
     """Model and data from which the answer's values are taken."""
     recommended = answer.recommended
     return MODELS[recommended.model] + (
         ", data corrected" if recommended.data == Data.CORRECTED else ""
     )
-
-
-def springs_alone(answer: Answer) -> tuple[str, Values] | None:
-    """Name and values of the joint springs estimated from the data as given.
-
-    None if these are the answer's own values.
-    """
-    recommended = answer.recommended
-    names = ["joint springs alone"] if recommended.model != Which.JOINT_SPRINGS else []
-    names += ["data as given"] if recommended.data == Data.CORRECTED else []
-    return (", ".join(names), answer.joint_springs) if names else None

@@ -13,8 +13,9 @@ import pytest
 from pipeline.app import cli
 from pipeline.base import files, patterns, toml
 from pipeline.base.errors import InputError, PipelineError
-from pipeline.base.shown import in_json, in_toml, in_xml, printable
+from pipeline.base.shown import in_json, in_toml, printable
 from pipeline.design.poses import default_anchors
+from pipeline.exchange._xml import in_xml
 from pipeline.exchange.files import simulators
 from pipeline.fleet import history, pages
 from pipeline.machine.robot import load

@@ -13,6 +13,7 @@ from pdf_text import pages_of
 
 from pipeline.annex.sections.to_measure import best_pose, next_joint_values, next_poses
 from pipeline.annex.sections.unseen import blind_spots
+from pipeline.annex.text import as_text
 from pipeline.answer.conformity import expanded, largest_force, tolerated
 from pipeline.answer.contract import (
     AxisValue,
@@ -46,7 +47,6 @@ from pipeline.report.figures.catalogue import draw
 from pipeline.report.model import compose
 from pipeline.report.record import Figure
 from pipeline.report.render import page, pdf
-from pipeline.report.text import as_text
 from pipeline.report.words import VERDICTS
 
 

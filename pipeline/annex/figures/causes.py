@@ -10,11 +10,11 @@ import pandas as pd
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.annex.summaries import separability, suspects
+from pipeline.annex.words import from_label, label
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
 from pipeline.diagnosis.facts import DETECTED, SEPARATED
 from pipeline.diagnosis.finding import Verdict
-from pipeline.report import words
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.figures.sheet import PixelSheet
 from pipeline.report.record import Figure
@@ -58,7 +58,7 @@ def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 def _draw_separability(answer: Answer, tables: Tables) -> str:
     """Draw a triangle of squares, dark where two causes cannot be distinguished."""
     apart = _compared(answer, tables)
-    names, n = [words.from_label(label, answer.axes) for label in apart.index], len(apart)
+    names, n = [from_label(label, answer.axes) for label in apart.index], len(apart)
     beside = _LETTER * max(map(len, names)) + 8
     sheet = PixelSheet(beside + max(_SIDE * n, _KEY), _SIDE * n + beside)
     found = np.isin(apart.index, apart.attrs["found"])
@@ -94,13 +94,13 @@ def _apart_key(sheet: PixelSheet, framed: bool) -> None:
 
 def _compared(answer: Answer, tables: Tables) -> pd.DataFrame:
     """Distances between the causes [standard deviations], those of the answer as large as found."""
-    named = [words.label(one).replace(" ", ":") for one in answer.diagnosis.causes]
+    named = [label(one).replace(" ", ":") for one in answer.diagnosis.causes]
     return separability(tables["separability"], named)
 
 
 def _cause_in_words(suspect: Any, answer: Answer) -> str:
     """A row of table DIAGNOSIS in words."""
-    return words.from_label(f"{suspect['name']}:{suspect['where']}", answer.axes)
+    return from_label(f"{suspect['name']}:{suspect['where']}", answer.axes)
 
 
 def _write_evidence(answer: Answer, tables: Tables) -> Figure | None:
@@ -145,9 +145,7 @@ def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
     rows, columns = np.tril_indices(len(apart), -1)
     sigmas = apart.to_numpy()[rows, columns]
     close, order = int((sigmas < SEPARATED).sum()), np.argsort(sigmas, kind="stable")
-    first, second = (
-        words.from_label(apart.index[at[order[0]]], answer.axes) for at in (rows, columns)
-    )
+    first, second = (from_label(apart.index[at[order[0]]], answer.axes) for at in (rows, columns))
     text = (
         f"Of the {len(sigmas)} pairs of the {len(apart)} causes compared, {close} could not be "
         f"distinguished by these readings; the closest are {first} and {second}, "

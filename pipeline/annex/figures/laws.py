@@ -12,10 +12,10 @@ from matplotlib.figure import Figure as Canvas
 
 from pipeline.annex.figures.marks import dots, legend_below, title
 from pipeline.annex.summaries import MOST_MARKS, thinned
+from pipeline.annex.words import from_label, label
 from pipeline.answer.contract import Answer
 from pipeline.answer.words import capital
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed
-from pipeline.report import words
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables, each_row
@@ -119,7 +119,7 @@ def _marks(view: Axes, name: str, answer: Answer, rows: pd.DataFrame) -> Tips:
 def _quantity(answer: Answer, first: pd.Series[Any]) -> str:
     """The dependent variable of a law, in words."""
     name = str(first["is"])
-    causes = {words.label(one).replace(" ", ":"): one for one in answer.diagnosis.causes}
+    causes = {label(one).replace(" ", ":"): one for one in answer.diagnosis.causes}
     cause = causes.get(first["cause"])
     called = {one.name: one.meaning for one in cause.parameters} if cause else {}
     return _NAMES.get(name) or called.get(name, name)
@@ -133,7 +133,7 @@ def _called(answer: Answer, label: str, part: int) -> str:
         for cause in answer.diagnosis.causes
         if cause.law is not None and (cause.name, str(cause.where or "")) == (name, where)
     ]
-    return items[min(part, len(items)) - 1] if items else words.from_label(label, answer.axes)
+    return items[min(part, len(items)) - 1] if items else from_label(label, answer.axes)
 
 
 def _reading(answer: Answer) -> str:

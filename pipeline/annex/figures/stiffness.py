@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.annex.words import springs_alone
 from pipeline.answer.contract import Answer, Stiffness
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import percent, plain
-from pipeline.report import words
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables, interval
@@ -30,7 +30,7 @@ def _beside(answer: Answer, joints: Sequence[Stiffness]) -> Array:
 
     NaN where they have no value, or where these are the answer's own values.
     """
-    other = words.springs_alone(answer)
+    other = springs_alone(answer)
     values = {joint.name: joint.value for joint in other[1].stiffness} if other else {}
     return np.array([values.get(joint.name) for joint in joints], dtype=float)
 
@@ -138,7 +138,7 @@ def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 def _circles(answer: Answer) -> str:
     """Sentence on the open circles of the interval plot."""
-    other = words.springs_alone(answer)
+    other = springs_alone(answer)
     there = other and any(joint.value for joint in other[1].stiffness)
     return f" Open circles, where they lie within the plot: {other[0]}." if other and there else ""
 

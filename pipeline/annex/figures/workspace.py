@@ -13,6 +13,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
+from pipeline.annex.words import springs_alone
 from pipeline.answer.contract import Answer
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain, with_std
@@ -109,7 +110,7 @@ def _told(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
 
 
 def _springs_beside(answer: Answer) -> str | None:
-    other = words.springs_alone(answer)
+    other = springs_alone(answer)
     return other[0] if other else None
 
 

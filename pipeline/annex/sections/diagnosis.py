@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from pipeline.annex.sections.to_measure import to_measure
 from pipeline.annex.sections.unseen import blind_spots
+from pipeline.annex.words import Axes, at, label
 from pipeline.answer.amounts import sizes
 from pipeline.answer.contract import (
     Alone,
@@ -74,7 +75,7 @@ def _shared_gain(causes: Sequence[Cause]) -> str:
     return _gain_sentences("all causes", causes[0]) if len(causes) > 1 and len(worth) == 1 else ""
 
 
-def _cause(place: int, one: Cause, axes: words.Axes, with_gain: bool) -> list[Block | None]:
+def _cause(place: int, one: Cause, axes: Axes, with_gain: bool) -> list[Block | None]:
     facts = [
         _evidence_sentences(one.evidence) if one.evidence else "",
         f"How it shows: {one.signature}." if one.signature else "",
@@ -85,7 +86,7 @@ def _cause(place: int, one: Cause, axes: words.Axes, with_gain: bool) -> list[Bl
         f"What would settle it: {one.needs}." if one.needs else "",
     ]
     return [
-        Paragraph(f"Cause {place}: {words.placed(one)} ({words.label(one)}).", "finding"),
+        Paragraph(f"Cause {place}: {words.placed(one)} ({label(one)}).", "finding"),
         Paragraph(" ".join(fact for fact in facts if fact)),
         _rivals(place, one.rivals),
     ]
@@ -95,7 +96,7 @@ def _alone(single: Sequence[Alone]) -> ReportTable | None:
     """Table of the likeliest causes, with the gain of each as the only one in the model."""
     columns: list[Cells[Alone]] = [
         word_column("Cause", words.placed),
-        word_column("Name", words.label),
+        word_column("Name", label),
         number_column("Probability", lambda one: one.probability, probability),
         number_column("Cross-validation error falls by", lambda one: one.reduction, percent),
         word_column("95 % interval", lambda one: " to ".join(map(percent, one.ci95))),
@@ -104,12 +105,12 @@ def _alone(single: Sequence[Alone]) -> ReportTable | None:
     return table_of("alone", "Each cause by itself", columns, better)
 
 
-def _unnamed_sentence(other: Unnamed, axes: words.Axes) -> str:
+def _unnamed_sentence(other: Unnamed, axes: Axes) -> str:
     """Probability that no known cause is present, and laws that predict equally well."""
     sentences = []
     if other.probability >= _WORTH_SAYING:
         chance = probability(other.probability)
-        like = other.looks_like and words.at(other.looks_like, other.where, axes)
+        like = other.looks_like and at(other.looks_like, other.where, axes)
         looks = f"; it resembles {like}" if like else ""
         sentences.append(f"The probability that it is none of the known causes is {chance}{looks}.")
     if other.as_good:
@@ -186,7 +187,7 @@ def _test_pose_changes(gain: Gain) -> Iterator[str]:
 def _rivals(place: int, rivals: Sequence[Rival]) -> ReportTable | None:
     columns: list[Cells[Rival]] = [
         word_column("Alternative", words.placed),
-        word_column("Name", words.label),
+        word_column("Name", label),
         number_column("Probability", lambda one: one.probability, probability),
     ]
     return table_of(f"rivals-{place}", f"Alternatives to cause {place}", columns, rivals)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pipeline.annex.words import springs_alone
 from pipeline.answer.conformity import DECIDED, expanded
 from pipeline.answer.contract import (
     Answer,
@@ -83,7 +84,7 @@ def _tolerance(asked: Tolerance | None) -> ReportTable | None:
 
 def _beside(answer: Answer) -> ReportTable | None:
     """Prediction by joint springs on the data as given; None if the answer gives the same."""
-    other = words.springs_alone(answer)
+    other = springs_alone(answer)
     if other is None:
         return None
     name, springs = other

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
+from pipeline.annex.words import springs_alone
 from pipeline.answer import remarks
 from pipeline.answer.contract import (
     Answer,
@@ -228,7 +229,7 @@ def _of_nominal(joint: Stiffness) -> tuple[float | None, float | None]:
 
 def _beside_columns(answer: Answer, factor: float) -> list[Cells[Stiffness]]:
     """Column of joint springs on the data as given; none if the answer gives the same."""
-    other = words.springs_alone(answer)
+    other = springs_alone(answer)
     if other is None:
         return []
     name, springs = other

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from pipeline.annex.words import Axes, from_label
 from pipeline.answer.contract import (
     Answer,
     AxisValue,
@@ -17,7 +18,6 @@ from pipeline.answer.contract import (
 from pipeline.answer.words import loads
 from pipeline.base.quantities import percent, plain
 from pipeline.diagnosis.facts import SEPARATED
-from pipeline.report import words
 from pipeline.report.record import (
     Cells,
     ReportTable,
@@ -50,7 +50,7 @@ def to_measure(answer: Answer) -> tuple[ReportTable | None, ...]:
 
 
 def next_poses(
-    poses: Sequence[NextPose], cell: CellLimits | None, axes: words.Axes
+    poses: Sequence[NextPose], cell: CellLimits | None, axes: Axes
 ) -> ReportTable | None:
     """The proposed poses, and the causes that each would distinguish; None without any."""
     columns: list[Cells[_Numbered]] = [
@@ -69,8 +69,8 @@ def next_poses(
     return table_of("next-poses", "What to measure next", columns, enumerate(poses, 1), note)
 
 
-def _pair(pose: NextPose, axes: words.Axes) -> str:
-    return " / ".join(words.from_label(label, axes) for label in pose.separates)
+def _pair(pose: NextPose, axes: Axes) -> str:
+    return " / ".join(from_label(label, axes) for label in pose.separates)
 
 
 def _settles(poses: Sequence[NextPose]) -> str:
