@@ -8,10 +8,10 @@ joint, stand beside all that is estimated: with e = y - D x, V its covariance an
     T = g' (N - h' C h)^+ g,   g = sum d' V^-1 e,  N = sum d' V^-1 d,  h = sum D' V^-1 d
 
 over these poses, so that all of them are sums that run along the poses. Nothing changed once where
-the whole robot moving in proportion to time has a larger T than every change. What changed widens the
-errors of all joints at all poses where nobody looks for it: T is added to twice the log likelihood
-of the likeliest cell of each size of these errors, and the largest sum counts. The table that is
-estimated beside it is that of the robot as it stands at the end.
+the whole robot moving in proportion to time has a larger T than every change. What changed widens
+the errors of all joints at all poses where nobody looks for it: T is added to twice the log
+likelihood of the likeliest cell of each size of these errors, and the largest sum counts. The table
+that is estimated beside it is that of the robot as it stands at the end.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from pipeline.geometry.slipped import ShapeRows, slips
 from pipeline.geometry.unloaded import MidChange, PoseRows, Unloaded
 
 _SIDES = 2
-"""Poses on either side of a change, at least [1]: one pose that is off is a wrong row of the log."""
+"""Poses on either side of a change, at least [1]: a single one is a wrong row of the log."""
 
 _SEEN = 5.0
 """Standard uncertainties from which on changes are asked about at all [1]."""
