@@ -37,8 +37,9 @@ _COUPLED = (1.0, 2.0, 3.0)
 """Periods per turn of another joint that are tried [1]: what turns with it acts once, twice or
 three times per turn."""
 
-_BLOCK = 8
-"""Number of consecutive poses whose residuals share one sign in a copy."""
+_BLOCK, _BLOCKS = 8, 20
+"""Maximum number of consecutive poses whose residuals share one sign in a copy, and minimum number
+of such blocks: b blocks make 2^(b - 1) different copies, sixteen of 40 poses by eights."""
 
 _FLIPS = 200
 """Number of copies without a law."""
@@ -146,9 +147,10 @@ zero."""
 def blocks(readings: PositionReadings) -> Ints:
     """Block of each pose, (m,): consecutive poses of one series."""
     place = np.zeros(len(readings), dtype=np.int64)
+    long = int(np.clip(len(readings) // _BLOCKS, 1, _BLOCK))
     for series in range(len(readings.names)):
         mine = np.flatnonzero(readings.series == series)
-        place[mine] = np.arange(len(mine)) // _BLOCK
+        place[mine] = np.arange(len(mine)) // long
     _, out = np.unique(np.stack([readings.series, place]), axis=1, return_inverse=True)
     return np.asarray(out, dtype=np.int64)
 
