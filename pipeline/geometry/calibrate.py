@@ -150,7 +150,8 @@ def calibrate(
         fit, moved, now, straight = now, *now.stepped(readings, weights)
         if straight:
             break
-    return fit.ended(moved, readings, weights, wanted)
+    # with unknown masses, where it ends: their common factor must move nothing there
+    return (now if moved.unknown else fit).ended(moved, readings, weights, wanted)
 
 
 @dataclass(frozen=True, eq=False)
