@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
-from pipeline.geometry import random_curve as curve
+from pipeline.geometry import random_curve
 from pipeline.geometry.estimate import (
     FIXED_SIGMA,
     Posterior,
@@ -326,15 +326,15 @@ def _equipped(begun: Mechanism, readings: PositionReadings, wanted: ModelStructu
 
 def _curves(
     robot: Robot, readings: PositionReadings, wanted: ModelStructure
-) -> Iterator[curve.Curve]:
+) -> Iterator[random_curve.Curve]:
     """Curves of joints, then the six of the bed."""
     for j, length in wanted.curves:
         slides = bool(robot.prismatic[j])
-        yield curve.over(j, readings.q[:, j], slides, length, _SIZE[slides])
+        yield random_curve.over(j, readings.q[:, j], slides, length, _SIZE[slides])
     if wanted.bed is not None:
         for k in range(6):
             size, screw = _SIZE[k < 3], robot.n + k
-            yield curve.over(0, readings.q[:, 0], True, wanted.bed, size, screw)
+            yield random_curve.over(0, readings.q[:, 0], True, wanted.bed, size, screw)
 
 
 def likeliest(
