@@ -338,18 +338,22 @@ def _curves(
 
 
 def likeliest(
-    found: Calibration, choices: Sequence[ModelStructure], known: float | None = None
+    found: Calibration,
+    choices: Sequence[ModelStructure],
+    known: float | None = None,
+    least: float = 0.0,
 ) -> tuple[ModelStructure, float]:
-    """The first choice after which the evidence of the readings decreases, with its evidence.
+    """The first choice after which the evidence of the readings does not grow, with its evidence.
 
     Args:
         found: An estimate.
         choices: Model structures in the order in which they are tried.
         known: Evidence of the first, if it is known.
+        least: Growth of its logarithm from which on a later choice is taken.
     """
     best, taken = -np.inf if known is None else known, choices[0]
     for wanted in choices if known is None else choices[1:]:
-        if (now := tried(found, wanted).likely) < best:
+        if (now := tried(found, wanted).likely) < best + least:
             break
         best, taken = now, wanted
     return taken, best
