@@ -164,7 +164,7 @@ def flips(
 ) -> Array:
     """Signs of the copies without a law, shape (count, m).
 
-    Blocks are neighbours in time and, in every second copy on a rail, stations: what the poses of a
+    Blocks are neighbours in time and, in every second copy on a rail of many stations, these: what the poses of a
     block have in common stays in the copies. Blocks in joint space would preserve a joint law.
     """
     every, stops = [blocks(readings)], stations(readings)
