@@ -164,8 +164,9 @@ def flips(
 ) -> Array:
     """Signs of the copies without a law, shape (count, m).
 
-    Blocks are neighbours in time and, in every second copy on a rail of many stations, these: what the poses of a
-    block have in common stays in the copies. Blocks in joint space would preserve a joint law.
+    Blocks are neighbours in time and, in every second copy on a rail of `_BLOCKS` stations or more,
+    these: what the poses of a block have in common stays in the copies. Blocks in joint space would
+    preserve a joint law.
     """
     every, stops = [blocks(readings)], stations(readings)
     if rail and len(np.unique(stops)) >= _BLOCKS:
