@@ -164,4 +164,7 @@ def _moments(table: SheetTable, taken: set[int]) -> dict[int, Role]:
         return {times[0]: Role("time", "time")}
     if days and clocks:
         return {days[0]: Role("date", "time"), clocks[0]: Role("time", "time")}
+    untitled = [k for k in clocks if not table.sheet.titles[k]]
+    for place in (k for k in (*should, *untitled) if table.content[k].form):
+        return {place: Role("time", "title" if place in should else "time")}
     return {k: Role("", "untimed") for k in (*should, *clocks, *days)}
