@@ -5,22 +5,24 @@ from __future__ import annotations
 import contextlib
 import json
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, TypeVar
 
 import jinja2
 
 from pipeline.base import files, toml
 from pipeline.base.errors import InputError, UsageError, listed
+from pipeline.base.patterns import natural
 from pipeline.base.quantities import plain
 from pipeline.base.shown import printable, typed
 from pipeline.base.toml import quoted
 from pipeline.machine.instrument import sheet
 from pipeline.machine.robot import Robot, load
-from pipeline.store.campaign import CampaignFolder, unfit
+from pipeline.store.campaign import DEEPEST, CampaignFolder, unfit, within
 
 if TYPE_CHECKING:  # it imports the readers
     from pipeline.intake.files import FilesProposal
@@ -121,12 +123,13 @@ def _of_files(said: FilesProposal) -> dict[str, object]:
     mapping = said.offer.hints.mapping if said.offer else None
     return {
         "robots": _fitting(said.robots),
-        "exports": _quoted(said.exports or (() if blind else _DEFAULTS)),
+        "exports": _quoted(said.patterns or (() if blind else _DEFAULTS)),
+        "by_file": said.by_file,
         "tracker": _tracker(said),
         "mapping": mapping_lines(mapping) if mapping else [],
         "unsure": said.unsure,
         "reach": _shown(said.reach, plain),
-        "refused": [(printable(name, 80), why) for name, why in said.refused.items()],
+        "refused": [printable(one, 300) for one in not_used(said.refused)],
     }
 
 
@@ -202,6 +205,21 @@ def log_lines(said: LogFiles, robot: str | None = None) -> list[str]:
     whose = next(iter(said.joint_columns), "") if several and robot is None else ""
     named = f"   # joints as {whose} calls them: name the robot in campaign.toml" if whose else ""
     return [*lines, "", f"[{table}.columns]{named}", *columns]
+
+
+def not_used(refused: Mapping[str, str]) -> list[str]:
+    """A sentence for each file that is not used, for several of an inner folder only one."""
+    folders: dict[str, list[str]] = {}
+    for name in refused:
+        inner = str(PurePosixPath(name).parent)
+        folders.setdefault(name if inner == "." else inner, []).append(name)
+    return [
+        f"{names[0]} is not used: {refused[names[0]]}"
+        if len(names) == 1
+        else f"{len(names)} files of {inner} are not used, the first is {names[0]}: "
+        f"{refused[names[0]]}"
+        for inner, names in folders.items()
+    ]
 
 
 def _fitting(found: Sequence[str]) -> str:
@@ -318,20 +336,35 @@ def simulated(root: Path, name: str, there: Mapping[str, bytes]) -> list[str]:
     return []
 
 
-def there(root: Path, folder: Path) -> dict[str, bytes]:
+def inner(folder: Path) -> Counter[str]:
+    """Number of files in each folder within a campaign's, at any depth."""
+    names = _names(folder, DEEPEST)
+    return Counter(str(name.parent) for name in names if len(name.parts) > 1)
+
+
+def _names(folder: Path, deepest: int) -> list[PurePosixPath]:
+    """Files of a folder and of those within it, none of them hidden."""
+    names = map(PurePosixPath, within(folder, deepest)) if folder.is_dir() else ()
+    return [name for name in names if not any(part.startswith(".") for part in name.parts)]
+
+
+def there(root: Path, folder: Path, deepest: int = 1) -> dict[str, bytes]:
     """Content of the files in a folder, except those of other programs; empty if unreadable.
 
     Logs that `init` made and that were not filled in are left out.
+
+    Args:
+        root: The project's root.
+        folder: Of the campaign.
+        deepest: Depth to which it is read: 1 without the folders within it.
     """
-    if not folder.is_dir():
-        return {}
     campaign, found = CampaignFolder(root, folder), {}
-    for path in sorted(folder.iterdir()):
-        if path.is_file() and not path.name.startswith("."):
+    for name in sorted(map(str, _names(folder, deepest)), key=natural):
+        if (folder / name).is_file():
             try:
-                found[path.name] = campaign.content(path.name)
+                found[name] = campaign.content(name)
             except InputError:
-                found[path.name] = b""
+                found[name] = b""
     return {name: data for name, data in found.items() if not _blank(name, data)}
 
 

@@ -6,6 +6,7 @@ import contextlib
 import math
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -89,15 +90,23 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     from pipeline.intake import blank
     from pipeline.intake.files import propose
     from pipeline.intake.filled import filled_in
+    from pipeline.store.campaign import DEEPEST
 
     if robot is not None:
         robot = blank.brought(folder, robot)
         blank.known(root, folder.name, robot)
-    files = blank.there(root, folder)
-    given, wrong = filled_in(files)
+    files, within = blank.there(root, folder), blank.inner(folder)
     hints = _stated(stated)
+    if within and not propose(files, hints).exports:
+        files, within = blank.there(root, folder, DEEPEST), Counter[str]()
+    given, wrong = filled_in(files)
     said = _settled(files, hints) if ask else propose(files, hints)
-    for line in [*_seen(said), *wrong]:
+    passed = [
+        f"{inner}: {count} {'file is' if count == 1 else 'files are'} in this folder and not looked "
+        f'at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'
+        for inner, count in within.items()
+    ]
+    for line in [*_seen(said), *passed, *wrong]:
         _tell(line)
     if robot is None:
         robot = _named(root, folder, given) or _robot(root, folder, said, ask)
@@ -368,16 +377,19 @@ def _number(question: str, otherwise: str) -> float | None:
 
 def _seen(said: FilesProposal) -> Iterator[str]:
     """Interpretation of the files, shown before anything is asked."""
+    from pipeline.intake import blank
+
     logs = {"loads": said.loads, "joints": said.joints}
-    files = {"exports": said.exports} | {what: [one] for what, one in logs.items() if one}
+    files = {"exports": said.patterns} | {what: [one] for what, one in logs.items() if one}
     names = {"measured targets": said.measured, "chain": said.chain, "base": said.base}
     for what, found in (files | names).items():
         if found:
             yield f"{what}: {listed(found, most=40)}"
+    if said.by_file:
+        yield f"groups: the files' names, {len(said.exports)} in number"
     if said.measured and not said.base:
         yield "base: no reflector is known; without [base_frame] readings are taken to be in F_b"
-    for name, why in said.refused.items():
-        yield f"{name} is not used: {why}."
+    yield from (f"{one}." for one in blank.not_used(said.refused))
 
 
 def _place(
