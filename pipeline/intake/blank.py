@@ -38,6 +38,7 @@ _TARGETS = ("P1", "P2", "P3")
 _BASE = ("B1", "B2", "B3")
 _MANY = 12
 """Maximum number of robots that are described one by one."""
+_OWN_ROBOT = "or a robot file of your own in this folder: docs/add-a-robot.md"
 _LOGS = ("loads.csv", "joints.csv")
 """Names of the logs where there are none yet."""
 
@@ -109,6 +110,7 @@ def _words(folder: Path, said: FilesProposal, known: KnownData) -> dict[str, obj
         "tool": _points(["load_point", *(said.measured or _TARGETS)], known),
         "decimal_commas": [*map(quoted, said.decimal_commas)],
         "load_columns": _pairs(_told(said.load_columns, known)),
+        "axes_of": None if known.robot else next(iter(said.joint_columns), None),
         "joint_columns": _pairs(_told(_joint_columns(said, known.robot), known)),
         **_of_files(said),
         **_of_names(said),
@@ -146,6 +148,7 @@ def _of_names(said: FilesProposal) -> dict[str, object]:
         "asked_states": " or ".join(_states(one.state_of) for one in said.either),
         "measured": _quoted(said.measured),
         "chain": _quoted(said.chain),
+        "ways_known": bool(said.ways),
         "apart": [
             f"{one} to {two}: {1e3 * m:.2f} mm measured" for (one, two), m in said.apart_m.items()
         ],
@@ -225,8 +228,8 @@ def not_used(refused: Mapping[str, str]) -> list[str]:
 def _fitting(found: Sequence[str]) -> str:
     """The robots that a joint log fits, or where robots are listed."""
     if found:
-        return f"{listed(found)}: the joint log fits each of them"
-    return "one of `pipeline robot --list`, or a robot file in this folder"
+        return f"{listed(found)}: the joint log fits each of them; {_OWN_ROBOT}"
+    return f"one of `pipeline robot --list`; {_OWN_ROBOT}"
 
 
 def described(folder: Path, found: Sequence[str]) -> list[str]:
