@@ -157,7 +157,8 @@ _TWO = ("group", "target")
 def _moments(table: SheetTable, taken: set[int]) -> dict[int, Role]:
     """The column of times, or those of dates and times of day; `untimed` if it has no times."""
     times, days, clocks = (table.of_kind(one, taken) for one in ("time", "date", "clock"))
-    should = [k for k, c in enumerate(table.named) if c.role == "time" and k not in taken]
+    called = [k for k, c in enumerate(table.named) if c.role in ("time", "clock")]
+    should = [k for k in called if k not in taken]
     for place in (k for k in times if k in should):
         return {place: Role("time", "title")}
     if times:

@@ -185,12 +185,14 @@ def _tell(words: str) -> None:
 
 
 def _robot(root: Path, folder: Path, said: FilesProposal, ask: bool) -> str | None:
-    """The only robot that fits, or the typed one; None if it stays open."""
+    """The only robot that fits, or the only own one, or the typed one; None if it stays open."""
     from pipeline.intake import blank
 
     fitting = said.robots
-    if len(fitting) == 1:
-        return fitting[0]
+    own = tuple(one for one in fitting if one.endswith(".toml"))
+    for only in (fitting, own):
+        if len(only) == 1:
+            return only[0]
     usual = None if said.exports or said.joints else _USUAL
     if not ask:
         return usual
