@@ -15,7 +15,7 @@ _KEYS = {
     "": ("format", "name", "robot", "date"),
     "tracker": (
         *("files", "unit", "decimal", "coordinates", "angle", "vertical", "horizontal"),
-        *("covariance", "coverage_factor", "names", "assignment", "sigma_m", "noise"),
+        *("covariance", "coverage_factor", "names", "groups", "assignment", "sigma_m", "noise"),
     ),
     "tracker.mapping": ("columns", "delimiter", "header", "comment", "time_format"),
     "naming": ("group", "measured", "chain"),
@@ -23,7 +23,7 @@ _KEYS = {
     "scale": ("file", "sigma_n", "sigma_rel", "gain_sigma", "zero_sigma_n"),
     "joints": ("file", "sigma_m", "sigma_rad"),
     "tool": ("load_point", "P1", "P2", "P3"),
-    "tool_uncertainty": ("sigma_m",),
+    "tool_uncertainty": ("sigma_m", "load_point_sigma_m"),
     "test_pose": ("q", "force_n"),
     "model": ("equilibrium",),
     "displacements": ("file", "forces", "sigma_m"),

@@ -28,7 +28,7 @@ from pipeline.reduction.forces import reading_std
 from pipeline.reduction.growth import REFERENCE_C, STEEL, BaseGrowth
 from pipeline.reduction.limits import beyond
 from pipeline.reduction.pose_of_interest import PoseOfInterest
-from pipeline.reduction.register import XYZ, Registration
+from pipeline.reduction.register import XYZ, Registration, dated
 from pipeline.reduction.settings import Instrument, Scale, Settings, UnitSettings
 from pipeline.store.campaign import Raw
 from pipeline.system.estimate import MISFIT_P
@@ -46,7 +46,7 @@ def measured_on(settings: Settings, readings: pd.DataFrame | None) -> str | None
     """The date in campaign.toml, else the first reading's, else a date within the name."""
     if settings.date is not None:
         return settings.date.isoformat()
-    if readings is not None and readings["time"].notna().any():
+    if readings is not None and dated(readings["time"]):
         return pd.Timestamp(readings["time"].min()).isoformat()
     found = re.search(r"\b\d{4}-\d{2}-\d{2}\b", settings.name)
     try:
@@ -238,12 +238,12 @@ def identity_entry(
 
     Args:
         settings: campaign.toml.
-        times: Of the readings; None where they have none.
+        times: Of the readings; None where they have none; shown only with their date.
         pose: Pose of each pull, or of each reading of positions, shape (m,).
         force: Of each pull [N], F_b, shape (m, 3), no rows without pulls.
         unloaded_only: Number of poses in which reflectors were read and nothing was pulled.
     """
-    known = None if times is None or times.dropna().empty else times.dropna()
+    known = times if times is not None and dated(times) else None
     size = np.linalg.norm(force, axis=1)
     return contract.Identity(
         first=None if known is None else known.min().isoformat(),
@@ -387,8 +387,8 @@ def treated_findings(case: Case) -> list[str]:
             )
         if one.untimed:
             out.append(
-                f"{one.file} has no reliable times ({one.untimed}): the order of its "
-                "groups is the clock. Export them with date, hours, minutes and seconds."
+                f"{one.file} has no times that can be read ({one.untimed}): the order of its "
+                "groups counts instead. Export them with hours, minutes and seconds."
             )
         out += [f"{one.file} was read with {why}." for why in one.settled]
     return out

@@ -93,6 +93,11 @@ def is_glob(pattern: str) -> bool:
     return any(mark in pattern for mark in "*?[")
 
 
+def natural(name: str) -> list[str | int]:
+    """Key that sorts numbers within names by size: pose2 before pose10."""
+    return [int(part) if part.isdecimal() else part for part in re.split("([0-9]+)", name)]
+
+
 def depth(glob: str, most: int) -> int:
     """Depth to which folders must be searched for a glob, at most `most`."""
     parts = PurePosixPath(glob).parts

@@ -335,8 +335,8 @@ class _Seen:
         if when is None:
             return None
         return {
-            "first": when.first.isoformat(),
-            "last": when.last.isoformat(),
+            "first": when.ends[0],
+            "last": when.ends[1],
             "longest_pause_s": when.pause.total_seconds(),
             "pause_before": when.before,
             "backwards": when.backwards,
@@ -405,10 +405,8 @@ def _span(when: CampaignTimes) -> str:
     """First and last reading, the longest pause, and rows out of order."""
     back = f"; {when.backwards} rows are earlier than the one above" if when.backwards else ""
     pause = in_digits(when.pause.total_seconds() / 60, 2)
-    return (
-        f"{when.first:%Y-%m-%d %H:%M} to {when.last:%Y-%m-%d %H:%M}, longest pause {pause} min "
-        f"(before {when.before}){back}"
-    )
+    first, last = (one.replace("T", " ").rpartition(":")[0] for one in when.ends)
+    return f"{first} to {last}, longest pause {pause} min (before {when.before}){back}"
 
 
 def _table(robot: Robot, poses: list[SurveyedPose]) -> Iterator[str]:

@@ -14,9 +14,10 @@ from pipeline.base.linear import rms
 from pipeline.faults.conventions import unloaded
 from pipeline.machine.cell import predict
 from pipeline.readers import logs
+from pipeline.readers._time import NO_YEAR
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
-from pipeline.reduction.register import XYZ
+from pipeline.reduction.register import XYZ, dated
 from pipeline.reduction.settings import Point
 
 _ZONE = pd.Timedelta(minutes=15)
@@ -113,7 +114,8 @@ class CampaignTimes:
         pause: Longest time between two readings.
         before: Group of the reading after it.
         backwards: Number of readings earlier than the previous one of their file.
-        away: Offset of the times of a log from those of the readings, by its file name.
+        away: Offset of the times of a log from those of the readings, by its file name; none if
+            these have no date.
     """
 
     first: pd.Timestamp
@@ -122,6 +124,15 @@ class CampaignTimes:
     before: str
     backwards: int
     away: dict[str, pd.Timedelta]
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """First and last time in ISO 8601, without the date if nobody states it."""
+        whole = self.first.year > NO_YEAR
+        first, last = (
+            (one if whole else one.time()).isoformat() for one in (self.first, self.last)
+        )
+        return first, last
 
 
 def clock(case: Case, files: Mapping[str, bytes]) -> CampaignTimes | None:
@@ -138,7 +149,8 @@ def clock(case: Case, files: Mapping[str, bytes]) -> CampaignTimes | None:
     step = ordered["time"].diff()
     at = int(np.argmax(step.fillna(pd.Timedelta(0)).to_numpy()))
     back = rows.groupby("file", observed=True)["time"].diff() < pd.Timedelta(0)
-    away = {name: _away(rows, name, data) for name, data in files.items()}
+    compared = files if dated(rows["time"]) else {}
+    away = {name: _away(rows, name, data) for name, data in compared.items()}
     return CampaignTimes(
         first=ordered["time"].iloc[0],
         last=ordered["time"].iloc[-1],

@@ -25,13 +25,12 @@ _SEVERAL = 2
 
 
 def form_of_times(text: Text, header: Header, comment: str | None) -> str:
-    """Format of the times, taken from the first row that has one."""
+    """Format of the times, taken from the first row that has one with a date, or any."""
     rows = sample(text, header, comment)
     if not header.has("time"):
         _no_times_elsewhere(next(rows, []), header)
         return _time.ISO
-    first = next(filter(None, (_moment(cells, header) for cells in rows)), "")
-    return _time.form_of(first) or _time.ISO
+    return _time.first_form(_moment(cells, header) for cells in rows) or _time.ISO
 
 
 def trusted_times(text: Text, header: Header, comment: str | None) -> tuple[Header, str | None]:
@@ -66,7 +65,7 @@ def _moment(cells: Sequence[str], header: Header) -> str:
 def _no_times_elsewhere(cells: Sequence[str], header: Header) -> None:
     """Check that no column holds times if none is called time: they would be lost unnoticed."""
     for column, cell in zip(header.columns, cells, strict=False):
-        if not column.role and _time.form_of(cell):
+        if not column.role and _time.form_of(cell) not in (None, *_time.OF_DAY):
             raise InputError(
                 f'column "{shortened(column.title)}" contains times, but is not called time',
                 "call it time, or say what it is in [tracker.mapping] of campaign.toml",

@@ -27,9 +27,10 @@ _ROLES = {
     ),
     "collection": ("sammlung",),
     "instrument": ("instrument", "station", "instrument name", "station name", "standpunkt"),
-    "time": ("zeit", "datum zeit", "zeitstempel", "messzeit", "date time", "measured at"),
-    "clock": ("uhrzeit", "clock", "time of day"),
-    "date": ("datum", "day"),
+    "time": ("zeit", "datum zeit", "zeitstempel", "messzeit", "date time", "measured at", "horodatage",
+             "date heure", "data ora", "fecha hora"),
+    "clock": ("uhrzeit", "clock", "time of day", "heure", "ora", "hora"),
+    "date": ("datum", "day", "data", "fecha", "jour"),
     "active": ("active", "aktiv", "use", "used", "valid", "gültig", "enabled"),
     "azimuth": (
         "hz", "hz angle", "horizontal angle", "horizontal", "azimut", "hz winkel",

@@ -148,11 +148,11 @@ def _rest(cells: Sequence[Sequence[str]], titles: Sequence[Named]) -> tuple[tupl
     out, form = [], _time.ISO
     for place, column in enumerate(zip(*cells, strict=True)):
         named = titles[place] if titles else Named(f"field {place + 1} behind Z", "", None)
-        forms = [found for cell in column if (found := _time.form_of(cell))]
-        if forms and not named.role:
+        found = _time.first_form(column)
+        if found and not named.role:
             named = replace(named, role="time")
-        if forms and named.role == "time":
-            form = forms[0]
+        if found and named.role == "time":
+            form = found
         out.append(named)
     return tuple(out), form
 

@@ -157,11 +157,15 @@ _TWO = ("group", "target")
 def _moments(table: SheetTable, taken: set[int]) -> dict[int, Role]:
     """The column of times, or those of dates and times of day; `untimed` if it has no times."""
     times, days, clocks = (table.of_kind(one, taken) for one in ("time", "date", "clock"))
-    should = [k for k, c in enumerate(table.named) if c.role == "time" and k not in taken]
+    called = [k for k, c in enumerate(table.named) if c.role in ("time", "clock")]
+    should = [k for k in called if k not in taken]
     for place in (k for k in times if k in should):
         return {place: Role("time", "title")}
     if times:
         return {times[0]: Role("time", "time")}
     if days and clocks:
         return {days[0]: Role("date", "time"), clocks[0]: Role("time", "time")}
+    untitled = [k for k in clocks if not table.sheet.titles[k]]
+    for place in (k for k in (*should, *untitled) if table.content[k].form):
+        return {place: Role("time", "title" if place in should else "time")}
     return {k: Role("", "untimed") for k in (*should, *clocks, *days)}

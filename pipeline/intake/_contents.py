@@ -80,7 +80,7 @@ def _content(cells: tuple[str, ...]) -> Content:
         return Content(cells, "empty")
     form = _time.form_of_all(filled, _MOST)
     if form:
-        return Content(cells, "time", form)
+        return Content(cells, "clock" if form in _time.OF_DAY else "time", form)
     for kind, test in (
         ("number", is_number),
         ("date", _DAY.fullmatch),

@@ -19,8 +19,11 @@ STATES = ("unloaded", "loaded")
 _TOKENS = (
     re.compile(r"[0-9]+|[^\W\d_]+|[\W_]+"),
     re.compile(r"[0-9]+|[^\W\d_]+(?: [^\W\d_]+)*|[\W_]+"),
+    re.compile(r"[0-9]+|[^\W\d_]+(?:[ _-][^\W\d_]+)*|[\W_]+"),
 )
-"""A number, a word, or the characters between them; or several words in place of one."""
+"""A number, a word, or the characters between them; or several words in place of one, with blanks,
+hyphens or underscores between them."""
+_WORDS = re.compile(r"[^\W\d_]+")
 
 
 @dataclass(frozen=True)
@@ -29,17 +32,19 @@ class Group:
 
     Attributes:
         pattern: Regular expression with the parts pose, state and, where there is one, repeat.
-        states: The words of the states in the names: first that of the unloaded state, then those
-            of loaded ones, for example for both branches.
+        states: The words of the states in the names: first those of unloaded states, such as before
+            and after the pulls, then those of loaded ones, for example for both branches.
+        rest: Number of words of unloaded states.
     """
 
     pattern: str
     states: tuple[str, ...] = STATES
+    rest: int = 1
 
     @property
     def state_of(self) -> dict[str, str]:
         """`unloaded` or `loaded` by word."""
-        return {word: STATES[k > 0] for k, word in enumerate(self.states)}
+        return {word: STATES[k >= self.rest] for k, word in enumerate(self.states)}
 
 
 USUAL = Group(Naming().group)
@@ -62,7 +67,8 @@ def ways_to_read(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
 
     Names of one form are a number for the pose, a word for the state and perhaps a number for the
     repeat. Words whose groups have more targets are loaded: the chain's ends are read only then. If
-    all have equally many, any word may be that of the unloaded state: one way for each.
+    several have the fewest, they are states of one kind only if they share a word that no other has
+    (`leer_vor`, `leer_nach`). Otherwise any word may be that of the unloaded state: one way each.
     """
     if states_of(list(rows), USUAL):
         return (USUAL,)
@@ -80,7 +86,10 @@ def _ways(rows: Mapping[str, Mapping[str, Array]], token: re.Pattern[str]) -> tu
         if _states(entries, alike, numbers[0]):
             orders = _orders(entries, rows)
             least = min(map(len, map(alike.__getitem__, entries)))
-            found = [Group(_pattern(longest, numbers, k, one, least), one) for one in orders]
+            found = [
+                Group(_pattern(longest, numbers, k, words, least), words, rest)
+                for words, rest in orders
+            ]
             return tuple(one for one in found if _apart_from_each_other(list(rows), one))
     return ()
 
@@ -105,7 +114,7 @@ def _states(stated: Mapping[str, str], alike: Mapping[str, Sequence[str]], place
 
 def _worded(part: str) -> bool:
     """Whether a part of a name consists of words."""
-    return part.replace(" ", "").isalpha()
+    return re.sub("[ _-]", "", part).isalpha()
 
 
 def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
@@ -118,8 +127,10 @@ def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
 
 def _orders(
     stated: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]
-) -> list[tuple[str, ...]]:
-    """The word of the unloaded state, then those of loaded ones; any word first if there is a tie.
+) -> list[tuple[tuple[str, ...], int]]:
+    """Words of unloaded states, then those of loaded ones, and how many the former are.
+
+    If there is a tie, any word comes first.
 
     Only words whose groups have a target in common can be states of one effector.
     """
@@ -127,12 +138,15 @@ def _orders(
     for name, word in stated.items():
         read[word].append({*rows[name]})
     most = {word: max(map(len, some)) for word, some in read.items()}
-    unloaded, *loaded = sorted(most, key=lambda word: most[word])
-    if most[unloaded] < most[loaded[0]]:
-        return [(unloaded, *loaded)]
+    ordered = sorted(most, key=lambda word: most[word])
+    rest = sum(most[word] == most[ordered[0]] for word in ordered)
+    unloaded, loaded = ordered[:rest], ordered[rest:]
+    of_one_kind = set.intersection(*({*_WORDS.findall(word)} for word in unloaded))
+    if loaded and (rest == 1 or of_one_kind.difference(*map(_WORDS.findall, loaded))):
+        return [(tuple(ordered), rest)]
     if not set.intersection(*(set[str]().union(*some) for some in read.values())):
         return []
-    return [(one, *(word for word in most if word != one)) for one in most]
+    return [((one, *(word for word in most if word != one)), 1) for one in most]
 
 
 def _pattern(

@@ -226,8 +226,7 @@ def of_joints(
     """
     turn = [name for name, length in zip(axes, lengths, strict=True) if not length]
     called = _roles(axes, turn)
-    others = ("rail", f"axis {len(turn) + 1}")  # of another robot, where this one has none
-    wanted = {role: units[role != "rail"] for role in (*called, *others)}
+    wanted = {role: units[role != "rail"] for role in (*called, *_others(turn))}
     found = _first(titles, {"pose": (), **wanted}, turn)
     if found.keys() - {"pose"} != {*called} or len(called) < len(axes):
         return None
@@ -236,6 +235,35 @@ def of_joints(
             return None
         found["pose"] = counter, ()
     return _ours({called.get(role, role): said for role, said in found.items()})
+
+
+def of_another(
+    titles: Sequence[str],
+    cells: SampledCells,
+    axes: Sequence[str],
+    lengths: Sequence[bool],
+    units: tuple[Sequence[str], Sequence[str]],
+) -> dict[str, str] | None:
+    """Titles of axes that move in a joint log and that a robot lacks, None if there are none.
+
+    Args:
+        titles: As written.
+        cells: Cells below them.
+        axes: Our names of the robot's axes without units.
+        lengths: Which of them slide.
+        units: Those of lengths, and those of angles.
+    """
+    turn = [name for name, length in zip(axes, lengths, strict=True) if not length]
+    has = _roles(axes, turn)
+    lacking = {role: units[role != "rail"] for role in _others(turn) if role not in has}
+    found = {title: role for role, (title, _) in _first(titles, lacking, turn).items()}
+    below = cells() if found else {}
+    return {title: role for title, role in found.items() if len({*below[title]}) > 1} or None
+
+
+def _others(turn: Sequence[str]) -> tuple[str, str]:
+    """Axes that other robots have and one with these axes that turn may not have."""
+    return "rail", f"axis {len(turn) + 1}"
 
 
 def _roles(axes: Sequence[str], turn: Sequence[str]) -> dict[str, str]:

@@ -5,22 +5,24 @@ from __future__ import annotations
 import contextlib
 import json
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, TypeVar
 
 import jinja2
 
 from pipeline.base import files, toml
 from pipeline.base.errors import InputError, UsageError, listed
+from pipeline.base.patterns import natural
 from pipeline.base.quantities import plain
 from pipeline.base.shown import printable, typed
 from pipeline.base.toml import quoted
 from pipeline.machine.instrument import sheet
 from pipeline.machine.robot import Robot, load
-from pipeline.store.campaign import CampaignFolder, unfit
+from pipeline.store.campaign import DEEPEST, CampaignFolder, unfit, within
 
 if TYPE_CHECKING:  # it imports the readers
     from pipeline.intake.files import FilesProposal
@@ -36,6 +38,7 @@ _TARGETS = ("P1", "P2", "P3")
 _BASE = ("B1", "B2", "B3")
 _MANY = 12
 """Maximum number of robots that are described one by one."""
+_OWN_ROBOT = "or a robot file of your own in this folder: docs/add-a-robot.md"
 _LOGS = ("loads.csv", "joints.csv")
 """Names of the logs where there are none yet."""
 
@@ -109,6 +112,7 @@ def _words(folder: Path, proposal: FilesProposal, known: KnownData) -> dict[str,
         "tool": _points(["load_point", *(proposal.measured or _TARGETS)], known),
         "decimal_commas": [*map(quoted, proposal.decimal_commas)],
         "load_columns": _pairs(_told(proposal.load_columns, known)),
+        "axes_of": None if known.robot else next(iter(proposal.joint_columns), None),
         "joint_columns": _pairs(_told(_joint_columns(proposal, known.robot), known)),
         **_of_files(proposal),
         **_of_names(proposal),
@@ -123,12 +127,13 @@ def _of_files(proposal: FilesProposal) -> dict[str, object]:
     mapping = proposal.offer.hints.mapping if proposal.offer else None
     return {
         "robots": _fitting(proposal.robots),
-        "exports": _quoted(proposal.exports or (() if blind else _DEFAULTS)),
+        "exports": _quoted(proposal.patterns or (() if blind else _DEFAULTS)),
+        "by_file": proposal.by_file,
         "tracker": _tracker(proposal),
         "mapping": mapping_lines(mapping) if mapping else [],
         "unsure": proposal.unsure,
         "reach": _shown(proposal.reach, plain),
-        "refused": [(printable(name, 80), why) for name, why in proposal.refused.items()],
+        "refused": [printable(one, 300) for one in not_used(proposal.refused)],
     }
 
 
@@ -145,6 +150,7 @@ def _of_names(proposal: FilesProposal) -> dict[str, object]:
         "asked_states": " or ".join(_states(one.state_of) for one in proposal.either),
         "measured": _quoted(proposal.measured),
         "chain": _quoted(proposal.chain),
+        "ways_known": bool(proposal.ways),
         "apart": [
             f"{one} to {two}: {1e3 * m:.2f} mm measured"
             for (one, two), m in proposal.apart_m.items()
@@ -207,11 +213,26 @@ def log_lines(proposal: LogFiles, robot: str | None = None) -> list[str]:
     return [*lines, "", f"[{table}.columns]{named}", *columns]
 
 
+def not_used(refused: Mapping[str, str]) -> list[str]:
+    """A sentence for each file that is not used, for several of an inner folder only one."""
+    folders: dict[str, list[str]] = {}
+    for name in refused:
+        inner = str(PurePosixPath(name).parent)
+        folders.setdefault(name if inner == "." else inner, []).append(name)
+    return [
+        f"{names[0]} is not used: {refused[names[0]]}"
+        if len(names) == 1
+        else f"{len(names)} files of {inner} are not used, the first is {names[0]}: "
+        f"{refused[names[0]]}"
+        for inner, names in folders.items()
+    ]
+
+
 def _fitting(found: Sequence[str]) -> str:
     """The robots that a joint log fits, or where robots are listed."""
     if found:
-        return f"{listed(found)}: the joint log fits each of them"
-    return "one of `pipeline robot --list`, or a robot file in this folder"
+        return f"{listed(found)}: the joint log fits each of them; {_OWN_ROBOT}"
+    return f"one of `pipeline robot --list`; {_OWN_ROBOT}"
 
 
 def described(folder: Path, found: Sequence[str]) -> list[str]:
@@ -321,20 +342,35 @@ def simulated(root: Path, name: str, there: Mapping[str, bytes]) -> list[str]:
     return []
 
 
-def there(root: Path, folder: Path) -> dict[str, bytes]:
+def inner(folder: Path) -> Counter[str]:
+    """Number of files in each folder within a campaign's, at any depth."""
+    names = _names(folder, DEEPEST)
+    return Counter(str(name.parent) for name in names if len(name.parts) > 1)
+
+
+def _names(folder: Path, deepest: int) -> list[PurePosixPath]:
+    """Files of a folder and of those within it, none of them hidden."""
+    names = map(PurePosixPath, within(folder, deepest)) if folder.is_dir() else ()
+    return [name for name in names if not any(part.startswith(".") for part in name.parts)]
+
+
+def there(root: Path, folder: Path, deepest: int = 1) -> dict[str, bytes]:
     """Content of the files in a folder, except those of other programs; empty if unreadable.
 
     Logs that `init` made and that were not filled in are left out.
+
+    Args:
+        root: The project's root.
+        folder: Of the campaign.
+        deepest: Depth to which it is read: 1 without the folders within it.
     """
-    if not folder.is_dir():
-        return {}
     campaign, found = CampaignFolder(root, folder), {}
-    for path in sorted(folder.iterdir()):
-        if path.is_file() and not path.name.startswith("."):
+    for name in sorted(map(str, _names(folder, deepest)), key=natural):
+        if (folder / name).is_file():
             try:
-                found[path.name] = campaign.content(path.name)
+                found[name] = campaign.content(name)
             except InputError:
-                found[path.name] = b""
+                found[name] = b""
     return {name: data for name, data in found.items() if not _blank(name, data)}
 
 

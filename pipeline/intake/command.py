@@ -6,6 +6,7 @@ import contextlib
 import math
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -91,15 +92,23 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     from pipeline.intake import blank
     from pipeline.intake.files import propose
     from pipeline.intake.filled import filled_in
+    from pipeline.store.campaign import DEEPEST
 
     if robot is not None:
         robot = blank.brought(folder, robot)
         blank.known(root, folder.name, robot)
-    files = blank.there(root, folder)
-    given, wrong = filled_in(files)
+    files, within = blank.there(root, folder), blank.inner(folder)
     hints = _stated(stated)
+    if within and not propose(files, hints).exports:
+        files, within = blank.there(root, folder, DEEPEST), Counter[str]()
+    given, wrong = filled_in(files)
     proposal = _settled(files, hints) if ask else propose(files, hints)
-    for line in [*_seen(proposal), *wrong]:
+    passed = [
+        f"{inner}: {count} {'file is' if count == 1 else 'files are'} in this folder and not "
+        f'looked at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'
+        for inner, count in within.items()
+    ]
+    for line in [*_seen(proposal), *passed, *wrong]:
         _tell(line)
     if robot is None:
         robot = _named(root, folder, given) or _robot(root, folder, proposal, ask)
@@ -180,12 +189,14 @@ def _tell(words: str) -> None:
 
 
 def _robot(root: Path, folder: Path, proposal: FilesProposal, ask: bool) -> str | None:
-    """The only robot that fits, or the typed one; None if it stays open."""
+    """The only robot that fits, or the only own one, or the typed one; None if it stays open."""
     from pipeline.intake import blank
 
     fitting = proposal.robots
-    if len(fitting) == 1:
-        return fitting[0]
+    own = tuple(one for one in fitting if one.endswith(".toml"))
+    for only in (fitting, own):
+        if len(only) == 1:
+            return only[0]
     usual = None if proposal.exports or proposal.joints else _USUAL
     if not ask:
         return usual
@@ -372,16 +383,19 @@ def _number(question: str, otherwise: str) -> float | None:
 
 def _seen(proposal: FilesProposal) -> Iterator[str]:
     """Interpretation of the files, shown before anything is asked."""
+    from pipeline.intake import blank
+
     logs = {"loads": proposal.loads, "joints": proposal.joints}
-    files = {"exports": proposal.exports} | {what: [one] for what, one in logs.items() if one}
+    files = {"exports": proposal.patterns} | {what: [one] for what, one in logs.items() if one}
     names = {"measured targets": proposal.measured, "chain": proposal.chain, "base": proposal.base}
     for what, found in (files | names).items():
         if found:
             yield f"{what}: {listed(found, most=40)}"
+    if proposal.by_file:
+        yield f"groups: the files' names, {len(proposal.exports)} in number"
     if proposal.measured and not proposal.base:
         yield "base: no reflector is known; without [base_frame] readings are taken to be in F_b"
-    for name, why in proposal.refused.items():
-        yield f"{name} is not used: {why}."
+    yield from (f"{one}." for one in blank.not_used(proposal.refused))
 
 
 def _place(

@@ -10,6 +10,7 @@ import contextlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import PurePosixPath
 from typing import Literal
 
 import numpy as np
@@ -18,6 +19,7 @@ import pyarrow as pa
 from pipeline import readers
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
+from pipeline.base.patterns import is_glob, natural
 from pipeline.intake import log_columns
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._separators import LOOKED_AT, separators
@@ -25,11 +27,13 @@ from pipeline.intake.offer import Offer, as_table, offer
 from pipeline.intake.question import ColumnRole
 from pipeline.intake.which_logs import LogFiles, propose_logs, unsure
 from pipeline.readers import Columns, Export, ExportSettings, logs
-from pipeline.readers._reader import split
+from pipeline.readers._reader import named_by_file, split
 from pipeline.readers._text import is_workbook
 from pipeline.readers.export_settings import LogForm
 
 _UNIT = ExportSettings(unit="mm")
+_MANY = 4
+"""Minimum number of exports that a glob stands for."""
 _SHOWN = 8
 """Maximum number of group names that are passed on; fewer show their form."""
 
@@ -44,6 +48,8 @@ class FilesProposal(LogFiles):
         offer: Further entries of [tracker] for the export, None where nothing else is open.
         nameless: What an export does not name: `names`, or only `groups` if it names the targets;
             None if it names both.
+        by_file: Whether each export is a group and has its name.
+        patterns: The exports as [tracker] files has them: a glob for a folder full of them.
         names: Possible values of `names` in [tracker] for names that combine group and target; with
             several it is open which one.
         unsure: Those of `force` and `mass` in the log whose uncertainty it does not state.
@@ -61,6 +67,8 @@ class FilesProposal(LogFiles):
     reach: float | None = None
     offer: Offer | None = None
     nameless: Literal["names", "groups"] | None = None
+    by_file: bool = False
+    patterns: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
     unsure: tuple[str, ...] = ("force",)
     ways: tuple[Group, ...] = ()
@@ -105,6 +113,11 @@ def propose(
     names = (hints.names,) if hints.names else tuple(separators(exports))
     if len(names) == 1:
         exports = [split(one, names[0]) for one in exports]
+    named_by = [*map(named_by_file, exports)]
+    by_file = hints.groups is not None or (
+        not names and _lacking(exports) == "groups" and _sets_apart(named_by, logged, files)
+    )
+    exports = named_by if by_file else exports
     rows = _by_group(exports)
     stated = _told(logged, files, rows)
     columns = logged.load_columns | stated.columns
@@ -114,6 +127,8 @@ def propose(
         named,
         apart_m=named.apart_m if sized else {},
         nameless=_lacking(exports),
+        by_file=by_file,
+        patterns=_patterns([*found.exports], [*files]),
         offer=found.offer,
         names=names,
         exports=tuple(found.exports),
@@ -237,7 +252,7 @@ def _with_groups(
             hints = _grouped_by(one.hints, one.hints.mapping, parts)
             with contextlib.suppress(InputError):
                 tried = readers.read(name, files[name], hints)
-                if _sets_apart(tried, _told(logged, files, _by_group([tried])).states):
+                if _sets_apart([tried], logged, files):
                     stated = _named_by_groups(replace(one, hints=hints))
                     return replace(found, exports={name: tried}, offer=stated)
     return found
@@ -264,15 +279,20 @@ def _untaken(one: Offer) -> list[ColumnRole]:
     return [c for c in one.columns if c.title and c.title not in taken]
 
 
-def _sets_apart(export: Export, stated: Mapping[str, str]) -> bool:
+def _sets_apart(exports: Sequence[Export], logged: LogFiles, files: Mapping[str, bytes]) -> bool:
     """Whether groups are states of poses, and no target was read twice in one."""
-    rows = _by_group([export]) or {}
-    ways = ways_to_read(rows)
-    if stated or not ways or export.group is None or export.target is None:
+    rows = _by_group(exports) or {}
+    stated, ways = _told(logged, files, rows).states, ways_to_read(rows)
+    if stated or not ways:
         return bool(stated)
     states = states_of(list(rows), ways[0])
-    both = zip(export.group.to_pylist(), export.target.to_pylist(), strict=True)
-    pairs = [pair for pair in both if pair[0] in states]
+    pairs = [
+        pair
+        for one in exports
+        if one.group is not None and one.target is not None
+        for pair in zip(one.group.to_pylist(), one.target.to_pylist(), strict=True)
+        if pair[0] in states
+    ]
     return len({*pairs}) == len(pairs)
 
 
@@ -284,6 +304,20 @@ def _grouped_by(
     columns = {role: one for role, one in others if role != "group" and one not in parts.values()}
     mapping = mapping.model_copy(update={"columns": {**parts, **columns}})
     return hints.model_copy(update={"mapping": mapping})
+
+
+def _patterns(exports: Sequence[str], files: Sequence[str]) -> tuple[str, ...]:
+    """The exports in natural order, with one glob for each folder and suffix that has only such."""
+    every = {one: PurePosixPath(one) for one in files}
+    kinds = {name: str(path.with_name(f"*{path.suffix}")) for name, path in every.items()}
+    count, used = Counter(kinds.values()), Counter(kinds[name] for name in exports)
+    whole = {
+        kind
+        for kind in used
+        if used[kind] == count[kind] >= _MANY and not is_glob(kind[: kind.rindex("*")])
+    }
+    ordered = sorted(exports, key=natural)
+    return tuple(dict.fromkeys(kinds[n] if kinds[n] in whole else n for n in ordered))
 
 
 # --- names ----------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from pipeline.intake.by_reflectors import rounds
 from pipeline.intake.offer import Offer, offer
 from pipeline.readers import TABLE, Export, ExportSettings, read
 from pipeline.readers._reader import split
+from pipeline.readers._time import NO_YEAR, shown
 from pipeline.readers.export_settings import ROLES
 
 _MOST_TARGETS = 50
@@ -40,7 +41,8 @@ class _Inspection:
         readings: Number of usable readings.
         groups: Number of their groups, None where the file names none.
         targets: Names of the targets, None where the file has none.
-        time_first: First time, ISO 8601 without zone, None where there are no times.
+        time_first: First time, ISO 8601 without zone, only the time of day where the file has no
+            date; None where there are no times.
         time_last: Last time.
         covariance: Kind of the uncertainty that is used, None where the file has none.
         unused: Columns that were not read.
@@ -126,7 +128,7 @@ class _Inspection:
     def _times(self) -> str:
         if self.time_first:
             return f"{self.time_first} to {self.time_last}"
-        return f"none; {self.untimed} contains no reliable times" if self.untimed else "none"
+        return f"none; {self.untimed} holds no times that can be read" if self.untimed else "none"
 
 
 def _faces_in_words(faces: dict[str, Any]) -> str:
@@ -181,7 +183,7 @@ def inspect(name: str, data: bytes, hints: ExportSettings | None = None) -> _Ins
         export = split(export, names[0])
     meaning, turned = export.meaning, angles(export.meaning)
     span = pc.min_max(export.time).as_py()
-    first, last = (None if span[end] is None else span[end].isoformat() for end in ("min", "max"))
+    first, last = (shown(span[end]) for end in ("min", "max"))
     return _Inspection(
         file=name,
         dialect=export.dialect,
@@ -257,12 +259,14 @@ def as_csv(name: str, data: bytes, hints: ExportSettings | None = None) -> bytes
         nobody if names is None else names.cast(pa.string())
         for names in (export.group, export.target)
     )
+    first = pc.min(export.time).as_py()
+    dated = first is None or first.year > NO_YEAR
     columns = {
         "line": pa.array(export.line),
         "group": group,
         "target": target,
         **{f"{axis}_m": pa.array(export.position[:, k]) for k, axis in enumerate("xyz")},
-        "time": export.time,
+        "time": export.time if dated else pa.array(map(shown, export.time.to_pylist())),
     }
     return tables.as_csv(pa.table(columns))
 

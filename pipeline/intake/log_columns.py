@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 
@@ -124,11 +125,21 @@ def settled(form: LogForm) -> LogForm:
 
 def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
     """Entries of [joints] for a joint log with foreign titles; None if it is not one."""
+    return _understood(name, data, "joints", _about_axes(_log_words.of_joints, robot))
+
+
+def has_other_axes(name: str, data: bytes, robot: Robot) -> bool:
+    """Whether an axis moves in a joint log that the robot does not have, such as a rail."""
+    with contextlib.suppress(InputError):  # a workbook in which no sheet has such a title
+        meant = _about_axes(_log_words.of_another, robot)
+        return _understood(name, data, "joints", meant) is not None
+    return False
+
+
+def _about_axes(words: Callable[..., dict[str, str] | None], robot: Robot) -> _Meaning:
     axes = controller_axes(robot) or own_joints(robot)
-    slides = [q.units is LENGTH for q in axes]
-    names, units = [q.stem for q in axes], ([*LENGTH], [*ANGLE])
-    meant = partial(_log_words.of_joints, axes=names, lengths=slides, units=units)
-    return _understood(name, data, "joints", meant)
+    names, slides = [q.stem for q in axes], [q.units is LENGTH for q in axes]
+    return partial(words, axes=names, lengths=slides, units=([*LENGTH], [*ANGLE]))
 
 
 def are_called(form: LogForm, robot: Robot) -> bool:

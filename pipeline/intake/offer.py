@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import pyarrow as pa
-
 from pipeline.base.errors import InputError, at
 from pipeline.base.quantities import MM
 from pipeline.base.shown import in_toml
@@ -25,6 +23,7 @@ from pipeline.readers import (
     read,
     recognise,
 )
+from pipeline.readers._time import shown
 from pipeline.readers._units import USUAL_UNITS
 from pipeline.readers.export_settings import ROLES
 
@@ -193,10 +192,11 @@ def _first_rows(export: Export) -> tuple[Mapping[str, Any], ...]:
     names = {
         "group": export.group,
         "target": export.target,
-        "time": export.time.cast(pa.string()),
+        "time": export.time,
     }
     words = {key: [None] * n if column is None else column[:n].to_pylist()
              for key, column in names.items()}  # fmt: skip
+    words["time"] = [shown(one) for one in words["time"]]
     xyz = [[float(x) for x in row] for row in (export.position[:n] * MM).round(6)]
     return tuple(
         {"group": words["group"][k], "target": words["target"][k]}

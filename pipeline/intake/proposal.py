@@ -211,7 +211,8 @@ def _mapping(table: SheetTable, reading: RoleAssignment) -> Columns:
     roles = {place: one.role for place, one in sorted(reading.roles.items()) if one.role}
     titles = found.titles if _readable(found) else ("",) * len(found.titles)
     header = found.header if _readable(found) else 0
-    form = next((table.content[k].form for k in reading.places("time")), None)
+    dated = reading.place("date") is not None  # the format is then that of both together
+    form = None if dated else next((table.content[k].form for k in reading.places("time")), None)
     mapping = {
         "columns": {role: _once(titles, place) or place + 1 for place, role in roles.items()},
         "delimiter": found.delimiter,

@@ -29,7 +29,7 @@ EVIDENCE: Mapping[Why, str] = {
     "stated": "as stated",
     "empty": "empty",
     "untold": "",
-    "untimed": "contains no reliable times",
+    "untimed": "no times that can be read",
 }
 """Evidence for the role of a column, in words."""
 

@@ -135,7 +135,7 @@ def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> dict[str, Lo
             partial(logs.joints, name, data, robot),
             partial(log_columns.understood_joints, name, data, robot),
         )
-        if form:
+        if form and not (key in SHIPPED and log_columns.has_other_axes(name, data, robot)):
             called = not form.columns or log_columns.are_called(form, robot)
             fitting = _possible(name, data, robot, form)
             rank[key] = not key.endswith(".toml"), not called, not fitting

@@ -9,7 +9,15 @@ from pipeline.base import doors
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import plain
 from pipeline.readers._cells import text_of
-from pipeline.readers._reader import TABLE, Export, Faces, OutgoingReadings, Reader, split
+from pipeline.readers._reader import (
+    TABLE,
+    Export,
+    Faces,
+    OutgoingReadings,
+    Reader,
+    named_by_file,
+    split,
+)
 from pipeline.readers._text import Text, largest, opened, refuse_other_programs, text
 from pipeline.readers.export_settings import Columns, ExportSettings
 
@@ -93,7 +101,8 @@ def read(name: str, data: bytes, hints: ExportSettings | None = None) -> Export:
     """
     hints = hints or ExportSettings()
     with at(name):
-        return split(_read(opened_as_text(name, data, hints), hints), hints.names)
+        found = split(_read(opened_as_text(name, data, hints), hints), hints.names)
+        return named_by_file(found) if hints.groups else found
 
 
 def opened_as_text(name: str, data: bytes, hints: ExportSettings) -> Text:

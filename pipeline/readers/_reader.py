@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from pathlib import PurePosixPath
 
 import numpy as np
 import pyarrow as pa
@@ -302,6 +303,15 @@ def split(export: Export, pattern: str | None) -> Export:
         fits,
         "the name has no group and target by names in [tracker]; correct the name or names",
     )
+
+
+def named_by_file(export: Export) -> Export:
+    """Name the group of an export that names targets only: its file, without folder and suffix."""
+    if export.group is not None or export.target is None:
+        return export
+    every = np.zeros(len(export.line), dtype=np.int32)
+    group = pa.DictionaryArray.from_arrays(every, [PurePosixPath(export.file).stem])
+    return replace(export, group=group)
 
 
 def part(found: pa.StructArray, name: str) -> pa.StringArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -31,9 +31,15 @@ _FORMS = {
     "%d.%m.%y %H:%M:%S": rf"[0-9]{{1,2}}\.[0-9]{{1,2}}\.[0-9]{{2}} {_CLOCK}",
     "%d.%m.%Y %H:%M": rf"[0-9]{{1,2}}\.[0-9]{{1,2}}\.[0-9]{{4}} {_MINUTE}",
     "%Y/%m/%d %H:%M:%S": rf"[0-9]{{4}}/[0-9]{{1,2}}/[0-9]{{1,2}} {_CLOCK}",
+    "%H:%M:%S": _CLOCK,
+    "%I:%M:%S %p": rf"{_CLOCK} [AP]M",
 }
 """Known formats; SpatialAnalyzer writes month/day/year, Leica's programs day.month.year; slashes
 are taken as American."""
+OF_DAY = ("%H:%M:%S", "%I:%M:%S %p")
+"""Formats without a date."""
+NO_YEAR = 1900
+"""Year in which times without a date are kept: the default of `strptime`, before any tracker."""
 _OTHER_DAY = {"%m/%d": "%d/%m"}
 """Alternative meaning of dates with slashes if the first number is too large for a month."""
 
@@ -46,12 +52,19 @@ _EARLIEST = b"1900-01-01T00:00:00"
 part."""
 _SIXTY_NINE = b"69"
 """First two-digit year that `strptime` assigns to the last century."""
-_FIRST, _LAST = (pa.scalar(datetime(year, 1, 1), _MOMENT) for year in (1900, 2200))
+_FIRST, _LAST = (pa.scalar(datetime(year, 1, 1), _MOMENT) for year in (NO_YEAR, 2200))
 """Limits of plausible times of a reading; a clock that was never set begins in 1970 or 1980."""
 _HOUR = 3_600_000_000
 """An hour [us]."""
 
 _FRACTION = re.compile(r"(?<=:[0-9]{2})[.,]([0-9]{1,6})(?= |$)")
+
+
+def shown(found: datetime | None) -> str | None:
+    """A time in ISO 8601, without the date if none is known."""
+    if found is None:
+        return None
+    return found.isoformat() if found.year > NO_YEAR else found.time().isoformat()
 
 
 def form_of(cell: str) -> str | None:
@@ -63,12 +76,22 @@ def form_of(cell: str) -> str | None:
     return None
 
 
+def first_form(cells: Iterable[str]) -> str | None:
+    """The format of the first time; one with a date takes precedence over a bare time of day."""
+    bare = None
+    for form in filter(None, map(form_of, cells)):
+        if form not in OF_DAY:
+            return form
+        bare = bare or form
+    return bare
+
+
 def form_of_all(cells: Sequence[str], most: float) -> str | None:
     """The format in which at least a fraction `most` of the cells are times, None if there is none.
 
     Dates with slashes are American unless their numbers contradict this.
     """
-    form = next(filter(None, map(form_of, cells)), None)
+    form = first_form(cells)
     if form is None:
         return None
     ways = [form, *(form.replace(a, b) for a, b in _OTHER_DAY.items() if a in form)]

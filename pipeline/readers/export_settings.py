@@ -60,6 +60,7 @@ class ExportSettings(Strict):
         covariance: Which of several covariances to use, or `none`.
         coverage_factor: k of stated uncertainties.
         names: Regular expression with the parts group and target, for names that hold both.
+        groups: `files` if the name of each file is the group of its readings.
         mapping: Columns of a table in no known dialect.
         sheet: Sheet of a workbook, if several fit.
     """
@@ -73,6 +74,7 @@ class ExportSettings(Strict):
     covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
     coverage_factor: Positive | None = None
     names: Annotated[str, with_parts("group", "target")] | None = None
+    groups: Literal["files"] | None = None
     mapping: Columns | None = None
     sheet: Name | None = None
 

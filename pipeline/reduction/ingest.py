@@ -16,11 +16,11 @@ import pandas as pd
 import pyarrow as pa
 
 from pipeline import readers, tables
+from pipeline.base import doors
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import columns as covariance_columns
-from pipeline.base.doors import found, opened
 from pipeline.base.errors import InputError, listed
-from pipeline.base.patterns import fits, is_glob
+from pipeline.base.patterns import fits, is_glob, natural
 from pipeline.base.threads import WORTH_A_THREAD, both
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
@@ -48,9 +48,12 @@ _SIX = covariance_columns()
 
 _BY_ORDER = "pipeline.dialects.assignment:assigned"
 """Door to readings without names, identified by the order in which they were taken."""
+_OF_DAY = "pipeline.dialects.times_of_day:on_days"
+"""Door to times without a date, which only files of other programs have."""
 _NAMES = (
     "say with names in [tracker] of campaign.toml how names hold group and target, as `pipeline "
-    "inspect` proposes, name the column of the groups in [tracker.mapping], or "
+    "inspect` proposes, name the column of the groups in [tracker.mapping], write "
+    'groups = "files" into [tracker] if each file is a group and has its name, or '
 )
 
 
@@ -235,17 +238,24 @@ def _known_loads(settings: Settings, loads: logs.Log) -> logs.Log:
 
 
 def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> dict[str, Export]:
-    """The tracker exports by name; a glob never takes the other logs."""
+    """The tracker exports in the order of `files`, those of a glob in natural order.
+
+    A glob never takes the other logs.
+    """
     others = {settings.joints.file, "campaign.toml", settings.robot, tracker.assignment}
     others.add(settings.loads_file)
-    globs = [one for one in tracker.files if is_glob(one)]
-    globbed = {name for name in raw for glob in globs if fits(name, glob)}
-    found = sorted((globbed - others) | ({*raw} & {*tracker.files}))
-    tracker.none_missing(found)
-    exports = {name: _export(name, raw[name], tracker, settings.bodies) for name in found}
+    found = {
+        name: _export(name, raw[name], tracker, settings.bodies)
+        for one in tracker.files
+        for name in sorted(raw, key=natural)
+        if name == one or (is_glob(one) and name not in others and fits(name, one))
+    }
+    tracker.none_missing([*found])
+    of_day = doors.found(_OF_DAY)
+    exports = of_day(found, settings.date) if of_day else found
     if tracker.assignment:
         table = _file(raw, tracker.assignment, "assignment in [tracker]")
-        named: dict[str, Export] = opened(_BY_ORDER)(exports, tracker.assignment, table)
+        named: dict[str, Export] = doors.opened(_BY_ORDER)(exports, tracker.assignment, table)
         return named
     for name, export in exports.items():
         if export.group is None:
@@ -268,7 +278,7 @@ def _export(name: str, data: bytes, tracker: Tracker, bodies: Sequence[Reflector
     try:
         return readers.read(name, data, tracker)
     except InputError:
-        settled = found(_SETTLED)
+        settled = doors.found(_SETTLED)
         hints, why = settled(name, data, tracker, bodies) if settled else (tracker, ())
         if not why:
             raise

@@ -64,7 +64,8 @@ class Measured(Locked):
         tracked: Whether the instrument is a laser tracker; else its noise is judged by the data
             alone.
         bends: Whether what an undeformed cell neglects, the robot's own deflection, is an error.
-        tool_std: Standard uncertainty per axis of the tool's nominal points [m].
+        tool_std: Standard uncertainty per axis of the nominal targets of the tool [m].
+        load_point_std: The same of its load point [m], None if it is that of the targets.
         joint_std: Standard uncertainty of the joints' zeros [m] or [rad], shape (n,).
         zero_times: Times of the zeros of each pull's pose after the first reading [s], padded with
             NaN and NaN where unknown, shape (m, z).
@@ -101,6 +102,7 @@ class Measured(Locked):
     scale: Scale
     noise_stated: bool
     tool_std: float = 0.0
+    load_point_std: float | None = None
     joint_std: Array = field(default_factory=lambda: np.zeros(0))
     body: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     mass_std: Array = field(default_factory=lambda: np.zeros(0))
@@ -256,6 +258,7 @@ def measured(
         scale=settings.scale or Scale(),
         noise_stated=stated,
         tool_std=settings.tool_uncertainty.sigma_m,
+        load_point_std=settings.tool_uncertainty.load_point_sigma_m,
         joint_std=np.where(robot.prismatic, off.sigma_m, off.sigma_rad),
         body=pulls["body"].to_numpy(np.int64),
         mass_std=pulls["mass_std_n"].to_numpy(float),

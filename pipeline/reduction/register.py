@@ -16,6 +16,7 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine.effects.tracker_drift import GROUP_S
+from pipeline.readers._time import NO_YEAR
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction._index import run
 from pipeline.reduction.growth import BaseGrowth, by_temperature, with_reflectors
@@ -264,6 +265,11 @@ def seconds(readings: pd.DataFrame) -> Array:
 def timed(readings: pd.DataFrame) -> bool:
     """Whether any reading has a time."""
     return not len(readings) or bool(readings["time"].notna().any())
+
+
+def dated(times: pd.Series[pd.Timestamp]) -> bool:
+    """Whether any time is known, with its date."""
+    return bool(times.notna().any()) and times.min().year > NO_YEAR
 
 
 def _uncertain(readings: pd.DataFrame) -> None:

@@ -214,9 +214,10 @@ class _JointLog(LogForm):
 
 
 class _ToolUncertainty(Strict):
-    """Standard uncertainty per axis of the nominal points in [tool]."""
+    """Standard uncertainty per axis of the points in [tool]; the load point's own if given."""
 
     sigma_m: Uncertainty = 0.0
+    load_point_sigma_m: Uncertainty | None = None
 
 
 class Displacements(Strict):

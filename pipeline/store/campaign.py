@@ -168,8 +168,8 @@ class CampaignFolder:
         Raises:
             InputError: The folder contains too many files.
         """
-        deepest = max((depth(one, _DEEPEST) for one in patterns if is_glob(one)), default=0)
-        there = sorted(_within(self.folder, deepest))
+        deepest = max((depth(one, DEEPEST) for one in patterns if is_glob(one)), default=0)
+        there = sorted(within(self.folder, deepest))
         found: list[str] = []
         for one in patterns:
             if is_glob(one):
@@ -493,11 +493,11 @@ def unfit(name: str) -> str | None:
     return "the name of its folder is one of our own files" if _OURS.fullmatch(name) else None
 
 
-MOST_ENTRIES, _DEEPEST = 20_000, 16
+MOST_ENTRIES, DEEPEST = 20_000, 16
 """Maximum number of files and folders of a campaign, and depth to which they are searched."""
 
 
-def _within(folder: Path, deepest: int) -> Iterator[str]:
+def within(folder: Path, deepest: int) -> Iterator[str]:
     """Names of all files of a folder, relative to it; linked folders are not entered.
 
     Raises:

@@ -255,6 +255,8 @@ def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
     """Effect on c of one sigma of each tool coordinate and of each joint zero, (d, 3, r) [m]."""
     points = np.vstack([cell.tool.load_point, cell.tool.points])
     moves = data.tool_std * np.eye(points.size).reshape(-1, *points.shape)
+    if data.load_point_std is not None:
+        moves[:3, 0] = data.load_point_std * np.eye(3)
     turns = data.joint_std[:, None] * np.eye(cell.robot.n)
     if data.stance is not None:  # their uncertainty is part of the stance
         read = [False, *np.isin(cell.tool.targets.astype(str), list(data.stance.points))]

@@ -37,8 +37,8 @@ def edited(files, old, new):
     return {**files, "campaign.toml": re.sub(old, new, text, count=1).encode()}
 
 
-def with_tool_uncertainty(files, sigma):
-    text = files["campaign.toml"].decode() + f"\n[tool_uncertainty]\nsigma_m = {sigma}\n"
+def with_tool_uncertainty(files, sigma, key="sigma_m"):
+    text = files["campaign.toml"].decode() + f"\n[tool_uncertainty]\n{key} = {sigma}\n"
     return {**files, "campaign.toml": text.encode()}
 
 
@@ -66,18 +66,21 @@ def test_a_gain_error_moves_all_stiffnesses_alike():
     assert gain == pytest.approx(3e-3 * estimate.value, rel=1e-6, abs=0)
 
 
-def test_the_part_of_the_geometry_is_what_wrong_tool_points_do():
-    """Shift each coordinate of the tool, identify again, and add the squares."""
+@pytest.mark.parametrize(
+    ("key", "points"), [("sigma_m", [*PLAN.tool]), ("load_point_sigma_m", ["load_point"])]
+)
+def test_the_part_of_the_geometry_is_what_wrong_tool_points_do(key, points):
+    """Shift each coordinate of the tool, or of its load point, identify again, add the squares."""
     files = simulate(PLAN.without_noise()).files
-    system, estimate = identified(with_tool_uncertainty(files, 1e-9))
+    system, estimate = identified(with_tool_uncertainty(files, 1e-9, key))
     split = budget(system, estimate)
     claimed = split.std[list(split.source).index("geometry")] * 1e5
 
     moved = []
     step = 1e-4
-    for name, at in PLAN.tool.items():
+    for name in points:
         for axis in range(3):
-            point = list(at)
+            point = list(PLAN.tool[name])
             point[axis] += step
             _, other = identified(edited(files, rf"\n{name} = .*", f"\n{name} = {point}"))
             moved.append(other.value - estimate.value)
