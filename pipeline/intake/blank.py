@@ -57,6 +57,7 @@ class KnownData:
         words: Other entries of campaign.toml, by key.
         test_pose: Numbers of [test_pose], by key.
         notes: Data without an entry in campaign.toml.
+        source: Where a place comes from that is still to be confirmed, by name.
         simulated: Whether files are those of a rehearsal.
     """
 
@@ -72,6 +73,7 @@ class KnownData:
     words: Mapping[str, str] = field(default_factory=dict)
     test_pose: Mapping[str, list[float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    source: Mapping[str, str] = field(default_factory=dict)
     simulated: bool = False
 
 
@@ -259,8 +261,11 @@ def _states(state_of: Mapping[str, str]) -> str:
 
 def _points(names: Sequence[str], known: KnownData) -> list[tuple[str, str | None]]:
     """Each point with its position, None where still open."""
-    found = ((name, known.places.get(name)) for name in names)
-    return [(_key(name), None if at is None else str(list(at))) for name, at in found]
+    found = ((name, known.places.get(name), known.source.get(name)) for name in names)
+    return [
+        (_key(name), None if at is None else f"{list(at)}{f'   # {why}' if why else ''}")
+        for name, at, why in found
+    ]
 
 
 def _key(name: str) -> str:

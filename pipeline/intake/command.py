@@ -99,6 +99,7 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     given, wrong = filled_in(files)
     hints = _stated(stated)
     proposal = _settled(files, hints) if ask else propose(files, hints)
+    given = _with_places(given, proposal)
     for line in [*_seen(proposal), *wrong]:
         _tell(line)
     if robot is None:
@@ -115,6 +116,13 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
               f"`pipeline init {typed(folder.name)}` again.")  # fmt: skip
     todo = f"Still open in campaign.toml: {listed(left, most=40)}; fill it in, then" if left else ""
     _tell(f"{todo or 'Next'}: pipeline check {typed(folder.name)}")
+
+
+def _with_places(given: KnownData, proposal: FilesProposal) -> KnownData:
+    """The known data with the nominal places of other files, as far as it has none."""
+    found = proposal.nominal
+    source = {name: why for name, why in found.source.items() if name not in given.places}
+    return replace(given, places={**found.places, **given.places}, source=source)
 
 
 def _named(root: Path, folder: Path, given: KnownData) -> str | None:
@@ -380,6 +388,7 @@ def _seen(proposal: FilesProposal) -> Iterator[str]:
             yield f"{what}: {listed(found, most=40)}"
     if proposal.measured and not proposal.base:
         yield "base: no reflector is known; without [base_frame] readings are taken to be in F_b"
+    yield from (f"{one}." for one in proposal.nominal.seen)
     for name, why in proposal.refused.items():
         yield f"{name} is not used: {why}."
 
