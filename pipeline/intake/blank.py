@@ -212,7 +212,7 @@ def log_lines(proposal: LogFiles, robot: str | None = None) -> list[str]:
 def _fitting(found: Sequence[str]) -> str:
     """The robots that a joint log fits, or where robots are listed."""
     if found:
-        return f"{listed(found)}: the joint log fits each of them"
+        return f"{listed(found)}: the joint log fits each of them; `pipeline robot --list` has all"
     return "one of `pipeline robot --list`, or a robot file in this folder"
 
 

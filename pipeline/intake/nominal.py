@@ -8,6 +8,7 @@ show the unit of the table, and confirm it.
 from __future__ import annotations
 
 import contextlib
+import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,6 +29,7 @@ Apart = Mapping[tuple[str, str], float]
 _NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d*)?(?:[eE][-+]?\d+)?")
 _DELIMITERS = (";", "\t", None, ",")
 _WORD = re.compile(r"[^\W\d_]+")
+_UNITS = {"m": "metres", "mm": "mm", "in": "inches"}
 _MOST = 200
 """Maximum number of places: a cell has some tens of reflectors."""
 _MOST_LINES = 1000
@@ -169,12 +171,12 @@ def _of(
         renamed[load] = "load_point"
     places = {ours: _metres(table.numbers[name], LENGTH[unit]) for name, ours in renamed.items()}
     source = {
-        ours: f"{file}, {unit}{'' if ours == name else f', {name}'}: confirm it"
+        ours: f"{file}, {_UNITS[unit]}{'' if ours == name else f', {name}'}: confirm it"
         for name, ours in renamed.items()
     }
     also = f", and {load} as load_point" if load else ""
     return NominalPlaces(places, source), (
-        f"{begin}: {listed(numbers, most=12)}{also} in {unit}, distances within "
+        f"{begin}: {listed(numbers, most=12)}{also} in {_UNITS[unit]}, distances within "
         f"{_mm(off[unit])} of those read; confirm them in campaign.toml"
     )
 
@@ -182,9 +184,9 @@ def _of(
 def _off(table: PlaceTable, factor: float, apart_m: Apart) -> float:
     """Median difference of distances stated and read [m]; infinite if none is in both."""
     off = [
-        abs(factor * float(np.linalg.norm(np.subtract(*(table.numbers[n] for n in pair)))) - read)
-        for pair, read in apart_m.items()
-        if {*pair} <= table.numbers.keys()
+        abs(factor * math.dist(table.numbers[one], table.numbers[other]) - read)
+        for (one, other), read in apart_m.items()
+        if {one, other} <= table.numbers.keys()
     ]
     return float(np.median(off)) if off else np.inf
 

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, sifted
+from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError
 from pipeline.base.strict import LEAST_FORCE, LEAST_MASS, STANDARD_GRAVITY
 from pipeline.machine.robot import Robot
@@ -172,9 +172,11 @@ def _a_row_each(log: Log, each: Sequence[Quantity]) -> Log:
     there[~there.any(axis=1), 0] = True  # a row without any is rejected, not lost
     row, pull = np.nonzero(there)
     repeat = np.array([float(q.stem.rpartition("_")[2]) for q in each])
-    left = {name: one for name, one in log.number.items() if name not in {q.stem for q in each}}
-    number = sifted(left, row) | {"force": force[row, pull], "repeat": repeat[pull]}
-    return replace(log, number=number, word=sifted(log.word, row), line=log.line[row])
+    stems = {q.stem for q in each}
+    number = {name: one[row] for name, one in log.number.items() if name not in stems}
+    number |= {"force": force[row, pull], "repeat": repeat[pull]}
+    word = {name: one[row] for name, one in log.word.items()}
+    return replace(log, number=number, word=word, line=log.line[row])
 
 
 def of_loads() -> list[Quantity]:
