@@ -124,7 +124,7 @@ def _of_files(proposal: FilesProposal) -> dict[str, object]:
     blind = bool(proposal.loads or proposal.joints or proposal.refused)
     mapping = proposal.offer.hints.mapping if proposal.offer else None
     return {
-        "robots": _fitting(proposal.robots),
+        "robots": _fitting(proposal),
         "exports": _quoted(proposal.exports or (() if blind else _DEFAULTS)),
         "tracker": _tracker(proposal),
         "mapping": mapping_lines(mapping) if mapping else [],
@@ -209,11 +209,19 @@ def log_lines(proposal: LogFiles, robot: str | None = None) -> list[str]:
     return [*lines, "", f"[{table}.columns]{named}", *columns]
 
 
-def _fitting(found: Sequence[str]) -> str:
+def _fitting(said: LogFiles) -> str:
     """The robots that a joint log fits, or where robots are listed."""
-    if found:
-        return f"{listed(found)}: the joint log fits each of them; `pipeline robot --list` has all"
-    return "one of `pipeline robot --list`, or a robot file in this folder"
+    if not said.robots:
+        return "one of `pipeline robot --list`, or a robot file in this folder"
+    first, *others = said.joint_columns.values()
+    differ = (
+        f"; [joints.columns] is for {said.robots[0]}: for another remove this file and type "
+        "`pipeline init` with --robot"
+    ) * any(one != first for one in others)
+    return (
+        f"{listed(said.robots)}: the joint log fits each of them; `pipeline robot --list` has all"
+        f"{differ}"
+    )
 
 
 def described(folder: Path, found: Sequence[str]) -> list[str]:

@@ -870,7 +870,8 @@ def test_a_word_of_others_for_a_state_is_offered_in_its_own_sense(word, said):
     """What it means is not guessed where it is not known."""
     toml = TOML.replace(
         "[base_frame]",
-        "[naming]\ngroup = 'pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>.+)'\n[base_frame]",
+        "[naming]\ngroup = 'pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>.+)'\n"
+        "[base_frame]",
     )
     with pytest.raises(InputError, match=re.escape(said)):
         read(tracker_csv().replace("unloaded", word), toml=toml)
