@@ -83,7 +83,8 @@ def readings(table: SheetTable, kind: str | None, unit: str | None) -> list[Role
     Raises:
         InputError: A row contains several targets, or its distance is not a range.
     """
-    forces = {k for k, column in enumerate(table.named) if force_unit(column.title, tuple(SCALE))}
+    units = tuple(SCALE)  # X (N) is a coordinate to the north
+    forces = {k for k, c in enumerate(table.named) if not c.role and force_unit(c.title, units)}
     number = table.of_kind("number", forces)
     sets = [one for one in triples(table.named) if {*one.columns} <= {*number}]
     if sets:
