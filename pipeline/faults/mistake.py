@@ -172,6 +172,11 @@ def left_out(case: Case, at: Collection[str]) -> Case:
     return replace(case, readings=table)
 
 
+def pulls_of(rows: pd.DataFrame) -> set[tuple[int, int]]:
+    """Pose and repeat of some rows."""
+    return set(zip(rows["pose"], rows["repeat"], strict=True))
+
+
 def without_pulls(case: Case, pulls: Collection[tuple[int, int]]) -> Case:
     """The campaign without the loads of some pulls, by pose and repeat: a line may have several."""
     keys = zip(case.loads["pose"], case.loads["repeat"], strict=True)

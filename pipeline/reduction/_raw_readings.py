@@ -298,7 +298,7 @@ def _counted(pose: Ints, repeat: Ints, loaded: Bools) -> Ints:
 _STATE_WORDS = {
     "unloaded": {"unbelastet", "leer", "ohne last", "frei", "no load", "free", "zero", "null",
                  "vide", "à vide", "a vide", "sans charge", "u", "scarico"},
-    "loaded": {"belastet", "last", "laststufe", "zug", "load", "pull", "pulled", "charge",
+    "loaded": {"belastet", "last", "laststufe", "zug", "voll", "load", "pull", "pulled", "charge",
                "chargé", "traction", "l", "carico"},
 }  # fmt: skip
 """What others call the states."""
