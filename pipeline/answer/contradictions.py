@@ -39,7 +39,8 @@ def entry_findings(case: Case, text: str) -> list[str]:
 def contradicted(text: str, one: DoubtfulEntry, found: Sequence[DoubtfulEntry]) -> str:
     """How the readings contradict an entry, and what to do."""
     if not one.names:
-        return f"[{one.table}] is in {one.unit}, as the distances as read show; write it in metres"
+        unit = {"in": "inches"}.get(str(one.unit), one.unit)
+        return f"[{one.table}] is in {unit}, as the distances as read show; write it in metres"
     if len(one.names) == 2:
         line = line_of(text, [one.table, one.names[1]])
         return (

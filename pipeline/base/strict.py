@@ -268,6 +268,8 @@ def _meant(kind: type[BaseModel], key: Sequence[str | int]) -> str | None:
     if near := get_close_matches(last.lower(), here, 1):
         return f"did you mean {here[near[0]]}?"
     homes = sorted({where for where, name in every if name == last})
+    if inside := [one[-1] for one in homes if [*one[:-1]] == table and table]:
+        return f"it belongs into {inside[0]} = {{ {last} = ... }}"
     named = [f"[{'.'.join(one)}]" if one else "the top of the file" for one in homes]
     return f"it belongs to {' or '.join(named)}" if named else None
 
@@ -291,8 +293,15 @@ def _known(
         first = spelt.choices[0] if isinstance(spelt, AliasChoices) else spelt
         *above, name = map(str, _apart(first if isinstance(first, str) else field))
         yield (*path, *above), name
+        words = get_args(info.annotation)[:1] if get_origin(info.annotation) is dict else ()
+        yield from (((*path, *above, name), one) for word in words for one in _literals(word))
         for inner, called in _records(info.annotation):
             yield from _known(inner, (*path, *above, name, *[_ANY] * called))
+
+
+def _literals(kind: object) -> tuple[str, ...]:
+    """The words of a literal type; none for another."""
+    return get_args(kind) if get_origin(kind) is Literal else ()
 
 
 def _nested(kind: type[BaseModel]) -> Iterator[tuple[type[BaseModel], bool]]:

@@ -19,10 +19,11 @@ from pipeline.answer.inputs import (
     treated_findings,
 )
 from pipeline.app.outcome import Outcome, sentences
+from pipeline.base.doors import opened as behind
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain as in_digits
 from pipeline.base.shown import typed
-from pipeline.base.toml import line_of
+from pipeline.base.toml import line_of, quoted
 from pipeline.check.of_positions import of_positions
 from pipeline.check.proven import proven
 from pipeline.check.survey import (
@@ -40,7 +41,7 @@ from pipeline.machine.robot import Robot, axes, configure
 from pipeline.machine.robot.axes import in_log_units
 from pipeline.prediction.path import Path, against_pulls
 from pipeline.prediction.tolerance import path_of
-from pipeline.readers import _log_table
+from pipeline.readers import _log_table, opened_as_text
 from pipeline.readers._log_form import opened
 from pipeline.readers.export_settings import LogForm
 from pipeline.readers.logs import POSE, REMARK, REPEAT, has_joints, has_load
@@ -185,6 +186,7 @@ def _told(
     notes = [
         *others,
         *_unplaced(raw.settings),
+        *_without_times(raw, case),
         *doubled,
         *said,
         *found.doubts(),
@@ -214,6 +216,24 @@ def _unplaced(settings: Settings) -> Iterator[str]:
             "[base_frame] of campaign.toml has no reflectors: readings are taken to be in F_b; "
             "give the coordinates of three or more where they are in the tracker's frame"
         )
+
+
+def _without_times(raw: Raw, case: Case) -> Iterator[str]:
+    """Remark that an export has times, and [tracker.mapping] leaves them out."""
+    tracker = raw.settings.tracker
+    if tracker is None or tracker.mapping is None:
+        return
+    for name in case.readings["file"].unique():
+        text = opened_as_text(name, raw.files[name], tracker)
+        if titles := behind("pipeline.dialects.mapped:unread_times")(text, tracker.mapping):
+            words = dict(
+                zip(("date", "time") if len(titles) > 1 else ("time",), titles, strict=False)
+            )
+            entry = ", ".join(f"{role} = {quoted(title)}" for role, title in words.items())
+            yield (
+                f"{name} has times ({listed(titles)}), which columns in [tracker.mapping] leaves "
+                f"out: without them no drift is found; write {entry} into it"
+            )
 
 
 def _load_point_at_a_target(raw: Raw) -> Iterator[str]:

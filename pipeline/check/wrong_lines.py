@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 from typing import get_args
+
+import numpy as np
 
 from pipeline.answer.contradictions import contradicted, in_mm
 from pipeline.base.errors import InputError, place
@@ -58,7 +61,36 @@ def wrong_lines(raw: Raw) -> list[WrongLine]:
     if word is not None:
         return [_wrong_word(text, word)]
     found = () if given is None else wrong_entries(given)
-    return [_wrong_entry(text, one, found) for one in found]
+    return [_wrong_entry(text, one, found) for one in found] or _far_load_point(raw.settings, text)
+
+
+_FAR = (1 / 0.0254) ** 0.5
+"""Distance of the load point from the nearest target over the size of the effector from which on
+its unit is wrong [1]: halfway, as a ratio, between a load point as far as the effector is large and
+the same one in inches taken for metres."""
+
+
+def _far_load_point(settings: Settings, text: str) -> list[WrongLine]:
+    """The load point where it is far from an effector of the size of its targets."""
+    load = np.array(settings.tool["load_point"])
+    points = np.array([(0.0, 0.0, 0.0), *(settings.tool[name] for name in settings.measured)])
+    size = max(float(np.linalg.norm(one - other)) for one, other in combinations(points, 2))
+    away = float(np.linalg.norm(points - load, axis=1).min())
+    if away <= _FAR * size:
+        return []
+    units = {"inches": 0.0254, "millimetres": 1e-3}
+    near = [(u, k * load) for u, k in units.items() if np.linalg.norm(k * load) <= _FAR * size]
+    maybe = "".join(
+        f" if these are {unit}, write [{', '.join(f'{x:.7g}' for x in at)}];" for unit, at in near
+    )
+    return [
+        WrongLine(
+            line_of(text, ["tool", "load_point"]),
+            "tool.load_point",
+            f"load_point is {away:.3g} m from flange and reflectors, which are at most {size:.2g} "
+            f"m apart;{maybe} all of [tool] is in metres",
+        )
+    ]
 
 
 def _read(raw: Raw, settings: Settings) -> Case | None:

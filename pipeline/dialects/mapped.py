@@ -5,6 +5,7 @@ from __future__ import annotations
 from pipeline.base.errors import InputError, at, listed
 from pipeline.dialects import _named, _tables
 from pipeline.dialects._named import Header, Named
+from pipeline.dialects._titles import titled
 from pipeline.readers._cells import bare, is_plain
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._reader import Export
@@ -49,6 +50,16 @@ def _header(text: Text, mapping: Columns) -> Header:
         named.append(Named(title, _ROLES.get(word, word), unit))
     first = _first(text, mapping)
     return Header(line or first - 1, delimiter, tuple(named), mapping.first or 0)
+
+
+def unread_times(text: Text, mapping: Columns) -> list[str]:
+    """Titles of columns with dates or times that a mapping leaves out."""
+    line = _header_line(text, mapping)
+    if {"date", "time"} & {*mapping.columns} or not line:
+        return []
+    header = text.line(line)
+    titles = [bare(one) for one in header.split(mapping.delimiter or delimiter_of(header))]
+    return [one.title for one in titled(titles) if one.role in ("date", "time", "clock")]
 
 
 def _words(titles: list[str], mapping: Columns, line: int) -> dict[int, str]:

@@ -9,12 +9,13 @@ is wrong.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from pipeline.base import covariance
 from pipeline.base.arrays import Array, Bools, Ints, Strings
@@ -28,6 +29,7 @@ from pipeline.machine.robot.variants import alike, differing, variants
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, agreeing
+from pipeline.reduction.settings import Point
 
 GROSS_ANCHORED_M = 0.3
 """Deviation from the table in a base frame, however poor its reflectors, from which on it is
@@ -78,6 +80,7 @@ class _SupposedMistake:
         where: As in `Mistake`.
         says: What was mistaken for what.
         correct: Correction of a case.
+        write: What to write instead; empty where `says` shows it.
         single: Whether it is only tested by itself and not together with another mistake, because
             there are many of its kind.
     """
@@ -86,6 +89,7 @@ class _SupposedMistake:
     where: str
     says: str
     correct: Callable[[Case], Case]
+    write: str = ""
     single: bool = False
 
 
@@ -155,7 +159,7 @@ def _finding(case: Case, h: _SupposedMistake, before: float, after: float) -> Mi
         name=h.name,
         where=h.where,
         evidence=f"{h.says}: as given the unloaded reflectors are {1e3 * before:.0f} mm from "
-        f"where the robot file places them, and {1e3 * after:.1f} mm with that corrected",
+        f"where the robot file places them, and {1e3 * after:.1f} mm with that corrected{h.write}",
         correction=f"recomputed as if {h.says}",
         before=1e3 * before,
         after=1e3 * after,
@@ -292,6 +296,58 @@ def supposed_mistakes(case: Case) -> Iterator[_SupposedMistake]:
         correct = partial(replace, robot=robot)
         yield _SupposedMistake("sign_or_convention", where, says, correct, single=True)
     yield from _names(case)
+    yield from _turned(case)
+
+
+_TURNS = [np.eye(3)[list(order)] * signs for order in itertools.permutations(range(3))
+          for signs in itertools.product((1.0, -1.0), repeat=3)][1:]  # fmt: skip
+"""The turns of a frame by multiples of 90 deg, and those of the mirrored one."""
+
+
+def _turned(case: Case) -> Iterator[_SupposedMistake]:
+    """[tool] or [base_frame] in a frame whose axes are others of ours, perhaps with other signs."""
+    settings = case.settings
+    names = ["load_point", *settings.measured]
+    tables = {"tool": {name: settings.tool[name] for name in names if name in settings.tool},
+              "base_frame": settings.base_frame}  # fmt: skip
+    for table, places in tables.items():
+        for turn in _TURNS if places else ():
+            yield _SupposedMistake(
+                "sign_or_convention",
+                table,
+                f"[{table}] is in another frame{_as_turned(turn, table)}",
+                partial(_with_places, table, moved := _at(turn, places)),
+                write="; write " + ", ".join(
+                    f"{name} = [{', '.join(f'{x:.7g}' for x in at)}]" for name, at in moved.items()
+                ) + f" into [{table}]",
+                single=True,
+            )  # fmt: skip
+
+
+def _at(turn: Array, places: Mapping[str, Point]) -> dict[str, Point]:
+    """Places in the turned frame; 0.0 is added to have no minus zero."""
+    return {name: tuple((turn @ at + 0.0).tolist()) for name, at in places.items()}
+
+
+def _as_turned(turn: Array, table: str) -> str:
+    """`, turned by 180 deg about z of the flange: [x, y, z] there is [-x, -y, z] here`."""
+    maybe, frame = (", maybe the controller's", "the flange") if table == "tool" else ("", "F_b")
+    signed = (("-" if row.sum() < 0 else "") + "xyz"[int(np.abs(row).argmax())] for row in turn)
+    vector = Rotation.from_matrix(turn * np.linalg.det(turn)).as_rotvec(degrees=True)
+    angle = float(np.linalg.norm(vector))
+    along = np.abs(vector) > 1e-6 * angle
+    axis = f" about {'xyz'[int(np.flatnonzero(along)[0])]}" if along.sum() == 1 else ""
+    sign = "-" if axis and vector.sum() < 0 and angle < 179 else ""
+    how = f"turned by {sign}{angle:.0f} deg{axis} of {frame}" if angle else "mirrored"
+    mirrored = " and mirrored" if angle and np.linalg.det(turn) < 0 else ""
+    return f"{maybe}, {how}{mirrored}: [x, y, z] there is [{', '.join(signed)}] here"
+
+
+def _with_places(table: str, places: Mapping[str, Point], case: Case) -> Case:
+    """The campaign with other places in one of its tables."""
+    settings = case.settings
+    moved = {**getattr(settings, table), **places}
+    return replace(case, settings=settings.model_copy(update={table: moved}))
 
 
 def _columns(case: Case) -> Iterator[_SupposedMistake]:

@@ -24,7 +24,7 @@ from pipeline.faults.conventions import miss, unloaded
 from pipeline.faults.exchanged_pulls import displacement_std
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.joint_row import without_poses
-from pipeline.faults.mistake import Mistake, as_it_is, left_out, length, lines_of
+from pipeline.faults.mistake import Mistake, as_it_is, length, lines_of, pulls_of, without_pulls
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import PULLED
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
@@ -230,7 +230,7 @@ def _silent(case: Case, data: Measured, moved: Array) -> Iterator[Mistake]:
         before=rms(f) / rms(g),
         after=1.0,
         unit="1",
-        correct=partial(left_out, at=at, of="loads"),
+        correct=partial(without_pulls, pulls=pulls_of(rows)),
         at=at,
     )
 
@@ -279,7 +279,7 @@ def _of_copy(case: Case, data: Measured, same: Ints, force: float, every: bool) 
         before=_UNLIKE,
         after=1.0,
         unit="1",
-        correct=_unlogged if every else partial(left_out, at=at, of="loads"),
+        correct=_unlogged if every else partial(without_pulls, pulls=pulls_of(rows)),
         at=at,
         hopeless=every,
     )

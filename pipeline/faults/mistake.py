@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -161,17 +161,26 @@ def lines_of(rows: pd.DataFrame) -> tuple[str, ...]:
     return tuple(f"{file}:{line}" for file, line in zip(rows["file"], rows["line"], strict=True))
 
 
-def left_out(
-    case: Case, at: Collection[str], of: Literal["readings", "loads"] = "readings"
-) -> Case:
-    """The campaign without some rows of one of its tables, `file:line` each."""
+def left_out(case: Case, at: Collection[str]) -> Case:
+    """The campaign without some of its readings, `file:line` each."""
     by_file: dict[str, list[int]] = {}
     for file, _, line in (place.rpartition(":") for place in at):
         by_file.setdefault(file, []).append(int(line))
-    table = case.loads if of == "loads" else case.readings
+    table = case.readings
     for file, numbers in by_file.items():
         table = table[(table["file"] != file) | ~table["line"].isin(numbers)]
-    return replace(case, loads=table) if of == "loads" else replace(case, readings=table)
+    return replace(case, readings=table)
+
+
+def pulls_of(rows: pd.DataFrame) -> set[tuple[int, int]]:
+    """Pose and repeat of some rows."""
+    return set(zip(rows["pose"], rows["repeat"], strict=True))
+
+
+def without_pulls(case: Case, pulls: Collection[tuple[int, int]]) -> Case:
+    """The campaign without the loads of some pulls, by pose and repeat: a line may have several."""
+    keys = zip(case.loads["pose"], case.loads["repeat"], strict=True)
+    return replace(case, loads=case.loads[[key not in pulls for key in keys]])
 
 
 def of_group(case: Case, group: str, targets: Collection[str]) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.tails import chi2_beyond
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.mistake import Mistake, left_out, outlying
+from pipeline.faults.mistake import Mistake, outlying, without_pulls
 from pipeline.faults.typing_errors import intended
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import HUNG, MOUNTED
@@ -338,7 +338,7 @@ def _finding(
         size=abs(given - fits) / one,
         size_unit=unit,
         p_value=p,
-        correct=partial(left_out, at=at, of="loads"),
+        correct=partial(without_pulls, pulls={(pose, repeat)}),
         at=at,
     )
 

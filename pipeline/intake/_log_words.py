@@ -64,7 +64,8 @@ def may_be_log(titles: Sequence[str], units: Sequence[str]) -> bool:
     if sum(bool(re.match("axis", role)) for role in _axes(titles).values()) > _OF_A_POINT:
         return True
     found = _first(titles, {"pose": (), "force": units})
-    return not _coordinates(titles) and bool(found or _by_unit(titles, units))
+    forces = _by_unit(titles, units) or _of_pulls(titles, units)
+    return not _coordinates(titles) and bool(found or forces)
 
 
 def _coordinates(titles: Sequence[str]) -> bool:
@@ -98,9 +99,9 @@ def of_loads(
 ) -> dict[str, str] | None:
     """Our names for the titles of a log of loads, None if it is not one.
 
-    A force may also be the only column with a unit that only forces have, and `Load` the number of
-    a pull; poses and pulls may be the columns of whole numbers, poses in the one that changes less
-    often.
+    A force may also be the only column with a unit that only forces have, `Load` the number of a
+    pull, and the forces of a pose may stand in one row; poses and pulls may be the columns of whole
+    numbers, poses in the one that changes less often.
 
     Args:
         titles: As written.
@@ -113,14 +114,19 @@ def of_loads(
     """
     roles = ("pose", "repeat", "branch", "remark", *units)
     found = _first(titles, {role: units.get(role, ()) for role in roles})
-    if not found.keys() & units.keys():
+    each = _of_pulls(titles, units["force"])
+    if each:
+        found = {role: one for role, one in found.items() if one[0] not in dict(each.values())}
+        each = each if not found.keys() & {"repeat", *units} else {}
+    found |= each
+    if not found.keys() & {*units, *each}:
         found |= _by_unit(titles, units["force"])
-    if not found.keys() & units.keys() or _coordinates(titles):
+    if not found.keys() & {*units, *each} or _coordinates(titles):
         return None
     found = _numbered(found, cells)
     if "pose" not in found:
         counting = _counting(cells(), [title for title, _ in found.values()])
-        lacking = ("pose",) if "repeat" in found else ("pose", "repeat")
+        lacking = ("pose",) if {"repeat", *each} & {*found} else ("pose", "repeat")
         if not 0 < len(counting) <= len(lacking):
             return None
         found |= {role: (title, ()) for role, title in zip(lacking, counting, strict=False)}
@@ -165,6 +171,33 @@ def _by_unit(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str
         if unit in units and unit not in ("kg", "" if inside else "n"):
             found.append((title, (unit,)))
     return {"force": found[0]} if len(found) == 1 else {}
+
+
+def _of_pulls(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str, Sequence[str]]]:
+    """`force_1`, `force_2` ... with title and units: columns that differ by a number only.
+
+    A row is a pose then: `Pull 1 (lbf)`, `Pull 2 (lbf)`. Beside a unit of force they may have any
+    word in common; without one it must be that of a pull or of a force.
+    """
+    words = _known().called["repeat"] | _known().called["force"]
+    found: dict[str, dict[str, tuple[str, Sequence[str]]]] = defaultdict(dict)
+    for title in titles:
+        unit = force_unit(title, units)
+        parts = _WORDS.findall(title.lower())[: -1 if unit else None]
+        numbers = [part for part in parts if part.isdecimal()]
+        stem = _stem([part for part in parts if part not in numbers])
+        if len(numbers) == 1 and (unit or stem in words):
+            name = f"force_{int(numbers[0])}"
+            found[f"{stem} {unit}"].setdefault(name, (title, (unit,) if unit else units))
+    several = [one for one in found.values() if len(one) > 1]
+    return several[0] if len(several) == 1 else {}
+
+
+def force_unit(title: str, units: Sequence[str]) -> str:
+    """The unit of force at the end of a title, empty without one; kg may be a mass."""
+    words = _WORDS.findall(title.lower())
+    unit = _unit(words[-1]) if len(words) > 1 else ""
+    return unit if unit in units and unit != "kg" else ""
 
 
 def _counting(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> list[str]:

@@ -28,10 +28,12 @@ from pipeline.dialects._titles import (
 from pipeline.intake import _polar
 from pipeline.intake._beside import Role, SheetTable, Why, roles_beside, roles_of_words, tells_apart
 from pipeline.intake._contents import Content
+from pipeline.intake._log_words import force_unit
 from pipeline.intake._polar import Polar
 from pipeline.intake._sheet import Sheet, cells_of
 from pipeline.readers._cells import is_number
 from pipeline.readers._layout import JOINT
+from pipeline.readers.logs import SCALE
 
 _INSTRUMENT = re.compile(r"(instrument|station|tracker|stn|standpunkt)[ _:-]*\w*", re.IGNORECASE)
 _MATRIX = 9
@@ -81,7 +83,9 @@ def readings(table: SheetTable, kind: str | None, unit: str | None) -> list[Role
     Raises:
         InputError: A row contains several targets, or its distance is not a range.
     """
-    number = table.of_kind("number")
+    units = tuple(SCALE)  # X (N) is a coordinate to the north
+    forces = {k for k, c in enumerate(table.named) if not c.role and force_unit(c.title, units)}
+    number = table.of_kind("number", forces)
     sets = [one for one in triples(table.named) if {*one.columns} <= {*number}]
     if sets:
         return _by_titles(table, sets)

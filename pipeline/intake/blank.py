@@ -60,6 +60,7 @@ class KnownData:
         words: Other entries of campaign.toml, by key.
         test_pose: Numbers of [test_pose], by key.
         notes: Data without an entry in campaign.toml.
+        source: Where a place comes from that is still to be confirmed, by name.
         simulated: Whether files are those of a rehearsal.
     """
 
@@ -75,6 +76,7 @@ class KnownData:
     words: Mapping[str, str] = field(default_factory=dict)
     test_pose: Mapping[str, list[float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    source: Mapping[str, str] = field(default_factory=dict)
     simulated: bool = False
 
 
@@ -126,7 +128,7 @@ def _of_files(proposal: FilesProposal) -> dict[str, object]:
     blind = bool(proposal.loads or proposal.joints or proposal.refused)
     mapping = proposal.offer.hints.mapping if proposal.offer else None
     return {
-        "robots": _fitting(proposal.robots),
+        "robots": _fitting(proposal),
         "exports": _quoted(proposal.patterns or (() if blind else _DEFAULTS)),
         "by_file": proposal.by_file,
         "tracker": _tracker(proposal),
@@ -228,11 +230,19 @@ def not_used(refused: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _fitting(found: Sequence[str]) -> str:
+def _fitting(proposal: LogFiles) -> str:
     """The robots that a joint log fits, or where robots are listed."""
-    if found:
-        return f"{listed(found)}: the joint log fits each of them; {_OWN_ROBOT}"
-    return f"one of `pipeline robot --list`; {_OWN_ROBOT}"
+    if not proposal.robots:
+        return f"one of `pipeline robot --list`; {_OWN_ROBOT}"
+    first, *others = proposal.joint_columns.values()
+    differ = (
+        f"; [joints.columns] is for {proposal.robots[0]}: for another remove this file and type "
+        "`pipeline init` with --robot"
+    ) * any(one != first for one in others)
+    return (
+        f"{listed(proposal.robots)}: the joint log fits each of them; `pipeline robot --list` has "
+        f"all; {_OWN_ROBOT}{differ}"
+    )
 
 
 def described(folder: Path, found: Sequence[str]) -> list[str]:
@@ -280,8 +290,11 @@ def _states(state_of: Mapping[str, str]) -> str:
 
 def _points(names: Sequence[str], known: KnownData) -> list[tuple[str, str | None]]:
     """Each point with its position, None where still open."""
-    found = ((name, known.places.get(name)) for name in names)
-    return [(_key(name), None if at is None else str(list(at))) for name, at in found]
+    found = ((name, known.places.get(name), known.source.get(name)) for name in names)
+    return [
+        (_key(name), None if at is None else f"{list(at)}{f'   # {why}' if why else ''}")
+        for name, at, why in found
+    ]
 
 
 def _key(name: str) -> str:

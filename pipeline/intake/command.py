@@ -103,6 +103,7 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
         files, within = blank.there(root, folder, DEEPEST), Counter[str]()
     given, wrong = filled_in(files)
     proposal = _settled(files, hints) if ask else propose(files, hints)
+    given = _with_places(given, proposal)
     passed = [
         f"{inner}: {count} {'file is' if count == 1 else 'files are'} in this folder and not "
         f'looked at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'
@@ -124,6 +125,13 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
               f"`pipeline init {typed(folder.name)}` again.")  # fmt: skip
     todo = f"Still open in campaign.toml: {listed(left, most=40)}; fill it in, then" if left else ""
     _tell(f"{todo or 'Next'}: pipeline check {typed(folder.name)}")
+
+
+def _with_places(given: KnownData, proposal: FilesProposal) -> KnownData:
+    """The known data with the nominal places of other files, as far as it has none."""
+    found = proposal.nominal
+    source = {name: why for name, why in found.source.items() if name not in given.places}
+    return replace(given, places={**found.places, **given.places}, source=source)
 
 
 def _named(root: Path, folder: Path, given: KnownData) -> str | None:
@@ -395,6 +403,7 @@ def _seen(proposal: FilesProposal) -> Iterator[str]:
         yield f"groups: the files' names, {len(proposal.exports)} in number"
     if proposal.measured and not proposal.base:
         yield "base: no reflector is known; without [base_frame] readings are taken to be in F_b"
+    yield from (f"{one}." for one in proposal.nominal.seen)
     yield from (f"{one}." for one in blank.not_used(proposal.refused))
 
 

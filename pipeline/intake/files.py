@@ -20,9 +20,10 @@ from pipeline import readers
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.base.patterns import is_glob, natural
-from pipeline.intake import log_columns
+from pipeline.intake import log_columns, nominal
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._separators import LOOKED_AT, separators
+from pipeline.intake.nominal import NominalPlaces
 from pipeline.intake.offer import Offer, as_table, offer
 from pipeline.intake.question import ColumnRole
 from pipeline.intake.which_logs import LogFiles, propose_logs, unsure
@@ -61,6 +62,9 @@ class FilesProposal(LogFiles):
         base: Reflectors in groups that are not states of a pose.
         apart_m: Distances between measured targets as read [m], by both names; empty while a unit
             or angle is open.
+        base_apart_m: The same between base reflectors.
+        targets: Names of all targets of the exports.
+        nominal: Places of reflectors that other files state.
     """
 
     exports: tuple[str, ...] = ()
@@ -77,6 +81,9 @@ class FilesProposal(LogFiles):
     chain: tuple[str, ...] = ()
     base: tuple[str, ...] = ()
     apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
+    base_apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
+    targets: tuple[str, ...] = ()
+    nominal: NominalPlaces = field(default_factory=NominalPlaces)
 
     @property
     def group(self) -> Group | None:
@@ -104,7 +111,22 @@ def propose(
         hints: Statements so far on an export that leaves more open than its unit.
         unloaded: The word of the unloaded state in group names, where they leave it open.
     """
-    hints = hints or ExportSettings()
+    lists = nominal.tables(files)
+    while lists:  # beside an export of the same targets
+        others = {name: data for name, data in files.items() if name not in lists}
+        said = _proposed(others, hints or ExportSettings(), unloaded)
+        fitting = {k: one for k, one in lists.items() if nominal.may_be_of(one, said.targets)}
+        if fitting.keys() == lists.keys():
+            apart_m = said.apart_m | said.base_apart_m
+            return replace(said, nominal=nominal.placed(lists, said.measured, said.base, apart_m))
+        lists = fitting
+    return _proposed(files, hints or ExportSettings(), unloaded)
+
+
+def _proposed(
+    files: Mapping[str, bytes], hints: ExportSettings, unloaded: str | None
+) -> FilesProposal:
+    """Interpret files none of which is a list of nominal places; arguments as for `propose`."""
     logged = propose_logs(files)
     found = _exports(files, logged)
     found = found if found.exports else _offered(files, found, hints)
@@ -126,6 +148,8 @@ def propose(
     return replace(
         named,
         apart_m=named.apart_m if sized else {},
+        base_apart_m=named.base_apart_m if sized else {},
+        targets=tuple(_all_targets(exports)),
         nameless=_lacking(exports),
         by_file=by_file,
         patterns=_patterns([*found.exports], [*files]),
@@ -280,7 +304,10 @@ def _untaken(one: Offer) -> list[ColumnRole]:
 
 
 def _sets_apart(exports: Sequence[Export], logged: LogFiles, files: Mapping[str, bytes]) -> bool:
-    """Whether groups are states of poses, and no target was read twice in one."""
+    """Whether groups are states of poses, and no target was read twice in a pull.
+
+    An unloaded state may be read again after the last pull, under the same name.
+    """
     rows = _by_group(exports) or {}
     stated, ways = _told(logged, files, rows).states, ways_to_read(rows)
     if stated or not ways:
@@ -291,7 +318,7 @@ def _sets_apart(exports: Sequence[Export], logged: LogFiles, files: Mapping[str,
         for one in exports
         if one.group is not None and one.target is not None
         for pair in zip(one.group.to_pylist(), one.target.to_pylist(), strict=True)
-        if pair[0] in states
+        if states.get(pair[0]) == STATES[1]
     ]
     return len({*pairs}) == len(pairs)
 
@@ -399,6 +426,7 @@ def _named(
         chain=_chain(ends, measured, loaded),
         base=tuple(_targets(others)),
         apart_m=_apart(measured, unloaded),
+        base_apart_m=_apart(_targets(others), others),
     )
 
 
@@ -415,6 +443,12 @@ def _lacking(exports: Sequence[Export]) -> Literal["names", "groups"] | None:
     if any(one.target is None for one in exports):
         return "names"
     return "groups" if any(one.group is None for one in exports) else None
+
+
+def _all_targets(exports: Sequence[Export]) -> set[str]:
+    """Names of all targets of some exports."""
+    return {str(name) for one in exports if one.target is not None
+            for name in one.target.cast(pa.string()).unique().to_pylist()}  # fmt: skip
 
 
 def _by_group(exports: Sequence[Export]) -> dict[str, dict[str, Array]] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -58,11 +59,12 @@ def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
         files: Content by name; TOML files are taken for robots.
     """
     robots = dict(_robots(files))
+    makers = _makers(files)
     proposal = LogFiles()
     for name, data in files.items():
         if not _may_be_log(name, data):
             continue
-        fits = _having(name, data, robots)
+        fits = _having(name, data, robots, makers)
         form = _loads(name, data) if not fits or is_workbook(data) else None
         if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
             columns = {robot: form.columns for robot, form in fits.items()}
@@ -123,11 +125,34 @@ def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:
         yield name, load(name)
 
 
-def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> dict[str, LogForm]:
+_OF_MAKERS = {
+    "ABB": r"\b(joint|rob)target\b|(?<![A-Z])IRB[ _-]?\d{3,4}",
+    "KUKA": r"\bE6AXIS\b|^&ACCESS\b|(?<![A-Z])KR[ _-]?\d{2,4}(?!\d)",
+    "FANUC": r"^/PROG\b|(?<![A-Z])(R-[12]000|M-?\d{2,3}[iI][A-C])",
+    "Yaskawa": r"^/JOB\b|(?<![A-Z])GP[ _-]?\d{2,3}(?!\d)",
+}
+"""What shows the maker of a robot: words of its programs, type names in remarks and file names."""
+_LOOKED_AT = 4000
+"""Number of bytes of each file in which it is looked for."""
+
+
+def _makers(files: Mapping[str, bytes]) -> frozenset[str]:
+    """The makers that names and first lines of files show."""
+    texts = (f"{name}\n{data[:_LOOKED_AT].decode('latin-1')}" for name, data in files.items()
+             if not name.endswith(".toml"))  # fmt: skip
+    text = "\n".join(texts)
+    return frozenset(
+        maker for maker, words in _OF_MAKERS.items() if re.search(words, text, re.MULTILINE)
+    )
+
+
+def _having(
+    name: str, data: bytes, robots: Mapping[str, Robot], makers: frozenset[str]
+) -> dict[str, LogForm]:
     """Robots all of whose joints a log has, with the entries needed for its columns.
 
-    Those of the folder come first, then those whose names of axes are in the log, then those that
-    can take all its poses.
+    Those of the folder come first, then those of the makers that files show, then those whose names
+    of axes are in the log, then those that can take all its poses.
     """
     found, rank = {}, {}
     for key, robot in robots.items():
@@ -138,7 +163,8 @@ def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> dict[str, Lo
         if form and not (key in SHIPPED and log_columns.has_other_axes(name, data, robot)):
             called = not form.columns or log_columns.are_called(form, robot)
             fitting = _possible(name, data, robot, form)
-            rank[key] = not key.endswith(".toml"), not called, not fitting
+            shown = robot.description.partition(" ")[0] in makers
+            rank[key] = not key.endswith(".toml"), not shown, not called, not fitting
             found[key] = _in_units_of(form, fitting)
     return {key: found[key] for key in sorted(found, key=rank.__getitem__)}
 

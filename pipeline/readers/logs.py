@@ -6,6 +6,7 @@ names used by other programs.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -51,6 +52,7 @@ __all__ = [
     "columns",
     "displacements",
     "forces",
+    "forces_of_pulls",
     "group_name",
     "joint_values",
     "joints",
@@ -104,8 +106,9 @@ def loads(name: str, data: bytes, stated: LogForm = OWN_LOG) -> Log:
 
     The load is `force` [N], read on a scale in a chain, `mass` [kg] of a weight at the load point
     with `mass_sigma` if known, or the name of a `payload`; a column may be missing if no row uses
-    it. Without a column `repeat` the pulls of each pose are numbered from 1. A column `group` names
-    the group of tracker readings that belongs to a row. With it, a row without a load is the
+    it. With `force_1`, `force_2` ... a row is a pose, each column one of its pulls, and a cell may
+    be empty. Without a column `repeat` the pulls of each pose are numbered from 1. A column `group`
+    names the group of tracker readings that belongs to a row. With it, a row without a load is the
     unloaded state of a pose; so is a row of force 0, also without it if every pose has one.
 
     Args:
@@ -120,11 +123,12 @@ def loads(name: str, data: bytes, stated: LogForm = OWN_LOG) -> Log:
     _, _, force, *other = wanted
     file = opened(name, data, stated, "scale", POSE.stem, has_load)
     named = suffixed(file.titles, other[-1]) is not None
-    needed = not any(suffixed(file.titles, q) for q in other[:3])
+    each = forces_of_pulls(file.titles)
+    needed = not each and not any(suffixed(file.titles, q) for q in other[:3])
     wanted[0] = replace(POSE, filled=not named)
     wanted[2] = replace(force, needed=needed, filled=not named)
-    known_columns(stated, "scale", [*wanted, _TIME, REMARK])
-    log = _one_load(_pulls(typed(file, wanted, stated, "scale")))
+    known_columns(stated, "scale", [*wanted, *each, _TIME, REMARK])
+    log = _one_load(_pulls(_a_row_each(typed(file, [*wanted, *each], stated, "scale"), each)))
     if "branch" in log.word:
         own = np.array(
             [_BRANCH_OF.get(cell.strip().lower(), cell) for cell in log.word["branch"]],
@@ -143,7 +147,36 @@ def group_name(name: str) -> str:
 
 def has_load(titles: Sequence[str]) -> bool:
     """Whether the columns are those of a log of loads."""
-    return any(suffixed(titles, q) for q in of_loads()[2:6])
+    return any(suffixed(titles, q) for q in [*of_loads()[2:6], *forces_of_pulls(titles)])
+
+
+_OF_PULL = re.compile(r"force_([0-9]{1,3})(_[a-z]+)?")
+
+
+def forces_of_pulls(titles: Sequence[str]) -> list[Quantity]:
+    """Columns with the force of one pull each, `force_2_n`, where a row is a pose."""
+    found = (_OF_PULL.fullmatch(title) for title in titles)
+    stems = dict.fromkeys(f"force_{one[1]}" for one in found if one)
+    return [Quantity(stem, SCALE, needed=False) for stem in stems]
+
+
+def _a_row_each(log: Log, each: Sequence[Quantity]) -> Log:
+    """A row for each pull of a log with a column for each; an empty cell is none."""
+    if not each:
+        return log
+    for name in {"force", "repeat"} & {*log.number}:
+        twice = f"has a {name} beside one column a pull; keep one of the two"
+        log = log.where(name, np.isnan, twice)
+    force = np.column_stack([log.number[q.stem] for q in each])
+    there = ~np.isnan(force)
+    there[~there.any(axis=1), 0] = True  # a row without any is rejected, not lost
+    row, pull = np.nonzero(there)
+    repeat = np.array([float(q.stem.rpartition("_")[2]) for q in each])
+    stems = {q.stem for q in each}
+    number = {name: one[row] for name, one in log.number.items() if name not in stems}
+    number |= {"force": force[row, pull], "repeat": repeat[pull]}
+    word = {name: one[row] for name, one in log.word.items()}
+    return replace(log, number=number, word=word, line=log.line[row])
 
 
 def of_loads() -> list[Quantity]:

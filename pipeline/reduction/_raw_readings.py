@@ -295,13 +295,24 @@ def _counted(pose: Ints, repeat: Ints, loaded: Bools) -> Ints:
     return out
 
 
+_STATE_WORDS = {
+    "unloaded": {"unbelastet", "leer", "ohne last", "frei", "no load", "free", "zero", "null",
+                 "vide", "à vide", "a vide", "sans charge", "u", "scarico"},
+    "loaded": {"belastet", "last", "laststufe", "zug", "voll", "load", "pull", "pulled", "charge",
+               "chargé", "traction", "l", "carico"},
+}  # fmt: skip
+"""What others call the states."""
+
+
 def _no_state(name: str, parts: Mapping[str, str], stated: Mapping[str, str]) -> InputError:
     """The error for a group whose name matches but holds no pose, repeat and state."""
     read = listed(f'{part} "{shortened(text)}"' for part, text in parts.items() if part in _PARTS)
     word = parts.get("state", "")
     known = not word or word.lower() in stated
-    line = f'states = {{ {quoted(word)} = "loaded" }}'
-    add = "" if known else f', or write {line} (or "unloaded") into [naming], beside what is there'
+    state = next((f'"{one}"' for one, own in _STATE_WORDS.items() if word.lower() in own), "...")
+    ask = ' with "unloaded" or "loaded"' if state == "..." else ""
+    line = f"states = {{ {quoted(word)} = {state} }}{ask}"
+    add = "" if known else f", or write {line} into [naming], beside what is there"
     return InputError(
         f'naming.group reads {read} from group "{shortened(name)}"',
         f"let it find whole numbers and one of {listed(stated)}{add}",

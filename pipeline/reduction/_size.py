@@ -20,6 +20,9 @@ _CERTAIN_FACTORS = {
     25.4 / 1000: "metres were taken for inches",
 }
 """Unit mistake that makes distances too large by each factor [1]."""
+_TABLE_IN_INCHES = 25.4 / 1000
+"""The same factor for a table of campaign.toml in inches, where exports state their own unit; in
+millimetres its points would be out of reach."""
 _SMALLEST_M = 1e-3
 """Minimum nominal spread of points that reveals a unit [m]."""
 _NEAR = 0.2
@@ -33,23 +36,34 @@ def check_units(shots: RawReadings, settings: Settings) -> None:
     Raises:
         InputError: They are off by a factor that only a wrong unit explains.
     """
+    unit = settings.tracker.unit if settings.tracker else None
     tool = np.array([settings.tool[name] for name in settings.measured])
     unloaded = np.append(~shots.loaded, False)[shots.slot]  # -1, a base reading, takes the last
     rows = np.flatnonzero(unloaded & (shots.role >= 0) & (shots.role < len(tool)))
-    _check_size(shots, rows, shots.slot[rows], tool[shots.role[rows]], "[tool]")
+    _check_size(shots, rows, shots.slot[rows], tool[shots.role[rows]], "[tool]", unit)
     if not settings.base_frame:
         return
     names = shots.target.dictionary.to_pylist()
     nominal = np.array([settings.base_frame.get(name, (np.nan,) * 3) for name in names])
     rows = np.flatnonzero(shots.role == BASE)
     group, target = (np.asarray(names.indices)[rows] for names in (shots.group, shots.target))
-    _check_size(shots, rows, group.astype(np.int64), nominal[target], "[base_frame]")
+    _check_size(shots, rows, group.astype(np.int64), nominal[target], "[base_frame]", unit)
 
 
-def _check_size(shots: RawReadings, rows: Ints, together: Ints, nominal: Array, words: str) -> None:
+def _check_size(
+    shots: RawReadings, rows: Ints, together: Ints, nominal: Array, words: str, unit: str | None
+) -> None:
     """Compare the spread of points read together with the spread of their nominal positions.
 
     A unit holds for a whole file: only a factor shared by most sets of a file counts.
+
+    Args:
+        shots: All readings.
+        rows: Those of some points.
+        together: Number of the set that each was read in.
+        nominal: Their places in campaign.toml [m], shape (rows, 3).
+        words: The table with these places.
+        unit: Unit of the exports as stated in [tracker]; None if they state it themselves.
 
     Raises:
         InputError: One of `_CERTAIN_FACTORS` fits.
@@ -68,6 +82,16 @@ def _check_size(shots: RawReadings, rows: Ints, together: Ints, nominal: Array, 
         off = enough & (np.abs(np.log(ratio / factor)) < _NEAR)
         most = 2 * np.bincount(of, off) > np.bincount(of, enough)
         hit = np.flatnonzero(off & most[of])
+        every = len({*of[hit]}) == len({*of}) and (len({*of}) > 1 or len(shots.files) == 1)
+        if len(hit) and factor == _TABLE_IN_INCHES and not unit and every:
+            raise InputError(
+                f"{words} is in inches: distances between reflectors are "
+                f"{_off(1 / factor)} there for those in {shots.files[shots.file[rows[0]]]}, which "
+                "states its unit",
+                "write it in metres",
+                file="campaign.toml",
+                key=[words.strip("[]")],
+            )
         if len(hit):
             first = rows[member == hit[0]][0]
             raise InputError(

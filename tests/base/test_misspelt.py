@@ -166,6 +166,11 @@ def test_every_misspelt_key_of_a_robot_is_named_with_its_line():
         ("[tool.acc", "[tool.ac", "tool.aceptance: unknown key; did you mean acceptance?"),
         ("half_angle_deg", "half_angle", "did you mean half_angle_deg?"),
         ("[test_pose]\n", "[test_pose]\ngain_sigma = 0\n", "it belongs to [scale]."),
+        (
+            "[tracker.mapping]\n",
+            '[tracker.mapping]\ngroup = "G"\n',
+            "tracker.mapping.group: unknown key; it belongs into columns = { group = ... }.",
+        ),
         ("[test_pose]\n", "[test_pose]\ndate = 2026-01-01\n", "the top of the file"),
         ("load_point", "load_pont", "[tool] lacks load_point; is it load_pont?"),
         ("floor_z_m", "colour = [0,0,0]\nfloor_z_m", "correct it as docs/campaign.md describes."),

@@ -4,6 +4,7 @@ import contextlib
 import functools
 import io
 import json
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -350,3 +351,55 @@ def test_a_wrong_link_of_the_robot_file_is_a_cause_in_the_answer():
     found = campaign_answer("c", in_memory(wrong_link())).answer
 
     assert "link_length" in {cause.name for cause in found.diagnosis.causes}
+
+
+def in_inches(table):
+    """All numbers of a table of campaign.toml as an American sheet has them."""
+
+    def typed(row):
+        name, _, at = row.partition(" = ")
+        return f"{name} = {[x / 0.0254 for x in json.loads(at)]}"
+
+    head, _, rest = TOML.partition(f"[{table}]\n")
+    inside, gap, after = rest.partition("\n\n")
+    return f"{head}[{table}]\n" + "\n".join(map(typed, inside.splitlines())) + gap + after
+
+
+@pytest.mark.parametrize("table", ["tool", "base_frame"])
+def test_a_table_in_inches_is_wrong_and_not_the_export_that_states_its_unit(said, table):
+    """Every file has its unit in its titles; the sentence spells the unit out."""
+    code, out, err = said(FILES | {"campaign.toml": in_inches(table).encode()})
+
+    assert code == 5
+    assert f"[{table}] is in inches" in out + err
+    assert "unit of the export" not in out + err
+    assert " is in in," not in out + err
+
+
+def test_a_load_point_metres_from_every_reflector_is_named_with_its_place_in_metres(said):
+    """No unloaded reading shows where a load acts; the size of the effector does."""
+    inches = [round(x / 0.0254, 6) for x in (0.15, 0.0, 0.25)]
+    files, line = changed("load_point = [0.15, 0.0, 0.25]", f"load_point = {inches}")
+
+    code, out, err = said(files)
+
+    assert code == 5
+    assert f"campaign.toml:{line}: load_point is" in out + err
+    assert "if these are inches, write [0.15, 0, 0.25]" in out + err
+
+
+def test_times_that_a_mapping_leaves_out_are_told_with_their_titles(said):
+    """They are not lost silently: without them drift is not sought."""
+    head, *rows = FILES["tracker.csv"].decode().splitlines()
+    german = [re.sub(r",(\d+)-(\d+)-(\d+)T", r",\3.\2.\1,", row) for row in rows]
+    export = "\n".join([head.replace("time", "Datum,Uhrzeit"), *german, ""]).encode()
+    columns = 'group = "group", target = "target", x = "x_mm", y = "y_mm", z = "z_mm"'
+    short = TOML.replace("[naming]", f"[tracker.mapping]\ncolumns = {{ {columns} }}\n\n[naming]", 1)
+    write = 'date = "Datum", time = "Uhrzeit"'
+    whole = short.replace('z = "z_mm"', f'z = "z_mm", {write}')
+
+    _, out, err = said(FILES | {"tracker.csv": export, "campaign.toml": short.encode()})
+    assert "has times (Datum, Uhrzeit), which columns in [tracker.mapping] leaves" in out + err
+    assert f"write {write} into it" in out + err
+    _, out, err = said(FILES | {"tracker.csv": export, "campaign.toml": whole.encode()})
+    assert "has times" not in out + err

@@ -1,5 +1,7 @@
 """Mistakes that affect a whole campaign: planted, found, and corrected to the last digit."""
 
+import json
+import re
 from dataclasses import replace
 from functools import cache
 from itertools import permutations
@@ -344,3 +346,47 @@ def test_the_robot_of_another_table_is_called_by_its_name():
     assert found.where == "irb6640"
     assert found.evidence.startswith("the robot is irb6640, not kr210_r2700_2: as given ")
     assert conventions(measured) == []
+
+
+ABOUT_Z = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+OTHER_AXES = {
+    "half": ABOUT_Z @ ABOUT_Z,
+    "quarter": ABOUT_Z,
+    "x_is_z": np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]),
+    "mirrored": np.diag([1.0, -1.0, 1.0]),
+}
+"""Flange frames of controllers and drawings: axes of ours, with other names or signs."""
+
+
+@pytest.mark.parametrize("how", OTHER_AXES)
+@pytest.mark.parametrize("table", ["tool", "base_frame"])
+def test_a_table_in_a_frame_of_other_axes_is_turned_back(table, how):
+    """The entries that it says to write are the right ones; nobody measures them again."""
+    known = getattr(good().settings, table)
+    places = {name: tuple((OTHER_AXES[how] @ at).tolist()) for name, at in known.items()}
+    bad = replace(good(), settings=good().settings.model_copy(update={table: places}))
+
+    (found,) = conventions(bad)
+
+    assert (found.name, found.where) == ("sign_or_convention", table)
+    assert found.after < 1 < 30 < found.before
+    right = getattr(found.correct(bad).settings, table)
+    assert right.keys() == known.keys()
+    for name, at in known.items():
+        assert right[name] == pytest.approx(at, abs=1e-12)
+        shown = re.search(rf"{name} = (\[[^]]+\])", found.evidence.partition("; write ")[2])
+        assert json.loads(shown[1]) == pytest.approx(at)
+
+
+def test_the_turn_of_a_table_is_named_as_it_is_to_be_made():
+    """The half turn is its own inverse; a quarter turn is made back."""
+    tool = good().settings.tool
+    for how, said in (
+        ("half", "180 deg about z of the flange: [x, y, z] there is [-x, -y, z] here"),
+        ("quarter", "-90 deg about z of the flange: [x, y, z] there is [y, -x, z] here"),
+        ("mirrored", "mirrored: [x, y, z] there is [x, -y, z] here"),
+    ):
+        places = {name: tuple((OTHER_AXES[how] @ at).tolist()) for name, at in tool.items()}
+        bad = replace(good(), settings=good().settings.model_copy(update={"tool": places}))
+        (found,) = conventions(bad)
+        assert said in found.evidence

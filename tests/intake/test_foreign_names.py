@@ -11,7 +11,8 @@ from workbooks import workbook
 from pipeline import readers
 from pipeline.base.errors import InputError
 from pipeline.intake._group_names import Group, states_of, ways_to_read
-from pipeline.intake.log_columns import understood_loads
+from pipeline.intake.files import propose
+from pipeline.intake.log_columns import may_be_log, understood_loads
 from pipeline.machine.robot import load
 from pipeline.readers import logs
 from pipeline.readers.export_settings import LogForm
@@ -536,3 +537,66 @@ def test_a_column_called_by_a_unit_of_forces_is_the_force(title, force):
         assert form is None
     else:
         assert load_log(log.decode(), {"columns": form.columns})[0][2] == pytest.approx(force)
+
+
+LBF = 4.4482216152605
+"""A pound-force [N] by the international pound and standard gravity."""
+
+
+@pytest.mark.parametrize(
+    ("head", "rows", "newton"),
+    [
+        ("Cell 12,,,\nPose,Pull 1 (lbf),Pull 2 (lbf)", ["1,{},{}", "2,{},{}"], LBF),
+        ("Stellung;Stufe 1 [N];Stufe 2 [N];Bemerkung", ["1;{};{};gut", "2;{};{};"], 1.0),
+        ("No;F1 in kN;F2 in kN", ["1;{};{}", "2;{};{}"], 1e3),
+        ("pose,force_1_n,force_2_n", ["1,{},{}", "2,{},{}"], 1.0),
+        ("Palier 1 (daN)\tPalier 2 (daN)\tposition", ["{}\t{}\t1", "{}\t{}\t2"], 10.0),
+    ],
+)
+@pytest.mark.parametrize("gap", [(), (1, 1)])
+def test_forces_of_a_pose_in_one_row_are_its_pulls(head, rows, newton, gap):
+    """As in a table of one row a pull; an empty cell is a pull that was not made."""
+    forces = [[200.5, 401.25], [198.5, 0.75]]
+    shown = [["" if (k, n) == gap else one for n, one in enumerate(row)]
+             for k, row in enumerate(forces)]  # fmt: skip
+    log = "\n".join([head, *(row.format(*two) for row, two in zip(rows, shown, strict=True)), ""])
+
+    form = understood_loads("log.csv", log.encode())
+    read = logs.loads("log.csv", log.encode(), form)
+
+    found = zip(*(read.number[name] for name in ("pose", "repeat", "force")), strict=True)
+    expected = [(k + 1.0, n + 1.0, forces[k][n] * newton) for k in (0, 1) for n in (0, 1)
+                if (k, n) != gap]  # fmt: skip
+    assert [*found] == [pytest.approx(one) for one in expected]
+    assert not read.rejected
+    assert may_be_log("log.csv", log.encode())
+
+
+def test_a_row_without_any_force_is_rejected_with_its_line():
+    """It is not lost: the pose was measured, and nobody wrote its forces down."""
+    log = b"pose,force_1_n,force_2_n\n1,200,400\n2,,\n"
+
+    read = logs.loads("log.csv", log)
+
+    assert [*read.number["pose"]] == [1.0, 1.0]
+    ((_, line, reason),) = read.rejected
+    assert line == 3
+    assert "has no force" in reason
+
+
+def test_columns_of_pulls_beside_a_column_repeat_are_not_both_right():
+    """One row cannot be one pull and several."""
+    log = b"pose,repeat,force_1_n,force_2_n\n1,1,200,400\n"
+
+    (row,) = logs.loads("log.csv", log).rejected
+    assert "repeat beside one column a pull" in row[2]
+
+
+def test_columns_in_a_unit_of_force_are_no_coordinates():
+    """Whatever else they are called: three numbers a row alone do not make a point."""
+    table = b"item,A (lbf),B (lbf),C (lbf)\nP1,197.1,378.2,549.4\nP2,188.4,388.8,525.8\n"
+
+    said = propose({"table.csv": table})
+
+    assert said.exports == ()
+    assert "hold no three coordinates" in said.refused["table.csv"]

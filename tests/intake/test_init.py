@@ -100,6 +100,20 @@ def test_several_words_may_be_loaded_states(init):
     assert re.fullmatch(text["naming"]["group"], "Pose 3 ab 2")["repeat"] == "2"
 
 
+def test_an_unloaded_state_read_twice_under_one_name_is_that_state_in_a_column_of_any_title():
+    """Before the first pull and after the last one; the title row stands below lines of words."""
+    lines = [row.split(";") for row in foreign(german)["tracker.csv"].decode().splitlines()]
+    named = [[re.sub(r"leer \d$", "leer", one[0]), *one[1:]] for one in lines]
+    text = ["Projekt;Zelle", "Einheit;mm", "", "Nr.;Messgruppe;Punkt;X [mm];Y [mm];Z [mm]"]
+    text += [f"{k};{';'.join(one)}" for k, one in enumerate(named, 1)]
+    said = propose(FILES | {"tracker.csv": "\n".join(text).encode()})
+
+    assert len({*map(tuple, (one[:2] for one in named))}) < len(named)
+    assert said.offer.hints.mapping.columns["group"] == "Messgruppe"
+    assert said.group.states == ("leer", "Last")
+    assert said.base
+
+
 def test_pulls_whose_numbers_begin_again_stay_open():
     """Two groups would be the same pull."""
     said = propose(foreign(up_and_down(1)))

@@ -67,6 +67,27 @@ def test_axes_of_a_maker_are_known_beside_other_columns(hall, maker):
     np.testing.assert_allclose(np.rad2deg(shown), degrees, atol=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("more", "begins"),
+    [
+        (
+            {"poses.mod": b"CONST jointtarget jPose01:=[[25.02,2.57,33.06,-107.64,66.85,-50.4],\n"},
+            "irb",
+        ),
+        ({"notes.txt": b"hall 4, chain pull on KR 210\n"}, "kr"),
+        ({"R-2000iC_remarks.txt": b"cold\n"}, "fanuc"),
+    ],
+)
+def test_robots_of_the_maker_that_files_show_come_first(hall, more, begins):
+    """A language of programs, or a type name in a remark or in the name of a file."""
+    files, _, degrees = hall
+    said = propose(files | more | {"joints.csv": joint_log(degrees, MAKERS["Staubli"])})
+
+    first = [name.startswith(begins) for name in said.robots]
+    assert any(first)
+    assert sorted(first, reverse=True) == first
+
+
 def test_robots_that_call_their_axes_so_come_first(hall):
     files, _, degrees = hall
     said = propose(files | {"joints.csv": joint_log(degrees, MAKERS["Yaskawa"])})

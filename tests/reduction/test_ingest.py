@@ -856,3 +856,22 @@ def test_any_expression_reads_groups_alike(group):
 
     assert got.readings.equals(read().readings)
     assert ["does not match naming.group" in why for _, _, why in reasons(got)] == [True]
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("unbelastet", 'states = { "unbelastet" = "unloaded" } into [naming]'),
+        ("Last", 'states = { "Last" = "loaded" } into [naming]'),
+        ("blue", 'states = { "blue" = ... } with "unloaded" or "loaded" into [naming]'),
+    ],
+)
+def test_a_word_of_others_for_a_state_is_offered_in_its_own_sense(word, said):
+    """What it means is not guessed where it is not known."""
+    toml = TOML.replace(
+        "[base_frame]",
+        "[naming]\ngroup = 'pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>.+)'\n"
+        "[base_frame]",
+    )
+    with pytest.raises(InputError, match=re.escape(said)):
+        read(tracker_csv().replace("unloaded", word), toml=toml)
