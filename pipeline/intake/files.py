@@ -279,9 +279,7 @@ def _untaken(one: Offer) -> list[ColumnRole]:
     return [c for c in one.columns if c.title and c.title not in taken]
 
 
-def _sets_apart(
-    exports: Sequence[Export], logged: LogFiles, files: Mapping[str, bytes]
-) -> bool:
+def _sets_apart(exports: Sequence[Export], logged: LogFiles, files: Mapping[str, bytes]) -> bool:
     """Whether groups are states of poses, and no target was read twice in one."""
     rows = _by_group(exports) or {}
     stated, ways = _told(logged, files, rows).states, ways_to_read(rows)
@@ -313,7 +311,11 @@ def _patterns(exports: Sequence[str], files: Sequence[str]) -> tuple[str, ...]:
     every = {one: PurePosixPath(one) for one in files}
     kinds = {name: str(path.with_name(f"*{path.suffix}")) for name, path in every.items()}
     count, used = Counter(kinds.values()), Counter(kinds[name] for name in exports)
-    whole = {kind for kind in used if used[kind] == count[kind] >= _MANY and not is_glob(kind[:kind.rindex("*")])}
+    whole = {
+        kind
+        for kind in used
+        if used[kind] == count[kind] >= _MANY and not is_glob(kind[: kind.rindex("*")])
+    }
     ordered = sorted(exports, key=natural)
     return tuple(dict.fromkeys(kinds[n] if kinds[n] in whole else n for n in ordered))
 

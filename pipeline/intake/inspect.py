@@ -17,7 +17,7 @@ from pipeline.intake._separators import separators
 from pipeline.intake.by_reflectors import rounds
 from pipeline.intake.offer import Offer, offer
 from pipeline.readers import TABLE, Export, ExportSettings, read
-from pipeline.readers._reader import named_by_file, split
+from pipeline.readers._reader import split
 from pipeline.readers._time import NO_YEAR, shown
 from pipeline.readers.export_settings import ROLES
 
@@ -41,7 +41,7 @@ class _Inspection:
         readings: Number of usable readings.
         groups: Number of their groups, None where the file names none.
         targets: Names of the targets, None where the file has none.
-        time_first: First time, ISO 8601 without zone, only the time of day where the file has no date;
+        time_first: First time, ISO 8601 without zone; the time of day where the file has no date,
             None where there are no times.
         time_last: Last time.
         covariance: Kind of the uncertainty that is used, None where the file has none.
@@ -122,7 +122,9 @@ class _Inspection:
 
     def _groups(self) -> str:
         if self.rounds is not None:
-            return f"not named; {self.rounds} rounds of names"
+            if self.rounds == 1 and self.readings:
+                return 'not named; each name occurs once: groups = "files" if the file is one group'
+            return f"not named; the names come in {self.rounds} rounds"
         return "not named" if self.groups is None else str(self.groups)
 
     def _times(self) -> str:

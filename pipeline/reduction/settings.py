@@ -214,7 +214,7 @@ class _JointLog(LogForm):
 
 
 class _ToolUncertainty(Strict):
-    """Standard uncertainty per axis of the nominal points in [tool]; the load point's own if given."""
+    """Standard uncertainty per axis of the points in [tool]; of the load point its own if given."""
 
     sigma_m: Uncertainty = 0.0
     load_point_sigma_m: Uncertainty | None = None
