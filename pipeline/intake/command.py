@@ -102,8 +102,8 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     given, wrong = filled_in(files)
     said = _settled(files, hints) if ask else propose(files, hints)
     passed = [
-        f"{inner}: {count} {'file is' if count == 1 else 'files are'} in this folder and not looked "
-        f'at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'
+        f"{inner}: {count} {'file is' if count == 1 else 'files are'} in this folder and not "
+        f'looked at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'
         for inner, count in within.items()
     ]
     for line in [*_seen(said), *passed, *wrong]:
