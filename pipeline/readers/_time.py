@@ -62,9 +62,9 @@ _FRACTION = re.compile(r"(?<=:[0-9]{2})[.,]([0-9]{1,6})(?= |$)")
 
 def shown(found: datetime | None) -> str | None:
     """A time in ISO 8601, without the date if none is known."""
-    if found is None or found.year > NO_YEAR:
-        return found and found.isoformat()
-    return found.time().isoformat()
+    if found is None:
+        return None
+    return (found if found.year > NO_YEAR else found.time()).isoformat()
 
 
 def form_of(cell: str) -> str | None:
