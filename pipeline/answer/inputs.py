@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import date
 
 import numpy as np
@@ -377,21 +377,43 @@ def treated_findings(case: Case) -> list[str]:
         "what was read from then on is registered by the base reflectors read there."
         for one in case.stations
     ]
-    for one in case.treated:
-        if one.faces:
-            single = one.faces.single
-            alone = f"; {single} were measured in the second face only" if single else ""
-            out.append(
-                f"{one.file} has readings in two faces: {one.faces.pairs} pairs are averaged, up "
-                f"to {plain(1e3 * one.faces.largest_m, 2)} mm apart{alone}."
-            )
-        if one.untimed:
-            out.append(
-                f"{one.file} has no times that can be read ({one.untimed}): the order of its "
-                "groups counts instead. Export them with hours, minutes and seconds."
-            )
-        out += [f"{one.file} was read with {why}." for why in one.settled]
-    return out
+    two = {one.file: one.faces for one in case.treated if one.faces}
+    if two:
+        pairs, single = (
+            sum(n) for n in zip(*((f.pairs, f.single) for f in two.values()), strict=True)
+        )
+        alone = f"; {single} were measured in the second face only" if single else ""
+        largest = max(one.largest_m for one in two.values())
+        out.append(
+            f"{_first_of([*two])} has readings in two faces: {pairs} pairs are averaged, up to "
+            f"{plain(1e3 * largest, 2)} mm apart{alone}."
+        )
+    for file, cell in _alike((one.file, one.untimed) for one in case.treated if one.untimed):
+        out.append(
+            f"{file} has no times that can be read ({cell}): the order of its groups counts "
+            "instead. Export them with hours, minutes and seconds."
+        )
+    settled = ((one.file, why) for one in case.treated for why in one.settled)
+    return out + [f"{file} was read with {why}." for file, why in _alike(settled)]
+
+
+def _alike(found: Iterable[tuple[str, str]]) -> Iterator[tuple[str, str]]:
+    """Files of which the same is to be said, and what is said of the first.
+
+    Texts are the same up to a bracket or colon: a column without its cell, an answer without what
+    supports it.
+    """
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    for file, text in found:
+        kinds.setdefault(re.split(r" \(|:", text)[0], []).append((file, text))
+    for some in kinds.values():
+        yield _first_of([file for file, _ in some]), some[0][1]
+
+
+def _first_of(files: Sequence[str]) -> str:
+    """The first of some files, with the number of the others."""
+    others = f", as {len(files) - 1} other file{'s' * (len(files) > 2)}," if files[1:] else ""
+    return f"{files[0]}{others}"
 
 
 def pose_findings(pose: OnePose | None) -> list[str]:
@@ -411,8 +433,8 @@ def assumptions(raw: Raw, where: PoseOfInterest, has_times: bool = True) -> list
     out = list(raw.robot.assumptions)
     if not has_times:
         out.append(
-            "the readings have no times: the order of their rows is the clock, "
-            f"and a table's seconds are {GROUP_S:.0f} to a group of them"
+            "the readings have no times: the order of their rows stands for it, each group "
+            f"{GROUP_S:.0f} s after the one before"
         )
     if raw.settings.sheet is not None:
         noise = raw.settings.sheet.noise

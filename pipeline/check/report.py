@@ -36,6 +36,7 @@ from pipeline.check.survey import (
     stands,
 )
 from pipeline.check.wrong_lines import TOML, WrongLine, mistaken, text_of, wrong_lines
+from pipeline.faults.conventions import anchored_miss, miss
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.robot import Robot, axes, configure
 from pipeline.machine.robot.axes import in_log_units
@@ -322,6 +323,15 @@ class _Seen:
         """Distances between reflectors."""
         return distances(self.case)
 
+    @cached_property
+    def unloaded(self) -> dict[str, float]:
+        """Distance of unloaded reflectors from where the robot file places them, median [m].
+
+        After the rigid motion that fits best, and in the base frame, as far as these are known.
+        """
+        by = {"at best": miss(self.case), "in the base frame": anchored_miss(self.case)}
+        return {how: off for how, off in by.items() if off is not None}
+
     @property
     def range_n(self) -> tuple[float, float]:
         """Smallest and largest force [N]."""
@@ -335,6 +345,7 @@ class _Seen:
             "force_range_n": list(self.range_n),
             "over_nominal": self.ratio,
             "unused_groups": list(self.case.unused),
+            "unloaded_off_m": [*self.unloaded.values()],
             "distances": [
                 {"table": d.table, "between": [d.first, d.second], "read_m": d.read_m,
                  "stated_m": d.stated_m}
@@ -373,6 +384,9 @@ class _Seen:
         yield f"  forces       {least:.0f} to {most:.0f} N{nominal}"
         if self.clock is not None:
             yield f"  times        {_span(self.clock)}"
+        if self.unloaded:
+            off = [f"{in_digits(1e3 * off, 2)} mm {how}" for how, off in self.unloaded.items()]
+            yield f"  robot file   unloaded reflectors are off by {', '.join(off)}"
         yield from (f"  remark       {one}" for one in self.remarks)
         if self.case.unused:
             yield f"  not used     groups {listed(self.case.unused)}"

@@ -72,7 +72,8 @@ def ways_to_read(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
     """
     if states_of(list(rows), USUAL):
         return (USUAL,)
-    return next(filter(None, (_ways(rows, token) for token in _TOKENS)), ())
+    ways = [some for token in _TOKENS if (some := _ways(rows, token))]
+    return max(ways, key=lambda some: len(states_of(list(rows), some[0])), default=())
 
 
 def _ways(rows: Mapping[str, Mapping[str, Array]], token: re.Pattern[str]) -> tuple[Group, ...]:

@@ -45,6 +45,7 @@ def inspect(
     try:
         none = InputError("there is no such file", "correct the path", file=str(path))
         begins = partial(refuse_other_programs, path.name)
+        _no_folder(path)
         data = files.read(path, path.name, largest(path.name), none, begins)
         folder = CampaignFolder(path.parent, path.parent)
         if not (csv or mapping or any(stated.values())):
@@ -65,6 +66,23 @@ def inspect(
         exit_code=InputError.exit_code if seen.rejected else 0,
         complaints=sentences(Rejected(file=path.name, **entry) for entry in seen.rejected),
     )
+
+
+def _no_folder(path: Path) -> None:
+    """Refuse a folder.
+
+    Raises:
+        InputError: It is one.
+    """
+    if path.is_dir():
+        names = sorted(one.name for one in path.iterdir() if one.is_file())
+        first = f" {path / names[0]}" if names else ""
+        raise InputError(
+            f"is a folder, with {len(names)} files",
+            f"inspect one of them{first and ', as'}{first}; `pipeline init` looks at all files in "
+            "the folder of a campaign",
+            file=str(path),
+        )
 
 
 def _log(path: Path, data: bytes, folder: CampaignFolder) -> Outcome | None:

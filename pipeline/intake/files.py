@@ -10,7 +10,7 @@ import contextlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import PurePosixPath
+from posixpath import dirname, join, splitext
 from typing import Literal
 
 import numpy as np
@@ -335,8 +335,7 @@ def _grouped_by(
 
 def _patterns(exports: Sequence[str], files: Sequence[str]) -> tuple[str, ...]:
     """The exports in natural order, with one glob for each folder and suffix that has only such."""
-    every = {one: PurePosixPath(one) for one in files}
-    kinds = {name: str(path.with_name(f"*{path.suffix}")) for name, path in every.items()}
+    kinds = {one: join(dirname(one), f"*{splitext(one)[1]}") for one in files}
     count, used = Counter(kinds.values()), Counter(kinds[name] for name in exports)
     whole = {
         kind

@@ -122,7 +122,9 @@ class _Inspection:
 
     def _groups(self) -> str:
         if self.rounds is not None:
-            return f"not named; {self.rounds} rounds of names"
+            if self.rounds == 1 and self.readings:
+                return 'not named; each name occurs once: groups = "files" if the file is one group'
+            return f"not named; the names come in {self.rounds} rounds"
         return "not named" if self.groups is None else str(self.groups)
 
     def _times(self) -> str:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from pathlib import PurePosixPath
+from posixpath import basename, splitext
 
 import numpy as np
 import pyarrow as pa
@@ -310,7 +310,7 @@ def named_by_file(export: Export) -> Export:
     if export.group is not None or export.target is None:
         return export
     every = np.zeros(len(export.line), dtype=np.int32)
-    group = pa.DictionaryArray.from_arrays(every, [PurePosixPath(export.file).stem])
+    group = pa.DictionaryArray.from_arrays(every, [splitext(basename(export.file))[0]])
     return replace(export, group=group)
 
 

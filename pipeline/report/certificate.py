@@ -104,13 +104,20 @@ def found(answer: Answer, say: Say = str) -> str:
         more = say(f" (and {len(mistakes) - 1} more)") if len(mistakes) > 1 else ""
         return f"{_begun(_cut(say(_LINES.sub(_FIRST, mistakes[0]))))}{more}."
     causes = answer.diagnosis.causes
-    if not causes and Finding.STANDS_UNEXPLAINED in answer.diagnosis.reasons:
-        return say("The unloaded reflectors do not stand where the robot file places them.")
+    for reason in answer.diagnosis.reasons if not causes else ():
+        if reason in _OF_UNLOADED:
+            return say(_OF_UNLOADED[reason])
     if not causes:
         return say(_NOTHING.get(str(answer.diagnosis.verdict), ""))
     return f"{capital(say(_listed(causes)))}{say(_gain(answer))}."
 
 
+_OF_UNLOADED = {
+    Finding.STANDS_UNEXPLAINED: "The unloaded reflectors do not stand where the robot file places "
+    "them.",
+    Finding.ROUGH_TABLE: "Joint springs explain the readings; unloaded, the robot deviates a "
+    "little from its nominal geometry.",
+}
 _NOTHING = {
     "adequate": "Nothing detectable is wrong.",
     "unexplained": "No known cause explains what the model leaves.",

@@ -493,7 +493,7 @@ def test_names_that_begin_again_begin_a_round():
     seen = inspect("t", KINDS["target only"].data, ExportSettings(unit="mm"))
 
     assert seen.rounds == 2
-    assert "2 rounds of names" in seen.to_text()
+    assert "the names come in 2 rounds" in seen.to_text()
 
 
 def test_a_comma_between_digits_may_not_be_two_columns():
