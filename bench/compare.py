@@ -422,7 +422,9 @@ if (tree / "pipeline" / "store").is_dir():
 else:  # from before the files had rooms; an editable install would lend those of another tree
     from pipeline.campaign import in_memory
     from pipeline.errors import PipelineError
-from pipeline.run import answered
+import pipeline.run
+
+answered = getattr(pipeline.run, "campaign_answer", None) or pipeline.run.answered
 
 
 def outcome(folder):

@@ -25,7 +25,7 @@ from pipeline.answer.contract import LEAST_CONTROLLED, Carried, Controlled
 from pipeline.answer.recommended import ModelValues
 from pipeline.answer.results import ReadingControl
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, compared
 from pipeline.machine.cell import Cell, jacobian
 from pipeline.machine.effect import Effect, Pulls
 from pipeline.reduction.case import Case
@@ -114,7 +114,7 @@ def _told(
 ) -> dict[str, Array | Strings]:
     """Columns of RELIABILITY with the results; `size` is u of each error in its unit, (E,)."""
     moves = found.moves[:, about.stated]
-    most = np.argmax(moves, axis=1)
+    most = np.argmax(compared(moves), axis=1)
     return {
         "r": found.r,
         "w": found.w,
@@ -275,7 +275,7 @@ def _made_of(row: Ints, column: Ints, value: Array, S: Array, count: int) -> Arr
 
 def _nearest(along: Array) -> Strings:
     """Axis of F_b nearest to each direction, or None for a zero vector, shape (E,)."""
-    axis = _AXES[np.argmax(np.abs(along), axis=1)]
+    axis = _AXES[np.argmax(compared(np.abs(along)), axis=1)]
     axis[~along.any(axis=1)] = None
     return axis
 
@@ -314,7 +314,9 @@ def _names(case: Case, placed: pd.DataFrame) -> _Names:
 
 def controlled_entries(control: pd.DataFrame) -> tuple[Controlled, ...]:
     """`reliability`: the errors with the lowest redundancy r in table RELIABILITY."""
-    least = control.nsmallest(LEAST_CONTROLLED, "r")
+    least = control.sort_values("r", key=compared, kind="stable", na_position="last")[
+        :LEAST_CONTROLLED
+    ]
     return tuple(Controlled(**_plain(row)) for row in least.to_dict("records"))
 
 
@@ -328,7 +330,8 @@ def carried_entries(carried: pd.DataFrame, values: ModelValues) -> tuple[Carried
     """`influence`: the pull with the largest effect on each stiffness and on each cause."""
     of = {one.name: effect for effect in values.first.effects for one in effect.parameters}
     key = [of[what].label if what in of else what for what in carried["what"]]
-    most = carried.loc[carried.groupby(key, sort=False)["moves_sigmas"].idxmax()]
+    size = pd.Series(compared(carried["moves_sigmas"]), carried.index)
+    most = carried.loc[size.groupby(key, sort=False).idxmax()]
     return tuple(_carried(row, of.get(row["what"])) for row in most.to_dict("records"))
 
 

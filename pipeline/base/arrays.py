@@ -15,6 +15,18 @@ Bools = npt.NDArray[np.bool_]
 Strings = npt.NDArray[np.object_]
 
 
+def compared(values: npt.ArrayLike) -> Array:
+    """Values to six significant digits, by which they are compared and ranked.
+
+    All kinds of processors agree on these: what only rounding tells apart keeps its order.
+    """
+    x = np.asarray(values, dtype=float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        unit = 10.0 ** (np.floor(np.log10(np.abs(x))) - 5)
+        rounded = np.round(x / unit) * unit
+    return np.where(np.isfinite(rounded), rounded, x)
+
+
 class Locked:
     """Base of frozen dataclasses whose arrays are read-only."""
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked, compared
 from pipeline.machine import sides
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
@@ -155,7 +155,7 @@ def weighed(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     """
     first, *others = hypotheses
     counted, spent = [], 0.0
-    for one in sorted(others, key=lambda one: one.weight):
+    for one in sorted(others, key=lambda one: compared(one.weight)):
         loses = np.any(_determined(first) & ~_determined(one))
         if loses and spent + one.weight <= POSSIBLE:
             spent += one.weight

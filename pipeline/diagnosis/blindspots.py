@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Ints
+from pipeline.base.arrays import Array, Ints, compared
 from pipeline.diagnosis.facts import Unnoticed
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.effect import Effect, Wrench
@@ -92,8 +92,7 @@ def blind_spots(
                 else f"a typical size is {1 / size:.2g} of what would be seen here"
             )
             out.append(Unnoticed(effect, why, visible, size))
-    # twins, which differ by rounding, stay in the catalogue's order
-    return tuple(sorted(out, key=lambda spot: -float(f"{spot.times:.6g}")))
+    return tuple(sorted(out, key=lambda spot: -compared(spot.times)))
 
 
 def _hidden(effect: Effect) -> str:

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 from scipy import special
 
-from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked, compared
 from pipeline.diagnosis.finding import WRONG_LAW
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
@@ -445,7 +445,7 @@ def extends(one: Effect, other: Effect) -> bool:
 
 def _likeliest(now: Scores) -> Ints:
     """Suspects by evidence, largest first; twins, equal but for rounding, in catalogue order."""
-    return np.argsort(-np.round(now.log_evidence, 6), kind="stable")
+    return np.argsort(-compared(now.log_evidence), kind="stable")
 
 
 def _possible(case: SearchProblem, now: Scores, suspect: int) -> bool:
@@ -513,7 +513,7 @@ def _ranked(case: SearchProblem, view: Whitened, most: int) -> list[_Move]:
     places = range(len(view.model.accepted))
     outs = [*combinations(places, 1), *combinations(places, 2)]
     moves = [m for out in outs for m in _moves(case, view, out, most) if m.gain > _BETTER]
-    return sorted(moves, key=lambda one: (-round(one.gain, 6), one.out, one.into))
+    return sorted(moves, key=lambda one: (-compared(one.gain), one.out, one.into))
 
 
 def _better(
@@ -596,7 +596,7 @@ def _chained(
     total, left, known = 0.0, list(causes), tuple(rest)
     while left:
         now = _beside(case, view, known).log_evidence
-        first = max(left, key=lambda i: (round(float(now[i]), 6), -i))
+        first = max(left, key=lambda i: (compared(now[i]), -i))
         total += float(now[first])
         known = (*known, first)
         left.remove(first)
@@ -633,11 +633,11 @@ def _odds(
             continue
         labels.append(label)
         logs.append(_together(case, now, forms))
-        best.append(forms[int(np.argmax(now.log_evidence[forms]))])
+        best.append(forms[int(np.argmax(compared(now.log_evidence[forms])))])
         share = special.softmax(now.log_evidence[forms])
         shares.append(tuple(zip(forms, share.tolist(), strict=True)))
     probability = special.softmax(np.array(logs))
-    ranked = np.argsort(-np.round(logs, 6), kind="stable")  # twins in the catalogue's order
+    ranked = np.argsort(-compared(logs), kind="stable")  # twins in the catalogue's order
     order = [i for i in ranked if probability[i] >= least]
     return tuple(Replacement(labels[i], best[i], float(probability[i]), shares[i]) for i in order)
 
@@ -648,7 +648,7 @@ def lone_odds(case: SearchProblem, found: SearchResult) -> list[tuple[int, float
     A priori some cause is as likely as none, and all causes are equally likely.
     """
     every, now = by_label(case.suspects).values(), found.scores
-    best = [forms[int(np.argmax(now.log_evidence[forms]))] for forms in every]
+    best = [forms[int(np.argmax(compared(now.log_evidence[forms])))] for forms in every]
     odds = [float(np.exp(_together(case, now, forms))) / len(best) for forms in every]
     return list(zip(best, odds, strict=True))
 
@@ -690,7 +690,7 @@ def _instead(case: SearchProblem, wide: Whitened, gone: Sequence[int]) -> Namele
         named = float(special.logsumexp([_together(case, first, forms) for forms in free]))
     others = first.log_evidence[known:]
     strange = float(special.logsumexp(others)) + np.log(NAMELESS)
-    suspect = known + int(np.argmax(others))
+    suspect = known + int(np.argmax(compared(others)))
     return NamelessReplacement(float(special.expit(strange - named)), suspect, tuple(gone))
 
 

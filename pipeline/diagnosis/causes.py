@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, compared
 from pipeline.base.linear import TINY
 from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.amplitude import averaged, both_ways
@@ -129,7 +129,7 @@ def _either(case: SearchProblem, found: SearchResult, place: int) -> tuple[Possi
     every = {case.suspects[i]: share for i, share in own.forms}
     least = max(every.values()) * np.exp(-LEAST_EVIDENCE)
     near = [one for one, share in every.items() if share > least and one is not effect]
-    ranked = sorted(near, key=lambda one: -every[one])
+    ranked = sorted(near, key=lambda one: -compared(every[one]))
     return tuple(PossibleCause(one, every[one]) for one in (effect, *ranked)) if ranked else ()
 
 

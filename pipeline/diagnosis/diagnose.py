@@ -36,7 +36,7 @@ from pipeline.diagnosis.unloaded_geometry import as_stiff, beside_springs, corre
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect, Noise
 from pipeline.machine.effects import catalogue
-from pipeline.machine.effects.nameless import histories, nameless
+from pipeline.machine.effects.nameless import competing
 from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import PoseOfInterest
@@ -345,7 +345,7 @@ def case_of(
         noise=spread.tracker,
         certain_noise=spread.tracker if larger or not data.noise_stated else 1.0,
         force_noise=spread.force,
-        nameless=(*nameless(cell.robot), *histories(cell.robot)),
+        nameless=competing(cell.robot),
     )
     return replace(case, cell=replace(case.cell, equilibrium=_bent(case, seen))), spread
 

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, compared
 from pipeline.diagnosis.average import LEAST_PROBABILITY, POSSIBLE, Hypothesis, weighed
 from pipeline.diagnosis.cause_search import (
     SearchProblem,
@@ -73,7 +73,9 @@ def too_small(case: SearchProblem, found: SearchResult) -> tuple[Hypothesis, ...
     odds = lone_odds(case, found)
     total = 1.0 + sum(each for _, each in odds)
     likely = [_Set((i,), each / total) for i, each in odds if each / total > POSSIBLE]
-    every = [_other(case, found, one) for one in sorted(likely, key=lambda one: -one.weight)]
+    every = [
+        _other(case, found, one) for one in sorted(likely, key=lambda one: -compared(one.weight))
+    ]
     return tuple(
         replace(one, estimate=_usual(one.estimate, one.effects[0]), sized=None)
         for one in every
@@ -135,7 +137,7 @@ def _likely(case: SearchProblem, found: SearchResult) -> list[_Set]:
     others = [
         one for one in sets if one.suspects != found.accepted and one.weight > LEAST_PROBABILITY
     ]
-    return [own, *sorted(others, key=lambda one: -one.weight)]
+    return [own, *sorted(others, key=lambda one: -compared(one.weight))]
 
 
 def _of_catalogue(case: SearchProblem, found: SearchResult, known: float) -> Iterator[_Set]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, compared
 from pipeline.base.bootstrap import interval
 from pipeline.diagnosis.cause_search import (
     LEAST_EVIDENCE,
@@ -64,7 +64,7 @@ def as_good(
     base = np.concatenate([np.arange(wide.first), wide.columns(rest)])
     own = wide.left_out(np.concatenate([base, wide.columns([accepted[place]])]))
     drop, before, out = wide.beside(base).drop[known:], wide.left_out(base), []
-    for suspect in known + np.argsort(-drop, kind="stable")[:_ASKED]:
+    for suspect in known + np.argsort(-compared(drop), kind="stable")[:_ASKED]:
         mine = wide.columns([suspect])
         columns = np.concatenate([base, mine])
         after = wide.left_out(columns)
@@ -74,7 +74,7 @@ def as_good(
             size = coefficients(wide.M, columns)[-len(mine) :]
             times = float(np.abs(size).max())
             out.append(NamelessEqual(wide.suspects[suspect], reduction, ci95, times))
-    return tuple(sorted(out, key=lambda one: -one.reduction))
+    return tuple(sorted(out, key=lambda one: -compared(one.reduction)))
 
 
 def gain(
@@ -115,7 +115,7 @@ def _choose(
         base = np.concatenate([np.arange(view.first), view.columns(names)])
         now = statistics_given(case.suspects, view.beside(base, M, fewer), names)
         free = [i for i in range(len(case.suspects)) if may_join(case.suspects, names, i)]
-        best = max(free, key=lambda i: now.log_evidence[i])
+        best = free[int(np.argmax(compared(now.log_evidence[free])))]
         if now.log_evidence[best] < LEAST_EVIDENCE or now.p()[best] > limit:
             break
         names = merged(case.suspects, (*names, best))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.base.arrays import compared
 from pipeline.diagnosis.blindspots import smallest_visible
 from pipeline.diagnosis.cause_search import SearchResult, by_label
 from pipeline.diagnosis.facts import Misfit, SuspectStatistics
@@ -20,7 +21,7 @@ def suspect_statistics(found: SearchResult) -> tuple[SuspectStatistics, ...]:
     absorbed = np.clip(1.0 - left / np.where(whole > 0, whole, np.inf), 0.0, 1.0)
     out = []
     for forms in by_label(view.suspects).values():
-        i = max(forms, key=lambda i: now.log_evidence[i])
+        i = forms[int(np.argmax(compared(now.log_evidence[forms])))]
         size = float(np.min(seen[forms]))
         told = (float(p[i]), float(now.log_evidence[i]), float(absorbed[i]), size)
         out.append(SuspectStatistics(view.suspects[i], *told))
@@ -41,4 +42,4 @@ def misfits(view: Whitened) -> tuple[Misfit, ...]:
         for i, place in enumerate(places)
         if known[i]
     ]
-    return tuple(sorted(out, key=lambda m: m.p_value))
+    return tuple(sorted(out, key=lambda m: compared(m.p_value)))

@@ -24,7 +24,7 @@ from itertools import chain
 import numpy as np
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.base.arrays import Array, Bools, Ints, compared
 from pipeline.base.bootstrap import interval
 from pipeline.diagnosis.cause_search import (
     LEAST_EVIDENCE,
@@ -208,7 +208,7 @@ def _likely(
     if not able.any():
         return {}
     able &= evidence > evidence[able].max() - _WITHIN
-    ranked = [int(i) for i in np.argsort(-evidence, kind="stable") if able[i]]
+    ranked = [int(i) for i in np.argsort(-compared(evidence), kind="stable") if able[i]]
     robot = case.cell.robot
     return {unlisted.worded(robot, laws[i]): float(chance[i]) for i in _with_room(laws, ranked)}
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import special
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, compared
 from pipeline.base.bootstrap import interval
 from pipeline.base.linear import rms
 from pipeline.diagnosis.facts import (
@@ -302,7 +302,7 @@ class _Search:
     def likeliest(self) -> _Suspect:
         """The suspect with the largest evidence, other than the sag that every arm has."""
         rest = [one for one in self.asked if one not in self.found.free and not one.sags]
-        return max(rest, key=lambda one: round(self.found.evidence(one), 6))
+        return max(rest, key=lambda one: compared(self.found.evidence(one)))
 
     def with_free(self, free: tuple[_Suspect, ...]) -> _Search:
         """The estimate with some causes free, linearised at the corrected robot."""
@@ -440,7 +440,7 @@ def _off(search: _Search, number: int) -> TableCause:
 
 def _rivals(others: list[_Suspect], odds: Array, mine: list[int]) -> tuple[PossibleCause, ...]:
     """The other suspects that are not improbable, the likeliest first."""
-    order = np.argsort(-np.round(odds, 9), kind="stable")
+    order = np.argsort(-compared(odds), kind="stable")
     return tuple(
         PossibleCause(others[i].effect, float(odds[i]))
         for i in order

@@ -1,4 +1,4 @@
-"""Columns without measured content: no deflection, or a copied force, pose or joint.
+"""Readings without measured content: no deflection, or a copied force, pose or joint.
 
 A robot deflects under a load; pulls of a pose with different displacements had different forces;
 and poses with the same joint values cannot have their reflectors decimetres apart. These tests need
@@ -14,6 +14,7 @@ from itertools import combinations
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.linear import rms
@@ -35,6 +36,10 @@ from pipeline.reduction.settings import Scale
 _STIFF = 1 / 30
 """Minimum ratio of a robot's compliance to its typical one [1]: stiffnesses of a type differ by a
 factor of a few, and if one joint is thirty times stiffer, not all of them are."""
+
+_PART = 0.1
+"""Fraction of its predicted displacement that a target moves by on the border between a robot of
+several times the typical stiffness and none [1]."""
 
 _BY_CHANCE = 4.0
 """Standard errors within which a displacement along the predicted one counts as none [1]."""
@@ -58,46 +63,117 @@ tracker [1]."""
 
 def dead(asked: Screening) -> list[Mistake]:
     """No deflection anywhere, else a force copied into unlike pulls, a copied pose or joint."""
-    case, data = asked.case, asked.reduced.data
-    return _still(asked, data) or [*_copied(case, data), *_one_pose(case), *_one_column(case)]
+    case, cell, data = asked.case, asked.case.cell, asked.reduced.data
+    typical = np.array([p.typical for p in cell.parameters])
+    moved = predict(cell, data.pulls, typical).displacement[data.pull, data.target]
+    return _still(case, data, moved) or [
+        *_copied(case, data),
+        *_silent(case, data, moved),
+        *_one_pose(case),
+        *_one_column(case),
+    ]
 
 
 # --- the tracker ----------------------------------------------------------------------------------
 
 
-def _still(asked: Screening, data: Measured) -> list[Mistake]:
-    """The mistake that no displacement is related to the loads by any possible stiffnesses."""
-    cell = asked.case.cell
-    typical = np.array([p.typical for p in cell.parameters])
-    moved = predict(cell, data.pulls, typical).displacement[data.pull, data.target]
-    due, seen = rms(moved), rms(data.delta)
+def _still(case: Case, data: Measured, moved: Array) -> list[Mistake]:
+    """Displacements that no possible stiffnesses relate to the loads.
+
+    All of them, or runs of consecutive ones, of all targets or of one: m the displacement with
+    typical stiffnesses and d the measured one, those of greatest sum m'm / 10 - m'd.
+    """
+    if _unrelated(moved, data.delta):
+        return [_of_still(case, data, moved, np.arange(len(moved)))]
+    gain = _PART * np.sum(moved**2, axis=1) - np.sum(moved * data.delta, axis=1)
+    left, found = _as_read(case, data), list[Mistake]()
+    for target in (None, *(() if data.poses else np.unique(data.target))):
+        while True:
+            mine = left if target is None else left[data.target[left] == target]
+            run = mine[_greatest(gain[mine])]
+            if not _unrelated(moved[run], data.delta[run]):
+                break
+            found.append(_of_still(case, data, moved, run))
+            left = left[~np.isin(left, run)]
+    return found
+
+
+def _unrelated(moved: Array, delta: Array) -> bool:
+    """Whether displacements (n, 3) cannot be those of a robot that should make `moved` [m]."""
+    due, seen = (rms(one) if one.size else 0.0 for one in (moved, delta))
     if moved.size < _FEWEST or due < 100 * STILL_M or seen > 10 * _STIFF * due:
-        return []
-    square = float(np.sum(moved**2))
-    part, left = float(np.sum(moved * data.delta)) / square, seen / due / np.sqrt(moved.size)
-    chance = abs(part) <= _BY_CHANCE * left and part + _BY_CHANCE * left < _STIFF
-    if seen > STILL_M / 10 and not chance:
-        return []
+        return False
+    part = float(np.sum(moved * delta)) / float(np.sum(moved**2))
+    error = _BY_CHANCE * seen / due / np.sqrt(moved.size)
+    return bool(seen <= STILL_M / 10 or (abs(part) <= error and part + error < _STIFF))
+
+
+def _as_read(case: Case, data: Measured) -> Ints:
+    """Displacements in the order in which their pulls were read, shape (d,)."""
+    pulls = pd.MultiIndex.from_arrays([data.pulls.pose, data.pulls.repeat])
+    rows = case.readings[case.readings["state"] == "loaded"]
+    read = pd.MultiIndex.from_frame(rows[["pose", "repeat"]].drop_duplicates())
+    place = read.get_indexer_for(pulls) if len(read) else np.arange(len(pulls))
+    return np.argsort(place[data.pull], kind="stable")
+
+
+def _greatest(gain: Array) -> slice:
+    """The consecutive terms of greatest sum."""
+    sums = np.concatenate([[0.0], np.cumsum(gain)])
+    last = int(np.argmax(sums - np.minimum.accumulate(sums)))
+    return slice(int(np.argmin(sums[: last + 1])), last)
+
+
+def _of_still(case: Case, data: Measured, moved: Array, run: Ints) -> Mistake:
+    """The mistake of displacements without content."""
+    due, seen, keys = rms(moved[run]), rms(data.delta[run]), _keys(data, run)
+    given, every, of = case.settings.displacements, len(run) == len(moved), set(data.name[run])
+    file = given.file if given else "tracker"
+    at = () if given else lines_of(case.readings[_loaded(case, keys)])
     what = "are all exactly zero" if seen == 0 else f"are {plain(1e3 * seen, 2)} mm (rms)"
-    file, rows = asked.case.settings.displacements, asked.case.readings
-    rows = rows[(rows["state"] == "loaded") & rows["target"].isin(asked.case.settings.measured)]
-    return [
-        Mistake(
-            name="dead_sensor",
-            where="tracker" if file is None else file.file,
-            evidence=f"the displacements {what} and follow the loads in no way: with its typical "
-            f"stiffnesses this robot would move by {plain(1e3 * due, 2)} mm, and none is "
-            f"{1 / _STIFF:.0f} times as stiff. The sensor was dead, or what was exported are not "
-            "the loaded states",
-            correction="nothing can be corrected, no deflection was measured",
-            before=seen / due,
-            after=1.0,
-            unit="1",
-            correct=as_it_is,
-            at=lines_of(rows),
-            hopeless=True,
-        )
-    ]
+    which = f"{len(run)} of {len(moved)} displacements ({lines(at) or file})"
+    if len(of) == 1 and not data.poses:
+        which = f"{len(run)} of {len(moved)} displacements, all of {min(of)} ({lines(at) or file})"
+    return Mistake(
+        name="dead_sensor",
+        where=file if every or len(of) > 1 or data.poses else f"{file}/{min(of)}",
+        evidence=f"{'the displacements' if every else which} {what} and follow the loads in no way:"
+        " with its typical stiffnesses this robot would move by "
+        f"{plain(1e3 * due, 2)} mm, and none is {1 / _STIFF:.0f} times as stiff. The sensor was "
+        "dead, or what was exported are not the loaded states",
+        correction="nothing can be corrected, no deflection was measured"
+        if every
+        else "recomputed without these readings",
+        before=seen / due,
+        after=1.0,
+        unit="1",
+        correct=as_it_is if every else partial(_unread, keys=keys),
+        at=at,
+        hopeless=every,
+    )
+
+
+def _keys(data: Measured, run: Ints) -> pd.MultiIndex:
+    """Pose and repeat, and target where each was measured by itself, of some displacements."""
+    of, pull = (data.pulls.pose, data.pulls.repeat), data.pull[run]
+    each = {"pose": of[0][pull], "repeat": of[1][pull], "target": data.name[run]}
+    return pd.MultiIndex.from_frame(pd.DataFrame(each).iloc[:, : 2 if data.poses else 3])
+
+
+def _loaded(case: Case, keys: pd.MultiIndex) -> Bools:
+    """The loaded readings, or displacements as given, of some keys."""
+    given, names = case.displacements, list(keys.names)
+    rows = case.readings if given is None else given.select(names).to_pandas()
+    mine: Bools = pd.MultiIndex.from_frame(rows[names]).isin(keys)
+    return mine if given is not None else mine & (rows["state"] == "loaded").to_numpy(bool)
+
+
+def _unread(case: Case, keys: pd.MultiIndex) -> Case:
+    """The campaign without the displacements of some keys."""
+    left = ~_loaded(case, keys)
+    if case.displacements is not None:
+        return replace(case, displacements=case.displacements.filter(pa.array(left)))
+    return replace(case, readings=case.readings[left])
 
 
 # --- the scale ------------------------------------------------------------------------------------
@@ -121,6 +197,56 @@ def _copied(case: Case, data: Measured) -> list[Mistake]:
     return found
 
 
+def _silent(case: Case, data: Measured, moved: Array) -> Iterator[Mistake]:
+    """A scale that shows next to nothing, independent of the forces g [N] that displacements imply.
+
+    Of consecutive pulls, those of greatest sum g^2 / 10 - g f, with the readings f [N]. All of them
+    are not asked about: they may be in another unit.
+    """
+    if not len(case.loads):
+        return
+    force, m = np.linalg.norm(data.pulls.force, axis=1), len(data.pulls)
+    dot, square = (
+        np.bincount(data.pull, np.sum(moved * one, axis=1), m) for one in (data.delta, moved)
+    )
+    implied = force * dot / np.maximum(square, 1e-300)
+    read = pd.unique(data.pull[_as_read(case, data)])
+    read = read[data.pulls.by[read] == PULLED]
+    run = read[_greatest(_PART * implied[read] ** 2 - implied[read] * force[read])]
+    f, g, others = force[run], implied[run], implied[np.setdiff1d(read, run)]
+    if len(run) < _COPIED or not len(others) or rms(f) > _STIFF * rms(g) or _correlated(f, g):
+        return
+    if rms(g) * _PART > rms(others):
+        return  # no pull is so hard: what moved is not the robot
+    rows = _loads_of(case, data, run)
+    at = lines_of(rows)
+    yield Mistake(
+        name="dead_sensor",
+        where=f"{rows['file'].iloc[0]} force",
+        evidence=f"{len(at)} pulls have forces of {plain(rms(f), 2)} N (rms; {lines(at)}), and "
+        f"moved the robot as {plain(rms(g), 2)} N would with its typical stiffnesses: none is "
+        f"{1 / _STIFF:.0f} times as compliant. The scale was dead",
+        correction="recomputed without these pulls",
+        before=rms(f) / rms(g),
+        after=1.0,
+        unit="1",
+        correct=partial(left_out, at=at, of="loads"),
+        at=at,
+    )
+
+
+def _correlated(f: Array, g: Array) -> bool:
+    """Whether readings (n,) follow others (n,) beyond chance, whatever their offset and factor."""
+    r = float(np.corrcoef(f, g)[0, 1]) if np.ptp(f) and np.ptp(g) else 0.0
+    return abs(r) * np.sqrt(len(f) - 2) > _BY_CHANCE * np.sqrt(1 - min(r**2, 1.0))
+
+
+def _loads_of(case: Case, data: Measured, pulls: Ints) -> pd.DataFrame:
+    """The rows of the loads of some pulls."""
+    keys = pd.MultiIndex.from_arrays([data.pulls.pose[pulls], data.pulls.repeat[pulls]])
+    return case.loads[pd.MultiIndex.from_frame(case.loads[["pose", "repeat"]]).isin(keys)]
+
+
 def _unlike(data: Measured, same: Ints, size: Array) -> bool:
     """Whether most pairs of these pulls in one pose and direction have different displacements."""
     moved = np.sqrt(np.bincount(data.pull, np.sum(data.delta**2, axis=1), len(data.pulls)))
@@ -137,10 +263,7 @@ def _unlike(data: Measured, same: Ints, size: Array) -> bool:
 
 
 def _of_copy(case: Case, data: Measured, same: Ints, force: float, every: bool) -> Mistake:
-    keys = set(zip(data.pulls.pose[same].tolist(), data.pulls.repeat[same].tolist(), strict=True))
-    loads = case.loads
-    mine = np.array([key in keys for key in zip(loads["pose"], loads["repeat"], strict=True)])
-    rows = loads[mine]
+    rows = _loads_of(case, data, same)
     file = str(rows["file"].iloc[0])
     at = lines_of(rows)
     return Mistake(

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
-from pipeline.geometry import random_curve as curve
+from pipeline.geometry import random_curve
 from pipeline.geometry.estimate import (
     FIXED_SIGMA,
     Posterior,
@@ -150,7 +150,8 @@ def calibrate(
         fit, moved, now, straight = now, *now.stepped(readings, weights)
         if straight:
             break
-    return fit.ended(moved, readings, weights, wanted)
+    # with unknown masses, where it ends: their common factor must move nothing there
+    return (now if moved.unknown else fit).ended(moved, readings, weights, wanted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -325,30 +326,34 @@ def _equipped(begun: Mechanism, readings: PositionReadings, wanted: ModelStructu
 
 def _curves(
     robot: Robot, readings: PositionReadings, wanted: ModelStructure
-) -> Iterator[curve.Curve]:
+) -> Iterator[random_curve.Curve]:
     """Curves of joints, then the six of the bed."""
     for j, length in wanted.curves:
         slides = bool(robot.prismatic[j])
-        yield curve.over(j, readings.q[:, j], slides, length, _SIZE[slides])
+        yield random_curve.over(j, readings.q[:, j], slides, length, _SIZE[slides])
     if wanted.bed is not None:
         for k in range(6):
             size, screw = _SIZE[k < 3], robot.n + k
-            yield curve.over(0, readings.q[:, 0], True, wanted.bed, size, screw)
+            yield random_curve.over(0, readings.q[:, 0], True, wanted.bed, size, screw)
 
 
 def likeliest(
-    found: Calibration, choices: Sequence[ModelStructure], known: float | None = None
+    found: Calibration,
+    choices: Sequence[ModelStructure],
+    known: float | None = None,
+    least: float = 0.0,
 ) -> tuple[ModelStructure, float]:
-    """The first choice after which the evidence of the readings decreases, with its evidence.
+    """The first choice after which the evidence of the readings does not grow, with its evidence.
 
     Args:
         found: An estimate.
         choices: Model structures in the order in which they are tried.
         known: Evidence of the first, if it is known.
+        least: Growth of its logarithm from which on a later choice is taken.
     """
     best, taken = -np.inf if known is None else known, choices[0]
     for wanted in choices if known is None else choices[1:]:
-        if (now := tried(found, wanted).likely) < best:
+        if (now := tried(found, wanted).likely) < best + least:
             break
         best, taken = now, wanted
     return taken, best

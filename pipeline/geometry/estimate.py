@@ -331,17 +331,13 @@ _DAMPED = 0.02
 iteration [1]."""
 
 
-def softened(mechanism: Mechanism, x: Array | None = None) -> Array:
+def softened(mechanism: Mechanism) -> Array:
     """Direction in which all compliances grow by a factor and all masses fall by it.
 
     To first order this moves nothing, so the readings without known payloads do not determine it.
-
-    Args:
-        mechanism: The mechanism.
-        x: Its parameters; by default its present values.
     """
     where = layout(mechanism)
-    x = mechanism.at(where) if x is None else x
+    x = mechanism.at(where)
     v = np.zeros(len(x))
     for part, sign in ((where.compliance, 1.0), (where.yields, 1.0), (where.moments, -1.0)):
         v[part] = sign * x[part]
@@ -356,11 +352,12 @@ def by_a_factor(rows: ReadRows, mechanism: Mechanism, found: Posterior, hung: bo
     together would determine that factor, and so would the torque at which a gear's play is assumed
     to close, but nobody knows it. Along v, which holds the compliances and minus the moments, the
     readings give the information v'X'X v where known payloads are `hung`; otherwise its standard
-    deviation is `_FACTOR`.
+    deviation is `_FACTOR`. The rows must be linearised where v is taken: elsewhere v moves targets,
+    by a factor of three.
     """
-    about, end = softened(mechanism), softened(mechanism, found.x)
-    var = 1 / (hung * float(about @ rows.N @ about) + _FACTOR**-2)
-    return replace(found, cov=found.cov + var * np.outer(end, end))
+    v = softened(mechanism)
+    var = 1 / (hung * float(v @ rows.N @ v) + _FACTOR**-2)
+    return replace(found, cov=found.cov + var * np.outer(v, v))
 
 
 _FACTOR = 1.1

@@ -24,11 +24,9 @@ _HALF = 0.5
 """Minimum fraction of a curve's variance over the poses that one wave must explain to replace
 it [1]."""
 
-_NEAR = np.linspace(-0.25, 0.25, 41)
-"""Orders tried about the one found by the search [1], periods per turn."""
-
-_MOST_LAWS = 6
-"""Maximum number of laws adopted in addition to the curves, one after the other."""
+_MOST_LAWS, _REFUSED = 18, 2
+"""Maximum numbers of laws that are adopted, and that are refused, in addition to the curves: three
+waves of each of six joints."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,14 +152,15 @@ def with_laws(
         rng: Source of copies and intervals.
     """
     signs = law_tests.flips(data.readings, rng, rail=rail(base.mechanism.table))
-    inputs, slides = base.linear.inputs, base.mechanism.table.prismatic
     every = _candidates(base, names)
+    inputs, slides = base.linear.inputs, base.mechanism.table.prismatic
     clues = law_tests.law_tests(law_tests.score(base, signs), inputs, every, slides.tolist())
     bed = base.wanted.bed is not None
     clues = [clue for clue in clues if clue.law is not None or not (bed and clue.joint == 1)]
     judge = LeftOutPoses(parts, rng)
     found, p = _of_own_angles(data, base, clues, judge)
-    others = [law for law in every if not _own_angle(law)]
+    curved = {joint + 1 for joint, _ in found.wanted.curves}
+    others = [law for law in every if law.joint not in curved or not _own_angle(law)]
     found, further = _of_all_else(data, found, others, signs, judge)
     plain = [k for k, one in enumerate(names) if not one.name]
     chance = chances(found, [_of_law(found.mechanism, k) for k in plain], signs)
@@ -212,8 +211,9 @@ def _of_all_else(
 ) -> tuple[Calibration, dict[_Key, float]]:
     """Estimate with further laws, the likeliest first while they carry over, and their p-values."""
     p: dict[_Key, float] = {}
-    free = list(others)
-    for _ in range(_MOST_LAWS):
+    free = [one for one in others if not any(_alike(one, law) for law in found.mechanism.laws)]
+    adopted = refused = 0
+    while adopted < _MOST_LAWS and refused < _REFUSED:
         here, inputs = law_tests.score(found, signs), found.linear.inputs
         left = law_tests.law_tests(here, inputs, free)
         if not left or left[0].p >= alarms.LAW or left[0].law is None:
@@ -221,10 +221,12 @@ def _of_all_else(
         law = law_tests.sharpened(here, left[0].law, inputs)
         new = (*found.mechanism.laws, law)
         more = data.identify(found.mechanism, replace(found.wanted, laws=new), found)
-        if not judge.carries(more, _of_law(more.mechanism, len(new) - 1), law.once):
-            break
-        found, p[_key(law)] = more, left[0].p
-        free.remove(left[0].law)
+        if judge.carries(more, _of_law(more.mechanism, len(new) - 1), law.once):
+            found, p[_key(law)] = more, left[0].p
+            adopted += 1
+        else:
+            refused += 1
+        free = [one for one in free if not _alike(one, left[0].law)]
     return found, p
 
 
@@ -262,6 +264,16 @@ def _of_law(mechanism: Mechanism, number: int) -> slice:
     return slice(first, first + mechanism.laws[number].amplitudes)
 
 
+def _alike(one: JointLaw, other: JointLaw) -> bool:
+    """Whether two laws are the same, or waves of orders that few turns hardly distinguish."""
+    same = _key(replace(one, order=0.0)) == _key(replace(other, order=0.0))
+    return same and abs(one.order - other.order) < _APART
+
+
+_APART = 1.0
+"""Difference of the orders of two waves of a joint, below which one takes the other's place [1]."""
+
+
 def _own_angle(law: JointLaw) -> bool:
     return law.variable == "angle" and law.source == law.joint
 
@@ -274,7 +286,7 @@ def _one_wave(
     curve, knots = _curve(found.mechanism, joint)
     f = curve.value(q, knots)
     tried = [c.law for c in clues if c.law and c.law.kind == "periodic" and c.joint == joint + 1]
-    orders = np.unique(tried[0].order + _NEAR) if tried else np.zeros(0)
+    orders = np.unique(tried[0].order + law_tests.NEAR) if tried else np.zeros(0)
     shares = [_share(f, order * q) for order in orders]
     if not shares or max(shares) < _HALF:
         return None

@@ -14,10 +14,11 @@ keeps what neighbours have in common and destroys any dependence on the robot's 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
@@ -33,12 +34,16 @@ _ORDERS = np.arange(0.5, 130.01, 0.25)
 """Periods per turn that are tried [1]: eccentric wheels have one, robot gears up to some hundred
 teeth."""
 
+NEAR = np.linspace(-0.5, 0.5, 81)
+"""Orders tried about the one found by the search [1], periods per turn."""
+
 _COUPLED = (1.0, 2.0, 3.0)
 """Periods per turn of another joint that are tried [1]: what turns with it acts once, twice or
 three times per turn."""
 
-_BLOCK = 8
-"""Number of consecutive poses whose residuals share one sign in a copy."""
+_BLOCK, _BLOCKS = 8, 20
+"""Maximum number of consecutive poses whose residuals share one sign in a copy, and minimum number
+of such blocks: b blocks make 2^(b - 1) different copies, sixteen of 40 poses by eights."""
 
 _FLIPS = 200
 """Number of copies without a law."""
@@ -146,9 +151,10 @@ zero."""
 def blocks(readings: PositionReadings) -> Ints:
     """Block of each pose, (m,): consecutive poses of one series."""
     place = np.zeros(len(readings), dtype=np.int64)
+    long = int(np.clip(len(readings) // _BLOCKS, 1, _BLOCK))
     for series in range(len(readings.names)):
         mine = np.flatnonzero(readings.series == series)
-        place[mine] = np.arange(len(mine)) // _BLOCK
+        place[mine] = np.arange(len(mine)) // long
     _, out = np.unique(np.stack([readings.series, place]), axis=1, return_inverse=True)
     return np.asarray(out, dtype=np.int64)
 
@@ -158,11 +164,12 @@ def flips(
 ) -> Array:
     """Signs of the copies without a law, shape (count, m).
 
-    Blocks are neighbours in time and, in every second copy on a rail, stations: what the poses of a
-    block have in common stays in the copies. Blocks in joint space would preserve a joint law.
+    Blocks are neighbours in time and, in every second copy on a rail of `_BLOCKS` stations or more,
+    these: what the poses of a block have in common stays in the copies. Blocks in joint space would
+    preserve a joint law.
     """
     every, stops = [blocks(readings)], stations(readings)
-    if rail and len(np.unique(stops)) >= _BLOCK:
+    if rail and len(np.unique(stops)) >= _BLOCKS:
         every.append(stops)
     return np.stack([
         rng.choice([-1.0, 1.0], int(block.max()) + 1)[block]
@@ -399,11 +406,14 @@ def _frames_moved(
 
 
 def sharpened(here: _LawScore, law: JointLaw, inputs: Inputs) -> JointLaw:
-    """A step in time moved to the pose that explains most, near the one that the search found."""
-    if not law.once:
+    """The order of a wave, or the pose of a step in time, that explains most near the one found."""
+    if law.once:
+        pose = int(np.argmax(inputs.series + inputs.time > law.middle))
+        near = list(_steps(inputs, law.joint, _near(inputs, pose)))
+    elif law.kind == "periodic":
+        near = [replace(law, order=order) for order in (law.order + NEAR).tolist() if order > 0]
+    else:
         return law
-    pose = int(np.argmax(inputs.series + inputs.time > law.middle))
-    near = list(_steps(inputs, law.joint, _near(inputs, pose)))
     T = _explained(here, near, inputs)[:, 0]
     return near[int(np.argmax(T))]
 
@@ -428,11 +438,14 @@ def _curved(here: _LawScore, joint: int, q: Array, slides: bool) -> Array:
 def law_tests(
     here: _LawScore, inputs: Inputs, laws: Sequence[JointLaw], bent: Sequence[bool] = ()
 ) -> list[LawTest]:
-    """Tests of all laws and curves, the largest statistic first.
+    """Tests of all laws and curves, those of the joint that is the least likely by chance first.
+
+    Of the significant ones of a joint the one that explains most comes first.
 
     Each T is standardised by its values in the copies. p is the probability of the largest of all
     standardised values being as large: from its rank among the copies, and beyond them from an
-    extreme-value distribution fitted to them.
+    extreme-value distribution fitted to them. It is at least that of T by chi-square: copies of a
+    step that a rail explains reach 0.01, and one of 2 had p = 1e-27.
 
     Args:
         here: Residuals.
@@ -440,23 +453,32 @@ def law_tests(
         laws: Laws that are tried.
         bent: For each joint whether it slides, where curves are to be tried, too; else empty.
     """
-    kinds = sorted({(law.joint, law.amplitudes) for law in laws})
     of: list[tuple[JointLaw | None, int]] = []
     T: list[Array] = []
-    for kind in kinds:
+    for kind in sorted({(law.joint, law.amplitudes) for law in laws}):
         mine = [law for law in laws if (law.joint, law.amplitudes) == kind]
         T.append(_explained(here, mine, inputs))
         of += [(law, law.joint) for law in mine]
     for joint, slides in enumerate(bent):
         T.append(_curved(here, joint, inputs.q, slides)[None])
         of.append((None, joint + 1))
-    each = np.concatenate(T)
-    p = beyond_copies(each)
+    if not of:
+        return []
+    every = np.concatenate(T)
+    half = np.array([0.5 * law.amplitudes if law else 0.0 for law, _ in of])  # 0: a curve, p >= 0
+    p = np.maximum(beyond_copies(every), special.gammaincc(half, 0.5 * every[:, 0]))
     found = [
         LawTest(law, joint, float(t), float(chance))
-        for (law, joint), t, chance in zip(of, each[:, 0], p, strict=True)
+        for (law, joint), t, chance in zip(of, every[:, 0], p, strict=True)
     ]
-    return sorted(found, key=lambda clue: -clue.statistic)
+    least: dict[tuple[int, bool], float] = {}
+    for one in found:
+        kind = one.joint, one.law is None
+        least[kind] = min(one.p, least.get(kind, 1.0))
+    return sorted(
+        found,
+        key=lambda one: (least[one.joint, one.law is None], one.p >= alarms.LAW, -one.statistic),
+    )
 
 
 def beyond_copies(T: Array) -> Array:

@@ -7,10 +7,11 @@ joint, stand beside all that is estimated: with e = y - D x, V its covariance an
 
     T = g' (N - h' C h)^+ g,   g = sum d' V^-1 e,  N = sum d' V^-1 d,  h = sum D' V^-1 d
 
-over these poses, so that all of them are sums that run along the poses. What changed widens the
-errors of all joints at all poses where nobody looks for it: T is added to twice the log likelihood
-of the likeliest cell of each size of these errors, and the largest sum counts. The table that is
-estimated beside it is that of the robot as it stands at the end.
+over these poses, so that all of them are sums that run along the poses. Nothing changed once where
+the whole robot moving in proportion to time has a larger T than every change. What changed widens
+the errors of all joints at all poses where nobody looks for it: T is added to twice the log
+likelihood of the likeliest cell of each size of these errors, and the largest sum counts. The table
+that is estimated beside it is that of the robot as it stands at the end.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from pipeline.geometry.roughness import ScaleGrid
 from pipeline.geometry.slipped import ShapeRows, slips
 from pipeline.geometry.unloaded import MidChange, PoseRows, Unloaded
 
-_SIDES = 3
-"""Poses on either side of a change, at least [1]: two poses stand off by themselves too easily."""
+_SIDES = 2
+"""Poses on either side of a change, at least [1]: a single one is a wrong row of the log."""
 
 _SEEN = 5.0
 """Standard uncertainties from which on changes are asked about at all [1]."""
@@ -46,9 +47,11 @@ def changes(zeros: Unloaded, rows: PoseRows, found: ScaleGrid) -> tuple[MidChang
     order = _in_time(zeros)
     if len(order) < 2 * _SIDES:
         return ()
-    T = _gains(zeros, rows, found.unrefined or found, order)[_SIDES - 1 : len(order) - _SIDES]
-    what = _what(zeros)
+    gains = _gains(zeros, rows, found.unrefined or found, order)
+    T, what = gains[_SIDES - 1 : len(order) - _SIDES], _what(zeros)
     freedom = [one.unknowns for one in what]
+    if gains[-1, 0] >= T.max():
+        return ()  # a steady motion of the instrument, which is no change
     if special.chdtrc(freedom, T.max(axis=0)).min() > special.chdtrc(1, _SEEN**2):
         return ()
     best = zip(what, T.argmax(axis=0).tolist(), strict=True)
@@ -94,20 +97,25 @@ def _gains(zeros: Unloaded, rows: PoseRows, found: ScaleGrid, order: Ints) -> Ar
 
 
 def _drops(zeros: Unloaded, rows: PoseRows, found: ScaleGrid, cell: int, order: Ints) -> Array:
-    """T of a change behind each of the poses, in time, shape (p, k)."""
+    """T of a change behind each of the poses, in time, shape (p, k).
+
+    Behind the last there is none: there stands what moves in proportion to time.
+    """
     W = linear.whitening(rows.cov(found.transmission[cell]))
     Z, D = W @ rows.Z, W @ rows.D
     e = np.einsum("pij,pj->pi", W, rows.y) - D @ found.x[cell]
     where = zeros.columns
     whole = np.concatenate([D[:, :, where.shift], D[:, :, where.loose]], axis=2)
-    T = []
+    T, creep = [], np.linspace(0.0, 1.0, len(order))
     for one in _what(zeros):
         d = Z[:, :, [one.joint - 1]] if one.joint else whole
         if one.target is not None:
             d = D[:, :, where.tool][:, :, 3 * one.target : 3 * one.target + 3]
         each = d.swapaxes(1, 2) @ e[..., None], d.swapaxes(1, 2) @ d, d.swapaxes(1, 2) @ D
-        sums = (np.cumsum(part[order], axis=0) for part in each)
+        sums = [np.cumsum(part[order], axis=0) for part in each]
         g, N, h = (part if one.joint else part[-1] - part for part in sums)
+        for part, own, s in zip((g, N, h), each, (creep, creep**2, creep), strict=True):
+            part[-1] = np.tensordot(s, own[order], 1)
         left = N - h @ found.cov[cell] @ np.swapaxes(h, 1, 2)
         inverse = linear.left(left, np.einsum("pii->pi", N))[0]
         T.append((g.swapaxes(1, 2) @ inverse @ g)[:, 0, 0])

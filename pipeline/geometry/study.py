@@ -263,9 +263,14 @@ def _base(data: LawSearchData, begun: Mechanism) -> tuple[Calibration, tuple[Cat
     else:
         found = data.identify(table.mechanism, replace(wanted, bed=random_curve.BED[1]), table)
         beds = [replace(wanted, bed=length) for length in random_curve.BED]
-        best = _formed(found, *likeliest(found, beds))
+        best = _formed(found, *likeliest(found, beds, least=_SURELY))
     now = found if best == found.wanted else data.identify(found.mechanism, best, found)
     return now, names
+
+
+_SURELY = float(np.log(20.0))
+"""Growth of the log evidence without which the curves of a bed stay as short as they are: few
+stations do not tell their length, and a longer one would promise what lies between stations."""
 
 
 def _formed(found: Calibration, wanted: ModelStructure, known: float | None) -> ModelStructure:

@@ -23,7 +23,7 @@ from pipeline.machine.cell import load as loaded
 from pipeline.machine.cell import predict as forward
 from pipeline.machine.effect import Effect, Noise, Observation, Pulls, Reflectors, Wrench
 from pipeline.machine.effects import catalogue, unlisted
-from pipeline.machine.effects.nameless import nameless
+from pipeline.machine.effects.nameless import competing
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.system.system import Estimate, System
@@ -580,7 +580,7 @@ def _beyond(one: _Hypothesis, k: int, file: str) -> tuple[Array | None, Array | 
 
 
 def _named(robot: Robot, label: str, form: str, file: str) -> Effect:
-    for effect in (*catalogue(robot), *nameless(robot)):
+    for effect in (*catalogue(robot), *competing(robot)):
         if effect.label == label and effect.form == form:
             return effect
     law = unlisted.named(robot, label, form)

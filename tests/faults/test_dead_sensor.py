@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from small_case import asked
-from test_exchanged import case, files, table, written
+from test_exchanged import case, files, put_right, table, written
 
 from pipeline.faults.conventions import conventions
 from pipeline.faults.dead_sensor import dead
@@ -27,15 +27,16 @@ def moved(factor):
     return written(raw("fanuc_r2000ic"), "displacements.csv", head, new)
 
 
-def still(made, noise_mm, rng):
-    """Loaded readings that repeat the unloaded ones, with noise."""
+def still(made, noise_mm, rng, poses=range(100), targets=None):
+    """Loaded readings of some poses and targets that repeat the unloaded ones, with noise."""
     head, rows = table(made, "tracker.csv")
     zero, new = {}, []
     for row in rows:
         key = row[0][:6], row[1]
         if row[0].endswith("_unloaded"):
             zero.setdefault(key, np.array(row[2:5], float))
-        at = zero.get(key) if row[0].endswith("_loaded") else None
+        dead_now = row[0].endswith("_loaded") and int(row[0][4:6]) in poses
+        at = zero.get(key) if dead_now and row[1] in (targets or {row[1]}) else None
         off = None if at is None else at + noise_mm * rng.standard_normal(3)
         new.append(row if off is None else row[:2] + [f"{x:.4f}" for x in off] + row[5:])
     return written(made, "tracker.csv", head, new)
@@ -65,6 +66,103 @@ def test_readings_without_any_deflection(seed, noise_mm):
     """The effector is read unloaded in every state, with the noise of the instrument or more."""
     made = still(files(seed), noise_mm, np.random.default_rng(seed))
     assert [one.name for one in dead(asked(case(made)))] == ["dead_sensor"]
+
+
+def lines_read(made, poses, targets):
+    """Lines of the loaded readings of some poses and targets of the effector."""
+    _, rows = table(made, "tracker.csv")
+    wrong = (
+        row[0].endswith("_loaded") and int(row[0][4:6]) in poses and row[1] in targets
+        for row in rows
+    )
+    return {f"tracker.csv:{k}" for k, here in enumerate(wrong, start=2) if here}
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("poses", [range(1, 3), range(3, 6), range(4, 8)])
+@pytest.mark.parametrize("targets", [("P1", "P2", "P3"), ("P2",), ("P1", "P3")])
+def test_a_sensor_that_is_dead_in_some_poses(seed, poses, targets):
+    """Its lines and no others, whichever poses and targets they are of; the others are used."""
+    made = still(files(seed), 0.03, np.random.default_rng(seed), poses, targets)
+
+    found = dead(asked(case(made)))
+
+    assert {one.name for one in found} == {"dead_sensor"}
+    assert not any(one.hopeless for one in found)
+    assert len(found) == (1 if len(targets) == 3 else len(targets))
+    assert {line for one in found for line in one.at} == lines_read(made, poses, targets)
+    right = put_right(found, case(made)).readings
+    assert len(right) == len(case(made).readings) - len(lines_read(made, poses, targets))
+
+
+def test_displacements_that_are_dead_from_some_pose_on():
+    """In a campaign that arrives reduced: these rows are left out, the others are used."""
+    head, rows = table(raw("fanuc_r2000ic"), "displacements.csv")
+    last = max(int(row[0]) for row in rows)
+    new = [row[:3] + ["0.0"] * 3 if int(row[0]) > last // 2 else row for row in rows]
+    made = case(written(raw("fanuc_r2000ic"), "displacements.csv", head, new))
+
+    (found,) = dead(asked(made))
+
+    assert (found.name, found.hopeless) == ("dead_sensor", False)
+    left = found.correct(made).displacements.to_pandas()
+    assert sorted(set(left["pose"])) == [*range(1, last // 2 + 1)]
+
+
+@pytest.mark.whole
+def test_springs_beside_half_dead_readings_are_those_of_the_others():
+    """One mistake; no tolerance and no value rests on the dead readings."""
+    plan = Plan(name="half", seed=4, poses={"count": 14}, hidden={"stiffness_spread": 0.3})
+    made = simulate(plan)
+    true = {one["name"]: one["value"] for one in made.truth["stiffness"]}
+    wrong = still(dict(made.files), 0.03, np.random.default_rng(4), range(8, 15))
+
+    said = campaign_answer("half", in_memory(wrong)).answer
+
+    assert str(said.diagnosis.verdict) == "bad_data"
+    assert [one.name for one in said.diagnosis.causes] == ["dead_sensor"]
+    off = [
+        abs(one.compliance - 1 / true[one.name]) / one.compliance_std
+        for one in said.stiffness
+        if one.compliance_std
+    ]
+    assert len(off) >= 5
+    assert max(off) < 4
+
+
+def with_dead_scale(made, poses, rng):
+    """Readings of some poses are a zero of 15 N and its noise."""
+    head, rows = table(made, "loads.csv")
+    zero = [f"{15 + 2 * one:.2f}" for one in rng.standard_normal(len(rows))]
+    shown = [none if int(row[0]) in poses else row[2] for none, row in zip(zero, rows, strict=True)]
+    new = [[*row[:2], n, *row[3:]] for n, row in zip(shown, rows, strict=True)]
+    return written(made, "loads.csv", head, new)
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("poses", [range(1, 3), range(3, 6), range(3, 8)])
+def test_a_scale_that_is_dead_in_some_poses(seed, poses):
+    """These rows, also if they are most of all, and no pull of other poses."""
+    made = case(with_dead_scale(files(seed), poses, np.random.default_rng(seed)))
+
+    (found,) = dead(asked(made))
+
+    assert (found.name, found.where, found.hopeless) == ("dead_sensor", "loads.csv force", False)
+    assert set(found.correct(made).loads["pose"]) == set(range(1, 8)) - set(poses)
+
+
+@pytest.mark.parametrize("factor", [1 / 9.80665, 1e-3])
+def test_forces_in_another_unit_are_no_dead_scale(factor):
+    """Of all pulls, or of those from pose 4 on: they follow the displacements."""
+    head, rows = table(files(2), "loads.csv")
+    for first in (1, 4):
+        new = [
+            [*row[:2], str(float(row[2]) * (factor if int(row[0]) >= first else 1)), *row[3:]]
+            for row in rows
+        ]
+        assert dead(asked(case(written(files(2), "loads.csv", head, new)))) == []
 
 
 @pytest.mark.sampled(2)

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from test_geometry import made
 
-from pipeline.geometry.law_tests import _as_noise
+from pipeline.geometry.law_tests import _as_noise, flips
 
 POSES, ROWS, KNOWN, DRAWS = 30, 9, 60, 300
 
@@ -24,3 +25,13 @@ def test_residuals_of_few_poses_are_made_as_large_as_noise():
     assert np.mean(left**2) == pytest.approx(1 - KNOWN / len(hat), abs=0.02)
     assert np.mean(copied**2, axis=(0, 2)) == pytest.approx(1.0, abs=0.15)
     assert np.mean(copied**2) == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("poses", [30, 45, 90, 400])
+def test_copies_of_few_poses_differ(poses):
+    """A copy and its mirror image give the same T: blocks of eight of 30 poses make eight."""
+    rng = np.random.default_rng(6)
+    signs = flips(made(poses, rng), rng)
+    kinds = np.unique(signs * signs[:, :1], axis=0)
+
+    assert len(kinds) > 0.99 * len(signs)

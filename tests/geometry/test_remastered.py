@@ -79,7 +79,14 @@ def bumped(case, pose, shift_m, turn_rad):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("seed", "pose", "shift_m", "turn_rad"),
-    [(3, 7, 2e-3, 5e-4), (4, 5, 5e-4, -1e-3), (5, 9, 2e-2, 4e-3), (6, 6, 3e-3, 0.0)],
+    [
+        (3, 7, 2e-3, 5e-4),
+        (4, 3, 2e-3, -1e-3),
+        (4, 5, 5e-4, -1e-3),
+        (5, 9, 2e-2, 4e-3),
+        (6, 6, 3e-3, 0.0),
+        (5, 11, 3e-3, 1e-3),
+    ],
 )
 def test_a_robot_that_was_bumped_is_named_with_its_pose(seed, pose, shift_m, turn_rad):
     """Under its own name, neither as a joint zero nor as a rotation of the base frame."""
@@ -90,6 +97,20 @@ def test_a_robot_that_was_bumped_is_named_with_its_pose(seed, pose, shift_m, tur
     assert np.linalg.norm(one.value[3:]) == pytest.approx(abs(turn_rad), abs=5e-5)
     assert found.believed
     assert found.left_m < 0.2 * found.miss_m
+
+
+@pytest.mark.whole
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize(("seed", "rate_m"), [(3, 2.5e-5), (4, 1e-4), (5, 5e-5)])
+def test_a_tracker_that_creeps_did_not_change_once(seed, rate_m):
+    """All readings of the effector are displaced in proportion to the number of the pose."""
+    case = clean(seed)
+    rows = case.readings.copy()
+    far = rate_m * rows["pose"].fillna(0).to_numpy(float)[:, None]
+    rows[["x_m", "y_m", "z_m"]] += far * np.array([3.0, -2.0, 1.0]) / 14**0.5
+    _, found = stood(replace(case, readings=rows))
+
+    assert not any(one.effect.since for one in found.causes)
 
 
 @pytest.mark.whole

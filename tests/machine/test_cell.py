@@ -7,7 +7,8 @@ import pinocchio as pin
 import pytest
 
 from bench.as_pinocchio import model
-from pipeline.machine.cell import Tool, jacobian, paper_cell, predict
+from pipeline.base.arrays import compared
+from pipeline.machine.cell import Tool, jacobian, paper_cell, predict, sensitivity
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
@@ -63,6 +64,30 @@ def test_B_is_the_derivative_of_the_displacements():
         h[k] = 0.1 * x[k]
         moved = predict(here, asked, x + h).displacement - predict(here, asked, x - h).displacement
         assert np.abs(moved / (0.2 * x[k]) - B[..., k]).max() < 1e-9 * np.abs(B[..., k]).max()
+
+
+def test_the_column_of_a_drift_is_the_time_between_its_readings():
+    """Read as differences of positions ten metres away: rounding stays a millionth of a percent.
+
+    A direction of 1e-9 counts as one of its own, and other processors round otherwise.
+    """
+    here = cell()
+    between = np.linspace(20.0, 200.0, 10)
+    asked = replace(pulls(here.robot, 10), time_zero=np.zeros(10), time=between)
+    drift = next(e for e in catalogue(here.robot) if e.name == "tracker_drift")
+
+    B = sensitivity(here, asked, here.robot.nominal_compliance, [drift])
+
+    expected = np.broadcast_to(between[:, None, None, None] * np.eye(3), B.shape)
+    assert np.linalg.norm(B - expected) < 2e-8 * np.linalg.norm(expected)
+
+
+def test_what_only_rounding_tells_apart_keeps_its_order():
+    values = np.array([1e-7, 3.0, 3.0 + 4e-16, np.inf, 3.0 - 4e-16, -2e300, 0.0])
+    order = np.argsort(-compared(values), kind="stable")
+    assert order.tolist() == [3, 1, 2, 4, 0, 6, 5]
+    assert compared(1e-320) == 1e-320
+    assert np.isnan(compared(np.nan))
 
 
 def test_a_pull_through_the_axis_of_joint_7_does_not_turn_it():

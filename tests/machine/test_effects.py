@@ -16,7 +16,7 @@ from pipeline.machine.cell import baseline
 from pipeline.machine.effect import Compound, Elastic, Geometry, Noise
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.joint_hysteresis import slid
-from pipeline.machine.effects.nameless import histories, mounting, nameless, remembered
+from pipeline.machine.effects.nameless import competing, mounting, nameless, remembered
 from pipeline.machine.robot import load
 from pipeline.machine.robot.dh_parameters import dh_parameters
 
@@ -464,11 +464,29 @@ def test_what_competes_without_a_name_is_no_stiffness_and_no_cause(robot):
     """Every parameter has an effect outside the span of joint springs, under its own label."""
     springs = moved(robot, baseline(robot))
 
-    every = (*nameless(robot), *histories(robot))
+    every = competing(robot)
     for strange in every:
         assert (beyond(moved(robot, [strange]), springs) > 1e-3).all(), strange.label
     labels = [effect.label for effect in (*every, *catalogue(robot))]
     assert len(set(labels)) == len(every) + len({e.label for e in catalogue(robot)})
+
+
+@pytest.mark.parametrize("joint", [3, 4])
+@pytest.mark.parametrize("power", [1.3, 1.7])
+def test_a_tilt_that_grows_faster_than_its_moment_is_no_gear(joint, power):
+    """A linear tilt and its rival leave little of it, tilt and all nonlinear gears much."""
+    tilt = next(e for e in EFFECTS if e.label == f"joint_tilt:{joint}" and not e.form)
+
+    def response(loaded, tau):
+        return np.sign(tau) * np.abs(tau) ** power
+
+    columns = moved(KR500, [replace(tilt, response=response)])
+    known = np.hstack([moved(KR500, baseline(KR500)), moved(KR500, [tilt])])
+    gears = moved(KR500, [e for e in EFFECTS if e.name == "joint_hardening"])
+    rival = moved(KR500, [e for e in competing(KR500) if e.label == f"tilt_by_moment:{joint}"])
+
+    left = beyond(columns, np.hstack([known, rival]))
+    assert (left < 0.3 * beyond(columns, np.hstack([known, gears]))).all()
 
 
 def test_a_joint_that_remembers_is_what_a_relaxing_element_does():

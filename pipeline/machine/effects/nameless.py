@@ -12,6 +12,8 @@ the catalogue: no campaign is ever reported to suffer from one of these.
 - compliance_by_history: of a joint, or of all in proportion, depending on its earlier loads
 - guide_along_the_rail:  compliance of a guide of the carriage varies along the rail, two harmonics
 - guide_contact:         deflection of a guide grows less than its load, as of rolling contacts
+- tilt_by_moment:        tilt of a bearing, or of what carries it, grows faster than its moment, as
+                         of a flange that opens; beside a linear tilt also slower
 - effector_play:         the effector turns in its clamp, about the axis of the last joint
 
 Mounting errors compete only in their predictions, never for a name: they have no typical magnitude
@@ -42,7 +44,7 @@ from pipeline.machine.effect import (
     Wrench,
     linear,
 )
-from pipeline.machine.effects import carriage, joint_lost_motion
+from pipeline.machine.effects import carriage, joint_lost_motion, joint_tilt
 from pipeline.machine.effects._anatomy import (
     arm,
     compliance,
@@ -79,6 +81,9 @@ memory of hours is `compliance_by_time`."""
 _STEP_S = 60.0
 """Assumed time from pull to pull if no times are known [s], as long as a turnbuckle takes."""
 
+_SEAT = "at its origin"
+"""Where the bearing of the first joint sits."""
+
 _GUIDES = ("rail_lateral", "rail_vertical", "rail_roll", "rail_pitch")
 """Effects of the catalogue that describe guides of the carriage."""
 
@@ -87,7 +92,7 @@ _Response = Callable[[Loaded, Array], Array]
 
 
 def nameless(robot: Robot) -> tuple[Effect, ...]:
-    """Everything of this file that the robot can have, except histories and mounting errors."""
+    """What the robot can have, and beside which the noise is estimated."""
     numbers = turning(robot)
     shoulder = (arm(robot) or (None,))[0]
     guides = [one for one in carriage.effects(robot) if one.name in _GUIDES]
@@ -100,6 +105,12 @@ def nameless(robot: Robot) -> tuple[Effect, ...]:
         *(_contact(guide) for guide in guides),
         *(_play(effect) for effect in joint_lost_motion.effects(robot) if effect.where == robot.n),
     )
+
+
+def competing(robot: Robot) -> tuple[Effect, ...]:
+    """Everything of this file that competes for the place of a cause: all but mounting errors."""
+    tilts = (tilt for tilt in joint_tilt.effects(robot) if tilt.form in ("", _SEAT))
+    return (*nameless(robot), *histories(robot), *map(_by_moment, tilts))
 
 
 def histories(robot: Robot) -> tuple[Effect, ...]:
@@ -265,6 +276,15 @@ def _contact(guide: Elastic) -> Effect:
         return np.sign(load) * np.sqrt(np.abs(load) * _LARGE[spring.unit])
 
     return _effect("guide_contact", _short(guide), spring.typical, (1,), response, guide.twists)
+
+
+def _by_moment(tilt: Elastic) -> Effect:
+    size, large = tilt.parameters[0].typical, _LARGE["rad/(N m)"]
+
+    def response(loaded: Loaded, load: Array) -> Array:
+        return np.asarray(load * np.sqrt(np.abs(load) / large))
+
+    return _effect("tilt_by_moment", str(tilt.where), size, tilt.carrier, response, tilt.twists)
 
 
 def _short(guide: Elastic) -> str:
