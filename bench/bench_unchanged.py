@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from bench.bench_jobs import project
-from pipeline.app.shell import run_all, status
+from pipeline.app.shell import run_all
+from pipeline.fleet.states import states
 from pipeline.run import run as run_one
 from pipeline.store.campaign import MANIFEST, CampaignFolder, every
 
 COUNTS = (1, 10, 100)
 WAYS: dict[str, Callable[[Path], list[object]]] = {
-    "status": lambda root: list(status(root)),
+    "status": lambda root: list(states(root)),
     "run": lambda root: list(run_all(root, [], "local", False)),
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -74,7 +75,7 @@ def _no_folder(path: Path) -> None:
     Raises:
         InputError: It is one.
     """
-    if path.is_dir():
+    if os.path.isdir(path):  # false, not an error, for a name that no folder can have
         names = sorted(one.name for one in path.iterdir() if one.is_file())
         first = f" {path / names[0]}" if names else ""
         raise InputError(

@@ -15,10 +15,11 @@ from pdf_text import pages_of
 
 from pipeline.answer.archive import _SHOWN, read
 from pipeline.app.cli import _exit_code
-from pipeline.app.shell import run_all, status
+from pipeline.app.shell import run_all
 from pipeline.base.errors import UsageError
 from pipeline.base.preferences import Preferences, Service
 from pipeline.fleet import history, pages
+from pipeline.fleet.states import states
 from pipeline.report.figures.catalogue import _PLOTS
 from pipeline.run import run
 from pipeline.service.guard import Guard
@@ -170,7 +171,7 @@ def test_nothing_is_written_a_second_time(project):
     list(run_all(project, [], "local", force=False))
 
     assert {p: p.stat().st_mtime_ns for p in before} == before
-    assert [outcome.content["state"] for outcome in status(project)] == ["done", "done"]
+    assert [outcome.content["state"] for outcome in states(project)] == ["done", "done"]
 
 
 @pytest.mark.slow

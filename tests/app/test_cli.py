@@ -172,7 +172,7 @@ def test_init_without_a_terminal_asks_nothing(tmp_path, capsys, monkeypatch):
 
     assert named == 0
     assert "copy them there, remove it, and type 'pipeline init a' again" in said.err
-    assert "sigma_n (line 21)" in said.err
+    assert "sigma_n (line 26)" in said.err
     assert said.err.endswith("fill it in, then: pipeline check a\n")
     assert nameless == 2
     assert "pipeline init NAME" in why.err

@@ -17,7 +17,8 @@ from conftest import without_pages
 from filelock import FileLock, Timeout
 
 from pipeline.app import cli
-from pipeline.app.shell import run_all, status
+from pipeline.app.shell import run_all
+from pipeline.fleet.states import states
 from pipeline.service import many
 from pipeline.service.executor import InProcesses, InThisProcess
 from pipeline.store.campaign import find
@@ -87,7 +88,7 @@ def test_several_at_a_time_answer_as_one_after_another(executor, tmp_path, plain
     stamps = {p: p.stat().st_mtime_ns for p in root.rglob("result.json")}
     assert told(run_all(root, [], "local", False, partial(many.outcomes, executor))) == plain[0]
     assert {p: p.stat().st_mtime_ns for p in root.rglob("result.json")} == stamps
-    assert [o.content["state"] for o in status(root)] == ["rejected", "done", "done"]
+    assert [o.content["state"] for o in states(root)] == ["rejected", "done", "done"]
 
 
 @pytest.mark.parametrize(
