@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import date
 
 import numpy as np
@@ -21,6 +21,7 @@ from pipeline.machine.effect import Pulls
 from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.machine.instrument import near, sheet
 from pipeline.machine.robot import configure
+from pipeline.readers import Faces
 from pipeline.reduction._raw_readings import UnusedReadings
 from pipeline.reduction.case import Case
 from pipeline.reduction.digits import division, rounding
@@ -377,17 +378,7 @@ def treated_findings(case: Case) -> list[str]:
         "what was read from then on is registered by the base reflectors read there."
         for one in case.stations
     ]
-    two = {one.file: one.faces for one in case.treated if one.faces}
-    if two:
-        pairs, single = (
-            sum(n) for n in zip(*((f.pairs, f.single) for f in two.values()), strict=True)
-        )
-        alone = f"; {single} were measured in the second face only" if single else ""
-        largest = max(one.largest_m for one in two.values())
-        out.append(
-            f"{_first_of([*two])} has readings in two faces: {pairs} pairs are averaged, up to "
-            f"{plain(1e3 * largest, 2)} mm apart{alone}."
-        )
+    out += _of_two_faces({one.file: one.faces for one in case.treated if one.faces})
     for file, cell in _alike((one.file, one.untimed) for one in case.treated if one.untimed):
         out.append(
             f"{file} has no times that can be read ({cell}): the order of its groups counts "
@@ -395,6 +386,19 @@ def treated_findings(case: Case) -> list[str]:
         )
     settled = ((one.file, why) for one in case.treated for why in one.settled)
     return out + [f"{file} was read with {why}." for file, why in _alike(settled)]
+
+
+def _of_two_faces(two: Mapping[str, Faces]) -> list[str]:
+    """The sentence for exports with readings in two faces, none if there are none."""
+    if not two:
+        return []
+    pairs, single = (sum(getattr(one, n) for one in two.values()) for n in ("pairs", "single"))
+    alone = f"; {single} were measured in the second face only" if single else ""
+    largest = max(one.largest_m for one in two.values())
+    return [
+        f"{_first_of([*two])} has readings in two faces: {pairs} pairs are averaged, up to "
+        f"{plain(1e3 * largest, 2)} mm apart{alone}."
+    ]
 
 
 def _alike(found: Iterable[tuple[str, str]]) -> Iterator[tuple[str, str]]:

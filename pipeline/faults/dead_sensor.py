@@ -127,17 +127,17 @@ def _greatest(gain: Array) -> slice:
 def _of_still(case: Case, data: Measured, moved: Array, run: Ints) -> Mistake:
     """The mistake of displacements without content."""
     due, seen, keys = rms(moved[run]), rms(data.delta[run]), _keys(data, run)
-    given, every, of = case.settings.displacements, len(run) == len(moved), set(data.name[run])
+    given, every = case.settings.displacements, len(run) == len(moved)
     file = given.file if given else "tracker"
     at = () if given else lines_of(case.readings[_loaded(case, keys)])
+    only = _only_target(data, run)
+    of = f", all of {only}" if only else ""
+    some = f"{len(run)} of {len(moved)} displacements{of} ({lines(at) or file})"
     what = "are all exactly zero" if seen == 0 else f"are {plain(1e3 * seen, 2)} mm (rms)"
-    which = f"{len(run)} of {len(moved)} displacements ({lines(at) or file})"
-    if len(of) == 1 and not data.poses:
-        which = f"{len(run)} of {len(moved)} displacements, all of {min(of)} ({lines(at) or file})"
     return Mistake(
         name="dead_sensor",
-        where=file if every or len(of) > 1 or data.poses else f"{file}/{min(of)}",
-        evidence=f"{'the displacements' if every else which} {what} and follow the loads in no way:"
+        where=f"{file}/{only}" if only and not every else file,
+        evidence=f"{'the displacements' if every else some} {what} and follow the loads in no way:"
         " with its typical stiffnesses this robot would move by "
         f"{plain(1e3 * due, 2)} mm, and none is {1 / _STIFF:.0f} times as stiff. The sensor was "
         "dead, or what was exported are not the loaded states",
@@ -151,6 +151,12 @@ def _of_still(case: Case, data: Measured, moved: Array, run: Ints) -> Mistake:
         at=at,
         hopeless=every,
     )
+
+
+def _only_target(data: Measured, run: Ints) -> str:
+    """The one target of some displacements; empty if there are several."""
+    of = set(data.name[run])
+    return str(min(of)) if len(of) == 1 and not data.poses else ""
 
 
 def _keys(data: Measured, run: Ints) -> pd.MultiIndex:

@@ -471,6 +471,11 @@ def law_tests(
         LawTest(law, joint, float(t), float(chance))
         for (law, joint), t, chance in zip(of, every[:, 0], p, strict=True)
     ]
+    return _least_likely_first(found)
+
+
+def _least_likely_first(found: Sequence[LawTest]) -> list[LawTest]:
+    """Joints by their least likely law or curve, and of one joint the significant ones by T."""
     least: dict[tuple[int, bool], float] = {}
     for one in found:
         kind = one.joint, one.law is None

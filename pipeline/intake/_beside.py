@@ -159,10 +159,9 @@ def _moments(table: SheetTable, taken: set[int]) -> dict[int, Role]:
     times, days, clocks = (table.of_kind(one, taken) for one in ("time", "date", "clock"))
     called = [k for k, c in enumerate(table.named) if c.role in ("time", "clock")]
     should = [k for k in called if k not in taken]
-    for place in (k for k in times if k in should):
-        return {place: Role("time", "title")}
     if times:
-        return {times[0]: Role("time", "time")}
+        titled = [k for k in times if k in should]
+        return {[*titled, *times][0]: Role("time", "title" if titled else "time")}
     if days and clocks:
         return {days[0]: Role("date", "time"), clocks[0]: Role("time", "time")}
     untitled = [k for k in clocks if not table.sheet.titles[k]]

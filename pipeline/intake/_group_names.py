@@ -140,14 +140,19 @@ def _orders(
         read[word].append({*rows[name]})
     most = {word: max(map(len, some)) for word, some in read.items()}
     ordered = sorted(most, key=lambda word: most[word])
-    rest = sum(most[word] == most[ordered[0]] for word in ordered)
-    unloaded, loaded = ordered[:rest], ordered[rest:]
-    of_one_kind = set.intersection(*({*_WORDS.findall(word)} for word in unloaded))
-    if loaded and (rest == 1 or of_one_kind.difference(*map(_WORDS.findall, loaded))):
+    rest = [*most.values()].count(most[ordered[0]])
+    if _are_apart(ordered[:rest], ordered[rest:]):
         return [(tuple(ordered), rest)]
     if not set.intersection(*(set[str]().union(*some) for some in read.values())):
         return []
     return [((one, *(word for word in most if word != one)), 1) for one in most]
+
+
+def _are_apart(unloaded: Sequence[str], loaded: Sequence[str]) -> bool:
+    """Whether states with the fewest targets are those without load: one, or of a common word."""
+    common = set.intersection(*({*_WORDS.findall(word)} for word in unloaded))
+    others = common.difference(*map(_WORDS.findall, loaded))
+    return bool(loaded) and (len(unloaded) == 1 or bool(others))
 
 
 def _pattern(

@@ -124,13 +124,19 @@ def of_loads(
     if not found.keys() & {*units, *each} or _coordinates(titles):
         return None
     found = _numbered(found, cells)
-    if "pose" not in found:
-        counting = _counting(cells(), [title for title, _ in found.values()])
-        lacking = ("pose",) if {"repeat", *each} & {*found} else ("pose", "repeat")
-        if not 0 < len(counting) <= len(lacking):
-            return None
-        found |= {role: (title, ()) for role, title in zip(lacking, counting, strict=False)}
-    return _ours(found)
+    lacking = ("pose",) if {"repeat", *each} & {*found} else ("pose", "repeat")
+    found |= {} if "pose" in found else _counted(lacking, found, cells)
+    return _ours(found) if "pose" in found else None
+
+
+def _counted(
+    lacking: Sequence[str], found: Mapping[str, tuple[str, Sequence[str]]], cells: SampledCells
+) -> dict[str, tuple[str, Sequence[str]]]:
+    """Poses and pulls by columns of whole numbers, none if there are more of these."""
+    counting = _counting(cells(), [title for title, _ in found.values()])
+    if len(counting) > len(lacking):
+        return {}
+    return {role: (title, ()) for role, title in zip(lacking, counting, strict=False)}
 
 
 def _numbered(

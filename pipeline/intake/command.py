@@ -6,7 +6,6 @@ import contextlib
 import math
 import re
 import sys
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -92,23 +91,15 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     from pipeline.intake import blank
     from pipeline.intake.files import propose
     from pipeline.intake.filled import filled_in
-    from pipeline.store.campaign import DEEPEST
 
     if robot is not None:
         robot = blank.brought(folder, robot)
         blank.known(root, folder.name, robot)
-    files, within = blank.there(root, folder), blank.inner(folder)
     hints = _stated(stated)
-    if within and not propose(files, hints).exports:
-        files, within = blank.there(root, folder, DEEPEST), Counter[str]()
+    files, passed = _looked_at(root, folder, hints)
     given, wrong = filled_in(files)
     proposal = _settled(files, hints) if ask else propose(files, hints)
     given = _with_places(given, proposal)
-    passed = [
-        f"{inner}: {count} {'file is' if count == 1 else 'files are'} in this folder and not "
-        f'looked at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'
-        for inner, count in within.items()
-    ]
     for line in [*_seen(proposal), *passed, *wrong]:
         _tell(line)
     if robot is None:
@@ -125,6 +116,27 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
               f"`pipeline init {typed(folder.name)}` again.")  # fmt: skip
     todo = f"Still open in campaign.toml: {listed(left, most=40)}; fill it in, then" if left else ""
     _tell(f"{todo or 'Next'}: pipeline check {typed(folder.name)}")
+
+
+def _looked_at(
+    root: Path, folder: Path, hints: ExportSettings
+) -> tuple[dict[str, bytes], list[str]]:
+    """The files of a campaign, and a sentence for each inner folder that is not looked at.
+
+    Inner folders are looked at if no export lies in the campaign's own.
+    """
+    from pipeline.intake import blank
+    from pipeline.intake.files import propose
+    from pipeline.store.campaign import DEEPEST
+
+    files, within = blank.there(root, folder), blank.inner(folder)
+    if within and not propose(files, hints).exports:
+        return blank.there(root, folder, DEEPEST), []
+    return files, [
+        f"{inner}: {count} {'file is' if count == 1 else 'files are'} in this folder and not "
+        f'looked at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'
+        for inner, count in within.items()
+    ]
 
 
 def _with_places(given: KnownData, proposal: FilesProposal) -> KnownData:

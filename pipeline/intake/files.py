@@ -135,11 +135,8 @@ def _proposed(
     names = (hints.names,) if hints.names else tuple(separators(exports))
     if len(names) == 1:
         exports = [split(one, names[0]) for one in exports]
-    named_by = [*map(named_by_file, exports)]
-    by_file = hints.groups is not None or (
-        not names and _lacking(exports) == "groups" and _sets_apart(named_by, logged, files)
-    )
-    exports = named_by if by_file else exports
+    by_file = hints.groups is not None or (not names and _are_groups(exports, logged, files))
+    exports = [*map(named_by_file, exports)] if by_file else exports
     rows = _by_group(exports)
     stated = _told(logged, files, rows)
     columns = logged.load_columns | stated.columns
@@ -301,6 +298,12 @@ def _untaken(one: Offer) -> list[ColumnRole]:
     mapping = one.hints.mapping.columns if one.hints.mapping else {}
     taken = {mapping.get(role) for role in ("target", "x", "y", "z", "time", "date")}
     return [c for c in one.columns if c.title and c.title not in taken]
+
+
+def _are_groups(exports: Sequence[Export], logged: LogFiles, files: Mapping[str, bytes]) -> bool:
+    """Whether the names of the files are those of the groups, which the exports do not name."""
+    named = [*map(named_by_file, exports)]
+    return _lacking(exports) == "groups" and _sets_apart(named, logged, files)
 
 
 def _sets_apart(exports: Sequence[Export], logged: LogFiles, files: Mapping[str, bytes]) -> bool:
