@@ -55,9 +55,11 @@ def far(
     The distance is in the reading's own uncertainty, or in that of the prediction from the others
     where this is larger: with x and S as in `family.likelihood`, the sum of x^2 / max(1, S).
 
-    p = P[Bin(n, p_f) >= k], the largest over the families with any weight, n readings of which k
-    are far off and p_f the mean probability of that in family f, mistakes excluded: a bound for
-    unequal probabilities (Hoeffding, Annals of Mathematical Statistics 27, 1956).
+    p = k min_j P[Bin(n, p_f(d_j)) >= j], the largest over the families with any weight: k of n
+    readings are far off, d_j is the distance of the j-th farthest and p_f(d) the mean probability
+    of a distance of d in family f, mistakes excluded: a bound for unequal probabilities (Hoeffding,
+    Annals of Mathematical Statistics 27, 1956), and for k distances (Bonferroni). Readings of the
+    base count as just far off; the farthest reading alone is not asked, if there are others.
 
     Args:
         seen: The campaign linearised at a model, all readings weighted alike.
@@ -72,22 +74,30 @@ def far(
     beyond = RowsByPose.of(seen, X, errors(flat, data, values))
     readings = ReadingsOfRows.of(data, beyond.white)
     distance = FAR_OFF * max(family.width, 1 / used)
-    away, others = _away(beyond.base, readings, distance)
+    away, reached, others = _away(beyond.base, readings, distance)
     pose, target = _places(seen, readings)
     others = np.vstack([others, np.zeros((base[1], 3))])
     if not len(others):
         return OutlyingReadings.none()
-    p = _chance(len(away) + base[0], len(others), family.away(distance, others))
-    return OutlyingReadings(pose[away], target[away], p, base[0])
+    reached = np.sort(np.append(reached, np.full(base[0], distance)))[::-1]
+    k = len(reached)
+    every = [
+        _chance(j, len(others), family.away(float(reached[j - 1]), others))
+        for j in range(2 if k > 1 else 1, k + 1)
+    ]
+    return OutlyingReadings(
+        pose[away], target[away], min(1.0, max(k, 1) * min(every, default=1.0)), base[0]
+    )
 
 
-def _away(base: Base, readings: ReadingsOfRows, distance: float) -> tuple[Ints, Array]:
-    """Readings beyond a distance, the farthest first, and S of all controlled readings, (n, 3).
+def _away(base: Base, readings: ReadingsOfRows, distance: float) -> tuple[Ints, Array, Array]:
+    """Readings beyond a distance, their distances, and S of all controlled readings, (n, 3).
 
     The farthest of each pose are freed and all others tested again, since an outlier shifts the
     predictions of its neighbours.
     """
     suspects, found = Suspects(readings.D, readings.blocks), np.zeros(0, np.int64)
+    reached = np.zeros(0)
     told = None
     while True:
         square, variance, good = estimates(base, readings)
@@ -97,8 +107,9 @@ def _away(base: Base, readings: ReadingsOfRows, distance: float) -> tuple[Ints, 
         far_off = np.where(good & (off > distance**2), np.sum(square / variance, axis=1), 0.0)
         worst = suspects.farthest(far_off)
         if not len(worst):
-            return found, told
-        found = np.append(found, worst[np.argsort(-far_off[worst], kind="stable")])
+            return found, reached, told
+        worst = worst[np.argsort(-far_off[worst], kind="stable")]
+        found, reached = np.append(found, worst), np.append(reached, np.sqrt(off[worst]))
         base = base.more(suspects.rows(base, worst))
 
 

@@ -182,6 +182,19 @@ def test_heavy_tails_explain_some_far_readings_and_not_a_dozen():
     assert _chance(0, 1000, p) == 1.0
 
 
+@pytest.mark.parametrize(("times", "scattered"), [(14.0, False), (200.0, True)])
+def test_heavy_tails_explain_how_many_readings_are_far_but_not_how_far(case, times, scattered):
+    """Two readings off by 14 widths of the core are Student's (nu = 3), by 200 they are not."""
+    spoilt, off = case, [times * case.settings.tracker.sigma_m, 0, 0]
+    for group, target in (("pose04_rep1_loaded", "P2"), ("pose02_rep2_loaded", "P3")):
+        spoilt = moved(spoilt, where(case, group, target), off)
+
+    got = far(seen(spoilt), student(3.0))
+
+    assert got.count == 2
+    assert kept(case, left=got).scattered is scattered
+
+
 def test_a_reading_is_as_far_off_as_it_was_moved_whatever_the_others_know():
     """24 readings moved by eleven standard uncertainties each: most appear beyond ten.
 
