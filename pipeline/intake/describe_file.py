@@ -76,7 +76,9 @@ def _no_folder(path: Path) -> None:
         InputError: It is one.
     """
     if os.path.isdir(path):  # false, not an error, for a name that no folder can have
-        names = sorted(one.name for one in path.iterdir() if one.is_file())
+        names = sorted(
+            one.name for one in path.iterdir() if one.is_file() and one.suffix != ".toml"
+        )
         first = f" {path / names[0]}" if names else ""
         raise InputError(
             f"is a folder, with {len(names)} files",
