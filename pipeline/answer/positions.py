@@ -371,7 +371,13 @@ def _called(robot: Robot, joint: int) -> str:
 
 
 def _instrument(found: Study) -> Iterator[str]:
-    """When the instrument moved, and what was made of it."""
+    """When targets were mounted anew or the instrument moved, and what was made of it."""
+    for remount in found.remounts:
+        yield (
+            f"In series {listed(remount.series)} the targets stand elsewhere on the flange than in "
+            "the others: they were mounted anew. There they count as targets of their own, "
+            f"{listed(remount.targets)}."
+        )
     for one in found.moved:
         where = f"pose {one.pose} of series {one.series}" if one.series else f"pose {one.pose}"
         yield (
