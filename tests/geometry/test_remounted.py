@@ -11,11 +11,12 @@ from test_position_facts import ROBOT, TURN
 from pipeline.geometry.initial import begin
 from pipeline.geometry.remounted import remounted
 
+STRAIGHT = Rotation.identity()
 HOLDER = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.15, 0.05]])
 """Targets from the point of the tool, flange frame [m]."""
 
 
-def two_series(shift=np.zeros(3), turn=Rotation.identity(), six=False, still=False, m=40):
+def two_series(shift=(0.0, 0.0, 0.0), turn=STRAIGHT, six=False, still=False, m=40):
     """Readings of two days; on the second the targets stand elsewhere on the flange.
 
     Args:
@@ -32,7 +33,9 @@ def two_series(shift=np.zeros(3), turn=Rotation.identity(), six=False, still=Fal
         q[m:, 3] = 0.7 - q[m:, 1] - q[m:, 2]
     at, axes = stands(q, 1e-5 * rng.standard_normal(q.shape))
     second = np.arange(2 * m) >= m
-    points = np.stack([TOOL + HOLDER, TOOL + turn.apply(HOLDER) + shift])[second.astype(int)]
+    points = np.stack([TOOL + HOLDER, TOOL + turn.apply(HOLDER) + np.array(shift)])[
+        second.astype(int)
+    ]
     flange = axes @ TURN.T
     every = at[:, None] + np.einsum("mij,mtj->mti", flange, points - TOOL)
     every[second] = every[second] @ Rotation.from_euler("z", 0.8).as_matrix().T + [3.0, 1.0, 0.2]
