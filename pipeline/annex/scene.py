@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline import tables
+from pipeline.annex import promises
 from pipeline.answer.posture import TOOL_RADIUS
 from pipeline.answer.recommended import ModelValues
 from pipeline.base.arrays import Array, Bools, Ints
@@ -176,7 +176,7 @@ def _lines(readings: pd.DataFrame) -> dict[int, dict[str, Any]]:
 
 def _typed(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     lines = dict.fromkeys(("first_line", "last_line", "joints_line"), "Int64")
-    return pd.DataFrame(rows, columns=tables.POSES.names).astype(lines)
+    return pd.DataFrame(rows, columns=promises.POSES.names).astype(lines)
 
 
 # --- positions ------------------------------------------------------------------------------------
