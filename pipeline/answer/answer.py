@@ -46,7 +46,6 @@ from pipeline.answer.inputs import (
     treated_findings,
     unit_entry,
 )
-from pipeline.answer.pose_budget import pose_budget
 from pipeline.answer.recommended import ModelValues
 from pipeline.answer.remarks import contradicted
 from pipeline.answer.results import CampaignResults
@@ -54,11 +53,15 @@ from pipeline.answer.sentences import FirstScreen, first_screen, joint_to_pull
 from pipeline.answer.stiffness import budget_entries, combination_entries, combination_sentences
 from pipeline.answer.values import stated, values_entry
 from pipeline.answer.words import BECAUSE, enormous, hangs_on
+from pipeline.base import doors
 from pipeline.machine.effect import Observation
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.days import days
 from pipeline.reduction.register import timed
 from pipeline.store.campaign import versions
+
+_BUDGET = "pipeline.annex.pose_budget:pose_budget"
+"""Door of the annex: where the uncertainty of the deflection at the test pose comes from."""
 
 
 def answer(found: CampaignResults) -> Answer:
@@ -73,8 +76,11 @@ def answer(found: CampaignResults) -> Answer:
     diagnosis = diagnosis_entry(found)
     best = best_pose(found.diagnosis, raw.robot, joint_to_pull(found, diagnosis, values.stiffness))
     diagnosis = diagnosis.model_copy(update={"best_pose": best})
-    parts = pose_budget(found.told.values, found.told.model, where.q, where.force, found.judged.at)
-    pose = pose_entry(raw.robot, where, found.judged).model_copy(update={"budget": parts})
+    pose = pose_entry(raw.robot, where, found.judged)
+    if parted := doors.found(_BUDGET):
+        told, at = found.told, found.judged.at
+        parts = parted(told.values, told.model, where.q, where.force, at)
+        pose = pose.model_copy(update={"budget": parts})
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
     told_first = FirstScreen(values, springs, together, diagnosis, pose, tolerance, stated)
     lines = first_screen(found, told_first)

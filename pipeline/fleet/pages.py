@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock
+from filelock import FileLock, Timeout
 
 from pipeline.answer.archive import Among, Finished, kept_tables, look_of, read
 from pipeline.answer.contract import Answer
@@ -39,7 +39,7 @@ def refresh(root: Path) -> Path | None:
     answers = [one.answer for one in everyone]
     wear, dress = _wear(root), appearances(root)
     for one in everyone:
-        one.campaign.tidy()
+        _tidy(one.campaign)
         stands = {
             "previous": mark(previous(one.answer, answers)),
             "wear": fleet_sentences(one.answer, wear),
@@ -176,3 +176,16 @@ def _vacant(path: Path) -> Path:
         number += 1
         free = path.with_name(f"{path.name}-{number}")
     return free
+
+
+def _tidy(campaign: CampaignFolder) -> None:
+    """Remove what a killed run left behind, also if nothing has to be computed.
+
+    A running process cleans up after itself, and a read-only disk is left unchanged.
+    """
+    folders = (campaign.processed, campaign.reports)
+    if not any(files.leftovers(folder) for folder in folders):
+        return
+    with suppress(Timeout, OSError), FileLock(campaign.processed / ".lock", timeout=0):
+        for folder in folders:
+            files.sweep(folder)

@@ -12,7 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from importlib import metadata
@@ -229,18 +229,6 @@ class CampaignFolder:
         finally:
             lock.release()
 
-    def tidy(self) -> None:
-        """Remove what a killed run left behind, also if nothing has to be computed.
-
-        A running process cleans up after itself, and a read-only disk is left unchanged.
-        """
-        folders = (self.processed, self.reports)
-        if not any(files.leftovers(folder) for folder in folders):
-            return
-        with suppress(Timeout, OSError), FileLock(self.processed / ".lock", timeout=0):
-            for folder in folders:
-                files.sweep(folder)
-
     def _acquired_late(self, lock: FileLock) -> bool:
         try:
             lock.acquire(timeout=0)
@@ -282,19 +270,6 @@ class CampaignFolder:
             )
         except InputError:
             return False
-
-    def current(self) -> bool:
-        """Whether its last run is still valid, so that no engine needs to start.
-
-        Raises:
-            InputError: It cannot be read, and trying again will not help.
-        """
-        try:
-            return self.done(self.read().key)
-        except InputError as problem:
-            if problem.passing:  # the engine reads again a little later
-                return False
-            raise
 
     @contextmanager
     def remembering(self, key: str) -> Iterator[None]:

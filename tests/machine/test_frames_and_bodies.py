@@ -37,7 +37,6 @@ def test_a_capsule_lies_in_the_frame_of_its_row():
     assert made.carrier.tolist() == [2]
     assert made.ends[:, 0] == pytest.approx(np.array([[1.0, 0.5, 0.0], [0.5, 0.0, 0.0]]))
     assert made.half == pytest.approx([np.sqrt(0.5) / 2])
-    assert len(made.with_others(made)) == 2
     with pytest.raises(InputError, match="a9"):
         capsules([rows[0].model_copy(update={"link": "a9"})], {"a2": (2, np.eye(4))}, "", "r.toml")
 

@@ -11,14 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.annex.figures.marks import dots, legend_below, title
-from pipeline.annex.summaries import MOST_MARKS, thinned
+from pipeline.annex.summaries import MOST_MARKS, each_row, thinned
 from pipeline.annex.words import from_label, label
 from pipeline.answer.contract import Answer
 from pipeline.answer.words import capital
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, each_row
+from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, MUTED, RED
 
 _MOST_LAWS = 4

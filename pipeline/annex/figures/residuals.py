@@ -12,6 +12,7 @@ from pipeline.annex.figures.marks import MARKERS, dots, integer_ticks, legend_ab
 from pipeline.annex.summaries import (
     MOST_MARKS,
     courses,
+    each_row,
     finite,
     pose_rms,
     residual_force,
@@ -24,7 +25,7 @@ from pipeline.base.linear import rms
 from pipeline.base.quantities import percent, plain
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, each_row
+from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, MUTED, RED, SERIES
 
 

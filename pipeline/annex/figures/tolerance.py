@@ -8,14 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.annex.figures.marks import dots, legend_above, title
-from pipeline.annex.summaries import thinned
+from pipeline.annex.summaries import each_row, thinned
 from pipeline.answer.conformity import DECIDED
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import MM, plain
 from pipeline.prediction.decision import Decision
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, each_row
+from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED
 
 _STYLE = {

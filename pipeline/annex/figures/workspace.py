@@ -13,6 +13,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
+from pipeline.annex.summaries import each_row
 from pipeline.annex.words import springs_alone
 from pipeline.answer.contract import Answer
 from pipeline.base.arrays import Array
@@ -20,7 +21,7 @@ from pipeline.base.quantities import plain, with_std
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, each_row, has
+from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import BODY, EDGE, GRID, INK, RED, SHADES
 
 
