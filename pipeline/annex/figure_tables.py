@@ -28,7 +28,7 @@ _Tables = dict[str, pd.DataFrame]
 
 def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
     """Tables of the scene, of what causes explain, of the workspace, and of the readings."""
-    values, right = found.told.values, found.right
+    values, right = found.reported.values, found.right
     nominal = np.array([1 / (joint.stiffness or np.nan) for joint in right.case.robot.joints])
     left = values.first.estimate.residual
     models = models_table(right.system, right.estimate, left, nominal)
@@ -60,7 +60,7 @@ def _examined(found: CampaignResults, keep: Keep) -> _Tables:
 
 def _soft(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
     """Compliance over the workspace, by the recommended values and by the joint springs alone."""
-    mine, alone = found.told.model.hypotheses, found.springs.model.hypotheses
+    mine, alone = found.reported.model.hypotheses, found.springs.model.hypotheses
     here = step(workspace)(mine, found.where)
     same = found.mistakes or alone is mine
     other = no_workspace() if same else workspace(alone, found.where)
@@ -94,7 +94,7 @@ def _kept(made: _Tables, keep: Keep) -> _Tables:
 
 def _enough(found: CampaignResults, step: Step) -> pd.DataFrame:
     """Table ENOUGH; a stiffness without a value has an infinite relative uncertainty."""
-    values = found.told.values
+    values = found.reported.values
     first, robot = values.first, values.fitted.case.robot
     size = np.where(values.found.identifiable, np.abs(values.found.value), 0.0)[: robot.n]
     names = [f"k_{joint.name}" for joint in robot.joints]
