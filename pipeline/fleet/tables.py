@@ -447,8 +447,8 @@ def _moment(measured: str | None) -> datetime | None:
     """A date, or date and time; with an offset it is converted to UTC."""
     if measured is None:
         return None
-    said = datetime.fromisoformat(measured)
-    return said if said.tzinfo is None else said.astimezone(UTC).replace(tzinfo=None)
+    moment = datetime.fromisoformat(measured)
+    return moment if moment.tzinfo is None else moment.astimezone(UTC).replace(tzinfo=None)
 
 
 def _stiffness(answer: Answer) -> list[dict[str, Any]]:

@@ -49,11 +49,11 @@ def _explained(rows: pd.DataFrame) -> float:
 
 def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Draw one plot per law: single estimates with their uncertainties, and the law itself."""
-    told = _laws(tables)
-    canvas.set_size_inches(5.6, 0.5 + 2.2 * len(told))
-    views = canvas.subplots(len(told), 1, squeeze=False)[:, 0]
+    panels = _laws(tables)
+    canvas.set_size_inches(5.6, 0.5 + 2.2 * len(panels))
+    views = canvas.subplots(len(panels), 1, squeeze=False)[:, 0]
     tips: Tips = {}
-    for k, (view, rows) in enumerate(zip(views, told, strict=True)):
+    for k, (view, rows) in enumerate(zip(views, panels, strict=True)):
         tips |= _marks(view, f"law-{k}", answer, rows)
         first = rows.iloc[0]
         of = capital(_NAMES[first["of"]])

@@ -49,7 +49,7 @@ def _view(axes: Axes, rows: pd.DataFrame, up: str) -> Tips:
         mine = rows[rows["decision"] == decision]
         style = {"s": 14, "color": colour, "marker": marker, "linewidths": 0, "zorder": 2}
         key = f"path-{up}-{decision}"
-        tips |= dots(axes, key, mine["y_m"], mine[f"{up}_m"], _said(mine), **style)
+        tips |= dots(axes, key, mine["y_m"], mine[f"{up}_m"], _tips(mine), **style)
     axes.set(xlabel="y [m]", ylabel=f"{up} [m]")
     axes.set_aspect("equal", adjustable="datalim")
     return tips
@@ -70,14 +70,14 @@ def _course(axes: Axes, rows: pd.DataFrame, answer: Answer) -> Tips:
             continue
         style = {"s": 14, "color": colour, "marker": marker, "linewidths": 0, "zorder": 2}
         key, name = f"course-{decision}", DECIDED[decision]
-        tips |= dots(axes, key, mine["point"], mine["mm"], _said(mine), label=name, **style)
+        tips |= dots(axes, key, mine["point"], mine["mm"], _tips(mine), label=name, **style)
     axes.set(xlabel="Point of the path, in order", ylabel="Deflection ± U (k = 2) [mm]")
     axes.set_ylim(bottom=0)
     legend_above(axes, 4)
     return tips
 
 
-def _said(rows: pd.DataFrame) -> list[str]:
+def _tips(rows: pd.DataFrame) -> list[str]:
     """Hover texts of the points."""
     return [
         f"pose {r.pose}, {DECIDED[r.decision]}: {plain(r.mm)} mm, U = {plain(r.u_mm, 2)} mm"

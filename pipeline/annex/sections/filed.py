@@ -27,13 +27,13 @@ def identity(answer: Answer) -> Section | None:
         word_column("What", lambda row: row[0]),
         word_column("Stated", lambda row: row[1]),
     ]
-    every = [*rows(answer), *_unsaid(answer)]
+    every = [*rows(answer), *_unstated(answer)]
     return section_of(
         "identity", "This campaign", [table_of("identity", "What was measured", columns, every)]
     )
 
 
-def _unsaid(answer: Answer) -> Iterator[LabelledText]:
+def _unstated(answer: Answer) -> Iterator[LabelledText]:
     """LabelledText listing what should be filed but is not stated in campaign.toml."""
     found, instrument = answer.identity, answer.instrument
     papers = {"robot": answer.robot_unit, "instrument": instrument, "scale": found.scale}
@@ -45,7 +45,7 @@ def _unsaid(answer: Answer) -> Iterator[LabelledText]:
         "the model of the instrument": instrument and instrument.model,
         "the temperature of the base": found.temperature_c is not None,
     }
-    lacking = [what for what, said in stated.items() if not said]
+    lacking = [what for what, value in stated.items() if not value]
     lacking += [f"{listed(_lacking(of))} of the {k}" for k, of in papers.items() if _lacking(of)]
     if lacking:
         yield "Not stated", "; ".join(lacking)

@@ -69,14 +69,14 @@ def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) 
     """
     known, before = doors.found(_SINCE), previous.campaign if previous else ""
     since, same_day = known(previous, answer) if known else ([], False)
-    told = wear is None or same_day
+    singly = wear is None or same_day
     called = {joint.name: joint.called for joint in answer.stiffness}
     return section_of(
         "stiffness",
         "Joint stiffnesses",
         [
             *(Paragraph(finding, "finding") for finding in _findings(answer)),
-            *(_changed(change, before, called) for change in since if change.sure and told),
+            *(_changed(change, before, called) for change in since if change.sure and singly),
             _stiffness_table(answer, since, before),
             _combinations_table(answer.combinations),
             _springs_by(answer),
@@ -135,7 +135,7 @@ def _stiffness_table(answer: Answer, since: Sequence[_Change], before: str) -> R
         *_value_columns(factor, letter),
         *_each_way_columns(answer.stiffness, factor),
         *_nominal_columns(answer.stiffness, factor),
-        *_beside_columns(answer, factor),
+        *_further_columns(answer, factor),
         *_change_columns(since, before),
     ]
     note = (
@@ -229,7 +229,7 @@ def _of_nominal(joint: Stiffness) -> tuple[float | None, float | None]:
     return scaled(joint.value, joint.nominal / 100), scaled(joint.std, joint.nominal / 100)
 
 
-def _beside_columns(answer: Answer, factor: float) -> list[Cells[Stiffness]]:
+def _further_columns(answer: Answer, factor: float) -> list[Cells[Stiffness]]:
     """Column of joint springs on the data as given; none if the answer gives the same."""
     other = springs_alone(answer)
     if other is None:
