@@ -56,6 +56,15 @@ def test_cables_narrow_the_limits_of_their_joint_alone():
             turns(robot, stated)
 
 
+def test_long_cables_leave_a_joint_its_own_limits():
+    robot = load("kr500_rail")
+    stated = {"cell": {"max_turn_deg": {joint.name: 5000 for joint in robot.joints[1:]}}}
+    lower, upper = turns(robot, Surrounded.model_validate(stated))
+
+    assert lower.tolist() == robot.lower.tolist()
+    assert upper.tolist() == robot.upper.tolist()
+
+
 def test_a_cell_is_handed_on_as_it_was_stated():
     """The tables of the tool below it, its points beside them."""
     cone = {"P1": {"direction": [0, 0, 1], "half_angle_deg": 50}}
