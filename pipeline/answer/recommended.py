@@ -6,7 +6,7 @@ identifies causes, otherwise the joint springs; its data are those with the mist
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -241,11 +241,17 @@ def recommend(
     if row.model == _SPRINGS:
         return joint_springs(fitted)
     if row.reason.unseen:
-        alone = joint_springs(fitted)
-        rest = 1.0 - sum(one.weight for one in diagnosis.too_small)
-        every = weighed([replace(alone.first, weight=rest), *diagnosis.too_small])
-        return replace(alone, hypotheses=every, where=where)
+        return _unseen_averaged(joint_springs(fitted), diagnosis.too_small, where)
     return ModelValues(fitted, diagnosis.hypotheses, _left_out(diagnosis), where)
+
+
+def _unseen_averaged(
+    alone: ModelValues, too_small: Sequence[Hypothesis], where: PoseOfInterest
+) -> ModelValues:
+    """Joint springs averaged over causes too small to name, which have the rest of the weight."""
+    rest = 1.0 - sum(one.weight for one in too_small)
+    every = weighed([replace(alone.first, weight=rest), *too_small])
+    return replace(alone, hypotheses=every, where=where)
 
 
 def beside_positions(values: ModelValues) -> ModelValues:
