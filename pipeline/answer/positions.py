@@ -30,7 +30,7 @@ from pipeline.answer.words import (
     capital,
     clear,
     correct,
-    law_told,
+    law_in_words,
     listed,
     mistaken,
     why,
@@ -423,11 +423,11 @@ def _to_do(results: PositionsResults) -> str:
         return f"{correct(results.facts)} enter none of these values into a controller."
     if not results.row.reason.holds_for_its_readings:
         return "Use none of these values; find out first what the model misses, and run again."
-    beside = " A controller's table has no entry for the causes." if results.facts.causes else ""
-    those = "DH parameters, springs and causes together" if beside else _ALONE
+    no_entry = " A controller's table has no entry for the causes." if results.facts.causes else ""
+    those = "DH parameters, springs and causes together" if no_entry else _ALONE
     return (
         f"Use {those}: predict the positions of targets at other joint values with `pipeline "
-        f"predict {results.campaign} poses.csv`.{beside}"
+        f"predict {results.campaign} poses.csv`.{no_entry}"
     )
 
 
@@ -487,23 +487,23 @@ _NOT_JUDGED = (
 
 
 def _wrong(results: PositionsResults) -> Iterator[str]:
-    facts, beside = results.facts, list(besides_causes(results))
+    facts, others = results.facts, list(besides_causes(results))
     if facts.moved or not results.row.reason.holds_for_its_readings:
         yield wrong(facts, 0)
     elif facts.causes:
         yield from _named(facts.causes)
     if clear(facts):
-        yield from _nothing_else(results, beside)
+        yield from _nothing_else(results, others)
     if results.usable and results.found.final.wanted.moments and not _sags(results):
         yield _NO_SAG
-    yield from beside
+    yield from others
 
 
-def _nothing_else(results: PositionsResults, beside: Sequence[str]) -> Iterator[str]:
+def _nothing_else(results: PositionsResults, others: Sequence[str]) -> Iterator[str]:
     """What is said where no finding calls for more."""
     if results.facts.mistakes and _erring(results.found, results.raw.robot) is None:
         yield wrong(results.facts, 0)
-    elif not (results.facts.causes or beside):
+    elif not (results.facts.causes or others):
         yield "Nothing detectable in these readings."
 
 
@@ -525,7 +525,7 @@ def _named(causes: Sequence[FoundCause]) -> Iterator[str]:
         yield f"Beside the joint springs {'act' if len(known) > 1 else 'acts'} {those}."
     if laws:
         of = "a law" if len(laws) == 1 else f"the largest of {len(laws)} laws"
-        yield f"{capital(law_told(laws[0]))}: {of} outside the catalogue."
+        yield f"{capital(law_in_words(laws[0]))}: {of} outside the catalogue."
 
 
 def _those(causes: Sequence[FoundCause], law: bool) -> list[FoundCause]:

@@ -33,19 +33,19 @@ class WrongLine:
     Attributes:
         line: Its number; None if it cannot be found.
         key: Its key.
-        said: What is wrong with it, and the way out.
+        reason: What is wrong with it, and the way out.
         probability: Probability that it is this line, if one is wrong.
     """
 
     line: int | None
     key: str
-    said: str
+    reason: str
     probability: float = 1.0
 
     @property
     def sentence(self) -> str:
         """The sentence preceded by its place."""
-        return f"{place(TOML, self.line)}{self.said}"
+        return f"{place(TOML, self.line)}{self.reason}"
 
 
 def wrong_lines(raw: Raw) -> list[WrongLine]:

@@ -45,7 +45,7 @@ class Field:
     unit: str = ""
 
     @property
-    def said(self) -> str:
+    def quoted(self) -> str:
         """Name used in messages."""
         return self.title or self.name
 

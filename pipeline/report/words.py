@@ -91,12 +91,12 @@ def by_axis(answer: Answer, say: Say) -> Say:
         )
     }
 
-    def told(text: str) -> str:
+    def shortened(text: str) -> str:
         for long, name in short.items():
             text = text.replace(long, name)
         return say(text)
 
-    return told
+    return shortened
 
 
 def values_of(answer: Answer) -> str:

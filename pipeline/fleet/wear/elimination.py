@@ -29,13 +29,13 @@ class Eliminated(Locked):
         N: I, shape (m, m).
         g: s, shape (m,).
         PZ: P Z, shape (k, n, m).
-        told: Columns with information left after the levels are eliminated, shape (m,).
+        informed: Columns with information left after the levels are eliminated, shape (m,).
     """
 
     N: Array
     g: Array
     PZ: Array
-    told: Bools
+    informed: Bools
 
     def variance_of_variance(self, along: Array, uncertainty: Array) -> Array:
         """Variance of the information along directions, due to the estimated scatter.
