@@ -115,6 +115,7 @@ def _words(folder: Path, proposal: FilesProposal, known: KnownData) -> dict[str,
         "decimal_commas": [*map(quoted, proposal.decimal_commas)],
         "load_columns": _pairs(_told(proposal.load_columns, known)),
         "axes_of": None if known.robot else next(iter(proposal.joint_columns), None),
+        "pulses": _counted(proposal, known.robot),
         "joint_columns": _pairs(_told(_joint_columns(proposal, known.robot), known)),
         **_of_files(proposal),
         **_of_names(proposal),
@@ -130,7 +131,7 @@ def _of_files(proposal: FilesProposal) -> dict[str, object]:
     return {
         "robots": _fitting(proposal),
         "exports": _quoted(proposal.patterns or (() if blind else _DEFAULTS)),
-        "by_file": proposal.by_file,
+        "by_file": _shown(proposal.by_file, quoted),
         "tracker": _tracker(proposal),
         "mapping": mapping_lines(mapping) if mapping else [],
         "unsure": proposal.unsure,
@@ -267,6 +268,14 @@ def _joint_columns(proposal: LogFiles, robot: str | None) -> Mapping[str, str]:
     """Our names for the titles of the joint log; for the first robot it fits if none is named."""
     first = next(iter(proposal.joint_columns.values()), {})
     return proposal.joint_columns.get(robot, {}) if robot else first
+
+
+def _counted(proposal: LogFiles, robot: str | None) -> list[tuple[str, str | None]]:
+    """Each axis in pulses with their number per degree, None where still open."""
+    from pipeline.intake.which_logs import counted_axes
+
+    axes = counted_axes(_joint_columns(proposal, robot))
+    return [(_key(axis), _shown(proposal.pulses.get(axis), plain)) for axis in axes]
 
 
 def _pairs(columns: Mapping[str, str]) -> list[str]:

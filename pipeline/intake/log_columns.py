@@ -23,6 +23,7 @@ from pipeline.readers.logs import (
     LENGTH,
     MASS,
     POSE,
+    PULSES,
     REPEAT,
     SCALE,
     controller_axes,
@@ -139,7 +140,8 @@ def has_other_axes(name: str, data: bytes, robot: Robot) -> bool:
 def _about_axes(words: Callable[..., dict[str, str] | None], robot: Robot) -> _Meaning:
     axes = controller_axes(robot) or own_joints(robot)
     names, slides = [q.stem for q in axes], [q.units is LENGTH for q in axes]
-    return partial(words, axes=names, lengths=slides, units=([*LENGTH], [*ANGLE]))
+    units = ([*LENGTH, PULSES], [*ANGLE, PULSES])
+    return partial(words, axes=names, lengths=slides, units=units)
 
 
 def are_called(form: LogForm, robot: Robot) -> bool:
