@@ -72,8 +72,10 @@ def table(data: bytes) -> bytes | None:
 
 def _written(found: Sequence[_Point], count: int) -> bytes:
     """Write points as a table, each in its own of `count` lines, and a header in the first."""
-    used = {title for one in found for title, value in one.axes.items() if title[0] != "E" or value}
-    titles = sorted(used, key=lambda title: (title[0] == "E", title))
+    used = dict.fromkeys(
+        title for one in found for title, value in one.axes.items() if title[0] != "E" or value
+    )
+    titles = sorted(used, key=lambda title: title[0] == "E")
     lines = [""] * max(count, 2)
     for pose, one in sorted(_numbered(found), key=lambda both: both[1].line):
         cells = (repr(one.axes[title]) if title in one.axes else "" for title in titles)

@@ -111,7 +111,7 @@ def _words(folder: Path, proposal: FilesProposal, known: KnownData) -> dict[str,
         "loads": _shown(loads, quoted),
         "joints": _shown(joints, quoted),
         "base": _points(proposal.base or _BASE * proposal.nothing, known),
-        "tool": _points(["load_point", *(proposal.measured or _TARGETS)], known),
+        "tool": _points(["load_point", *(proposal.measured or proposal.often or _TARGETS)], known),
         "decimal_commas": [*map(quoted, proposal.decimal_commas)],
         "load_columns": _pairs(_told(proposal.load_columns, known)),
         "axes_of": None if known.robot else next(iter(proposal.joint_columns), None),
@@ -130,6 +130,7 @@ def _of_files(proposal: FilesProposal) -> dict[str, object]:
     mapping = proposal.offer.hints.mapping if proposal.offer else None
     return {
         "robots": _fitting(proposal),
+        "called": _shown(next(iter(proposal.called), None), str),
         "exports": _quoted(proposal.patterns or (() if blind else _DEFAULTS)),
         "by_file": _shown(proposal.by_file, quoted),
         "tracker": _tracker(proposal),
@@ -152,6 +153,7 @@ def _of_names(proposal: FilesProposal) -> dict[str, object]:
         "states": _shown(proposal.group, lambda group: _states(group.state_of)),
         "asked_states": " or ".join(_states(one.state_of) for one in proposal.either),
         "measured": _quoted(proposal.measured),
+        "often": _quoted(proposal.often),
         "chain": _quoted(proposal.chain),
         "ways_known": bool(proposal.ways),
         "apart": [

@@ -213,12 +213,15 @@ def _tell(words: str) -> None:
 
 
 def _robot(root: Path, folder: Path, proposal: FilesProposal, ask: bool) -> str | None:
-    """The only robot that fits, or the only own one, or the typed one; None if it stays open."""
+    """The only robot that fits, or the only own one, or the only one that files name by its type.
+
+    Else the typed one; None if it stays open.
+    """
     from pipeline.intake import blank
 
     fitting = proposal.robots
     own = tuple(one for one in fitting if one.endswith(".toml"))
-    for only in (fitting, own):
+    for only in (fitting, own, proposal.called):
         if len(only) == 1:
             return only[0]
     usual = None if proposal.exports or proposal.joints else _USUAL

@@ -61,6 +61,7 @@ class FilesProposal(LogFiles):
             if it cannot be decided.
         groups: Some of the group names; none if the log of the loads says what they are.
         measured: Targets read unloaded and loaded.
+        often: Targets in as many groups as any, where it is open which are measured.
         chain: Both ends of the chain, the one at the effector first; empty if there is none.
         base: Reflectors in groups that are not states of a pose.
         apart_m: Distances between measured targets as read [m], by both names; empty while a unit
@@ -81,6 +82,7 @@ class FilesProposal(LogFiles):
     ways: tuple[Group, ...] = ()
     groups: tuple[str, ...] = ()
     measured: tuple[str, ...] = ()
+    often: tuple[str, ...] = ()
     chain: tuple[str, ...] = ()
     base: tuple[str, ...] = ()
     apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -471,7 +473,9 @@ def _named(
         return FilesProposal()
     ways = _ways(rows, stated, word)
     if not ways and not stated:
-        return FilesProposal(groups=tuple(rows)[:_SHOWN])
+        often = Counter(target for at in rows.values() for target in at)
+        most = tuple(name for name, count in often.items() if count == max(often.values()))
+        return FilesProposal(groups=tuple(rows)[:_SHOWN], often=most)
     state = states_of(list(rows), ways[0]) if ways else stated
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*STATES, None)

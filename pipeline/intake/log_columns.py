@@ -83,6 +83,14 @@ def may_be_log(name: str, data: bytes) -> bool:
     return _understood(name, data, "scale", log) is not None
 
 
+def titles_of_axes(name: str, data: bytes) -> list[str]:
+    """The titles of more axes than a point has coordinates in a file; empty if it has not."""
+    with contextlib.suppress(InputError):  # a workbook in which no sheet has such titles
+        meant = _understood(name, data, "joints", _log_words.called_axes)
+        return [*meant.columns] if meant else []
+    return []
+
+
 def refuse_without_poses(name: str, data: bytes) -> None:
     """Refuse a joint log whose rows do not name their poses.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
@@ -39,6 +39,7 @@ class LogFiles:
         joint_columns: The same for the joint log, by robot.
         decimal_commas: Logs in which every comma might be a thousands separator, while all other
             files of the folder have decimal commas.
+        called: Those of the robots whose type is named in files.
         pulses: Pulses per degree of the axes of the joint log, as far as a file has them.
         refused: Why a file is not used.
     """
@@ -49,6 +50,7 @@ class LogFiles:
     load_columns: dict[str, str] = field(default_factory=dict)
     joint_columns: dict[str, dict[str, str]] = field(default_factory=dict)
     decimal_commas: tuple[str, ...] = ()
+    called: tuple[str, ...] = ()
     pulses: dict[str, float] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
 
@@ -77,10 +79,18 @@ def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
             proposal = _added(
                 proposal, name, {"loads": name, "load_columns": form.columns}, proposal.loads
             )
+        elif not fits and (axes := log_columns.titles_of_axes(name, data)):
+            why = (
+                f"seems to be a joint log ({axes[0]} to {axes[-1]}), but no robot that ships and "
+                "none in this folder has these axes; bring yours as a robot file "
+                "(docs/add-a-robot.md), and type `pipeline init` again"
+            )
+            proposal = replace(proposal, refused=proposal.refused | {name: why})
     axes = counted_axes(next(iter(proposal.joint_columns.values()), {}))
     return replace(
         proposal,
         decimal_commas=_with_commas(files, proposal),
+        called=_called(files, proposal.robots),
         pulses=per_degree(files, axes),
     )
 
@@ -150,11 +160,28 @@ _LOOKED_AT = 4000
 """Number of bytes of each file in which it is looked for."""
 
 
-def _makers(files: Mapping[str, bytes]) -> frozenset[str]:
-    """The makers that names and first lines of files show."""
+def _shown(files: Mapping[str, bytes]) -> str:
+    """Names and first lines of the files."""
     texts = (f"{name}\n{data[:_LOOKED_AT].decode('latin-1')}" for name, data in files.items()
              if not name.endswith(".toml"))  # fmt: skip
-    text = "\n".join(texts)
+    return "\n".join(texts)
+
+
+def _called(files: Mapping[str, bytes], robots: Iterable[str]) -> tuple[str, ...]:
+    """The robots whose type is in names or first lines of files: IRB 6700-235/2.65.
+
+    A longer name takes precedence over one that is part of it.
+    """
+    text = re.sub(r"[\W_]+", "", _shown(files).lower())
+    found = {key: key.replace("_", "") for key in robots if key.replace("_", "") in text}
+    return tuple(
+        key for key, one in found.items() if not any(one in o and o != one for o in found.values())
+    )
+
+
+def _makers(files: Mapping[str, bytes]) -> frozenset[str]:
+    """The makers that names and first lines of files show."""
+    text = _shown(files)
     return frozenset(
         maker for maker, words in _OF_MAKERS.items() if re.search(words, text, re.MULTILINE)
     )
