@@ -28,7 +28,7 @@ from pipeline.intake._separators import LOOKED_AT, separators
 from pipeline.intake.nominal import NominalPlaces
 from pipeline.intake.offer import Offer, as_table, offer
 from pipeline.intake.question import ColumnRole
-from pipeline.intake.which_logs import LogFiles, propose_logs, unsure
+from pipeline.intake.which_logs import LogFiles, called, propose_logs, unsure
 from pipeline.readers import Columns, Export, ExportSettings, logs
 from pipeline.readers._reader import named_by_file, split
 from pipeline.readers._text import is_workbook
@@ -68,6 +68,7 @@ class FilesProposal(LogFiles):
             or angle is open.
         base_apart_m: The same between base reflectors.
         targets: Names of all targets of the exports.
+        called: Those of the robots whose type is named in files.
         nominal: Places of reflectors that other files state.
     """
 
@@ -88,6 +89,7 @@ class FilesProposal(LogFiles):
     apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
     base_apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
     targets: tuple[str, ...] = ()
+    called: tuple[str, ...] = ()
     nominal: NominalPlaces = field(default_factory=NominalPlaces)
 
     @property
@@ -123,9 +125,11 @@ def propose(
         fitting = {k: one for k, one in lists.items() if nominal.may_be_of(one, said.targets)}
         if fitting.keys() == lists.keys():
             apart_m = said.apart_m | said.base_apart_m
-            return replace(said, nominal=nominal.placed(lists, said.measured, said.base, apart_m))
+            found = nominal.placed(lists, said.measured, said.base, apart_m)
+            return replace(said, nominal=found, called=called(files, said.robots))
         lists = fitting
-    return _proposed(files, hints or ExportSettings(), unloaded)
+    said = _proposed(files, hints or ExportSettings(), unloaded)
+    return replace(said, called=called(files, said.robots))
 
 
 def _proposed(

@@ -39,7 +39,6 @@ class LogFiles:
         joint_columns: The same for the joint log, by robot.
         decimal_commas: Logs in which every comma might be a thousands separator, while all other
             files of the folder have decimal commas.
-        called: Those of the robots whose type is named in files.
         pulses: Pulses per degree of the axes of the joint log, as far as a file has them.
         refused: Why a file is not used.
     """
@@ -50,7 +49,6 @@ class LogFiles:
     load_columns: dict[str, str] = field(default_factory=dict)
     joint_columns: dict[str, dict[str, str]] = field(default_factory=dict)
     decimal_commas: tuple[str, ...] = ()
-    called: tuple[str, ...] = ()
     pulses: dict[str, float] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
 
@@ -90,7 +88,6 @@ def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
     return replace(
         proposal,
         decimal_commas=_with_commas(files, proposal),
-        called=_called(files, proposal.robots),
         pulses=per_degree(files, axes),
     )
 
@@ -167,7 +164,7 @@ def _shown(files: Mapping[str, bytes]) -> str:
     return "\n".join(texts)
 
 
-def _called(files: Mapping[str, bytes], robots: Iterable[str]) -> tuple[str, ...]:
+def called(files: Mapping[str, bytes], robots: Iterable[str]) -> tuple[str, ...]:
     """The robots whose type is in names or first lines of files: IRB 6700-235/2.65.
 
     A longer name takes precedence over one that is part of it.
