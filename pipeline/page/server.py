@@ -386,6 +386,7 @@ async def _setup_page(state: _State, request: Request) -> Response:
         names=[one for one in desk.names() if not one.endswith(".toml")],
         picture=await asyncio.to_thread(_picture, desk, text),
         fields=sum(one.needed for one in found),
+        missing=[one for one in found if one.needed],
     )  # fmt: skip
 
 
