@@ -1,8 +1,8 @@
 """Points in joint coordinates from controller programs, as a joint log.
 
 KUKA (.dat, .src: `E6AXIS`, `AXIS`), ABB (.mod: `jointtarget`), FANUC (.ls: `/POS` in joints),
-Yaskawa (.jbi: positions in pulses). A file is converted to a table with the columns `pose` and one for each axis, each row in the line of
-its point, so that messages name the line of the file.
+Yaskawa (.jbi: positions in pulses). A file is converted to a table with the columns `pose` and one
+for each axis, each row in the line of its point, so that messages name the line of the file.
 """
 
 from __future__ import annotations

@@ -7,10 +7,9 @@ left of their names is the state and the number of the pull, in whatever order a
 from __future__ import annotations
 
 import itertools
-import os
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -52,7 +51,9 @@ def _places(rows: Rows) -> dict[str, int]:
     for name, own in rows.items():
         for k, other in enumerate(first):
             both = own.keys() & other.keys()
-            if both and all(np.linalg.norm(np.subtract(own[one], other[one])) < near for one in both):
+            if both and all(
+                np.linalg.norm(np.subtract(own[one], other[one])) < near for one in both
+            ):
                 found[name] = k
                 break
         else:
@@ -89,15 +90,21 @@ def labels(found: Mapping[str, tuple[str, str, str]]) -> tuple[str, str, dict[st
     before, behind = ({one[k] for one in found.values()} for k in (0, 2))
     pose = "(?P<pose>[0-9]+)"
     if len(before) == 1:
-        fixed = re.match(r"[\W_]*", os.path.commonprefix([*behind]))[0]  # type: ignore[index]
+        fixed = re.match(r"[\W_]*", _common(behind))[0]  # type: ignore[index]
         own = {name: one[2][len(fixed) :] for name, one in found.items()}
         return f"{literal(*before)}{pose}{literal(fixed)}", "", own
     if len(behind) == 1:
-        common = os.path.commonprefix([one[::-1] for one in before])[::-1]
+        common = _common([one[::-1] for one in before])[::-1]
         fixed = re.sub(r"^[^\W_]+(?=[\W_])", "", common) if re.search(r"[\W_]", common) else ""
         own = {name: one[0][: len(one[0]) - len(fixed)] for name, one in found.items()}
         return "", f"{literal(fixed)}{pose}{literal(*behind)}", own
     return None
+
+
+def _common(texts: Collection[str]) -> str:
+    """What all texts begin with: what the first and the last in order do."""
+    both = zip(min(texts), max(texts), strict=False)
+    return "".join(a for a, _ in itertools.takewhile(lambda two: two[0] == two[1], both))
 
 
 def unloaded(own: Mapping[str, str], rows: Rows) -> list[set[str]]:

@@ -1,4 +1,4 @@
-"""Joint values in encoder pulses: known by their size, converted by numbers that a file may have."""
+"""Joint values in encoder pulses: known by their size; a file may say how many are a degree."""
 
 from __future__ import annotations
 

@@ -384,7 +384,8 @@ def _in_several_places(exports: Sequence[Export]) -> bool:
             names = zip(one.group.to_pylist(), one.target.to_pylist(), strict=True)
             for key, at in zip(names, one.position, strict=True):
                 rows.setdefault(key, []).append(at)
-    near = NEAR * float(np.ptp([at for some in rows.values() for at in some] or [0.0]))
+    every = np.array([at for some in rows.values() for at in some])
+    near = NEAR * float(np.ptp(every)) if len(every) else 0.0
     again = [some for some in rows.values() if len(some) > 1]
     apart = sum(float(np.ptp(some, axis=0).max()) > near for some in again)
     return 2 * apart > len(again)

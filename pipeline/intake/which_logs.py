@@ -84,11 +84,11 @@ def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
                 "(docs/add-a-robot.md), and type `pipeline init` again"
             )
             proposal = replace(proposal, refused=proposal.refused | {name: why})
-    axes = counted_axes(next(iter(proposal.joint_columns.values()), {}))
+    counted = counted_axes(next(iter(proposal.joint_columns.values()), {}))
     return replace(
         proposal,
         decimal_commas=_with_commas(files, proposal),
-        pulses=per_degree(files, axes),
+        pulses=per_degree(files, counted),
     )
 
 

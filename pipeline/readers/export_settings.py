@@ -62,9 +62,9 @@ class ExportSettings(Strict):
         covariance: Which of several covariances to use, or `none`.
         coverage_factor: k of stated uncertainties.
         names: Regular expression with the parts group and target, for names that hold both.
-        groups: What names groups besides or instead of the export: `files` the name of the file that
-            names targets only, `folders/files` with that of its folder, `files::groups` the file
-            and the group in it.
+        groups: What names groups besides the export: `files` the name of a file with targets
+            only, `folders/files` with that of its folder, `files::groups` the file and the group
+            in it.
         mapping: Columns of a table in no known dialect.
         sheet: Sheet of a workbook, if several fit.
     """

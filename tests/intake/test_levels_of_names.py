@@ -1,12 +1,15 @@
-"""Names above the targets, in collections, groups, files and folders: which is pose, which state."""
+"""Names in collections, groups, files and folders: which is the pose, which is the state."""
 
 import csv
 import io
 import re
+import tomllib
 from collections import defaultdict
+from functools import partial
 
 import pytest
 
+from pipeline.app import cli
 from pipeline.intake._group_names import states_of, ways_to_read
 from pipeline.intake.files import propose
 from pipeline.reduction.ingest import ingest
@@ -52,15 +55,12 @@ def each(where, name):
         pose, state = parts(row["group"])
         called = f"Pose{pose}" if pose.isdigit() else pose
         files[where.format(pose=called, state=state)].append(row)
-    return {
-        file: lines(
-            rows,
-            lambda row: name.format(
-                file=file, state=parts(row["group"])[1], target=row["target"]
-            ),
-        )
-        for file, rows in files.items()
-    }  # fmt: skip
+    named = partial(name_in_file, name)
+    return {file: lines(rows, partial(named, file)) for file, rows in files.items()}
+
+
+def name_in_file(form, file, row):
+    return form.format(file=file, state=parts(row["group"])[1], target=row["target"])
 
 
 def by_folder(folder):
@@ -103,7 +103,7 @@ FORMS = {
 
 @pytest.mark.parametrize("form", FORMS)
 def test_the_level_of_the_pose_is_found_and_the_campaign_is_the_same(form):
-    """Whichever level of names holds it; every reading is of the pose, pull and state that it was."""
+    """Whichever level holds it, every reading is of the pose, pull and state that it was."""
     exports = {name: text.encode() for name, text in FORMS[form]().items()}
     said = propose(exports)
     states = ", ".join(f'"{word}" = "{state}"' for word, state in said.group.state_of.items())
@@ -130,5 +130,36 @@ def test_numbers_alone_are_states_if_one_of_them_is_zero():
 
     assert {n for n, s in states.items() if s == "unloaded"} == {n for n in rows if "-0" in n}
     assert {n for n in rows if n not in states} == {n for n in rows if n.startswith("BASE")}
-    shifted = {name: {k: (0.0, 0.0, 0.0) for k in own} for name, own in rows.items()}
+    shifted = {name: dict.fromkeys(own, (0.0, 0.0, 0.0)) for name, own in rows.items()}
     assert ways_to_read(shifted) == ()  # all in one place: nothing tells which is the pose
+
+
+def test_inner_folders_are_looked_at_beside_a_sketch(tmp_path, capsys):
+    """What lies above is a list of places, a log that no robot has, and the type of the robot."""
+    folder = tmp_path / "data/raw/c"
+    (folder / "SA").mkdir(parents=True)
+    said = tomllib.loads(FILES["campaign.toml"].decode())
+    places = {**said["base_frame"], **said["tool"]}
+    sketch = [
+        "Cell of the MOTOMAN-GP180, m",
+        *(" ".join(map(str, [k, *at])) for k, at in places.items()),
+    ]
+    (folder / "sketch.txt").write_text("\n".join([*sketch, ""]))
+    axes = "Pose,J1,J2,J3,J4,J5,J6,J7,J8\n1,1,2,3,4,5,6,7,8\n2,2,3,4,5,6,7,8,9\n"
+    (folder / "pendant.csv").write_text(axes)
+    for name, text in FORMS["a collection of each pose in a file of its own"]().items():
+        (folder / name).write_text(text)
+    code = cli._exit_code(["init", "c", "--root", str(tmp_path)])
+    text = (folder / "campaign.toml").read_text()
+    told = capsys.readouterr().err
+
+    assert code == 0
+    assert 'files   = ["SA/*.txt"]' in text
+    assert tomllib.loads(text)["base_frame"] == said["base_frame"]
+    assert "pendant.csv is not used: seems to be a joint log (J1 to J8)" in told
+    (folder / "campaign.toml").unlink()
+    (folder / "pendant.csv").write_text(axes.replace(",J7,J8", "").replace(",7,8", ""))
+    cli._exit_code(["init", "c", "--root", str(tmp_path)])
+    text = (folder / "campaign.toml").read_text()
+
+    assert 'robot  = "gp180"   # named in the files: confirm it' in text
