@@ -56,7 +56,7 @@ USUAL = Group(Naming().group)
 def states_of(names: Sequence[str], group: Group) -> dict[str, str]:
     """State of each group that names one."""
     found = patterns.parts(pa.array(names, pa.string()), group.pattern).to_pylist()
-    word = {said.lower(): state for said, state in group.state_of.items()}
+    word = {own.lower(): state for own, state in group.state_of.items()}
     return {
         name: word[parts["state"].lower()]
         for name, parts in zip(names, found, strict=True)

@@ -113,10 +113,10 @@ def _words(folder: Path, proposal: FilesProposal, known: KnownData) -> dict[str,
         "base": _points(proposal.base or _BASE * proposal.nothing, known),
         "tool": _points(["load_point", *(proposal.measured or proposal.often or _TARGETS)], known),
         "decimal_commas": [*map(quoted, proposal.decimal_commas)],
-        "load_columns": _pairs(_told(proposal.load_columns, known)),
+        "load_columns": _pairs(_with_answers(proposal.load_columns, known)),
         "axes_of": None if known.robot else next(iter(proposal.joint_columns), None),
         "pulses": _counted(proposal, known.robot),
-        "joint_columns": _pairs(_told(_joint_columns(proposal, known.robot), known)),
+        "joint_columns": _pairs(_with_answers(_joint_columns(proposal, known.robot), known)),
         **_of_files(proposal),
         **_of_names(proposal),
         **_of_a_person(known),
@@ -261,7 +261,7 @@ def log_columns(proposal: FilesProposal, robot: str | None) -> dict[str, str]:
     return {**proposal.load_columns, **_joint_columns(proposal, robot)}
 
 
-def _told(columns: Mapping[str, str], known: KnownData) -> dict[str, str]:
+def _with_answers(columns: Mapping[str, str], known: KnownData) -> dict[str, str]:
     """Our names for titles, replaced by those that a person chose."""
     return {title: known.columns.get(title, ours) for title, ours in columns.items()}
 

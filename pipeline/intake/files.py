@@ -7,6 +7,7 @@ file states) stays open.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -141,12 +142,14 @@ def _proposed(
     found = found if found.exports else _offered(files, found, hints)
     found = _with_groups(files, found, hints, logged)
     exports = [*found.exports.values()]
-    plain, *others = _namings(exports, files, found.offer.hints if found.offer else hints)
-    fitting = (one for one in (plain, *others) if _sets_apart(one.exports, logged, files))
+    namings = _namings(exports, files, found.offer.hints if found.offer else hints)
+    plain = next(namings)
+    each = itertools.chain([plain], namings)
+    fitting = (one for one in each if _sets_apart(one.exports, logged, files))
     naming = plain if hints.groups else next(fitting, plain)
     exports, names, by_file = naming.exports, naming.names, naming.by_file
     rows = _by_group(exports)
-    stated = _told(logged, files, rows)
+    stated = _stated_groups(logged, files, rows)
     columns = logged.load_columns | stated.columns
     named = _named(rows, stated.states, unloaded)
     sized = not (found.reach or (found.offer and found.offer.questions))
@@ -273,7 +276,9 @@ def _with_groups(
     if len(found.exports) != 1:
         return found
     ((name, export),) = found.exports.items()
-    if export.target is None or _tells(export) or _told(logged, files, _by_group([export])).states:
+    if export.target is None or _tells(export):
+        return found
+    if _stated_groups(logged, files, _by_group([export])).states:
         return found
     with contextlib.suppress(InputError):
         one = found.offer or as_table(name, files[name], hints)
@@ -362,7 +367,7 @@ def _sets_apart(exports: Sequence[Export], logged: LogFiles, files: Mapping[str,
     rows = _by_group(exports) or {}
     if _in_several_places(exports):
         return False
-    stated, ways = _told(logged, files, rows).states, ways_to_read(rows)
+    stated, ways = _stated_groups(logged, files, rows).states, ways_to_read(rows)
     if stated or not ways:
         return bool(stated)
     states = states_of(list(rows), ways[0])
@@ -418,7 +423,7 @@ def _patterns(exports: Sequence[str], files: Sequence[str]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class _Told:
+class _StatedGroups:
     """What a log of loads says about the groups; empty if it does not, or their names do.
 
     Attributes:
@@ -430,12 +435,12 @@ class _Told:
     states: dict[str, str] = field(default_factory=dict)
 
 
-def _told(
+def _stated_groups(
     logged: LogFiles, files: Mapping[str, bytes], rows: Mapping[str, Mapping[str, Array]] | None
-) -> _Told:
+) -> _StatedGroups:
     """Group states from the log: in the column with our title, or one that fits what was read."""
     if logged.loads is None or not rows or len(ways_to_read(rows)) == 1:
-        return _Told()
+        return _StatedGroups()
     data = files[logged.loads]
     form = log_columns.settled(LogForm(columns=logged.load_columns))
     for columns in (
@@ -448,8 +453,8 @@ def _told(
             alike = {name: logs.group_name(name) for name in rows}
             states = {name: STATES[found[k].loaded] for name, k in alike.items() if k in found}
             if found.keys() <= {*alike.values()} and _makes_sense(states, rows):
-                return _Told(columns, states)
-    return _Told()
+                return _StatedGroups(columns, states)
+    return _StatedGroups()
 
 
 def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]) -> bool:

@@ -141,11 +141,11 @@ def placed(
     source: dict[str, str] = {}
     seen = []
     for file, table in found.items():
-        mine, said = _of(table, file, measured, base, apart_m)
+        mine, sentence = _of(table, file, measured, base, apart_m)
         new = {name: at for name, at in mine.places.items() if name not in places}
         places |= new
         source |= {name: mine.source[name] for name in new}
-        seen.append(said)
+        seen.append(sentence)
     return NominalPlaces(places, source, tuple(seen))
 
 
