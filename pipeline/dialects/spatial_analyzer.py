@@ -2,8 +2,9 @@
 
 A row is a name, three coordinates (Cartesian, spherical, cylindrical) and optional columns:
 timestamp, uncertainties, weather, RMS. The name comes in four modes: `Collection::Group::Target`,
-`Group::Target`, the same parts in columns of their own, or the target alone. Optional columns are
-used only if the header names them.
+`Group::Target`, the same parts in columns of their own, or the target alone. Collections are read
+only if `names` in [tracker] says that groups are called by them. Optional columns are used only if
+the header names them.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ _T = TypeVar("_T")
 
 _COMMENT = "//"
 _AXES = ("1", "2", "3")
-_PARTS = ("collection", "group", "target")
+_PARTS = ("group", "target")
 _SHORT_UNIT = re.compile(
     r"\b(?:units?|einheit(?:en)?)\s*[:=]?\s*(mm|m|in)\b|[\[(](mm|m|in)[\])]", re.IGNORECASE
 )
@@ -91,6 +92,8 @@ def _read(text: Text, hints: ExportSettings) -> Export:
     sample = [line for _, line in text.lines(first, SAMPLE_LINES) if is_plain(line, _COMMENT)]
     shape = _shape(sample, comments)
     assert shape is not None  # recognised before
+    if hints.names and shape.compound:  # which part is what is stated, and split later
+        shape = replace(shape, compound=0, names=("target",))
     layout = Layout(
         _fields(shape), shape.delimiter, first, hints.decimal, _COMMENT, shape.form, shape.compound
     )
@@ -131,16 +134,17 @@ def _shape_by(delimiter: str, sample: Sequence[str], comments: Sequence[str]) ->
         count = 1 if compound else _names(cells, titles)
         alike = [row[count + 3 :] for row in cut if len(row) == len(cells)]
         if _fits(cells, compound, count) and 2 * len(alike) >= len(sample):
-            names = _PARTS[-(compound or count) :]
+            above = [f"collection {k}" for k in range((compound or count) - len(_PARTS))]
+            names = (*above, *_PARTS)[-(compound or count) :]
             return _RowShape(delimiter, compound, names, *_rest(alike, titles[count + 3 :]))
     return None
 
 
 def _fits(cells: Sequence[str], compound: int, count: int) -> bool:
-    """Whether one to three names precede three numbers."""
+    """Whether joined names, or one to three, precede three numbers."""
     numbers = cells[count : count + 3]
-    named = 1 <= (compound or count) <= len(_PARTS)
-    return named and len(numbers) == 3 and all(map(is_number, numbers))
+    named = compound or 1 <= count <= len(_PARTS) + 1
+    return bool(named) and len(numbers) == 3 and all(map(is_number, numbers))
 
 
 def _rest(cells: Sequence[Sequence[str]], titles: Sequence[Named]) -> tuple[tuple[Named, ...], str]:
@@ -176,7 +180,7 @@ def _titles(comments: Sequence[str], count: int, delimiter: str) -> list[Named]:
 
 def _fields(shape: _RowShape) -> tuple[Field, ...]:
     """Fields of names, coordinates and further columns; those without a role are not read."""
-    out = [Field(n, "any" if n == "collection" else "name", n != "collection") for n in shape.names]
+    out = [Field(n, "name" if n in _PARTS else "any", n in _PARTS) for n in shape.names]
     out += [Field(axis, "number") for axis in _AXES]
     for place, column in enumerate(shape.rest):
         kind: Kind = "any"

@@ -1,8 +1,8 @@
 """Points in joint coordinates from controller programs, as a joint log.
 
-KUKA (.dat, .src: `E6AXIS`, `AXIS`), ABB (.mod: `jointtarget`), FANUC (.ls: `/POS` in joints). A
-file is converted to a table with the columns `pose` and one for each axis, each row in the line of
-its point, so that messages name the line of the file.
+KUKA (.dat, .src: `E6AXIS`, `AXIS`), ABB (.mod: `jointtarget`), FANUC (.ls: `/POS` in joints),
+Yaskawa (.jbi: positions in pulses). A file is converted to a table with the columns `pose` and one
+for each axis, each row in the line of its point, so that messages name the line of the file.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ _TP = re.compile(
     re.MULTILINE,
 )
 _TP_AXIS = re.compile(rf"\b([JE])([1-9])[ \t]*=[ \t]*({_NUMBER})[ \t]*(deg|mm)")
+_JBI = re.compile(r"^(?P<of>B?)C(?P<number>\d+)[ \t]*=[ \t]*(?P<axes>[-+\d., \t]+)$", re.MULTILINE)
+_JBI_AXES = ("SLURBTE", ("E1", "E2", "E3"))
+"""Axes of the arm, and of the base that moves it."""
 _NONE = 1e9
 """Limit from which a RAPID value means an axis that does not exist: 9E9."""
 _NAMED = re.compile(r"(?P<stem>[A-Za-z_]*?)_*(?P<number>\d+)")
@@ -63,14 +66,16 @@ def table(data: bytes) -> bytes | None:
     if len(data) > _LARGEST or not any(word in data.upper() for word in _MARKS):
         return None
     text = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
-    found = [one for points in (_krl, _rapid, _tp) for one in points(text) if one.axes]
+    found = [one for points in (_krl, _rapid, _tp, _jbi) for one in points(text) if one.axes]
     return _written(found, text.count("\n") + 1) if found else None
 
 
 def _written(found: Sequence[_Point], count: int) -> bytes:
     """Write points as a table, each in its own of `count` lines, and a header in the first."""
-    used = {title for one in found for title, value in one.axes.items() if title[0] != "E" or value}
-    titles = sorted(used, key=lambda title: (title[0] == "E", title))
+    used = dict.fromkeys(
+        title for one in found for title, value in one.axes.items() if title[0] != "E" or value
+    )
+    titles = sorted(used, key=lambda title: title[0] == "E")
     lines = [""] * max(count, 2)
     for pose, one in sorted(_numbered(found), key=lambda both: both[1].line):
         cells = (repr(one.axes[title]) if title in one.axes else "" for title in titles)
@@ -108,6 +113,17 @@ def _tp(text: str) -> Iterator[_Point]:
         values = _TP_AXIS.findall(one["body"])
         axes = {f"{own[a]}{k} [{unit}]": float(x) for a, k, x, unit in values}
         yield _Point(_line(text, one), one["name"] or f"p{one['number']}", axes)
+
+
+def _jbi(text: str) -> Iterator[_Point]:
+    """Positions of a job in pulses; they count from 0, poses from 1."""
+    found: dict[str, _Point] = {}
+    for one in _JBI.finditer(text) if "///PULSE" in text else ():
+        axes = zip(_JBI_AXES[bool(one["of"])], re.findall(_NUMBER, one["axes"]), strict=False)
+        new = {f"{axis} [pulses]": float(x) for axis, x in axes}
+        point = found.get(one["number"], _Point(_line(text, one), f"p{int(one['number']) + 1}", {}))
+        found[one["number"]] = point._replace(axes=point.axes | new)
+    yield from found.values()
 
 
 def _line(text: str, found: re.Match[str]) -> int:

@@ -13,6 +13,8 @@ import pyarrow as pa
 
 from pipeline.base import patterns
 from pipeline.base.arrays import Array
+from pipeline.intake import _names_by_place
+from pipeline.intake._names_by_place import literal
 from pipeline.reduction.settings import Naming
 
 STATES = ("unloaded", "loaded")
@@ -54,7 +56,7 @@ USUAL = Group(Naming().group)
 def states_of(names: Sequence[str], group: Group) -> dict[str, str]:
     """State of each group that names one."""
     found = patterns.parts(pa.array(names, pa.string()), group.pattern).to_pylist()
-    word = {said.lower(): state for said, state in group.state_of.items()}
+    word = {own.lower(): state for own, state in group.state_of.items()}
     return {
         name: word[parts["state"].lower()]
         for name, parts in zip(names, found, strict=True)
@@ -73,7 +75,8 @@ def ways_to_read(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
     if states_of(list(rows), USUAL):
         return (USUAL,)
     ways = [some for token in _TOKENS if (some := _ways(rows, token))]
-    return max(ways, key=lambda some: len(states_of(list(rows), some[0])), default=())
+    found = max(ways, key=lambda some: len(states_of(list(rows), some[0])), default=())
+    return found or _by_place(rows)
 
 
 def _ways(rows: Mapping[str, Mapping[str, Array]], token: re.Pattern[str]) -> tuple[Group, ...]:
@@ -161,19 +164,34 @@ def _pattern(
     """Regular expression for names of one form, the last parts of which may be missing."""
     parts = {
         numbers[0]: "(?P<pose>[0-9]+)",
-        state: f"(?P<state>{'|'.join(map(_literal, states))})",
+        state: f"(?P<state>{'|'.join(map(literal, states))})",
     }
     if len(numbers) > 1:
         parts[numbers[1]] = "(?P<repeat>[0-9]*)" if numbers[1] >= least else "(?P<repeat>[0-9]+)"
     out = []
     for k, token in enumerate(tokens):
-        fixed = "[0-9]+" if token.isdigit() else _literal(token)
+        fixed = "[0-9]+" if token.isdigit() else literal(token)
         maybe = f"{fixed}?" if len(fixed) == 1 else f"(?:{fixed})?"
         out.append(parts.get(k, maybe if k >= least else fixed))
     none = "" if len(numbers) > 1 else "(?P<repeat>[0-9]*)"
     return "".join(out) + none
 
 
-def _literal(text: str) -> str:
-    """Expression for a text itself."""
-    return re.escape(text).replace("\\ ", " ")
+def _by_place(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
+    """The ways to read names whose pose is the number that tells places apart; else none."""
+    for found in _names_by_place.parts(rows):
+        if (split := _names_by_place.labels(found)) is None:
+            continue
+        before, behind, own = split
+        ways = []
+        for rest in _names_by_place.unloaded(own, rows):
+            loaded = [label for label in dict.fromkeys(own.values()) if label not in rest]
+            words, pull = _names_by_place.pulls(loaded)
+            ordered = sorted(rest, key=len, reverse=True)
+            some = "|".join(map(literal, (*ordered, *words)))
+            pattern = f"{before}(?P<state>{some}){pull}{behind}"
+            ways.append(Group(pattern, (*ordered, *words), len(ordered)))
+        fitting = [one for one in ways if _apart_from_each_other(list(own), one)]
+        if fitting:
+            return tuple(fitting)
+    return ()

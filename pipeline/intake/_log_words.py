@@ -61,11 +61,18 @@ def may_be_log(titles: Sequence[str], units: Sequence[str]) -> bool:
         titles: As written.
         units: Those of forces.
     """
-    if sum(bool(re.match("axis", role)) for role in _axes(titles).values()) > _OF_A_POINT:
+    if called_axes(titles, dict):
         return True
     found = _first(titles, {"pose": (), "force": units})
     forces = _by_unit(titles, units) or _of_pulls(titles, units)
     return not _coordinates(titles) and bool(found or forces)
+
+
+def called_axes(titles: Sequence[str], _: SampledCells) -> dict[str, str] | None:
+    """The titles of axes, if they are more than the coordinates of a point; else None."""
+    axes = _axes(titles)
+    found = [title for title in titles if {title.lower(), *_bare([title])} & axes.keys()]
+    return {one: one for one in found} if len(found) > _OF_A_POINT else None
 
 
 def _coordinates(titles: Sequence[str]) -> bool:

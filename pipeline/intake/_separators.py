@@ -34,8 +34,8 @@ def separators(exports: Sequence[Export]) -> list[str]:
     read = {way: pairs for way in ways if (pairs := _pairs(names, way))}
     few = {way: pairs for way, pairs in read.items() if _come_again({*pairs})}
     rows = {way: _read(pairs, places) for way, pairs in few.items()}
-    told = {way: _telling(groups) for way, groups in rows.items()}
-    best = [way for way in few if told[way] == max(told.values())]
+    state_names = {way: _rank_of_states(groups) for way, groups in rows.items()}
+    best = [way for way in few if state_names[way] == max(state_names.values())]
     return [way for way in best if _polar.some_keep([*rows[way].values()])] or best
 
 
@@ -49,7 +49,7 @@ def _joined(exports: Sequence[Export]) -> tuple[list[str], list[Array]]:
     return names, places
 
 
-def _telling(groups: Mapping[str, Mapping[str, Array]]) -> int:
+def _rank_of_states(groups: Mapping[str, Mapping[str, Array]]) -> int:
     """2 if groups are called as the protocol has it, 1 if they tell states in other words."""
     ways = ways_to_read(groups)
     return (USUAL in ways) + bool(ways)

@@ -111,11 +111,12 @@ def _words(folder: Path, proposal: FilesProposal, known: KnownData) -> dict[str,
         "loads": _shown(loads, quoted),
         "joints": _shown(joints, quoted),
         "base": _points(proposal.base or _BASE * proposal.nothing, known),
-        "tool": _points(["load_point", *(proposal.measured or _TARGETS)], known),
+        "tool": _points(["load_point", *(proposal.measured or proposal.often or _TARGETS)], known),
         "decimal_commas": [*map(quoted, proposal.decimal_commas)],
-        "load_columns": _pairs(_told(proposal.load_columns, known)),
+        "load_columns": _pairs(_with_answers(proposal.load_columns, known)),
         "axes_of": None if known.robot else next(iter(proposal.joint_columns), None),
-        "joint_columns": _pairs(_told(_joint_columns(proposal, known.robot), known)),
+        "pulses": _counted(proposal, known.robot),
+        "joint_columns": _pairs(_with_answers(_joint_columns(proposal, known.robot), known)),
         **_of_files(proposal),
         **_of_names(proposal),
         **_of_a_person(known),
@@ -129,8 +130,9 @@ def _of_files(proposal: FilesProposal) -> dict[str, object]:
     mapping = proposal.offer.hints.mapping if proposal.offer else None
     return {
         "robots": _fitting(proposal),
+        "called": _shown(next(iter(proposal.called), None), str),
         "exports": _quoted(proposal.patterns or (() if blind else _DEFAULTS)),
-        "by_file": proposal.by_file,
+        "by_file": _shown(proposal.by_file, quoted),
         "tracker": _tracker(proposal),
         "mapping": mapping_lines(mapping) if mapping else [],
         "unsure": proposal.unsure,
@@ -151,6 +153,7 @@ def _of_names(proposal: FilesProposal) -> dict[str, object]:
         "states": _shown(proposal.group, lambda group: _states(group.state_of)),
         "asked_states": " or ".join(_states(one.state_of) for one in proposal.either),
         "measured": _quoted(proposal.measured),
+        "often": _quoted(proposal.often),
         "chain": _quoted(proposal.chain),
         "ways_known": bool(proposal.ways),
         "apart": [
@@ -258,7 +261,7 @@ def log_columns(proposal: FilesProposal, robot: str | None) -> dict[str, str]:
     return {**proposal.load_columns, **_joint_columns(proposal, robot)}
 
 
-def _told(columns: Mapping[str, str], known: KnownData) -> dict[str, str]:
+def _with_answers(columns: Mapping[str, str], known: KnownData) -> dict[str, str]:
     """Our names for titles, replaced by those that a person chose."""
     return {title: known.columns.get(title, ours) for title, ours in columns.items()}
 
@@ -267,6 +270,14 @@ def _joint_columns(proposal: LogFiles, robot: str | None) -> Mapping[str, str]:
     """Our names for the titles of the joint log; for the first robot it fits if none is named."""
     first = next(iter(proposal.joint_columns.values()), {})
     return proposal.joint_columns.get(robot, {}) if robot else first
+
+
+def _counted(proposal: LogFiles, robot: str | None) -> list[tuple[str, str | None]]:
+    """Each axis in pulses with their number per degree, None where still open."""
+    from pipeline.intake.which_logs import counted_axes
+
+    axes = counted_axes(_joint_columns(proposal, robot))
+    return [(_key(axis), _shown(proposal.pulses.get(axis), plain)) for axis in axes]
 
 
 def _pairs(columns: Mapping[str, str]) -> list[str]:

@@ -119,7 +119,7 @@ def _ways(way: _Way, name: str, data: bytes, bodies: Sequence[ReflectorSet]) -> 
     try:
         found = proposal(name, data, way.hints[-1])
         questions = found.questions if found else ()
-        way = replace(way, hints=(*way.hints[:-1], _said(way.hints[-1], found)))
+        way = replace(way, hints=(*way.hints[:-1], _with_settled(way.hints[-1], found)))
         if not questions:
             yield replace(way, off=_off(read(name, data, way.hints[-1]), bodies))
             return
@@ -133,7 +133,7 @@ def _ways(way: _Way, name: str, data: bytes, bodies: Sequence[ReflectorSet]) -> 
         yield from _ways(chosen, name, data, bodies)
 
 
-def _said(hints: ExportSettings, found: TableProposal | None) -> ExportSettings:
+def _with_settled(hints: ExportSettings, found: TableProposal | None) -> ExportSettings:
     """Statements including what a table settles itself, which its mapping does not contain."""
     opened: set[str] = {question.about for question in found.questions} if found else set()
     if found is None or hints.mapping is None or not opened <= {*ExportSettings.model_fields}:

@@ -123,15 +123,19 @@ def _looked_at(
 ) -> tuple[dict[str, bytes], list[str]]:
     """The files of a campaign, and a sentence for each inner folder that is not looked at.
 
-    Inner folders are looked at if no export lies in the campaign's own.
+    Inner folders are looked at if no export lies in the campaign's own, or only files that tell
+    less than those in the folders, such as a sketch of places.
     """
     from pipeline.intake import blank
     from pipeline.intake.files import propose
     from pipeline.store.campaign import DEEPEST
 
     files, within = blank.there(root, folder), blank.inner(folder)
-    if within and not propose(files, hints).exports:
-        return blank.there(root, folder, DEEPEST), []
+    own = propose(files, hints) if within else None
+    if own and not own.measured:
+        every = blank.there(root, folder, DEEPEST)
+        if not own.exports or propose(every, hints).measured:
+            return every, []
     return files, [
         f"{inner}: {count} {'file is' if count == 1 else 'files are'} in this folder and not "
         f'looked at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'
@@ -209,12 +213,15 @@ def _tell(words: str) -> None:
 
 
 def _robot(root: Path, folder: Path, proposal: FilesProposal, ask: bool) -> str | None:
-    """The only robot that fits, or the only own one, or the typed one; None if it stays open."""
+    """The only robot that fits, or the only own one, or the only one that files name by its type.
+
+    Else the typed one; None if it stays open.
+    """
     from pipeline.intake import blank
 
     fitting = proposal.robots
     own = tuple(one for one in fitting if one.endswith(".toml"))
-    for only in (fitting, own):
+    for only in (fitting, own, proposal.called):
         if len(only) == 1:
             return only[0]
     usual = None if proposal.exports or proposal.joints else _USUAL
@@ -412,7 +419,7 @@ def _seen(proposal: FilesProposal) -> Iterator[str]:
         if found:
             yield f"{what}: {listed(found, most=40)}"
     if proposal.by_file:
-        yield f"groups: the files' names, {len(proposal.exports)} in number"
+        yield f"groups: named by {proposal.by_file}, of {len(proposal.exports)} files"
     if proposal.measured and not proposal.base:
         yield "base: no reflector is known; without [base_frame] readings are taken to be in F_b"
     yield from (f"{one}." for one in proposal.nominal.seen)

@@ -7,8 +7,10 @@ file states) stays open.
 from __future__ import annotations
 
 import contextlib
+import itertools
+import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from posixpath import dirname, join, splitext
 from typing import Literal
@@ -22,17 +24,19 @@ from pipeline.base.errors import InputError
 from pipeline.base.patterns import is_glob, natural
 from pipeline.intake import log_columns, nominal
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
+from pipeline.intake._names_by_place import NEAR
 from pipeline.intake._separators import LOOKED_AT, separators
 from pipeline.intake.nominal import NominalPlaces
 from pipeline.intake.offer import Offer, as_table, offer
 from pipeline.intake.question import ColumnRole
-from pipeline.intake.which_logs import LogFiles, propose_logs, unsure
+from pipeline.intake.which_logs import LogFiles, called, propose_logs, unsure
 from pipeline.readers import Columns, Export, ExportSettings, logs
 from pipeline.readers._reader import named_by_file, split
 from pipeline.readers._text import is_workbook
-from pipeline.readers.export_settings import LogForm
+from pipeline.readers.export_settings import GroupNames, LogForm
 
-_UNIT = ExportSettings(unit="mm")
+_NO_HINTS = ExportSettings()
+_TWO_LEVELS = re.compile(b"::.*::")
 _MANY = 4
 """Minimum number of exports that a glob stands for."""
 _SHOWN = 8
@@ -49,7 +53,7 @@ class FilesProposal(LogFiles):
         offer: Further entries of [tracker] for the export, None where nothing else is open.
         nameless: What an export does not name: `names`, or only `groups` if it names the targets;
             None if it names both.
-        by_file: Whether each export is a group and has its name.
+        by_file: What names groups besides the exports, as `groups` of [tracker]; None if nothing.
         patterns: The exports as [tracker] files has them: a glob for a folder full of them.
         names: Possible values of `names` in [tracker] for names that combine group and target; with
             several it is open which one.
@@ -58,12 +62,14 @@ class FilesProposal(LogFiles):
             if it cannot be decided.
         groups: Some of the group names; none if the log of the loads says what they are.
         measured: Targets read unloaded and loaded.
+        often: Targets in as many groups as any, where it is open which are measured.
         chain: Both ends of the chain, the one at the effector first; empty if there is none.
         base: Reflectors in groups that are not states of a pose.
         apart_m: Distances between measured targets as read [m], by both names; empty while a unit
             or angle is open.
         base_apart_m: The same between base reflectors.
         targets: Names of all targets of the exports.
+        called: Those of the robots whose type is named in files.
         nominal: Places of reflectors that other files state.
     """
 
@@ -71,18 +77,20 @@ class FilesProposal(LogFiles):
     reach: float | None = None
     offer: Offer | None = None
     nameless: Literal["names", "groups"] | None = None
-    by_file: bool = False
+    by_file: GroupNames | None = None
     patterns: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
     unsure: tuple[str, ...] = ("force",)
     ways: tuple[Group, ...] = ()
     groups: tuple[str, ...] = ()
     measured: tuple[str, ...] = ()
+    often: tuple[str, ...] = ()
     chain: tuple[str, ...] = ()
     base: tuple[str, ...] = ()
     apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
     base_apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
     targets: tuple[str, ...] = ()
+    called: tuple[str, ...] = ()
     nominal: NominalPlaces = field(default_factory=NominalPlaces)
 
     @property
@@ -118,9 +126,11 @@ def propose(
         fitting = {k: one for k, one in lists.items() if nominal.may_be_of(one, said.targets)}
         if fitting.keys() == lists.keys():
             apart_m = said.apart_m | said.base_apart_m
-            return replace(said, nominal=nominal.placed(lists, said.measured, said.base, apart_m))
+            found = nominal.placed(lists, said.measured, said.base, apart_m)
+            return replace(said, nominal=found, called=called(files, said.robots))
         lists = fitting
-    return _proposed(files, hints or ExportSettings(), unloaded)
+    said = _proposed(files, hints or ExportSettings(), unloaded)
+    return replace(said, called=called(files, said.robots))
 
 
 def _proposed(
@@ -132,13 +142,14 @@ def _proposed(
     found = found if found.exports else _offered(files, found, hints)
     found = _with_groups(files, found, hints, logged)
     exports = [*found.exports.values()]
-    names = (hints.names,) if hints.names else tuple(separators(exports))
-    if len(names) == 1:
-        exports = [split(one, names[0]) for one in exports]
-    by_file = hints.groups is not None or (not names and _are_groups(exports, logged, files))
-    exports = [*map(named_by_file, exports)] if by_file else exports
+    namings = _namings(exports, files, found.offer.hints if found.offer else hints)
+    plain = next(namings)
+    each = itertools.chain([plain], namings)
+    fitting = (one for one in each if _sets_apart(one.exports, logged, files))
+    naming = plain if hints.groups else next(fitting, plain)
+    exports, names, by_file = naming.exports, naming.names, naming.by_file
     rows = _by_group(exports)
-    stated = _told(logged, files, rows)
+    stated = _stated_groups(logged, files, rows)
     columns = logged.load_columns | stated.columns
     named = _named(rows, stated.states, unloaded)
     sized = not (found.reach or (found.offer and found.offer.questions))
@@ -194,12 +205,14 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
     return _Exports(exports, tuple(reach), refused)
 
 
-def _export(name: str, data: bytes) -> tuple[Export, list[float]]:
+def _export(
+    name: str, data: bytes, hints: ExportSettings = _NO_HINTS
+) -> tuple[Export, list[float]]:
     """An export, and its largest number if it does not state its unit."""
     try:
-        return readers.read(name, data), []
+        return readers.read(name, data, hints), []
     except InputError:
-        found = readers.read(name, data, _UNIT)
+        found = readers.read(name, data, hints.model_copy(update={"unit": "mm"}))
         return found, [1e3 * float(np.abs(found.position).max(initial=0.0))]
 
 
@@ -263,7 +276,9 @@ def _with_groups(
     if len(found.exports) != 1:
         return found
     ((name, export),) = found.exports.items()
-    if export.target is None or _tells(export) or _told(logged, files, _by_group([export])).states:
+    if export.target is None or _tells(export):
+        return found
+    if _stated_groups(logged, files, _by_group([export])).states:
         return found
     with contextlib.suppress(InputError):
         one = found.offer or as_table(name, files[name], hints)
@@ -300,10 +315,48 @@ def _untaken(one: Offer) -> list[ColumnRole]:
     return [c for c in one.columns if c.title and c.title not in taken]
 
 
-def _are_groups(exports: Sequence[Export], logged: LogFiles, files: Mapping[str, bytes]) -> bool:
-    """Whether the names of the files are those of the groups, which the exports do not name."""
-    named = [*map(named_by_file, exports)]
-    return _lacking(exports) == "groups" and _sets_apart(named, logged, files)
+@dataclass(frozen=True)
+class _Naming:
+    """What names groups.
+
+    Attributes:
+        exports: The exports with their groups.
+        names: Possible values of `names` in [tracker]; with several it is open which one.
+        by_file: Value of `groups`, None if files name none.
+    """
+
+    exports: list[Export]
+    names: tuple[str, ...] = ()
+    by_file: GroupNames | None = None
+
+
+def _namings(
+    exports: list[Export], files: Mapping[str, bytes], hints: ExportSettings
+) -> Iterator[_Naming]:
+    """As the exports name groups, or with more of what stands above targets, as far as it varies.
+
+    That are the collections, the files and their folders.
+    """
+    names = (hints.names,) if hints.names else tuple(separators(exports))
+    if len(names) == 1:
+        exports = [split(one, names[0]) for one in exports]
+    if hints.groups:
+        exports = [named_by_file(one, hints.groups) for one in exports]
+    yield _Naming(exports, names, hints.groups)
+    if names or hints.groups:
+        return
+    lacking = _lacking(exports)
+    if lacking is None and all(_TWO_LEVELS.search(files[one.file]) for one in exports):
+        joined = hints.model_copy(update={"names": _WHOLE_NAMES})
+        yield _Naming([_export(e.file, files[e.file], joined)[0] for e in exports], (_WHOLE_NAMES,))
+    ways: dict[str | None, tuple[GroupNames, ...]] = {
+        "groups": ("files", "folders/files"), None: ("files::groups",)}  # fmt: skip
+    for way in ways.get(lacking, ()) if len(exports) > 1 else ():
+        yield _Naming([named_by_file(one, way) for one in exports], (), way)
+
+
+_WHOLE_NAMES = "(?P<group>.+)::(?P<target>.+)"
+"""Names of groups with those of their collections."""
 
 
 def _sets_apart(exports: Sequence[Export], logged: LogFiles, files: Mapping[str, bytes]) -> bool:
@@ -312,7 +365,9 @@ def _sets_apart(exports: Sequence[Export], logged: LogFiles, files: Mapping[str,
     An unloaded state may be read again after the last pull, under the same name.
     """
     rows = _by_group(exports) or {}
-    stated, ways = _told(logged, files, rows).states, ways_to_read(rows)
+    if _in_several_places(exports):
+        return False
+    stated, ways = _stated_groups(logged, files, rows).states, ways_to_read(rows)
     if stated or not ways:
         return bool(stated)
     states = states_of(list(rows), ways[0])
@@ -324,6 +379,21 @@ def _sets_apart(exports: Sequence[Export], logged: LogFiles, files: Mapping[str,
         if states.get(pair[0]) == STATES[1]
     ]
     return len({*pairs}) == len(pairs)
+
+
+def _in_several_places(exports: Sequence[Export]) -> bool:
+    """Whether most readings that have the name of an earlier one were made elsewhere."""
+    rows: dict[tuple[str, str], list[Array]] = {}
+    for one in exports:
+        if one.group is not None and one.target is not None:
+            names = zip(one.group.to_pylist(), one.target.to_pylist(), strict=True)
+            for key, at in zip(names, one.position, strict=True):
+                rows.setdefault(key, []).append(at)
+    every = np.array([at for some in rows.values() for at in some])
+    near = NEAR * float(np.ptp(every)) if len(every) else 0.0
+    again = [some for some in rows.values() if len(some) > 1]
+    apart = sum(float(np.ptp(some, axis=0).max()) > near for some in again)
+    return 2 * apart > len(again)
 
 
 def _grouped_by(
@@ -353,7 +423,7 @@ def _patterns(exports: Sequence[str], files: Sequence[str]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class _Told:
+class _StatedGroups:
     """What a log of loads says about the groups; empty if it does not, or their names do.
 
     Attributes:
@@ -365,12 +435,12 @@ class _Told:
     states: dict[str, str] = field(default_factory=dict)
 
 
-def _told(
+def _stated_groups(
     logged: LogFiles, files: Mapping[str, bytes], rows: Mapping[str, Mapping[str, Array]] | None
-) -> _Told:
+) -> _StatedGroups:
     """Group states from the log: in the column with our title, or one that fits what was read."""
     if logged.loads is None or not rows or len(ways_to_read(rows)) == 1:
-        return _Told()
+        return _StatedGroups()
     data = files[logged.loads]
     form = log_columns.settled(LogForm(columns=logged.load_columns))
     for columns in (
@@ -383,8 +453,8 @@ def _told(
             alike = {name: logs.group_name(name) for name in rows}
             states = {name: STATES[found[k].loaded] for name, k in alike.items() if k in found}
             if found.keys() <= {*alike.values()} and _makes_sense(states, rows):
-                return _Told(columns, states)
-    return _Told()
+                return _StatedGroups(columns, states)
+    return _StatedGroups()
 
 
 def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]) -> bool:
@@ -413,7 +483,9 @@ def _named(
         return FilesProposal()
     ways = _ways(rows, stated, word)
     if not ways and not stated:
-        return FilesProposal(groups=tuple(rows)[:_SHOWN])
+        often = Counter(target for at in rows.values() for target in at)
+        most = tuple(name for name, count in often.items() if count == max(often.values()))
+        return FilesProposal(groups=tuple(rows)[:_SHOWN], often=most)
     state = states_of(list(rows), ways[0]) if ways else stated
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*STATES, None)

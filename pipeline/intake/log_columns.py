@@ -23,6 +23,7 @@ from pipeline.readers.logs import (
     LENGTH,
     MASS,
     POSE,
+    PULSES,
     REPEAT,
     SCALE,
     controller_axes,
@@ -82,6 +83,14 @@ def may_be_log(name: str, data: bytes) -> bool:
     return _understood(name, data, "scale", log) is not None
 
 
+def titles_of_axes(name: str, data: bytes) -> list[str]:
+    """The titles of more axes than a point has coordinates in a file; empty if it has not."""
+    with contextlib.suppress(InputError):  # a workbook in which no sheet has such titles
+        meant = _understood(name, data, "joints", _log_words.called_axes)
+        return [*meant.columns] if meant else []
+    return []
+
+
 def refuse_without_poses(name: str, data: bytes) -> None:
     """Refuse a joint log whose rows do not name their poses.
 
@@ -139,7 +148,8 @@ def has_other_axes(name: str, data: bytes, robot: Robot) -> bool:
 def _about_axes(words: Callable[..., dict[str, str] | None], robot: Robot) -> _Meaning:
     axes = controller_axes(robot) or own_joints(robot)
     names, slides = [q.stem for q in axes], [q.units is LENGTH for q in axes]
-    return partial(words, axes=names, lengths=slides, units=([*LENGTH], [*ANGLE]))
+    units = ([*LENGTH, PULSES], [*ANGLE, PULSES])
+    return partial(words, axes=names, lengths=slides, units=units)
 
 
 def are_called(form: LogForm, robot: Robot) -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain
+from pipeline.readers._layout import JOINT
 from pipeline.readers._text import Text, opened
 from pipeline.readers.logs import LENGTH
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
@@ -69,9 +70,9 @@ class NominalPlaces:
 def tables(files: Mapping[str, bytes]) -> dict[str, PlaceTable]:
     """The files that may be lists of places, by name.
 
-    Files of one form that share names are readings, one group in each.
+    If files of one form share names, those of this form are readings, one group in each.
     """
-    found = {}
+    found: dict[str, PlaceTable] = {}
     for name, data in files.items():
         if not name.endswith(".toml"):
             with contextlib.suppress(InputError):
@@ -79,15 +80,10 @@ def tables(files: Mapping[str, bytes]) -> dict[str, PlaceTable]:
                     opened(name, data, None, None, None, lambda text: len(_rows(text)))
                 ):
                     found[name] = one
-    return {
-        name: one
-        for name, one in found.items()
-        if not any(
-            other.form == one.form and other.numbers.keys() & one.numbers.keys()
-            for beside, other in found.items()
-            if beside != name
-        )
-    }
+    alike: dict[object, list[str]] = {}
+    for one in found.values():
+        alike.setdefault(one.form, []).extend(one.numbers)
+    return {k: one for k, one in found.items() if len({*alike[one.form]}) == len(alike[one.form])}
 
 
 def _table(text: Text) -> PlaceTable | None:
@@ -117,7 +113,7 @@ def _row(line: str) -> tuple[str, Place, tuple[object, ...]] | None:
         if at is None or any(number[at + 3 :]) or number[at - 1]:
             continue
         name, three = cells[at - 1], cells[at : at + 3]
-        if at <= 2 and _WORD.search(name):
+        if at <= 2 and _WORD.search(name) and JOINT not in name:
             x, y, z = (float(cell.replace(",", ".")) for cell in three)
             decimals = tuple(len(cell.replace(",", ".").partition(".")[2]) for cell in three)
             return name, (x, y, z), (delimiter, len(cells), decimals)
@@ -145,11 +141,11 @@ def placed(
     source: dict[str, str] = {}
     seen = []
     for file, table in found.items():
-        mine, said = _of(table, file, measured, base, apart_m)
+        mine, sentence = _of(table, file, measured, base, apart_m)
         new = {name: at for name, at in mine.places.items() if name not in places}
         places |= new
         source |= {name: mine.source[name] for name in new}
-        seen.append(said)
+        seen.append(sentence)
     return NominalPlaces(places, source, tuple(seen))
 
 

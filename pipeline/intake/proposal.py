@@ -164,7 +164,7 @@ def _table(found: Sheet, draft: _Draft) -> SheetTable:
     return SheetTable(found, titled(found.titles), content, mark or ".")
 
 
-def _said(table: SheetTable, places: Sequence[int], known: Mapping[str, str]) -> set[str]:
+def _stated_units(table: SheetTable, places: Sequence[int], known: Mapping[str, str]) -> set[str]:
     """Units that titles and the line below them state for some columns."""
     below = (table.sheet.units[k].strip("[]() ").lower() for k in places)
     found = {table.named[k].unit for k in places} | {known.get(word) for word in below}
@@ -327,8 +327,8 @@ def _length(
     lengths = reading.places(*(a for k, a in enumerate(AXES[reading.kind]) if k not in angular))
     with at(line=draft.line):
         known_units([table.named[k] for k in lengths])
-    said = _said(table, lengths, UNIT_WORDS) | stated.units | _unit_column(table)
-    turned = _said(table, lengths, ANGLE_WORDS)
+    said = _stated_units(table, lengths, UNIT_WORDS) | stated.units | _unit_column(table)
+    turned = _stated_units(table, lengths, ANGLE_WORDS)
     if len(said) > 1 or turned:
         named = listed(sorted(said | turned))
         raise InputError(
@@ -360,7 +360,7 @@ def _angle(
         InputError: The file states several units.
     """
     angular = reading.places("azimuth", "vertical")
-    said = _said_of_angles(table, angular, draft.hints, stated)
+    said = _stated_angle_units(table, angular, draft.hints, stated)
     if len(said) > 1:
         raise InputError(
             f"the export names several units of angles ({', '.join(sorted(said))})",
@@ -377,11 +377,11 @@ def _angle(
     _horizontal(table, reading, draft, stated)
 
 
-def _said_of_angles(
+def _stated_angle_units(
     table: SheetTable, angular: Sequence[int], hints: ExportSettings, stated: TableStatements
 ) -> frozenset[str]:
     """Units of angles that titles and lines above state, and those that the cells show."""
-    units = stated.angles | _said(table, angular, ANGLE_WORDS)
+    units = stated.angles | _stated_units(table, angular, ANGLE_WORDS)
     if any(is_turn(cell) for k in angular for cell in table.content[k].cells):
         return units | {"deg"}
     if any(_PACKED.search(table.sheet.titles[k]) for k in angular):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
@@ -15,6 +15,7 @@ import numpy as np
 from pipeline.base.errors import InputError
 from pipeline.intake import log_columns
 from pipeline.intake._contents import contents, mark_of
+from pipeline.intake._pulses import in_pulses, per_degree
 from pipeline.intake._sheet import sheet
 from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.machine.robot.mdh import parse as parse_robot
@@ -38,6 +39,7 @@ class LogFiles:
         joint_columns: The same for the joint log, by robot.
         decimal_commas: Logs in which every comma might be a thousands separator, while all other
             files of the folder have decimal commas.
+        pulses: Pulses per degree of the axes of the joint log, as far as a file has them.
         refused: Why a file is not used.
     """
 
@@ -47,6 +49,7 @@ class LogFiles:
     load_columns: dict[str, str] = field(default_factory=dict)
     joint_columns: dict[str, dict[str, str]] = field(default_factory=dict)
     decimal_commas: tuple[str, ...] = ()
+    pulses: dict[str, float] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
 
 
@@ -74,7 +77,25 @@ def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
             proposal = _added(
                 proposal, name, {"loads": name, "load_columns": form.columns}, proposal.loads
             )
-    return replace(proposal, decimal_commas=_with_commas(files, proposal))
+        elif not fits and (axes := log_columns.titles_of_axes(name, data)):
+            why = (
+                f"seems to be a joint log ({axes[0]} to {axes[-1]}), but no robot that ships and "
+                "none in this folder has these axes; bring yours as a robot file "
+                "(docs/add-a-robot.md), and type `pipeline init` again"
+            )
+            proposal = replace(proposal, refused=proposal.refused | {name: why})
+    counted = counted_axes(next(iter(proposal.joint_columns.values()), {}))
+    return replace(
+        proposal,
+        decimal_commas=_with_commas(files, proposal),
+        pulses=per_degree(files, counted),
+    )
+
+
+def counted_axes(columns: Mapping[str, str]) -> tuple[str, ...]:
+    """The axes of a joint log whose columns are in pulses."""
+    end = f"_{logs.PULSES}"
+    return tuple(ours.removesuffix(end) for ours in columns.values() if ours.endswith(end))
 
 
 def _with_commas(files: Mapping[str, bytes], proposal: LogFiles) -> tuple[str, ...]:
@@ -136,11 +157,28 @@ _LOOKED_AT = 4000
 """Number of bytes of each file in which it is looked for."""
 
 
-def _makers(files: Mapping[str, bytes]) -> frozenset[str]:
-    """The makers that names and first lines of files show."""
+def _shown(files: Mapping[str, bytes]) -> str:
+    """Names and first lines of the files."""
     texts = (f"{name}\n{data[:_LOOKED_AT].decode('latin-1')}" for name, data in files.items()
              if not name.endswith(".toml"))  # fmt: skip
-    text = "\n".join(texts)
+    return "\n".join(texts)
+
+
+def called(files: Mapping[str, bytes], robots: Iterable[str]) -> tuple[str, ...]:
+    """The robots whose type is in names or first lines of files: IRB 6700-235/2.65.
+
+    A longer name takes precedence over one that is part of it.
+    """
+    text = re.sub(r"[\W_]+", "", _shown(files).lower())
+    found = {key: key.replace("_", "") for key in robots if key.replace("_", "") in text}
+    return tuple(
+        key for key, one in found.items() if not any(one in o and o != one for o in found.values())
+    )
+
+
+def _makers(files: Mapping[str, bytes]) -> frozenset[str]:
+    """The makers that names and first lines of files show."""
+    text = _shown(files)
     return frozenset(
         maker for maker, words in _OF_MAKERS.items() if re.search(words, text, re.MULTILINE)
     )
@@ -165,18 +203,20 @@ def _having(
             fitting = _possible(name, data, robot, form)
             shown = robot.description.partition(" ")[0] in makers
             rank[key] = not key.endswith(".toml"), not shown, not called, not fitting
-            found[key] = _in_units_of(form, fitting)
+            counted = None if fitting else in_pulses(name, data, robot, form)
+            found[key] = counted or _in_units_of(form, fitting)
     return {key: found[key] for key in sorted(found, key=rank.__getitem__)}
 
 
 def _in_units_of(form: LogForm, fitting: Sequence[LogForm]) -> LogForm:
     """For titles that state no unit, the unit that keeps all poses within the robot's limits.
 
-    If several do, those remain; if none does, all.
+    If several do, those remain; if none does, all but pulses.
     """
     entries = {title: {one.columns[title] for one in fitting} for title in form.columns}
     left = {
-        title: "|".join(one for one in ours.split("|") if one in entries[title]) or ours
+        title: "|".join(one for one in ours.split("|") if one in entries[title])
+        or ours.replace(f"|{ours.partition('_')[0]}_{logs.PULSES}", "")
         for title, ours in form.columns.items()
     }
     return form.model_copy(update={"columns": left})

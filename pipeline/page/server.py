@@ -291,9 +291,9 @@ async def _columns(state: _State, request: Request) -> Response:
     text = entries.with_columns(new, chosen)
     again, words = await _proposed(state, desk, text)
     if again is None:
-        return _told(words or "these columns cannot be read")
+        return _reply(words or "these columns cannot be read")
     desk.written(entries.carried_over(text, again), str(typed.get("seen", "")))
-    return _told()
+    return _reply()
 
 
 def _chosen(titles: Sequence[str], typed: Mapping[str, object]) -> dict[str, str | int]:
@@ -314,13 +314,13 @@ async def _put(state: _State, request: Request) -> Response:
     data = await _body(request, MOST_BYTES)
     instead = request.query_params.get("instead") == "1"
     new = await asyncio.to_thread(desk.taken, request.path_params["file"], data, instead)
-    return _told("" if new else "this file was there already", new=new)
+    return _reply("" if new else "this file was there already", new=new)
 
 
 async def _remove(state: _State, request: Request) -> Response:
     """Delete a file."""
     state.desk(request).removed(request.path_params["file"])
-    return _told()
+    return _reply()
 
 
 async def _create(state: _State, request: Request) -> Response:
@@ -328,7 +328,7 @@ async def _create(state: _State, request: Request) -> Response:
     typed = await _typed(request)
     desk = Desk(state.root, named(str(typed.get("name", "")).strip(), "campaign"))
     desk.folder.mkdir(parents=True, exist_ok=True)
-    return _told(go=f"/c/{quote(desk.name, safe='')}/files")
+    return _reply(go=f"/c/{quote(desk.name, safe='')}/files")
 
 
 async def _set_up(state: _State, request: Request) -> Response:
@@ -337,9 +337,9 @@ async def _set_up(state: _State, request: Request) -> Response:
     old, seen = desk.text(), desk.digest(TOML)
     new, words = await _proposed(state, desk, old or "")
     if new is None:
-        return _told(words or "campaign.toml could not be written")
+        return _reply(words or "campaign.toml could not be written")
     desk.written(new if old is None else entries.carried_over(old, new), seen)
-    return _told(go=f"/c/{quote(desk.name, safe='')}/setup")
+    return _reply(go=f"/c/{quote(desk.name, safe='')}/setup")
 
 
 async def _proposed(state: _State, desk: Desk, text: str) -> tuple[str | None, str]:
@@ -386,6 +386,7 @@ async def _setup_page(state: _State, request: Request) -> Response:
         names=[one for one in desk.names() if not one.endswith(".toml")],
         picture=await asyncio.to_thread(_picture, desk, text),
         fields=sum(one.needed for one in found),
+        missing=[one for one in found if one.needed],
     )  # fmt: skip
 
 
@@ -417,7 +418,7 @@ async def _fill(state: _State, request: Request) -> Response:
     if typed.get("confirm"):
         new = await _asked_anew(state, desk, entries.confirmed(text, line), one)
         desk.written(new, str(typed.get("seen", "")))
-        return _told(seen=desk.digest(TOML))
+        return _reply(seen=desk.digest(TOML))
     if isinstance(stated, list):
         value = entries.point([str(part) for part in stated], str(typed.get("unit", "m")))
     else:
@@ -425,7 +426,7 @@ async def _fill(state: _State, request: Request) -> Response:
     filled = entries.filled(text, line, value)
     new = await _asked_anew(state, desk, filled, one)
     desk.written(new, str(typed.get("seen", "")))
-    return _told(seen=desk.digest(TOML), reload=new != filled or (one and one.key == "robot"))
+    return _reply(seen=desk.digest(TOML), reload=new != filled or (one and one.key == "robot"))
 
 
 async def _asked_anew(state: _State, desk: Desk, text: str, one: entries.FormEntry | None) -> str:
@@ -449,7 +450,7 @@ async def _rewrite(state: _State, request: Request) -> Response:
     """Replace the whole campaign.toml."""
     desk, typed = state.desk(request), await _typed(request)
     desk.written(entries.sound(str(typed.get("text", ""))), str(typed.get("seen", "")))
-    return _told(seen=desk.digest(TOML))
+    return _reply(seen=desk.digest(TOML))
 
 
 async def _check_page(state: _State, request: Request) -> Response:
@@ -471,7 +472,7 @@ async def _check(state: _State, request: Request) -> Response:
         digest,
         await state.look("check", "--root", state.root, "--json", "--", desk.name),
     )
-    return _told(go=f"/c/{quote(desk.name, safe='')}/check")
+    return _reply(go=f"/c/{quote(desk.name, safe='')}/check")
 
 
 async def _run_page(state: _State, request: Request) -> Response:
@@ -488,13 +489,13 @@ async def _run(state: _State, request: Request) -> Response:
     if not await asyncio.to_thread(state.passed, desk):
         raise UsageError("the files have changed since they were checked, or were not: check first")
     await state.runs.begin(state.root, desk.name)
-    return _told()
+    return _reply()
 
 
 async def _cancel(state: _State, request: Request) -> Response:
     """Cancel the run."""
     state.runs.cancel(state.desk(request).name)
-    return _told()
+    return _reply()
 
 
 async def _progress(state: _State, request: Request) -> Response:
@@ -528,7 +529,7 @@ async def _live_now(state: _State, request: Request) -> Response:
     live = state.runs.live.get(desk.name)
     told = live.updates if live else []
     suspects = len(told[-1].get("suspects", [])) if told else 0
-    return _told(
+    return _reply(
         html=_live(desk, live), told=len(told), suspects=suspects,
         running=live is not None and live.running,
     )  # fmt: skip
@@ -545,13 +546,13 @@ def _live(desk: Desk, live: LiveJob | None) -> str:
 async def _look_on(state: _State, request: Request) -> Response:
     """Start live judgement of the campaign."""
     await state.runs.look_on(state.root, state.desk(request).name)
-    return _told()
+    return _reply()
 
 
 async def _look_away(state: _State, request: Request) -> Response:
     """Stop live judgement."""
     state.runs.look_away(state.desk(request).name)
-    return _told()
+    return _reply()
 
 
 async def _answer_page(state: _State, request: Request) -> Response:
@@ -601,12 +602,12 @@ async def _correct(state: _State, request: Request) -> Response:
             "compensate", "--root", state.root, *options, "--", desk.name, path
         )
     if output.code:
-        return _told("\n".join(output.words[-12:]) or f"it ended with {output.code}")
+        return _reply("\n".join(output.words[-12:]) or f"it ended with {output.code}")
     old, new = (one.decode("utf-8", "replace").splitlines() for one in (data, output.output))
     rows = [*_side_by_side(old, new)]
     text = output.output.decode("latin-1")
     more = [f"{len(rows) - _MOST_ROWS} more lines differ"] if len(rows) > _MOST_ROWS else []
-    return _told(rows=rows[:_MOST_ROWS], corrected=text, words=[*output.words, *more])
+    return _reply(rows=rows[:_MOST_ROWS], corrected=text, words=[*output.words, *more])
 
 
 def _options(request: Request) -> list[str]:
@@ -665,7 +666,7 @@ async def _typed(request: Request) -> dict[str, Any]:
     return found
 
 
-def _told(problem: str = "", **more: Any) -> Response:
+def _reply(problem: str = "", **more: Any) -> Response:
     return JSONResponse(
         {"problem": problem, **more}, 400 if problem and not more else 200, _HEADERS
     )
@@ -728,7 +729,7 @@ async def _said(state: _State, request: Request, problem: str) -> Response:
         answer = await _page(request, state, "problem", None, problem=problem)
         answer.status_code = 400
         return answer
-    return _told(problem)
+    return _reply(problem)
 
 
 def application(root: Path, port: int, token: str) -> ASGIApp:

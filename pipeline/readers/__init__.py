@@ -102,7 +102,7 @@ def read(name: str, data: bytes, hints: ExportSettings | None = None) -> Export:
     hints = hints or ExportSettings()
     with at(name):
         found = split(_read(opened_as_text(name, data, hints), hints), hints.names)
-        return named_by_file(found) if hints.groups else found
+        return named_by_file(found, hints.groups) if hints.groups else found
 
 
 def opened_as_text(name: str, data: bytes, hints: ExportSettings) -> Text:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from posixpath import basename, splitext
+from posixpath import split as parted
 
 import numpy as np
 import pyarrow as pa
@@ -15,10 +16,10 @@ import pyarrow.compute as pc
 from pipeline.base import patterns
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.readers._cells import text_of
-from pipeline.readers._layout import TypedRows
+from pipeline.readers._layout import JOINT, TypedRows
 from pipeline.readers._text import Text
 from pipeline.readers._units import in_unit
-from pipeline.readers.export_settings import ExportSettings
+from pipeline.readers.export_settings import ExportSettings, GroupNames
 
 TABLE = "table"
 """Name that `inspect` gives to a file of no known dialect."""
@@ -305,12 +306,24 @@ def split(export: Export, pattern: str | None) -> Export:
     )
 
 
-def named_by_file(export: Export) -> Export:
-    """Name the group of an export that names targets only: its file, without folder and suffix."""
-    if export.group is not None or export.target is None:
+def named_by_file(export: Export, by: GroupNames) -> Export:
+    """Name the groups of an export by its file without suffix, as far as the statement asks for it.
+
+    Args:
+        export: Readings; those that have groups keep them, with the file before them if stated.
+        by: What names groups.
+    """
+    joined = by == "files::groups"
+    if export.target is None or (export.group is not None) != joined:
         return export
-    every = np.zeros(len(export.line), dtype=np.int32)
-    group = pa.DictionaryArray.from_arrays(every, [splitext(basename(export.file))[0]])
+    folder, file = parted(splitext(export.file)[0])
+    if export.group is not None:
+        names = [f"{file}{JOINT}{one}" for one in export.group.dictionary.to_pylist()]
+        group = pa.DictionaryArray.from_arrays(export.group.indices, names)
+    else:
+        every = np.zeros(len(export.line), dtype=np.int32)
+        name = f"{basename(folder)}/{file}" if by == "folders/files" else file
+        group = pa.DictionaryArray.from_arrays(every, [name])
     return replace(export, group=group)
 
 

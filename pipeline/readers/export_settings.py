@@ -17,6 +17,8 @@ _Role = Literal[
 ROLES: tuple[str, ...] = get_args(_Role)
 """What a column of [tracker.mapping] may be."""
 
+GroupNames = Literal["files", "folders/files", "files::groups"]
+"""What names groups besides or instead of the export."""
 
 _Column = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
 
@@ -60,7 +62,9 @@ class ExportSettings(Strict):
         covariance: Which of several covariances to use, or `none`.
         coverage_factor: k of stated uncertainties.
         names: Regular expression with the parts group and target, for names that hold both.
-        groups: `files` if the name of each file is the group of its readings.
+        groups: What names groups besides the export: `files` the name of a file with targets
+            only, `folders/files` with that of its folder, `files::groups` the file and the group
+            in it.
         mapping: Columns of a table in no known dialect.
         sheet: Sheet of a workbook, if several fit.
     """
@@ -74,7 +78,7 @@ class ExportSettings(Strict):
     covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
     coverage_factor: Positive | None = None
     names: Annotated[str, with_parts("group", "target")] | None = None
-    groups: Literal["files"] | None = None
+    groups: GroupNames | None = None
     mapping: Columns | None = None
     sheet: Name | None = None
 
@@ -91,6 +95,20 @@ class LogForm(Strict):
     columns: dict[Name, Name] = Field(default_factory=dict)
     decimal: Literal[".", ","] | None = None
     sheet: Name | None = None
+
+
+_Pulses = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
+
+
+class JointForm(LogForm):
+    """Format of a joint log written by other programs.
+
+    Attributes:
+        pulses: Encoder pulses per degree (a sliding axis: per mm) by our name of the axis; or these
+            and the pulses at which it shows 0.
+    """
+
+    pulses: dict[Name, _Pulses | tuple[_Pulses, _Pulses]] = Field(default_factory=dict)
 
 
 OWN_LOG = LogForm()

@@ -7,7 +7,7 @@ names used by other programs.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -16,10 +16,10 @@ import pandas as pd
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
-from pipeline.base.errors import InputError
+from pipeline.base.errors import InputError, listed
 from pipeline.base.strict import LEAST_FORCE, LEAST_MASS, STANDARD_GRAVITY
 from pipeline.machine.robot import Robot
-from pipeline.readers._log_form import opened
+from pipeline.readers._log_form import Titled, opened
 from pipeline.readers._log_table import (
     NUMBER_LIMIT,
     GroupState,
@@ -32,7 +32,7 @@ from pipeline.readers._log_table import (
     typed,
     whole_numbers,
 )
-from pipeline.readers.export_settings import OWN_LOG, LogForm
+from pipeline.readers.export_settings import OWN_LOG, JointForm, LogForm
 
 __all__ = [
     "AXES",
@@ -305,7 +305,8 @@ def joints(
     Raises:
         InputError: A joint is missing; the file cannot be read.
     """
-    own, axes = own_joints(robot), controller_axes(robot)
+    pulses = stated.pulses if isinstance(stated, JointForm) else {}
+    own, axes = (_in_pulses(some, pulses) for some in (own_joints(robot), controller_axes(robot)))
     file = opened(name, data, stated, "joints", POSE.stem, partial(has_joints, robot))
     from_controller = bool(axes) and not _has(file.titles, own) and _has(file.titles, axes)
     wanted = axes if from_controller else own
@@ -315,11 +316,57 @@ def joints(
     repeat = replace(REPEAT, needed=False)
     others = [approach, repeat, *torques]
     known_columns(stated, "joints", [POSE, _TIME, REMARK, *own, *axes, *others])
+    _pulses_known(file, wanted, pulses)
     log = whole_numbers(typed(file, [POSE, *wanted, *others], stated, section))
+    zeros = {
+        q.stem: _two(pulses[q.stem])[1] * q.units[PULSES]
+        for q in wanted
+        if q.stem in pulses and f"{q.stem}_{PULSES}".lower() in file.titles
+    }
+    number = log.number | {axis: log.number[axis] - zero for axis, zero in zeros.items()}
+    log = replace(log, number=number)
     reason = "approach is neither 1 nor -1; correct it or leave it empty"
     log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
     log = once(log, ["pose", *({"repeat"} & {*log.number})])
     return _of_joints(log, robot, [one.stem for one in torques]) if from_controller else log
+
+
+PULSES = "pulses"
+"""Unit of joint values that an encoder counts."""
+
+
+def _two(pulses: float | tuple[float, float]) -> tuple[float, float]:
+    """Pulses per degree or mm, and those at which the axis shows 0."""
+    return pulses if isinstance(pulses, tuple) else (pulses, 0.0)
+
+
+def _in_pulses(
+    axes: Sequence[Quantity], pulses: Mapping[str, float | tuple[float, float]]
+) -> list[Quantity]:
+    """The axes, with pulses as one more unit of each; NaN where their number is not known."""
+    per = {q.stem: _two(pulses.get(q.stem, np.nan))[0] for q in axes}
+    small = {q.stem: q.units["mm" if q.units is LENGTH else "deg"] for q in axes}
+    return [
+        replace(q, units={**q.units, PULSES: small[q.stem] / (per[q.stem] or np.nan)}) for q in axes
+    ]
+
+
+def _pulses_known(file: Titled, axes: Sequence[Quantity], pulses: Mapping[str, object]) -> None:
+    """Refuse axes in pulses for which it is not stated how many are a degree or a millimetre.
+
+    Raises:
+        InputError: There is one.
+    """
+    counted = [q.stem for q in axes if f"{q.stem}_{PULSES}".lower() in file.titles]
+    if lacking := [axis for axis in counted if axis not in pulses]:
+        raise InputError(
+            f"the values of {listed(lacking)} are encoder pulses, and nothing says how many are a "
+            "degree (a millimetre of a sliding axis)",
+            f"write it into [joints.pulses] of campaign.toml, as {lacking[0]} = 1570.6, or "
+            f"{lacking[0]} = [1570.6, 250] with the pulses at which the axis shows 0",
+            file=file.text.name,
+            line=file.line,
+        )
 
 
 def _of_joints(log: Log, robot: Robot, torques: Sequence[str]) -> Log:

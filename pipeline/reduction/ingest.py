@@ -327,11 +327,14 @@ def _some_pull(shots: RawReadings, settings: Settings, loads: logs.Log) -> None:
             "correct its column group",
             file=shots.files[0],
         )
+    called = listed(shots.group.dictionary.to_pylist())
     raise InputError(
-        f'no group of the export is a loaded state by naming.group = "{settings.naming.group}"',
-        f"correct naming.group in campaign.toml, or give {loads.file} a column group that names "
-        "the group of each row",
-        file=shots.files[0],
+        f'no group of the export is a loaded state by naming.group = "{settings.naming.group}"; '
+        f"groups are called {called}",
+        f"correct naming.group, or give {loads.file} a column group that names the group of each "
+        "row",
+        file="campaign.toml",
+        key=["naming", "group"],
     )
 
 

@@ -43,7 +43,7 @@ from pipeline.machine.instrument import DataSheet, InstrumentNoise, sheet
 from pipeline.machine.robot import Robot, axes
 from pipeline.machine.robot.axes import LIMIT_SLACK, from_log_units
 from pipeline.machine.surroundings import Surrounded
-from pipeline.readers.export_settings import ExportSettings, LogForm
+from pipeline.readers.export_settings import ExportSettings, JointForm, LogForm
 from pipeline.readers.reflector_sets import ReflectorSet
 
 BASE_REFLECTORS = 3
@@ -205,7 +205,7 @@ class PayloadSettings(Strict):
     center_sigma_m: Uncertainty = 0.0
 
 
-class _JointLog(LogForm):
+class _JointLog(JointForm):
     """The controller's joint log, and the uncertainty of the joint zeros, one for all poses."""
 
     file: FileName = "joints.csv"

@@ -40,9 +40,8 @@ def begin(tab, name):
 
 def fill_in(tab, hall):
     """What somebody in that hall knows, in the unit of the drawing."""
-    tab.get_by_label("robot", exact=True).select_option(hall.robot)
-    tab.get_by_text("answers are still missing").wait_for()
-    tab.wait_for_load_state("networkidle")
+    with tab.expect_navigation():  # other entries may follow from it
+        tab.get_by_label("robot", exact=True).select_option(hall.robot)
     for table in ("base_frame", "tool"):
         section = tab.locator("section", has=tab.get_by_role("heading", name=table, exact=True))
         section.locator("select").select_option(hall.unit)
@@ -55,10 +54,10 @@ def fill_in(tab, hall):
         tab.keyboard.press("Tab")
     tab.get_by_label("sigma_n", exact=True).fill(hall.said["sigma_n"])
     tab.keyboard.press("Tab")
-    tab.wait_for_load_state("networkidle")
     while before := tab.get_by_role("button", name="Confirm as proposed").all():
-        before[0].click()
-        tab.wait_for_timeout(1000)
+        with tab.expect_navigation():
+            before[0].click()
+    tab.locator("#fields:not([aria-busy])").wait_for()
     tab.reload()
     tab.get_by_text("Nothing is missing").wait_for()
 

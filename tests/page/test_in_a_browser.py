@@ -175,6 +175,25 @@ def test_two_windows_do_not_undo_each_other(page, tmp_path):
     assert tomllib.loads(text)["tool"]["P1"][0] == 0.21
 
 
+def test_an_answer_typed_just_before_going_on_is_written(page, tmp_path):
+    """However slow the program is, the next page waits for it."""
+    folder = tmp_path / "data" / "raw" / "hall"
+    shutil.copytree(DEMO, folder)
+    page.add_init_script("""const soon = window.fetch;
+        window.fetch = async (...what) => {
+            await new Promise((done) => setTimeout(done, 700));
+            return soon(...what);
+        };""")
+    page.goto(page.url.rstrip("/") + "/c/hall/setup")
+    page.get_by_label("P1 x", exact=True).fill("0.21")
+    page.get_by_label("P2 x", exact=True).fill("0.22")
+    page.get_by_role("link", name="Go on to the check").click()
+    page.wait_for_url("**/check")
+
+    written = tomllib.loads((folder / "campaign.toml").read_text())["tool"]
+    assert (written["P1"][0], written["P2"][0]) == (0.21, 0.22)
+
+
 def reach(tab, name, most=150):
     """Tab until what has a name has the focus, which is seen."""
     for _ in range(most):

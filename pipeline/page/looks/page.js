@@ -109,7 +109,23 @@ for (const section of document.querySelectorAll("[data-look]"))
 // --- setup
 
 const fields = document.getElementById("fields");
-let waiting = Promise.resolve();
+let waiting = Promise.resolve(), pending = 0;
+
+function inTurn(work) {  // answers are written one after the other; links wait for the last one
+  pending += 1;
+  fields.setAttribute("aria-busy", "true");
+  waiting = waiting.then(work).finally(() => {
+    pending -= 1;
+    if (!pending) fields.removeAttribute("aria-busy");
+  });
+}
+
+document.addEventListener("click", (event) => {
+  const link = event.target.closest("a[href]");
+  if (!pending || !link) return;
+  event.preventDefault();
+  waiting.finally(() => { location.href = link.href; });
+});
 
 async function fill(line, said, unit, inputs) {
   const all = fields.querySelectorAll("input, select, button"), whole = "decides" in inputs[0].dataset;
@@ -147,13 +163,17 @@ if (fields) {
     const place = input.classList.contains("place");
     if (place && all.some((one) => !one.value.trim()) && all.some((one) => one.value.trim())) return;
     const said = place ? all.map((one) => one.value) : input.value;
-    waiting = waiting.then(() => fill(line, said, unit, all));
+    inTurn(() => fill(line, said, unit, all));
   }
 
   for (const button of fields.querySelectorAll("[data-confirm]"))
-    button.addEventListener("click", async () => {
-      const said = await ask("POST", fields.dataset.fill, JSON.stringify({ line: Number(button.dataset.confirm), confirm: true, seen: fields.dataset.seen }));
-      if (!said.problem) again(button);
+    button.addEventListener("click", () => {
+      button.disabled = true;
+      inTurn(async () => {
+        const said = await ask("POST", fields.dataset.fill, JSON.stringify({ line: Number(button.dataset.confirm), confirm: true, seen: fields.dataset.seen }));
+        button.disabled = false;
+        if (!said.problem) again(button);
+      });
     });
   // rows of a spreadsheet: cells of the first row from the one pasted into, further rows below it
   fields.addEventListener("paste", (event) => {

@@ -1,0 +1,53 @@
+"""Joint values in encoder pulses: known by their size; a file may say how many are a degree."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pipeline.base.errors import InputError
+from pipeline.machine.robot import Robot
+from pipeline.readers import logs
+from pipeline.readers.export_settings import JointForm, LogForm
+
+_TURNS = 720.0
+"""Largest angle that a controller shows [deg]: axes turn twice."""
+_LARGEST = 200_000
+"""Maximum size of a file in which pulses per degree are looked for [byte]."""
+_WORD = re.compile(r"pul[sz]|パルス", re.IGNORECASE)
+
+
+def in_pulses(name: str, data: bytes, robot: Robot, form: LogForm) -> LogForm | None:
+    """The form of a joint log with its axes in pulses, if its numbers can only be these; else None.
+
+    They are whole, and most axes exceed all turns.
+    """
+    stems = {t: ours.partition("|")[0] for t, ours in form.columns.items() if logs.PULSES in ours}
+    axes = {title: ours.rpartition("_")[0] for title, ours in stems.items()}
+    columns = form.columns | {title: f"{axis}_{logs.PULSES}" for title, axis in axes.items()}
+    tried = JointForm(columns=columns, pulses=dict.fromkeys(axes.values(), 1.0))
+    with contextlib.suppress(InputError):
+        log = logs.joints(name, data, robot, tried)
+        counts = np.array([np.rad2deg(log.number[axis]) for axis in axes.values()])
+        whole = counts.size and (np.abs(counts - counts.round()) < 1e-6 * np.abs(counts) + 1e-6)
+        if np.all(whole) and 2 * np.sum(np.abs(counts).max(axis=1) > _TURNS) > len(axes):
+            return form.model_copy(update={"columns": columns})
+    return None
+
+
+def per_degree(files: Mapping[str, bytes], axes: Sequence[str]) -> dict[str, float]:
+    """Pulses per degree of all axes from a list that speaks of pulses; empty if none has them all.
+
+    A number follows the name of each axis, in a line of its own or one after the other.
+    """
+    for data in files.values() if axes else ():
+        text = data.decode("utf-8", "replace") if len(data) <= _LARGEST else ""
+        ways = (re.findall(rf"(?<!\w){re.escape(a)}(?!\w)[^\n\w.+-]*([0-9]+[.,]?[0-9]*)", text)
+                for a in axes)  # fmt: skip
+        found = dict(zip(axes, ways, strict=True))
+        if _WORD.search(text) and all(len({*some}) == 1 for some in found.values()):
+            return {axis: float(some[0].replace(",", ".")) for axis, some in found.items()}
+    return {}
