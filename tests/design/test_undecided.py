@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.base.errors import InputError
 from pipeline.design import undecided
-from pipeline.design.undecided import _open, _odds_there, next_poses
+from pipeline.design.undecided import _odds_there, _open, next_poses
 from pipeline.diagnosis.cause_search import NamelessReplacement, Replacement
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.verdict import CERTAIN
