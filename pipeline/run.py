@@ -205,7 +205,7 @@ def _of_pulls(
     facts = replace(diagnosis.facts, mistakes=told_once(screened.findings))
     springs = springs_of_extended(right, diagnosis)
     if both is not None:
-        both = both.combined_with(springs, diagnosis)
+        both = both.beside(springs, diagnosis)
         facts = both.facts(facts)
     word = verdict(facts)
     row = decide(DecisionBasis.of(facts, diagnosis))
@@ -228,7 +228,7 @@ def _of_pulls(
         diagnosis=diagnosis,
         facts=facts,
         row=row,
-        reported=reported,
+        told=reported,
         springs=springs_only,
         extended=identified(springs, diagnosis, test_pose),
         where=test_pose,

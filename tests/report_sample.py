@@ -11,7 +11,7 @@ import pandas as pd
 
 from pipeline.annex.scene import MOST_POSES
 from pipeline.answer.contract import Answer
-from pipeline.answer.posture import unloaded_posture
+from pipeline.answer.posture import standing_posture
 from pipeline.machine.cell import Tool
 from pipeline.machine.robot import load
 from pipeline.report.render import render
@@ -431,7 +431,7 @@ def _posture() -> pd.DataFrame:
     points = {name: np.array([0.1 * k, 0.05, 0.1]) for k, name in enumerate(TARGETS)}
     tool = Tool.of({"load_point": np.array([0.15, 0.0, 0.25]), **points})
     q = robot.from_degrees([8.5, -10, 35, 39, 81, 22, -10])
-    table = unloaded_posture(robot, tool, q)
+    table = standing_posture(robot, tool, q)
     for end in ("from", "to"):
         far = table[f"{end}_x_m"] / 3.4
         table[f"{end}_moved_z_m"], table[f"{end}_caused_z_m"] = -5e-4 * far, -5e-5 * far

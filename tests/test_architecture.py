@@ -208,7 +208,6 @@ OUTBUILDINGS = {
         "system": "what fewer poses would say, of the estimator",
         "geometry": "and where a robot stood whose positions were read",
         "prediction.model": "and what the model of it says of other poses",
-        "prediction.tolerance": "whose deflection at the test pose has a budget",
     },
     "design": {
         "app.commands._shared": _COMMAND,

@@ -7,7 +7,6 @@ readings check each other is computed here, too, as no other part of an answer d
 
 Door: `sections:sections`, `figures:PLOTS`; for the tables that only these need,
 `figure_tables:pictured`, `figure_tables:of_positions` and `position_tables:identified`; for
-`reliability`, `influence` and `test_pose.budget` of the answer, `reliability:control` and
-`pose_budget:pose_budget`.
+`reliability` and `influence` of the answer, `reliability:control`.
 Tests: `tests/annex/`, and `tests/report/` for whole pages.
 """

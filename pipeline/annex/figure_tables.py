@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.annex import promises
 from pipeline.annex.diagnosis_tables import apart_table, clues_table, examined_table
 from pipeline.annex.position_tables import identified
 from pipeline.annex.scene import scene, scene_of_positions
@@ -28,7 +27,7 @@ _Tables = dict[str, pd.DataFrame]
 
 def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
     """Tables of the scene, of what causes explain, of the workspace, and of the readings."""
-    values, right = found.reported.values, found.right
+    values, right = found.told.values, found.right
     nominal = np.array([1 / (joint.stiffness or np.nan) for joint in right.case.robot.joints])
     left = values.first.estimate.residual
     models = models_table(right.system, right.estimate, left, nominal)
@@ -36,11 +35,11 @@ def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
     seen = step(laws)(values.first, values.fitted.data)
     return {
         "covariance": covariance_table(values.parameters, values.found.cov),
-        "models": keep("46_models", models, promises.MODELS),
-        "arm": keep("63_arm", arm, promises.ARM),
+        "models": keep("46_models", models, tables.MODELS),
+        "arm": keep("63_arm", arm, tables.ARM),
         **_kept(step(scene)(values), keep),
-        "enough": keep("47_enough", _enough(found, step), promises.ENOUGH),
-        "laws": keep("53_laws", seen, promises.LAWS),
+        "enough": keep("47_enough", _enough(found, step), tables.ENOUGH),
+        "laws": keep("53_laws", seen, tables.LAWS),
         **_examined(found, keep),
         **_soft(found, keep, step),
         **_controlled(found, keep),
@@ -52,21 +51,21 @@ def _examined(found: CampaignResults, keep: Keep) -> _Tables:
     right, diagnosis = found.right, found.diagnosis
     rows = examined_table(diagnosis, right.case.cell, right.data, right.system, right.estimate)
     return {
-        "examined": keep("50_examined", rows, promises.examined(found.raw.robot)),
-        "diagnosis": keep("51_diagnosis", clues_table(diagnosis), promises.DIAGNOSIS),
-        "separability": keep("52_separability", apart_table(diagnosis), promises.SEPARABILITY),
+        "examined": keep("50_examined", rows, tables.examined(found.raw.robot)),
+        "diagnosis": keep("51_diagnosis", clues_table(diagnosis), tables.DIAGNOSIS),
+        "separability": keep("52_separability", apart_table(diagnosis), tables.SEPARABILITY),
     }
 
 
 def _soft(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
     """Compliance over the workspace, by the recommended values and by the joint springs alone."""
-    mine, alone = found.reported.model.hypotheses, found.springs.model.hypotheses
+    mine, alone = found.told.model.hypotheses, found.springs.model.hypotheses
     here = step(workspace)(mine, found.where)
     same = found.mistakes or alone is mine
     other = no_workspace() if same else workspace(alone, found.where)
     return {
-        "workspace": keep("61_workspace", here, promises.WORKSPACE),
-        "workspace_joint_springs": keep("62_workspace_joint_springs", other, promises.WORKSPACE),
+        "workspace": keep("61_workspace", here, tables.WORKSPACE),
+        "workspace_joint_springs": keep("62_workspace_joint_springs", other, tables.WORKSPACE),
     }
 
 
@@ -74,7 +73,7 @@ def _controlled(found: CampaignResults, keep: Keep) -> _Tables:
     """How the readings check each other."""
     if found.control is None:
         return {}
-    keep("44_influence", found.control.pulls, promises.INFLUENCE)
+    keep("44_influence", found.control.pulls, tables.INFLUENCE)
     return {"reliability": keep("43_reliability", found.control.readings, tables.RELIABILITY)}
 
 
@@ -86,15 +85,15 @@ def of_positions(found: Study, keep: Keep, step: Step) -> _Tables:
 def _kept(made: _Tables, keep: Keep) -> _Tables:
     """Check and keep the tables of a scene."""
     return {
-        "scene": keep("70_scene", made["scene"], promises.SCENE),
-        "poses": keep("71_poses", made["poses"], promises.POSES),
-        "vectors": keep("72_vectors", made["vectors"], promises.VECTORS),
+        "scene": keep("70_scene", made["scene"], tables.SCENE),
+        "poses": keep("71_poses", made["poses"], tables.POSES),
+        "vectors": keep("72_vectors", made["vectors"], tables.VECTORS),
     }
 
 
 def _enough(found: CampaignResults, step: Step) -> pd.DataFrame:
     """Table ENOUGH; a stiffness without a value has an infinite relative uncertainty."""
-    values = found.reported.values
+    values = found.told.values
     first, robot = values.first, values.fitted.case.robot
     size = np.where(values.found.identifiable, np.abs(values.found.value), 0.0)[: robot.n]
     names = [f"k_{joint.name}" for joint in robot.joints]

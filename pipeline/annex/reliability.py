@@ -86,7 +86,7 @@ def control(values: ModelValues, where: PoseOfInterest) -> ReadingControl:
     force, turn = by_inputs(replace(first.cell, equilibrium="undeformed"), fitted.data, x)
     inputs = _Inputs.of(system, fitted.data, force, turn)
     named = inputs.table(system, _names(fitted.case, fitted.reduced.placed))
-    table = pd.DataFrame(named | _columns(reliability(system, at), inputs.size, about))
+    table = pd.DataFrame(named | _told(reliability(system, at), inputs.size, about))
     parts = [table[inputs.kept], *_base(fitted, at, turn, about)]
     readings, pulls = pd.concat(parts, ignore_index=True), _influence(system, at, about)
     return ReadingControl(
@@ -109,7 +109,7 @@ def _influence(system: System, at: Solution, about: _QuantitiesOfInterest) -> pd
     )
 
 
-def _columns(
+def _told(
     found: Reliability, size: Array, about: _QuantitiesOfInterest
 ) -> dict[str, Array | Strings]:
     """Columns of RELIABILITY with the results; `size` is u of each error in its unit, (E,)."""
@@ -147,7 +147,7 @@ def _base(
                 "line": np.repeat(mine["line"].to_numpy(), 3),
                 "axis": _nearest(base.error),
                 "unit": "m",
-                **_columns(base.each, size, about),
+                **_told(base.each, size, about),
             }
         )
 

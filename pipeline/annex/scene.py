@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.annex import promises
+from pipeline import tables
 from pipeline.answer.posture import TOOL_RADIUS
 from pipeline.answer.recommended import ModelValues
 from pipeline.base.arrays import Array, Bools, Ints
@@ -36,9 +36,9 @@ def scene(values: ModelValues) -> _Tables:
     shown = _chosen(data.pulls.pose[first], vectors)
     first = first[np.isin(data.pulls.pose[first], shown)]
     here = configure(case.robot, data.pulls.q[first])
-    fixed = _points(case.settings, values.fitted.reduced.registration.t)
+    standing = _points(case.settings, values.fitted.reduced.registration.t)
     return {
-        "scene": _bodies(case.robot, here, case.tool, data.pulls.pose[first], fixed),
+        "scene": _bodies(case.robot, here, case.tool, data.pulls.pose[first], standing),
         "poses": _poses_pulled(values, shown),
         "vectors": vectors[vectors["pose"].isin(shown)].reset_index(drop=True),
     }
@@ -65,12 +65,12 @@ def _chosen(poses: Ints, vectors: pd.DataFrame) -> Ints:
 
 
 def _bodies(
-    robot: Robot, here: Configuration, tool: Tool, poses: Ints, fixed: Sequence[Bodies]
+    robot: Robot, here: Configuration, tool: Tool, poses: Ints, standing: Sequence[Bodies]
 ) -> pd.DataFrame:
     """Table SCENE."""
     base, carriage, arm = bodies.links(robot, here)
     thick = TOOL_RADIUS * (float(arm.radius[-1]) if len(arm.radius) else 0.05)
-    still = [_rows(one, np.zeros(1, np.int64)) for one in (base, *fixed) if len(one.names)]
+    still = [_rows(one, np.zeros(1, np.int64)) for one in (base, *standing) if len(one.names)]
     moving = [_rows(one, poses) for one in (carriage, arm, bodies.effector(here, tool, thick))]
     return pd.concat([*still, *moving], ignore_index=True)
 
@@ -176,7 +176,7 @@ def _lines(readings: pd.DataFrame) -> dict[int, dict[str, Any]]:
 
 def _typed(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     lines = dict.fromkeys(("first_line", "last_line", "joints_line"), "Int64")
-    return pd.DataFrame(rows, columns=promises.POSES.names).astype(lines)
+    return pd.DataFrame(rows, columns=tables.POSES.names).astype(lines)
 
 
 # --- positions ------------------------------------------------------------------------------------
@@ -198,9 +198,9 @@ def scene_of_positions(found: Study) -> _Tables:
         )
         for name, frame in zip(readings.names, mechanism.frames, strict=True)
     }
-    fixed = [bodies.points(bodies.TRACKER, {name: np.array(p) for name, p in named.items()})]
+    standing = [bodies.points(bodies.TRACKER, {name: np.array(p) for name, p in named.items()})]
     return {
-        "scene": _bodies(mechanism.robot, here, tool, shown, fixed),
+        "scene": _bodies(mechanism.robot, here, tool, shown, standing),
         "poses": _poses_read(found, at),
         "vectors": vectors[vectors["pose"].isin(shown)].reset_index(drop=True),
     }

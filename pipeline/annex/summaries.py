@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -251,8 +250,3 @@ def prediction_error(validation: pd.DataFrame) -> dict[tuple[str, str], Array]:
     drawn = validation[["set", "draw"]].drop_duplicates().itertuples(index=False, name=None)
     pairs = sorted(drawn, key=lambda pair: (pair[1], pair[0] == "global"))
     return {(str(s), str(d)): np.sort(per_pose.loc[s, d].to_numpy(float)) for s, d in pairs}
-
-
-def each_row(table: pd.DataFrame) -> Iterator[Any]:
-    """Rows of a table, with the columns as attributes."""
-    return table.itertuples()

@@ -13,10 +13,10 @@ from pipeline.answer.contradictions import (
     along_the_beam,
     common_factor,
     entry_findings,
-    factor_findings,
     overload_entry,
     overloaded,
     overstated,
+    told_factor,
 )
 from pipeline.answer.diagnosis import best_pose, diagnosis_entry, noise_entry, placed
 from pipeline.answer.geometry import (
@@ -46,6 +46,7 @@ from pipeline.answer.inputs import (
     treated_findings,
     unit_entry,
 )
+from pipeline.answer.pose_budget import pose_budget
 from pipeline.answer.recommended import ModelValues
 from pipeline.answer.remarks import contradicted
 from pipeline.answer.results import CampaignResults
@@ -53,37 +54,30 @@ from pipeline.answer.sentences import FirstScreen, first_screen, joint_to_pull
 from pipeline.answer.stiffness import budget_entries, combination_entries, combination_sentences
 from pipeline.answer.values import stated, values_entry
 from pipeline.answer.words import BECAUSE, enormous, hangs_on
-from pipeline.base import doors
 from pipeline.machine.effect import Observation
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.days import days
 from pipeline.reduction.register import timed
 from pipeline.store.campaign import versions
 
-_BUDGET = "pipeline.annex.pose_budget:pose_budget"
-"""Door of the annex: where the uncertainty of the deflection at the test pose comes from."""
-
 
 def answer(found: CampaignResults) -> Answer:
     """The answer to a campaign."""
     given, raw, where = found.given, found.raw, found.where
-    values, springs = values_entry(found.reported, where), values_entry(found.springs, where)
-    unloaded = found.diagnosis.facts.unloaded
-    values = with_positions(values, unloaded)
+    values, springs = values_entry(found.told, where), values_entry(found.springs, where)
+    stood = found.diagnosis.facts.unloaded
+    values = with_positions(values, stood)
     factor = common_factor(raw.robot, values.stiffness)
     stated = _stated(found, factor)
-    together = combination_entries(found.reported.values)
+    together = combination_entries(found.told.values)
     diagnosis = diagnosis_entry(found)
     best = best_pose(found.diagnosis, raw.robot, joint_to_pull(found, diagnosis, values.stiffness))
     diagnosis = diagnosis.model_copy(update={"best_pose": best})
-    pose = pose_entry(raw.robot, where, found.judged)
-    if parted := doors.found(_BUDGET):
-        reported, at = found.reported, found.judged.at
-        parts = parted(reported.values, reported.model, where.q, where.force, at)
-        pose = pose.model_copy(update={"budget": parts})
+    parts = pose_budget(found.told.values, found.told.model, where.q, where.force, found.judged.at)
+    pose = pose_entry(raw.robot, where, found.judged).model_copy(update={"budget": parts})
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
-    stated_first = FirstScreen(values, springs, together, diagnosis, pose, tolerance, stated)
-    lines = first_screen(found, stated_first)
+    told_first = FirstScreen(values, springs, together, diagnosis, pose, tolerance, stated)
+    lines = first_screen(found, told_first)
     carried = found.control.most if found.control else ()
     sentences = [*_of_springs(found, values), *stated, *_of_causes(found, carried)]
     whole = Answer(
@@ -116,11 +110,11 @@ def answer(found: CampaignResults) -> Answer:
         instrument=instrument_entry(given.case.settings),
         robot_unit=unit_entry(given.case.settings),
         overload=overload_entry(raw.robot, found.right.reduced.data.pulls),
-        geometry=(table := estimated_table(unloaded)),
-        geometry_combinations=estimated_combinations(unloaded, table),
+        geometry=(table := estimated_table(stood)),
+        geometry_combinations=estimated_combinations(stood, table),
         common_factor=factor,
         model=contract.Forward(
-            equilibrium=contract.Equilibrium(found.reported.values.first.cell.equilibrium),
+            equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium),
             priors=tuple(sorted(raw.settings.priors)),
         ),
         assumptions=tuple(assumptions(raw, where, timed(given.case.readings))),
@@ -136,7 +130,7 @@ def _stated(found: CampaignResults, factor: contract.CommonFactor | None) -> lis
     return [
         *overstated(found.raw.settings, found.right.noise),
         *entry_findings(found.right.case, text),
-        *factor_findings(factor),
+        *told_factor(factor),
     ]
 
 
@@ -150,7 +144,7 @@ def _of_springs(found: CampaignResults, values: contract.Values) -> Iterator[str
 def _of_causes(found: CampaignResults, carried: Sequence[contract.Carried]) -> Iterator[str]:
     """Which of them is larger than any that is known, and which hangs on a single pull."""
     yield from filter(None, map(enormous, found.diagnosis.causes))
-    of = {(effect.name, effect.where): effect for effect in found.reported.values.first.effects}
+    of = {(effect.name, effect.where): effect for effect in found.told.values.first.effects}
     causes = [one for one in carried if one.name is not None]
     yield from filter(None, (hangs_on(of[str(one.name), one.where], one) for one in causes))
 
@@ -191,7 +185,7 @@ def _recommended(found: CampaignResults) -> contract.Recommended:
         table=contract.TableSource.ESTIMATED if corrects else contract.TableSource.AS_DELIVERED,
         reason=found.row.reason,
         why=BECAUSE[found.row.reason],
-        hypotheses=_hypothesis_entries(found.reported.values),
+        hypotheses=_hypothesis_entries(found.told.values),
     )
 
 

@@ -175,7 +175,7 @@ def _along(path: JudgedPath) -> str:
     if len(path.stretches) == 1:
         return f"{DECIDED[path.decision]} at all {path.points} points"
     if len(path.stretches) <= _MOST:
-        return listed([_stretch_in_words(one) for one in path.stretches])
+        return listed([_stretch_said(one) for one in path.stretches])
     count: Counter[Decision] = Counter()
     for one in path.stretches:
         count[one.decision] += one.points
@@ -183,7 +183,7 @@ def _along(path: JudgedPath) -> str:
     return f"of {path.points} points {found}"
 
 
-def _stretch_in_words(one: Stretch) -> str:
+def _stretch_said(one: Stretch) -> str:
     points = f"pose {one.first}" if one.points == 1 else f"poses {one.first} to {one.last}"
     return f"{DECIDED[one.decision]} at {points}"
 

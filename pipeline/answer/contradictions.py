@@ -90,7 +90,7 @@ def common_factor(robot: Robot, joints: Sequence[Stiffness]) -> CommonFactor | N
     )
 
 
-def factor_findings(fact: CommonFactor | None) -> list[str]:
+def told_factor(fact: CommonFactor | None) -> list[str]:
     """A sentence on the common factor; none without one."""
     if fact is None:
         return []
@@ -141,16 +141,14 @@ def overstated(settings: Settings, found: Components) -> list[str]:
 
 def _tracker(settings: Settings, scale: float) -> str:
     tables = {"tracker": settings.tracker, "displacements": settings.displacements}
-    stated_noise = next(
-        ((name, one.sigma_m) for name, one in tables.items() if one and one.sigma_m), None
-    )
-    if stated_noise is None:
+    said = next(((name, one.sigma_m) for name, one in tables.items() if one and one.sigma_m), None)
+    if said is None:
         return (
             f"The readings scatter {plain(1 / scale, 2)} times less than their stated noise: every "
             "interval rests on the scatter that was found. Correct the stated one; is it in "
             "another unit?"
         )
-    name, sigma_m = stated_noise
+    name, sigma_m = said
     return (
         f"[{name}] sigma_m states {plain(1e3 * sigma_m)} mm, and repeated readings scatter by "
         f"{plain(1e3 * scale * sigma_m, 2)} mm: every interval rests on the latter. Correct "

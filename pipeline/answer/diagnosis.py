@@ -12,7 +12,7 @@ from pipeline.answer.conformity import axis_values
 from pipeline.answer.contract import Equilibrium, NoiseFrom, Predicted
 from pipeline.answer.recommended import left_out_mm
 from pipeline.answer.results import CampaignResults
-from pipeline.answer.words import law_in_words, why
+from pipeline.answer.words import law_told, why
 from pipeline.base import doors
 from pipeline.diagnosis.facts import (
     Diagnosed,
@@ -156,7 +156,7 @@ def _law(effect: Effect, law: Law, cause: FoundCause) -> contract.UnlistedLaw:
         source_joint=_source(law),
         order=law.order,
         range=(law.low, law.high),
-        text=law_in_words(cause),
+        text=law_told(cause),
         either=tuple(
             _one_law(one.effect.law, one.probability) for one in cause.either if one.effect.law
         ),

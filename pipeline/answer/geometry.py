@@ -104,10 +104,10 @@ def _combination(
 
 
 def estimated_combinations(
-    unloaded: UnloadedFacts, entries: Sequence[contract.TableLetter]
+    stood: UnloadedFacts, entries: Sequence[contract.TableLetter]
 ) -> tuple[contract.TableCombination, ...]:
     """Determined combinations of DH parameters of a campaign of pulls; empty without estimates."""
-    if (found := unloaded.cells) is None:
+    if (found := stood.cells) is None:
         return ()
     at, best = found.zeros.columns.table, found.best
     return table_combinations(
@@ -115,9 +115,9 @@ def estimated_combinations(
     )
 
 
-def estimated_table(unloaded: UnloadedFacts) -> tuple[contract.TableLetter, ...]:
+def estimated_table(stood: UnloadedFacts) -> tuple[contract.TableLetter, ...]:
     """DH parameters of a campaign of pulls; empty if too few reflectors were read unloaded."""
-    found = unloaded.cells
+    found = stood.cells
     if found is None:
         return ()
     zeros = found.zeros
@@ -129,16 +129,16 @@ def estimated_table(unloaded: UnloadedFacts) -> tuple[contract.TableLetter, ...]
     )
     before = np.where([k in free for k in range(at.start, at.stop)], np.inf, before)
     every = table_entries(zeros.robot, found.mean[at], np.diag(found.covariance)[at], rough, before)
-    shared = _shared(unloaded)
+    shared = _shared(stood)
     return tuple(
         entry.model_copy(update={"identifiable": entry.identifiable and letter.label not in shared})
         for entry, letter in zip(every, dh_parameters(zeros.robot), strict=True)
     )
 
 
-def misshapen_findings(unloaded: UnloadedFacts) -> list[str]:
+def misshapen_findings(stood: UnloadedFacts) -> list[str]:
     """Sentence on unloaded poses left out because the distances of their reflectors differ."""
-    found = () if unloaded.cells is None else unloaded.cells.zeros.misshapen.tolist()
+    found = () if stood.cells is None else stood.cells.zeros.misshapen.tolist()
     if not found:
         return []
     few = len(found) == 1
@@ -150,17 +150,17 @@ def misshapen_findings(unloaded: UnloadedFacts) -> list[str]:
     ]
 
 
-def _shared(unloaded: UnloadedFacts) -> set[str]:
+def _shared(stood: UnloadedFacts) -> set[str]:
     """Labels of entries that cannot be distinguished from a twin."""
-    pairs = [one for one in unloaded.causes if one.twins]
+    pairs = [one for one in stood.causes if one.twins]
     return {effect.label for one in pairs for effect in (one.effect, *one.twins)}
 
 
-def with_positions(values: contract.Values, unloaded: UnloadedFacts) -> contract.Values:
+def with_positions(values: contract.Values, stood: UnloadedFacts) -> contract.Values:
     """Values with the held-out error of unloaded positions, predicted by the estimated geometry."""
-    if unloaded.gain is None or values.validation is None:
+    if stood.gain is None or values.validation is None:
         return values
-    off = 1e3 * np.linalg.norm(unloaded.gain.after.reshape(-1, 3), axis=1)
+    off = 1e3 * np.linalg.norm(stood.gain.after.reshape(-1, 3), axis=1)
     distances = contract.HeldOutPosition(
         mean=float(off.mean()), rms=rms(off), p95=float(np.quantile(off, 0.95))
     )

@@ -64,7 +64,7 @@ def rejected_entries(rejected: pd.DataFrame) -> tuple[Rejected, ...]:
     )
 
 
-def lost_findings(lost: UnusedReadings) -> Iterator[str]:
+def lost_told(lost: UnusedReadings) -> Iterator[str]:
     """How many readings were left out, and which poses as a whole."""
     if not lost.readings:
         return

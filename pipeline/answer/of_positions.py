@@ -11,7 +11,7 @@ from pipeline import tables
 from pipeline.answer import positions
 from pipeline.answer.contract import Answer
 from pipeline.answer.positions import PositionsResults
-from pipeline.answer.posture import unloaded_posture
+from pipeline.answer.posture import standing_posture
 from pipeline.answer.results import CampaignAnswer
 from pipeline.base import doors
 from pipeline.base.arrays import Array
@@ -105,7 +105,7 @@ def _posture(found: Study) -> pd.DataFrame:
     mechanism, readings = found.final.mechanism, found.final.readings
     points = mechanism.tool[:, :3, 3]
     tool = Tool(points[0], np.array(readings.targets, dtype=object), points)
-    return unloaded_posture(mechanism.robot, tool, readings.q[0])
+    return standing_posture(mechanism.robot, tool, readings.q[0])
 
 
 def _rejected(read: Positioned, off: Sequence[Mistake]) -> pd.DataFrame:

@@ -30,7 +30,7 @@ from pipeline.answer.words import (
     capital,
     clear,
     correct,
-    law_in_words,
+    law_told,
     listed,
     mistaken,
     why,
@@ -371,13 +371,7 @@ def _called(robot: Robot, joint: int) -> str:
 
 
 def _instrument(found: Study) -> Iterator[str]:
-    """When targets were mounted anew or the instrument moved, and what was made of it."""
-    for remount in found.remounts:
-        yield (
-            f"In series {listed(remount.series)} the targets stand elsewhere on the flange than in "
-            "the others: they were mounted anew. There they count as targets of their own, "
-            f"{listed(remount.targets)}."
-        )
+    """When the instrument moved, and what was made of it."""
     for one in found.moved:
         where = f"pose {one.pose} of series {one.series}" if one.series else f"pose {one.pose}"
         yield (
@@ -423,11 +417,11 @@ def _to_do(results: PositionsResults) -> str:
         return f"{correct(results.facts)} enter none of these values into a controller."
     if not results.row.reason.holds_for_its_readings:
         return "Use none of these values; find out first what the model misses, and run again."
-    no_entry = " A controller's table has no entry for the causes." if results.facts.causes else ""
-    those = "DH parameters, springs and causes together" if no_entry else _ALONE
+    beside = " A controller's table has no entry for the causes." if results.facts.causes else ""
+    those = "DH parameters, springs and causes together" if beside else _ALONE
     return (
         f"Use {those}: predict the positions of targets at other joint values with `pipeline "
-        f"predict {results.campaign} poses.csv`.{no_entry}"
+        f"predict {results.campaign} poses.csv`.{beside}"
     )
 
 
@@ -487,23 +481,23 @@ _NOT_JUDGED = (
 
 
 def _wrong(results: PositionsResults) -> Iterator[str]:
-    facts, others = results.facts, list(besides_causes(results))
+    facts, beside = results.facts, list(besides_causes(results))
     if facts.moved or not results.row.reason.holds_for_its_readings:
         yield wrong(facts, 0)
     elif facts.causes:
         yield from _named(facts.causes)
     if clear(facts):
-        yield from _nothing_else(results, others)
+        yield from _nothing_else(results, beside)
     if results.usable and results.found.final.wanted.moments and not _sags(results):
         yield _NO_SAG
-    yield from others
+    yield from beside
 
 
-def _nothing_else(results: PositionsResults, others: Sequence[str]) -> Iterator[str]:
+def _nothing_else(results: PositionsResults, beside: Sequence[str]) -> Iterator[str]:
     """What is said where no finding calls for more."""
     if results.facts.mistakes and _erring(results.found, results.raw.robot) is None:
         yield wrong(results.facts, 0)
-    elif not (results.facts.causes or others):
+    elif not (results.facts.causes or beside):
         yield "Nothing detectable in these readings."
 
 
@@ -525,7 +519,7 @@ def _named(causes: Sequence[FoundCause]) -> Iterator[str]:
         yield f"Beside the joint springs {'act' if len(known) > 1 else 'acts'} {those}."
     if laws:
         of = "a law" if len(laws) == 1 else f"the largest of {len(laws)} laws"
-        yield f"{capital(law_in_words(laws[0]))}: {of} outside the catalogue."
+        yield f"{capital(law_told(laws[0]))}: {of} outside the catalogue."
 
 
 def _those(causes: Sequence[FoundCause], law: bool) -> list[FoundCause]:

@@ -50,51 +50,49 @@ class PositionsAndPulls:
     Attributes:
         case: The campaign of pulls, its robot where the positions have it.
         delivered: The same with its robot as its file has it.
-        positions: What the positions say; in the end beside the pulls.
+        said: What the positions say; in the end beside the pulls.
         lighter: Springs over those with an arm of usual weight, where nobody states masses.
         agreement: Springs by the weight against those by the pulls.
     """
 
     case: Case
     delivered: Case
-    positions: PositionsResults
+    said: PositionsResults
     lighter: float
     agreement: SpringAgreement | None = None
 
     @classmethod
-    def of(cls, case: Case, positions: PositionsResults, step: Step) -> PositionsAndPulls:
+    def of(cls, case: Case, said: PositionsResults, step: Step) -> PositionsAndPulls:
         """The pulls of a robot that stands where its positions have it.
 
         As its file has it where nothing explains these.
         """
-        if verdict(replace(positions.facts, mistakes=())) is Verdict.UNEXPLAINED:
-            return cls(case, case, positions, 1.0)
-        there, found, factor = step(as_estimated)(case, positions.found.final)
-        return cls(there, case, positions.ending(positions.found.ending(found)), factor)
+        if verdict(replace(said.facts, mistakes=())) is Verdict.UNEXPLAINED:
+            return cls(case, case, said, 1.0)
+        there, found, factor = step(as_estimated)(case, said.found.final)
+        return cls(there, case, said.ending(said.found.ending(found)), factor)
 
     def given(self, step: Step) -> Fitted:
         """The paper's model of the pulls alone, on the robot as delivered."""
         return step(fit)(self.delivered, bring(self.delivered))
 
-    def combined_with(self, fitted: Fitted, diagnosis: Diagnosed) -> PositionsAndPulls:
+    def beside(self, stands: Fitted, diagnosis: Diagnosed) -> PositionsAndPulls:
         """The same after the pulls, whose likeliest model adds to what the positions know."""
-        if fitted.data.stance is None:
+        if stands.data.stance is None:
             return self
-        one = diagnosis.hypotheses[0] if diagnosis.hypotheses else joint_springs(fitted).first
-        now = combined(one, fitted.data)
+        one = diagnosis.hypotheses[0] if diagnosis.hypotheses else joint_springs(stands).first
+        now = combined(one, stands.data)
         agreement = spring_agreement(one, now, self.lighter)
-        found, every = self.positions.found.final, self.positions.found.final.mechanism.elements
-        before = opened(found, called_for(every, fitted.data.stance.held))
+        found, every = self.said.found.final, self.said.found.final.mechanism.elements
+        before = opened(found, called_for(every, stands.data.stance.held))
         gears = laws_of_gears(one.cell.effects, every)
-        table_p = unloaded_p_value(before, fitted.data.stance, fitted.data, self.case.tool, gears)
+        table_p = unloaded_p_value(before, stands.data.stance, stands.data, self.case.tool, gears)
         agreement = replace(agreement, table_p=table_p)
         found = opened(found, called_for(every, now.stance.held))
         if agreement.p >= alarms.MISFIT:
             found = beside_pulls(found, now.stance, now.value, now.cov)
         return replace(
-            self,
-            positions=self.positions.ending(self.positions.found.ending(found)),
-            agreement=agreement,
+            self, said=self.said.ending(self.said.found.ending(found)), agreement=agreement
         )
 
     @property
@@ -104,7 +102,7 @@ class PositionsAndPulls:
 
     def facts(self, pulls: Facts) -> Facts:
         """What the verdict of both follows from: the worse evidence decides."""
-        mine = self.positions.facts
+        mine = self.said.facts
         return replace(
             pulls,
             mistakes=(*pulls.mistakes, *mine.mistakes),
@@ -114,7 +112,7 @@ class PositionsAndPulls:
 
     @cached_property
     def _alone(self) -> Answer:
-        return of_positions.answer(self.positions)
+        return of_positions.answer(self.said)
 
     def files(self, pulls: IdentifiedModel) -> dict[str, bytes]:
         """What `pipeline predict` reads, by name.
@@ -122,14 +120,14 @@ class PositionsAndPulls:
         Args:
             pulls: What is handed over of the pulls.
         """
-        return model_file(self.positions, ByPulls(pulls, self.agrees))
+        return model_file(self.said, ByPulls(pulls, self.agrees))
 
     def shown(self, pulls: Mapping[str, pd.DataFrame], keep: Keep) -> dict[str, pd.DataFrame]:
         """The tables of the positions, beside those of the pulls."""
-        rejected = pd.concat([self.positions.rejected, pulls["rejected"]], ignore_index=True)
+        rejected = pd.concat([self.said.rejected, pulls["rejected"]], ignore_index=True)
         pictured = doors.found(_ANNEX)
         return {
-            **(pictured(self.positions.found, keep, pulls["laws"]) if pictured else {}),
+            **(pictured(self.said.found, keep, pulls["laws"]) if pictured else {}),
             "rejected": keep("13_rejected", rejected, tables.REJECTED),
         }
 
@@ -166,18 +164,18 @@ class PositionsAndPulls:
         """Mistakes of both, causes of the pulls and of the positions, and what yields in both."""
         mine, facts = self._alone.diagnosis, found.facts
         causes = [one for one in mine.causes if one.evidence is None]  # mistakes are told of both
-        causes += [cause_entry(one) for one in yielding(found.reported.values.hypotheses)]
+        causes += [cause_entry(one) for one in yielding(found.told.values.hypotheses)]
         known_values = {(one.name, one.where) for one in pulls.causes}
-        further = []
+        beside = []
         for one in causes:
             if (one.name, one.where) not in known_values:
                 known_values.add((one.name, one.where))
-                further.append(one)
+                beside.append(one)
         return pulls.model_copy(
             update={
                 "verdict": verdict(facts),
                 "reasons": tuple(row.finding for row in of_both(facts)),
-                "causes": (*pulls.causes, *further),
+                "causes": (*pulls.causes, *beside),
                 "unloaded_off_mm": mine.unloaded_off_mm,
             }
         )
@@ -189,13 +187,13 @@ class PositionsAndPulls:
         """The first screen of the pulls, and beside its lines what the positions add to them."""
         predicted = next(one.text for one in self._alone.first_screen if one.about == About.VERDICT)
         more = {
-            About.VERDICT: [] if self.positions.facts.mistakes else [predicted],
+            About.VERDICT: [] if self.said.facts.mistakes else [predicted],
             About.MODEL: list(self._model()),
-            About.WRONG: list(of_positions.besides_causes(self.positions)),
+            About.WRONG: list(of_positions.besides_causes(self.said)),
         }
         for line in pulls.first_screen:
-            further = more.pop(line.about, [])
-            yield line.model_copy(update={"text": " ".join([line.text, *further])})
+            beside = more.pop(line.about, [])
+            yield line.model_copy(update={"text": " ".join([line.text, *beside])})
 
     def _model(self) -> Iterator[str]:
         """What positions and pulls share."""

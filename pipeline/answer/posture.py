@@ -57,7 +57,7 @@ def posture(model: ModelHypothesis, where: PoseOfInterest) -> pd.DataFrame:
     return table
 
 
-def unloaded_posture(robot: Robot, tool: Tool, q: Array) -> pd.DataFrame:
+def standing_posture(robot: Robot, tool: Tool, q: Array) -> pd.DataFrame:
     """The same of a pose without a load."""
     table, _, _ = _drawn(robot, tool, q)
     still = [c for end in ("from", "to") for by in ("moved", "caused") for c in _xyz(f"{end}_{by}")]

@@ -6,7 +6,7 @@ identifies causes, otherwise the joint springs; its data are those with the mist
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -45,8 +45,8 @@ class DecisionBasis:
         verdict: Verdict on the data without it.
         modelled: Whether something that the diagnosis identified changes the springs.
         rivals: Whether other hypotheses than the identified one have weight, too.
-        with_causes: Whether the model has a cause in addition to the springs; without one, the
-            unloaded geometry or the scatter of the scale was corrected.
+        beside: Whether the model has a cause in addition to the springs; without one, the unloaded
+            geometry or the scatter of the scale was corrected.
         too_small: Whether causes that are too small to name may be present.
         disagree: Whether positions and pulls are each explained, but by different springs.
     """
@@ -55,7 +55,7 @@ class DecisionBasis:
     verdict: Verdict
     modelled: bool
     rivals: bool
-    with_causes: bool = True
+    beside: bool = True
     too_small: bool = False
     disagree: bool = False
 
@@ -88,12 +88,12 @@ class DecisionBasis:
     def of(cls, facts: Facts, diagnosis: Diagnosed) -> DecisionBasis:
         """Basis of a campaign from its facts, mistakes included, and its diagnosis."""
         found = diagnosis.hypotheses
-        with_causes = bool(found and found[0].effects)
+        beside = bool(found and found[0].effects)
         rest = Verdict.UNEXPLAINED if facts.hopeless else verdict(replace(facts, mistakes=()))
         mistakes, small = bool(facts.mistakes), bool(diagnosis.too_small)
         open_ = [row for row in of_both(facts) if row.verdict != Verdict.ADEQUATE]
         disagree = {row.finding for row in open_} == {Finding.SPRINGS_DISAGREE}
-        return cls(mistakes, rest, len(found) > 0, len(found) > 1, with_causes, small, disagree)
+        return cls(mistakes, rest, len(found) > 0, len(found) > 1, beside, small, disagree)
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ TABLE: tuple[DecisionRow, ...] = (
     DecisionRow(Reason.MISTAKE_SPRINGS_UNTOUCHED, _SPRINGS, _CORRECTED, lambda f: f.named),
     DecisionRow(Reason.MISTAKE_AND_TOO_SMALL, _AVERAGED, _CORRECTED, lambda f: f.unseen),
     DecisionRow(Reason.MISTAKE, _SPRINGS, _CORRECTED, lambda _: True),
-    DecisionRow(Reason.WEIGHED_ANEW, _EXTENDED, _GIVEN, lambda f: f.causes and not f.with_causes),
+    DecisionRow(Reason.WEIGHED_ANEW, _EXTENDED, _GIVEN, lambda f: f.causes and not f.beside),
     DecisionRow(Reason.CAUSE_AND_RIVALS, _AVERAGED, _GIVEN, lambda f: f.explained and f.rivals),
     DecisionRow(Reason.CAUSE_IDENTIFIED, _EXTENDED, _GIVEN, lambda f: f.explained),
     DecisionRow(Reason.RIVALS, _AVERAGED, _GIVEN, lambda f: f.causes and f.rivals),
@@ -220,38 +220,32 @@ def springs_of_extended(fitted: Fitted, diagnosis: Diagnosed) -> Fitted:
 
     If these do not correct it (`UnloadedFacts.corrects`), the geometry stays nominal.
     """
-    unloaded, cell = diagnosis.facts.unloaded, fitted.case.cell
-    if not unloaded.corrects:
+    stood, cell = diagnosis.facts.unloaded, fitted.case.cell
+    if not stood.corrects:
         return fitted
-    robot = corrected(cell, fitted.data, unloaded)[0].robot
-    return fitted.standing(robot, lambda data: corrected(cell, data, unloaded)[1])
+    robot = corrected(cell, fitted.data, stood)[0].robot
+    return fitted.standing(robot, lambda data: corrected(cell, data, stood)[1])
 
 
 def recommend(
-    row: DecisionRow, fitted: Fitted, diagnosis: Diagnosed, where: PoseOfInterest
+    row: DecisionRow, stands: Fitted, diagnosis: Diagnosed, where: PoseOfInterest
 ) -> ModelValues:
     """The values that the answer gives.
 
     Args:
         row: The decision.
-        fitted: Joint springs from the data without mistakes, as by `springs_of_extended`.
+        stands: Joint springs from the data without mistakes, as by `springs_of_extended`.
         diagnosis: Diagnosis of these data.
         where: The test pose.
     """
     if row.model == _SPRINGS:
-        return joint_springs(fitted)
+        return joint_springs(stands)
     if row.reason.unseen:
-        return _unseen_averaged(joint_springs(fitted), diagnosis.too_small, where)
-    return ModelValues(fitted, diagnosis.hypotheses, _left_out(diagnosis), where)
-
-
-def _unseen_averaged(
-    alone: ModelValues, too_small: Sequence[Hypothesis], where: PoseOfInterest
-) -> ModelValues:
-    """Joint springs averaged over causes too small to name, which have the rest of the weight."""
-    rest = 1.0 - sum(one.weight for one in too_small)
-    every = weighed([replace(alone.first, weight=rest), *too_small])
-    return replace(alone, hypotheses=every, where=where)
+        alone = joint_springs(stands)
+        rest = 1.0 - sum(one.weight for one in diagnosis.too_small)
+        every = weighed([replace(alone.first, weight=rest), *diagnosis.too_small])
+        return replace(alone, hypotheses=every, where=where)
+    return ModelValues(stands, diagnosis.hypotheses, _left_out(diagnosis), where)
 
 
 def beside_positions(values: ModelValues) -> ModelValues:

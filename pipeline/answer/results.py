@@ -82,7 +82,7 @@ class CampaignResults:
         diagnosis: Diagnosis of these data, which does not include mistakes.
         facts: Facts from which the verdict follows, mistakes included.
         row: Which values the answer gives, and why.
-        reported: The recommended values.
+        told: The recommended values.
         springs: The paper's model on the data as given.
         extended: Estimate of springs and identified causes from the data on which the answer rests;
             None without causes.
@@ -101,7 +101,7 @@ class CampaignResults:
     diagnosis: Diagnosed
     facts: Facts
     row: DecisionRow
-    reported: ReportedModel
+    told: ReportedModel
     springs: ReportedModel
     extended: ModelValues | None
     where: PoseOfInterest

@@ -26,7 +26,7 @@ from pipeline.answer.contract import (
     Values,
     Which,
 )
-from pipeline.answer.inputs import lost_findings
+from pipeline.answer.inputs import lost_told
 from pipeline.answer.recommended import left_out_mm
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import (
@@ -40,7 +40,7 @@ from pipeline.answer.words import (
     listed,
     loads,
     mistaken,
-    noise_sentences,
+    noise_told,
     worst_known,
     wrong,
 )
@@ -131,11 +131,11 @@ def _wrong(found: CampaignResults, stated: FirstScreen) -> tuple[str, ...]:
     """What is wrong, and after it, or before "nothing else", what the noise does; what is lost."""
     if found.facts.hopeless:
         return ("The error in the data that the verdict names; nothing else can be judged.",)
-    noisy = tuple(noise_sentences(stated.diagnosis.causes))
+    noisy = tuple(noise_told(stated.diagnosis.causes))
     unseen, others = len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)
     sentence = wrong(found.facts, unseen, others)
     rest = (*noisy, sentence) if clear(found.facts) else (sentence, *noisy)
-    return (*stated.contradicted, *rest, *lost_findings(found.given.case.lost))
+    return (*stated.contradicted, *rest, *lost_told(found.given.case.lost))
 
 
 def _other(found: CampaignResults, springs: str, data: str, delivered: str) -> list[str]:
@@ -151,7 +151,7 @@ def _other(found: CampaignResults, springs: str, data: str, delivered: str) -> l
 
 def _verdict(found: CampaignResults) -> str:
     """Whether the model holds."""
-    fitted, reason = found.reported.values.fitted, found.row.reason
+    fitted, reason = found.told.values.fitted, found.row.reason
     estimate, good = fitted.estimate, is_plausible(fitted.estimate, fitted.data.tracked)
     alone = found.row.model == Which.JOINT_SPRINGS or reason == Reason.TOO_SMALL
     if found.mistakes:
@@ -172,9 +172,8 @@ _SPRINGS = (Reason.ADEQUATE, Reason.TOO_SMALL)
 
 def _of_reason(found: CampaignResults) -> str:
     """Whether a model of more than springs holds."""
-    causes = found.reported.values.first.effects
-    if found.row.reason == Reason.SPRINGS_UNTOUCHED and causes:
-        return f"Joint springs and {listed([one.called for one in causes])} explain the readings."
+    if found.row.reason == Reason.SPRINGS_UNTOUCHED and (beside := found.told.values.first.effects):
+        return f"Joint springs and {listed([one.called for one in beside])} explain the readings."
     robot = _of_robot(found)
     return robot.holds if robot else HOLDS[found.row.reason]
 
@@ -257,12 +256,12 @@ def _larger_scatter(estimate: Estimate) -> str:
 
 def _predicted(found: CampaignResults) -> str:
     """The cross-validation error, also of the values beside the answer's."""
-    error, without = (left_out_mm(one.values.left_out_m) for one in (found.reported, found.springs))
+    error, without = (left_out_mm(one.values.left_out_m) for one in (found.told, found.springs))
     if error is None:
         return "no pose can be predicted from the others"
     of = "" if found.facts.positions is None else " of displacements"
     text = f"cross-validation error{of} {plain(error)} mm rms per coordinate"
-    if without is None or found.reported.values is found.springs.values:
+    if without is None or found.told.values is found.springs.values:
         return text
     return f"{text} ({plain(without)} mm {_instead(found)})"
 
@@ -308,14 +307,14 @@ def _to_do(found: CampaignResults, stiffness: Sequence[Stiffness]) -> str:
     """What to do with the values, and what of the model no controller takes."""
     if not any(joint.value is not None for joint in stiffness):
         return "Measure more before any stiffness is used: none is determined."
-    causes = [one.called for one in found.reported.model.hypotheses[0].beside_springs]
-    if causes and found.row.model == Which.AVERAGED and len(found.reported.model.hypotheses) > 1:
-        causes = ["any of the possible causes"]
+    beside = [one.called for one in found.told.model.hypotheses[0].beside_springs]
+    if beside and found.row.model == Which.AVERAGED and len(found.told.model.hypotheses) > 1:
+        beside = ["any of the possible causes"]
     text = " ".join((_do(found), *_unfit(found, stiffness)))
-    if not causes or not _holds(found):
+    if not beside or not _holds(found):
         return text
     return (
-        f"{text} A controller's table of joint stiffnesses has no entry for {listed(causes)}: "
+        f"{text} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
         f"correct paths and programs with `pipeline compensate {typed(found.campaign)} PATH`, or "
         "enter the effective values."
     )
@@ -325,11 +324,11 @@ def _do(found: CampaignResults) -> str:
     """What to do with the values."""
     if robot := _of_robot(found):
         return robot.do
-    unloaded = found.facts.unloaded
-    if unloaded.corrects and not unloaded.unexplained and found.row.reason in _SPRINGS:
+    stood = found.facts.unloaded
+    if stood.corrects and not stood.unexplained and found.row.reason in _SPRINGS:
         return (
             f"{DO[Reason.ADEQUATE]} Where absolute positions matter, correct the robot's geometry, "
-            f"too: model.toml holds its DH parameters{_SAG * unloaded.weighs}."
+            f"too: model.toml holds its DH parameters{_SAG * stood.weighs}."
         )
     sentence = DO[found.row.reason]
     if _open(found) and found.row.reason == Reason.SPRINGS_UNTOUCHED:
@@ -354,8 +353,8 @@ def _unfit(found: CampaignResults, stiffness: Sequence[Stiffness]) -> Iterator[s
 
 def _model(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
     """Whose values they are, and what that moves."""
-    effects = [one.called for one in found.reported.values.first.effects]
-    count = len(found.reported.values.hypotheses)
+    effects = [one.called for one in found.told.values.first.effects]
+    count = len(found.told.values.hypotheses)
     whose = {
         Which.JOINT_SPRINGS: f"Joint springs and {listed(effects)}"
         if effects
@@ -413,13 +412,13 @@ def _for_controller(found: CampaignResults, stated: FirstScreen) -> str:
     Values that were estimated beside a cause are too stiff without it.
     """
     holds = _holds(found) and not found.mistakes
-    if not holds or not found.reported.model.hypotheses[0].beside_springs:
+    if not holds or not found.told.model.hypotheses[0].beside_springs:
         return _numbers(found, stated.mine.stiffness, stated.together)
     error = left_out_mm(found.springs.values.left_out_m)
     left = "" if error is None else f" {_WITH_THEM} {plain(error)} mm rms per coordinate."
-    values = entered(stated.springs.stiffness, (), known=False)
+    said = entered(stated.springs.stiffness, (), known=False)
     return (
-        f"Effective values, for a table of joint stiffnesses and nothing else: {values}{left} They "
+        f"Effective values, for a table of joint stiffnesses and nothing else: {said}{left} They "
         "are fitted substitutes, and no uncertainty can be stated for them: joint springs alone do "
         "not explain the readings. The stiffnesses of the joints themselves are in the table of "
         "stiffnesses."
@@ -514,7 +513,7 @@ def _test_pose(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
     pose = stated.pose
     x, y, z = (plain(part, 4) for part in pose.force_n)
     axes = ", ".join(f"{one.name} {at_axis(one.value, one.unit)}" for one in pose.axes)
-    none = "" if pose.stated else _instead_of_a_pose(found)
+    none = "" if pose.stated else _stands_in(found)
     yield (
         f"The load point deflects by {expanded(pose)}, at {axes} under ({x}, {y}, {z}) N in the "
         f"base frame F_b ({plain(math.hypot(*pose.force_n), 4)} N).{none}"
@@ -524,7 +523,7 @@ def _test_pose(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
     )
 
 
-def _instead_of_a_pose(found: CampaignResults) -> str:
+def _stands_in(found: CampaignResults) -> str:
     """Which pose it is where campaign.toml has none, as [test_pose] wants it."""
     q = np.where(found.right.case.robot.prismatic, found.where.q, np.rad2deg(found.where.q))
     return (

@@ -72,8 +72,8 @@ def stiffness_entries(
     for k, joint in enumerate(cell.robot.joints):
         silent = stiffness_entry(joint, found, k, _budget(found, parts, k), names[k])
         on = [one for one in depends if one.spring == k]
-        every_remark = tuple(_remarks(silent, odd.of(k), on, _called(cell, odd.partners[k])))
-        complete = silent.model_copy(update={"remarks": every_remark, "by_sign": both.get(k)})
+        said = tuple(_remarks(silent, odd.of(k), on, _called(cell, odd.partners[k])))
+        complete = silent.model_copy(update={"remarks": said, "by_sign": both.get(k)})
         out.append(complete.model_copy(update={"finding": remarks.finding(complete)}))
     return tuple(out)
 

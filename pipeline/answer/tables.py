@@ -116,7 +116,7 @@ def predicted(
 
 def kept(found: CampaignResults, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
     """The tables of the answer, and of the joint springs beside it."""
-    values, paper = found.reported.values, found.springs.values
+    values, paper = found.told.values, found.springs.values
     system = values.first.system.of_pulls
     if found.mistakes:  # what the answer rests on stands under the usual names
         given, used = found.given.reduced.shown, found.right.reduced.shown
@@ -132,8 +132,8 @@ def kept(found: CampaignResults, keep: Keep, step: Step) -> dict[str, pd.DataFra
         cov = covariance_table(names, estimate.cov)
         keep(f"41_covariance{suffix}", cov, tables.covariance(names))
     residuals = _residuals_table(system, values.first.estimate, values.left_out_m)
-    checked = no_validation() if found.reported.checked is None else found.reported.checked
-    posed = step(posture)(found.reported.model.hypotheses[0], found.where)
+    checked = no_validation() if found.told.checked is None else found.told.checked
+    posed = step(posture)(found.told.model.hypotheses[0], found.where)
     pictured = doors.found(_ANNEX)
     return (pictured(found, keep, step) if pictured else {}) | {
         "posture": keep("73_posture", posed, tables.POSTURE),

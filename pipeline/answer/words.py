@@ -47,7 +47,7 @@ _PLACES = 4
 
 def why(facts: Facts) -> str:
     """What the verdict rests on: every finding in a sentence, but for "nothing" beside others."""
-    sentences = _in_sentences(facts) or _FINDINGS[Finding.NOTHING](facts)
+    sentences = _told(facts) or _FINDINGS[Finding.NOTHING](facts)
     return (
         f"{mistaken(facts)} The rest holds for the corrected data. {sentences}"
         if facts.mistakes
@@ -96,18 +96,18 @@ def wrong(facts: Facts, unseen: int, besides: Sequence[str] = ()) -> str:
         unseen: How many causes would not have shown at their typical magnitude.
         besides: Sentences on what was found besides, on what was stated or the noise.
     """
-    others = _in_sentences(facts)
+    others = _told(facts)
     if others:
         return f"With the data corrected: {others}" if facts.mistakes else others
     also = f" {unnoticed(unseen)}; they are listed in the report." if unseen else ""
-    where, unloaded = "these readings", facts.unloaded
-    if unloaded.off:
+    where, stood = "these readings", facts.unloaded
+    if stood.off:
         where = "the displacements under load"
         also += (
-            f" Unloaded, the reflectors are {plain(1e3 * unloaded.remains_m, 2)} mm rms from where "
-            f"{'the estimated DH parameters' if unloaded.corrects else _of_table(facts)} place "
-            f"them (base and tool fitted), {plain(unloaded.remains_m / unloaded.noise_m, 2)} times "
-            "the noise: the stiffnesses do not depend on it, absolute positions do."
+            f" Unloaded, the reflectors are {plain(1e3 * stood.remains_m, 2)} mm rms from where "
+            f"{'the estimated DH parameters' if stood.corrects else _of_table(facts)} place them "
+            f"(base and tool fitted), {plain(stood.remains_m / stood.noise_m, 2)} times the noise: "
+            "the stiffnesses do not depend on it, absolute positions do."
         )
     nothing = f"Nothing {'else ' if besides else ''}detectable in {where}."
     if facts.mistakes:
@@ -117,10 +117,10 @@ def wrong(facts: Facts, unseen: int, besides: Sequence[str] = ()) -> str:
 
 def clear(facts: Facts) -> bool:
     """Whether nothing is wrong but what the data have, if anything."""
-    return not _in_sentences(facts)
+    return not _told(facts)
 
 
-def noise_sentences(causes: Sequence[contract.Cause]) -> Iterator[str]:
+def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
     """What was found of the noise that makes up for no cause, a sentence each."""
     for cause in causes:
         entries = {one.name: one.value for one in cause.parameters}
@@ -157,7 +157,7 @@ def unnoticed(count: int) -> str:
     return f"{causes} could be present at typical magnitude without being detected"
 
 
-def _in_sentences(facts: Facts) -> str:
+def _told(facts: Facts) -> str:
     """Every finding but mistakes and "nothing", in sentences."""
     found: list[Finding] = [row.finding for row in findings(facts)]
     others = [one for one in found if one not in (Finding.NOTHING, Finding.MISTAKE)]
@@ -170,12 +170,12 @@ def _in_sentences(facts: Facts) -> str:
                 if labels and facts.refused and not facts.unloaded.refuted
                 else []
             ),
-            *([] if facts.positions is None else filter(None, [_in_sentences(facts.positions)])),
+            *([] if facts.positions is None else filter(None, [_told(facts.positions)])),
         ]
     )
 
 
-def sentences_of(facts: Facts, asked: Collection[Finding]) -> list[str]:
+def told_of(facts: Facts, asked: Collection[Finding]) -> list[str]:
     """Those of some findings that hold, in sentences."""
     holding = [row.finding for row in findings(facts) if row.finding in asked]
     return [capital(_FINDINGS[one](facts)) for one in holding]
@@ -284,7 +284,7 @@ def enormous(cause: FoundCause) -> str | None:
     )
 
 
-def law_in_words(cause: FoundCause) -> str:
+def law_told(cause: FoundCause) -> str:
     """A law that nobody listed, with its amplitude."""
     size = cause.height
     if size is None:
@@ -344,10 +344,10 @@ def _stands_elsewhere(facts: Facts) -> str:
 
 
 def _geometry_refuted(facts: Facts) -> str:
-    unloaded = facts.unloaded
-    if unloaded.tool_m > max(unloaded.miss_m, unloaded.left_m):
+    stood = facts.unloaded
+    if stood.tool_m > max(stood.miss_m, stood.left_m):
         return (
-            f"The targets stand up to {plain(1e3 * unloaded.tool_m, 2)} mm from their places in "
+            f"The targets stand up to {plain(1e3 * stood.tool_m, 2)} mm from their places in "
             "[tool]: measure them and the load point again in the flange frame, and check the unit "
             "and the axes of [tool] in campaign.toml."
         )
@@ -382,18 +382,17 @@ def _tables_disagree(facts: Facts) -> str:
 
 
 def _stands_unexplained(facts: Facts) -> str:
-    unloaded = facts.unloaded
-    whose = "the estimated DH parameters" if unloaded.corrects else _of_table(facts)
+    stood = facts.unloaded
+    whose = "the estimated DH parameters" if stood.corrects else _of_table(facts)
     sentence = (
-        f"The unloaded reflectors are {plain(1e3 * unloaded.remains_m, 2)} mm rms from where "
-        f"{whose} place them (base and tool fitted), "
-        f"{unloaded.remains_m / unloaded.noise_m:.0f} times the noise of the readings, and neither "
-        "DH parameters nor the arm's weight nor a change during the campaign explains it. Whatever "
-        "it is may act on the pulls, too."
+        f"The unloaded reflectors are {plain(1e3 * stood.remains_m, 2)} mm rms from where {whose} "
+        f"place them (base and tool fitted), {stood.remains_m / stood.noise_m:.0f} times the noise "
+        "of the readings, and neither DH parameters nor the arm's weight nor a change during the "
+        "campaign explains it. Whatever it is may act on the pulls, too."
     )
-    if unloaded.down is None:
+    if stood.down is None:
         return f"{sentence} Check the joint log, [tool] and the robot file, and [gravity]."
-    axis, left_m = unloaded.down
+    axis, left_m = stood.down
     return (
         f"{sentence} With gravity along {axis} of F_b they would be {plain(1e3 * left_m, 2)} mm "
         "from there: state its direction in [gravity]."
@@ -432,9 +431,9 @@ def _sized(cause: FoundCause) -> str:
         unit = one.parameter.unit
         if isinstance(cause.effect, Table):
             factor, letter = _ENTRIES[unit]
-            estimate = with_std(factor * (cause.effect.nominal + one.value), factor * one.std)
+            stands = with_std(factor * (cause.effect.nominal + one.value), factor * one.std)
             stated = f"{factor * cause.effect.nominal:.7g}"
-            sizes.append(f"{one.parameter.name} = {estimate} {letter}, not {stated} {letter}")
+            sizes.append(f"{one.parameter.name} = {stands} {letter}, not {stated} {letter}")
             continue
         factor, letter = _THOUSANDTHS.get(unit, (1.0, unit))
         sizes.append(f"{with_std(factor * one.value, factor * one.std)} {letter}")

@@ -74,7 +74,7 @@ def _exit_code(
             return 0
         raise
     except (Exception, KeyboardInterrupt) as problem:
-        return _say(*_message(problem, name))
+        return _say(*_told(problem, name))
 
 
 def _carried_out(arguments: list[str] | None, app: typer.Typer, name: str) -> int:
@@ -87,7 +87,7 @@ def _carried_out(arguments: list[str] | None, app: typer.Typer, name: str) -> in
     return code if isinstance(code, int) else 0
 
 
-def _message(problem: Exception | KeyboardInterrupt, name: str) -> tuple[str, int]:
+def _told(problem: Exception | KeyboardInterrupt, name: str) -> tuple[str, int]:
     """One sentence on the problem, and its exit code."""
     problem = refused(problem) or problem
     match problem:

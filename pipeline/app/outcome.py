@@ -249,14 +249,14 @@ def sentences(rejected: Iterable[Rejected]) -> list[str]:
         alike = re.sub(r"[0-9]+", "0", row.reason)
         groups.setdefault((row.file, alike), []).append(row)
     most = sorted(groups, key=lambda kind: -len(groups[kind]))[:_KINDS]
-    items = [line for kind in groups if kind in most for line in _reasons(groups[kind])]
+    items = [line for kind in groups if kind in most for line in _told(groups[kind])]
     rest = [len(rows) for kind, rows in groups.items() if kind not in most]
     if rest:
         items.append(f"... and {sum(rest)} more lines of {len(rest)} other kinds; --json has them")
     return items
 
 
-def _reasons(rows: Sequence[Rejected]) -> list[str]:
+def _told(rows: Sequence[Rejected]) -> list[str]:
     first: dict[str, str] = {}
     for row in rows:
         first.setdefault(row.reason, f"{place(row.file, row.line)}{row.reason}")

@@ -267,13 +267,9 @@ def _meant(kind: type[BaseModel], key: Sequence[str | int]) -> str | None:
     here = {name.lower(): name for where, name in every if _same(where, table)}
     if near := get_close_matches(last.lower(), here, 1):
         return f"did you mean {here[near[0]]}?"
-    return _at_home(last, table, sorted({where for where, name in every if name == last}))
-
-
-def _at_home(key: str, table: Sequence[str], homes: Sequence[Sequence[str]]) -> str | None:
-    """Which of the tables that know a key it belongs to, if it was written in another table."""
-    if inside := [one[-1] for one in homes if table and [*one[:-1]] == table]:
-        return f"it belongs into {inside[0]} = {{ {key} = ... }}"
+    homes = sorted({where for where, name in every if name == last})
+    if inside := [one[-1] for one in homes if [*one[:-1]] == table and table]:
+        return f"it belongs into {inside[0]} = {{ {last} = ... }}"
     named = [f"[{'.'.join(one)}]" if one else "the top of the file" for one in homes]
     return f"it belongs to {' or '.join(named)}" if named else None
 

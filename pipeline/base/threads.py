@@ -30,8 +30,8 @@ def both(first: Callable[[], _S], second: Callable[[], _T], much: bool) -> tuple
     if not much:
         return first(), second()
     with ThreadPoolExecutor(1) as other:
-        future = other.submit(second)
-        return first(), future.result()
+        beside = other.submit(second)
+        return first(), beside.result()
 
 
 def spread(work: Callable[[_S], _T], items: Iterable[_S], much: bool = True) -> list[_T]:

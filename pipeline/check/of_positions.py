@@ -35,7 +35,7 @@ def of_positions(name: str, raw: Raw) -> Outcome:
     readings, off_m = read.readings, _off_m(raw, read)
     rejected = rejected_entries(read.rejected)
     series = [str(one) for one in readings.names]
-    notes = [*map(_sentence, rejected), *(one.evidence for one in wrong), *_far(off_m)]
+    notes = [*map(_told, rejected), *(one.evidence for one in wrong), *_far(off_m)]
     todo = f"pipeline {'run' if off_m <= _FAR_M else 'check'} {typed(name)}"
     used = {"poses": len(readings), "targets": len(readings.targets), "rejected": len(rejected)}
     off = f"{plain(1e3 * off_m, 2)}"
@@ -64,7 +64,7 @@ def of_positions(name: str, raw: Raw) -> Outcome:
     )
 
 
-def _sentence(one: Rejected) -> str:
+def _told(one: Rejected) -> str:
     return f"{one.file}:{one.line}: {one.reason}"
 
 

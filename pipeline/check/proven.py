@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pipeline.answer.words import sentences_of
+from pipeline.answer.words import told_of
 from pipeline.base.errors import PipelineError
 from pipeline.base.quantities import plain
 from pipeline.check.survey import distances
@@ -70,5 +70,5 @@ def _table(case: Case, reduced: Reduced | None) -> Iterator[str]:
     cell, data = given.case.cell, given.data
     certain = case_of(cell, data, given.estimate)[0].certain_noise
     whole = catalogue(cell.robot, data.pulls)
-    found = from_unloaded(as_stiff(cell, given.estimate), data, certain, whole)
-    yield from sentences_of(Facts(unloaded=found, moved=of_unloaded(found)), _OF_THE_TABLE)
+    stood = from_unloaded(as_stiff(cell, given.estimate), data, certain, whole)
+    yield from told_of(Facts(unloaded=stood, moved=of_unloaded(stood)), _OF_THE_TABLE)

@@ -33,7 +33,7 @@ from pipeline.check.survey import (
     clock,
     distances,
     over_nominal,
-    surveyed_poses,
+    stands,
 )
 from pipeline.check.wrong_lines import TOML, WrongLine, mistaken, text_of, wrong_lines
 from pipeline.faults.conventions import anchored_miss, miss
@@ -82,19 +82,19 @@ def check(campaign: CampaignFolder) -> Outcome:
         if not wrong and not others:
             raise
         return _refused(campaign, wrong, others, problem)
-    outcome = _checked(campaign, raw, case, reduced, wrong)
+    told = _told(campaign, raw, case, reduced, wrong)
     if raw.settings.positions is not None:
-        outcome = _of_both(outcome, of_positions(campaign.name, raw))
-    return _with_tolerance(outcome, raw.settings, path, reduced.data.pulls.range_n)
+        told = _of_both(told, of_positions(campaign.name, raw))
+    return _with_tolerance(told, raw.settings, path, reduced.data.pulls.range_n)
 
 
 def _with_tolerance(
-    outcome: Outcome, settings: Settings, path: Path | None, pulled: tuple[float, float]
+    told: Outcome, settings: Settings, path: Path | None, pulled: tuple[float, float]
 ) -> Outcome:
     """Add what [tolerance] requests, if it is given, compared with the pulls [N]."""
     tolerance = settings.tolerance
     if tolerance is None:
-        return outcome
+        return told
     found: dict[str, Any] = {"deflection_mm": tolerance.deflection_mm}
     line = f"  tolerance    {tolerance.deflection_mm:g} mm"
     notes: list[str] = []
@@ -104,12 +104,11 @@ def _with_tolerance(
         found |= {"file": tolerance.path, "points": len(size), "force_range_n": [least, most]}
         line += f" along {tolerance.path}: {len(size)} points, {least:.0f} to {most:.0f} N"
         notes += [f"{tolerance.path}: {one}" for one in against_pulls(size, pulled)]
-    *above, last = outcome.text.split("\n")
+    *above, last = told.text.split("\n")
     return replace(
-        outcome,
-        content=outcome.content
-        | {"tolerance": found, "notes": [*outcome.content["notes"], *notes]},
-        complaints=[*outcome.complaints, *(f"{outcome.campaign}: {one}" for one in notes)],
+        told,
+        content=told.content | {"tolerance": found, "notes": [*told.content["notes"], *notes]},
+        complaints=[*told.complaints, *(f"{told.campaign}: {one}" for one in notes)],
         text="\n".join([*above, line, last]),
     )
 
@@ -134,7 +133,7 @@ def _refused(
     """Report on a campaign that can be used once a line, or a whole file, is corrected."""
     shown = problem
     for first in wrong[:1]:
-        shown = InputError(first.reason, "then check again", file=TOML, line=first.line)
+        shown = InputError(first.said, "then check again", file=TOML, line=first.line)
     error = {"kind": "InputError", "message": str(shown), "exit_code": InputError.exit_code}
     return Outcome(
         campaign=campaign.name,
@@ -155,7 +154,7 @@ def _refused(
 
 def _entries(wrong: list[WrongLine]) -> list[dict[str, Any]]:
     return [
-        {"file": TOML, "line": one.line, "key": one.key, "reason": one.reason,
+        {"file": TOML, "line": one.line, "key": one.key, "reason": one.said,
          "probability": one.probability}
         for one in wrong
     ]  # fmt: skip
@@ -165,20 +164,20 @@ def _complaints(name: str, wrong: list[WrongLine]) -> list[str]:
     return [f"{name}: {one.sentence}" for one in wrong]
 
 
-def _checked(
+def _told(
     campaign: CampaignFolder, raw: Raw, case: Case, reduced: Reduced, wrong: list[WrongLine]
 ) -> Outcome:
     name, shown, data = campaign.name, reduced.shown, reduced.data
     rejected = rejected_entries(shown["rejected"])
     used = _used(reduced) | {"rejected": len(rejected)} | _hung(reduced)
-    there, ratio = surveyed_poses(data), over_nominal(case, data)
+    there, ratio = stands(data), over_nominal(case, data)
     when = clock(case, _logs(raw))
     line = ", ".join(f"{count} {what}" for what, count in used.items())
     found = _Seen(case, there, ratio, when, _remarks(raw, case.robot))
     grown = growth_findings(registration_entry(reduced.registration))
     others = [] if wrong else proven(case, reduced)
     overload = overload_entry(raw.robot, reduced.data.pulls)
-    findings = [
+    said = [
         *limit_findings(case),
         *shot_findings(case, data.pulls),
         *treated_findings(case),
@@ -190,7 +189,7 @@ def _checked(
         *_unplaced(raw.settings),
         *_without_times(raw, case),
         *doubled,
-        *findings,
+        *said,
         *found.doubts(),
         *overloaded(overload),
     ]
@@ -314,7 +313,7 @@ class _Seen:
     """Findings, as text and as JSON."""
 
     case: Case
-    poses: list[SurveyedPose]
+    stands: list[SurveyedPose]
     ratio: float | None
     clock: CampaignTimes | None
     remarks: list[str]
@@ -336,8 +335,8 @@ class _Seen:
     @property
     def range_n(self) -> tuple[float, float]:
         """Smallest and largest force [N]."""
-        least = min((one.least_n for one in self.poses), default=0.0)
-        return least, max((one.most_n for one in self.poses), default=0.0)
+        least = min((one.least_n for one in self.stands), default=0.0)
+        return least, max((one.most_n for one in self.stands), default=0.0)
 
     def content(self) -> dict[str, Any]:
         """Findings for JSON."""
@@ -356,7 +355,7 @@ class _Seen:
                 {"pose": one.pose, "q": in_log_units(robot, one.q).tolist(),
                  "axes": axes.displayed(robot, one.q).round(6).tolist(), "pulls": one.pulls,
                  "force_n": [one.least_n, one.most_n]}
-                for one in self.poses
+                for one in self.stands
             ],
             "times": self._times(),
             "remarks": self.remarks,
@@ -377,6 +376,7 @@ class _Seen:
 
     def lines(self, raw: Raw) -> Iterator[str]:
         """Findings as lines of text."""
+        text = text_of(raw)
         least, most = self.range_n
         nominal = "" if self.ratio is None else (
             f"; displacements {in_digits(self.ratio, 2)} times those of the nominal stiffnesses"
@@ -390,12 +390,6 @@ class _Seen:
         yield from (f"  remark       {one}" for one in self.remarks)
         if self.case.unused:
             yield f"  not used     groups {listed(self.case.unused)}"
-        yield from self._distances(text_of(raw))
-        yield from self._asked_about()
-        yield from _table(self.case.robot, self.poses)
-
-    def _distances(self, text: str) -> Iterator[str]:
-        """Measured and nominal distances, with the lines of campaign.toml that state the points."""
         far = self._farthest_off()
         pairs = [f"{d.first} to {d.second}" for d in far]
         width = max(map(len, pairs), default=0)
@@ -406,6 +400,8 @@ class _Seen:
                 f"  {pair:{width}} {1e3 * d.read_m:9.2f} mm measured, "
                 f"{1e3 * d.stated_m:9.2f} mm nominal (lines {where})"
             )
+        yield from self._asked_about()
+        yield from _table(self.case.robot, self.stands)
 
     def _asked_about(self) -> Iterator[str]:
         """Test pose in the controller's axes, and its load point, so that a wrong sign shows."""
@@ -482,6 +478,6 @@ def _remarks_of(name: str, data: bytes, stated: LogForm, robot: Robot | None = N
     for k in np.flatnonzero(log.word.get("remark", np.array([])) != ""):
         where = [f"{what} {log.number[what][k]:.0f}" for what in ("pose", "repeat")
                  if what in log.number and np.isfinite(log.number[what][k])]  # fmt: skip
-        state = f", {' '.join(where)}" if where else ""
-        out.append(f"{name}, line {log.line[k]}{state}: {log.word['remark'][k]}")
+        said_of = f", {' '.join(where)}" if where else ""
+        out.append(f"{name}, line {log.line[k]}{said_of}: {log.word['remark'][k]}")
     return out

@@ -77,7 +77,7 @@ class SurveyedPose:
     most_n: float
 
 
-def surveyed_poses(data: Measured) -> list[SurveyedPose]:
+def stands(data: Measured) -> list[SurveyedPose]:
     """Every pose that is used, with its forces."""
     if not len(data.pulls):
         return []

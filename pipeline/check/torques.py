@@ -54,10 +54,10 @@ _ALIKE = 1e-3
 
 def weighed(case: Case, stated: Sequence[Payload]) -> tuple[Payload, ...]:
     """The stated payloads, with what the logged torques determine of them."""
-    return tuple(one.model_copy(update=_by_torques(case, one)) for one in stated)
+    return tuple(one.model_copy(update=_told(case, one)) for one in stated)
 
 
-def _by_torques(case: Case, stated: Payload) -> dict[str, Any]:
+def _told(case: Case, stated: Payload) -> dict[str, Any]:
     """What torques determine of one payload; empty for nothing."""
     if case.torques is None or not len(case.torques):
         return {}
@@ -142,11 +142,11 @@ def _usual(square: Array, spare: Array) -> tuple[float, float]:
     From the mean and the variance of log(square_j / d_j) (Smyth, Stat. Appl. Genet. Mol. Biol. 3,
     2004); the weight is at most `_WEIGHT`, since a few joints may agree by chance.
     """
-    informative = (spare > _SPARE) & (square > 0)
-    if not informative.any():
+    told = (spare > _SPARE) & (square > 0)
+    if not told.any():
         return 0.0, 0.0
-    d = spare[informative]
-    logs = np.log(square[informative] / d) - special.digamma(d / 2) + np.log(d / 2)
+    d = spare[told]
+    logs = np.log(square[told] / d) - special.digamma(d / 2) + np.log(d / 2)
     more = float(np.var(logs, ddof=1) - np.mean(special.polygamma(1, d / 2))) if len(d) > 1 else 0.0
     if more < _ALIKE:
         return _WEIGHT, float(np.exp(np.mean(logs)))

@@ -33,19 +33,19 @@ class WrongLine:
     Attributes:
         line: Its number; None if it cannot be found.
         key: Its key.
-        reason: What is wrong with it, and the way out.
+        said: What is wrong with it, and the way out.
         probability: Probability that it is this line, if one is wrong.
     """
 
     line: int | None
     key: str
-    reason: str
+    said: str
     probability: float = 1.0
 
     @property
     def sentence(self) -> str:
         """The sentence preceded by its place."""
-        return f"{place(TOML, self.line)}{self.reason}"
+        return f"{place(TOML, self.line)}{self.said}"
 
 
 def wrong_lines(raw: Raw) -> list[WrongLine]:

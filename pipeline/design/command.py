@@ -171,12 +171,12 @@ def _every_pose(proposal: BoundedPlan) -> tuple[Array, list[list[float]], Array]
     """Joint values, load steps and approaches of all poses, those without a pull last."""
     import numpy as np
 
-    measurement, unloaded = proposal.measurement, proposal.unpulled
+    measurement, beside = proposal.measurement, proposal.unpulled
     steps = [own.tolist() for own in measurement.steps]
-    if unloaded is None:
+    if beside is None:
         return measurement.q, steps, measurement.approach
-    way = np.append(measurement.approach, np.resize([1, -1], len(unloaded.q)))
-    return np.concatenate([measurement.q, unloaded.q]), [*steps, *[[] for _ in unloaded.q]], way
+    way = np.append(measurement.approach, np.resize([1, -1], len(beside.q)))
+    return np.concatenate([measurement.q, beside.q]), [*steps, *[[] for _ in beside.q]], way
 
 
 def _undriven(wrong: Sequence[str], refused: bool, tell: Callable[[str], object]) -> None:

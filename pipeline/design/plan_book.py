@@ -19,7 +19,7 @@ from pipeline.base.quantities import MM
 from pipeline.design.finished import printed
 from pipeline.design.plan_sheet import expected, turnings
 from pipeline.design.propose import BoundedPlan
-from pipeline.design.pull import branches
+from pipeline.machine.effect import branches
 from pipeline.machine.robot import axes
 from pipeline.machine.robot.axes import from_log_units
 
@@ -113,12 +113,12 @@ def _pulls(proposal: BoundedPlan) -> tuple[list[str], list[_Row], int]:
     for pose, steps in enumerate(measurement.steps):
         group, ways, todo = f"pose{pose + 1:0{wide}d}_rep", branches(steps), turnings(steps)
         for k, step in enumerate(np.abs(steps)):
-            groups = [f"{group}0_unloaded before"] if k == 0 else []
+            beside = [f"{group}0_unloaded before"] if k == 0 else []
             if after and k == len(steps) - 1:
-                groups.append(f"{group}{k + 2}_unloaded after")
+                beside.append(f"{group}{k + 2}_unloaded after")
             far = ", ".join(f"{MM * x:.2f}" for x in moved[pose][k])
             way = "up" if ways[k] > 0 else "down"
-            texts = [f"{todo[k]} {step:g} N", f"{group}{k + 1}_loaded", "; ".join(groups), far]
+            texts = [f"{todo[k]} {step:g} N", f"{group}{k + 1}_loaded", "; ".join(beside), far]
             rows.append([pose + 1, k + 1, way, *texts])
     titles = [
         *("Pose", "Repeat", "Branch", "Turnbuckle", "Group in the tracker", "Read unloaded"),
@@ -132,9 +132,9 @@ def _axes(proposal: BoundedPlan) -> tuple[list[str], list[_Row]]:
     """Titles, and a row for each pose, including those without a pull."""
     problem, measurement = proposal.problem, proposal.measurement
     robot, q, way = problem.robot, measurement.q, measurement.approach
-    if (unloaded := proposal.unpulled) is not None:
-        q = np.concatenate([q, unloaded.q])
-        way = np.append(way, np.resize([1, -1], len(unloaded.q)))
+    if (beside := proposal.unpulled) is not None:
+        q = np.concatenate([q, beside.q])
+        way = np.append(way, np.resize([1, -1], len(beside.q)))
     mapped = axes.of(robot)
     shown: Array = axes.displayed(robot, from_log_units(robot, printed(problem, q))).round(6)
     units = ["mm" if slides else "deg" for slides in mapped.slides]

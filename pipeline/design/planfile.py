@@ -61,9 +61,9 @@ def plan_content(proposal: BoundedPlan) -> dict[str, Any]:
     spec, measurement = proposal.problem.spec, proposal.measurement
     every = measurement.q
     approach = measurement.approach.astype(int)
-    if (unloaded := proposal.unpulled) is not None:
-        every = np.concatenate([every, unloaded.q])
-        approach = np.append(approach, np.resize([1, -1], len(unloaded.q)))
+    if (beside := proposal.unpulled) is not None:
+        every = np.concatenate([every, beside.q])
+        approach = np.append(approach, np.resize([1, -1], len(beside.q)))
     q = printed(proposal.problem, every)
     content: dict[str, Any] = {
         "name": spec.name,

@@ -105,5 +105,5 @@ def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterat
             proposal = replace(proposal, mixed=mixed, done=f"exchange, {mixed.named} causes named")
             yield proposal
     if problem.spec.plan.unloaded:
-        unloaded = unpulled(problem, proposal.measurement.q, for_table)
-        yield replace(proposal, unpulled=unloaded, done="unloaded poses")
+        beside = unpulled(problem, proposal.measurement.q, for_table)
+        yield replace(proposal, unpulled=beside, done="unloaded poses")

@@ -136,7 +136,7 @@ def room_of(
     lower, upper = turns(robot, stated)
     tool, at = np.array(list(points.values()), dtype=float), stated.cell.tracker_m
     tracker = None if at is None else np.array(at)
-    bodies = _together(robot.capsules, _effector(robot, stated))
+    bodies = robot.capsules.with_others(_effector(robot, stated))
     outward, crossed = _reached(robot, tool, bodies, tracker is not None)
     turned = 0.0 if tracker is None else _turned_by(robot, tool, lower, upper, hardest_n, tracker)
     shot = [] if tracker is None else accepted(points, stated)
@@ -184,7 +184,7 @@ def unchecked(robot: Robot, targets: Sequence[str], stated: Surrounded) -> tuple
         out.append("the floor: [cell] has no floor_z_m")
     if not cell.max_turn_deg:
         out.append("cables and hoses: [cell] has no max_turn_deg")
-    touching = _pairs(robot, _together(robot.capsules, _effector(robot, stated)))[1]
+    touching = _pairs(robot, robot.capsules.with_others(_effector(robot, stated)))[1]
     out += [
         f"{one} against {other}: at the zero of all joints they touch" for one, other in touching
     ]
@@ -364,13 +364,3 @@ def _held(part: Array, whole: Array) -> Array:
     """Part / whole, clamped to 0 to 1; 0 for a segment that is a point."""
     there = whole > _POINT_M2
     return np.where(there, np.clip(part / np.where(there, whole, 1.0), 0, 1), 0.0)
-
-
-def _together(arm: Capsules, effector: Capsules) -> Capsules:
-    """Capsules of the arm followed by those of the effector."""
-    return Capsules(
-        np.concatenate([arm.carrier, effector.carrier]),
-        np.concatenate([arm.ends, effector.ends], axis=1),
-        np.concatenate([arm.radius, effector.radius]),
-        arm.source,
-    )

@@ -74,7 +74,7 @@ def _open(
     questions = [
         PlaceQuestion(tuple(odds), tuple(odds.values()), _others(found, mine))
         for place, mine in enumerate(found.accepted)
-        if len(odds := _odds_there(found, place, causes[place], known)) > 1
+        if len(odds := _standing_there(found, place, causes[place], known)) > 1
     ]
     if questions or worth is None or worth.ci95[0] > 0:
         return questions
@@ -89,7 +89,7 @@ def _others(found: SearchResult, mine: int) -> tuple[int, ...]:
     return tuple(i for i in found.accepted if i != mine)
 
 
-def _odds_there(
+def _standing_there(
     found: SearchResult, place: int, cause: FoundCause, known: Twins
 ) -> dict[int | None, float]:
     """Possible causes in one place, with their odds; a single one where that is certain."""

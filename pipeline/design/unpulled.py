@@ -95,29 +95,29 @@ def unpulled(problem: Problem, pulled: Array, rng: np.random.Generator) -> Unpul
     zeros = _read(problem, np.concatenate([pulled, offer]))
     M, table = _information(zeros)
     start = np.eye(M.shape[1]) + M[: len(pulled)].sum(axis=0)
-    choice = _Told(M[len(pulled) :], start, table)
-    chosen = choice.exchanged(choice.greedy(count))
-    best = choice.phi(choice.sum(chosen))
+    told = _Told(M[len(pulled) :], start, table)
+    chosen = told.exchanged(told.greedy(count))
+    best = told.phi(told.sum(chosen))
 
     def relative(phi: float) -> float:
         return float(np.exp(-phi / 2 / (table.stop - table.start)))
 
     return Unpulled(
         q=offer[chosen],
-        without=relative(choice.phi(start)),
+        without=relative(told.phi(start)),
         figure=relative(best),
-        bound=relative(choice.bound(chosen)),
+        bound=relative(told.bound(chosen)),
         offered=len(offer),
     )
 
 
 def _offer(problem: Problem, rng: np.random.Generator) -> Array:
     """Poses that keep every limit except those of a chain, as they are printed, shape (o, n)."""
-    box, asked = PlanCoordinates(problem, 1), problem.limits
+    box, said = PlanCoordinates(problem, 1), problem.limits
     limits = Limits(
-        joints=asked.joints,
-        flange_above_m=asked.flange_above_m,
-        effector_above_m=asked.effector_above_m,
+        joints=said.joints,
+        flange_above_m=said.flange_above_m,
+        effector_above_m=said.effector_above_m,
         chain_m=_ANY_M,
     )
 

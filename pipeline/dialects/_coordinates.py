@@ -182,8 +182,8 @@ def seem_packed(values: Array) -> bool:
     seconds with 0.6. Angles without decimals, and repeated decimals, carry no information.
     """
     fractions = np.unique(np.round(np.abs(values) % 1.0, 10))
-    counted = np.count_nonzero(fractions)
-    return may_be_packed(values) and bool(_MAY_BE_BOTH**counted < _BY_CHANCE)
+    told = np.count_nonzero(fractions)
+    return may_be_packed(values) and bool(_MAY_BE_BOTH**told < _BY_CHANCE)
 
 
 _MAY_BE_BOTH, _BY_CHANCE = 0.6 * 0.6, 1e-3
@@ -218,29 +218,29 @@ def _jacobian(si: Array, meaning: Meaning) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def settled(stated: str | None, exported: str | None, what: str, example: str) -> str:
+def settled(stated: str | None, said: str | None, what: str, example: str) -> str:
     """Reconcile what an export states with what campaign.toml says in [tracker].
 
     Args:
         stated: Value stated by the export, None if it does not.
-        exported: Value in campaign.toml, None if absent.
+        said: Value in campaign.toml, None if absent.
         what: Name of the quantity, for messages.
         example: The line to write into [tracker].
 
     Raises:
         InputError: Neither states it, or the two contradict each other.
     """
-    if stated is None and exported is None:
+    if stated is None and said is None:
         raise InputError(
             f"the export does not say its {what}",
             f"write {example} into [tracker] of campaign.toml",
         )
-    if stated and exported and stated != exported:
+    if stated and said and stated != said:
         raise InputError(
-            f"the export says {stated} for its {what} but campaign.toml says {exported}",
+            f"the export says {stated} for its {what} but campaign.toml says {said}",
             f"remove {example.split(' =')[0]} from [tracker], it is for exports that do not say",
         )
-    return stated or exported or ""
+    return stated or said or ""
 
 
 def settled_unit(stated: str | None, hints: ExportSettings) -> str:
@@ -279,18 +279,18 @@ def settled_angles(
     return replace(meaning, horizontal=settled_horizontal(stated.horizontal, hints.horizontal))
 
 
-def settled_angle(stated: str | None, exported: str | None) -> str:
+def settled_angle(stated: str | None, said: str | None) -> str:
     """The unit of angles; if called degrees, it may have minutes and seconds after the point.
 
     Raises:
         InputError: Neither the export nor campaign.toml states it, or they contradict each other.
     """
-    own = None if {stated, exported} == {"deg", PACKED} else stated
+    own = None if {stated, said} == {"deg", PACKED} else stated
     example = f'angle = "deg" (or "rad", "gon", "{PACKED}")'
-    return settled(own, exported, "unit of angles", example)
+    return settled(own, said, "unit of angles", example)
 
 
-def settled_vertical(stated: str | None, exported: str | None, values: Array, angle: str) -> str:
+def settled_vertical(stated: str | None, said: str | None, values: Array, angle: str) -> str:
     """Whether vertical angles are measured from the zenith or from the horizon.
 
     If neither the export nor campaign.toml states it, the values may: zenith angles are never
@@ -302,17 +302,17 @@ def settled_vertical(stated: str | None, exported: str | None, values: Array, an
     """
     if stated == "elevation" and steeper_than_not(values, angle):
         stated = None
-    elif stated is None and exported is None and len(values):
+    elif stated is None and said is None and len(values):
         degrees = _degrees(values, angle)
         if degrees.min() < 0 and degrees.max() <= 90:
             return "elevation"
         if degrees.min() >= 0 and 90 < degrees.max() <= 180:
             return "zenith"
     what = 'vertical = "zenith" (or "elevation")'
-    return settled(stated, exported, "vertical angle's zero", what)
+    return settled(stated, said, "vertical angle's zero", what)
 
 
-def settled_horizontal(stated: str | None, exported: str | None) -> str:
+def settled_horizontal(stated: str | None, said: str | None) -> str:
     """Whether horizontal angles increase clockwise, as on a total station, or counter-clockwise.
 
     Titles follow conventions that a program may violate: campaign.toml takes precedence.
@@ -321,7 +321,7 @@ def settled_horizontal(stated: str | None, exported: str | None) -> str:
         InputError: Neither states it.
     """
     example = 'horizontal = "clockwise" (or "counter-clockwise")'
-    return settled(None if exported else stated, exported, "sense of horizontal angles", example)
+    return settled(None if said else stated, said, "sense of horizontal angles", example)
 
 
 def _degrees(values: Array, angle: str) -> Array:

@@ -212,7 +212,7 @@ def remark(text: Text, header: Header) -> str | None:
     return marks.pop() if len(marks) == 1 and not rows else None
 
 
-def units_in(line: str, of_coordinates: bool = False) -> set[str]:
+def said_units(line: str, of_coordinates: bool = False) -> set[str]:
     """Units of length and angle named in a line; words with other meanings are ignored.
 
     Args:

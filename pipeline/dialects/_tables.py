@@ -32,7 +32,7 @@ from pipeline.dialects._named import (
     find,
     is_unit_title,
     one_unit,
-    units_in,
+    said_units,
 )
 from pipeline.dialects._table_times import SEARCHED, dated, form_of_times, sample, trusted_times
 from pipeline.dialects._titles import horizontal, name_a_place, no_level_range
@@ -184,9 +184,9 @@ def _below_nominal(table: TypedRows, text: Text, header: Header) -> TypedRows:
     marks = {n: kind for n in numbers if (kind := _kinds.section(text.line(n)))}
     if {*marks.values()} != {"nominal", "measured"}:
         return table
-    starts, marked = np.array(sorted(marks)), [marks[n] for n in sorted(marks)]
+    starts, said = np.array(sorted(marks)), [marks[n] for n in sorted(marks)]
     above = np.searchsorted(starts, table.line) - 1
-    measured = np.array([k < 0 or marked[k] == "measured" for k in above.tolist()], dtype=bool)
+    measured = np.array([k < 0 or said[k] == "measured" for k in above.tolist()], dtype=bool)
     known = tuple((n, why) for n, why in table.rejected if n not in marks)
     reason = "it is below a line of nominal points; remove that line if it was measured"
     return replace(table, rejected=known).only(measured, reason)
@@ -274,7 +274,7 @@ def _same_unit(text: Text, header: Header, unit: str) -> None:
     while place >= 0:
         number = int(np.searchsorted(text.starts, place, side="right"))
         line = text.line(number)
-        units = units_in(line) & {*UNIT_WORDS.values()} if UNIT_LINE.search(line) else {unit}
+        units = said_units(line) & {*UNIT_WORDS.values()} if UNIT_LINE.search(line) else {unit}
         if line.count(header.delimiter) < len(header.columns) - 1 and units - {unit}:
             raise InputError(
                 f"the unit of length changes here to {listed(units - {unit})}, above it was {unit}",
@@ -461,16 +461,16 @@ def covariances(
 ) -> dict[str, Array]:
     """Covariances by kind in the units of the coordinates, (n, 6); NaN where a cell is empty."""
 
-    def values_of(*roles: str) -> list[Array]:
+    def said(*roles: str) -> list[Array]:
         own = one_unit(header, roles)
         return [uncertainties(table.floats(role), own, unit) for role in roles]
 
     out = {}
     for kind, roles in _UNCERTAINTIES.items():
         if header.has(*roles):
-            out[kind] = diagonal(values_of(*roles), hints.coverage_factor or USUAL_FACTORS[kind])
+            out[kind] = diagonal(said(*roles), hints.coverage_factor or USUAL_FACTORS[kind])
     if header.has(*COVARIANCE):
         out[STANDARD] = np.column_stack([table.floats(role) for role in COVARIANCE])
     if "rms" in table.columns:
-        out[RMS] = diagonal([values_of("rms")[0] / np.sqrt(3.0)] * 3)
+        out[RMS] = diagonal([said("rms")[0] / np.sqrt(3.0)] * 3)
     return out

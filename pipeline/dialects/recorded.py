@@ -70,7 +70,7 @@ def table(data: bytes) -> bytes | None:
             if columns is not None:
                 lines = data.decode("utf-8-sig", "replace").splitlines()
                 rows = _numbers(lines[number + 1 :], delimiter, len(titles))
-                return _pose_table(columns, rows) if len(rows) >= _FEWEST else None
+                return _standing(columns, rows) if len(rows) >= _FEWEST else None
     return None
 
 
@@ -171,13 +171,13 @@ def _numbers(lines: Sequence[str], delimiter: str, width: int) -> Array:
     return np.array(out, dtype=np.float64).reshape(-1, width)
 
 
-def _pose_table(columns: _Columns, rows: Array) -> bytes | None:
+def _standing(columns: _Columns, rows: Array) -> bytes | None:
     place, factor = columns.time
     time = factor * rows[:, place]
     at = rows[:, [k for k, _ in columns.axes]]
     titles = [title for _, title in columns.axes]
     away = np.array([_tolerance(title, at[:, k]) for k, title in enumerate(titles)])
-    stops = [one for one in _standstills(at, away) if time[one][-1] - time[one][0] >= _STOOD_S]
+    stops = [one for one in _stands(at, away) if time[one][-1] - time[one][0] >= _STOOD_S]
     means = _medians(at, stops)
     own = ~_came_back(means, away)
     driven = [f"tau{k}_nm" for k in range(1, len(columns.torques) + 1)]
@@ -201,7 +201,7 @@ def _tolerance(title: str, values: Array) -> float:
     return float(_AWAY if in_rad else np.rad2deg(_AWAY))
 
 
-def _standstills(at: Array, away: Array) -> list[slice]:
+def _stands(at: Array, away: Array) -> list[slice]:
     """Runs of rows in which no axis moves by more than `away` (k,) from their first row."""
     out, first = [], 0
     for k in range(1, len(at) + 1):

@@ -208,8 +208,8 @@ def _meaning(
     words = set(re.findall(r"[a-z°]+", text.lower()))
     long = {word: unit for word, unit in UNIT_WORDS.items() if len(word) > 2}
     short = set(itertools.chain(*_SHORT_UNIT.findall(text))) - {""}
-    unit = _only(_meanings(words, long) | set(map(str.lower, short)), "units of length")
-    kinds = _meanings(words, KIND_WORDS) | _kinds_by_titles(head)
+    unit = _only(_said(words, long) | set(map(str.lower, short)), "units of length")
+    kinds = _said(words, KIND_WORDS) | _kinds_by_titles(head)
     stated = _only(kinds, "kinds of coordinates")
     if stated is None and hints.coordinates is None:
         stated = "cartesian"
@@ -218,7 +218,7 @@ def _meaning(
         kind = settled(stated, hints.coordinates, "coordinates", 'coordinates = "..."')
     if kind == "cartesian":
         return Meaning(unit)
-    angles = _only(_meanings(words, ANGLE_WORDS), "angles")
+    angles = _only(_said(words, ANGLE_WORDS), "angles")
     zeros = words & {"zenith", "elevation"} if kind == "spherical" else set()
     zero = _only(zeros, "vertical angles")
     third = np.asarray(table.columns["3"])
@@ -228,7 +228,7 @@ def _meaning(
         )
 
 
-def _meanings(words: set[str], known: Mapping[str, _T]) -> set[_T]:
+def _said(words: set[str], known: Mapping[str, _T]) -> set[_T]:
     """Meanings of the known ones among some words."""
     return {known[word] for word in words & known.keys()}
 

@@ -157,7 +157,7 @@ def _bounded(data: bytes) -> None:
             if "xl/workbook.xml" not in packed.namelist():
                 raise InputError("the file is a ZIP archive and no workbook", "unpack it")
             for one in packed.infolist():
-                _as_announced(packed, one)
+                _as_said(packed, one)
     except (zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError) as problem:
         thing = f"the workbook is damaged ({problem})"
         raise InputError(thing, "save it again, or as CSV") from problem
@@ -174,7 +174,7 @@ def _spanned(piece: bytes) -> tuple[int, int]:
     return max(*named, *unnamed, 0, 0), max((int(row) for _, row in places), default=0)
 
 
-def _as_announced(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> None:
+def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> None:
     """Check that a part is no longer than stated; zipfile stops there, but later readers do not."""
     longer = copy.copy(one)
     longer.file_size += 1

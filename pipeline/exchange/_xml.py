@@ -48,7 +48,7 @@ class Spring:
     std: float | None
 
     @property
-    def sentence(self) -> str:
+    def said(self) -> str:
         """The spring in words."""
         unit = self.joint.stiffness_unit
         if self.std is None:
@@ -120,14 +120,14 @@ def comment(handed: IdentifiedModel, lines: Sequence[str]) -> str:
         f"Robot {handed.robot.name} of campaign {handed.campaign} ({handed.verdict}); m, rad, N.",
         *lines,
         "Deflections are those from the unloaded robot, as they were measured, without its weight.",
-        *_inertia_remark(springs(handed)),
+        *_inertia_told(springs(handed)),
         "Not in this file, but in model.toml: " + "; ".join(left_out(handed)) + ".",
     ]
     text = in_xml("\n  ".join(texts)).replace("--", "- -").replace("--", "- -")
     return f"\n  {text}\n"
 
 
-def _inertia_remark(found: Sequence[Spring]) -> Iterator[str]:
+def _inertia_told(found: Sequence[Spring]) -> Iterator[str]:
     yield (
         f"Rotational inertia and damping are stand-ins: each spring alone swings at {_SWING_HZ:g} "
         "Hz, critically damped. Where it comes to rest does not depend on them."

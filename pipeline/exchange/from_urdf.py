@@ -144,11 +144,11 @@ def _assumed(tree: Tree, whole: Chain, rows: list[dict[str, Any]]) -> Iterator[s
     turning = [one["name"] for one in rows if not {"lower_deg", "lower_m"} & set(one)]
     if turning:
         yield f"the URDF gives no range for {listed(turning)}"
-    if others := _outside(tree, whole):
-        yield f"the links attached to {listed(others)}, outside the chain, are left out"
+    if beside := _beside(tree, whole):
+        yield f"the links attached to {listed(beside)}, outside the chain, are left out"
 
 
-def _outside(tree: Tree, whole: Chain) -> list[str]:
+def _beside(tree: Tree, whole: Chain) -> list[str]:
     """Joints that branch off the moved links of a chain."""
     chained = {joint.name for joint in whole.joints}
     moved = {joint.child for joint in whole.joints}

@@ -56,7 +56,7 @@ def _custom(handed: IdentifiedModel, found: list[Spring]) -> ET.Element:
     """User data that MuJoCo preserves: uncertainties, and what springs cannot represent."""
     custom = ET.Element("custom")
     entries = {"campaign": handed.campaign, "verdict": handed.verdict}
-    entries |= {f"stiffness_{one.joint.name}": one.sentence for one in found}
+    entries |= {f"stiffness_{one.joint.name}": one.said for one in found}
     entries["only_in_model_toml"] = "; ".join(left_out(handed))
     for name, data in entries.items():
         ET.SubElement(custom, "text", name=name, data=in_xml(data))

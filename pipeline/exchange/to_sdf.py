@@ -31,7 +31,7 @@ def sdf(handed: IdentifiedModel) -> bytes:
     """The robot as SDFormat 1.9: links, one joint each with its spring, a frame for each point."""
     robot, found = handed.robot, springs(handed)
     root = ET.Element("sdf", version="1.9")
-    named = (f"{one.joint.name}: {one.sentence}." for one in found)
+    named = (f"{one.joint.name}: {one.said}." for one in found)
     root.append(ET.Comment(comment(handed, [*_USE, *named])))
     model = ET.SubElement(root, "model", name=robot.name)
     ET.SubElement(model, "link", name=BASE)
@@ -53,14 +53,14 @@ def _link(model: ET.Element, parent: str, spring: Spring, placement: Array) -> s
     _pose(link, placement, parent)
     inertial = ET.SubElement(link, "inertial")
     _pose(inertial, shift(mass.centre))
-    _add(inertial, mass=mass.mass)
+    _said(inertial, mass=mass.mass)
     about = dict.fromkeys(("ixx", "iyy", "izz"), mass.inertia)
-    _add(ET.SubElement(inertial, "inertia"), **about, ixy=0.0, ixz=0.0, iyz=0.0)
+    _said(ET.SubElement(inertial, "inertia"), **about, ixy=0.0, ixz=0.0, iyz=0.0)
     kind = "prismatic" if joint.prismatic else "revolute"
     axis = ET.SubElement(_joint(model, joint.name, kind, parent, name), "axis")
     ET.SubElement(axis, "xyz").text = "0 0 1"
     dynamics = ET.SubElement(axis, "dynamics")
-    _add(dynamics, damping=spring.damping, spring_reference=0.0, spring_stiffness=spring.stiffness)
+    _said(dynamics, damping=spring.damping, spring_reference=0.0, spring_stiffness=spring.stiffness)
     return name
 
 
@@ -80,6 +80,6 @@ def _pose(of: ET.Element, at: Array, relative_to: str = "") -> None:
     pose.text = row([*at[:3, 3], *rpy(at[:3, :3])])
 
 
-def _add(of: ET.Element, **values: float) -> None:
+def _said(of: ET.Element, **values: float) -> None:
     for name, value in values.items():
         ET.SubElement(of, name).text = repr(float(value))

@@ -19,8 +19,8 @@ def urdf(handed: IdentifiedModel) -> bytes:
     """
     robot = handed.robot
     root = ET.Element("robot", name=robot.name)
-    named = causes(handed)
-    more = f" and {', '.join(named)}" if named else ""
+    beside = causes(handed)
+    more = f" and {', '.join(beside)}" if beside else ""
     comment = f" campaign {handed.campaign}; covariance{more} in model.toml "
     root.append(ET.Comment(in_xml(comment).replace("--", "- ")))
     ET.SubElement(root, "link", name=BASE)

@@ -59,7 +59,7 @@ def _sheets(answer: Answer, tables: Mapping[str, pd.DataFrame]) -> dict[str, pa.
     """The sheets by name, in the order of the report."""
     return {
         "summary": _sheet(_SUMMARY, _summary(answer)),
-        "stiffness": _sheet(_STIFFNESS, _with_springs(answer)),
+        "stiffness": _sheet(_STIFFNESS, _beside_springs(answer)),
         "combinations": _sheet(_COMBINATIONS, answer.combinations),
         "causes": _sheet(_CAUSES, _parameters(answer.diagnosis.causes)),
         "predictions": _sheet(_PREDICTIONS, answer.test_pose_deflection),
@@ -86,14 +86,14 @@ class _SummaryLine:
     """A line of the summary: text, or a number with its unit."""
 
     what: str
-    remark: object = None
+    said: object = None
     value: float | None = None
     unit: str = ""
 
 
 _SUMMARY = (
     _SheetColumn("what", lambda fact: fact.what),
-    _SheetColumn("said", lambda fact: fact.remark),
+    _SheetColumn("said", lambda fact: fact.said),
     _number("value", lambda fact: fact.value),
     _SheetColumn("unit", lambda fact: fact.unit or None),
 )
@@ -139,7 +139,7 @@ class _Joined:
     """An object and another that belongs to it."""
 
     of: Any
-    joined: Any
+    beside: Any
 
 
 def _of(name: str) -> Callable[[Any], Any]:
@@ -157,8 +157,8 @@ _STIFFNESS = (
     _SheetColumn("unit", _of("unit")),
     _number("relative uncertainty [%]", lambda row: _percent(row.of.relative_std)),
     _number("nominal", _of("nominal")),
-    _number("joint springs alone", lambda row: row.joined.value),
-    _number("their standard uncertainty", lambda row: row.joined.std),
+    _number("joint springs alone", lambda row: row.beside.value),
+    _number("their standard uncertainty", lambda row: row.beside.std),
     _SheetColumn("determined", lambda row: "yes" if row.of.identifiable else "no"),
     _number("compliance", _of("compliance")),
     _number("standard uncertainty of the compliance", _of("compliance_std")),
@@ -171,7 +171,7 @@ def _percent(share: float | None) -> float | None:
     return None if share is None else 100 * share
 
 
-def _with_springs(answer: Answer) -> list[_Joined]:
+def _beside_springs(answer: Answer) -> list[_Joined]:
     """Each stiffness with that of the paper's model."""
     springs = answer.joint_springs.stiffness
     return [_Joined(*pair) for pair in zip(answer.stiffness, springs, strict=True)]
@@ -193,11 +193,11 @@ _CAUSES = (
     _SheetColumn("where", _of("where")),
     _number("probability [1]", _of("probability")),
     _number("p-value [1]", _of("p_value")),
-    _SheetColumn("quantity", lambda row: row.joined and row.joined.meaning),
-    _SheetColumn("parameter", lambda row: row.joined and row.joined.name),
-    _number("value", lambda row: row.joined and row.joined.value),
-    _number("standard uncertainty", lambda row: row.joined and row.joined.std),
-    _SheetColumn("unit", lambda row: row.joined and row.joined.unit),
+    _SheetColumn("quantity", lambda row: row.beside and row.beside.meaning),
+    _SheetColumn("parameter", lambda row: row.beside and row.beside.name),
+    _number("value", lambda row: row.beside and row.beside.value),
+    _number("standard uncertainty", lambda row: row.beside and row.beside.std),
+    _SheetColumn("unit", lambda row: row.beside and row.beside.unit),
     _SheetColumn("rivals", lambda row: _rivals(row.of)),
     _SheetColumn("evidence", lambda row: row.of.evidence and row.of.evidence.sentence),
     _SheetColumn("settled by", _of("needs")),
@@ -232,7 +232,7 @@ _PREDICTIONS = (
 
 def _mean(of: str, draw: str) -> Callable[[Any], float | None]:
     """Mean of Eq. (22) for the target of a row, if available."""
-    return lambda row: getattr(getattr(row.joined, draw, row.joined), of).get(row.of)
+    return lambda row: getattr(getattr(row.beside, draw, row.beside), of).get(row.of)
 
 
 _VALIDATION = (

@@ -52,7 +52,9 @@ def _coordinates(case: Case) -> Iterator[Mistake]:
     [tool], of the base reflectors by [base_frame].
     """
     rows = case.readings
-    times = rows["group"].map(_too_small(case))
+    times = rows["group"].map(
+        {name: _too_small(case, one) for name, one in rows.groupby("group", sort=False)}
+    )
     right = _near(times, 1.0)
     for factor, (unit, says) in UNITS.items():
         wrong = _near(times, factor)
@@ -101,22 +103,18 @@ def _near(times: pd.Series[float], factor: float) -> pd.Series[bool]:
     return times.div(factor).between(0.9, 1.1)
 
 
-def _too_small(case: Case) -> dict[str, float]:
-    """Spread of each group's targets as stated over that as read, where it is known."""
-    rows, places = case.readings, (case.tool.named, case.settings.base_frame)
-    base = rows["pose"].isna().groupby(rows["group"]).transform("all").to_numpy(bool)
-    known = [rows["target"].isin(list(one)).to_numpy(bool) for one in places]
-    here = np.flatnonzero(np.where(base, known[1], known[0]))
-    here = here[~rows.iloc[here].duplicated(["group", "target"]).to_numpy(bool)]
-    names, at = rows["target"].to_numpy(), rows[XYZ].to_numpy(float)
-    times = {}
-    for group, some in rows["group"].iloc[here].groupby(rows["group"].iloc[here]).indices.items():
-        mine = here[some]
-        if len(mine) > 1:
-            of = np.array([places[int(base[mine[0]])][target] for target in names[mine]])
-            stated, read = (float(np.sum(np.var(points, axis=0))) for points in (of, at[mine]))
-            times[str(group)] = float(np.sqrt(stated / max(read, STILL_M**2)))
-    return times
+def _too_small(case: Case, group: pd.DataFrame) -> float:
+    """Spread of a group's targets as stated over that as read; NaN where it is unknown."""
+    base = bool(group["pose"].isna().all())
+    places = case.settings.base_frame if base else case.tool.named
+    here = group[group["target"].isin(list(places))].drop_duplicates("target")
+    if len(here) < 2:
+        return np.nan
+    stated, read = (
+        float(np.std(points, axis=0) @ np.std(points, axis=0))
+        for points in (np.array([places[t] for t in here["target"]]), here[XYZ].to_numpy(float))
+    )
+    return float(np.sqrt(stated / max(read, STILL_M**2)))
 
 
 def _regauged(case: Case, at: frozenset[str], factor: float) -> Case:

@@ -98,14 +98,12 @@ def experience(answers: Iterable[Answer], names: Collection[str]) -> _Experience
     sizes = {name: [size for own in by_robot.values() for size in _size(own, name)]
              for name in sorted(names)}  # fmt: skip
     count = sum(map(len, by_robot.values()))
-    general = _Experience(len(by_robot), count, ())
+    told = _Experience(len(by_robot), count, ())
     total = np.array([sum(one) for one in seen.values()])
     robots = np.array([len(one) for one in seen.values()])
-    odds = _odds(total, robots) if general.learnt else np.ones(len(seen))
+    odds = _odds(total, robots) if told.learnt else np.ones(len(seen))
     causes = [
-        _Expected(
-            name, y, o, _expected_size(sizes[name]), general.learnt, len(sizes[name]) >= _SIZED
-        )
+        _Expected(name, y, o, _expected_size(sizes[name]), told.learnt, len(sizes[name]) >= _SIZED)
         for name, y, o in zip(seen, total.tolist(), odds.tolist(), strict=True)
     ]
     return _Experience(len(by_robot), count, tuple(causes))

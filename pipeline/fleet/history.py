@@ -216,7 +216,7 @@ def earlier(campaign: CampaignFolder, answer: Answer) -> Answer | None:
     by_day: dict[str, list[CampaignFolder]] = {}
     for other, manifest in _with_manifest(campaign.root):
         day = manifest.get("measured", _LONG_AGO)
-        alike = all(manifest.get(key, value) == value for key, value in _machine(answer).items())
+        alike = all(manifest.get(key, said) == said for key, said in _machine(answer).items())
         if alike and _precedes(day, answer.measured):
             by_day.setdefault(day, []).append(other)
     found = _readable(by_day.pop(_LONG_AGO, []))

@@ -335,12 +335,12 @@ def comparison(
     found = changes(before, after, covariances is not None, scatter)
     called = {joint.name: joint.called for joint in after}
     surely = [called[c.name] for c in found if c.sure]
-    verdict, tone, sentence = ("Not tested", "neutral", not_tested)
+    verdict, tone, told = ("Not tested", "neutral", not_tested)
     if covariances is not None:
-        verdict, tone, sentence = _differ(surely)
+        verdict, tone, told = _differ(surely)
     apart = [_OTHER_ROBOTS.format(*robots)] if robots[0] != robots[1] else []
     daily = [_DAILY] if scatter and covariances is not None else []
-    sentences = (sentence, *apart, *daily, *_together(before, after, covariances))
+    sentences = (told, *apart, *daily, *_together(before, after, covariances))
     title = f"{names[0]} beside {names[1]}"
     each = zip(names, models, strict=True)
     titles = [f"{name}: {model}" if model else name for name, model in each]

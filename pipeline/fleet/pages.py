@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
+from filelock import FileLock
 
 from pipeline.answer.archive import Among, Finished, kept_tables, look_of, read
 from pipeline.answer.contract import Answer
@@ -39,14 +39,14 @@ def refresh(root: Path) -> Path | None:
     answers = [one.answer for one in everyone]
     wear, dress = _wear(root), appearances(root)
     for one in everyone:
-        _tidy(one.campaign)
-        entries = {
+        one.campaign.tidy()
+        stands = {
             "previous": mark(previous(one.answer, answers)),
             "wear": fleet_sentences(one.answer, wear),
         }
         manifest = one.campaign.manifest() or {}
-        entries["look"] = look_of(dress, manifest, one.answer).key
-        if not _says(manifest, entries):
+        stands["look"] = look_of(dress, manifest, one.answer).key
+        if not _says(manifest, stands):
             _tell(one.campaign, dress)
     return _index(root, everyone, wear) if everyone else None
 
@@ -73,9 +73,9 @@ def _alarms(wear: Sequence[RobotWear]) -> dict[str, str]:
     return {one.machine: alarm(one) for one in wear if one.alarm}
 
 
-def _says(manifest: Mapping[str, Any], entries: Mapping[str, str | None]) -> bool:
+def _says(manifest: Mapping[str, Any], stands: Mapping[str, str | None]) -> bool:
     """Whether a report agrees with the present previous campaign, wear and look."""
-    return all(manifest.get(name) == value for name, value in entries.items())
+    return all(manifest.get(name) == value for name, value in stands.items())
 
 
 def _left_out(why: str) -> None:
@@ -90,16 +90,16 @@ def _tell(
 
     with campaign.locked():
         manifest, answer = campaign.manifest(), read(campaign)
-        others = among(campaign, answer)  # as read under the lock
+        beside = among(campaign, answer)  # as read under the lock
         look = look_of(dress, manifest or {}, answer)
-        entries = {**others.kept, "look": look.key}
-        if manifest is None or _says(manifest, entries):
+        stands = {**beside.kept, "look": look.key}
+        if manifest is None or _says(manifest, stands):
             return  # another run has done it
         took, there = manifest.get("run_time_s"), campaign.answers(manifest)
         pages = render(
-            answer, kept_tables(campaign), took, others.previous, there, others.wear, look
+            answer, kept_tables(campaign), took, beside.previous, there, beside.wear, look
         )
-        campaign.publish(manifest | entries, pages)
+        campaign.publish(manifest | stands, pages)
 
 
 def _index(root: Path, everyone: Sequence[Finished], wear: Sequence[RobotWear]) -> Path:
@@ -176,16 +176,3 @@ def _vacant(path: Path) -> Path:
         number += 1
         free = path.with_name(f"{path.name}-{number}")
     return free
-
-
-def _tidy(campaign: CampaignFolder) -> None:
-    """Remove what a killed run left behind, also if nothing has to be computed.
-
-    A running process cleans up after itself, and a read-only disk is left unchanged.
-    """
-    folders = (campaign.processed, campaign.reports)
-    if not any(files.leftovers(folder) for folder in folders):
-        return
-    with suppress(Timeout, OSError), FileLock(campaign.processed / ".lock", timeout=0):
-        for folder in folders:
-            files.sweep(folder)

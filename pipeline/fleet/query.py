@@ -62,14 +62,12 @@ def ask(root: Path, query: str) -> _Found:
         return _answered(duckdb, place, query)
     except duckdb.Error as problem:
         if not (damaged := fleet.mend(root, scatter)):
-            raise UsageError(
-                f"the query cannot be answered: {_reason(problem)}; {_SEE}"
-            ) from problem
+            raise UsageError(f"the query cannot be answered: {_said(problem)}; {_SEE}") from problem
     say(f"{listed(map(str, damaged))} could not be read and was made again.", sys.stderr)
     try:
         return _answered(duckdb, place, query)
     except duckdb.Error as problem:
-        raise UsageError(f"the query cannot be answered: {_reason(problem)}; {_SEE}") from problem
+        raise UsageError(f"the query cannot be answered: {_said(problem)}; {_SEE}") from problem
 
 
 def _answered(duckdb: Any, place: Path, query: str) -> _Found:
@@ -129,7 +127,7 @@ def _select(duckdb: Any, query: str) -> None:
         raise UsageError(f"a query is one SELECT, which changes nothing; {_SEE}")
 
 
-def _reason(problem: Exception) -> str:
+def _said(problem: Exception) -> str:
     """DuckDB's message in one line, without the query and the arrow below it."""
     words = str(problem).partition("\n\nLINE ")[0]
     return printable(" ".join(words.split()), 400).rstrip(" .")
@@ -175,8 +173,8 @@ def _xlsx(found: _Found) -> bytes:
     book = Workbook()
     sheet = book.active
     for at, row in enumerate([found.columns, *found.rows], 1):
-        for column, value in enumerate(map(_plain, row), 1):
-            cell = sheet.cell(at, column)
+        for beside, value in enumerate(map(_plain, row), 1):
+            cell = sheet.cell(at, beside)
             cell.value = value if isinstance(value, bool | int | float) else _word(value) or None
             if isinstance(cell.value, str):
                 cell.data_type = "s"  # a name that begins with = is no formula

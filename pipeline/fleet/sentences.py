@@ -61,7 +61,7 @@ def alarm(robot: RobotWear) -> str:
     if robot.alarm is None:
         return ""
     how = _step(robot) if robot.alarm.kind == "step" else _trend(robot)
-    return f"{how}{_condition(robot)}."
+    return f"{how}{_standing(robot)}."
 
 
 def _trend(robot: RobotWear) -> str:
@@ -96,7 +96,7 @@ def _step(robot: RobotWear) -> str:
     )
 
 
-def _condition(robot: RobotWear) -> str:
+def _standing(robot: RobotWear) -> str:
     assert robot.alarm is not None
     if robot.alarm.confirmed:
         return f" (since campaign {robot.alarm.raised})"

@@ -20,16 +20,16 @@ def states(root: Path) -> Iterator[Outcome]:
 def _status(campaign: CampaignFolder) -> Outcome:
     before, key = campaign.manifest(), campaign.read().key
     if before is not None and campaign.done(key):
-        return _outcome(campaign, "done", before.get("verdict"))
+        return _standing(campaign, "done", before.get("verdict"))
     rejected = campaign.rejection(key)
     if rejected is None:
-        return _outcome(campaign, "changed" if before else "new", None)
+        return _standing(campaign, "changed" if before else "new", None)
     refused = failed(campaign.name, rejected)
     content = {"campaign": campaign.name, "state": "rejected", "verdict": None}
     return replace(refused, content=refused.content | content, text=f"{campaign.name:24} rejected")
 
 
-def _outcome(campaign: CampaignFolder, state: str, verdict: str | None) -> Outcome:
+def _standing(campaign: CampaignFolder, state: str, verdict: str | None) -> Outcome:
     """State of a campaign that was not rejected; a report of an earlier input is marked."""
     content = {"campaign": campaign.name, "state": state, "verdict": verdict}
     report = campaign.reports / "index.html"

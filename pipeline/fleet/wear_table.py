@@ -290,12 +290,12 @@ class _Known:
             x[campaign][~np.isfinite(np.diag(own))] = np.nan
         return cls(x, cov)
 
-    def machine(self, serial: str | None, own: _Rows, repaired: Iterable[_Repaired]) -> Machine:
+    def machine(self, serial: str | None, own: _Rows, told: Iterable[_Repaired]) -> Machine:
         """One robot with the repairs that its campaigns state."""
         n = len(self.x[own[0]["campaign"]])
         repairs = [
             Repair(_year(day), tuple(range(n)) if joint is None else (joint - 1,))
-            for day, joint in sorted(repaired, key=str)
+            for day, joint in sorted(told, key=str)
             if joint is None or joint <= n
         ]
         visits = [

@@ -24,12 +24,12 @@ from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.machine.robot.dh_parameters import DhParameter, all_letters, nominal
 from pipeline.machine.robot.variants import alike, counted_back, differing, turned, variants
 
-GROSS_ERROR_M = 0.01
+_GROSS_ERROR_M = 0.01
 """Median deviation of the targets from the nominal robot [m] below which no gross error is sought:
 a table as delivered is off by 1 mm and 1 mrad, three metres of reach and the sag by some
 millimetres."""
 
-BETTER = 3.0
+_BETTER = 3.0
 """Minimum factor by which a correction must reduce the median deviation [1]."""
 
 _ALIKE = 1.1
@@ -136,11 +136,11 @@ def corrected(
     few, part = readings.part(some), weights.part(some)
     found: list[TableMistake] = []
     left = _off(robot, few, part, tool)
-    while left > GROSS_ERROR_M and len(found) < _MOST:
+    while left > _GROSS_ERROR_M and len(found) < _MOST:
         tried = list(_steps(robot))
         after = [_off(one.robot, few, part, tool) for one in tried]
         best = int(np.argmax(np.array(after) <= _ALIKE * min(after)))
-        if BETTER * after[best] > left:
+        if _BETTER * after[best] > left:
             break
         found.append(_mistake(robot, tried[best], left, after[best]))
         robot, left = tried[best].robot, after[best]

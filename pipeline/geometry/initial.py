@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from pipeline.base import linear
@@ -27,32 +25,33 @@ _ENOUGH = 400
 def begin(robot: Robot, readings: PositionReadings, tool: dict[str, Array]) -> Mechanism:
     """The robot with its nominal parameters, with frames and tool points fitted to the readings.
 
-    p = R (o_i + F_i l) + t holds for the poses i of one series; R and t follow by Procrustes. The
-    points l of the tool, common to all series, are estimated where they are not given.
+    p = R (o_i + F_i l) + t holds for the poses i of one series; R and t follow by Procrustes. Tool
+    points are estimated where they are not given.
 
     Args:
         robot: Robot with its DH parameters as delivered.
         readings: All series.
         tool: Nominal points of targets in the flange frame [m], as far as they are known.
     """
-    series, here, at = len(readings.names), configure(robot, readings.q), with_tips(readings)
-    points = np.full((at.shape[1], 3), np.nan)
+    series, here = len(readings.names), configure(robot, readings.q)
+    points = np.full((len(readings.targets), 3), np.nan)
     for k, name in enumerate(readings.targets):
         if name in tool:
             points[k] = tool[name]
-    each = [some_of(readings, s) for s in range(series)]
-    points = common_points(here, at, [mine for mine in each if len(mine)], points)[0]
+    best = max(range(series), key=lambda s: int((readings.series == s).sum()))
+    first = np.flatnonzero(readings.series == best)
+    R, _, points = _placed(readings, here, first, points)
     frames = np.tile(np.eye(4), (series, 1, 1))
-    for s, mine in enumerate(each):
-        if len(mine):  # else all of its poses were left out
-            frames[s, :3, :3], frames[s, :3, 3] = _placed(here.points(points)[mine], at[mine])
-    count = len(readings.targets)
-    targets = np.tile(np.eye(4), (count, 1, 1))
-    targets[:, :3, 3] = points[:count]
-    tips = points[count:].reshape(-1, 3, 3) - points[:count][readings.six, None]
-    for six, one in zip(np.flatnonzero(readings.six).tolist(), tips, strict=True):
-        U, _, Vt = linear.principal(one.T)
-        targets[six, :3, :3] = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    for s in range(series):
+        mine = np.flatnonzero(readings.series == s)
+        if not len(mine):  # all of its poses were left out
+            continue
+        R, t, _ = _placed(readings, here, mine, points)
+        frames[s, :3, :3], frames[s, :3, 3] = R, t
+    targets = np.tile(np.eye(4), (len(points), 1, 1))
+    targets[:, :3, 3] = points
+    for six in np.flatnonzero(readings.six).tolist():
+        targets[six, :3, :3] = _orientation(readings, here, frames, six)
     return Mechanism(
         table=robot,
         values=np.zeros(len(dh_parameters(robot))),
@@ -64,36 +63,22 @@ def begin(robot: Robot, readings: PositionReadings, tool: dict[str, Array]) -> M
     )
 
 
-def with_tips(readings: PositionReadings) -> Array:
-    """Positions of all targets [m], then the tips of the axes of 6D ones, (m, t + 3 s, 3).
-
-    What turns a 6D target turns its axes, which are points of the flange like any other.
-    """
-    six = readings.six
-    tips = readings.at[:, six, None] + _LEVER_M * np.swapaxes(readings.turn[:, six], 2, 3)
-    return np.concatenate([readings.at, tips.reshape(len(readings), -1, 3)], axis=1)
-
-
-_LEVER_M = 1.0
-"""Length of the axes of a 6D target [m]: as in a table as delivered, a milliradian counts as a
-millimetre."""
-
-
-def some_of(readings: PositionReadings, series: int) -> Ints:
-    """Poses of a series, not more than are needed."""
-    mine = np.flatnonzero(readings.series == series)
-    return mine[:: max(1, len(mine) // _ENOUGH)]
-
-
-def _placed(base: Array, at: Array) -> tuple[Array, Array]:
-    """Rotation R and origin t [m] of one series by robust Procrustes, points (m, t, 3)."""
+def _placed(
+    readings: PositionReadings, here: Configuration, mine: Ints, points: Array
+) -> tuple[Array, Array, Array]:
+    """Rotation R, origin t [m] and tool points [m] that fit one series, by robust Procrustes."""
+    mine = mine[:: max(1, len(mine) // _ENOUGH)]
+    at = readings.at[mine]
+    if np.isnan(points).any():
+        points = _points(readings, here, mine, points)
+    base = here.points(points)[mine]
     seen = np.isfinite(at).all(axis=2)
     weight = np.ones(int(seen.sum()))
     for _ in range(_ROUNDS):
         R, t = _rigid(base[seen], at[seen], weight)
         off = np.linalg.norm(at[seen] - base[seen] @ R.T - t, axis=1)
         weight = _weights(off)
-    return R, t
+    return R, t, points
 
 
 def _weights(off: Array) -> Array:
@@ -117,48 +102,37 @@ def _rigid(a: Array, b: Array, weight: Array) -> tuple[Array, Array]:
     return R, other - R @ middle
 
 
-def common_points(
-    here: Configuration,
-    at: Array,
-    series: Sequence[Ints],
-    points: Array,
-    start: Array | None = None,
-) -> tuple[Array, float]:
-    """Points of the flange that fit several series at once, (t, 3), and what they leave [m].
+def _points(readings: PositionReadings, here: Configuration, mine: Ints, points: Array) -> Array:
+    """Tool points [m], the unknown (NaN) ones estimated one by one from the poses `mine`."""
+    out = points.copy()
+    for k in np.flatnonzero(np.isnan(points).any(axis=1)):
+        at = readings.at[mine, k]
+        seen = np.isfinite(at).all(axis=1)
+        out[k] = _point(here, mine[seen], at[seen])
+    return out
 
-    Unknown ones (NaN) are estimated alternately with a frame for each series. They need all series:
-    the joint angles of a single one may hardly turn the flange, and then fit any point. What is
-    left is the median deviation of the worst point in the worst series.
 
-    Args:
-        here: The robot.
-        at: Readings of the points in the frame of the instrument [m], shape (m, t, 3).
-        series: Poses of each series.
-        points: Points of the flange [m], shape (t, 3).
-        start: Where the search for the unknown ones starts [m], shape (t, 3).
-    """
-    unknown = np.isnan(points).any(axis=1)
-    now: Array = np.nan_to_num(points)
-    if start is not None:
-        now[unknown] = start[unknown]
-    worst = np.zeros(1)
-    seen = [np.asarray(np.isfinite(at[mine]).all(axis=2)) for mine in series]
-    weight = [one.astype(float) for one in seen]
+def _point(here: Configuration, mine: Ints, at: Array) -> Array:
+    """One tool point [m] in the flange frame, alternately estimating the frame and the point."""
+    o, F = here.flange_origin[mine], here.flange_axes[mine]
+    point, weight = np.zeros(3), np.ones(len(at))
     for _ in range(8 * _ROUNDS):
-        sums, total, off = np.zeros_like(now), np.zeros(len(now)), []
-        for mine, read, w in zip(series, seen, weight, strict=True):
-            F, o = here.flange_axes[mine], here.flange_origin[mine][:, None]
-            base = o + np.einsum("mij,tj->mti", F, now)
-            R, t = _rigid(base[read], at[mine][read], w[read])
-            back = np.einsum("mij,mti->mtj", F, (at[mine] - t) @ R - o)
-            left = np.linalg.norm(back - now, axis=2)
-            w[read] = _weights(left[read])
-            sums += np.einsum("mt,mti->ti", w, np.where(read[..., None], back, 0.0))
-            total += w.sum(axis=0)
-            off.append(np.nanmedian(left[:, read.any(axis=0)], axis=0).max())
-        fitted = sums / np.maximum(total, np.finfo(float).tiny)[:, None]
-        new, worst = np.where((unknown & (total > 0))[:, None], fitted, now), np.array(off)
-        if np.linalg.norm(new - now) < 1e-9:
+        R, t = _rigid(o + F @ point, at, weight)
+        base = (at - t) @ R - o  # F l of each pose, in F_b
+        new = np.einsum("mij,mi,m->j", F, base, weight) / weight.sum()
+        off = np.linalg.norm(base - F @ new, axis=1)
+        weight = _weights(off)
+        if np.linalg.norm(new - point) < 1e-9:
             break
-        now = new
-    return now, float(worst.max())
+        point = new
+    return point
+
+
+def _orientation(readings: PositionReadings, here: Configuration, frames: Array, k: int) -> Array:
+    """Rotation of a 6D target in the flange frame: median over all poses, by Procrustes."""
+    own = frames[readings.series][:, :3, :3]
+    seen = np.isfinite(readings.at[:, k]).all(axis=1)
+    each = np.einsum("mji,mkj,mkl->mil", here.flange_axes, own, readings.turn[:, k])[seen]
+    U, _, Vt = linear.principal(np.median(each, axis=0))
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
+    return np.asarray(U @ flip @ Vt)

@@ -15,7 +15,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.calibrate import Calibration
 from pipeline.geometry.estimate import FIXED_SIGMA, factored, padded, precision
-from pipeline.geometry.mechanism import frame_of, layout
+from pipeline.geometry.mechanism import frame_of
 from pipeline.geometry.readings import PositionReadings
 
 PARTS = 10
@@ -109,9 +109,6 @@ def _without(found: Calibration, mine: Bools) -> _Without:
         frame = frame_of(mechanism, one)
         P[frame, frame] += FIXED_SIGMA**-2 * np.eye(6)
         alone.append((own.D[:, :, frame], series[mine] == one))
-    unread = ~found.readings.read[~mine].any(axis=0).reshape(-1, 6).any(axis=1)
-    of_tool = np.arange(len(P))[layout(mechanism).tool][np.repeat(unread, 6)]
-    P[of_tool, of_tool] += FIXED_SIGMA**-2  # of targets that no other poses show
     mean = padded(found.known.mean, len(P))
     known = factored(rows.N - own.N + P)
     return _Without(mine, known, known.solve(rows.b - own.b + P @ mean), mean, tuple(alone))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -68,20 +67,6 @@ class PositionReadings(Locked):
             self,
             series=self.series + ((self.series > old) | later),
             names=np.insert(self.names, old + 1, name),
-        )
-
-    def mounted_anew(self, series: Sequence[int], count: int) -> PositionReadings:
-        """The readings with the first targets as others in some series, at the end of the list."""
-        mine = np.isin(self.series, series)
-        before, old = self.at.copy(), self.targets[:count]
-        before[mine, :count] = np.nan
-        anew = np.where(mine[:, None, None], self.at[:, :count], np.nan)
-        return replace(
-            self,
-            targets=np.append(self.targets, [f"{one} in {self.names[series[0]]}" for one in old]),
-            six=np.append(self.six, self.six[:count]),
-            at=np.concatenate([before, anew], axis=1),
-            turn=np.concatenate([self.turn, self.turn[:, :count]], axis=1),
         )
 
     def part(self, which: Ints | Bools) -> PositionReadings:

@@ -39,7 +39,6 @@ from pipeline.geometry.initial import begin
 from pipeline.geometry.joint_laws import LawSearchData, NamedLaw, with_laws
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout, linearised
 from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.remounted import Remount, remounted
 from pipeline.geometry.scatter import start
 from pipeline.geometry.yielding import other_forms, usual, yielding
 from pipeline.machine.effects._anatomy import rail
@@ -124,7 +123,6 @@ class Study(Locked):
         causes: Causes of the catalogue, the largest gain first.
         mistakes: Gross errors of the robot file, corrected in all other results.
         every: All readings, including those left out.
-        remounts: Series in which the targets stand elsewhere on the flange.
     """
 
     stages: tuple[StageResult, ...]
@@ -134,7 +132,6 @@ class Study(Locked):
     causes: tuple[CatalogueCause, ...] = ()
     mistakes: tuple[TableMistake, ...] = ()
     every: LawSearchData | None = None
-    remounts: tuple[Remount, ...] = ()
 
     @property
     def final(self) -> Calibration:
@@ -168,7 +165,6 @@ def study(
         rng: Source of copies and intervals.
     """
     robot, mistakes = corrected(robot, readings, weights, tool)
-    readings, tool, remounts = remounted(robot, readings, tool)
     every = LawSearchData(readings, weights, stated, start(robot, sigma_m))
     begun = begin(robot, readings, tool)
     gross = _gross(every, begun)
@@ -200,7 +196,7 @@ def study(
     weighed = other if weighs(robot) else _weigh(stages[1].found, stages[2].found, rng)
     form = OTHER_MASSES if other else ""
     sag = (weighed.cause(whole.found, form),) if weighed else ()
-    return Study(stages, whole.laws, bad, moved, (*sag, *whole.causes), mistakes, every, remounts)
+    return Study(stages, whole.laws, bad, moved, (*sag, *whole.causes), mistakes, every)
 
 
 class _Weighed(NamedTuple):

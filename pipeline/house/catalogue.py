@@ -137,8 +137,8 @@ class Catalogue(gettext.GNUTranslations):
                 found := pattern.fullmatch(text) or pattern.fullmatch(_small(text))
             ):
                 parts = [_Part(one, self.find) for one in found.groups()]
-                text_ = _capital_like(text, there.format(*parts))
-                yield _Said(text_, all(one.whole for one in parts))
+                said_ = _capital_like(text, there.format(*parts))
+                yield _Said(said_, all(one.whole for one in parts))
 
     def _parted(self, text: str) -> Iterator[_Said]:
         """Translations part by part, if some parts are known."""

@@ -54,7 +54,7 @@ class _HouseLine:
     text: str
     own: frozenset[str]
 
-    def filled_in(self, facts: Mapping[str, str], own: Mapping[str, str]) -> str | None:
+    def said(self, facts: Mapping[str, str], own: Mapping[str, str]) -> str | None:
         """Its text for a campaign; None if campaign.toml lacks a field of it."""
         if not self.own <= own.keys():
             return None
@@ -157,7 +157,7 @@ class House:
             facts: Facts about the campaign, by name.
             own: `[fields]` of campaign.toml.
         """
-        texts = ((one.label, one.filled_in(facts, own)) for one in self.lines)
+        texts = ((one.label, one.said(facts, own)) for one in self.lines)
         return tuple((label, text) for label, text in texts if text is not None)
 
 

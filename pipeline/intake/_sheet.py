@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from pipeline.base.errors import InputError
 from pipeline.dialects._coordinates import KIND_WORDS
-from pipeline.dialects._named import UNIT_LINE, WORD, units_in
+from pipeline.dialects._named import UNIT_LINE, WORD, said_units
 from pipeline.dialects._titles import name_a_place, titled
 from pipeline.readers._cells import MARKS, bare, cells_or_none, is_number, is_plain, is_remark
 from pipeline.readers._text import Text
@@ -306,7 +306,7 @@ class TableStatements:
             kinds |= here
             if not here and not UNIT_LINE.search(line):
                 continue
-            said = units_in(line, of_coordinates=True)
+            said = said_units(line, of_coordinates=True)
             units |= said & {*UNIT_WORDS.values()}
             angles |= said & {*ANGLE_WORDS.values()}
         return cls(*map(frozenset, (kinds, units, angles, senses)))

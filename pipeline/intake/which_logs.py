@@ -164,13 +164,22 @@ def _shown(files: Mapping[str, bytes]) -> str:
     return "\n".join(texts)
 
 
+_BETWEEN = "[./_ -]?"
+"""What may be between the letters of a type."""
+
+
 def called(files: Mapping[str, bytes], robots: Iterable[str]) -> tuple[str, ...]:
     """The robots whose type is in names or first lines of files: IRB 6700-235/2.65.
 
     A longer name takes precedence over one that is part of it.
     """
-    text = re.sub(r"[\W_]+", "", _shown(files).lower())
-    found = {key: key.replace("_", "") for key in robots if key.replace("_", "") in text}
+    text = _shown(files).lower()
+    keys = {key: key.replace("_", "") for key in robots}
+    found = {  # a word of its own, whatever is between its letters
+        key: one
+        for key, one in keys.items()
+        if re.search(rf"(?<![^\W_]){_BETWEEN.join(one)}(?![^\W_])", text)
+    }
     return tuple(
         key for key, one in found.items() if not any(one in o and o != one for o in found.values())
     )

@@ -38,13 +38,13 @@ def refuse_unheld(
     """
     size, most = np.linalg.norm(force, axis=1), weight_n(robot)
     if most is not None:
-        times, reason = size / (ABSURD * most), f"{robot.name} carries {robot.payload_kg:g} kg"
+        times, beside = size / (ABSURD * most), f"{robot.name} carries {robot.payload_kg:g} kg"
     else:
         at = configure(robot, q)
         twist = np.abs(torque(at.twists, at.points(point[None])[:, 0], force))
         twist = np.where(robot.prismatic, 0.0, twist * robot.nominal_compliance).max(axis=1)
         times = twist / TWIST_RAD
-        reason = f"it turns a joint of {robot.name} by more than {1e3 * TWIST_RAD:g} mrad"
+        beside = f"it turns a joint of {robot.name} by more than {1e3 * TWIST_RAD:g} mrad"
     beyond = np.flatnonzero(times > 1)
     if not len(beyond):
         return
@@ -52,7 +52,7 @@ def refuse_unheld(
     limit_n = float(size[first] / times[first])
     raise InputError(
         f"a force of {float(f'{size[first]:.4g}'):g} N is more than the robot holds, about "
-        f"{float(f'{limit_n:.3g}'):g} N ({reason})",
+        f"{float(f'{limit_n:.3g}'):g} N ({beside})",
         "correct the force or its unit",
         file=file or None,
         line=line[first] if len(line) else None,

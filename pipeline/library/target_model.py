@@ -224,8 +224,8 @@ def _spread(cov: Array, D: Array, K: Array, knots: Ints) -> Array:
     dense = D.shape[2]
     out = D @ cov[:dense, :dense] @ np.swapaxes(D, 1, 2)
     if K.shape[2]:
-        mixed_cov = cov[:dense, dense:].T[knots]
-        mixed = K @ (mixed_cov @ np.swapaxes(D, 1, 2))
+        beside = cov[:dense, dense:].T[knots]
+        mixed = K @ (beside @ np.swapaxes(D, 1, 2))
         own = cov[dense:, dense:][knots[:, :, None], knots[:, None, :]]
         out += mixed + np.swapaxes(mixed, 1, 2) + K @ own @ np.swapaxes(K, 1, 2)
     return np.asarray(out)

@@ -142,12 +142,12 @@ class _Columns(Locked):
         pairs = np.array(_pairs(h, there), dtype=np.int64)
         known, mine = np.isfinite(h.std), pairs[:, 0]
         laws = np.array(sorted(laws_of_gears(h.cell.effects, there.elements)), dtype=np.int64) - 1
-        determined = (mine < 0) | known[mine]
-        both = (mine >= 0) & determined & joined & ~np.isin(mine, laws)
-        every = np.setdiff1d(np.arange(len(known)), mine[both | ~determined])
+        told = (mine < 0) | known[mine]
+        both = (mine >= 0) & told & joined & ~np.isin(mine, laws)
+        every = np.setdiff1d(np.arange(len(known)), mine[both | ~told])
         return cls(
             pairs[both][:, [0, 2]],
-            pairs[determined & ~both][:, 1:],
+            pairs[told & ~both][:, 1:],
             every[known[every]],
             every[~known[every]],
         )

@@ -251,9 +251,9 @@ def _why(cell: str, field: Field, layout: Layout) -> str:
     if field.kind == "blank":
         return f'has "{shortened(cell)}" behind the last column; remove it'
     if not cell:
-        return f"has nothing in column {field.quoted}; fill it in or remove the row"
+        return f"has nothing in column {field.said}; fill it in or remove the row"
     why = _why_no_number if field.kind == "number" else _why_no_time
-    return f'{field.quoted} is "{shortened(cell)}"{why(cell, layout)}'
+    return f'{field.said} is "{shortened(cell)}"{why(cell, layout)}'
 
 
 def _why_no_number(cell: str, layout: Layout) -> str:

@@ -45,7 +45,7 @@ class Field:
     unit: str = ""
 
     @property
-    def quoted(self) -> str:
+    def said(self) -> str:
         """Name used in messages."""
         return self.title or self.name
 

@@ -232,14 +232,14 @@ def _suffixed(title: str) -> str:
     return stem.removesuffix(end) + end
 
 
-def _agree(titles: Sequence[str], assigned: Mapping[str, str], table: str | None) -> None:
+def _agree(titles: Sequence[str], said: Mapping[str, str], table: str | None) -> None:
     """Check that every title in campaign.toml exists and agrees with the unit in its brackets.
 
     Raises:
         InputError: It does not; a title written out with its unit is trusted.
     """
     parted = {stem: (title, unit) for title in titles for stem, unit in [_parted(title)]}
-    for title, ours in assigned.items():
+    for title, ours in said.items():
         if title.lower() in titles:
             continue
         if title.lower() not in parted:

@@ -28,7 +28,7 @@ from pipeline.machine.effect import in_place
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.figures.certificate import class_of, drawn_as
+from pipeline.report.figures.certificate import drawn_as, stand
 from pipeline.report.identity import IDENTITY_NAMES, rows
 from pipeline.report.record import Certificate, Item, StiffnessBar
 from pipeline.report.summaries import Tables, interval
@@ -71,7 +71,7 @@ def certificate(
         gauge=pictures.get("gauge"),
         bars=translated(bars, say),
         nominal=nominal,
-        reference=say("Of nominal" if compared else "Uncertainty"),
+        beside=say("Of nominal" if compared else "Uncertainty"),
         note=say(_note(answer, compared) if bars else _NO_TABLE),
         filed=(
             *(
@@ -173,11 +173,11 @@ def _gain(answer: Answer) -> str:
 
     Without causes means joint springs alone; for positions, nominal geometry.
     """
-    without, model = "joint springs", "the cause"
+    without, beside = "joint springs", "the cause"
     both = (answer.joint_springs.validation, answer.validation)
     before, after = (one.held_out_rms_mm if one else None for one in both)
     if len(answer.diagnosis.causes) > 1 or answer.diagnosis.causes[0].rivals:
-        model = "the causes"
+        beside = "the causes"
     if answer.of_positions:
         without = "nominal geometry"
         before, after = (answer.position_steps[k].between_mm for k in (0, -1))
@@ -185,7 +185,7 @@ def _gain(answer: Answer) -> str:
         return ""
     return (
         f"; error at poses held out: {plain(before, 2)} mm with {without}, {plain(after, 2)} mm "
-        f"with {model}"
+        f"with {beside}"
     )
 
 
@@ -270,13 +270,13 @@ def _bars(answer: Answer) -> tuple[tuple[StiffnessBar, ...], float | None]:
     if not any(one.value is not None for one in (*joints, *_taken(answer))):
         return (), None
     compared = [one for one in joints if one.value is not None and one.nominal]
-    tracks, nominal = (_against_nominal(compared), True) if compared else (_rough(joints), False)
+    tracks, nominal = (_beside_nominal(compared), True) if compared else (_rough(joints), False)
     at = tracks.pop("", None)
     bars = tuple(
         StiffnessBar(
             name=_name(one),
             value=_value(one, units),
-            reference=class_of(one).ratio_text if one.value is not None else MISSING,
+            beside=stand(one).said if one.value is not None else MISSING,
             enter=enter.get(one.name, ""),
             track=tracks.get(one.name),
         )
@@ -294,7 +294,7 @@ def _name(joint: Stiffness) -> str:
 _Tracks = dict[str, tuple[float, float, float]]
 
 
-def _against_nominal(joints: Sequence[Stiffness]) -> _Tracks:
+def _beside_nominal(joints: Sequence[Stiffness]) -> _Tracks:
     """Lower limit, value and upper limit of each joint along the bar, 0 to 1.
 
     The entry with the empty name is the nominal value.
@@ -357,8 +357,8 @@ effective stiffnesses, which absorb part of the cause."""
 def _substituted(answer: Answer) -> bool:
     """Whether effective stiffnesses replace the values in a controller; only for pulls."""
     recommended = answer.recommended
-    extended = recommended.reason in _SUBSTITUTES and recommended.model is not Which.JOINT_SPRINGS
-    return extended and not answer.of_positions
+    beside = recommended.reason in _SUBSTITUTES and recommended.model is not Which.JOINT_SPRINGS
+    return beside and not answer.of_positions
 
 
 def enterable(answer: Answer) -> bool:

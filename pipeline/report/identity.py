@@ -78,10 +78,10 @@ def _counts(found: Identity) -> str:
     if found.force_n is None:
         return f"{found.poses} poses, no pulls"
     least, most = (plain(force) for force in found.force_n)
-    unloaded = (
+    beside = (
         f"; {_counted(found.unloaded_only)} measured unloaded only" if found.unloaded_only else ""
     )
-    return f"{found.poses} poses, {found.pulls} pulls of {least} N to {most} N{unloaded}"
+    return f"{found.poses} poses, {found.pulls} pulls of {least} N to {most} N{beside}"
 
 
 def _counted(poses: int) -> str:

@@ -27,7 +27,7 @@ def compose(
     tables: Tables,
     run_time_s: float | None = None,
     previous: Answer | None = None,
-    other_files: Collection[str] = (),
+    beside: Collection[str] = (),
     wear: str | None = None,
     look: Appearance = PLAIN,
 ) -> Report:
@@ -40,14 +40,14 @@ def compose(
             that is missing.
         run_time_s: Run time [s].
         previous: The answer to the robot's previous campaign, to report changes since then.
-        other_files: Names of the files in the folder of the page, for links to them.
+        beside: Names of the files in the folder of the page, for links to them.
         wear: Result of all campaigns of the robot together; None if there are too few.
         look: Language of the certificate and what the house adds to it; the rest is in English.
     """
     say = spoken(look.language)
     title, tone = _verdict(answer)
     annex = doors.found(_ANNEX)
-    sections = annex(answer, tables, previous, other_files, wear) if annex else ()
+    sections = annex(answer, tables, previous, beside, wear) if annex else ()
     return Report(
         kicker=f"{say(_about(answer))} · {say(answer.machine)}",
         heading=answer.campaign,

@@ -172,7 +172,7 @@ class StiffnessBar:
     Attributes:
         name: Axis and joint.
         value: Value with its expanded uncertainty.
-        reference: Ratio to nominal, or the relative expanded uncertainty if no nominal is stated.
+        beside: Ratio to nominal, or the relative expanded uncertainty if no nominal is stated.
         enter: Entry for the controller.
         track: Places of lower limit, value and upper limit between the ends of the bar, 0 to 1;
             None if nothing is drawn.
@@ -180,13 +180,13 @@ class StiffnessBar:
 
     name: str
     value: str
-    reference: str
+    beside: str
     enter: str
     track: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         """Set numbers and units as they are printed."""
-        for name in ("value", "reference", "enter"):
+        for name in ("value", "beside", "enter"):
             object.__setattr__(self, name, typeset(getattr(self, name)))
 
 
@@ -203,7 +203,7 @@ class Certificate:
         gauge: The deflection and its tolerance; None without a deflection.
         bars: The stiffnesses.
         nominal: Place of the nominal value along the bars, 0 to 1; None without one.
-        reference: Heading of the column of what the values are compared with.
+        beside: Heading of the column beside the bars.
         note: Explanation of the bars and of what to enter.
         filed: Statements on campaign, machine and instruments.
         logo: Logo of the house as SVG; empty for none.
@@ -219,7 +219,7 @@ class Certificate:
     gauge: Figure | None
     bars: tuple[StiffnessBar, ...]
     nominal: float | None
-    reference: str
+    beside: str
     note: str
     filed: tuple[Item, ...]
     digest: str

@@ -35,7 +35,7 @@ def render(
     tables: Mapping[str, pd.DataFrame],
     run_time_s: float | None = None,
     previous: Answer | None = None,
-    other_files: Collection[str] = (),
+    beside: Collection[str] = (),
     wear: str | None = None,
     look: Appearance = PLAIN,
 ) -> dict[str, bytes]:
@@ -47,7 +47,7 @@ def render(
             that is missing.
         run_time_s: Run time [s]; the only input that may differ between two runs.
         previous: The answer to the robot's previous campaign, to report changes since then.
-        other_files: Names of further files in the report's folder, for links to them.
+        beside: Names of further files in the report's folder, for links to them.
         wear: Result of all campaigns of the robot together, from `fleet.sentences.told`.
         look: Language of the certificate, and what the house adds; the annexes are in English.
 
@@ -55,7 +55,7 @@ def render(
         Content by path relative to the report's folder: index.html, report.pdf, figures/*.svg.
     """
     with _uncollected():
-        return _rendered(answer, tables, run_time_s, previous, other_files, wear, look)
+        return _rendered(answer, tables, run_time_s, previous, beside, wear, look)
 
 
 @contextlib.contextmanager
@@ -79,7 +79,7 @@ def _rendered(
     tables: Mapping[str, pd.DataFrame],
     run_time_s: float | None,
     previous: Answer | None,
-    other_files: Collection[str],
+    beside: Collection[str],
     wear: str | None,
     look: Appearance,
 ) -> dict[str, bytes]:
@@ -87,7 +87,7 @@ def _rendered(
     from pipeline.report.figures.catalogue import draw, live  # matplotlib imports for half a second
     from pipeline.report.model import compose
 
-    there = {*other_files, "report.pdf"} if other_files else ()
+    there = {*beside, "report.pdf"} if beside else ()
     report = compose(answer, tables, run_time_s, previous, there, wear, look)
     say = spoken(look.language)
     drawings = {one.name: draw(one.name, answer, tables, say) for one in report.figures}

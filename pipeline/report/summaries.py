@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,11 @@ Tables = Mapping[str, pd.DataFrame]
 def has(tables: Tables, *names: str) -> bool:
     """Whether all these tables exist and are not empty."""
     return all(name in tables and len(tables[name]) > 0 for name in names)
+
+
+def each_row(table: pd.DataFrame) -> Iterator[Any]:
+    """Rows of a table, with the columns as attributes."""
+    return table.itertuples()
 
 
 def interval(joints: Sequence[Stiffness], unit: Array | float) -> Array:

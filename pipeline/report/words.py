@@ -91,12 +91,12 @@ def by_axis(answer: Answer, say: Say) -> Say:
         )
     }
 
-    def shortened(text: str) -> str:
+    def told(text: str) -> str:
         for long, name in short.items():
             text = text.replace(long, name)
         return say(text)
 
-    return shortened
+    return told
 
 
 def values_of(answer: Answer) -> str:

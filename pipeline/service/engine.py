@@ -13,7 +13,6 @@ from pipeline.base.environment import elsewhere
 from pipeline.base.shown import say
 from pipeline.service import server
 from pipeline.service.processes import sheltered
-from pipeline.service.watch import current
 from pipeline.store.campaign import CampaignFolder
 
 if TYPE_CHECKING:  # these types import the numerical libraries, which takes a second
@@ -22,7 +21,7 @@ if TYPE_CHECKING:  # these types import the numerical libraries, which takes a s
 
 def through_prefect(campaign: CampaignFolder, force: bool, tell: Tell) -> Answer:
     """Bring a campaign up to date as a Prefect flow, unless it is current."""
-    if current(campaign) and not force:  # also reports input that no engine can read
+    if campaign.current() and not force:  # also reports input that no engine can read
         from pipeline.answer.archive import read
 
         return read(campaign)

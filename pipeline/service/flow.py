@@ -245,7 +245,7 @@ def within(campaign: CampaignFolder) -> Answer:
     """Answer of a campaign, by a flow of its own unless its last run is still current."""
     campaign.fit()  # a campaign whose name cannot be shown gets no run
     with contextlib.suppress(InputError):  # an unreadable one gets a visible run, too
-        if watch.current(campaign):
+        if campaign.current():
             return read(campaign)
     return identified(campaign)
 

@@ -359,17 +359,3 @@ def watch(root: Path, preferences: Preferences) -> Iterator[Outcome]:
             began = time.monotonic()
             yield from scan(root, preferences, guard)
             time.sleep(max(0.0, wanted.interval_s - (time.monotonic() - began)))
-
-
-def current(campaign: CampaignFolder) -> bool:
-    """Whether the last run of a campaign is still valid, so that no engine needs to start.
-
-    Raises:
-        InputError: It cannot be read, and trying again will not help.
-    """
-    try:
-        return campaign.done(campaign.read().key)
-    except InputError as problem:
-        if problem.passing:  # the engine reads again a little later
-            return False
-        raise

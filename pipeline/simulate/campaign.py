@@ -113,7 +113,7 @@ def raw_files(scene: Scene, draws: Draws, which: int = 0) -> dict[str, bytes]:
 
 def _notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
     """The data of one drawn campaign that the operator has to write down."""
-    robot, q = scene.cell.robot, scene.every_pose.q
+    robot, q = scene.cell.robot, scene.stands.q
     return Notebook(
         robot=scene.plan.robot,
         robot_text=robot.text,
@@ -194,7 +194,7 @@ def _names(scene: Scene) -> list[tuple[str, str]]:
     base, targets, pulls = scene.plan.base_frame, scene.plan.targets, scene.pulls
     wide = max(2, len(str(len(scene.anchor))))
     after = np.bincount(pulls.pose, minlength=len(scene.anchor) + 1) + 1
-    numbers = [(k, (0, after[k])[: scene.schedule.zero.shape[1]]) for k in scene.every_pose.pose]
+    numbers = [(k, (0, after[k])[: scene.schedule.zero.shape[1]]) for k in scene.stands.pose]
     unloaded = [f"pose{k:0{wide}d}_rep{n}_unloaded" for k, both in numbers for n in both]
     each = zip(pulls.pose, pulls.repeat, strict=True)
     loaded = [f"pose{k:0{wide}d}_rep{n}_loaded" for k, n in each]
@@ -233,22 +233,22 @@ def _loads(scene: Scene, shown: Sequence[str]) -> bytes:
 
 
 def _joints(scene: Scene, logged: Array) -> bytes:
-    joints, every_pose = scene.cell.robot.joints, scene.every_pose
+    joints, stands = scene.cell.robot.joints, scene.stands
     head = ["pose", *(f"{j.name}_{'m' if j.prismatic else 'deg'}" for j in joints), "approach"]
     q = text_of(logged, None if scene.plan.tracker.decimals is None else 6)
-    rows = zip(every_pose.pose, q, every_pose.approach.astype(int), strict=True)
+    rows = zip(stands.pose, q, stands.approach.astype(int), strict=True)
     return _csv(",".join(head), ((pose, *values, way) for pose, values, way in rows))
 
 
 def _axes(scene: Scene) -> bytes:
     """The poses as the controller shows its axes, mm and degrees."""
-    robot, every_pose = scene.cell.robot, scene.every_pose
+    robot, stands = scene.cell.robot, scene.stands
     units = ["mm" if slide else "deg" for slide in axes_of(robot).slides]
     names = [f"{n}_{u}" for n, u in zip(axes_of(robot).names, units, strict=True)]
     rows = zip(
-        every_pose.pose,
-        text_of(displayed(robot, every_pose.q), 6),
-        every_pose.approach.astype(int),
+        stands.pose,
+        text_of(displayed(robot, stands.q), 6),
+        stands.approach.astype(int),
         strict=True,
     )
     head = ",".join(["pose", *names, "approach"])

@@ -8,8 +8,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.strict import STANDARD_GRAVITY
-from pipeline.design.pull import branches
-from pipeline.machine.effect import HUNG, MOUNTED, PULLED
+from pipeline.machine.effect import HUNG, MOUNTED, PULLED, branches
 from pipeline.simulate.plan import Plan
 
 DOWN = np.array([0.0, 0.0, -1.0])

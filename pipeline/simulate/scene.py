@@ -54,8 +54,8 @@ class Scene(Locked):
         planted: The planted effects with their values.
         pulls: Nominal pulls, the force along the chain as the scale is intended to show it, m of
             them.
-        every_pose: Each pose as its zero is read, p of them: its first pull, or no force where it
-            is read unloaded only.
+        stands: Each pose as its zero is read, p of them: its first pull, or no force where it is
+            read unloaded only.
         run: The loads of the pulls.
         anchor: Anchor of each pose's chain [m], shape (p, 3).
         schedule: Times of the readings.
@@ -66,7 +66,7 @@ class Scene(Locked):
     values: Array
     planted: tuple[Planted, ...]
     pulls: Pulls
-    every_pose: Pulls
+    stands: Pulls
     run: PullLoads
     anchor: Array
     schedule: _Schedule
@@ -146,14 +146,14 @@ def build(
         values=values,
         planted=planted,
         pulls=pulls,
-        every_pose=_every_pose(pulls, q, _approach(plan), schedule),
+        stands=_stands(pulls, q, _approach(plan), schedule),
         run=loads,
         anchor=anchor,
         schedule=schedule,
     )
 
 
-def _every_pose(pulls: Pulls, q: Array, approach: Array, schedule: _Schedule) -> Pulls:
+def _stands(pulls: Pulls, q: Array, approach: Array, schedule: _Schedule) -> Pulls:
     """Each pose as its zero is read, in order."""
     idle = np.setdiff1d(np.arange(len(q)), pulls.pose - 1)
     none, time = np.zeros(len(idle)), schedule.zero.mean(axis=(1, 2))[idle]
@@ -427,7 +427,7 @@ def _chain(scene: Scene, pulls: Pulls, load_point: Array, n: int) -> Array:
 def _zeros(scene: Scene) -> Array:
     """Unloaded targets as read before and after the pulls, in F_b, shape (p, z, t, 3)."""
     still, values = _still(scene)
-    pulls = scene.every_pose
+    pulls = scene.stands
     points = forward.predict(still, pulls, values).unloaded
     times = np.moveaxis(scene.schedule.zero, 1, 0)
     names = scene.plan.targets

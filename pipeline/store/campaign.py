@@ -12,7 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from importlib import metadata
@@ -64,8 +64,8 @@ class Raw:
 
     def placing(self) -> AbstractContextManager[None]:
         """Add the line to errors about campaign.toml; errors without a file are about it."""
-        text = self.files["campaign.toml"].decode("utf-8", "replace")
-        return toml.placed("campaign.toml", text)
+        said = self.files["campaign.toml"].decode("utf-8", "replace")
+        return toml.placed("campaign.toml", said)
 
 
 @dataclass(frozen=True)
@@ -120,11 +120,11 @@ class CampaignFolder:
                 the folder has an invalid name.
         """
         self.fit()
-        content = self.content("campaign.toml")
-        settings = _settings(content)
-        with toml.placed("campaign.toml", content.decode("utf-8", "replace")):
+        said = self.content("campaign.toml")
+        settings = _settings(said)
+        with toml.placed("campaign.toml", said.decode("utf-8", "replace")):
             others = {name: self.content(name) for name in self._named(settings)}
-        return _raw(settings, {"campaign.toml": content, **others})
+        return _raw(settings, {"campaign.toml": said, **others})
 
     def fit(self) -> None:
         """Check that the folder can be processed.
@@ -149,18 +149,18 @@ class CampaignFolder:
         path = settings.tolerance.path if settings.tolerance else None
         if own is not None and not (own.endswith(".toml") and os.path.exists(self.folder / own)):
             raise no_robot(own, "campaign.toml")
-        of_positions = [] if settings.positions is None else settings.positions.named
+        stood = [] if settings.positions is None else settings.positions.named
         if settings.of_positions:
-            return [*of_positions, *filter(None, [own, path])]
+            return [*stood, *filter(None, [own, path])]
         if settings.displacements is not None:
             given = settings.displacements
             others = [given.file, given.forces, settings.joints.file, own, path]
-            return [*of_positions, *filter(None, others)]
+            return [*stood, *filter(None, others)]
         assert settings.tracker is not None  # guaranteed by Settings
         names = self._matching(settings.tracker.files)
         settings.tracker.none_missing(names)
         others = [settings.tracker.assignment, settings.loads_file, settings.joints.file, own, path]
-        return list(dict.fromkeys([*names, *of_positions, *filter(None, others)]))
+        return list(dict.fromkeys([*names, *stood, *filter(None, others)]))
 
     def _matching(self, patterns: Sequence[str]) -> list[str]:
         """Existing files that are given by name, and those that match a glob, in order.
@@ -229,6 +229,18 @@ class CampaignFolder:
         finally:
             lock.release()
 
+    def tidy(self) -> None:
+        """Remove what a killed run left behind, also if nothing has to be computed.
+
+        A running process cleans up after itself, and a read-only disk is left unchanged.
+        """
+        folders = (self.processed, self.reports)
+        if not any(files.leftovers(folder) for folder in folders):
+            return
+        with suppress(Timeout, OSError), FileLock(self.processed / ".lock", timeout=0):
+            for folder in folders:
+                files.sweep(folder)
+
     def _acquired_late(self, lock: FileLock) -> bool:
         try:
             lock.acquire(timeout=0)
@@ -271,6 +283,19 @@ class CampaignFolder:
         except InputError:
             return False
 
+    def current(self) -> bool:
+        """Whether its last run is still valid, so that no engine needs to start.
+
+        Raises:
+            InputError: It cannot be read, and trying again will not help.
+        """
+        try:
+            return self.done(self.read().key)
+        except InputError as problem:
+            if problem.passing:  # the engine reads again a little later
+                return False
+            raise
+
     @contextmanager
     def remembering(self, key: str) -> Iterator[None]:
         """Store why the block rejects an input; a block without error removes that record."""
@@ -297,8 +322,8 @@ class CampaignFolder:
         found = recalled(self.processed / MANIFEST)
         if not isinstance(found, dict) or not isinstance(found.get("outputs"), dict):
             return None
-        words = (found.get("key"), found.get("source", ""), *found["outputs"].values())
-        return found if all(isinstance(word, str) for word in words) else None
+        said = (found.get("key"), found.get("source", ""), *found["outputs"].values())
+        return found if all(isinstance(word, str) for word in said) else None
 
     def result(self) -> dict[str, Any]:
         """Its result.json."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import report_sample
 
-from pipeline.answer.contradictions import common_factor, factor_findings
+from pipeline.answer.contradictions import common_factor, told_factor
 from pipeline.machine.robot import load
 from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
@@ -39,7 +39,7 @@ def test_a_factor_of_two_and_more_is_told_whatever_the_specimen(factor, said):
     assert None not in found
     inside = [one.ci95[0] < factor < one.ci95[1] for one in found]
     assert np.mean(inside) > 0.9
-    assert f"about {said} times" in factor_findings(said_of([factor] * 7))[0]
+    assert f"about {said} times" in told_factor(said_of([factor] * 7))[0]
 
 
 def test_another_specimen_is_no_other_unit():
@@ -56,7 +56,7 @@ def test_one_joint_and_what_the_file_does_not_state_tell_nothing():
     """Nor what the campaign does not determine."""
     assert said_of([9.81]) is None
     assert said_of([9.81] * 6, load("fanuc_r2000ic")) is None
-    assert factor_findings(None) == []
+    assert told_factor(None) == []
 
 
 def test_a_joint_that_is_hardly_known_counts_little():
@@ -100,8 +100,8 @@ def test_forces_written_too_large_are_told_on_the_first_screen(factor, told):
     assert (fact is not None) is told
     if fact is not None:
         assert fact.ci95[0] < factor < fact.ci95[1]
-        assert factor_findings(fact)[0] in found.verdict_sentence
-        assert factor_findings(fact)[0] in found.findings
+        assert told_factor(fact)[0] in found.verdict_sentence
+        assert told_factor(fact)[0] in found.findings
         assert "common_factor" in found.as_json()
     else:
         assert "common_factor" not in found.as_json()

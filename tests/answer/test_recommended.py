@@ -42,7 +42,7 @@ def test_the_values_are_those_of_the_model_that_holds(
 
 def test_what_changes_no_model_only_weighs_the_springs_anew():
     """Where the robot stands was put right, nothing stands beside the springs."""
-    row = decide(DecisionBasis(False, "explained", modelled=True, rivals=False, with_causes=False))
+    row = decide(DecisionBasis(False, "explained", modelled=True, rivals=False, beside=False))
 
     assert (row.model, row.data, row.reason) == (EXTENDED, GIVEN, Reason.WEIGHED_ANEW)
 

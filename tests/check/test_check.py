@@ -66,7 +66,7 @@ def test_two_points_exchanged_are_named_together():
 
         assert rows[found.line - 1].startswith(f"{one} = ")
         second = 1 + next(k for k, row in enumerate(rows) if row.startswith(f"{other} = "))
-        assert f"{one} and {other} (line {second})" in found.reason
+        assert f"{one} and {other} (line {second})" in found.said
 
 
 def test_a_decimal_comma_is_named_in_its_line(said):
@@ -90,7 +90,7 @@ def test_a_whole_table_in_millimetres_is_named_in_its_head():
 
     assert found.key == "tool"
     assert text.splitlines()[found.line - 1] == "[tool]"
-    assert "is in mm" in found.reason
+    assert "is in mm" in found.said
 
 
 @pytest.mark.sampled(1)
@@ -106,7 +106,7 @@ def test_a_word_that_contradicts_the_export_is_named_in_its_line():
     (found,) = wrong_lines(in_memory(files))
 
     assert found.line == line + 1
-    assert "cannot be read" in found.reason
+    assert "cannot be read" in found.said
 
 
 def test_a_good_campaign_is_not_accused():

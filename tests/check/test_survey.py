@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.check.survey import clock, surveyed_poses
+from pipeline.check.survey import clock, stands
 from pipeline.machine.effect import Pulls
 
 
@@ -57,7 +57,7 @@ def test_every_pose_has_its_smallest_and_largest_force():
     """In the order of the poses, however the pulls are ordered."""
     force = np.array([[3.0, 4.0, 0.0], [0, 0, 1.0], [6.0, 8.0, 0.0]])
     pulls = replace(Pulls.at(np.array([[2.0], [1.0], [2.0]]), force), pose=np.array([2, 1, 2]))
-    first, second = surveyed_poses(SimpleNamespace(pulls=pulls))
+    first, second = stands(SimpleNamespace(pulls=pulls))
 
     assert (first.pose, first.pulls, first.least_n, first.most_n) == (1, 1, 1.0, 1.0)
     assert (second.pose, second.pulls, second.least_n, second.most_n) == (2, 2, 5.0, 10.0)

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.base.errors import InputError
 from pipeline.design import undecided
-from pipeline.design.undecided import _odds_there, _open, next_poses
+from pipeline.design.undecided import _open, _standing_there, next_poses
 from pipeline.diagnosis.cause_search import NamelessReplacement, Replacement
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.verdict import CERTAIN
@@ -39,19 +39,19 @@ def test_rivals_of_two_hundredths_stand_beside_the_accepted_one():
     """The four likeliest of them, each with its probability; the rest is ignored."""
     others = [rival(f"r{k}", k, p) for k, p in enumerate((0.2, 0.1, 0.021, 0.019), 1)]
     few = found((rival("a", 0, 0.6), *others))
-    assert _odds_there(few, 0, cause("a", 0.6), NONE) == {0: 0.6, 1: 0.2, 2: 0.1, 3: 0.021}
+    assert _standing_there(few, 0, cause("a", 0.6), NONE) == {0: 0.6, 1: 0.2, 2: 0.1, 3: 0.021}
 
     others = [rival(f"r{k}", k, 0.1) for k in range(1, 7)]
     many = found((rival("a", 0, 0.4), *others))
-    assert list(_odds_there(many, 0, cause("a", 0.4), NONE)) == [0, 1, 2, 3, 4]
+    assert list(_standing_there(many, 0, cause("a", 0.4), NONE)) == [0, 1, 2, 3, 4]
 
 
 def test_a_cause_that_is_certain_has_no_rivals():
     """At 95 % and above nothing is asked."""
     few = found((rival("a", 0, CERTAIN), rival("b", 1, 1 - CERTAIN)))
 
-    assert _odds_there(few, 0, cause("a", CERTAIN), NONE) == {0: CERTAIN}
-    assert list(_odds_there(few, 0, cause("a", CERTAIN - 1e-6), NONE)) == [0, 1]
+    assert _standing_there(few, 0, cause("a", CERTAIN), NONE) == {0: CERTAIN}
+    assert list(_standing_there(few, 0, cause("a", CERTAIN - 1e-6), NONE)) == [0, 1]
 
 
 def test_twins_count_as_one():
@@ -59,7 +59,7 @@ def test_twins_count_as_one():
     place = (rival("a", 0, 0.4), rival("twin", 1, 0.35), rival("b", 2, 0.25))
     known = Twins((), (("twin", "a"), ("b", "x")), ())
 
-    assert _odds_there(found(place), 0, cause("a", 0.4), known) == {
+    assert _standing_there(found(place), 0, cause("a", 0.4), known) == {
         0: pytest.approx(0.75),
         2: 0.25,
     }
@@ -69,7 +69,7 @@ def test_what_has_no_name_takes_its_part_of_the_odds():
     """Where it is likelier than one in twenty; the others share the rest."""
     place = (rival("a", 0, 0.7), rival("b", 1, 0.3))
     for share, there in ((0.4, True), (0.05, False), (0.06, True)):
-        odds = _odds_there(
+        odds = _standing_there(
             found(place, strange=(NamelessReplacement(share, 9),)), 0, cause("a", 0.7), NONE
         )
         rest = 1 - share if there else 1.0

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from small_case import asked
 
-from pipeline.answer.inputs import lost_findings
+from pipeline.answer.inputs import lost_told
 from pipeline.faults.exchanged import exchanged
 from pipeline.faults.named_twice import named_twice
 from pipeline.reduction.bring import conformed, plain
@@ -75,7 +75,7 @@ def test_a_pose_under_the_name_of_another_is_named_and_said(one, other, lost):
     assert found.correction == f"computed without pose {other}"
     left = found.correct(given)
     assert other not in set(left.readings["pose"].dropna()) | set(left.joints["pose"])
-    (told,) = lost_findings(given.lost)
+    (told,) = lost_told(given.lost)
     everything = len(files()[2])
     assert told.startswith(f"{lost} of {everything} readings were left out, all of pose {other};")
 

@@ -121,7 +121,6 @@ def test_a_campaign_that_fits_is_not_asked(monkeypatch):
     assert moved(asked) == []
 
 
-@pytest.mark.whole
 def test_the_engineer_is_told_to_measure_that_pose_again(said):
     """No file can be corrected for a knocked tracker."""
     (to_do,) = [one.text for one in said.first_screen if one.about == "to_do"]

@@ -37,6 +37,7 @@ def test_a_capsule_lies_in_the_frame_of_its_row():
     assert made.carrier.tolist() == [2]
     assert made.ends[:, 0] == pytest.approx(np.array([[1.0, 0.5, 0.0], [0.5, 0.0, 0.0]]))
     assert made.half == pytest.approx([np.sqrt(0.5) / 2])
+    assert len(made.with_others(made)) == 2
     with pytest.raises(InputError, match="a9"):
         capsules([rows[0].model_copy(update={"link": "a9"})], {"a2": (2, np.eye(4))}, "", "r.toml")
 
@@ -54,15 +55,6 @@ def test_cables_narrow_the_limits_of_their_joint_alone():
         stated = Surrounded.model_validate({"cell": {"max_turn_deg": {wrong: 90}}})
         with pytest.raises(InputError, match=wrong):
             turns(robot, stated)
-
-
-def test_long_cables_leave_a_joint_its_own_limits():
-    robot = load("kr500_rail")
-    stated = {"cell": {"max_turn_deg": {joint.name: 5000 for joint in robot.joints[1:]}}}
-    lower, upper = turns(robot, Surrounded.model_validate(stated))
-
-    assert lower.tolist() == robot.lower.tolist()
-    assert upper.tolist() == robot.upper.tolist()
 
 
 def test_a_cell_is_handed_on_as_it_was_stated():

@@ -37,7 +37,7 @@ from pipeline.answer.sentences import (
     _wrong,
     joint_to_pull,
 )
-from pipeline.answer.words import correct, mistaken, noise_sentences, unnoticed, wrong
+from pipeline.answer.words import correct, mistaken, noise_told, unnoticed, wrong
 from pipeline.diagnosis.bounds import Bounds
 from pipeline.diagnosis.facts import Facts, UnloadedFacts
 from pipeline.diagnosis.verdict import verdict
@@ -400,7 +400,7 @@ def noise(name, value):
 
 def test_noise_that_is_a_cause_is_said_and_nothing_else_is():
     """The first screen does not say that nothing was detected of what it lists as a cause."""
-    (said,) = noise_sentences([noise("tracker_noise", 0.5425)])
+    (said,) = noise_told([noise("tracker_noise", 0.5425)])
 
     assert said == (
         "The readings of the tracker scatter 54 % more than stated: the uncertainties include it."

@@ -59,19 +59,19 @@ def _draw_separability(answer: Answer, tables: Tables) -> str:
     """Draw a triangle of squares, dark where two causes cannot be distinguished."""
     apart = _compared(answer, tables)
     names, n = [from_label(label, answer.axes) for label in apart.index], len(apart)
-    margin = _LETTER * max(map(len, names)) + 8
-    sheet = PixelSheet(margin + max(_SIDE * n, _KEY), _SIDE * n + margin)
+    beside = _LETTER * max(map(len, names)) + 8
+    sheet = PixelSheet(beside + max(_SIDE * n, _KEY), _SIDE * n + beside)
     found = np.isin(apart.index, apart.attrs["found"])
     for i, j in zip(*np.tril_indices(n, -1), strict=True):
         sigmas, framed = float(apart.to_numpy()[i, j]), bool(found[i] | found[j])
-        x, y = margin + _SIDE * j, _SIDE * (i - 1)
+        x, y = beside + _SIDE * j, _SIDE * (i - 1)
         shade = APART_SHADES[int(np.searchsorted(_APART_STEPS, sigmas, "right"))]
         frame = {"stroke": BLUE, "stroke_width": 1.2} if framed else {}
         tip = f"{names[i]} or {names[j]}: {plain(sigmas, 2)} σ{_AS_FOUND * framed}"
         sheet.square(x, y, 0.9 * _SIDE, tip, fill=shade, **frame)
     for k in range(1, n):
-        sheet.text(margin - 5, _SIDE * (k - 0.3), names[k], 11, text_anchor="end")
-        across, foot = float(margin + _SIDE * (k - 0.3)), _SIDE * (n - 1) + 5
+        sheet.text(beside - 5, _SIDE * (k - 0.3), names[k], 11, text_anchor="end")
+        across, foot = float(beside + _SIDE * (k - 0.3)), _SIDE * (n - 1) + 5
         turned = {"transform": f"rotate(-90 {across:.1f} {foot:.1f})", "text_anchor": "end"}
         sheet.text(across, foot, names[k - 1], 11, **turned)
     _apart_key(sheet, bool(found.any()))

@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.annex.figures.marks import cumulative, cumulative_axes, dots, title
-from pipeline.annex.summaries import each_row, finite
+from pipeline.annex.summaries import finite
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import MM, plain
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, has
+from pipeline.report.summaries import Tables, each_row, has
 from pipeline.report.svg import GRID, SERIES
 
 _BETWEEN = "every tenth pose"

@@ -11,14 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.annex.figures.marks import dots, legend_below, title
-from pipeline.annex.summaries import MOST_MARKS, each_row, thinned
+from pipeline.annex.summaries import MOST_MARKS, thinned
 from pipeline.annex.words import from_label, label
 from pipeline.answer.contract import Answer
 from pipeline.answer.words import capital
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import BLUE, MUTED, RED
 
 _MOST_LAWS = 4
@@ -49,11 +49,11 @@ def _explained(rows: pd.DataFrame) -> float:
 
 def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Draw one plot per law: single estimates with their uncertainties, and the law itself."""
-    panels = _laws(tables)
-    canvas.set_size_inches(5.6, 0.5 + 2.2 * len(panels))
-    views = canvas.subplots(len(panels), 1, squeeze=False)[:, 0]
+    told = _laws(tables)
+    canvas.set_size_inches(5.6, 0.5 + 2.2 * len(told))
+    views = canvas.subplots(len(told), 1, squeeze=False)[:, 0]
     tips: Tips = {}
-    for k, (view, rows) in enumerate(zip(views, panels, strict=True)):
+    for k, (view, rows) in enumerate(zip(views, told, strict=True)):
         tips |= _marks(view, f"law-{k}", answer, rows)
         first = rows.iloc[0]
         of = capital(_NAMES[first["of"]])

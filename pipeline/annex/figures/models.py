@@ -7,14 +7,14 @@ import pandas as pd
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.annex.figures.marks import dots, title
-from pipeline.annex.summaries import MOST_MARKS, each_row, thinned
+from pipeline.annex.summaries import MOST_MARKS, thinned
 from pipeline.answer.contract import Answer, Which
 from pipeline.base.linear import rms
 from pipeline.base.quantities import MM, plain
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import MUTED, SERIES
 
 

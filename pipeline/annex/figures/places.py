@@ -12,19 +12,12 @@ from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
 
 from pipeline.annex.figures.marks import MARKERS, dots, legend_above, title
-from pipeline.annex.summaries import (
-    AXES,
-    MOST_MARKS,
-    arrows,
-    each_row,
-    registration_by_target,
-    thinned,
-)
+from pipeline.annex.summaries import AXES, MOST_MARKS, arrows, registration_by_target, thinned
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import MM, plain
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import INK, MUTED, RED, SERIES
 
 

@@ -7,13 +7,13 @@ import pandas as pd
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.annex.figures.marks import cumulative, cumulative_axes, dots, legend_above
-from pipeline.annex.summaries import each_row, finite, prediction_error, thinned
+from pipeline.annex.summaries import finite, prediction_error, thinned
 from pipeline.answer.contract import Answer
 from pipeline.base.linear import rms
 from pipeline.base.quantities import MM, percent, plain
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import MUTED, SERIES
 
 _KEY = ["pose", "repeat", "target"]

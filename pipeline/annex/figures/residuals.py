@@ -12,7 +12,6 @@ from pipeline.annex.figures.marks import MARKERS, dots, integer_ticks, legend_ab
 from pipeline.annex.summaries import (
     MOST_MARKS,
     courses,
-    each_row,
     finite,
     pose_rms,
     residual_force,
@@ -25,7 +24,7 @@ from pipeline.base.linear import rms
 from pipeline.base.quantities import percent, plain
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import BLUE, MUTED, RED, SERIES
 
 
@@ -76,14 +75,14 @@ def _coordinate(row: Any) -> str:
 
 def _draw_residual_course(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Draw every residual coordinate over rail position, torque and time."""
-    rows, panels = courses(tables, answer.axes)
-    canvas.set_size_inches(5.6, 0.5 + 1.5 * len(panels))
-    views = canvas.subplots(len(panels), 1, sharey=True, squeeze=False)[:, 0]
+    rows, told = courses(tables, answer.axes)
+    canvas.set_size_inches(5.6, 0.5 + 1.5 * len(told))
+    views = canvas.subplots(len(told), 1, sharey=True, squeeze=False)[:, 0]
     kinds = [("mm", "o", 10, BLUE, "joint springs")]
     if not np.allclose(rows["mm"], rows["mm_extended"], equal_nan=True):
         kinds.append(("mm_extended", "D", 7, RED, "with the identified causes"))
     tips: Tips = {}
-    for view, one in zip(views, panels, strict=True):
+    for view, one in zip(views, told, strict=True):
         known = finite(rows, one.column, "mm")
         known = thinned(known, known["mm"].to_numpy(float), MOST_MARKS // 40)
         view.axhline(0, color=MUTED, linewidth=0.8)
@@ -159,25 +158,25 @@ def _write_residual_force(answer: Answer, tables: Tables) -> Figure | None:
 def _write_residual_course(answer: Answer, tables: Tables) -> Figure | None:
     if "residual_extended_m" not in tables["examined"]:
         return None
-    _, panels = courses(tables, answer.axes)
-    if not panels:
+    _, told = courses(tables, answer.axes)
+    if not told:
         return None
     text = "Means over six steps of " + ", ".join(
         f"{one.name} explain {percent(one.explained)} of the variance of the residuals of the "
         "joint springs"
         if k == 0
         else f"of {one.name} {percent(one.explained)}"
-        for k, one in enumerate(panels)
+        for k, one in enumerate(told)
     )
     found = answer.diagnosis.causes
     diamonds = "; diamonds are the residuals with the causes in the model" if found else ""
-    text += f"; noise alone would give {percent(panels[0].by_chance)} on average."
+    text += f"; noise alone would give {percent(told[0].by_chance)} on average."
     return Figure(
         "residual-course",
-        "Residual against " + ", ".join(one.name for one in panels),
+        "Residual against " + ", ".join(one.name for one in told),
         f"{text} A band that bends, steps or drifts indicates an effect that the joint springs do "
         f"not have{diamonds}.",
-        f"{len(panels)} scatter plots of residual coordinates. {text}",
+        f"{len(told)} scatter plots of residual coordinates. {text}",
     )
 
 

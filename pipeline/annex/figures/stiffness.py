@@ -25,7 +25,7 @@ def _comparable(answer: Answer) -> list[Stiffness]:
     return [joint for joint in answer.stiffness if joint.value is not None and joint.nominal]
 
 
-def _other_model(answer: Answer, joints: Sequence[Stiffness]) -> Array:
+def _beside(answer: Answer, joints: Sequence[Stiffness]) -> Array:
     """Stiffnesses from joint springs on the data as given, shape (n,).
 
     NaN where they have no value, or where these are the answer's own values.
@@ -69,16 +69,16 @@ def _limits(low: float, high: float) -> str:
     return f"above {plain(low)} %"
 
 
-def _cut_off(axes: Axes, at: Array, limits: Array, ends: tuple[float, float]) -> None:
+def _cut_off(axes: Axes, at: Array, told: Array, ends: tuple[float, float]) -> None:
     """Draw arrows where intervals leave the plot, with numbers unless only an infinite limit does.
 
     Args:
         axes: The plot.
         at: Vertical place of each joint, shape (n,).
-        limits: Values, lower and upper 95 % limits [% of nominal], shape (3, n).
+        told: Values, lower and upper 95 % limits [% of nominal], shape (3, n).
         ends: Left and right end of the plot [% of nominal].
     """
-    (share, low, high), (left, right) = limits, ends
+    (share, low, high), (left, right) = told, ends
     for end, leaves, marker in ((left, low < left, "<"), (right, high > right, ">")):
         axes.scatter(np.full(leaves.sum(), end), at[leaves], color=BLUE, marker=marker, s=30)
     wide = (low < left) | (np.isfinite(high) & (high > right)) | (share > right)
@@ -111,7 +111,7 @@ def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     at = np.arange(len(joints), dtype=float)
     nominal = np.array([joint.nominal for joint in joints], dtype=float)
     share, low, high = interval(joints, nominal / 100)
-    other = 100 * _other_model(answer, joints) / nominal
+    other = 100 * _beside(answer, joints) / nominal
     axes.axvline(100, color=MUTED, linewidth=1, linestyle="--")
     left, right = _frame(low, high)
     axes.hlines(at, np.maximum(low, left), np.minimum(high, right), BLUE, lw=2.2)

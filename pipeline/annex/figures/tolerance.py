@@ -8,14 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.annex.figures.marks import dots, legend_above, title
-from pipeline.annex.summaries import each_row, thinned
+from pipeline.annex.summaries import thinned
 from pipeline.answer.conformity import DECIDED
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import MM, plain
 from pipeline.prediction.decision import Decision
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED
 
 _STYLE = {
@@ -49,7 +49,7 @@ def _view(axes: Axes, rows: pd.DataFrame, up: str) -> Tips:
         mine = rows[rows["decision"] == decision]
         style = {"s": 14, "color": colour, "marker": marker, "linewidths": 0, "zorder": 2}
         key = f"path-{up}-{decision}"
-        tips |= dots(axes, key, mine["y_m"], mine[f"{up}_m"], _tips(mine), **style)
+        tips |= dots(axes, key, mine["y_m"], mine[f"{up}_m"], _said(mine), **style)
     axes.set(xlabel="y [m]", ylabel=f"{up} [m]")
     axes.set_aspect("equal", adjustable="datalim")
     return tips
@@ -70,14 +70,14 @@ def _course(axes: Axes, rows: pd.DataFrame, answer: Answer) -> Tips:
             continue
         style = {"s": 14, "color": colour, "marker": marker, "linewidths": 0, "zorder": 2}
         key, name = f"course-{decision}", DECIDED[decision]
-        tips |= dots(axes, key, mine["point"], mine["mm"], _tips(mine), label=name, **style)
+        tips |= dots(axes, key, mine["point"], mine["mm"], _said(mine), label=name, **style)
     axes.set(xlabel="Point of the path, in order", ylabel="Deflection ± U (k = 2) [mm]")
     axes.set_ylim(bottom=0)
     legend_above(axes, 4)
     return tips
 
 
-def _tips(rows: pd.DataFrame) -> list[str]:
+def _said(rows: pd.DataFrame) -> list[str]:
     """Hover texts of the points."""
     return [
         f"pose {r.pose}, {DECIDED[r.decision]}: {plain(r.mm)} mm, U = {plain(r.u_mm, 2)} mm"

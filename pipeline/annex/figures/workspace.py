@@ -13,7 +13,6 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
-from pipeline.annex.summaries import each_row
 from pipeline.annex.words import springs_alone
 from pipeline.answer.contract import Answer
 from pipeline.base.arrays import Array
@@ -21,7 +20,7 @@ from pipeline.base.quantities import plain, with_std
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, has
+from pipeline.report.summaries import Tables, each_row, has
 from pipeline.report.svg import BODY, EDGE, GRID, INK, RED, SHADES
 
 
@@ -36,13 +35,13 @@ def _levels_of(tables: Tables) -> Array:
 def _map(canvas: Canvas, soft: pd.DataFrame, levels: Array, arm: pd.DataFrame | None) -> Tips:
     swept, here = soft[soft["row"] >= 0].reset_index(drop=True), soft.iloc[0]
     canvas.set_size_inches(5.6, 3.9)
-    axes, scale = canvas.subplots(1, 2, width_ratios=(1, 0.05))
+    axes, beside = canvas.subplots(1, 2, width_ratios=(1, 0.05))
     per_newton = 1e6 * swept["worst_m_per_n"].to_numpy(float)
     shades = [SHADES[i] for i in np.linspace(0, 8, len(levels) - 1).round().astype(int)]
     net = Triangulation(swept["reach_m"], swept["height_m"], _triangles(swept))
     filled = axes.tricontourf(net, per_newton, levels=levels, colors=shades)
     canvas.colorbar(
-        filled, cax=scale, label="Deflection per newton, most compliant direction [µm/N]"
+        filled, cax=beside, label="Deflection per newton, most compliant direction [µm/N]"
     )
     axes.scatter(swept["reach_m"], swept["height_m"], s=1.2, color=GRID, linewidths=0, gid="soft")
     axes.scatter(
@@ -83,7 +82,7 @@ def _triangles(swept: pd.DataFrame) -> Array:
     return whole[:, [0, 1, 2, 1, 3, 2]].reshape(-1, 3)
 
 
-def _figure(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
+def _told(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
     if model is None or len(soft) < 20:
         return None
     here, worst = soft.iloc[0], soft.iloc[int(soft["worst_m_per_n"].to_numpy().argmax())]
@@ -110,7 +109,7 @@ def _figure(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
     )
 
 
-def _springs_alone(answer: Answer) -> str | None:
+def _springs_beside(answer: Answer) -> str | None:
     other = springs_alone(answer)
     return other[0] if other else None
 
@@ -121,7 +120,7 @@ def _plot(name: str, model: Callable[[Answer], str | None]) -> Plot:
     return Plot(
         name,
         (table,),
-        lambda answer, tables: _figure(name, model(answer), tables[table]),
+        lambda answer, tables: _told(name, model(answer), tables[table]),
         lambda canvas, _, tables: _map(
             canvas, tables[table], _levels_of(tables), tables.get("arm")
         ),
@@ -129,4 +128,4 @@ def _plot(name: str, model: Callable[[Answer], str | None]) -> Plot:
 
 
 WORKSPACE = _plot("workspace", words.values_of)
-WORKSPACE_JOINT_SPRINGS = _plot("workspace-joint-springs", _springs_alone)
+WORKSPACE_JOINT_SPRINGS = _plot("workspace-joint-springs", _springs_beside)

@@ -23,7 +23,7 @@ def sections(
     answer: Answer,
     tables: Tables,
     previous: Answer | None,
-    other_files: Collection[str],
+    beside: Collection[str],
     wear: str | None,
 ) -> tuple[Section, ...]:
     """All sections for which the answer has data, in their order; arguments as for `compose`."""
@@ -31,7 +31,7 @@ def sections(
         those = _of_positions(answer, tables)
     else:
         those = _of_pulls(answer, tables, stiffness(answer, previous, wear))
-    last = (filed.files(other_files, previous), filed.identity(answer), method(answer, tables))
+    last = (filed.files(beside, previous), filed.identity(answer), method(answer, tables))
     return present([*those, *last])
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from pipeline.annex.figures.scene import joints_of, largest, readings_of
-from pipeline.annex.summaries import each_row
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
 from pipeline.report.figures.catalogue import figures
@@ -18,7 +17,7 @@ from pipeline.report.record import (
     table_of,
     word_column,
 )
-from pipeline.report.summaries import Tables, has
+from pipeline.report.summaries import Tables, each_row, has
 
 
 def cell(answer: Answer, tables: Tables) -> Section | None:

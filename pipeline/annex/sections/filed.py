@@ -27,13 +27,13 @@ def identity(answer: Answer) -> Section | None:
         word_column("What", lambda row: row[0]),
         word_column("Stated", lambda row: row[1]),
     ]
-    every = [*rows(answer), *_unstated(answer)]
+    every = [*rows(answer), *_unsaid(answer)]
     return section_of(
         "identity", "This campaign", [table_of("identity", "What was measured", columns, every)]
     )
 
 
-def _unstated(answer: Answer) -> Iterator[LabelledText]:
+def _unsaid(answer: Answer) -> Iterator[LabelledText]:
     """LabelledText listing what should be filed but is not stated in campaign.toml."""
     found, instrument = answer.identity, answer.instrument
     papers = {"robot": answer.robot_unit, "instrument": instrument, "scale": found.scale}
@@ -45,7 +45,7 @@ def _unstated(answer: Answer) -> Iterator[LabelledText]:
         "the model of the instrument": instrument and instrument.model,
         "the temperature of the base": found.temperature_c is not None,
     }
-    lacking = [what for what, value in stated.items() if not value]
+    lacking = [what for what, said in stated.items() if not said]
     lacking += [f"{listed(_lacking(of))} of the {k}" for k, of in papers.items() if _lacking(of)]
     if lacking:
         yield "Not stated", "; ".join(lacking)
@@ -99,27 +99,25 @@ _HOLDS = {
 """Files that a run writes, with their content."""
 
 
-def files(other_files: Collection[str], previous: Answer | None) -> Section | None:
+def files(beside: Collection[str], previous: Answer | None) -> Section | None:
     """Links to the files in the page's folder and to other campaigns; None without such files.
 
     Args:
-        other_files: Names of the files in the page's folder.
+        beside: Names of the files in the page's folder.
         previous: The answer to the robot's previous campaign.
     """
     columns: list[Cells[tuple[TableEntry, str]]] = [
         (Column("File"), lambda row: row[0]),
         word_column("Holds", lambda row: row[1]),
     ]
-    every = list(_links(other_files, previous)) if other_files else []
+    every = list(_links(beside, previous)) if beside else []
     table = table_of("files", "This campaign elsewhere", columns, every)
     return section_of("files", "Files and other campaigns", [table])
 
 
-def _links(
-    other_files: Collection[str], previous: Answer | None
-) -> Iterator[tuple[TableEntry, str]]:
+def _links(beside: Collection[str], previous: Answer | None) -> Iterator[tuple[TableEntry, str]]:
     for name, holds in _HOLDS.items():
-        if name in other_files:
+        if name in beside:
             yield TableEntry(name, name, name), holds
     yield _page("All campaigns", ""), "each stiffness of every robot over time"
     if previous is not None:

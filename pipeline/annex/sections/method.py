@@ -61,11 +61,11 @@ _BOTH = {key: f"{one} {_WEIGHED[key]}" for key, one in _PULLED.items()} | {
 
 def method(answer: Answer, tables: Tables) -> Section | None:
     """How the results were computed, and from which data."""
-    blocks = [Paragraph(_summary(answer)), _assumptions(answer), _inputs(answer), _versions(answer)]
+    blocks = [Paragraph(_told(answer)), _assumptions(answer), _inputs(answer), _versions(answer)]
     return section_of("method", "Method, assumptions, versions, inputs", blocks)
 
 
-def _summary(answer: Answer) -> str:
+def _told(answer: Answer) -> str:
     if answer.of_positions:
         return _OF_POSITIONS
     deformed = answer.model.equilibrium is Equilibrium.DEFORMED

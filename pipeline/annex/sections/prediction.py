@@ -44,7 +44,7 @@ def test_pose(answer: Answer, tables: Tables) -> Section | None:
             _tolerance(answer.tolerance),
             *figures(("path",), answer, tables),
             _deflections("deflection", title, answer.test_pose_deflection),
-            _compared(answer),
+            _beside(answer),
             *figures(("workspace", "workspace-joint-springs"), answer, tables),
         ],
     )
@@ -82,7 +82,7 @@ def _tolerance(asked: Tolerance | None) -> ReportTable | None:
     return table_of("stretches", title, columns, asked.path.stretches, note)
 
 
-def _compared(answer: Answer) -> ReportTable | None:
+def _beside(answer: Answer) -> ReportTable | None:
     """Prediction by joint springs on the data as given; None if the answer gives the same."""
     other = springs_alone(answer)
     if other is None:

@@ -10,8 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from pipeline.annex.pose_budget import HELD_OUT
-from pipeline.annex.summaries import each_row, registration_by_target
+from pipeline.annex.summaries import registration_by_target
 from pipeline.annex.words import parameter, size, source
 from pipeline.answer.contract import (
     LEAST_CONTROLLED,
@@ -22,6 +21,7 @@ from pipeline.answer.contract import (
     Stiffness,
     TestPose,
 )
+from pipeline.answer.pose_budget import HELD_OUT
 from pipeline.base.quantities import known, p_value, percent, plain, with_std
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import (
@@ -36,7 +36,7 @@ from pipeline.report.record import (
     table_of,
     word_column,
 )
-from pipeline.report.summaries import Tables, has
+from pipeline.report.summaries import Tables, each_row, has
 
 
 def residuals(answer: Answer, tables: Tables) -> Section | None:

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from pipeline.annex.words import springs_alone
+from pipeline.answer import remarks
 from pipeline.answer.contract import (
     Answer,
     Believed,
     Combination,
     Fit,
     Known,
-    Odd,
-    Remark,
     SpringBy,
     Stiffness,
     Weighed,
 )
-from pipeline.answer.remarks import sentence
 from pipeline.answer.words import capital
 from pipeline.base import doors
 from pipeline.base.quantities import (
@@ -69,14 +67,14 @@ def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) 
     """
     known, before = doors.found(_SINCE), previous.campaign if previous else ""
     since, same_day = known(previous, answer) if known else ([], False)
-    singly = wear is None or same_day
+    told = wear is None or same_day
     called = {joint.name: joint.called for joint in answer.stiffness}
     return section_of(
         "stiffness",
         "Joint stiffnesses",
         [
             *(Paragraph(finding, "finding") for finding in _findings(answer)),
-            *(_changed(change, before, called) for change in since if change.sure and singly),
+            *(_changed(change, before, called) for change in since if change.sure and told),
             _stiffness_table(answer, since, before),
             _combinations_table(answer.combinations),
             _springs_by(answer),
@@ -113,7 +111,7 @@ def _findings(answer: Answer) -> Iterator[str]:
     """Findings to act on: those of the whole campaign first, then those of single stiffnesses."""
     own = {joint.finding for joint in answer.stiffness}
     yield from dict.fromkeys(one for one in answer.findings if one not in own)
-    yield from _remark_sentences(answer.stiffness)
+    yield from remarks.remark_sentences(answer.stiffness)
     for joint in answer.stiffness:
         if joint.finding and not joint.remarks:  # written by a version that had the sentence only
             yield joint.finding
@@ -135,7 +133,7 @@ def _stiffness_table(answer: Answer, since: Sequence[_Change], before: str) -> R
         *_value_columns(factor, letter),
         *_each_way_columns(answer.stiffness, factor),
         *_nominal_columns(answer.stiffness, factor),
-        *_further_columns(answer, factor),
+        *_beside_columns(answer, factor),
         *_change_columns(since, before),
     ]
     note = (
@@ -229,7 +227,7 @@ def _of_nominal(joint: Stiffness) -> tuple[float | None, float | None]:
     return scaled(joint.value, joint.nominal / 100), scaled(joint.std, joint.nominal / 100)
 
 
-def _further_columns(answer: Answer, factor: float) -> list[Cells[Stiffness]]:
+def _beside_columns(answer: Answer, factor: float) -> list[Cells[Stiffness]]:
     """Column of joint springs on the data as given; none if the answer gives the same."""
     other = springs_alone(answer)
     if other is None:
@@ -307,24 +305,3 @@ def _fit_text(fit: Fit) -> Paragraph:
         f"{'' if fit.p_value is None else tested} {fit.noise_statement} The residual standard "
         f"deviation is {plain(fit.residual_std_mm)} mm."
     )
-
-
-def _remark_sentences(joints: Iterable[Stiffness]) -> list[str]:
-    """Remarks on several stiffnesses; one that applies to several alike is made once.
-
-    Remarks on joints that are determined together are left to `combination_sentences`.
-    """
-    alike: dict[Any, tuple[Remark, list[Stiffness]]] = {}
-    for joint in joints:
-        for remark in joint.remarks:
-            if remark.odd is Odd.TOGETHER:
-                continue
-            alike.setdefault((remark, _own(remark, joint)), (remark, []))[1].append(joint)
-    return [sentence(remark, those) for remark, those in alike.values()]
-
-
-def _own(remark: Remark, joint: Stiffness) -> object:
-    """Key of what a sentence depends on besides the name: number or type of the joint, or None."""
-    if remark.cause is not None:
-        return None
-    return joint.joint_type if remark.odd in (Odd.MIXED, Odd.NO_LEVER) else joint.joint

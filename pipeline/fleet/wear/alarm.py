@@ -121,7 +121,7 @@ def _look(
     after = gaps(machine, k)
     Z = np.concatenate([machine.trend, steps(machine, after)], axis=-1)
     found = eliminated(machine, W, Z, k)
-    tried = _tried(found.informed.reshape(-1, machine.joints), after)
+    tried = _tried(found.told.reshape(-1, machine.joints), after)
     name = machine.visits[k - 1].campaign
     if not tried.weight.size:
         return InterimTest(name, 1.0, allowed, ChangeKind.TREND, ())
@@ -142,12 +142,10 @@ def _look(
     )
 
 
-def _tried(informed: Bools, after: list[int]) -> _Tried:
-    """All alternatives; `informed` marks columns with information, trends first, (1 + steps, n)."""
+def _tried(told: Bools, after: list[int]) -> _Tried:
+    """All alternatives; `told` marks the columns with information, trends first, (1 + steps, n)."""
     rows = (-1, *after)
-    blocks = [
-        _groups(tuple(mine.tolist()), at < 0) for mine, at in zip(informed, rows, strict=True)
-    ]
+    blocks = [_groups(tuple(mine.tolist()), at < 0) for mine, at in zip(told, rows, strict=True)]
     share = [_TREND, *[(1 - _TREND) / max(len(after), 1)] * len(after)]
     weight = np.concatenate([part * one for (_, part), one in zip(blocks, share, strict=True)])
     joints = np.concatenate([moved for moved, _ in blocks])
@@ -156,7 +154,7 @@ def _tried(informed: Bools, after: list[int]) -> _Tried:
     along = (block[:, None] == np.arange(len(rows)))[:, :, None] * joints[:, None, :]
     whole = weight.sum() or 1.0
     return _Tried(
-        along.reshape(len(block), informed.size).T.astype(float),
+        along.reshape(len(block), told.size).T.astype(float),
         weight / whole,
         joints,
         np.repeat(np.array(rows), counts),
@@ -164,9 +162,9 @@ def _tried(informed: Bools, after: list[int]) -> _Tried:
 
 
 @lru_cache(maxsize=256)
-def _groups(informed: tuple[bool, ...], trend: bool) -> tuple[Bools, Array]:
+def _groups(told: tuple[bool, ...], trend: bool) -> tuple[Bools, Array]:
     """Joints that change together, (D, n), and weights, (D,); for steps only one or all joints."""
-    use, n = np.flatnonzero(informed).tolist(), len(informed)
+    use, n = np.flatnonzero(told).tolist(), len(told)
     m = len(use)
     part = _parts(m, trend)
     found = [

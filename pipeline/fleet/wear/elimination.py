@@ -29,13 +29,13 @@ class Eliminated(Locked):
         N: I, shape (m, m).
         g: s, shape (m,).
         PZ: P Z, shape (k, n, m).
-        informed: Columns with information left after the levels are eliminated, shape (m,).
+        told: Columns with information left after the levels are eliminated, shape (m,).
     """
 
     N: Array
     g: Array
     PZ: Array
-    informed: Bools
+    told: Bools
 
     def variance_of_variance(self, along: Array, uncertainty: Array) -> Array:
         """Variance of the information along directions, due to the estimated scatter.

@@ -73,7 +73,7 @@ class RobotType(Locked):
 def hierarchy(machines: Sequence[Machine], scatter: DayToDayVariances) -> RobotType:
     """Mean, variation, and every robot's level and trend, given all robots of its type."""
     reference = _reference(machines)
-    selected = [_selected(one, scatter, reference) for one in machines]
+    selected = [_told(one, scatter, reference) for one in machines]
     N, g = np.array([one.N for one in selected]), np.array([one.g for one in selected])
     n = len(reference)
     guess = np.append(np.full(n, _LEVEL**2), np.full(n, _TREND**2))
@@ -95,7 +95,7 @@ def _reference(machines: Sequence[Machine]) -> Array:
     return np.exp(np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0))
 
 
-def _selected(machine: Machine, scatter: DayToDayVariances, reference: Array) -> _Told:
+def _told(machine: Machine, scatter: DayToDayVariances, reference: Array) -> _Told:
     """Information on levels at the first campaign and on trends, earlier lives eliminated.
 
     To first order in both.

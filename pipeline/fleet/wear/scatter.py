@@ -104,9 +104,7 @@ def _without_steps(machine: Machine, v: Array) -> Machine:
     """The robot without the joints that changed suddenly, which is not day-to-day scatter."""
     after = gaps(machine, len(machine.t))
     found = eliminated(machine, machine.weights(v), steps(machine, after))
-    z = np.where(
-        found.informed, found.g / np.sqrt(np.where(found.informed, np.diag(found.N), 1.0)), 0.0
-    )
+    z = np.where(found.told, found.g / np.sqrt(np.where(found.told, np.diag(found.N), 1.0)), 0.0)
     stepped = np.abs(z.reshape(len(after), machine.joints)).max(axis=0, initial=0.0) > _STEPPED
     return replace(machine, seen=machine.seen & ~stepped) if stepped.any() else machine
 

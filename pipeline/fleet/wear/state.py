@@ -104,11 +104,11 @@ def fleet(machines: Sequence[Machine], stated: float = STATED) -> Fleet:
     """
     found = scatter(machines, stated)
     kind = hierarchy(machines, found)
-    robots = [_state(one, found, kind.values[r], kind.covs[r]) for r, one in enumerate(machines)]
+    robots = [_standing(one, found, kind.values[r], kind.covs[r]) for r, one in enumerate(machines)]
     return Fleet(tuple(robots), found, kind)
 
 
-def _state(machine: Machine, found: DayToDayVariances, value: Array, cov: Array) -> RobotState:
+def _standing(machine: Machine, found: DayToDayVariances, value: Array, cov: Array) -> RobotState:
     seen = interim_tests(machine, found)
     raised = next((one for one in seen if one.alarm), None)
     own, sized = trends(machine, found), _sized(machine)

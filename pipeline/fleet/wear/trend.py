@@ -48,7 +48,7 @@ def trends(machine: Machine, scatter: DayToDayVariances) -> Trends:
     n = machine.joints
     found = eliminated(machine, machine.weights(scatter.variance), machine.trend)
     value, cov, dof = np.full(n, np.nan), np.full((n, n), np.nan), np.full(n, np.nan)
-    use = np.flatnonzero(found.informed)
+    use = np.flatnonzero(found.told)
     if use.size:
         inner = linear.inverse(found.N[np.ix_(use, use)])
         value[use], cov[np.ix_(use, use)] = inner @ found.g[use], inner

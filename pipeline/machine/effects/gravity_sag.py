@@ -27,7 +27,7 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
     first = turning(robot)[0]
     upper = _Link(robot, shoulder, elbow, tuple(range(first, shoulder + 1)))
     masses = _Masses((upper, _Link(robot, elbow, wrist, tuple(range(first, elbow + 1)))))
-    described = _description(relative(robot))
+    described = _said(relative(robot))
     elastic = Elastic(
         **described,
         carrier=tuple(joint for link in masses.links for joint in link.chain),
@@ -51,14 +51,14 @@ def under_pulls(compliance: Array, moments: Array, gravity: Array) -> Elastic:
         return np.asarray(compliance * np.einsum("mjk,k,mk->mj", G, compliance, tau))
 
     return Elastic(
-        **_description(1.0) | {"parameters": (Parameter("known", "1", 1.0, 0.0, 2.0),)},
+        **_said(1.0) | {"parameters": (Parameter("known", "1", 1.0, 0.0, 2.0),)},
         carrier=tuple(range(1, len(compliance) + 1)),
         response=response,
         shared=(0,) * len(compliance),
     )
 
 
-def _description(size: float) -> dict[str, Any]:
+def _said(size: float) -> dict[str, Any]:
     """Description with link masses of the KR500, scaled by `size` for robots of another payload."""
     return {
         "name": "gravity_sag",

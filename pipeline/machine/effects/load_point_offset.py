@@ -37,14 +37,14 @@ def _points(loaded: Loaded, values: Array) -> Array:
 
 def effects(robot: Robot) -> tuple[Effect, ...]:
     """One effect in three forms, on any robot."""
-    alone = Wrench(**_description("load point"), wrench=_wrench, of=(PULLED, HUNG))
-    followed = Reflectors(**_description("measuring point"), points=_points)
-    both = _description("both") | {"of": (PULLED, HUNG)}
+    alone = Wrench(**_said("load point"), wrench=_wrench, of=(PULLED, HUNG))
+    followed = Reflectors(**_said("measuring point"), points=_points)
+    both = _said("both") | {"of": (PULLED, HUNG)}
     acts = (Wrench(**both, wrench=_wrench), Reflectors(**both, points=_points))
     return (alone, followed, Compound(**both, acts=acts))
 
 
-def _description(form: str) -> dict[str, Any]:
+def _said(form: str) -> dict[str, Any]:
     return {
         "name": "load_point_offset",
         "noun": "offset of the load point or the targets",

@@ -24,8 +24,8 @@ def effects(pulls: Pulls) -> tuple[Effect, ...]:
     """
     mounted = pulls.by == MOUNTED
     names = sorted({*pulls.body[mounted].tolist()})
-    separable = len(names) > 1 or not mounted.all()
-    masses = [_mass(name) for name in names if separable]
+    told = len(names) > 1 or not mounted.all()
+    masses = [_mass(name) for name in names if told]
     return (*masses, *(_centre(name) for name in names))
 
 

@@ -324,7 +324,7 @@ def _between(each: Array, most: int = _STEPS) -> list[float]:
 # effect of each law
 
 
-def _description(law: Law, place: str, names: int, unit: str, typical: float) -> dict[str, object]:
+def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[str, object]:
     """Description common to all laws; words are added later."""
     most = _MOST * typical
     return {
@@ -481,7 +481,7 @@ def _spring(robot: Robot, law: Law, joint: int) -> Effect:
             return np.stack(each, axis=1)
         return np.asarray(tau * _basis(law, variable(law, loaded)))
 
-    described = _description(law, place, k, unit, _PART * compliance(robot, joint))
+    described = _said(law, place, k, unit, _PART * compliance(robot, joint))
     return Elastic(**described, carrier=(joint,) * k, response=response)  # type: ignore[arg-type]
 
 
@@ -502,7 +502,7 @@ def _knee(robot: Robot, law: Law, joint: int) -> Effect:
         return np.asarray(np.sign(tau) * np.maximum(np.abs(tau) - knees, 0.0))
 
     unit = robot.joints[joint - 1].compliance_unit
-    described = _description(law, "joint", len(knees), unit, 2 * _PART * compliance(robot, joint))
+    described = _said(law, "joint", len(knees), unit, 2 * _PART * compliance(robot, joint))
     return Elastic(**described, carrier=(joint,) * len(knees), response=response)  # type: ignore[arg-type]
 
 
@@ -520,7 +520,7 @@ def _turns(robot: Robot, law: Law, joint: int) -> Effect:
         return np.asarray(sense * np.insert(waves, 0, 1.0, axis=1))
 
     k = 1 if law.kind == "step" else 1 + _width(law, False)
-    described = _description(law, "joint", k, "rad", 5e-5)
+    described = _said(law, "joint", k, "rad", 5e-5)
     return Elastic(**described, carrier=(joint,) * k, response=response)  # type: ignore[arg-type]
 
 
@@ -532,13 +532,13 @@ def _creeps(robot: Robot, law: Law, joint: int) -> Effect:
 
     typical = 2.0 * compliance(robot, joint) if law.part == "creep" else 2e-4
     unit = robot.joints[joint - 1].compliance_unit if law.part == "creep" else "rad"
-    described = _description(law, "joint", 1, f"{unit}/h", typical)
+    described = _said(law, "joint", 1, f"{unit}/h", typical)
     return Elastic(**described, carrier=(joint,), response=response)  # type: ignore[arg-type]
 
 
 def _grows(robot: Robot, law: Law, joint: int) -> Effect:
     """Growth of a joint's link since the zero, along the axes of its frame."""
-    described = _description(law, "joint", 3, "m/h", 1e-4)
+    described = _said(law, "joint", 3, "m/h", 1e-4)
     return Elastic(
         **described,  # type: ignore[arg-type]
         carrier=(joint,) * 3,
@@ -551,7 +551,7 @@ def _bearing(robot: Robot, law: Law, joint: int) -> Effect:
     """Compliance of a joint's bearing along one axis of its frame."""
     axis = "xyz".index(law.part[-1])
     return Elastic(
-        **_description(law, "joint", 1, "m/N", 5e-9),  # type: ignore[arg-type]
+        **_said(law, "joint", 1, "m/N", 5e-9),  # type: ignore[arg-type]
         carrier=(joint,),
         twists=lambda loaded: _shifts(loaded, joint, (axis,)),
     )
@@ -565,7 +565,7 @@ def _tips(robot: Robot, law: Law, joint: int) -> Effect:
         return np.stack([rotation_about(origin, axes[:, :, axis]) for axis in (0, 1)], axis=1)
 
     return Elastic(
-        **_description(law, "joint", 2, "rad", 5e-5),  # type: ignore[arg-type]
+        **_said(law, "joint", 2, "rad", 5e-5),  # type: ignore[arg-type]
         carrier=(joint,) * 2,
         twists=screws,
         response=lambda loaded, tau: np.tanh(tau / law.at),
@@ -577,7 +577,7 @@ def _pair(robot: Robot, law: Law, joint: int) -> Effect:
     other = law.source
     size = _PART * float(np.sqrt(compliance(robot, joint) * compliance(robot, other)))
     return Elastic(
-        **_description(law, "joint", 1, "rad/(N m)", size),  # type: ignore[arg-type]
+        **_said(law, "joint", 1, "rad/(N m)", size),  # type: ignore[arg-type]
         carrier=(joint, other),
         response=lambda loaded, tau: tau[:, ::-1],
         shared=(0, 0),
@@ -616,7 +616,7 @@ def _of_guide(robot: Robot, law: Law) -> Effect:
         return np.asarray(load * (g if k == g.shape[1] else np.insert(g, 0, 1.0, axis=1)))
 
     return Elastic(
-        **_description(law, "rail", k, unit, typical),  # type: ignore[arg-type]
+        **_said(law, "rail", k, unit, typical),  # type: ignore[arg-type]
         carrier=(1,) * k,
         twists=lambda loaded: screw(loaded).repeat(k, axis=1),
         response=response,
@@ -634,7 +634,7 @@ def _of_scale(law: Law) -> Effect:
         return loaded.load_point, loaded.force + loaded.pulls.pulled * (g @ values)[:, None] * along
 
     unit, typical = ("N", _ZERO_N) if law.part == "zero" else ("1", 0.01)
-    return Wrench(**_description(law, "force", k, unit, typical), wrench=wrench)  # type: ignore[arg-type]
+    return Wrench(**_said(law, "force", k, unit, typical), wrench=wrench)  # type: ignore[arg-type]
 
 
 def _of_tracker(law: Law) -> Effect:
@@ -644,7 +644,7 @@ def _of_tracker(law: Law) -> Effect:
         g = (np.maximum(np.nan_to_num(time), 0.0) / law.high) ** law.order
         return points + g[:, None, None] * values
 
-    described = _description(law, "metrology", 3, "m", 5e-5)
+    described = _said(law, "metrology", 3, "m", 5e-5)
     return Observation(**described, observe=observe, instrument=True)  # type: ignore[arg-type]
 
 

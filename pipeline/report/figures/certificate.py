@@ -176,7 +176,7 @@ class _JointClass:
 
     word: str
     colour: str
-    ratio_text: str
+    said: str
 
 
 _SOFT, _ALIKE, _STIFF = "softer", "as nominal", "stiffer"
@@ -192,7 +192,7 @@ _RULES = {
 """Words of the key that are printed with their condition."""
 
 
-def class_of(joint: Stiffness) -> _JointClass:
+def stand(joint: Stiffness) -> _JointClass:
     """Classify a joint by its ratio to nominal or, if none is stated, by relative uncertainty."""
     if joint.value is None:
         return _JointClass(_LOST, PAPER, "?")
@@ -222,33 +222,33 @@ def _draw(answer: Answer, tables: Tables, say: Say = str) -> str:
     arm.bodies(sheet, arm.solid)
     _deflection(sheet, arm, answer)
     draw_causes(sheet, arm, answer)
-    classes = {joint.joint: (joint, class_of(joint)) for joint in answer.stiffness}
-    _joints(sheet, arm, classes)
-    known = [one for _, one in classes.values()] if _any(classes.values()) else []
+    stands = {joint.joint: (joint, stand(joint)) for joint in answer.stiffness}
+    _joints(sheet, arm, stands)
+    known = [one for _, one in stands.values()] if _any(stands.values()) else []
     _key(sheet, known, bool(_seated(arm, answer)))
     return sheet.svg
 
 
 def _joints(
-    sheet: PixelSheet, arm: _DrawnArm, classes: dict[int, tuple[Stiffness, _JointClass]]
+    sheet: PixelSheet, arm: _DrawnArm, stands: dict[int, tuple[Stiffness, _JointClass]]
 ) -> None:
     """Draw a disc at each joint, and in a row above its name and its ratio to nominal or U."""
-    at = {k: place for k, place in arm.joints.items() if k in classes}
+    at = {k: place for k, place in arm.joints.items() if k in stands}
     step = (WIDE - 20) / max(len(at), 1)
-    valued = _any(classes.values())
+    told = _any(stands.values())
     for slot, number in enumerate(at):
-        joint, one = classes[number]
+        joint, one = stands[number]
         x, (jx, jy) = 10 + step * (slot + 0.5), at[number]
         sheet.line((x, 38), (jx, jy), MUTED, 0.8, stroke_opacity=0.7)
         style = {"fill": one.colour, "stroke": INK, "stroke_width": 1.2} | _outline(one)
-        against = f"{one.ratio_text} of nominal" if joint.nominal else one.ratio_text
-        tip = f"{joint.axis or joint.name}: {against}, {one.word}"
+        beside = f"{one.said} of nominal" if joint.nominal else one.said
+        tip = f"{joint.axis or joint.name}: {beside}, {one.word}"
         sheet.disc((jx, jy), 6.5, tip, **style)
         middle = {"text_anchor": "middle"}
         sheet.text(x, 16, drawn_as(joint), 14, font_weight="bold", **middle)
         colour = INK if one.colour in (MUTED, PAPER) else one.colour
-        if valued:
-            sheet.text(x, 33, one.ratio_text, 13, fill=colour, **middle)
+        if told:
+            sheet.text(x, 33, one.said, 13, fill=colour, **middle)
 
 
 def drawn_as(joint: Stiffness) -> str:
@@ -262,9 +262,9 @@ def _outline(one: _JointClass) -> dict[str, Any]:
     return {"stroke_dasharray": "2.6 2"} if one.word == _LOST else {}
 
 
-def _any(classes: Iterable[tuple[Stiffness, _JointClass]]) -> bool:
+def _any(stands: Iterable[tuple[Stiffness, _JointClass]]) -> bool:
     """Whether any joint has a value."""
-    return any(joint.value is not None for joint, _ in classes)
+    return any(joint.value is not None for joint, _ in stands)
 
 
 def _deflection(sheet: PixelSheet, arm: _DrawnArm, answer: Answer) -> None:
@@ -310,12 +310,12 @@ _BESIDE = ((-24, 5), (0, 33), (24, 5), (0, -21))
 """Offsets of a ring's number from its centre [px], in turn, as several rings may coincide."""
 
 
-def _key(sheet: PixelSheet, classes: Sequence[_JointClass], rings: bool) -> None:
+def _key(sheet: PixelSheet, stands: Sequence[_JointClass], rings: bool) -> None:
     """Draw the key of the colours, in rows."""
     dark: dict[str, Any] = {"stroke": INK, "stroke_width": 1}
     marks = {
         _RULES.get(one.word, one.word): {"fill": one.colour} | dark | _outline(one)
-        for one in classes
+        for one in stands
     }
     if rings:
         marks[_CAUSE] = {"fill": "none", "stroke": RED, "stroke_width": 2.4}
@@ -330,17 +330,15 @@ def _key(sheet: PixelSheet, classes: Sequence[_JointClass], rings: bool) -> None
 
 
 def _write(answer: Answer, tables: Tables) -> Figure:
-    classes = {joint: class_of(joint) for joint in answer.stiffness}
-    text = "; ".join(
-        f"{j.axis or j.name} {one.ratio_text}, {one.word}" for j, one in classes.items()
-    )
+    stands = {joint: stand(joint) for joint in answer.stiffness}
+    text = "; ".join(f"{j.axis or j.name} {one.said}, {one.word}" for j, one in stands.items())
     seated = _seated(arm_of(tables, _HIGH, 0.0), answer)
     named = [f"{k} = {one}" for k, one in enumerate(seated, 1)]
     sits = f" The rings mark {listed(named)}." if named else ""
-    title, moves = _title_at(answer.test_pose)
+    title, moves = _stands_at(answer.test_pose)
     nominal = any(joint.nominal for joint in answer.stiffness)
     what = "Share of the nominal stiffness" if nominal else "Relative uncertainty of the stiffness"
-    known = _any(classes.items())
+    known = _any(stands.items())
     off = f"; coloured where it is off by more than {100 * _NEAR:.0f} % and U" if nominal else ""
     return Figure(
         "certificate",
@@ -350,7 +348,7 @@ def _write(answer: Answer, tables: Tables) -> Figure:
     )
 
 
-def _title_at(pose: TestPose | None) -> tuple[str, str]:
+def _stands_at(pose: TestPose | None) -> tuple[str, str]:
     """Title, and a sentence on the arrow of the deflection; the latter is empty without a pose."""
     if pose is None:
         return "The robot", ""
@@ -383,7 +381,7 @@ class _JudgedDeflection:
         return plain(self.size) if self.u is None else with_uncertainty(self.size, self.u)[0]
 
     @property
-    def with_u(self) -> str:
+    def said(self) -> str:
         """`0.924 ± 0.072 mm`, with ± U."""
         if self.u is None:
             return f"{self.value} mm, U unknown"
@@ -430,7 +428,7 @@ def _draw_gauge(answer: Answer, tables: Tables, say: Say = str) -> str:
         sheet.line((at(low), y), (at(high), y), colour, 16, stroke_opacity=0.4)
         sheet.arrow((_LEFT, y), (at(one.size), y), colour, 4)
         word = "" if one.decision is None else f": {DECIDED[one.decision]}"
-        left, right = (say(each) for each in (f"{one.name}{word}", f"predicted {one.with_u}"))
+        left, right = (say(each) for each in (f"{one.name}{word}", f"predicted {one.said}"))
         size = 14 * min(1.0, _LETTERS / (len(left) + len(right)))
         sheet.text(_LEFT, y - 15, left, size, font_weight="bold")
         sheet.text(_RIGHT, y - 15, right, size, text_anchor="end")
@@ -449,7 +447,7 @@ def _write_gauge(answer: Answer, tables: Tables) -> Figure | None:
     if not judged:
         return None
     parts = [
-        f"{one.name} {one.with_u}{'' if one.decision is None else f', {DECIDED[one.decision]}'}"
+        f"{one.name} {one.said}{'' if one.decision is None else f', {DECIDED[one.decision]}'}"
         for one in judged
     ]
     most = answer.tolerance.deflection_mm if answer.tolerance else None

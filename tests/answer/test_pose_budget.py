@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import report_sample
 
-from pipeline.annex.pose_budget import HELD_OUT, pose_budget
+from pipeline.answer.pose_budget import HELD_OUT, pose_budget
 from pipeline.answer.recommended import ModelValues, joint_springs
 from pipeline.prediction import model as handover
 from pipeline.prediction.tolerance import HeldOutError, tip
