@@ -137,15 +137,15 @@ class _Abroad:
                 with held:
                     made = outcome(campaign, partial(_received, done))
                 yield made
-                yield from self._told()
+                yield from self._without_work()
         finally:
             for _, held in self._held.values():
                 held.close()
-        yield from self._told()
+        yield from self._without_work()
         if self._later:
             yield from _Abroad(self._root, self._executor, self._force).outcomes(self._later)
 
-    def _told(self) -> list[Outcome]:
+    def _without_work(self) -> list[Outcome]:
         known, self._known = self._known, []
         return known
 

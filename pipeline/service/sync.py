@@ -207,13 +207,13 @@ def _ours_to_change(path: Path, copied: tuple[Any, ...] | None, data: bytes | No
     return here == data or (copied is not None and files.sha256(here) == copied[2])
 
 
-def untold(root: Path, refused: list[Outcome]) -> list[Outcome]:
+def unreported(root: Path, refused: list[Outcome]) -> list[Outcome]:
     """Complaints not reported at the last scan, so that a lasting problem is reported once."""
     note = _Note.of(root)
-    told = sorted(line for outcome in refused for line in outcome.complaints)
+    every = sorted(line for outcome in refused for line in outcome.complaints)
     new = [outcome for outcome in refused if not set(outcome.complaints) <= set(note.told)]
-    if told != note.told:
-        note.told = told
+    if every != note.told:
+        note.told = every
         note.keep(root)
     return new
 

@@ -285,7 +285,7 @@ def test_a_real_nan_in_a_table_is_seen(monkeypatch):
     monkeypatch.setattr(stage, "displacements", moved)
     found = play(base("in_place"), SCREENED, lambda said: False)
 
-    assert "23_displacements.dx_m" in found.said.not_finite
+    assert "23_displacements.dx_m" in found.reported.not_finite
 
 
 @pytest.mark.whole
