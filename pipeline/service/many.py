@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from math import isfinite
 from pathlib import Path
 from re import ASCII, fullmatch
 from tempfile import TemporaryDirectory
@@ -22,7 +23,15 @@ from pipeline.base import files
 from pipeline.base.errors import Unfinished, UsageError
 from pipeline.service.executor import Executor, InProcesses, ItemResult
 from pipeline.service.sync import misnamed
-from pipeline.store.campaign import MANIFEST, CampaignFolder, dump, find, in_memory, label
+from pipeline.store.campaign import (
+    MANIFEST,
+    CampaignFolder,
+    dump,
+    find,
+    in_memory,
+    label,
+    versions,
+)
 
 if TYPE_CHECKING:  # these types import the numerical libraries, which takes a second
     from pipeline.answer.contract import Answer
@@ -231,15 +240,18 @@ def _whole(made: _Made, parcel: Parcel) -> tuple[Answer, dict[str, Any], dict[st
             for folder, inside in parts
             for name, content in inside.items()
         }
-        read = {one.file: one.sha256 for one in answer.inputs}
+        read = sorted((one.file, one.sha256, one.bytes) for one in answer.inputs)
+        sent = [(name, files.sha256(data), len(data)) for name, data in parcel.files.items()]
+        run_time_s = float(manifest["run_time_s"])
         whole = (
             (manifest["key"], manifest["outputs"]) == (parcel.key, came)
             and (answer.campaign, dump(answer.as_json())) == (parcel.name, written)
-            and read == {name: files.sha256(data) for name, data in parcel.files.items()}
+            and (read, answer.versions) == (sorted(sent), versions())
+            and isfinite(run_time_s)
             and all(fullmatch(r"\w+\.parquet", name, ASCII) for name in tables)
             and not any(misnamed(name, made.reports) for name in made.reports)
         )
-        about = {"run_time_s": float(manifest["run_time_s"]), **_about(manifest, answer, parcel)}
+        about = {"run_time_s": run_time_s, **_about(manifest, answer, parcel)}
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError):
         whole = False
     if not whole:

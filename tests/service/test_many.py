@@ -188,6 +188,8 @@ def _of_others(made, **changes):
 LIES = {
     "of other files, sealed": lambda made: _of_others(made, inputs=[]),
     "of another name, sealed": lambda made: _of_others(made, campaign="b"),
+    "of other libraries, sealed": lambda made: _of_others(made, versions={"numpy": "1"}),
+    "in no time, sealed": lambda made: _sealed(made, run_time_s=float("inf")),
     "a file outside, sealed": lambda made: _sealed(made, "../../../outside", b"x"),
     "an absolute name, sealed": lambda made: _sealed(made, "/x", b"x"),
     "no number, sealed": lambda made: _sealed(
