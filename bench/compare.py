@@ -572,8 +572,7 @@ CHOSEN = (
 )
 """Campaigns of tests/bench/test_frozen.py: good and bad ones of every kind, whose numbers agree to
 3e-7 on processors of different kinds. Some others do not agree: the search for lost motion or
-hysteresis may end 1e-4 away, lengths in the wrong unit make a registration meaningless, and for
-exact twins rounding decides which comes first."""
+hysteresis may end 1e-4 away, and for exact twins rounding decides which comes first."""
 
 
 def answer_of(key: str, files: Mapping[str, bytes]) -> dict[str, Any]:

@@ -572,8 +572,8 @@ def _arrow(table: pd.DataFrame, schema: pa.Schema) -> pa.Table:
 def as_csv(table: pa.Table) -> bytes:
     """Table as CSV for a spreadsheet, with no text cell that it would take for a formula.
 
-    Names come from files, and a spreadsheet evaluates a cell that starts with one of = + - @: such
-    cells get a leading apostrophe.
+    Names come from files, and a spreadsheet evaluates a cell that starts with one of = + - @, also
+    of full width: such cells get a leading apostrophe.
     """
     texts = [column.cast(STR) if column.type == _WORD else column for column in table.columns]
     columns = [harmless(column) if column.type == STR else column for column in texts]
@@ -584,5 +584,5 @@ def as_csv(table: pa.Table) -> bytes:
 
 def harmless(words: pa.ChunkedArray) -> pa.ChunkedArray:
     """Text with a leading apostrophe where a spreadsheet would evaluate it."""
-    formula = pc.match_substring_regex(words, r"^\s*[=+\-@\t\r]")
+    formula = pc.match_substring_regex(words, r"^[\s\pZ]*[=+\-@\t\r＝＋－＠]")
     return pc.if_else(formula, pc.binary_join_element_wise("'", words, ""), words)

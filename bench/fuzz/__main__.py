@@ -59,14 +59,14 @@ def _one(number: int, to: str, keep: Path | None, verbose: bool) -> None:
             (keep / name).write_bytes(data)
         typer.echo(f"its files are in {keep}")
 
-    def told(number: int, to: str) -> Row:
+    def playing(number: int, to: str) -> Row:
         played = play(made.files, to, lambda seen: judge.suspicious(made, seen), made.shown)
         outcome = judge.judge(made, played)
         if verbose:
             typer.echo(played.trace or str(played))
         return {"outcome": outcome.word, "why": outcome.why or played.refused}
 
-    row = limited(told, number, to, SECONDS)
+    row = limited(playing, number, to, SECONDS)
     typer.echo(f"{row['outcome']} after {row['ms']} ms: {row['why']}")
 
 

@@ -27,17 +27,22 @@ NAMES = tuple(_SEEDS)
 @cache
 def base(name: str) -> Files:
     """Content of the raw folder of one clean campaign."""
-    plan = revised(Plan(name=name), _SEEDS[name])
+    return MappingProxyType(made(name, _SEEDS[name]["seed"]))
+
+
+def made(name: str, seed: int) -> dict[str, bytes]:
+    """The same campaign, drawn with another seed."""
+    plan = revised(Plan(name=name), _SEEDS[name] | {"seed": seed})
     files = dict(simulate(plan).files)
     if name == "reduced":
         files = _reduced(files)
     if name == "own_robot":
         files["robot.toml"] = load(plan.robot).text.encode()
-        files = _said(files, f'robot = "{plan.robot}"', 'robot = "robot.toml"')
-    return MappingProxyType(files)
+        files = _stated(files, f'robot = "{plan.robot}"', 'robot = "robot.toml"')
+    return files
 
 
-def _said(files: dict[str, bytes], old: str, new: str) -> dict[str, bytes]:
+def _stated(files: dict[str, bytes], old: str, new: str) -> dict[str, bytes]:
     text = files["campaign.toml"].decode()
     assert old in text
     return files | {"campaign.toml": text.replace(old, new).encode()}

@@ -9,7 +9,7 @@ from functools import cache
 
 from bench.fuzz.bases import base
 from bench.fuzz.catalogue import Case
-from bench.fuzz.play import ANSWER, SCREENED, Played, Said, play
+from bench.fuzz.play import ANSWER, SCREENED, Played, Reported, play
 
 GOOD = ("same", "said", "meant", "rejected", "misled")
 """Same answer; different answer with a warning; different answer, as it should be; rejection;
@@ -50,19 +50,19 @@ class Outcome:
 
 
 @cache
-def clean(name: str, to: str = SCREENED) -> Said:
+def clean(name: str, to: str = SCREENED) -> Reported:
     """Result of the pipeline for a clean campaign, up to a given stage.
 
     Raises:
         AssertionError: It reports something, so that the campaign cannot serve as reference.
     """
-    played = play(base(name), to, lambda said: False)
-    if played.refused or played.error or played.said.verdict not in ("", "adequate"):
+    played = play(base(name), to, lambda reported: False)
+    if played.refused or played.error or played.reported.verdict not in ("", "adequate"):
         raise AssertionError(f"{name} is no clean campaign: {played}")
-    return played.said
+    return played.reported
 
 
-def suspicious(case: Case, seen: Said) -> bool:
+def suspicious(case: Case, seen: Reported) -> bool:
     """Whether the diagnosis is needed: stiffnesses have changed without any warning so far."""
     before = clean(case.base)
     if case.meant or seen.words - before.words or seen.rejected > before.rejected:
@@ -79,34 +79,34 @@ def judge(case: Case, played: Played) -> Outcome:
     if played.refused:
         wrong = _sentence(case, played)
         return Outcome("sentence", wrong) if wrong else Outcome("rejected")
-    if odd := [*played.not_finite, *played.said.not_finite]:
+    if odd := [*played.not_finite, *played.reported.not_finite]:
         return Outcome("not finite", ", ".join(list(dict.fromkeys(odd))[:6]))
     if played.unreadable:
         return Outcome("unreadable", "; ".join(played.unreadable))
-    said = played.said
-    before = clean(case.base, ANSWER if said.verdict else SCREENED)
-    moved = _moved(case, before, said)
+    reported = played.reported
+    before = clean(case.base, ANSWER if reported.verdict else SCREENED)
+    moved = _moved(case, before, reported)
     if case.meant:
         return Outcome("meant" if moved else "same")
-    if moved and said.rejected == before.rejected and _stands(said):
-        return Outcome("misled", f"{said.verdict}, {said.reason}, {moved}")
-    if new := said.words - before.words:
+    if moved and reported.rejected == before.rejected and _stands(reported):
+        return Outcome("misled", f"{reported.verdict}, {reported.reason}, {moved}")
+    if new := reported.words - before.words:
         return Outcome("said", "; ".join(sorted(new))[:200])
-    if said.rejected > before.rejected:
-        return Outcome("said", f"{said.rejected - before.rejected} rows rejected")
-    if moved and not said.verdict:
-        return Outcome("said", f"p {said.p_value}")
-    if moved and case.covered & said.blind:
-        return Outcome("said", f"blind spot {', '.join(sorted(case.covered & said.blind))}")
+    if reported.rejected > before.rejected:
+        return Outcome("said", f"{reported.rejected - before.rejected} rows rejected")
+    if moved and not reported.verdict:
+        return Outcome("said", f"p {reported.p_value}")
+    if moved and case.covered & reported.blind:
+        return Outcome("said", f"blind spot {', '.join(sorted(case.covered & reported.blind))}")
     return Outcome("silent", moved) if moved else Outcome("same")
 
 
-def _stands(said: Said) -> bool:
+def _stands(reported: Reported) -> bool:
     """Whether something was reported although the values are stated to hold."""
-    return said.verdict not in ("", "adequate") and not said.reason.endswith("unexplained")
+    return reported.verdict not in ("", "adequate") and not reported.reason.endswith("unexplained")
 
 
-def _moved(case: Case, before: Said, after: Said) -> str:
+def _moved(case: Case, before: Reported, after: Reported) -> str:
     """The stiffness that has changed most, in words; empty if none has."""
     if len(before.compliance) != len(after.compliance):
         return f"{len(after.compliance)} joints"
@@ -122,7 +122,7 @@ def _moved(case: Case, before: Said, after: Said) -> str:
     return f"compliance {most[1]} from {most[2]:.4g} to {most[3]:.4g}, {most[0]:.0f} sigma"
 
 
-def _one_factor(before: Said, after: Said) -> bool:
+def _one_factor(before: Reported, after: Reported) -> bool:
     """Whether all changes are one undetectable factor on all forces.
 
     Up to `GAIN` always, and any factor if the robot file states no stiffness for comparison;
@@ -145,18 +145,18 @@ def _one_factor(before: Said, after: Said) -> bool:
 
 def _sentence(case: Case, played: Played) -> str:
     """Defect of the sentence of a rejection; empty if there is none."""
-    said = played.refused
+    reported = played.refused
     if played.exit_code == 1:
-        return f"exit code 1: {said[:150]}"
-    odd = [c for c in said if unicodedata.category(c) in ("Cc", "Cs") or c in _DIRECTIONS]
-    if re.search(r"[\n\r\u2028\u2029\x85]", said):
+        return f"exit code 1: {reported[:150]}"
+    odd = [c for c in reported if unicodedata.category(c) in ("Cc", "Cs") or c in _DIRECTIONS]
+    if re.search(r"[\n\r\u2028\u2029\x85]", reported):
         return f"several lines, {played.where}"
     if odd:
         return f"control character {odd[0]!a}, {played.where}"
-    if len(said) > LONGEST:
-        return f"{len(said)} letters, {played.where}"
+    if len(reported) > LONGEST:
+        return f"{len(reported)} letters, {played.where}"
     if not played.way_out:
-        return f"no way out: {said[:150]}"
+        return f"no way out: {reported[:150]}"
     names = {*case.files, "campaign.toml"}
-    named = played.file in names or any(name in said for name in names)
-    return "" if named or played.file else f"names no file: {said[:150]}"
+    named = played.file in names or any(name in reported for name in names)
+    return "" if named or played.file else f"names no file: {reported[:150]}"

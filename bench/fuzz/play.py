@@ -34,7 +34,7 @@ DEPTHS = (SCREENED, ANSWER)
 
 
 @dataclass
-class Said:
+class Reported:
     """What the pipeline reports of a campaign.
 
     Attributes:
@@ -67,7 +67,7 @@ class Played:
     """Result of a campaign.
 
     Attributes:
-        said: What was reported, as far as it got.
+        reported: What was reported, as far as it got.
         refused: Sentence of a rejection.
         exit_code: Exit code of the rejection.
         file: File that the rejection names.
@@ -80,7 +80,7 @@ class Played:
         trace: Traceback of an error.
     """
 
-    said: Said = field(default_factory=Said)
+    reported: Reported = field(default_factory=Reported)
     refused: str = ""
     exit_code: int = 0
     file: str | None = None
@@ -103,11 +103,11 @@ class Watch:
 
     Attributes:
         further: Called before the diagnosis; returns whether it is needed.
-        said: What was recorded.
+        reported: What was recorded.
     """
 
-    further: Callable[[Said], bool]
-    said: Said = field(default_factory=Said)
+    further: Callable[[Reported], bool]
+    reported: Reported = field(default_factory=Reported)
 
     def step(self, stage: Callable[..., Any]) -> Callable[..., Any]:
         """The stage with recording."""
@@ -116,11 +116,11 @@ class Watch:
         def watched(*args: Any, **kwargs: Any) -> Any:
             if stage.__name__ == "diagnose":
                 self._springs(args[2])
-                if not self.further(self.said):
+                if not self.further(self.reported):
                     raise _Far
             got = stage(*args, **kwargs)
             if stage.__name__ in ("files_of", "singles_of"):
-                self.said.words |= {f"mistake {m.name}" for m in got.findings}
+                self.reported.words |= {f"mistake {m.name}" for m in got.findings}
             return got
 
         return watched
@@ -131,20 +131,20 @@ class Watch:
         """The table in its schema, with its numbers checked."""
         kept = conformed(name, table, promise)
         if name == "13_rejected":
-            self.said.rejected = len(kept)
+            self.reported.rejected = len(kept)
         for column in promise:
             if pa.types.is_floating(column.type) and not _may_be_nan(promise, column):
                 values = kept[column.name].to_numpy(float)
                 if not np.isfinite(values).all():
-                    self.said.not_finite.append(f"{name}.{column.name}")
+                    self.reported.not_finite.append(f"{name}.{column.name}")
         return kept
 
     def _springs(self, estimate: Any) -> None:
         std = np.sqrt(np.abs(np.diag(estimate.cov)))
         known = np.isfinite(std)
-        self.said.compliance = tuple(estimate.value.tolist())
-        self.said.std = tuple(float(s) if k else None for s, k in zip(std, known, strict=True))
-        self.said.p_value = estimate.p_value
+        self.reported.compliance = tuple(estimate.value.tolist())
+        self.reported.std = tuple(float(s) if k else None for s, k in zip(std, known, strict=True))
+        self.reported.p_value = estimate.p_value
 
 
 _OPEN = (
@@ -164,7 +164,7 @@ def _may_be_nan(promise: pa.Schema, column: pa.Field) -> bool:
     return column.nullable or "NaN" in about or "infinite" in about
 
 
-def play(files: Files, to: str, further: Callable[[Said], bool], shown: bool = False) -> Played:
+def play(files: Files, to: str, further: Callable[[Reported], bool], shown: bool = False) -> Played:
     """Run a campaign as far as asked, or as far as it gets.
 
     Args:
@@ -173,13 +173,13 @@ def play(files: Files, to: str, further: Callable[[Said], bool], shown: bool = F
         further: Whether a campaign to be screened only must be diagnosed, given the results so far.
         shown: Whether a report of the answer is made.
     """
-    watch = Watch(lambda said: to == ANSWER or further(said))
-    played = Played(said=watch.said)
+    watch = Watch(lambda reported: to == ANSWER or further(reported))
+    played = Played(reported=watch.reported)
     with warnings.catch_warnings(record=True) as warned, tempfile.TemporaryDirectory() as root:
         warnings.simplefilter("always")
         try:
             raw = _folder(Path(root), files).read()
-            watch.said.nominal = _states_stiffness(raw.robot)
+            watch.reported.nominal = _states_stiffness(raw.robot)
             found = campaign_answer("fuzzed", raw, watch.keep, watch.step)
             _read(played, found, shown)
         except _Far:
@@ -211,26 +211,26 @@ def _states_stiffness(robot: Robot) -> bool:
 
 def _read(played: Played, found: CampaignAnswer, shown: bool) -> None:
     """Record an answer, from its result.json alone."""
-    said, answer = played.said, found.answer.as_json()
+    reported, answer = played.reported, found.answer.as_json()
     played.not_finite = tuple(_not_finite(answer))
     dump(answer)
     diagnosis = answer["diagnosis"]
-    said.verdict, said.reason = diagnosis["verdict"], answer["recommended"]["reason"]
-    said.words |= {f"reason {reason}" for reason in diagnosis["reasons"]}
-    said.words |= {f"cause {cause['name']}:{cause['where']}" for cause in diagnosis["causes"]}
-    said.words |= {f"noise from {answer['noise']['from']}"}
+    reported.verdict, reported.reason = diagnosis["verdict"], answer["recommended"]["reason"]
+    reported.words |= {f"reason {reason}" for reason in diagnosis["reasons"]}
+    reported.words |= {f"cause {cause['name']}:{cause['where']}" for cause in diagnosis["causes"]}
+    reported.words |= {f"noise from {answer['noise']['from']}"}
     for spring in answer["stiffness"]:
-        said.words |= {f"{spring['name']} {remark['odd']}" for remark in spring["remarks"]}
+        reported.words |= {f"{spring['name']} {remark['odd']}" for remark in spring["remarks"]}
         if spring["value"] is None:
-            said.words.add(f"{spring['name']} has no value")
-    said.words |= {
+            reported.words.add(f"{spring['name']} has no value")
+    reported.words |= {
         "finding " + "".join(c for c in f if c.isalpha())[:40] for f in answer["findings"]
     }
-    said.blind = {spot["name"] for spot in diagnosis["blind_spots"]}
-    said.rejected = len(answer["rejected"])
-    said.compliance = tuple(spring["compliance"] for spring in answer["stiffness"])
-    said.std = tuple(spring["compliance_std"] for spring in answer["stiffness"])
-    said.p_value = answer["fit"]["p_value"]
+    reported.blind = {spot["name"] for spot in diagnosis["blind_spots"]}
+    reported.rejected = len(answer["rejected"])
+    reported.compliance = tuple(spring["compliance"] for spring in answer["stiffness"])
+    reported.std = tuple(spring["compliance_std"] for spring in answer["stiffness"])
+    reported.p_value = answer["fit"]["p_value"]
     played.unreadable = tuple(
         _unreadable({"model.toml": dumps(found.model).encode(), **simulators(found.model)})
     )
@@ -276,7 +276,7 @@ def _innermost(problem: BaseException) -> str:
 def as_row(played: Played) -> dict[str, Any]:
     """What is kept of the result, as JSON."""
     kept = {
-        "verdict": played.said.verdict,
+        "verdict": played.reported.verdict,
         "refused": played.refused[:1200],
         "where": played.where,
         "warned": list(played.warned),

@@ -197,11 +197,11 @@ def _heard(worker: _Worker) -> Row | None:
 def commit() -> str:
     """Short hash of the commit; with a plus if files differ from it."""
     git = ["git", "-C", str(Path(__file__).parent)]
-    said = [
+    found = [
         subprocess.run([*git, *words], capture_output=True, text=True, check=False).stdout.strip()
         for words in (["rev-parse", "--short", "HEAD"], ["status", "--porcelain", "-uno"])
     ]
-    return said[0] + ("+" if said[1] else "")
+    return found[0] + ("+" if found[1] else "")
 
 
 @cache

@@ -27,7 +27,8 @@ _BINDS = re.compile(
 )
 """Spaces inside a quantity or a relation, at which no line may break."""
 
-_POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d{1,3})(?![\w.])")
+_POWER = re.compile(r"(?<![\w.])(\d(?:\.\d+)?)e([+-]\d\d\d?)(?![\w.])")
+"""A number as Python writes it; a serial number may be 12e5."""
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

@@ -225,12 +225,12 @@ def _remarks(program: Program, found: Corrected) -> list[str]:
         ]
     )
     left = (*program.left, *program.elsewhere)
-    for told, stays in ((True, "is not corrected"), (False, "stays as it is")):
+    for corrected, stays in ((True, "is not corrected"), (False, "stays as it is")):
         remarks += listed_lines(
             [
                 f"{place(one.file, one.line)}{one.why}; it {stays}."
                 for one in left
-                if one.counts is told
+                if one.counts is corrected
             ]
         )
     return remarks

@@ -223,11 +223,11 @@ def tabled(name: str, data: bytes, targets: Sequence[Target]) -> Forces:
     for file, line, reason in log.rejected:
         raise InputError(reason, "correct the row", file=file, line=line)
     if by_line:
-        said, names = map(str, log.number["line"].astype(int)), [str(one.line) for one in targets]
+        keys, names = map(str, log.number["line"].astype(int)), [str(one.line) for one in targets]
     else:
-        said, names = map(_plain, log.word["target"]), [_plain(one.name) for one in targets]
+        keys, names = map(_plain, log.word["target"]), [_plain(one.name) for one in targets]
     rows = np.column_stack([log.number[one.stem] for one in FORCES])
-    each = dict(zip(said, map(_Section, log.line.tolist(), rows), strict=True))
+    each = dict(zip(keys, map(_Section, log.line.tolist(), rows), strict=True))
     if strange := [one for one in each if one not in names]:
         thing = f'the program has no target {"in line " * by_line}"{strange[0]}"'
         raise InputError(thing, "correct the row", file=name, line=each[strange[0]].line)

@@ -301,7 +301,7 @@ def _declare(
     if kind == "fdat" or key in found.lines:
         if key in found.lines:
             found.change(key, source, start)
-        found.lines[key] = _said(value)
+        found.lines[key] = _parts_of(value)
     elif aggregate is None:
         found.change(key, source, start)
     elif not aggregate.taught:
@@ -349,7 +349,7 @@ def _number(key: str) -> str:
     return key.partition("[")[2].rstrip("]")
 
 
-def _said(value: str) -> dict[str, str]:
+def _parts_of(value: str) -> dict[str, str]:
     """Tool, base and interpolation mode according to the data of an inline form."""
     stated = {k.lower().removesuffix("_no"): n.strip() for k, n in _LINE_SAID.findall(value)}
     return stated | ({"mode": "outside"} if _OUTSIDE.search(value) else {"mode": ""})
@@ -490,7 +490,7 @@ def _bas(
 def _form(found: _Krl, form: str, at: int) -> Iterator[tuple[str, HeldState]]:
     """States set by the data of an inline form."""
     key = _key(form)
-    content = _said(form) if form.startswith("{") else found.lines.get(key)
+    content = _parts_of(form) if form.startswith("{") else found.lines.get(key)
     for which in _THINGS:
         if content is None or key in found.changed:
             yield which, UnknownState(f"{key.upper()} of line {at} is not known")

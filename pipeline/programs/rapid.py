@@ -429,12 +429,12 @@ def _step(
 
 
 def _called_by_name(found: _Rapid, at: int) -> ProgramStep:
-    """What a routine does whose name is a string; the beginning may be all that is said of it."""
-    line, said = found.source.line(at), _NAME.match(found.source.text, at)
-    name = said[1].lower() if said else ""
-    if said and said[2] and name in _DISPLACED:
+    """What a routine does whose name is a string; the beginning may be all that is known of it."""
+    line, match = found.source.line(at), _NAME.match(found.source.text, at)
+    name = match[1].lower() if match else ""
+    if match and match[2] and name in _DISPLACED:
         return ProgramStep(at, "set", line, _DISPLACED[name])
-    if (said and said[2]) or not any(one.startswith(name) for one in _DISPLACED):
+    if (match and match[2]) or not any(one.startswith(name) for one in _DISPLACED):
         return ProgramStep(at, "call", line)
     return ProgramStep(
         at, "set", line, UnknownState(f"what line {line} calls by a string may displace points")

@@ -69,26 +69,26 @@ def refuse(file: str, text: str) -> None:
         raise InputError(thing, "correct the original instead", file=file, line=line)
 
 
-def stamped(file: str, text: str, said: str) -> str:
+def stamped(file: str, text: str, sentence: str) -> str:
     """The text with a remark in its language, with the line ends of the file."""
     suffix = file.lower()[file.rindex(".") :]
     suffix = _ALIKE.get(suffix, suffix)
     end = "\r\n" if "\r\n" in text else "\r" if "\r" in text and "\n" not in text else "\n"
     if suffix == ".ls":
-        return _below_motions(text, said, end)
+        return _below_motions(text, sentence, end)
     head = re.compile(_HEADS[suffix], re.MULTILINE | re.IGNORECASE).search(text)
     at = head or _TOP.match(text)
     place = 0 if at is None else at.end()
-    return f"{text[:place]}{_SIGNS[suffix]} {said}{end}{text[place:]}"
+    return f"{text[:place]}{_SIGNS[suffix]} {sentence}{end}{text[place:]}"
 
 
-def _below_motions(text: str, said: str, end: str) -> str:
+def _below_motions(text: str, sentence: str, end: str) -> str:
     """A TP program with remarks behind its last line, and LINE_COUNT increased accordingly."""
     positions = re.search(r"^/POS\b", text, re.MULTILINE | re.IGNORECASE)
     place = len(text) if positions is None else positions.start()
     numbers = re.findall(r"^[ \t]*(\d{1,6})[ \t]*:", text[:place], re.MULTILINE)
     last = int(numbers[-1]) if numbers else 0
-    pieces = textwrap.wrap(said, _WIDTH)
+    pieces = textwrap.wrap(sentence, _WIDTH)
     lines = "".join(f"{last + k:4d}:  {_BEGUN}{piece} ;{end}" for k, piece in enumerate(pieces, 1))
     count = re.compile(r"^(LINE_COUNT\s*=\s*)(\d{1,6})", re.MULTILINE | re.IGNORECASE)
     head = count.sub(lambda one: f"{one[1]}{int(one[2]) + len(pieces)}", text[:place], count=1)

@@ -30,6 +30,9 @@ _STEPS = 20
 _STILL = 1e-15
 """Step below which the iteration has converged [m or rad]; it changes no number of the size of a
 hall."""
+_WORSE = 1 + 1e-9
+"""Ratio of chi2 after a step to that before beyond which the step is halved [1]; more than
+rounding."""
 _ONE_PLACE = 1e-9
 """Second width of the readings over the first of the nominal points below which all are on one line
 [1]."""
@@ -340,12 +343,18 @@ def _enough(base: pd.DataFrame, nominal: Array) -> None:
 def _fit(points: Array, nominal: Array, C: Array) -> tuple[Array, Array, Array, float, Array]:
     """Rotation, translation, their covariance, chi2 and centre, as in `Registration`."""
     R, t = linear.rigid(points, nominal)
+    size, best = 1.0, (R, t, _gauss_newton(R, t, points, nominal, C))
     for _ in range(_STEPS):
-        step, cov, chi2, centre = _gauss_newton(R, t, points, nominal, C)
-        turn = Rotation.from_rotvec(step[:3]).as_matrix()
-        R, t = turn @ R, turn @ (t - centre) + centre + step[3:]
-        if np.abs(step).max() < _STILL:
+        R, t, (step, cov, chi2, centre) = best
+        turn = Rotation.from_rotvec(size * step[:3]).as_matrix()
+        R, t = turn @ R, turn @ (t - centre) + centre + size * step[3:]
+        if np.abs(size * step).max() < _STILL:
             break
+        found = _gauss_newton(R, t, points, nominal, C)
+        if found[2] <= _WORSE * chi2:
+            size, best = 1.0, (R, t, found)
+        else:  # from a wrong unit the whole step may lead anywhere
+            size /= 2
     return R, t, cov, chi2, centre
 
 

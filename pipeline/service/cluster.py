@@ -137,7 +137,7 @@ class _AtWork(Generic[S, T]):
         kept once.
         """
         known = self.client.scheduler_info(n_workers=-1)["workers"]
-        now = {worker: float(said["last_seen"]) for worker, said in known.items()}
+        now = {worker: float(entry["last_seen"]) for worker, entry in known.items()}
         still = [worker for worker, last in now.items() if self.heard.get(worker) == last]
         self.heard, awake = now, [*{*now} - {*still}]
         if not (still and awake):

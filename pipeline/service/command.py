@@ -110,19 +110,19 @@ def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
     sound = True
     for finding in examination.examine(root):
         mark = "ok" if finding.good else "PROBLEM" if finding.needed else "note"
-        line = f"{mark:8} {finding.what:16} {finding.said}"
+        line = f"{mark:8} {finding.what:16} {finding.text}"
         typer.echo(json.dumps(asdict(finding)) if as_json else line)
         sound = sound and (finding.good or not finding.needed)
     raise typer.Exit(0 if sound else UsageError.exit_code)
 
 
-def _preferred(root: Path, **said: Any) -> Preferences:
+def _preferred(root: Path, **options: Any) -> Preferences:
     """Preferences from pipeline.toml, overridden by the command line."""
     from pipeline.base import preferences
 
     if not root.is_dir():
         raise UsageError(f"there is no folder {root}: correct --root")
-    return preferences.load(root, given(said))
+    return preferences.load(root, given(options))
 
 
 def _every(preferences: Preferences) -> str:

@@ -36,13 +36,13 @@ class CheckResult:
     Attributes:
         what: What was checked.
         good: Whether it is in order.
-        said: What was found; if it is not in order, the problem and the remedy.
+        text: What was found; if it is not in order, the problem and the remedy.
         needed: Whether `run` needs it.
     """
 
     what: str
     good: bool
-    said: str
+    text: str
     needed: bool = True
 
 
@@ -123,10 +123,10 @@ def _raw(root: Path) -> CheckResult:
 def _preferences(root: Path) -> Iterator[CheckResult]:
     """Check pipeline.toml, and the object storage that it names."""
     there = (root / preferences.FILE).is_file()
-    said, what = "is valid" if there else "not found (optional)", preferences.FILE
+    text, what = "is valid" if there else "not found (optional)", preferences.FILE
     try:
         address = preferences.load(root).storage.raw
-        yield CheckResult(what, True, said)
+        yield CheckResult(what, True, text)
         if address is not None:
             what, store = "storage", Store(address)
             yield CheckResult(what, True, f"{len(store.marks())} objects at {store.shown}")

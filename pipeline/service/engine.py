@@ -29,8 +29,8 @@ def through_prefect(campaign: CampaignFolder, force: bool, tell: Tell) -> Answer
     with files.writing(home):
         home.mkdir(parents=True, exist_ok=True)
     server.has_room(home)
-    if server.serving(campaign.root) is None and (said := server.mended(campaign.root)):
-        say(said, sys.stderr)
+    if server.serving(campaign.root) is None and (sentence := server.mended(campaign.root)):
+        say(sentence, sys.stderr)
     (server.join if os.environ.get("PREFECT_API_URL") else server.settle)(campaign.root)
     server.see_settings()
     there = CampaignFolder(campaign.root.absolute(), campaign.folder.absolute())

@@ -112,9 +112,9 @@ def _portable(problem: Exception) -> Exception:
     try:
         pickle.loads(pickle.dumps(problem))
     except Exception:
-        told = RuntimeError(f"{type(problem).__name__}: {problem}")
-        told.add_note(problem.__notes__[-1])
-        return told
+        plain = RuntimeError(f"{type(problem).__name__}: {problem}")
+        plain.add_note(problem.__notes__[-1])
+        return plain
     return problem
 
 

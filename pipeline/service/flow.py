@@ -129,7 +129,7 @@ def _scanned(root: Path, hand_out: bool) -> Iterator[Outcome]:
     try:
         preferences = load(root)
     except InputError as problem:  # somebody has edited it in the meantime
-        yield from watch.told_once(root, [failed(watch.SERVICE, problem)])
+        yield from watch.reported_once(root, [failed(watch.SERVICE, problem)])
         return
     if hand_out := hand_out and preferences.storage.raw is None:  # only this one has copies
         _take_up(root)

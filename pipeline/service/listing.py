@@ -52,10 +52,10 @@ def marks(url: str) -> Marks:
     """
     command, address = [*PYTHON, "pipeline.service.listing"], url.encode()  # a key may be in it
     try:
-        told = subprocess.run(command, input=address, capture_output=True, timeout=_LONGEST_S)
+        ended = subprocess.run(command, input=address, capture_output=True, timeout=_LONGEST_S)
     except subprocess.TimeoutExpired:
         raise OSError(NO_END) from None
-    found = json.loads(told.stdout or json.dumps(NO_END))  # it ends without a word for its memory
+    found = json.loads(ended.stdout or json.dumps(NO_END))  # it ends without a word for its memory
     if isinstance(found, str):
         raise OSError(found)
     return {name: (size, put) for name, size, put in found}

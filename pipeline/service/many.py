@@ -12,7 +12,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from math import isfinite
 from pathlib import Path
+from re import ASCII, fullmatch
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +22,16 @@ from pipeline.app.outcome import Meant, Outcome, Several, failed, named, outcome
 from pipeline.base import files
 from pipeline.base.errors import Unfinished, UsageError
 from pipeline.service.executor import Executor, InProcesses, ItemResult
-from pipeline.store.campaign import MANIFEST, CampaignFolder, find, label
+from pipeline.service.sync import misnamed
+from pipeline.store.campaign import (
+    MANIFEST,
+    CampaignFolder,
+    dump,
+    find,
+    in_memory,
+    label,
+    versions,
+)
 
 if TYPE_CHECKING:  # these types import the numerical libraries, which takes a second
     from pipeline.answer.contract import Answer
@@ -135,15 +146,15 @@ class _Abroad:
                 with held:
                     made = outcome(campaign, partial(_received, done))
                 yield made
-                yield from self._told()
+                yield from self._without_work()
         finally:
             for _, held in self._held.values():
                 held.close()
-        yield from self._told()
+        yield from self._without_work()
         if self._later:
             yield from _Abroad(self._root, self._executor, self._force).outcomes(self._later)
 
-    def _told(self) -> list[Outcome]:
+    def _without_work(self) -> list[Outcome]:
         known, self._known = self._known, []
         return known
 
@@ -198,26 +209,28 @@ def _refused(problem: Exception, campaign: CampaignFolder) -> Answer:
 
 def _received(done: ItemResult[Parcel, _Made], campaign: CampaignFolder) -> Answer:
     """Write the results received and return the answer; the caller holds the lock."""
-    from pipeline.answer.archive import read
-
     with campaign.remembering(done.item.key):
         made = done.result
-    manifest, tables = _whole(made, done.item)
+    answer, about, tables = _whole(made, done.item)
     for name, content in tables.items():
         files.write(campaign.processed / name, content)
-    campaign.publish(manifest | {"source": campaign.source}, made.reports)
-    return read(campaign)
+    campaign.finish(done.item.key, made.reports, about)
+    return answer
 
 
-def _whole(made: _Made, parcel: Parcel) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Manifest and tables received, if they belong to this parcel and are intact.
+def _whole(made: _Made, parcel: Parcel) -> tuple[Answer, dict[str, Any], dict[str, bytes]]:
+    """Answer, entries of the manifest and tables, if they are this parcel's and intact.
 
     Raises:
         Unfinished: They belong to another parcel, or were changed or truncated in transit.
     """
+    from pipeline.answer.contract import Answer
+
     try:
         tables = dict(made.processed)
         manifest: dict[str, Any] = json.loads(tables.pop(MANIFEST))
+        written = made.reports["result.json"]
+        answer = Answer.model_validate(json.loads(written), strict=False)
         parts = (
             (f"data/processed/{parcel.name}", tables),
             (f"reports/{parcel.name}", made.reports),
@@ -227,12 +240,38 @@ def _whole(made: _Made, parcel: Parcel) -> tuple[dict[str, Any], dict[str, bytes
             for folder, inside in parts
             for name, content in inside.items()
         }
-        whole = (manifest["key"], manifest["outputs"]) == (parcel.key, came)
-    except (AttributeError, KeyError, TypeError, ValueError):
+        read = sorted((one.file, one.sha256, one.bytes) for one in answer.inputs)
+        sent = [(name, files.sha256(data), len(data)) for name, data in parcel.files.items()]
+        run_time_s = float(manifest["run_time_s"])
+        whole = (
+            (manifest["key"], manifest["outputs"]) == (parcel.key, came)
+            and (answer.campaign, dump(answer.as_json())) == (parcel.name, written)
+            and (read, answer.versions) == (sorted(sent), versions())
+            and isfinite(run_time_s)
+            and all(fullmatch(r"\w+\.parquet", name, ASCII) for name in tables)
+            and not any(misnamed(name, made.reports) for name in made.reports)
+        )
+        about = {"run_time_s": run_time_s, **_about(manifest, answer, parcel)}
+    except (AttributeError, KeyError, TypeError, ValueError, RecursionError):
         whole = False
     if not whole:
         raise Unfinished(
             "what its worker has sent is not what is to be made of it",
             "run it again, and see to that worker's installation, memory and disk",
         )
-    return manifest, tables
+    return answer, about, tables
+
+
+def _about(manifest: Mapping[str, Any], answer: Answer, parcel: Parcel) -> dict[str, Any]:
+    """Entries of the manifest: what this machine knows; what a page shows, by the worker's."""
+    settings = in_memory(parcel.files).settings
+    shown = {name: manifest.get(name) for name in ("look", "previous", "wear")}
+    return {
+        **{name: mark for name, mark in shown.items() if isinstance(mark, str | None)},
+        "language": settings.language,
+        "fields": settings.fields,
+        "verdict": str(answer.diagnosis.verdict),
+        "robot": answer.robot,
+        "machine": answer.machine,
+        "measured": answer.measured,
+    }

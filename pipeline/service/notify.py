@@ -50,7 +50,7 @@ def _post(address: str, content: Mapping[str, str | None]) -> bool:
         return False
 
 
-def systemd(said: str) -> None:
+def systemd(state: str) -> None:
     """Send a state such as `READY=1` to systemd; does nothing if it did not start this process."""
     address = os.environ.get("NOTIFY_SOCKET")
     if not address:
@@ -58,4 +58,4 @@ def systemd(said: str) -> None:
     if address.startswith("@"):  # abstract sockets of Linux, which have no file
         address = "\0" + address[1:]
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line:
-        line.sendto(said.encode(), address)
+        line.sendto(state.encode(), address)

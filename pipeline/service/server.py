@@ -335,7 +335,7 @@ def _damage(base: Path) -> str:
         return "it is no file"
     try:
         with contextlib.closing(sqlite3.connect(base, timeout=1)) as known:
-            (said,) = known.execute("pragma quick_check(1)").fetchone()
+            (found,) = known.execute("pragma quick_check(1)").fetchone()
             if known.execute(
                 "select 1 from sqlite_master where name = 'alembic_version'"
             ).fetchone():
@@ -344,7 +344,7 @@ def _damage(base: Path) -> str:
         return str(problem) if "no such table" in str(problem) else ""
     except sqlite3.DatabaseError as problem:
         return str(problem)
-    return "" if said == "ok" else said.splitlines()[-1]
+    return "" if found == "ok" else found.splitlines()[-1]
 
 
 def serving(root: Path) -> dict[str, str] | None:

@@ -63,14 +63,14 @@ class _FolderStatus:
         name: Name of the folder.
         state: What the service does with it.
         at: Since when, or time of the last attempt [s]; None if unknown.
-        said: Its verdict, or why there is none.
+        text: Its verdict, or why there is none.
         reported: Its folder in reports/, as an address; empty if there is no report.
     """
 
     name: str
     state: FolderState
     at: float | None
-    said: str
+    text: str
     reported: str = ""
 
 
@@ -101,8 +101,8 @@ def _of(campaign: CampaignFolder, look: service.LastScan | None) -> _FolderStatu
         return _FolderStatus(name, FolderState.FAILED, seen.tried, f"{again}: {seen.said}", address)
     if seen.verdict == "rejected":
         return _FolderStatus(name, FolderState.REJECTED, seen.tried, seen.said, address)
-    told = VERDICTS.get(seen.verdict or "", (seen.said, ""))[0]
-    return _FolderStatus(name, FolderState.DONE, seen.tried, told, address)
+    words = VERDICTS.get(seen.verdict or "", (seen.said, ""))[0]
+    return _FolderStatus(name, FolderState.DONE, seen.tried, words, address)
 
 
 def _alive(look: service.LastScan | None, name: str) -> float | None:
@@ -162,7 +162,7 @@ def _looked(root: Path) -> Iterator[str]:
     """When data/raw was last scanned, and how often that happens."""
     running = service.Running.of(root)
     if running is not None:
-        yield f"Looks at data/raw: {doctor.looks(root, running).said}."
+        yield f"Looks at data/raw: {doctor.looks(root, running).text}."
         if running.every_s:
             yield f"One every {running.every_s:g} s. It is {_clock(time.time())} now."
 
@@ -176,7 +176,7 @@ def _table(found: Sequence[_FolderStatus]) -> ReportTable | None:
         (Column("Campaign"), _linked),
         word_column("State", lambda one: str(one.state)),
         word_column("Since", lambda one: _clock(one.at)),
-        word_column("What is known of it", lambda one: one.said),
+        word_column("What is known of it", lambda one: one.text),
     ]
     return table_of("campaigns", "Every folder of data/raw", columns, found)
 

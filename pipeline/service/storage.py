@@ -115,7 +115,7 @@ class Store:
             with files.open_output_stream(path) as sink:
                 sink.write(data)
         except (OSError, ValueError, ImportError) as problem:
-            thing, way_out = _said(problem)
+            thing, way_out = _explained(problem)
             words = f"{self.shown}/{name} cannot be written ({thing}); {way_out}."
             raise CannotWrite(words) from problem
 
@@ -129,15 +129,15 @@ class Store:
             thing = f"{self.shown} lists what is not there"
             raise InputError(thing, "run it again in a moment", passing=True) from problem
         except (OSError, ValueError, ImportError) as problem:
-            thing, way_out = _said(problem)
+            thing, way_out = _explained(problem)
             raise InputError(
                 f"{self.shown} cannot be read ({thing})", way_out, passing=True
             ) from problem
 
 
-def _put(said: Mapping[bytes | str, bytes | str] | None) -> float | None:
+def _put(metadata: Mapping[bytes | str, bytes | str] | None) -> float | None:
     """Time at which an object just read was stored [s since 1970]; None if it is not given."""
-    entries = {_text(word): _text(value) for word, value in (said or {}).items()}
+    entries = {_text(word): _text(value) for word, value in (metadata or {}).items()}
     with contextlib.suppress(KeyError, ValueError):
         return datetime.fromisoformat(entries["Last-Modified"]).timestamp()
     return None
@@ -151,7 +151,7 @@ _WHOLE_S = 1.0
 """Tolerance of times [s]: a listing gives fractions of a second, an object whole seconds."""
 
 
-def _said(problem: Exception) -> tuple[str, str]:
+def _explained(problem: Exception) -> tuple[str, str]:
     """Problem and remedy, from the message of a driver."""
     words = str(problem)
     for pattern, thing, way_out in _REFUSALS:

@@ -192,8 +192,8 @@ def serve(root: Path, preferences: Preferences, tell: _Tell) -> None:
 
 def _mended(root: Path, schedule: _Child, tell: _Tell) -> None:
     """Replace a damaged database; the schedule, which was stored in it, is restarted."""
-    if said := service.mended(root):
-        tell(said)
+    if sentence := service.mended(root):
+        tell(sentence)
         schedule.stop()
 
 
@@ -252,8 +252,8 @@ def alone(root: Path, wanted: Service) -> Iterator[None]:
         try:
             lock.acquire(timeout=0)
         except Timeout:
-            said = service.Running.of(root)
-            by = f" by process {said.process}" if said else ""
+            running = service.Running.of(root)
+            by = f" by process {running.process}" if running else ""
             raise UsageError(f"{root.resolve()} is served already{by}: stop that first") from None
     try:
         running = service.Running(process=os.getpid(), every_s=wanted.every_s)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import errno
 import time
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -131,8 +131,7 @@ def _refuse_odd(campaign: str, marks: _Marks) -> None:
     if why := unfit(campaign):
         raise InputError(why, _RENAME)
     for name in marks:
-        twice = any(above in marks for above in _above(name))
-        if why := _odd(name) or ("is a file and a folder" if twice else ""):
+        if why := misnamed(name, marks):
             raise InputError(f'the object "{printable(name, 120)}" {why}', _RENAME)
     size = sum(size for size, _ in marks.values())
     if len(marks) > MOST_ENTRIES or size > _MOST_BYTES:
@@ -141,19 +140,17 @@ def _refuse_odd(campaign: str, marks: _Marks) -> None:
         raise InputError(f"{thing}, {most}", "take out what is no measurement")
 
 
-def _odd(name: str) -> str:
-    """Why an object cannot be a file; empty if it can."""
+def misnamed(name: str, others: Collection[str]) -> str:
+    """Why this cannot be the name of a file below a folder that has others; empty if it can."""
     if {"", ".", ".."} & {*name.split("/")}:
         return "has an empty or dotted part in its name"
     if "\\" in name or any(unicodedata.category(letter) in ("Cc", "Cs") for letter in name):
         return "has a backslash or a control character in its name"
     longest = max(len(part.encode()) for part in name.split("/"))
-    return f"has {longest} bytes in a part of its name" if longest > _LONGEST else ""
-
-
-def _above(name: str) -> set[str]:
-    """The folders that contain a file of this name."""
-    return {str(one) for one in PurePosixPath(name).parents}
+    if longest > _LONGEST:
+        return f"has {longest} bytes in a part of its name"
+    twice = any(str(above) in others for above in PurePosixPath(name).parents)
+    return "is a file and a folder" if twice else ""
 
 
 def _campaigns(marks: _Marks) -> dict[str, dict[str, tuple[int, float]]]:
@@ -210,13 +207,13 @@ def _ours_to_change(path: Path, copied: tuple[Any, ...] | None, data: bytes | No
     return here == data or (copied is not None and files.sha256(here) == copied[2])
 
 
-def untold(root: Path, refused: list[Outcome]) -> list[Outcome]:
+def unreported(root: Path, refused: list[Outcome]) -> list[Outcome]:
     """Complaints not reported at the last scan, so that a lasting problem is reported once."""
     note = _Note.of(root)
-    told = sorted(line for outcome in refused for line in outcome.complaints)
+    every = sorted(line for outcome in refused for line in outcome.complaints)
     new = [outcome for outcome in refused if not set(outcome.complaints) <= set(note.told)]
-    if told != note.told:
-        note.told = told
+    if every != note.told:
+        note.told = every
         note.keep(root)
     return new
 

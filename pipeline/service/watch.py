@@ -205,7 +205,7 @@ def scan(
         trouble += _wrong(campaign.name, partial(_tell, campaign, preferences.notify))
     ended = look.model_copy(update={"ended": clock.now(), "drawn": drawn})
     trouble += _noted(root, ended)
-    yield from told_once(root, trouble)
+    yield from reported_once(root, trouble)
 
 
 def _noted(root: Path, look: service.LastScan) -> list[Outcome]:
@@ -291,10 +291,10 @@ def _wrong(name: str, work: Callable[[], object]) -> list[Outcome]:
     return []
 
 
-def told_once(root: Path, trouble: list[Outcome]) -> list[Outcome]:
+def reported_once(root: Path, trouble: list[Outcome]) -> list[Outcome]:
     """What was not reported at the last scan; everything if that cannot be remembered."""
     try:
-        return sync.untold(root, trouble)
+        return sync.unreported(root, trouble)
     except CannotWrite as problem:
         return [*trouble, failed(SERVICE, problem)]
 
@@ -304,7 +304,7 @@ def _learn(campaign: CampaignFolder, seen: str, made: Outcome, now: float) -> No
     new = {
         "print": seen,
         "verdict": verdict_of(made),
-        "said": _said_of(made),
+        "said": _sentence_of(made),
         "attempts": before.attempts + 1 if before.print == seen else 1,
         "tried": now,
     }
@@ -319,7 +319,7 @@ def verdict_of(made: Outcome) -> str:
     return "rejected" if lasting else "failed"
 
 
-def _said_of(made: Outcome) -> str:
+def _sentence_of(made: Outcome) -> str:
     """Verdict of a campaign in words, or why there is none."""
     error = made.content.get("error")
     return str(error["message"]) if error else _brief(made.content)

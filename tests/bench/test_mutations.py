@@ -12,7 +12,7 @@ from bench.fuzz.bases import NAMES, base
 from bench.fuzz.catalogue import FAMILIES, MUTATIONS, Case, case
 from bench.fuzz.judge import GOOD, clean
 from bench.fuzz.mutation import Mutation
-from bench.fuzz.play import ANSWER, SCREENED, Played, Said, play
+from bench.fuzz.play import ANSWER, SCREENED, Played, Reported, play
 from bench.fuzz.run import contest, played
 from bench.fuzz.table import summary
 
@@ -153,7 +153,7 @@ def made(name="reduced", mutation=NOTHING, files=None):
 
 def answered_as(said, **others):
     """What came of a case that says this."""
-    return judge.judge(made(), Played(said=said, **others))
+    return judge.judge(made(), Played(reported=said, **others))
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +183,7 @@ def test_a_silent_change_is_reported(before):
     assert answered_as(replace(softer(before), words={"mistake outlier"})).word == "said"
     assert answered_as(replace(softer(before), rejected=1)).word == "said"
     meant = Mutation("key:model.equilibrium", NOTHING.act, meant="the user's choice")
-    assert judge.judge(made(mutation=meant), Played(said=softer(before))).word == "meant"
+    assert judge.judge(made(mutation=meant), Played(reported=softer(before))).word == "meant"
 
 
 @pytest.mark.whole
@@ -202,8 +202,8 @@ def test_a_blind_spot_covers_only_its_own_mutation(before):
     listed = replace(softer(before), blind={"load_point_offset"})
     unlisted = replace(softer(before), blind=set())
 
-    assert judge.judge(made(mutation=off), Played(said=listed)).word == "said"
-    assert judge.judge(made(mutation=off), Played(said=unlisted)).word == "silent"
+    assert judge.judge(made(mutation=off), Played(reported=listed)).word == "said"
+    assert judge.judge(made(mutation=off), Played(reported=unlisted)).word == "silent"
 
 
 @pytest.mark.whole
@@ -227,7 +227,7 @@ def test_a_number_that_is_none_is_reported(before):
 
 def test_an_exception_is_reported():
     """With its kind and place."""
-    outcome = answered_as(Said(), error="ValueError: no", where="system/estimate.py:7 solve")
+    outcome = answered_as(Reported(), error="ValueError: no", where="system/estimate.py:7 solve")
 
     assert outcome.word == "exit 1"
     assert "ValueError: no at system/estimate.py:7" in outcome.why
@@ -246,7 +246,7 @@ def test_an_exception_is_reported():
 )
 def test_a_sentence_that_helps_nobody_is_reported(sentence, wrong):
     """One line, short, printable, with a file and a way out."""
-    outcome = answered_as(Said(), refused=sentence, exit_code=5, way_out="add it")
+    outcome = answered_as(Reported(), refused=sentence, exit_code=5, way_out="add it")
 
     assert outcome.word == ("sentence" if wrong else "rejected")
     assert wrong in outcome.why
@@ -254,8 +254,10 @@ def test_a_sentence_that_helps_nobody_is_reported(sentence, wrong):
 
 def test_a_rejection_without_a_way_out_is_reported():
     """And one that is an internal error."""
-    assert answered_as(Said(), refused="joints.csv: no", exit_code=5).why.startswith("no way out")
-    assert "exit code 1" in answered_as(Said(), refused="joints.csv: no", exit_code=1).why
+    assert answered_as(Reported(), refused="joints.csv: no", exit_code=5).why.startswith(
+        "no way out"
+    )
+    assert "exit code 1" in answered_as(Reported(), refused="joints.csv: no", exit_code=1).why
 
 
 def test_a_real_exception_is_seen(monkeypatch):
@@ -285,7 +287,7 @@ def test_a_real_nan_in_a_table_is_seen(monkeypatch):
     monkeypatch.setattr(stage, "displacements", moved)
     found = play(base("in_place"), SCREENED, lambda said: False)
 
-    assert "23_displacements.dx_m" in found.said.not_finite
+    assert "23_displacements.dx_m" in found.reported.not_finite
 
 
 @pytest.mark.whole

@@ -7,12 +7,14 @@ import zipfile
 import numpy as np
 import openpyxl
 import pandas as pd
+import pyarrow as pa
 import pytest
 import report_sample
 from python_calamine import CalamineWorkbook
 
 from pipeline.answer.contract import Combination, Rejected
 from pipeline.exchange import workbook
+from pipeline.tables import harmless
 
 SHEETS = [
     "summary",
@@ -200,3 +202,13 @@ def test_the_same_answer_gives_the_same_bytes(written, answer, tables):
     assert again == written
     assert times == {1980}
     assert core.count("1980-01-01T00:00:00Z") == 2
+
+
+@pytest.mark.parametrize(
+    "first", ["=", "+", "-", "@", " =", "\t=", "\u00a0=", "\u3000+", *"＝＋－＠"]
+)
+def test_no_name_is_a_formula(first):
+    """Nor in the letters of full width that some spreadsheets take for the same."""
+    (cell,) = harmless(pa.chunked_array([[f"{first}1+1"]])).to_pylist()
+
+    assert cell == f"'{first}1+1"

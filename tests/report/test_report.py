@@ -193,6 +193,12 @@ def test_a_probability_is_never_shown_as_certainty(p, shown):
     assert numbers.probability(p) == shown
 
 
+@pytest.mark.parametrize("name", ["1e999", "12e5", "4711E2", "3e4", "12e-05"])
+def test_a_serial_number_is_no_power_of_ten(name):
+    """What somebody typed stays; Python writes one digit, a sign and two digits."""
+    assert numbers.typeset(f"serial number {name}") == f"serial number {name}"
+
+
 def test_sentences_are_set_in_type():
     """Findings written for a terminal are printed with ± and powers of ten, names untouched."""
     said = numbers.typeset("its compliance is 8.2e-09 +- 4e-09 m/N in P1e-09, 30 mm away, p = 0.2")

@@ -39,7 +39,7 @@ def test_a_service_that_is_gone_is_no_service(noted):
     ended.wait()
     found = noted(running={"process": ended.pid, "every_s": 60.0}, looked={"began": 0.0})
 
-    assert found["service"].said.startswith("not running")
+    assert found["service"].text.startswith("not running")
     assert "looks" not in found
 
 
@@ -59,19 +59,19 @@ def test_looks_that_do_not_come_are_told(noted, looked, good, said):
     moments = {name: at if at is None else now + at for name, at in looked.items()}
     found = noted(running=HERE, looked=moments)["looks"]
 
-    assert (found.good, said in found.said) == (good, True)
+    assert (found.good, said in found.text) == (good, True)
 
 
 def test_what_waits_is_told(noted):
     """A campaign that is tried again with its reason, and a verdict that nobody took."""
     failed = {"print": "x", "verdict": "failed", "said": "was away.", "attempts": 2, "tried": 1e9}
     found = noted(running=HERE, looked={"began": time.time()}, seen=failed)
-    assert found["a"].said.startswith("tried 2 times, again at 2001-09-09")
-    assert found["a"].said.endswith("was away.")
+    assert found["a"].text.startswith("tried 2 times, again at 2001-09-09")
+    assert found["a"].text.endswith("was away.")
 
     done = {"print": "x", "verdict": "adequate", "told": None}
     hook = "[notify]\nwebhook = 'https://chat.example/x'\n"
-    assert "the webhook did not accept" in noted(seen=done, toml=hook)["a"].said
+    assert "the webhook did not accept" in noted(seen=done, toml=hook)["a"].text
     assert "a" not in noted(seen=done | {"told": "adequate"}, toml=hook)
 
 
@@ -83,4 +83,4 @@ def test_a_server_that_is_gone_is_told(noted, tmp_path):
     found = noted(running=HERE)["Prefect server"]
 
     assert not found.good
-    assert "server.log" in found.said
+    assert "server.log" in found.text

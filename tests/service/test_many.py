@@ -9,6 +9,7 @@ import sys
 import time
 from dataclasses import dataclass, replace
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import ClassVar
 
@@ -164,7 +165,39 @@ def _changed(made, name, content):
     return replace(made, reports=made.reports | {name: content})
 
 
+def _sealed(made, name="", content=b"", **entries):
+    """With another answer and other entries of its manifest, whole by its own checksums."""
+    reports = made.reports | ({name: content} if name else {})
+    tables = {k: v for k, v in made.processed.items() if k != "manifest.json"}
+    manifest = json.loads(made.processed["manifest.json"]) | entries
+    manifest["outputs"] = {
+        f"{folder}/a/{k}": sha256(v).hexdigest()
+        for folder, inside in (("data/processed", tables), ("reports", reports))
+        for k, v in inside.items()
+    }
+    kept = tables | {"manifest.json": json.dumps(manifest).encode()}
+    return replace(made, processed=kept, reports=reports)
+
+
+def _of_others(made, **changes):
+    result = json.loads(made.reports["result.json"]) | changes
+    text = json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return _sealed(made, "result.json", text.encode())
+
+
 LIES = {
+    "of other files, sealed": lambda made: _of_others(made, inputs=[]),
+    "of another name, sealed": lambda made: _of_others(made, campaign="b"),
+    "of other libraries, sealed": lambda made: _of_others(made, versions={"numpy": "1"}),
+    "in no time, sealed": lambda made: _sealed(made, run_time_s=float("inf")),
+    "a file outside, sealed": lambda made: _sealed(made, "../../../outside", b"x"),
+    "an absolute name, sealed": lambda made: _sealed(made, "/x", b"x"),
+    "no number, sealed": lambda made: _sealed(
+        made, "result.json", made.reports["result.json"].replace(b"{", b'{"x": NaN,', 1)
+    ),
+    "a manifest without end": lambda made: replace(
+        made, processed=made.processed | {"manifest.json": b"[" * 10**5}
+    ),
     "of another campaign": lambda made: replace(
         made, processed={k: v.replace(b'"key": "', b'"key": "0') for k, v in made.processed.items()}
     ),
@@ -206,6 +239,21 @@ def test_what_a_worker_has_not_made_of_it_is_not_kept(tmp_path, monkeypatch, hon
     assert ("not what is to be made" in "".join(done.complaints)) is bool(lie)
     assert (tmp_path / "reports").exists() is not bool(lie)
     assert not (tmp_path / "outside").exists()
+
+
+def test_what_a_manifest_states_is_known_here(tmp_path, monkeypatch, honest):
+    """A worker's word on code, verdict, machine and language is not taken."""
+    shutil.copytree(KEPT, tmp_path / "data" / "raw" / "a")
+    wrong = {"code": "0", "versions": 1, "verdict": 5, "robot": [], "machine": {}, "measured": 2,
+             "language": "xx", "fields": "x", "look": 3, "wear": [1]}  # fmt: skip
+    monkeypatch.setattr(many, "computed", lambda _: _sealed(honest, **wrong))
+
+    (done,) = many.outcomes(NearlyHere(), tmp_path, ["a"])
+
+    true = json.loads(honest.processed["manifest.json"])
+    kept = find(tmp_path, "a").manifest()
+    assert done.exit_code == 0
+    assert {k: kept.get(k) for k in wrong} == {k: true[k] for k in wrong} | {"look": None}
 
 
 def working(process, root):

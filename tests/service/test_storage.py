@@ -612,4 +612,4 @@ def test_a_damaged_note_is_none(made, tmp_path, junk):
     (tmp_path / "data" / "processed" / "storage.json").write_bytes(junk)
 
     assert mirror.fetch(tmp_path, WHERE) == []
-    assert mirror.untold(tmp_path, []) == []
+    assert mirror.unreported(tmp_path, []) == []
