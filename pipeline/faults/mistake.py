@@ -38,6 +38,7 @@ class Mistake:
         since: Line where a unit changes in mid-file, `file:line`; None if it does not.
         hopeless: Whether it cannot be corrected, and no value of the campaign holds.
         rivalled: Whether a cause that was not yet sought may do as much.
+        instead: Places, or units, of which one may be wrong instead; nothing tells which.
         alike: What it has in common with others of one origin, with which it is told as one; empty
             where it stands alone.
     """
@@ -59,6 +60,7 @@ class Mistake:
     since: str | None = None
     hopeless: bool = False
     rivalled: bool = False
+    instead: tuple[str, ...] = ()
     alike: str = ""
 
     @property

@@ -385,6 +385,7 @@ def bad_reading(
         p_value=p,
         correct=partial(left_out, at=at),
         at=at,
+        instead=tuple(names[1:]),
     )
 
 
@@ -415,6 +416,7 @@ def _bad_pose(
         correct=partial(left_out, at=at),
         at=at,
         axes=6,
+        instead=tuple(groups[1:]),
     )
 
 

@@ -152,12 +152,14 @@ class _Change:
         unit: The other unit.
         sign: 1 where the wrong numbers are in it and were read as N, else -1.
         later: Whether the second part is wrong, not the first one.
+        instead: Units that fit as well, by what the joint springs usually miss a pull.
     """
 
     first: int
     unit: str
     sign: int
     later: bool
+    instead: tuple[str, ...] = ()
 
     @property
     def factor(self) -> float:
@@ -210,18 +212,21 @@ def _likelier(moved: PullMoves, at: Ints, first: int, unit: str, sign: int) -> _
     fit = ordered(replace(moved, force=moved.force * factor), np.arange(len(at)))
     if fit.model > USUAL_MISFIT:
         return None
+    near = {one: abs(np.log(size / FORCE[unit])) < fit.model for one, size in FORCE.items()}
+    later = replace(later, instead=tuple(one for one in near if near[one] and one != unit))
     usual = float(np.median(fit.x[fit.x > 0])) if (fit.x > 0).any() else 1.0
     if abs(np.log(usual)) <= abs(np.log(usual * later.factor)):
         return later
-    return _Change(first, unit, -sign, later=False)
+    return replace(later, sign=-sign, later=False)
 
 
 def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:
     unit, factor, at = change.unit, change.factor, lines_of(rows)
     keys = frozenset(zip(rows["pose"].tolist(), rows["repeat"].tolist(), strict=True))
-    text = (
-        f"are {unit} and were read as N" if change.sign == 1 else f"are N and were read as {unit}"
-    )
+    either = " or ".join((unit, *change.instead))
+    text = f"are {either} and were read as N"
+    if change.sign != 1:
+        text = f"are N and were read as {either}"
     found = _finding(
         where=unit if change.sign == 1 else "n",
         says=f"from {at[0]} on the numbers of the scale {text}"
@@ -232,7 +237,8 @@ def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:
         factor=factor,
         correct=partial(_times, keys=keys, factor=factor),
     )
-    return found if change.later else replace(found, since=None)
+    since = found.since if change.later else None
+    return replace(found, since=since, instead=change.instead if change.sign == 1 else ())
 
 
 def _times(case: Case, keys: frozenset[tuple[int, int]], factor: float) -> Case:
