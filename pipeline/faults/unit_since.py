@@ -24,11 +24,18 @@ from pipeline.faults.exchanged_pulls import FEWEST, MOST, USUAL_MISFIT, PullMove
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.machine.effect import PULLED
-from pipeline.readers.logs import FORCE
+from pipeline.readers.logs import FORCE, SCALE
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import STILL_M
 from pipeline.reduction.register import XYZ
+
+_FORCE = FORCE | {"dan": SCALE["dan"]}
+"""Units that may have been read for each other [N]."""
+
+_ALIKE = 0.03
+"""Relative difference below which two units are both stated [1]: a scale's calibration, and a cause
+that is not in the model yet, are as large."""
 
 _ROWS = 2
 """Minimum number of rows in each unit; a single one is a wrong reading."""
@@ -152,19 +159,23 @@ class _Change:
         unit: The other unit.
         sign: 1 where the wrong numbers are in it and were read as N, else -1.
         later: Whether the second part is wrong, not the first one.
-        instead: Units that fit as well, by what the joint springs usually miss a pull.
     """
 
     first: int
     unit: str
     sign: int
     later: bool
-    instead: tuple[str, ...] = ()
+
+    @property
+    def instead(self) -> tuple[str, ...]:
+        """Other units that may be meant, as they hardly differ from it."""
+        near = (abs(np.log(size / _FORCE[self.unit])) for size in _FORCE.values())
+        return tuple(one for one, off in zip(_FORCE, near, strict=True) if 0 < off < _ALIKE)
 
     @property
     def factor(self) -> float:
         """Factor on the wrong numbers."""
-        return float(FORCE[self.unit] ** self.sign)
+        return float(_FORCE[self.unit] ** self.sign)
 
 
 def _split(moved: PullMoves, at: Ints) -> _Change | None:
@@ -172,7 +183,7 @@ def _split(moved: PullMoves, at: Ints) -> _Change | None:
     N, b, square = _normal(moved, at)
     whole = np.sqrt(_left(N.sum(axis=0), b.sum(axis=0), square))
     tried = {}
-    for unit, factor in FORCE.items():
+    for unit, factor in _FORCE.items():
         for sign in (1, -1) if factor != 1 else ():
             c = float(factor**sign)
             for first in range(_ROWS, len(at) - _ROWS + 1):
@@ -212,18 +223,21 @@ def _likelier(moved: PullMoves, at: Ints, first: int, unit: str, sign: int) -> _
     fit = ordered(replace(moved, force=moved.force * factor), np.arange(len(at)))
     if fit.model > USUAL_MISFIT:
         return None
-    near = {one: abs(np.log(size / FORCE[unit])) < fit.model for one, size in FORCE.items()}
-    later = replace(later, instead=tuple(one for one in near if near[one] and one != unit))
     usual = float(np.median(fit.x[fit.x > 0])) if (fit.x > 0).any() else 1.0
     if abs(np.log(usual)) <= abs(np.log(usual * later.factor)):
         return later
     return replace(later, sign=-sign, later=False)
 
 
+def symbol(unit: str) -> str:
+    """A unit of force as it is written: kN, daN, kgf."""
+    return f"{unit[:-1]}N" if unit.endswith("n") else unit
+
+
 def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:
     unit, factor, at = change.unit, change.factor, lines_of(rows)
     keys = frozenset(zip(rows["pose"].tolist(), rows["repeat"].tolist(), strict=True))
-    either = " or ".join((unit, *change.instead))
+    either = " or ".join(map(symbol, (unit, *change.instead)))
     text = f"are {either} and were read as N"
     if change.sign != 1:
         text = f"are N and were read as {either}"
