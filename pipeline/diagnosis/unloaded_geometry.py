@@ -123,9 +123,8 @@ def from_unloaded(
     if not _fits(zeros, rows, table_only):
         heavy = search.over(replace(zeros, sag=None, weighs=True), effects).with_free(())
         search, heavy = search.whole(effects), heavy.whole(effects)
-        known = known or any(one.sags for one in search.free)
-        least = search.found.log_evidence + (0.0 if known else _SURE)
-        search = heavy if heavy.found.log_evidence > least else search
+        sure = 0.0 if known or any(one.sags for one in search.free) else _SURE
+        search = heavy if heavy.found.log_evidence > search.found.log_evidence + sure else search
     found, zeros = search.found, search.zeros
     missed = left_out(table_only, rows), left_out(found, search.rows)
     stood = UnloadedFacts(

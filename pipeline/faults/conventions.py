@@ -163,7 +163,6 @@ def _finding(case: Case, h: _SupposedMistake, before: float, after: float) -> Mi
         correction=f"recomputed as if {h.says}",
         before=1e3 * before,
         after=1e3 * after,
-        unit="mm",
         correct=h.correct,
         at=lines_of(case.joints) if h.name == "exchanged" else (),
     )
@@ -467,8 +466,4 @@ def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
     return replace(case, readings=rows.assign(target=[true.get(t, t) for t in rows["target"]]))
 
 
-FAULT = Fault(
-    "sign_or_convention",
-    lambda asked: conventions(asked.case),
-    in_files=True,
-)
+FAULT = Fault("sign_or_convention", lambda asked: conventions(asked.case), in_files=True)

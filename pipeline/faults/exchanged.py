@@ -379,7 +379,6 @@ def exchange_mistake(
         correction=f"recomputed with {where} exchanged{left}",
         before=1e3 * before,
         after=1e3 * after,
-        unit="mm",
         correct=correct,
         at=at,
     )

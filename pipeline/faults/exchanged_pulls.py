@@ -82,11 +82,18 @@ class PullMoves(Locked):
     noise: float
 
     @classmethod
-    def of(cls, asked: Screening) -> PullMoves:
-        """All pulls except payloads, which have no reading of a scale."""
+    def of(cls, asked: Screening) -> PullMoves | None:
+        """All pulls except payloads, which have no reading of a scale.
+
+        None where there are too few or too many of them, or their targets were not read singly.
+        """
         data, cell = asked.reduced.data, asked.case.cell
+        if asked.case.settings.displacements is not None or data.poses:
+            return None
         size = np.linalg.norm(data.pulls.force, axis=1)
         which = np.flatnonzero((data.pulls.by != MOUNTED) & (size > 0))
+        if not FEWEST <= len(which) <= MOST:
+            return None
         safe = np.where(size > 0, size, 1.0)
         one = replace(data.pulls, force=data.pulls.force / safe[:, None])
         typical = np.array([p.typical for p in cell.parameters])
@@ -162,10 +169,8 @@ def displacement_std(data: Measured) -> float:
 
 def exchanged_pulls(asked: Screening) -> list[Mistake]:
     """Unloaded groups and pulls of a pose that were exchanged, else exchanged rows of the loads."""
-    if asked.case.settings.displacements is not None or asked.reduced.data.poses:
-        return []
     moved = PullMoves.of(asked)
-    if not FEWEST <= len(moved.force) <= MOST:
+    if moved is None:
         return []
     given = ordered(moved, np.arange(len(moved.force)))
     least = float(special.chdtri(1, alarms.EXCHANGED / len(moved.force) ** 2))
@@ -201,13 +206,8 @@ def _straight(moved: PullMoves, x: Array, due: Array) -> Bools:
 
 def misfit(case: Case) -> float:
     """Mean misfit of the pulls as a fraction of their force, each at most 1; NaN if unknown."""
-    asked = Screening(case, case.cell, case.robot.nominal_compliance)
-    if asked.case.settings.displacements is not None or asked.reduced.data.poses:
-        return np.nan
-    moved = PullMoves.of(asked)
-    if not FEWEST <= len(moved.force) <= MOST:
-        return np.nan
-    return ordered(moved, np.arange(len(moved.force))).left
+    moved = PullMoves.of(Screening(case, case.cell, case.robot.nominal_compliance))
+    return np.nan if moved is None else ordered(moved, np.arange(len(moved.force))).left
 
 
 def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
@@ -216,7 +216,7 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
     Empty where there are too few or too many pulls.
     """
     moved = PullMoves.of(asked)
-    if not FEWEST <= len(moved.force) <= MOST:
+    if moved is None:
         return {}
     of = asked.reduced.data.pulls
     keys = zip(of.pose[moved.pull].tolist(), of.repeat[moved.pull].tolist(), strict=True)

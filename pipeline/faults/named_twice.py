@@ -44,7 +44,6 @@ def _of_names(one: ExchangedNames) -> Mistake:
         "loaded one",
         correction="computed with their names exchanged",
         before=1.0,
-        after=0.0,
         unit="1",
         correct=as_it_is,
         at=one.at,
@@ -65,8 +64,6 @@ def _of_pose(pose: int, ones: list[Contradiction], lost: bool) -> Mistake:
         f"by mistake nothing in the files says ({lines(at)})",
         correction=f"computed without {left}",
         before=1e3 * worst.apart_m,
-        after=0.0,
-        unit="mm",
         correct=partial(_without_pose, pose=pose) if lost else as_it_is,
         at=at,
     )
@@ -80,8 +77,4 @@ def _without_pose(case: Case, pose: int) -> Case:
     return replace(case, readings=rows, loads=loads, joints=joints)
 
 
-FAULT = Fault(
-    "exchanged",
-    lambda asked: list(named_twice(asked)),
-    in_files=True,
-)
+FAULT = Fault("exchanged", lambda asked: list(named_twice(asked)), in_files=True)

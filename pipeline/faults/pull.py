@@ -185,8 +185,4 @@ REVERSED = Fault(
     in_forces=True,
 )
 
-UNIT = Fault(
-    "unit_mixup",
-    lambda asked: force_unit(asked.case, asked.estimate),
-    in_forces=True,
-)
+UNIT = Fault("unit_mixup", lambda asked: force_unit(asked.case, asked.estimate), in_forces=True)

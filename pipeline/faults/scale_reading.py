@@ -206,18 +206,17 @@ def scale_outliers(asked: Screening) -> list[Mistake]:
 
 
 def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
-    """The readings as mistakes, if they are; `rivalled` where others stand out as well."""
+    """The readings as mistakes, if they are; `rivalled` where others stand out as well.
+
+    They must explain their pulls' misfit, and neither chance, a pose nor a law explain them.
+    """
     data = asked.reduced.data
-    sure = _sure(data, righted) and (righted.alone or not _by_law(asked, righted))
-    found = _findings(asked.case, data, righted) if sure else []
-    return [replace(one, rivalled=not righted.alone) for one in found]
-
-
-def _sure(data: Measured, righted: _Righted) -> bool:
-    """Whether they explain their pulls' misfit, and neither chance nor a pose explains them."""
     unlikely = bool((righted.p <= alarms.SCALE).all())
-    sure = unlikely and righted.explained and righted.confirmed
-    return sure and not _by_pose(data, righted)
+    sure = unlikely and righted.explained and righted.confirmed and not _by_pose(data, righted)
+    if not sure or (not righted.alone and _by_law(asked, righted)):
+        return []
+    found = _findings(asked.case, data, righted)
+    return [replace(one, rivalled=not righted.alone) for one in found]
 
 
 def _by_law(asked: Screening, righted: _Righted) -> bool:

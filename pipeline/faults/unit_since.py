@@ -20,7 +20,7 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import LOGGED, UNITS, anchored, pairs, scaled, unloaded
 from pipeline.faults.exchanged import misplaced
-from pipeline.faults.exchanged_pulls import FEWEST, MOST, USUAL_MISFIT, PullMoves, ordered, rows_of
+from pipeline.faults.exchanged_pulls import USUAL_MISFIT, PullMoves, ordered, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.machine.effect import PULLED
@@ -134,12 +134,8 @@ def _regauged(case: Case, at: frozenset[str], factor: float) -> Case:
 
 
 def _forces(asked: Screening) -> list[Mistake]:
-    if asked.reduced.data.poses:
-        return []
     moved, data = PullMoves.of(asked), asked.reduced.data
-    if not FEWEST <= len(moved.force) <= MOST:
-        return []
-    if not (data.pulls.by[moved.pull] == PULLED).all():
+    if moved is None or not (data.pulls.by[moved.pull] == PULLED).all():
         return []
     row = rows_of(asked.case, data, moved)
     at = np.argsort(asked.case.loads["line"].to_numpy()[row])
