@@ -106,7 +106,9 @@ def diagnose(
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
-    case = replace(case, refuted=stood.visible, shape=shape, surroundings=surroundings)
+    still = drift is not None and not drift.named and drift.knocked is None
+    refuted = stood.visible | ({drift.effect.label: drift.visible} if drift and still else {})
+    case = replace(case, refuted=refuted, shape=shape, surroundings=surroundings)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
     facts = replace(_facts(case, found, spread), gain=worth)
