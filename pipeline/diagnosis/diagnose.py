@@ -106,8 +106,9 @@ def diagnose(
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
-    still = drift is not None and not drift.named and drift.knocked is None
-    refuted = stood.visible | ({drift.effect.label: drift.visible} if drift and still else {})
+    refuted = dict(stood.visible)
+    if drift is not None and not drift.named and drift.knocked is None:
+        refuted[drift.effect.label] = drift.visible
     case = replace(case, refuted=refuted, shape=shape, surroundings=surroundings)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
