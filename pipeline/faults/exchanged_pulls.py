@@ -418,9 +418,7 @@ def _groups_of(case: Case, keys: Sequence[tuple[int, int]]) -> tuple[str, tuple[
 
 
 def _reloaded(
-    case: Case,
-    true: dict[tuple[int, int], tuple[int, int]],
-    lost: tuple[int, int] | None,
+    case: Case, true: dict[tuple[int, int], tuple[int, int]], lost: tuple[int, int] | None
 ) -> Case:
     """The loads with forces and masses in the rows where they belong."""
     loads = case.loads.reset_index(drop=True)

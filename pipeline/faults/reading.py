@@ -405,12 +405,7 @@ def _off(
 
 
 def _bad_pose(
-    case: Case,
-    row: pd.Series,
-    size: Array,
-    sigmas: float,
-    p: float,
-    rivals: Sequence[pd.Series],
+    case: Case, row: pd.Series, size: Array, sigmas: float, p: float, rivals: Sequence[pd.Series]
 ) -> Mistake:
     """The mistake of a pose that was read as one, of size s and L w [m], as of `bad_reading`."""
     groups = [str(one["group"]) for one in (row, *rivals)]

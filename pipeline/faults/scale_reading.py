@@ -341,13 +341,7 @@ def _findings(case: Case, data: Measured, righted: _Righted) -> list[Mistake]:
 
 
 def _finding(
-    case: Case,
-    data: Measured,
-    pull: int,
-    fits: float,
-    normal: float,
-    drop: float,
-    p: float,
+    case: Case, data: Measured, pull: int, fits: float, normal: float, drop: float, p: float
 ) -> Mistake:
     given = float(np.linalg.norm(data.pulls.force[pull]))
     pose, repeat = int(data.pulls.pose[pull]), int(data.pulls.repeat[pull])
