@@ -14,9 +14,8 @@ from collections.abc import Iterable
 import numpy as np
 from scipy import stats
 
-from bench.bench_screening import INSTRUMENT, plan
+from bench.bench_screening import INSTRUMENT, plan, screen
 from pipeline.faults.reading import TargetReadings, shifted_readings
-from pipeline.faults.screen import screen
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ

@@ -9,10 +9,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from pipeline.faults.screen import screen
+from pipeline.faults.screen import Screened, files_of, singles_of
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import Reduced, bring, conformed, plain
+from pipeline.reduction.case import Case
 from pipeline.run import ingested
 from pipeline.service.executor import InProcesses, in_order
 from pipeline.simulate import Plan, revised, simulate
@@ -52,6 +53,12 @@ def _share(said: list[tuple[str, str, str]]) -> float:
         if found:
             print(f"    {wanted or 'clean'}: {found} {what}", flush=True)
     return float(np.mean([bool(found) for _, found, _ in said]))
+
+
+def screen(case: Case, reduced: Reduced) -> Screened:
+    """All mistakes, from those of whole files to those of single readings."""
+    files = files_of(case, reduced)
+    return singles_of(files, None if files.findings else reduced)
 
 
 def plan(blunder: str, seed: int) -> Plan:

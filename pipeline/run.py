@@ -133,6 +133,7 @@ def as_ingested(
         forces=got.forces,
         stale=got.stale,
         contradictions=got.contradictions,
+        renamed=got.renamed,
         lost=got.lost,
         unused=got.unused,
         treated=got.treated,

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.faults.fault import Screening
-from pipeline.reduction.bring import conformed, plain
+from pipeline.faults.screen import Screened, ScreeningBase, files_of, singles_of
+from pipeline.reduction.bring import Reduced, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
@@ -55,3 +56,9 @@ def where(case: Case, group: str, target: str) -> np.ndarray:
 def asked(case: Case) -> Screening:
     """The case under test with the paper's model."""
     return Screening(case, case.cell, case.robot.nominal_compliance)
+
+
+def screen(case: Case, reduced: Reduced, beside: ScreeningBase | None = None) -> Screened:
+    """All mistakes, from those of whole files to those of single readings."""
+    files = files_of(case, reduced)
+    return singles_of(files, None if files.findings else reduced, beside)

@@ -313,15 +313,21 @@ def _data_causes(found: CampaignResults) -> tuple[contract.Cause, ...]:
 
 
 def mistake_entry(one: Mistake, gain: contract.Gain | None) -> contract.Cause:
-    """A mistake in the data; `gain` is what putting right all of them is worth."""
+    """A mistake in the data; `gain` is what putting right all of them is worth.
+
+    It and those of which one may be wrong instead share its probability.
+    """
+    share = (1 - (one.p_value or 0.0)) / (1 + len(one.instead))
     size = contract.Amplitude(name="size", value=one.size or 0.0, std=None, unit=one.size_unit)
     return contract.Cause(
         name=one.name,
         where=int(one.where) if one.where.isdigit() else one.where,
-        probability=1 - (one.p_value or 0.0),
+        probability=share,
         parameters=() if one.size is None else (size,),
         p_value=one.p_value,
-        rivals=(),
+        rivals=tuple(
+            contract.Rival(name=one.name, where=other, probability=share) for other in one.instead
+        ),
         gain=gain,
         readings=one.at,
         since=one.since,

@@ -61,7 +61,8 @@ class SearchProblem:
             determines the uncertainties of the answer.
         force_noise: Scatter of the scale over its stated one, relative to the tracker's.
         nameless: Effects that compete with the suspects and are never named.
-        refuted: Multiples of the typical magnitude that the unloaded reflectors rule out, by label.
+        refuted: Multiples of the typical magnitude that the unloaded or the base reflectors rule
+            out, by label.
         shape: Tails and wander of the noise in the data; None where all readings have equal
             weights.
         surroundings: What a proposed pose must avoid; None where not stated.

@@ -106,7 +106,10 @@ def diagnose(
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
-    case = replace(case, refuted=stood.visible, shape=shape, surroundings=surroundings)
+    refuted = dict(stood.visible)
+    if drift is not None and not drift.named and drift.knocked is None:
+        refuted[drift.effect.label] = drift.visible
+    case = replace(case, refuted=refuted, shape=shape, surroundings=surroundings)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
     facts = replace(_facts(case, found, spread), gain=worth)

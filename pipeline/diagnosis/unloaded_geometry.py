@@ -55,6 +55,7 @@ from pipeline.machine.effects import (
     target_moved,
 )
 from pipeline.machine.robot.dh_parameters import changed
+from pipeline.machine.robot.weight import weighs
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.system import Estimate
@@ -100,6 +101,8 @@ def from_unloaded(
 ) -> UnloadedFacts:
     """Estimate the table from the unloaded positions, and find the parameters that are far off.
 
+    That an arm sags whose links weigh by its file is no finding.
+
     Args:
         cell: The joint springs model with the identified stiffnesses.
         data: The measurements; `unloaded` may be NaN, then nothing is found.
@@ -107,7 +110,8 @@ def from_unloaded(
         effects: The catalogue.
         wander_m: Slow error of the instrument common to all targets, which moves whole poses [m].
     """
-    zeros = unloaded(cell.robot, cell.tool, _sag(effects), data, scale)
+    known = weighs(cell.robot)
+    zeros = unloaded(cell.robot, cell.tool, None if known else _sag(effects), data, scale)
     if zeros is None:
         return NO_UNLOADED
     asked = tuple(_suspects(zeros, effects))
@@ -119,8 +123,8 @@ def from_unloaded(
     if not _fits(zeros, rows, table_only):
         heavy = search.over(replace(zeros, sag=None, weighs=True), effects).with_free(())
         search, heavy = search.whole(effects), heavy.whole(effects)
-        least = search.found.log_evidence + (0.0 if any(one.sags for one in search.free) else _SURE)
-        search = heavy if heavy.found.log_evidence > least else search
+        sure = 0.0 if known or any(one.sags for one in search.free) else _SURE
+        search = heavy if heavy.found.log_evidence > search.found.log_evidence + sure else search
     found, zeros = search.found, search.zeros
     missed = left_out(table_only, rows), left_out(found, search.rows)
     stood = UnloadedFacts(

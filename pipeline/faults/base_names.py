@@ -147,7 +147,6 @@ def _finding(
         correction=f"recomputed with the places of {', '.join(wrong)} exchanged",
         before=1e3 * before,
         after=1e3 * after,
-        unit="mm",
         correct=partial(_renamed, place=place),
         at=at,
     )

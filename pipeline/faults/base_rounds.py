@@ -107,7 +107,6 @@ def _of_station(case: Case, k: int, away: pd.DataFrame, first: int, start: float
         correction=f"recomputed with the readings since pose {pose} as from the later station",
         before=1e3 * before,
         after=1e3 * after,
-        unit="mm",
         size=station.moved_m,
         size_unit="m",
         correct=partial(_with_begin, k=k, start=start),
@@ -159,7 +158,6 @@ def _finding(case: Case, pair: tuple[str, str], before: float, after: float) -> 
         correction=f"recomputed with the readings of {pair[0]} and {pair[1]} exchanged",
         before=1e3 * before,
         after=1e3 * after,
-        unit="mm",
         correct=partial(_exchanged, pair=pair),
         at=at,
     )

@@ -128,10 +128,7 @@ def _pairs(singles: Sequence[_SupposedMistake]) -> list[tuple[_SupposedMistake, 
 
 
 def _after(
-    case: Case,
-    chosen: Sequence[_SupposedMistake],
-    how: Callable[[Case], float | None],
-    most: float,
+    case: Case, chosen: Sequence[_SupposedMistake], how: Callable[[Case], float | None], most: float
 ) -> float:
     """Deviation of the reflectors with some mistakes corrected [m]; infinite if not informative.
 
@@ -163,7 +160,6 @@ def _finding(case: Case, h: _SupposedMistake, before: float, after: float) -> Mi
         correction=f"recomputed as if {h.says}",
         before=1e3 * before,
         after=1e3 * after,
-        unit="mm",
         correct=h.correct,
         at=lines_of(case.joints) if h.name == "exchanged" else (),
     )
@@ -279,10 +275,7 @@ def supposed_mistakes(case: Case) -> Iterator[_SupposedMistake]:
             says = f"in the joint log {says}"
             yield _SupposedMistake("unit_mixup", unit, says, partial(_logged, columns, factor))
     yield _SupposedMistake(
-        "sign_or_convention",
-        "left_handed",
-        "the tracker's frame is left-handed",
-        _mirrored,
+        "sign_or_convention", "left_handed", "the tracker's frame is left-handed", _mirrored
     )
     if case.robot.controller_matrix.shape[1] == case.robot.n:
         yield _SupposedMistake(
@@ -467,8 +460,4 @@ def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
     return replace(case, readings=rows.assign(target=[true.get(t, t) for t in rows["target"]]))
 
 
-FAULT = Fault(
-    "sign_or_convention",
-    lambda asked: conventions(asked.case),
-    in_files=True,
-)
+FAULT = Fault("sign_or_convention", lambda asked: conventions(asked.case), in_files=True)

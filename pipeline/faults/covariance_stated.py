@@ -225,8 +225,4 @@ def _beam(points: Array) -> Array:
     return np.stack([along, level, np.cross(along, level)], axis=2)
 
 
-FAULT = Fault(
-    "sign_or_convention",
-    misstated,
-    in_files=True,
-)
+FAULT = Fault("sign_or_convention", misstated, in_files=True)

@@ -325,8 +325,6 @@ def _one_pose(case: Case) -> list[Mistake]:
                 if every
                 else "recomputed without these poses",
                 before=1e3 * size,
-                after=0.0,
-                unit="mm",
                 correct=as_it_is if every else partial(without_poses, poses=rows["pose"].tolist()),
                 at=at,
                 hopeless=every,
@@ -354,8 +352,6 @@ def _one_column(case: Case) -> Iterator[Mistake]:
                 "them: one column was copied over the other",
                 correction="nothing can be corrected, the values of one joint were not logged",
                 before=1e3 * off,
-                after=0.0,
-                unit="mm",
                 correct=as_it_is,
                 at=at,
                 hopeless=True,

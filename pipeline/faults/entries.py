@@ -96,7 +96,7 @@ class DoubtfulEntry(Locked):
 
 @dataclass(frozen=True, eq=False)
 class _Scene(Locked):
-    """Data for the hypotheses: m readings of targets in p poses, and b base reflectors.
+    """Data for the hypotheses: m readings of targets in p poses by time, and b base reflectors.
 
     Attributes:
         seen: Readings of targets, then of base reflectors, tracker's frame [m], (m + b, 3).
@@ -208,7 +208,10 @@ def wrong_entries(case: Case) -> tuple[DoubtfulEntry, ...]:
     if scene is None:
         return ()
     found = _single(case, scene)
-    kept = scene.only(_alike(scene, max(found, key=lambda one: one[1].evidence)[1]))
+    best = max(range(len(found)), key=lambda k: found[k][1].evidence)
+    if 0 < best <= len(scene.tool) and _moved(scene, best - 1) > found[best][1].evidence:
+        return ()  # no entry is wrong in all poses: the target moved on the effector
+    kept = scene.only(_alike(scene, found[best][1]))
     if len(kept.axes) < len(scene.axes):
         found = _single(case, kept)
     if not _doubted(found):
@@ -246,6 +249,19 @@ def _single(case: Case, scene: _Scene) -> list[tuple[_Claim, _Fit]]:
     return [(_Claim(), _fit(scene, None)), *single]
 
 
+def _moved(scene: _Scene, target: int) -> float:
+    """Evidence that a target is where it is stated until some pose, and in another place since.
+
+    As for one wrong entry, all poses equally likely; at least two are on either side.
+    """
+    tool, evidence = np.vstack([scene.tool, scene.tool[target]]), []
+    for since in range(2, len(scene.axes) - 1):
+        late = (scene.target == target) & (scene.pose >= since)
+        other = replace(scene, tool=tool, target=np.where(late, len(scene.tool), scene.target))
+        evidence.append(_fit(other, len(scene.tool)).evidence)
+    return float(logsumexp(evidence) - np.log(len(evidence))) if evidence else -np.inf
+
+
 def _together(case: Case, scene: _Scene) -> Iterator[tuple[_Claim, _Scene]]:
     """The scene with a table in another unit, and with two of its points exchanged."""
     for table, names, which in _tables(case):
@@ -277,7 +293,9 @@ def _scene(case: Case) -> _Scene | None:
     names, seen = _base(case)
     if not len(at):
         return None
-    poses, pose = np.unique(at["pose"].to_numpy(int), return_inverse=True)
+    when = zeros.groupby("pose")["time"].min()
+    poses = (when.sort_values(kind="stable") if when.notna().all() else when).index.to_numpy(int)
+    pose = pd.Index(poses).get_indexer(pd.Index(at["pose"].astype(int)))
     here = configure(case.robot, case.q(poses))
     stated = case.settings.tool_uncertainty.sigma_m
     scene = _Scene(
@@ -305,14 +323,18 @@ def _base(case: Case) -> tuple[list[str], Array]:
 
 
 def _same_shape(scene: _Scene) -> Bools:
-    """Mask of the poses in which the targets keep their usual distances, shape (p,)."""
+    """Mask of the poses in which the targets keep their usual distances, or those of a neighbour.
+
+    Shape (p,). Poses that are unlike the others, but like each other, show a target that moved.
+    """
     at = np.full((len(scene.axes), len(scene.tool), 3), np.nan)
     at[scene.pose, scene.target] = scene.seen[: scene.m]
     first, second = np.triu_indices(len(scene.tool), 1)
     apart = pd.DataFrame(np.linalg.norm(at[:, first] - at[:, second], axis=-1))
     off = (apart - apart.median()).abs()
     usual = np.hypot(_NOISE_M, 1.4826 * off.median())  # for a normal distribution
-    return np.asarray(~(off > _FAR * usual).any(axis=1))
+    next_to = (apart.diff().abs() <= _FAR * usual).all(axis=1).to_numpy()
+    return np.asarray(~(off > _FAR * usual).any(axis=1)) | next_to | np.append(next_to[1:], False)
 
 
 def _alike(scene: _Scene, fit: _Fit) -> Bools:

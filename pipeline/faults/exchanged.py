@@ -7,7 +7,7 @@ assignments (see `assignment`): of two rows or of all of them, off by one or shu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
@@ -289,6 +289,7 @@ def _of_groups(
     alone = first if len(several) == 1 else None
     here = case.readings[case.readings["group"].isin({*true, *true.values()})]
     here = here[chain | here["target"].isin(case.settings.measured)]
+    at = lines_of(here)
     return exchange_mistake(
         first,
         where=first.where([str(names[k]) for k in first.members]),
@@ -296,8 +297,8 @@ def _of_groups(
         stand=misplacement(alone, "group"),
         of="their reflectors are",
         cost=cost,
-        at=lines_of(here),
-        correct=partial(regrouped, true=true, out=frozenset(out), chain=chain),
+        at=at,
+        correct=partial(regrouped, true=true, out=frozenset(out), at=at),
     )
 
 
@@ -329,17 +330,17 @@ def _chain_too(case: Case, laid: _LaidGroups, true: dict[str, str]) -> bool:
     return bool(np.abs(there[mine] - usual).sum() <= np.abs(given[mine] - usual).sum())
 
 
-def regrouped(case: Case, true: dict[str, str], out: frozenset[str], chain: bool) -> Case:
+def regrouped(case: Case, true: dict[str, str], out: frozenset[str], at: Collection[str]) -> Case:
     """Readings in the groups where they belong, without those that belong nowhere.
 
     Args:
         case: The campaign.
         true: For each group, the one where its readings belong.
         out: Groups whose readings belong nowhere.
-        chain: Whether the readings of the chain move with those of the effector.
+        at: The readings that move, `file:line`.
     """
     rows, named = case.readings, case.readings["group"].astype(str)
-    free = np.full(len(rows), chain) | rows["target"].isin(case.settings.measured).to_numpy()
+    free = np.isin(lines_of(rows), list(at))
     first = rows.drop_duplicates("group")
     of = first.set_index(first["group"].astype(str))
     new = [true.get(name, name) if moves else name for name, moves in zip(named, free, strict=True)]
@@ -378,7 +379,6 @@ def exchange_mistake(
         correction=f"recomputed with {where} exchanged{left}",
         before=1e3 * before,
         after=1e3 * after,
-        unit="mm",
         correct=correct,
         at=at,
     )

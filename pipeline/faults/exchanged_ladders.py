@@ -17,7 +17,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.tails import chi2_beyond
 from pipeline.faults.assignment import Ring
-from pipeline.faults.exchanged_pulls import FEWEST, MOST, PullMoves, of_loads, ordered, rows_of
+from pipeline.faults.exchanged_pulls import PullMoves, of_loads, ordered, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
 from pipeline.system import alarms, odds
@@ -80,10 +80,8 @@ class _Normal(Locked):
 
 def ladders(asked: Screening) -> list[Mistake]:
     """The two poses whose exchange of forces makes all pulls agree."""
-    if asked.case.settings.displacements is not None or asked.reduced.data.poses:
-        return []
     moved = PullMoves.of(asked)
-    if not FEWEST <= len(moved.force) <= MOST or not asked.reduced.data.noise_stated:
+    if moved is None or not asked.reduced.data.noise_stated:
         return []
     order = _decisive(asked, moved)
     if order is None:

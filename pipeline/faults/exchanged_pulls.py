@@ -82,11 +82,18 @@ class PullMoves(Locked):
     noise: float
 
     @classmethod
-    def of(cls, asked: Screening) -> PullMoves:
-        """All pulls except payloads, which have no reading of a scale."""
+    def of(cls, asked: Screening) -> PullMoves | None:
+        """All pulls except payloads, which have no reading of a scale.
+
+        None where there are too few or too many of them, or their targets were not read singly.
+        """
         data, cell = asked.reduced.data, asked.case.cell
+        if asked.case.settings.displacements is not None or data.poses:
+            return None
         size = np.linalg.norm(data.pulls.force, axis=1)
         which = np.flatnonzero((data.pulls.by != MOUNTED) & (size > 0))
+        if not FEWEST <= len(which) <= MOST:
+            return None
         safe = np.where(size > 0, size, 1.0)
         one = replace(data.pulls, force=data.pulls.force / safe[:, None])
         typical = np.array([p.typical for p in cell.parameters])
@@ -162,10 +169,8 @@ def displacement_std(data: Measured) -> float:
 
 def exchanged_pulls(asked: Screening) -> list[Mistake]:
     """Unloaded groups and pulls of a pose that were exchanged, else exchanged rows of the loads."""
-    if asked.case.settings.displacements is not None or asked.reduced.data.poses:
-        return []
     moved = PullMoves.of(asked)
-    if not FEWEST <= len(moved.force) <= MOST:
+    if moved is None:
         return []
     given = ordered(moved, np.arange(len(moved.force)))
     least = float(special.chdtri(1, alarms.EXCHANGED / len(moved.force) ** 2))
@@ -201,13 +206,8 @@ def _straight(moved: PullMoves, x: Array, due: Array) -> Bools:
 
 def misfit(case: Case) -> float:
     """Mean misfit of the pulls as a fraction of their force, each at most 1; NaN if unknown."""
-    asked = Screening(case, case.cell, case.robot.nominal_compliance)
-    if asked.case.settings.displacements is not None or asked.reduced.data.poses:
-        return np.nan
-    moved = PullMoves.of(asked)
-    if not FEWEST <= len(moved.force) <= MOST:
-        return np.nan
-    return ordered(moved, np.arange(len(moved.force))).left
+    moved = PullMoves.of(Screening(case, case.cell, case.robot.nominal_compliance))
+    return np.nan if moved is None else ordered(moved, np.arange(len(moved.force))).left
 
 
 def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
@@ -216,7 +216,7 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
     Empty where there are too few or too many pulls.
     """
     moved = PullMoves.of(asked)
-    if not FEWEST <= len(moved.force) <= MOST:
+    if moved is None:
         return {}
     of = asked.reduced.data.pulls
     keys = zip(of.pose[moved.pull].tolist(), of.repeat[moved.pull].tolist(), strict=True)
@@ -418,9 +418,7 @@ def _groups_of(case: Case, keys: Sequence[tuple[int, int]]) -> tuple[str, tuple[
 
 
 def _reloaded(
-    case: Case,
-    true: dict[tuple[int, int], tuple[int, int]],
-    lost: tuple[int, int] | None,
+    case: Case, true: dict[tuple[int, int], tuple[int, int]], lost: tuple[int, int] | None
 ) -> Case:
     """The loads with forces and masses in the rows where they belong."""
     loads = case.loads.reset_index(drop=True)
@@ -438,6 +436,11 @@ def _reloaded(
 
 # --- unloaded groups and pulls of a pose ----------------------------------------------------------
 
+_STATE = ["group", "repeat"]
+"""What tells states of a pose apart: rounds before and after the pulls may share a name."""
+
+_State = tuple[str, int]
+
 
 def _states(asked: Screening, moved: PullMoves) -> list[Mistake]:
     """Poses in which an unloaded group and a pull have each other's readings of the effector.
@@ -446,7 +449,7 @@ def _states(asked: Screening, moved: PullMoves) -> list[Mistake]:
     """
     placed, pulls = asked.reduced.placed, asked.reduced.data.pulls
     rows = placed[placed["target"].isin(asked.case.settings.measured)]
-    rows = rows.drop_duplicates(["group", "target"])
+    rows = rows.drop_duplicates([*_STATE, "target"])
     found = []
     for pose in rows["pose"].unique().tolist():
         here = rows[rows["pose"] == pose]
@@ -467,28 +470,28 @@ def _states(asked: Screening, moved: PullMoves) -> list[Mistake]:
 
 def _whole_states(
     case: Case, here: pd.DataFrame, pulls: dict[int, Array]
-) -> tuple[Array, Array, Bools, list[str]] | None:
+) -> tuple[Array, Array, Bools, list[_State]] | None:
     """Completely read states of a pose; None unless both kinds are there.
 
     Returns:
         Positions (s, 3 t) [m], displacement by the pull of each, which are unloaded, and their
-            groups.
+            groups with the number of the state.
     """
     measured = case.settings.measured
-    at = here.pivot(index="group", columns="target", values=XYZ)
+    at = here.pivot(index=_STATE, columns="target", values=XYZ)
     at = at.reorder_levels([1, 0], axis=1).reindex(
         columns=pd.MultiIndex.from_product([measured, XYZ])
     )
-    first = here.drop_duplicates("group").set_index("group").loc[at.index]
+    first = here.drop_duplicates(_STATE).set_index(_STATE).loc[at.index]
     zero = (first["state"] == "unloaded").to_numpy()
-    repeat = first["repeat"].astype(int).to_numpy()
+    repeat = at.index.get_level_values("repeat").to_numpy(int)
     known = (zero | np.isin(repeat, [*pulls])) & at.notna().all(axis=1).to_numpy()
     if known.sum() < 2 or not zero[known].any() or zero[known].all():
         return None
     Y, zero, repeat = at.to_numpy(float)[known], zero[known], repeat[known]
     nothing = np.zeros(Y.shape[1])
     due = [nothing if z else pulls[int(k)] for z, k in zip(zero, repeat, strict=True)]
-    return Y, np.array(due), zero, [str(name) for name in at.index[known]]
+    return Y, np.array(due), zero, [(str(name), int(k)) for name, k in at.index[known]]
 
 
 def _cheapest(Y: Array, due: Array, zero: Bools, usual: Array) -> Array:
@@ -511,7 +514,7 @@ def _cheapest(Y: Array, due: Array, zero: Bools, usual: Array) -> Array:
 
 def _in_pose(
     case: Case, here: pd.DataFrame, pulls: dict[int, Array], noise: float, model: float
-) -> Iterator[tuple[Ring, list[str], float, float]]:
+) -> Iterator[tuple[Ring, list[_State], float, float]]:
     """Exchanges of unloaded with loaded states in a pose, and misfits before and after."""
     states = _whole_states(case, here, pulls)
     if states is None:
@@ -535,13 +538,13 @@ def _total(cost: Array) -> float:
 
 
 def _of_states(
-    case: Case, pose: int, ring: Ring, names: list[str], before: float, after: float
+    case: Case, pose: int, ring: Ring, names: list[_State], before: float, after: float
 ) -> Mistake:
-    mine = [names[k] for k in ring.members]
-    true = {names[i]: names[j] for i, j in ring.moves}
-    rows = case.readings
-    rows = rows[rows["group"].isin(mine) & rows["target"].isin(case.settings.measured)]
-    at = lines_of(rows)
+    mine = [names[k][0] for k in ring.members]
+    true = {names[i][0]: names[j][0] for i, j in ring.moves}
+    rows = case.readings[case.readings["target"].isin(case.settings.measured)]
+    states = pd.MultiIndex.from_frame(rows[_STATE].astype({"group": str}))
+    at = lines_of(rows[states.isin([names[k] for k in ring.members])])
     where = ring.where(mine)
     what, stand = f"the readings of {in_words(mine)} in pose {pose}", misplacement(ring, "group")
     return Mistake(
@@ -554,7 +557,7 @@ def _of_states(
         before=before,
         after=after,
         unit="sigma",
-        correct=partial(regrouped, true=true, out=frozenset(), chain=False),
+        correct=partial(regrouped, true=true, out=frozenset(), at=at),
         at=at,
     )
 

@@ -25,12 +25,12 @@ class Mistake:
         evidence: Sentence for the engineer, with its numbers.
         correction: Sentence that says how the corrected result was obtained.
         before: Misfit with the mistake, in `unit`.
+        correct: Function that corrects a campaign, or for positions their table.
         after: Misfit once it is corrected, in `unit`.
         unit: `mm`, `sigma`, `1`.
         size: Magnitude of the mistake, where it has one.
         size_unit: Unit of `size`.
         p_value: Probability of such evidence by chance, None where chance plays no part.
-        correct: Function that corrects a campaign, or for positions their table.
         at: Lines that are wrong, `file:line`; empty if it is no single row.
         axes: Number of coordinates whose squares sum to that of `before`, where that is in sigma.
         together: Whether several readings are displaced alike, which noise tails of single readings
@@ -38,6 +38,7 @@ class Mistake:
         since: Line where a unit changes in mid-file, `file:line`; None if it does not.
         hopeless: Whether it cannot be corrected, and no value of the campaign holds.
         rivalled: Whether a cause that was not yet sought may do as much.
+        instead: Places, or units, of which one may be wrong instead; nothing tells which.
         alike: What it has in common with others of one origin, with which it is told as one; empty
             where it stands alone.
     """
@@ -47,9 +48,9 @@ class Mistake:
     evidence: str
     correction: str
     before: float
-    after: float
-    unit: str
     correct: Callable[[Any], Any]
+    after: float = 0.0
+    unit: str = "mm"
     size: float | None = None
     size_unit: str = "1"
     p_value: float | None = None
@@ -59,6 +60,7 @@ class Mistake:
     since: str | None = None
     hopeless: bool = False
     rivalled: bool = False
+    instead: tuple[str, ...] = ()
     alike: str = ""
 
     @property

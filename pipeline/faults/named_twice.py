@@ -1,4 +1,6 @@
-"""One name for two places: readings of a target in one state that contradict each other.
+"""Names of groups: one for two places, or those of an unloaded and a loaded group exchanged.
+
+Readings of a target in one state may contradict each other.
 
 Ingest uses none of such readings, as nothing says which is right, and what depends on them is left
 out with them. A shot that was repeated on the spot, microns apart, is a row lost; readings apart by
@@ -15,13 +17,14 @@ from pipeline.faults.assignment import lines
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, as_it_is, length
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
-from pipeline.reduction._raw_readings import Contradiction
+from pipeline.reduction._raw_readings import Contradiction, ExchangedNames
 from pipeline.reduction.case import Case
 
 
 def named_twice(asked: Screening) -> Iterator[Mistake]:
-    """Poses whose readings were given the name of others, or that are lost by contradictions."""
+    """Groups that have the name of others, and poses that are lost by contradictions."""
     case = asked.case
+    yield from map(_of_names, case.renamed)
     pulled = set(case.readings.loc[case.readings["state"] == "loaded", "pose"])
     by_pose: dict[int, list[Contradiction]] = {}
     for one in case.contradictions:
@@ -29,6 +32,22 @@ def named_twice(asked: Screening) -> Iterator[Mistake]:
     for pose, ones in by_pose.items():
         if pose not in pulled or max(one.apart_m for one in ones) > GROSS_DISTANCE_M:
             yield _of_pose(pose, ones, lost=pose not in pulled)
+
+
+def _of_names(one: ExchangedNames) -> Mistake:
+    unloaded, loaded = one.groups
+    return Mistake(
+        name="exchanged",
+        where="/".join(one.groups),
+        evidence=f"the groups {unloaded} and {loaded} of pose {one.pose} have each other's names "
+        f"({lines(one.at)}): the ends of the chain were read in the unloaded one, and not in the "
+        "loaded one",
+        correction="computed with their names exchanged",
+        before=1.0,
+        unit="1",
+        correct=as_it_is,
+        at=one.at,
+    )
 
 
 def _of_pose(pose: int, ones: list[Contradiction], lost: bool) -> Mistake:
@@ -45,8 +64,6 @@ def _of_pose(pose: int, ones: list[Contradiction], lost: bool) -> Mistake:
         f"by mistake nothing in the files says ({lines(at)})",
         correction=f"computed without {left}",
         before=1e3 * worst.apart_m,
-        after=0.0,
-        unit="mm",
         correct=partial(_without_pose, pose=pose) if lost else as_it_is,
         at=at,
     )
@@ -60,8 +77,4 @@ def _without_pose(case: Case, pose: int) -> Case:
     return replace(case, readings=rows, loads=loads, joints=joints)
 
 
-FAULT = Fault(
-    "exchanged",
-    lambda asked: list(named_twice(asked)),
-    in_files=True,
-)
+FAULT = Fault("exchanged", lambda asked: list(named_twice(asked)), in_files=True)

@@ -52,7 +52,6 @@ def placement(case: Case) -> list[Mistake]:
             + ("" if base else "; fill in [base_frame]"),
             before=1e3 * before,
             after=1e3 * free,
-            unit="mm",
             correct=partial(_placed, turn, shift),
         )
     ]
@@ -74,8 +73,4 @@ def _placed(turn: Array, shift: Array, case: Case) -> Case:
     )
 
 
-FAULT = Fault(
-    "sign_or_convention",
-    lambda asked: placement(asked.case),
-    in_files=True,
-)
+FAULT = Fault("sign_or_convention", lambda asked: placement(asked.case), in_files=True)

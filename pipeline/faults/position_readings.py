@@ -125,7 +125,6 @@ def _entry(one: TableMistake) -> Mistake:
         correction="recomputed with the entry of the robot file corrected",
         before=1e3 * one.before,
         after=1e3 * one.after,
-        unit="mm",
         correct=_as_it_is,
     )
 

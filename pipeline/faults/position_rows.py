@@ -310,7 +310,6 @@ def _of_column(guess: _Guess, before: float, after: float, at: tuple[str, ...]) 
         correction=f"recomputed with {guess.where} put right",
         before=1e3 * before,
         after=1e3 * after,
-        unit="mm",
         correct=guess.correct,
         at=at,
         since=at[0] if at and guess.name == "unit_mixup" else None,
@@ -525,7 +524,6 @@ def _in_pose(
         correction=f"recomputed with the names of {pose} put right",
         before=1e3 * float(before) if np.isfinite(before) else 1e3 * GROSS_DISTANCE_M,
         after=1e3 * rest,
-        unit="mm",
         correct=partial(_called_right, true=true),
         at=at,
     )

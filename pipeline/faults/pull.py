@@ -14,6 +14,7 @@ from pipeline.faults.conventions import aligned
 from pipeline.faults.fault import Fault
 from pipeline.faults.labels import chain_distances
 from pipeline.faults.mistake import Mistake
+from pipeline.faults.unit_since import symbol
 from pipeline.readers.logs import FORCE
 from pipeline.reduction.case import Case
 from pipeline.system.specimen import SURE, Common, common, has_stated_stiffness
@@ -139,10 +140,9 @@ def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
         return []
     sign, unit = best
     factor = float(FORCE[unit] ** sign)
-    symbol = f"{unit[:-1]}N" if unit.endswith("n") else unit  # kN, daN
     said, where, size = {
-        1: (f"are {symbol} and were read as N", unit, "small"),
-        -1: (f"are N and were read as {symbol}", "n", "large"),
+        1: (f"are {symbol(unit)} and were read as N", unit, "small"),
+        -1: (f"are N and were read as {symbol(unit)}", "n", "large"),
     }[sign]
     return [
         Mistake(
@@ -150,7 +150,7 @@ def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
             where=where,
             evidence=f"the numbers of the scale {said}: all stiffnesses come out "
             f"{plain(np.exp(abs(given.g)), 2)} times too {size} "
-            f"against the robot's nominal ones, and 1 {symbol} is {FORCE[unit]:.4g} N",
+            f"against the robot's nominal ones, and 1 {symbol(unit)} is {FORCE[unit]:.4g} N",
             correction=f"recomputed with all forces times {factor:.4g}",
             before=float(np.exp(-given.g)),
             after=float(np.exp(-right[best].g)),
@@ -185,8 +185,4 @@ REVERSED = Fault(
     in_forces=True,
 )
 
-UNIT = Fault(
-    "unit_mixup",
-    lambda asked: force_unit(asked.case, asked.estimate),
-    in_forces=True,
-)
+UNIT = Fault("unit_mixup", lambda asked: force_unit(asked.case, asked.estimate), in_forces=True)

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -375,26 +376,36 @@ def bad_reading(
     at = lines_of(rows)
     each = [f"{name} ({place})" for name, place in zip(names, at, strict=True)]
     one = f"the reading {each[0]}" if len(rows) == 1 else f"one of {', '.join(each)}"
-    doubt = "" if len(rows) == 1 else ", and nothing tells which of them it is"
+    return _off(names, one, length(size), others, sigmas, size=size, p_value=p, at=at)
+
+
+def _off(
+    names: Sequence[str], told: str, far: str, others: str, sigmas: float, **known: Any
+) -> Mistake:
+    """The mistake of the first of some readings, or of one of them if nothing tells which.
+
+    Args:
+        names: Their names.
+        told: Which of them is meant, in words.
+        far: How far off it is, with the unit.
+        others: What it contradicts.
+        sigmas: How far off in standard deviations.
+        known: As in `Mistake`.
+    """
+    doubt = "" if len(names) == 1 else ", and nothing tells which of them it is"
     return outlying(
         names[0],
-        f"{one} is {length(size)} off from where {others} put it, {apart(sigmas)}{doubt}",
+        f"{told} is {far} off from where {others} put it, {apart(sigmas)}{doubt}",
         f"recomputed without {' and '.join(names)}",
         before=sigmas,
-        size=size,
-        p_value=p,
-        correct=partial(left_out, at=at),
-        at=at,
+        correct=partial(left_out, at=known["at"]),
+        instead=tuple(names[1:]),
+        **known,
     )
 
 
 def _bad_pose(
-    case: Case,
-    row: pd.Series,
-    size: Array,
-    sigmas: float,
-    p: float,
-    rivals: Sequence[pd.Series],
+    case: Case, row: pd.Series, size: Array, sigmas: float, p: float, rivals: Sequence[pd.Series]
 ) -> Mistake:
     """The mistake of a pose that was read as one, of size s and L w [m], as of `bad_reading`."""
     groups = [str(one["group"]) for one in (row, *rivals)]
@@ -403,19 +414,9 @@ def _bad_pose(
     )
     turned = float(np.linalg.norm(size[3:])) / radius(case.tool.points)
     one = f"the pose {groups[0]}" if not rivals else f"one of the poses {', '.join(groups)}"
-    return outlying(
-        groups[0],
-        f"{one} ({lines(at)}) is {length(float(np.linalg.norm(size[:3])))} and "
-        f"{plain(1e3 * turned, 3)} mrad off from where all other readings put it, {apart(sigmas)}"
-        f"{', and nothing tells which of them it is' if rivals else ''}",
-        f"recomputed without {' and '.join(groups)}",
-        before=sigmas,
-        size=float(np.linalg.norm(size)),
-        p_value=p,
-        correct=partial(left_out, at=at),
-        at=at,
-        axes=6,
-    )
+    far = f"{length(float(np.linalg.norm(size[:3])))} and {plain(1e3 * turned, 3)} mrad"
+    known = {"size": float(np.linalg.norm(size)), "p_value": p, "at": at, "axes": 6}
+    return _off(groups, f"{one} ({lines(at)})", far, "all other readings", sigmas, **known)
 
 
 def lock_lost(found: Mistake, case: Case) -> Mistake:

@@ -13,11 +13,11 @@ Procedures for the identification of multiple outliers in linear models, J. Am. 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.tails import chi2_beyond
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, outlying, without_pulls
@@ -55,6 +55,9 @@ correction [1]: a force law or a joint affects many pulls."""
 _LEFT = 0.1
 """Maximum fraction of a pull's contradiction that may remain after correction [1]; other faults
 leave more."""
+
+_CONFIRMS = 0.25
+"""Minimum fraction of the expected drop that a wrong reading causes without any one target [1]."""
 
 _SOFT = 2.0
 """Maximum ratio of a pose's stiffness to the expected one, or its inverse, that a machine can
@@ -121,17 +124,47 @@ class _Righted(Locked):
         chance = _chance(self.freed, self.system)[self.next] >= odds.FITS
         return bool(chance and self.drop.min() > self._others.max() + odds.DECIDES)
 
+    @cached_property
+    def white(self) -> Whitener:
+        """Whitener of the rows."""
+        return whitener(self.system.errors, self.system.rows.pose)
+
+    def _free(self, rows: Bools) -> Array:
+        """Whitened columns that free each of some rows."""
+        at = np.flatnonzero(rows)
+        columns = np.zeros((len(rows), len(at)))
+        columns[at, np.arange(len(at))] = 1.0
+        return self.white(columns)
+
+    def logged(self, pull: int, off: float) -> tuple[Array, Base]:
+        """Whitened column of a pull's reading, and the base with that reading as logged."""
+        column = self.white(self.each * (self.system.rows.pull == pull))
+        return column, self.base.against(self.base.blocks.rows(self.base.left) - off * column)
+
     @property
     def explained(self) -> bool:
         """Whether these readings are all that was wrong with their pulls."""
         for pull, drop in zip(self.pulls, self.drop, strict=True):
-            mine = np.flatnonzero(self.system.rows.pull == pull)
-            rows = np.zeros((len(self.system.rows), len(mine)))
-            rows[mine, np.arange(len(mine))] = 1.0  # the pull left out: each of its rows is free
-            white = whitener(self.system.errors, self.system.rows.pose)
-            left = self.base.beside_all(white(rows))
+            left = self.base.beside_all(self._free(self.system.rows.pull == pull))
             if left.drop >= _LEFT * drop and _chance(left, self.system) < odds.FITS:
                 return False
+        return True
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether they would be found without the tracker's reading of any one target.
+
+        Otherwise the tails of its noise in that reading may be all that is wrong.
+        """
+        target = self.system.rows.target
+        for pull, off in zip(self.pulls, self.off, strict=True):
+            column, base = self.logged(int(pull), float(off))
+            mine = self.system.rows.pull == pull
+            names = set(target[mine])
+            for one in names if len(names) > 1 else ():
+                left = base.more(self._free(mine & (target == one))).beside_all(column[:, None])
+                if left.drop < _CONFIRMS * off**2 * left.N[0, 0]:
+                    return False
         return True
 
     @property
@@ -173,17 +206,17 @@ def scale_outliers(asked: Screening) -> list[Mistake]:
 
 
 def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
-    """The readings as mistakes, if they are; `rivalled` where others stand out as well."""
+    """The readings as mistakes, if they are; `rivalled` where others stand out as well.
+
+    They must explain their pulls' misfit, and neither chance, a pose nor a law explain them.
+    """
     data = asked.reduced.data
-    sure = _sure(data, righted) and (righted.alone or not _by_law(asked, righted))
-    found = _findings(asked.case, data, righted) if sure else []
-    return [replace(one, rivalled=not righted.alone) for one in found]
-
-
-def _sure(data: Measured, righted: _Righted) -> bool:
-    """Whether they explain their pulls' misfit, and neither chance nor a pose explains them."""
     unlikely = bool((righted.p <= alarms.SCALE).all())
-    return unlikely and righted.explained and not _by_pose(data, righted)
+    sure = unlikely and righted.explained and righted.confirmed and not _by_pose(data, righted)
+    if not sure or (not righted.alone and _by_law(asked, righted)):
+        return []
+    found = _findings(asked.case, data, righted)
+    return [replace(one, rivalled=not righted.alone) for one in found]
 
 
 def _by_law(asked: Screening, righted: _Righted) -> bool:
@@ -195,14 +228,12 @@ def _by_law(asked: Screening, righted: _Righted) -> bool:
     laws = asked.laws
     if laws is None:
         return False
-    white = whitener(righted.system.errors, righted.system.rows.pose)
-    pull, base = righted.system.rows.pull, righted.base
+    pull = righted.system.rows.pull
     own = laws.G[:, np.flatnonzero(~laws.common)].toarray()
     for k, off, drop in zip(righted.pulls, righted.off, righted.drop, strict=True):
         each = own[:, np.abs(own[pull == k]).max(axis=0, initial=0.0) > 0]
-        reading = righted.each * (pull == k)
-        logged = base.against(base.blocks.rows(base.left) - off * white(reading))
-        found = logged.beside(white(each)[None, :, :, None]).of_block(0)
+        logged = righted.logged(int(k), float(off))[1]
+        found = logged.beside(righted.white(each)[None, :, :, None]).of_block(0)
         if (found.drop > drop - odds.DECIDES).any():
             return True
     return False
@@ -310,13 +341,7 @@ def _findings(case: Case, data: Measured, righted: _Righted) -> list[Mistake]:
 
 
 def _finding(
-    case: Case,
-    data: Measured,
-    pull: int,
-    fits: float,
-    normal: float,
-    drop: float,
-    p: float,
+    case: Case, data: Measured, pull: int, fits: float, normal: float, drop: float, p: float
 ) -> Mistake:
     given = float(np.linalg.norm(data.pulls.force[pull]))
     pose, repeat = int(data.pulls.pose[pull]), int(data.pulls.repeat[pull])

@@ -134,18 +134,6 @@ def files_beside(case: Case, files: Screened, base: ScreeningBase) -> Screened:
     return files
 
 
-def screen(case: Case, reduced: Reduced, beside: ScreeningBase | None = None) -> Screened:
-    """Find mistakes, from those of whole files to those of single readings.
-
-    Args:
-        case: The campaign as given.
-        reduced: Its measurements.
-        beside: As for `singles_of`.
-    """
-    files = files_of(case, reduced)
-    return singles_of(files, None if files.findings else reduced, beside)
-
-
 def singles_of(
     given: Screened, reduced: Reduced | None, beside: ScreeningBase | None = None
 ) -> Screened:

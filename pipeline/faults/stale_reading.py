@@ -186,8 +186,4 @@ def _repeats(row: pd.Series, of: str, copy: str, p: float) -> Mistake:
     )
 
 
-FAULT = Fault(
-    "outlier",
-    lambda asked: [*stale(asked.case), *repeated(asked)],
-    in_files=True,
-)
+FAULT = Fault("outlier", lambda asked: [*stale(asked.case), *repeated(asked)], in_files=True)

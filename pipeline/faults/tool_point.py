@@ -40,8 +40,6 @@ def _finding(entry: DoubtfulEntry) -> Mistake:
         f"[{where}] m in the flange frame, ± {std} per axis",
         correction=f"recomputed with {name} at [{where}] m",
         before=1e3 * size,
-        after=0.0,
-        unit="mm",
         size=size,
         size_unit="m",
         correct=partial(_moved, name=name, place=entry.found),

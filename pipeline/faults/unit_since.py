@@ -20,15 +20,22 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import LOGGED, UNITS, anchored, pairs, scaled, unloaded
 from pipeline.faults.exchanged import misplaced
-from pipeline.faults.exchanged_pulls import FEWEST, MOST, USUAL_MISFIT, PullMoves, ordered, rows_of
+from pipeline.faults.exchanged_pulls import USUAL_MISFIT, PullMoves, ordered, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.machine.effect import PULLED
-from pipeline.readers.logs import FORCE
+from pipeline.readers.logs import FORCE, SCALE
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import STILL_M
 from pipeline.reduction.register import XYZ
+
+_FORCE = FORCE | {"dan": SCALE["dan"]}
+"""Units that may have been read for each other [N]."""
+
+_ALIKE = 0.03
+"""Relative difference below which two units are both stated [1]: a scale's calibration, and a cause
+that is not in the model yet, are as large."""
 
 _ROWS = 2
 """Minimum number of rows in each unit; a single one is a wrong reading."""
@@ -127,12 +134,8 @@ def _regauged(case: Case, at: frozenset[str], factor: float) -> Case:
 
 
 def _forces(asked: Screening) -> list[Mistake]:
-    if asked.reduced.data.poses:
-        return []
     moved, data = PullMoves.of(asked), asked.reduced.data
-    if not FEWEST <= len(moved.force) <= MOST:
-        return []
-    if not (data.pulls.by[moved.pull] == PULLED).all():
+    if moved is None or not (data.pulls.by[moved.pull] == PULLED).all():
         return []
     row = rows_of(asked.case, data, moved)
     at = np.argsort(asked.case.loads["line"].to_numpy()[row])
@@ -160,9 +163,15 @@ class _Change:
     later: bool
 
     @property
+    def instead(self) -> tuple[str, ...]:
+        """Other units that may be meant, as they hardly differ from it."""
+        near = (abs(np.log(size / _FORCE[self.unit])) for size in _FORCE.values())
+        return tuple(one for one, off in zip(_FORCE, near, strict=True) if 0 < off < _ALIKE)
+
+    @property
     def factor(self) -> float:
         """Factor on the wrong numbers."""
-        return float(FORCE[self.unit] ** self.sign)
+        return float(_FORCE[self.unit] ** self.sign)
 
 
 def _split(moved: PullMoves, at: Ints) -> _Change | None:
@@ -170,7 +179,7 @@ def _split(moved: PullMoves, at: Ints) -> _Change | None:
     N, b, square = _normal(moved, at)
     whole = np.sqrt(_left(N.sum(axis=0), b.sum(axis=0), square))
     tried = {}
-    for unit, factor in FORCE.items():
+    for unit, factor in _FORCE.items():
         for sign in (1, -1) if factor != 1 else ():
             c = float(factor**sign)
             for first in range(_ROWS, len(at) - _ROWS + 1):
@@ -213,15 +222,21 @@ def _likelier(moved: PullMoves, at: Ints, first: int, unit: str, sign: int) -> _
     usual = float(np.median(fit.x[fit.x > 0])) if (fit.x > 0).any() else 1.0
     if abs(np.log(usual)) <= abs(np.log(usual * later.factor)):
         return later
-    return _Change(first, unit, -sign, later=False)
+    return replace(later, sign=-sign, later=False)
+
+
+def symbol(unit: str) -> str:
+    """A unit of force as it is written: kN, daN, kgf."""
+    return f"{unit[:-1]}N" if unit.endswith("n") else unit
 
 
 def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:
     unit, factor, at = change.unit, change.factor, lines_of(rows)
     keys = frozenset(zip(rows["pose"].tolist(), rows["repeat"].tolist(), strict=True))
-    text = (
-        f"are {unit} and were read as N" if change.sign == 1 else f"are N and were read as {unit}"
-    )
+    either = " or ".join(map(symbol, (unit, *change.instead)))
+    text = f"are {either} and were read as N"
+    if change.sign != 1:
+        text = f"are N and were read as {either}"
     found = _finding(
         where=unit if change.sign == 1 else "n",
         says=f"from {at[0]} on the numbers of the scale {text}"
@@ -232,7 +247,8 @@ def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:
         factor=factor,
         correct=partial(_times, keys=keys, factor=factor),
     )
-    return found if change.later else replace(found, since=None)
+    since = found.since if change.later else None
+    return replace(found, since=since, instead=change.instead if change.sign == 1 else ())
 
 
 def _times(case: Case, keys: frozenset[tuple[int, int]], factor: float) -> Case:

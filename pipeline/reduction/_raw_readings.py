@@ -387,6 +387,55 @@ def pulled_at_rest(
         )
 
 
+@dataclass(frozen=True)
+class ExchangedNames:
+    """An unloaded and a loaded group of one pose that have each other's name.
+
+    Attributes:
+        pose: Their pose.
+        groups: Their names, that of the unloaded one first.
+        at: Where their readings stand, `file:line`.
+    """
+
+    pose: int
+    groups: tuple[str, str]
+    at: tuple[str, ...]
+
+
+def with_own_names(
+    shots: RawReadings, width: int
+) -> tuple[RawReadings, tuple[ExchangedNames, ...]]:
+    """Give unloaded and loaded groups their own names where only the unloaded one has a chain.
+
+    Nothing is exchanged in a campaign that reads the chain unloaded in other poses, too.
+
+    Args:
+        shots: Readings of known reflectors.
+        width: Number of roles; the last two are the ends of the chain.
+    """
+    ends = shots.counted(width)[:, -2:] > 0
+    bare = shots.loaded & (shots.counted(width) > 0).any(axis=1) & ~ends.any(axis=1)
+    taut = ~shots.loaded & ends.all(axis=1)
+    pairs = [
+        (int(zero), int(pulls[0]))
+        for zero in np.flatnonzero(taut)
+        if len(pulls := np.flatnonzero(bare & (shots.pose == shots.pose[zero]))) == 1
+    ]
+    if not pairs or len({pull for _, pull in pairs}) < taut.sum():
+        return shots, ()
+    slot, names, found = shots.slot.copy(), np.array(shots.group.indices), list[ExchangedNames]()
+    for pair in pairs:
+        rows = [np.flatnonzero(shots.slot == one) for one in pair]
+        own = [names[each[0]] for each in rows]
+        for each, one, name in zip(rows, pair[::-1], own[::-1], strict=True):
+            slot[each], names[each] = one, name
+        groups = tuple(str(shots.group.dictionary[int(k)]) for k in own)
+        at = tuple(shots.place(k) for k in np.concatenate(rows).tolist())
+        found.append(ExchangedNames(int(shots.pose[pair[0]]), (groups[0], groups[1]), at))
+    group = pa.DictionaryArray.from_arrays(pa.array(names), shots.group.dictionary)
+    return replace(shots, slot=slot, group=group), tuple(found)
+
+
 def in_rounds(shots: RawReadings, width: int) -> RawReadings:
     """Split unloaded readings before and after the pulls of a pose into states of their own.
 

@@ -18,6 +18,7 @@ from pipeline.readers import Faces
 from pipeline.reduction._raw_readings import (
     NONE_LOST,
     Contradiction,
+    ExchangedNames,
     RepeatedReading,
     UnusedReadings,
 )
@@ -59,6 +60,7 @@ class Case:
         forces: Table FORCES of a campaign that arrives reduced.
         stale: Readings that repeat another one of their state, whether or not they are left out.
         contradictions: Readings of one target in one state that differ, left out.
+        renamed: Groups that had each other's name, which were given their own.
         lost: Readings of known targets that are not used.
         unused: Groups of the exports none of whose readings is used.
         treated: Exports that were not used unchanged.
@@ -77,6 +79,7 @@ class Case:
     forces: pa.Table | None = None
     stale: tuple[RepeatedReading, ...] = ()
     contradictions: tuple[Contradiction, ...] = ()
+    renamed: tuple[ExchangedNames, ...] = ()
     lost: UnusedReadings = NONE_LOST
     unused: tuple[str, ...] = ()
     treated: tuple[ExportTreatment, ...] = ()

@@ -33,6 +33,7 @@ from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._raw_readings import (
     NONE_LOST,
     Contradiction,
+    ExchangedNames,
     RawReadings,
     Rejection,
     RepeatedReading,
@@ -73,6 +74,7 @@ class _Ingested:
         doubt: Why the values are implausible, where this was not to be an error.
         stale: Readings that repeat another one of their state, whether or not they are left out.
         contradictions: Readings of one target in one state that differ, left out.
+        renamed: Groups that had each other's name.
         lost: Readings of known targets that are not used.
         unused: Groups of the exports none of whose readings is used.
         treated: Exports that were not used unchanged.
@@ -88,6 +90,7 @@ class _Ingested:
     doubt: InputError | None = None
     stale: tuple[RepeatedReading, ...] = ()
     contradictions: tuple[Contradiction, ...] = ()
+    renamed: tuple[ExchangedNames, ...] = ()
     lost: UnusedReadings = NONE_LOST
     unused: tuple[str, ...] = ()
     treated: tuple[ExportTreatment, ...] = ()
@@ -183,6 +186,7 @@ def _raw(
         _raw_readings.pulled_at_rest(shots, settings.naming.chain, loads.states, file)
     doubt = _doubt(lambda: _size.check_units(shots, settings), plausible) or doubt
     width = len(settings.measured) + 2
+    shots, renamed = _raw_readings.with_own_names(shots, width)
     rounds = _raw_readings.in_rounds(shots, width)
     once = _raw_readings.once(rounds, width)
     noisy = settings.reading_noise is not None or tracker.sigma_m is not None
@@ -205,6 +209,7 @@ def _raw(
         doubt=doubt,
         stale=_raw_readings.stale(weighed),
         contradictions=_raw_readings.contradictions(rounds, width),
+        renamed=renamed,
         lost=_raw_readings.lost(shots, whole),
         unused=_raw_readings.unused(everything, whole),
         treated=tuple(

@@ -245,10 +245,16 @@ def _each(base: Base, suspects: Suspects, active: Ints) -> tuple[Array, Array, I
     if not len(active):
         return np.zeros((0, k)), np.zeros(0), np.zeros(0, np.int64)
     found = suspects.as_one(base, active)
-    size = found.size.reshape(-1, k)
-    m = len(active)
-    own = found.cov.reshape(m, k, m, k)[np.arange(m), :, np.arange(m)]
-    drop = np.einsum("ni,nij,nj->n", size, linear.shortest(own), size)
+    return _members(found, len(active))
+
+
+def _members(found: ScoreTests, m: int) -> tuple[Array, Array, Ints]:
+    """Size, drop and rank of each of the m members of a suspect given the others, (..., m)."""
+    size = found.size.reshape(*found.size.shape[:-1], m, -1)
+    k = size.shape[-1]
+    cov = found.cov.reshape(*size.shape[:-2], m, k, m, k)
+    own = np.einsum("...aiaj->...aij", cov)
+    drop = np.einsum("...i,...ij,...j->...", size, linear.shortest(own), size)
     return size, drop, linear.ranks(own)
 
 
@@ -298,10 +304,9 @@ def _likeliest(found: ScoreTests, k: int, among: Ints, active: Ints, variance: f
     """
 
     def losses(places: Ints) -> Array:
-        m = places.shape[1]
         own = found.parts((places[:, :, None] * k + np.arange(k)).reshape(len(places), -1))
-        drop = own.drop / variance
-        return np.asarray(m * cost(drop / m, own.rank / m) - drop)
+        _, drop, rank = _members(own, places.shape[1])
+        return np.asarray(cost(drop / variance, rank).sum(axis=-1) - own.drop / variance)
 
     mine = np.searchsorted(among, active)
     tried = [(losses(sets), sets) for sets in _sets(len(among), mine)]

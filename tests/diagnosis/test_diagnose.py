@@ -13,6 +13,7 @@ from pipeline.answer.diagnosis import diagnosis_of_good_data
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.diagnosis.average import dependences
 from pipeline.diagnosis.diagnose import diagnose
+from pipeline.diagnosis.facts import Drift
 from pipeline.diagnosis.verdict import verdict
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import load
@@ -111,6 +112,31 @@ def test_a_hidden_effect_is_named(planted, label):
     assert [cause.effect.label for cause in found.causes] == [label]
     assert found.causes[0].gain.ci95[0] > 0
     assert found.estimate.p_value > 1e-3
+
+
+@pytest.mark.whole
+def test_a_drift_that_the_base_rounds_would_show_is_not_named():
+    """The same displacements without base rounds, and beside rounds that show not half of it."""
+    found, cell, data, _, estimate = examined(22, "tracker_drift=6x")
+    (cause,) = found.causes
+    assert cause.effect.label == "tracker_drift"
+    nothing, unsure = np.zeros(3), np.full(3, 1e-9)
+    still = Drift(
+        effect=cause.effect,
+        velocity=nothing,
+        std=unsure,
+        turn=nothing,
+        turn_std=unsure,
+        moved_m=0.0,
+        hours=2.0,
+        p_value=0.5,
+        named=False,
+        undecided=False,
+        visible=2.0,
+    )
+    where = place_of_interest(None, KR500, data.pulls)
+    other = diagnose(cell, data, estimate, where, np.random.default_rng(0), drift=still)
+    assert "tracker_drift" not in [one.effect.label for one in other.causes]
 
 
 @pytest.mark.whole

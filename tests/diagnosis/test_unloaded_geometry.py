@@ -272,3 +272,19 @@ def test_gravity_bends_the_springs_that_were_identified(off):
     old = [joint.stiffness for joint in off.cell.robot.joints]
     new = [joint.stiffness for joint in cell.robot.joints]
     assert new == pytest.approx([1e8, 5e6, old[2], old[3], 2e6, 1 / 6e-7, 1 / 7e-7])
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("stated", [False, True])
+def test_sag_is_no_cause_where_the_file_states_masses(stated, causes):
+    """The same readings of a heavy arm, whether or not its file says that it weighs."""
+    heavy = small(3, poses={"count": 12}, hidden={"effects": ["gravity_sag=1x"]})
+    mass = {"mass_kg": 400.0 * stated}
+    known = tuple(one.model_copy(update=mass) for one in heavy.robot.joints)
+    bench = asked(replace(heavy, robot=replace(heavy.robot, joints=known)))
+
+    found = from_unloaded(bench.cell, bench.reduced.data, 1.0, causes)
+
+    labels = [one.effect.label for one in found.causes]
+    assert labels == ([] if stated else ["gravity_sag"])
+    assert found.left_m < 0.2 * found.miss_m

@@ -98,3 +98,30 @@ def test_a_shot_that_was_repeated_on_the_spot_is_no_mistake():
     assert not given.lost.poses
     assert not list(named_twice(asked(given)))
     assert list(named_twice(asked(shot_again(400.0, [1]))))
+
+
+@pytest.mark.parametrize("repeat", [1, 2])
+def test_a_pull_and_the_zeros_under_each_others_name_are_given_their_own(repeat):
+    """Both rounds bear the pull's name; the chain, read in a pull alone, shows it."""
+    names = [f"pose03_{one}" for one in ("rep0_unloaded", f"rep{repeat}_loaded")]
+    other = dict(zip(names, reversed(names), strict=True))
+    given = with_names(lambda group: other.get(group, group))
+    (found,) = named_twice(asked(given))
+    assert (found.name, found.where) == ("exchanged", "/".join(names))
+    assert len(found.at) == sum(one[0] in names for one in files()[2])
+    right = with_names(lambda group: group).readings
+    pd.testing.assert_frame_equal(given.readings[AT].astype(str), right[AT].astype(str))
+    assert list(given.readings["group"].astype(str)) == list(right["group"].astype(str))
+
+
+def test_a_chain_that_hangs_in_every_zero_exchanges_no_name():
+    """Its ends are read unloaded everywhere, and once missed in a pull."""
+    made, head, cells = files()
+    ends = [one for one in cells if one[1].startswith("Pl") and "rep1_loaded" in one[0]]
+    slack = [[one[0].replace("rep1_loaded", "rep0_unloaded"), *one[1:]] for one in ends]
+    taut = [one for one in cells if not (one[0] == "pose03_rep1_loaded" and one in ends)]
+    export = "\n".join([head, *(",".join(one) for one in [*taut, *slack])]) + "\n"
+    given = ingested(
+        in_memory(made | {"tracker.csv": export.encode()}), conformed, plain, plausible=False
+    )
+    assert given.renamed == ()

@@ -6,11 +6,11 @@ import io
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from small_case import screen
 
 from pipeline.faults import pose_moved
 from pipeline.faults.fault import Screening
 from pipeline.faults.pose_moved import moved
-from pipeline.faults.screen import screen
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate

@@ -445,3 +445,19 @@ def test_a_zero_that_several_pulls_are_read_from_is_named_alone():
 
     assert found.where == "pose04_rep0_unloaded/P1"
     assert len(found.at) == 1
+
+
+@pytest.mark.parametrize("target", ["P1", "P3"])
+def test_of_two_pulls_that_are_off_the_pulls_are_named_and_their_zero_stated(target):
+    """The zero and one of them would do as well, but for the larger error that is then left."""
+    case = uneven(small(3))  # pose 3 has one zero
+    off = {f"pose03_rep{k + 1}_loaded": 0.02 * np.eye(3)[k] for k in range(2)}
+    for group, shift in off.items():
+        case = moved(case, where(case, group, target), shift)
+
+    found = outliers(asked(case))
+
+    assert {one.where for one in found} == {f"{group}/{target}" for group in off}
+    for one in found:
+        assert [f"/{target}" in name for name in one.instead] == [True] * len(one.instead)
+        assert any("unloaded" in name for name in one.instead)

@@ -5,9 +5,9 @@ import re
 
 import pandas as pd
 import pytest
+from small_case import screen
 
 from pipeline.faults.joint_row import wrong_rows
-from pipeline.faults.screen import screen
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, revised, simulate

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from small_case import screen
 
-from pipeline.faults.screen import screen
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, revised, simulate

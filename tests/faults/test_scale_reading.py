@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy import optimize, stats
-from small_case import asked, small
+from small_case import asked, moved, small, where
 
 from pipeline.faults import scale_reading
 from pipeline.faults.fault import Screening
@@ -335,3 +335,19 @@ def test_a_law_that_is_wrong_in_one_pull_is_no_mistyped_reading(case):
     assert told == []
     gross = typed(hardened, 2, 1, lambda f: 3 * f)
     assert [one.where for one in found(every, gross)] == ["loads.csv pose02 rep1"]
+
+
+def test_a_pull_in_which_one_target_alone_is_off_is_no_wrong_force():
+    """Along its own displacement by many standard deviations, as the tails of a tracker are."""
+    given = small(8, tracker={"sigma_m": 3e-5}, scale={"sigma_n": 3.0})
+    size = 0.3 * given.loads.set_index(["pose", "repeat"]).loc[(5, 2), "force_n"]
+    rows = given.readings
+    here = (rows["pose"] == 5) & (rows["target"] == "P1")
+    at = rows[here & (rows["repeat"] == 2) & (rows["state"] == "loaded")]
+    zero = rows[here & (rows["state"] == "unloaded")][XYZ].mean().to_numpy(float)
+    along = at[XYZ].to_numpy(float)[0] - zero
+    off = 14 * 3e-5 * along / np.linalg.norm(along)
+    tailed = moved(given, where(given, at["group"].iloc[0], "P1"), off)
+    wrong = typed(given, 5, 2, lambda f: f + size * 0.2)
+    assert [one.where for one in scale_outliers(asked(wrong))] == ["loads.csv pose05 rep2"]
+    assert scale_outliers(asked(tailed)) == []

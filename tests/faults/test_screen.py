@@ -6,13 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from small_case import small
+from small_case import screen, small
 
 from pipeline.faults import fault as fault_module
 from pipeline.faults import screen as module
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
-from pipeline.faults.screen import Screened, ScreeningBase, files_beside, screen, singles_of
+from pipeline.faults.screen import Screened, ScreeningBase, files_beside, singles_of
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import bring
 

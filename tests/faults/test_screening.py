@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from small_case import screen
 
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.faults.conventions import anchored_miss, conventions, miss
-from pipeline.faults.screen import ScreeningBase, screen
+from pipeline.faults.screen import ScreeningBase
 from pipeline.machine.robot import load
 from pipeline.machine.robot.variants import variants
 from pipeline.reduction.bring import bring, conformed, plain

@@ -5,9 +5,8 @@ import io
 
 import numpy as np
 import pytest
-from small_case import asked
+from small_case import asked, screen
 
-from pipeline.faults.screen import screen
 from pipeline.faults.stale_reading import repeated, stale
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from small_case import asked, small
 
+from pipeline.faults.conventions import anchored
 from pipeline.faults.gross_reading import gross
 from pipeline.faults.reading import FAULT as READING
 from pipeline.faults.tool_point import tool_point
+from pipeline.machine.robot import configure
+from pipeline.reduction.register import XYZ
 
 OFF = np.array([0.15, -0.14, 0.05])
 
@@ -66,3 +69,23 @@ def test_what_the_uncertainty_of_a_point_allows_is_no_mistake(case):
 
     assert len(tool_point(vague)) == 1
     assert tool_point(replace(vague, settings=settings)) == []
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize("since", [3, 4, 5])
+@pytest.mark.parametrize("name", ["P1", "P2", "P3"])
+def test_a_target_that_moved_on_the_effector_is_not_wrong_in_tool(case, name, since):
+    """Four millimetres, along the flange, at a pose in the middle: no place fits all poses."""
+    rows, tool = case.readings.copy(), asked(case).reduced
+    assert tool is not None
+    poses = sorted(set(case.joints["pose"]))
+    axes = configure(case.robot, case.q(np.array(poses))).flange_axes
+    frame = anchored(case)
+    for pose, R in zip(poses, axes, strict=True):
+        hit = (rows["target"] == name) & (rows["pose"] == pose)
+        if pose >= since:
+            rows.loc[hit, XYZ] += frame[0].T @ R @ np.array([2e-3, -2e-3, 2.8e-3])
+    assert tool_point(replace(case, readings=rows)) == []
+    late = replace(case, readings=rows[(rows["pose"] >= since) | rows["pose"].isna()])
+    if since < 5:  # three poses or more, in all of which it is off by as much
+        assert [one.where for one in tool_point(late)] == [name]

@@ -7,6 +7,7 @@ import pytest
 from small_case import asked
 from test_exchanged import PULLS, case, files, same, table, written
 
+from pipeline.answer.diagnosis import mistake_entry
 from pipeline.faults.exchanged import misplaced
 from pipeline.faults.unit_since import unit_since
 
@@ -160,3 +161,18 @@ def test_the_sign_of_a_joint_changes_in_mid_file(column):
     assert (found.name, found.where) == ("sign_or_convention", f"theta{column}_reversed")
     assert found.since == "joints.csv:5"
     same(found.correct(case(made)), case(files(3)))
+
+
+def test_of_two_units_that_hardly_differ_both_are_stated():
+    """A kilogram-force is 2 % less than ten newtons, and the factor is that of the better one."""
+    head, rows = table(files(3), "loads.csv")
+    for k, row in enumerate(rows):
+        row[2] = repr(float(row[2]) / (10.0 if k >= 12 else 1.0))
+    given = case(written(files(3), "loads.csv", head, rows))
+    (found,) = unit_since(asked(given))
+    assert (found.where, found.instead) == ("dan", ("kgf",))
+    assert "the numbers of the scale are daN or kgf and were read as N" in found.evidence
+    same(found.correct(given), case(files(3)))
+    entry = mistake_entry(found, None)
+    assert entry.probability == entry.rivals[0].probability == 0.5
+    assert (entry.where, entry.rivals[0].where) == ("dan", "kgf")
