@@ -331,9 +331,7 @@ class _JointLaws(Locked):
         return left - moved + here.rows.along(here.cov @ (self.shared[:, own] @ size))
 
 
-def _of_joints(
-    here: _LawScore, laws: Iterable[JointLaw], inputs: Inputs
-) -> list[_JointLaws]:
+def _of_joints(here: _LawScore, laws: Iterable[JointLaw], inputs: Inputs) -> list[_JointLaws]:
     """Laws by joint and number of amplitudes."""
     kinds: dict[tuple[int, int], list[JointLaw]] = {}
     for law in laws:
@@ -341,22 +339,31 @@ def _of_joints(
     return [_JointLaws.of(here, kinds[kind], inputs) for kind in sorted(kinds)]
 
 
-def _without_likeliest(here: _LawScore, every: Sequence[_JointLaws]) -> Array:
-    """Whitened residuals after the likeliest law of each joint, (m, r), the largest T first.
+def _without_laws(here: _LawScore, every: Sequence[_JointLaws]) -> Array:
+    """Whitened residuals after all laws that are significant by chi-square alone, (m, r).
 
     In copies of residuals that contain a law it reaches a T of its own, and is hidden by it (ter
     Braak, in Bootstrapping and Related Techniques, 1992).
     """
     left = here.left
-    of: dict[int, list[_JointLaws]] = {}
-    for one in every:
-        of.setdefault(one.joint, []).append(one)
-    most = {j: max(one.explained(here.u[:1, :, j]).max() for one in of[j]) for j in of}
-    for joint in sorted(of, key=lambda j: -most[j]):
-        T = [one.explained(here.projected(left, joint))[:, 0] for one in of[joint]]
-        best = int(np.argmax([one.max() for one in T]))
-        left = of[joint][best].without(here, left, int(np.argmax(T[best])))
+    for _ in range(_MOST_LAWS if every else 0):
+        T = [one.explained(here.projected(left, one.joint))[:, 0] for one in every]
+        p = [_by_chi_square(every, one, t.max()) for one, t in zip(every, T, strict=True)]
+        best = int(np.argmin(p))
+        if p[best] >= alarms.LAW:
+            break
+        left = every[best].without(here, left, int(np.argmax(T[best])))
     return left
+
+
+_MOST_LAWS = 18
+"""Maximum number of laws that copies are freed of: three of each of six joints."""
+
+
+def _by_chi_square(every: Sequence[_JointLaws], one: _JointLaws, T: Array | float) -> Array:
+    """Probability that any of all laws reaches T of laws of one joint by chance (Bonferroni)."""
+    count = sum(len(each.laws) for each in every)
+    return np.asarray(count * special.gammaincc(0.5 * one.inverse.shape[1], 0.5 * T))
 
 
 _NOTHING = 1e-30
@@ -505,12 +512,11 @@ def law_tests(
 
     Of the significant ones of a joint the one that explains most comes first.
 
-    Copies are made of the residuals after the likeliest law of each joint. These are smaller, so T
+    Copies are made of the residuals after all that is certainly a law. These are smaller, so T
     counts as T / (1 - t / S), with S = sum u_j^2 / w_j of the same residuals or copy and t the part
     of it along g; it is then standardised by its values in the copies. p is the probability of the
     largest of all standardised values being as large: from its rank among the copies, and beyond
-    them from an extreme-value distribution fitted to them. It is at least that of T by chi-square:
-    copies of a step that a rail explains reach 0.01, and one of 2 had p = 1e-27.
+    them from an extreme-value distribution fitted to them. It is at least that of T by chi-square.
 
     Args:
         found: The estimate.
@@ -520,28 +526,25 @@ def law_tests(
     """
     inputs, plain = found.linear.inputs, score(found, signs[:0])
     tried = _of_joints(plain, laws, inputs)
-    here = score(found, signs, _without_likeliest(plain, tried))
+    here = score(found, signs, _without_laws(plain, tried))
     square = np.maximum((here.u**2 / np.maximum(here.w, _NOTHING)).sum(axis=1), _NOTHING)
-    of: list[tuple[JointLaw | None, int]] = []
+    of: list[tuple[JointLaw | None, int, float, float]] = []
     T: list[Array] = []
-    fair: list[Array] = []
     for one in tried:
-        T.append(one.explained(here.u[:, :, one.joint]))
-        share = one.explained(here.u[:, :, one.joint], alone=True) / square[:, one.joint]
-        fair.append(T[-1] / (1 - np.minimum(share, _MOST_SHARE)))
-        of += [(law, law.joint) for law in one.laws]
+        u = here.u[:, :, one.joint]
+        each, share = one.explained(u), one.explained(u, alone=True) / square[:, one.joint]
+        T.append(each / (1 - np.minimum(share, _MOST_SHARE)))
+        least = _by_chi_square(tried, one, each[:, 0])
+        of += zip(one.laws, [one.joint + 1] * len(each), each[:, 0], least, strict=True)
     for joint, slides in enumerate(bent):
-        T.append(_curved(here, joint, inputs.q, slides)[None])
-        fair.append(T[-1] / square[:, joint])
-        of.append((None, joint + 1))
+        each = _curved(here, joint, inputs.q, slides)
+        T.append(each[None] / square[:, joint])
+        of.append((None, joint + 1, each[0], 0.0))
     if not of:
         return []
-    own = np.concatenate(T)[:, 0]
-    half = np.array([0.5 * law.amplitudes if law else 0.0 for law, _ in of])  # 0: a curve, p >= 0
-    p = np.maximum(beyond_copies(np.concatenate(fair)), special.gammaincc(half, 0.5 * own))
     return _least_likely_first([
-        LawTest(law, joint, float(t), float(chance))
-        for (law, joint), t, chance in zip(of, own, p, strict=True)
+        LawTest(law, joint, float(t), float(min(max(p, least), 1.0)))
+        for (law, joint, t, least), p in zip(of, beyond_copies(np.concatenate(T)), strict=True)
     ])  # fmt: skip
 
 

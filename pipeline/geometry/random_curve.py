@@ -32,9 +32,9 @@ LENGTHS = {
 robot's gear has some ten to forty error periods per turn of its joint."""
 
 _BED = np.array([0.5, 1.0, 2.0, 4.0])
-"""Lengths l in the covariance of a rail's bed [m], each with a variance in proportion to it: between
-them its spectrum falls with the square of the spatial frequency, as ISO 8608 has it for roads. Few
-stations do not tell one length, and what lies between them depends on it."""
+"""Lengths l in the covariance of a rail's bed [m], each with a variance in proportion to it: its
+spectrum falls with the square of the spatial frequency, as that of roads in ISO 8608. Few stations
+do not tell one length, and what lies between them depends on it."""
 
 _NUGGET = 1e-9
 """Fraction of the variance that is independent at each knot [1], for numerical stability."""
