@@ -288,7 +288,6 @@ class _JointLaws(Locked):
         g: Their functions at the poses, shape (m, l k).
         shared: Products of their columns with all that is estimated, shape (K, l k).
         inverse: Covariance of each law's amplitudes in addition to these, shape (l, k, k).
-        alone: The same if all else is known, shape (l, k, k).
     """
 
     laws: tuple[JointLaw, ...]
@@ -296,7 +295,6 @@ class _JointLaws(Locked):
     g: Array
     shared: Array
     inverse: Array
-    alone: Array
 
     @classmethod
     def of(cls, here: _LawScore, laws: Sequence[JointLaw], inputs: Inputs) -> _JointLaws:
@@ -304,23 +302,22 @@ class _JointLaws(Locked):
         g = np.concatenate([law.basis(inputs) for law in laws], axis=1)
         shared = here.products(g, joint)
         known = here.cov @ shared
-        own, taken = np.empty((2, len(laws), k, k))
+        whole, info = np.empty((len(laws), k)), np.empty((len(laws), k, k))
         for a in range(k):
             for b in range(k):
-                own[:, a, b] = (g[:, a::k] * g[:, b::k]).T @ here.w[:, joint]
-                taken[:, a, b] = np.einsum("dk,dk->k", shared[:, a::k], known[:, b::k])
-        whole = np.maximum(np.einsum("lkk->lk", own), _NOTHING)
-        inverse, alone = (linear.left(one, whole)[0] for one in (own - taken, own))
-        return cls(tuple(laws), joint, g, shared, inverse, alone)
+                own = (g[:, a::k] * g[:, b::k]).T @ here.w[:, joint]
+                info[:, a, b] = own - np.einsum("dk,dk->k", shared[:, a::k], known[:, b::k])
+                if a == b:
+                    whole[:, a] = own
+        return cls(tuple(laws), joint, g, shared, linear.left(info, np.maximum(whole, _NOTHING))[0])
 
     def _score(self, u: Array) -> Array:
         return (u @ self.g).T.reshape(*self.inverse.shape[:2], -1)
 
-    def explained(self, u: Array, alone: bool = False) -> Array:
+    def explained(self, u: Array) -> Array:
         """T of each law for projected residuals u of the joint (s, m), shape (l, s)."""
         num = self._score(u)
-        inverse = self.alone if alone else self.inverse
-        return np.asarray(np.einsum("lks,lkj,ljs->ls", num, inverse, num))
+        return np.asarray(np.einsum("lks,lkj,ljs->ls", num, self.inverse, num))
 
     def without(self, here: _LawScore, left: Array, which: int) -> Array:
         """Whitened residuals (m, r) after an estimate with one of the laws."""
@@ -512,11 +509,11 @@ def law_tests(
 
     Of the significant ones of a joint the one that explains most comes first.
 
-    Copies are made of the residuals after all that is certainly a law. These are smaller, so T
-    counts as T / (1 - t / S), with S = sum u_j^2 / w_j of the same residuals or copy and t the part
-    of it along g; it is then standardised by its values in the copies. p is the probability of the
-    largest of all standardised values being as large: from its rank among the copies, and beyond
-    them from an extreme-value distribution fitted to them. It is at least that of T by chi-square.
+    Copies are made of the residuals after all that is certainly a law. These are smaller, so T over
+    S = sum u_j^2 / w_j of the same residuals or copy is standardised by its values in the copies. p
+    is the probability of the largest of all standardised values being as large: from its rank among
+    the copies, and beyond them from an extreme-value distribution fitted to them. It is at least
+    that of T by chi-square.
 
     Args:
         found: The estimate.
@@ -531,9 +528,8 @@ def law_tests(
     of: list[tuple[JointLaw | None, int, float, float]] = []
     T: list[Array] = []
     for one in tried:
-        u = here.u[:, :, one.joint]
-        each, share = one.explained(u), one.explained(u, alone=True) / square[:, one.joint]
-        T.append(each / (1 - np.minimum(share, _MOST_SHARE)))
+        each = one.explained(here.u[:, :, one.joint])
+        T.append(each / square[:, one.joint])
         least = _by_chi_square(tried, one, each[:, 0])
         of += zip(one.laws, [one.joint + 1] * len(each), each[:, 0], least, strict=True)
     for joint, slides in enumerate(bent):
@@ -546,10 +542,6 @@ def law_tests(
         LawTest(law, joint, float(t), float(min(max(p, least), 1.0)))
         for (law, joint, t, least), p in zip(of, beyond_copies(np.concatenate(T)), strict=True)
     ])  # fmt: skip
-
-
-_MOST_SHARE = 0.95
-"""Upper limit of t / S [1], against division by zero."""
 
 
 def _least_likely_first(found: Sequence[LawTest]) -> list[LawTest]:
