@@ -104,7 +104,7 @@ class Curve(Locked):
         return np.asarray(one * knots[knot] + two * knots[knot + 1])
 
 
-def matern(distance: Array, length: float) -> Array:
+def matern(distance: Array, length: Array | float) -> Array:
     """Correlation of the curve between two joint values at a distance."""
     a = np.sqrt(3.0) * np.abs(distance) / length
     return np.asarray((1 + a) * np.exp(-a))

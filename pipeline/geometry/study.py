@@ -177,9 +177,12 @@ def study(
     data, base, late = _without_blunders(every, data, base, gross)
     parts = partings(data.readings, rng, rail(robot))
     whole = with_laws(data, base, names, parts, rng)
-    if other is None and (other := _otherwise(data, whole.found, rng)):
-        base = data.identify(other.found.mechanism, replace(base.wanted, moments=True), other.found)
-        whole = with_laws(data, base, names, parts, rng)
+    if other is None and (trial := _otherwise(data, whole.found, rng)):
+        wanted = replace(base.wanted, moments=True)
+        begin_at = data.identify(trial.found.mechanism, wanted, trial.found)
+        again = with_laws(data, begin_at, names, parts, rng)
+        if other := _weigh(whole.found, again.found, rng):  # each at the end of its own search
+            base, whole = begin_at, again
     before = data
     # curves reveal outliers that springs leave hidden
     data, found, late = _without_blunders(every, data, whole.found, late.which)
