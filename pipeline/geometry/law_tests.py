@@ -509,11 +509,10 @@ def law_tests(
 
     Of the significant ones of a joint the one that explains most comes first.
 
-    Copies are made of the residuals after all that is certainly a law. These are smaller, so T over
-    S = sum u_j^2 / w_j of the same residuals or copy is standardised by its values in the copies. p
-    is the probability of the largest of all standardised values being as large: from its rank among
-    the copies, and beyond them from an extreme-value distribution fitted to them. It is at least
-    that of T by chi-square.
+    Each T is standardised by its values in the copies, which for laws are made of the residuals
+    after all that is certainly one. p is the probability of the largest of all standardised values
+    being as large: from its rank among the copies, and beyond them from an extreme-value
+    distribution fitted to them. It is at least that of T by chi-square against all laws.
 
     Args:
         found: The estimate.
@@ -524,17 +523,17 @@ def law_tests(
     inputs, plain = found.linear.inputs, score(found, signs[:0])
     tried = _of_joints(plain, laws, inputs)
     here = score(found, signs, _without_laws(plain, tried))
-    square = np.maximum((here.u**2 / np.maximum(here.w, _NOTHING)).sum(axis=1), _NOTHING)
     of: list[tuple[JointLaw | None, int, float, float]] = []
     T: list[Array] = []
     for one in tried:
         each = one.explained(here.u[:, :, one.joint])
-        T.append(each / square[:, one.joint])
+        T.append(each)
         least = _by_chi_square(tried, one, each[:, 0])
         of += zip(one.laws, [one.joint + 1] * len(each), each[:, 0], least, strict=True)
+    plain = score(found, signs) if len(bent) else plain  # no chi-square bounds p of a curve
     for joint, slides in enumerate(bent):
-        each = _curved(here, joint, inputs.q, slides)
-        T.append(each[None] / square[:, joint])
+        each = _curved(plain, joint, inputs.q, slides)
+        T.append(each[None])
         of.append((None, joint + 1, each[0], 0.0))
     if not of:
         return []
