@@ -40,7 +40,7 @@ from pipeline.geometry.joint_laws import LawSearchData, NamedLaw, with_laws
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout, linearised
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import start
-from pipeline.geometry.yielding import other_forms, usual, yielding
+from pipeline.geometry.yielding import balanced, other_forms, usual, yielding
 from pipeline.machine.effects._anatomy import rail
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
@@ -177,7 +177,8 @@ def study(
     data, base, late = _without_blunders(every, data, base, gross)
     parts = partings(data.readings, rng, rail(robot))
     whole = with_laws(data, base, names, parts, rng)
-    if other is None and (trial := _otherwise(data, whole.found, rng)):
+    hidden = balanced(robot) and not other  # where a balancer hides what the links weigh
+    if hidden and (trial := _otherwise(data, whole.found, rng)):
         wanted = replace(base.wanted, moments=True)
         begin_at = data.identify(trial.found.mechanism, wanted, trial.found)
         again = with_laws(data, begin_at, names, parts, rng)
