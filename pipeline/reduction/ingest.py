@@ -21,6 +21,7 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import columns as covariance_columns
 from pipeline.base.errors import InputError, listed
 from pipeline.base.patterns import fits, is_glob, natural
+from pipeline.base.strict import LEAST_FORCE
 from pipeline.base.threads import WORTH_A_THREAD, both
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
@@ -221,7 +222,7 @@ def _raw(
 
 
 def _known_loads(settings: Settings, loads: logs.Log) -> logs.Log:
-    """Rows whose scale or payload is defined in campaign.toml.
+    """Rows whose scale or payload is defined in campaign.toml, with the force that was pulled.
 
     Raises:
         InputError: A chain pulls, and there is no table [scale].
@@ -234,7 +235,11 @@ def _known_loads(settings: Settings, loads: logs.Log) -> logs.Log:
             file=loads.file,
             line=int(loads.line[pulled[0]]),
         )
-    known = listed(settings.payload) or "none"
+    scale, known = settings.loads_log, listed(settings.payload) or "none"
+    force = (loads.number["force"] - scale.zero_n) / scale.gain
+    loads = replace(loads, number={**loads.number, "force": force}).only(
+        ~(force < LEAST_FORCE), "the force is not above what [scale] zero_n says; correct either"
+    )
     return loads.where(
         "payload",
         lambda names: np.isin(names, ["", *settings.payload]),
