@@ -199,7 +199,10 @@ def _raw(
     whole, loads = _pulls.complete(weighed, settings, loads, joints)
     seen = np.bincount(whole.slot + 1, minlength=len(whole.pose) + 1)[1:] > 0
     used = np.isin(joints.number["pose"], numbered(whole.pose[seen])[0])
-    joints = joints.only(used, "no usable reading has this pose; measure it or remove the row")
+    known = used | ~_is_test_pose(settings, robot, joints)
+    joints = joints.kept(known).only(
+        used[known], "no usable reading has this pose; measure it or remove the row"
+    )
     if not len(loads.line):
         raise _nothing_left(causes or whole.rejected)
     return _Ingested(
@@ -219,6 +222,19 @@ def _raw(
             if one.faces or one.untimed or one.settled
         ),
     )
+
+
+def _is_test_pose(settings: Settings, robot: Robot, joints: logs.Log) -> Bools:
+    """Rows of the joint log with the joint values of [test_pose], to what a pendant shows."""
+    if settings.test_pose is None:
+        return np.zeros(len(joints.line), dtype=bool)
+    q = np.stack([joints.number[joint.name] for joint in robot.joints], axis=1)
+    off = np.abs(q - settings.test_pose.joint_values(robot))
+    return np.asarray((off < np.where(robot.prismatic, _PENDANT_M, _PENDANT_RAD)).all(axis=1))
+
+
+_PENDANT_M, _PENDANT_RAD = 1e-5, 1e-4
+"""Resolution of joint values on the pendant of a controller: 0.01 mm [m], 0.005 deg [rad]."""
 
 
 def _known_loads(settings: Settings, loads: logs.Log) -> logs.Log:
