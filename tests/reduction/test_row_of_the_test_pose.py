@@ -11,7 +11,7 @@ from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
 FILES = dict(simulate(Plan(name="s", seed=3, poses={"count": 4})).files)
-AXES = [4.0, 20.0, -70.0, 95.0, 10.0, 40.0, -15.0]
+AXES = [8.5, -10.0, 35.0, 39.0, 81.0, 22.0, -10.0]
 """Joint values of a pose that was not measured [m], [deg]."""
 
 
