@@ -33,6 +33,7 @@ from pipeline.base.errors import PipelineError
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.run import campaign_answer
+from pipeline.service.executor import InProcesses, InThisProcess, in_order
 from pipeline.store.campaign import dump, in_memory
 
 SEED = 42
@@ -40,7 +41,9 @@ SEED = 42
 
 PLAIN = {"PYTHONHASHSEED": "0", "LC_ALL": "C", "TZ": "UTC", "OPENBLAS_NUM_THREADS": "1"}
 _NO_V4 = "X86_V4 AVX512_ICL AVX512_SPR"
+_JOBS = "SAME_JOBS"
 KINDS: Mapping[str, Mapping[str, str]] = {
+    "four jobs": {_JOBS: "4"},
     "without AVX2": {
         "NPY_DISABLE_CPU_FEATURES": f"X86_V3 {_NO_V4}",
         "OPENBLAS_CORETYPE": "Nehalem",
@@ -54,7 +57,7 @@ KINDS: Mapping[str, Mapping[str, str]] = {
     "without AVX-512": {"NPY_DISABLE_CPU_FEATURES": _NO_V4, "OPENBLAS_CORETYPE": "Haswell"},
     "summer time": {"PYTHONHASHSEED": "random", "LC_ALL": "C.UTF-8", "TZ": "Europe/Berlin"},
 }
-"""Environments that differ from `PLAIN`."""
+"""Environments that differ from `PLAIN`; with `_JOBS`, so many processes answer at once."""
 
 Files = Mapping[str, bytes]
 Said = dict[str, Any]
@@ -81,9 +84,12 @@ def _serve(line: connection.Connection) -> None:
     """Answer the campaigns received until the connection is closed."""
     with contextlib.suppress(locale.Error):
         locale.setlocale(locale.LC_ALL, "")
+    jobs = int(os.environ.get(_JOBS, "1"))
+    many = InProcesses(jobs) if jobs > 1 else InThisProcess()
     with contextlib.suppress(EOFError):
         while True:
-            line.send(_answered(line.recv()))
+            first, *more = in_order(many, _answered, [line.recv()] * jobs)
+            line.send(first if all(one == first for one in more) else {"jobs": [first, *more]})
 
 
 def _answered(files: Files) -> Said:
@@ -103,7 +109,7 @@ def _process(kind: Mapping[str, str]) -> Iterator[connection.Connection]:
     before = dict(os.environ)
     spawn = get_context("spawn")
     ours, theirs = spawn.Pipe()
-    process = spawn.Process(target=_serve, args=(theirs,), daemon=True)
+    process = spawn.Process(target=_serve, args=(theirs,))
     os.environ |= PLAIN | kind
     try:
         process.start()

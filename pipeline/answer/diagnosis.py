@@ -265,7 +265,7 @@ def _to_measure(pose: ProposedPose, robot: Robot) -> dict[str, Any]:
         "q_unit": tuple("m" if j.prismatic else "deg" for j in robot.joints),
         "anchor_m": tuple(round(float(v), 3) for v in pose.anchor),
         "direction": tuple(round(float(v), 3) for v in pose.force / pose.force_n),
-        "force_n": round(pose.force_n, 0),
+        "force_n": round(round(pose.force_n, 3), 0),  # read as 3032.50, and rounded anywhere alike
         "steps": pose.steps,
         "approach": pose.approach if robot.joints[0].prismatic else None,
         "axes": axis_values(robot, np.asarray(pose.q, float)) if robot.controller else (),

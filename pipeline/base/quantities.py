@@ -27,8 +27,11 @@ _BINDS = re.compile(
 )
 """Spaces inside a quantity or a relation, at which no line may break."""
 
-_POWER = re.compile(r"(?<![\w.])(\d(?:\.\d+)?)e([+-]\d\d\d?)(?![\w.])")
-"""A number as Python writes it; a serial number may be 12e5."""
+_POWER = re.compile(
+    rf"(?:(?<=[=<>±×] )|(?<=\+- )|(?<=times )|(?=[\d.e+-]+ (?:\+-|times|{_UNIT})(?:\W|$)))"
+    r"(?<![\w.])(\d(?:\.\d+)?)e([+-]\d\d\d?)(?![\w.])"
+)
+"""A quantity as Python writes it: related to another, or with a unit. Alone, 1e-05 is a name."""
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

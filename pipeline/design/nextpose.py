@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.arrays import Array, Ints, Locked, compared
 from pipeline.design.poses import default_anchors, draw_poses, try_poses
 from pipeline.design.room import room_of
 from pipeline.diagnosis.cause_search import SearchProblem
@@ -209,7 +209,7 @@ def determine(view: Whitened, among: Candidates) -> tuple[Determining, ...]:
     each = np.concatenate([now[None], now + contest.products(view, among)])
     inverse = np.diagonal(linear.regular_inverse(each), axis1=1, axis2=2)
     before, after = np.sqrt(inverse[0]), np.sqrt(inverse[1:])
-    best = np.argmin(after, axis=0)
+    best = np.argmin(compared(after), axis=0)
     return tuple(
         Determining(among.pose(int(best[k])), float(before[k]), float(after[best[k], k]))
         for k in range(view.springs)
@@ -237,7 +237,7 @@ def _series(
         wrong = np.exp(-np.maximum(after**2 - apart[0] ** 2, 0.0) / 8) @ weight
         enough = (wrong <= _SETTLED) & contest.rivals
         order = np.where(enough, far_fetched, np.inf) if (enough & free).any() else wrong
-        best = int(np.argmin(np.where(free, order, np.inf)))
+        best = int(np.argmin(np.where(free, compared(order), np.inf)))
         chosen.append(best)
         free &= stand != stand[best]
         apart.append(after[best])

@@ -4,10 +4,15 @@ Each ends in an answer that JSON can hold and a report, or in one sentence.
 """
 
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from pipeline.answer.diagnosis import best_pose
 from pipeline.base.errors import InputError
+from pipeline.diagnosis.facts import Determining, ProposedPose
+from pipeline.machine.robot import load
 from pipeline.report.render import render
 from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
@@ -128,3 +133,15 @@ def test_tables_that_say_nothing_get_a_sentence(spoil, said):
     """Two poses without a noise, headers only, nothing at all, no force."""
     with pytest.raises(InputError, match=said):
         campaign_answer("c", in_memory(spoil(reduced(3))))
+
+
+@pytest.mark.parametrize("apart", [-4e-16, 0.0, 4e-16])
+def test_a_proposed_force_does_not_hang_on_the_last_digit(apart):
+    """The scale read 3032.50 N: every processor proposes the same whole newtons."""
+    robot = load("ur10")
+    force = np.array([0.0, 0.0, 3032.5 * (1 + apart)])
+    at = ProposedPose(np.zeros(robot.n), np.array([2.0, 0.0, 0.0]), force, 4, 1.0)
+    found = SimpleNamespace(determining=[Determining(at, 0.3, 0.2)])
+    joint = SimpleNamespace(joint=1, name="k_theta1", value=1e6, relative_std=0.1)
+
+    assert best_pose(found, robot, joint).force_n == 3032.0

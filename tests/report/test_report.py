@@ -193,10 +193,11 @@ def test_a_probability_is_never_shown_as_certainty(p, shown):
     assert numbers.probability(p) == shown
 
 
-@pytest.mark.parametrize("name", ["1e999", "12e5", "4711E2", "3e4", "12e-05"])
+@pytest.mark.parametrize("name", ["1e999", "12e5", "4711E2", "3e4", "12e-05", "1e-05"])
 def test_a_serial_number_is_no_power_of_ten(name):
-    """What somebody typed stays; Python writes one digit, a sign and two digits."""
-    assert numbers.typeset(f"serial number {name}") == f"serial number {name}"
+    """What somebody typed stays, alone or in a sentence: a quantity has a relation or a unit."""
+    for text in (name, f"serial number {name}", f"target {name}, certificate {name} of {name}"):
+        assert numbers.typeset(text) == text
 
 
 def test_sentences_are_set_in_type():
