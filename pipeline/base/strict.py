@@ -231,16 +231,12 @@ def checked(
             way_out = _meant(kind, key) or way_out
         if first["type"] == "too_long":  # a decimal comma splits a number in two
             way_out = toml.remedy(text, line, way_out)
-        message, way_out = _with_way_out(message, way_out)
+        if first["type"] == "value_error":  # only sentences of our own have a way out in them
+            message, own, stated = message.partition("; ")
+            way_out = stated if own else way_out
         where = ".".join(words) or whole
         sentence = f"{where}: {message}" if where else message
         raise InputError(sentence, way_out, file=file, line=line) from problem
-
-
-def _with_way_out(message: str, otherwise: str) -> tuple[str, str]:
-    """Split a message at its semicolon into what is wrong and a way out of its own."""
-    thing, own, stated = message.partition("; ")
-    return thing, stated if own else otherwise
 
 
 def _without_unions(kind: type[BaseModel], words: Sequence[_Part]) -> list[_Part]:

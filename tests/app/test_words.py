@@ -40,6 +40,7 @@ PIPELINE = [sys.executable, "-m", "pipeline"]
             5,
             'name: "a/b" is not a name of letters, digits, dots, hyphens and underscores;',
         ),
+        (["simulate", "--name", "a; b"], 5, "digits, dots, hyphens and underscores; correct"),
         (["watch", "--root", "/nowhere"], 2, "there is no folder /nowhere: correct --root."),
         (
             ["simulate", "--effect", "joint_tlt:4"],
