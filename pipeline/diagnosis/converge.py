@@ -89,7 +89,8 @@ def _bounded(end: _Converged) -> _Converged:
     if right.plain.noise_stated:
         seen = replace(said.seen, data=right.shape.off(said.seen.data))
         base = astray(right.reduced.registration, float(right.noise.scale[0]), FAR_OFF)
-        left = far(seen, right.shape.family, base, right.used)
+        # a gross error spoils what a single iteration finds of the tails
+        left = far(seen, tails(seen, seen.model.accepted)[1], base, right.used)
     best = said.hypotheses[0] if said.hypotheses else right
     told = said.scatter.force > 1 and said.scatter.known_from == "contrasts"
     force = said.scatter.force * said.scatter.tracker if told else 1.0

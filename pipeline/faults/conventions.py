@@ -326,14 +326,20 @@ def _as_turned(turn: Array, table: str) -> str:
     """`, turned by 180 deg about z of the flange: [x, y, z] there is [-x, -y, z] here`."""
     maybe, frame = (", maybe the controller's", "the flange") if table == "tool" else ("", "F_b")
     signed = (("-" if row.sum() < 0 else "") + "xyz"[int(np.abs(row).argmax())] for row in turn)
+    return f"{maybe}, {_turn(turn, frame)}: [x, y, z] there is [{', '.join(signed)}] here"
+
+
+def _turn(turn: Array, frame: str) -> str:
+    """`turned by 180 deg about z of the flange`, `mirrored`, or both."""
     vector = Rotation.from_matrix(turn * np.linalg.det(turn)).as_rotvec(degrees=True)
     angle = float(np.linalg.norm(vector))
+    if not angle:
+        return "mirrored"
     along = np.abs(vector) > 1e-6 * angle
     axis = f" about {'xyz'[int(np.flatnonzero(along)[0])]}" if along.sum() == 1 else ""
     sign = "-" if axis and vector.sum() < 0 and angle < 179 else ""
-    how = f"turned by {sign}{angle:.0f} deg{axis} of {frame}" if angle else "mirrored"
-    mirrored = " and mirrored" if angle and np.linalg.det(turn) < 0 else ""
-    return f"{maybe}, {how}{mirrored}: [x, y, z] there is [{', '.join(signed)}] here"
+    mirrored = " and mirrored" if np.linalg.det(turn) < 0 else ""
+    return f"turned by {sign}{angle:.0f} deg{axis} of {frame}{mirrored}"
 
 
 def _with_places(table: str, places: Mapping[str, Point], case: Case) -> Case:

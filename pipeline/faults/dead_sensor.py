@@ -127,29 +127,31 @@ def _greatest(gain: Array) -> slice:
 def _of_still(case: Case, data: Measured, moved: Array, run: Ints) -> Mistake:
     """The mistake of displacements without content."""
     due, seen, keys = rms(moved[run]), rms(data.delta[run]), _keys(data, run)
-    given, every = case.settings.displacements, len(run) == len(moved)
+    given = case.settings.displacements
     file = given.file if given else "tracker"
     at = () if given else lines_of(case.readings[_loaded(case, keys)])
+    what = "are all exactly zero" if seen == 0 else f"are {plain(1e3 * seen, 2)} mm (rms)"
+    still = (
+        f"{what} and follow the loads in no way: with its typical stiffnesses this robot would "
+        f"move by {plain(1e3 * due, 2)} mm, and none is {1 / _STIFF:.0f} times as stiff. The "
+        "sensor was dead, or what was exported are not the loaded states"
+    )
+    mistake = partial(Mistake, name="dead_sensor", before=seen / due, after=1.0, unit="1", at=at)
+    if len(run) == len(moved):
+        return mistake(
+            where=file,
+            evidence=f"the displacements {still}",
+            correction="nothing can be corrected, no deflection was measured",
+            correct=as_it_is,
+            hopeless=True,
+        )
     only = _only_target(data, run)
     of = f", all of {only}" if only else ""
-    some = f"{len(run)} of {len(moved)} displacements{of} ({lines(at) or file})"
-    what = "are all exactly zero" if seen == 0 else f"are {plain(1e3 * seen, 2)} mm (rms)"
-    return Mistake(
-        name="dead_sensor",
-        where=f"{file}/{only}" if only and not every else file,
-        evidence=f"{'the displacements' if every else some} {what} and follow the loads in no way:"
-        " with its typical stiffnesses this robot would move by "
-        f"{plain(1e3 * due, 2)} mm, and none is {1 / _STIFF:.0f} times as stiff. The sensor was "
-        "dead, or what was exported are not the loaded states",
-        correction="nothing can be corrected, no deflection was measured"
-        if every
-        else "recomputed without these readings",
-        before=seen / due,
-        after=1.0,
-        unit="1",
-        correct=as_it_is if every else partial(_unread, keys=keys),
-        at=at,
-        hopeless=every,
+    return mistake(
+        where=f"{file}/{only}" if only else file,
+        evidence=f"{len(run)} of {len(moved)} displacements{of} ({lines(at) or file}) {still}",
+        correction="recomputed without these readings",
+        correct=partial(_unread, keys=keys),
     )
 
 

@@ -82,8 +82,10 @@ def _check_size(
         off = enough & (np.abs(np.log(ratio / factor)) < _NEAR)
         most = 2 * np.bincount(of, off) > np.bincount(of, enough)
         hit = np.flatnonzero(off & most[of])
+        if not len(hit):
+            continue
         every = len({*of[hit]}) == len({*of}) and (len({*of}) > 1 or len(shots.files) == 1)
-        if len(hit) and factor == _TABLE_IN_INCHES and not unit and every:
+        if factor == _TABLE_IN_INCHES and not unit and every:
             raise InputError(
                 f"{words} is in inches: distances between reflectors are "
                 f"{_off(1 / factor)} there for those in {shots.files[shots.file[rows[0]]]}, which "
@@ -92,15 +94,14 @@ def _check_size(
                 file="campaign.toml",
                 key=[words.strip("[]")],
             )
-        if len(hit):
-            first = rows[member == hit[0]][0]
-            raise InputError(
-                f"distances between reflectors are {_off(factor)}, as if {meaning} "
-                f"({plain(ratio[hit[0]], 4)} of those in {words})",
-                "correct the unit of the export, in its column names or in [tracker]",
-                file=shots.files[shots.file[first]],
-                line=int(shots.line[first]),
-            )
+        first = rows[member == hit[0]][0]
+        raise InputError(
+            f"distances between reflectors are {_off(factor)}, as if {meaning} "
+            f"({plain(ratio[hit[0]], 4)} of those in {words})",
+            "correct the unit of the export, in its column names or in [tracker]",
+            file=shots.files[shots.file[first]],
+            line=int(shots.line[first]),
+        )
 
 
 def _off(factor: float) -> str:

@@ -283,6 +283,11 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
         table = _file(raw, tracker.assignment, "assignment in [tracker]")
         named: dict[str, Export] = doors.opened(_BY_ORDER)(exports, tracker.assignment, table)
         return named
+    _all_named(exports)
+    return exports
+
+
+def _all_named(exports: Mapping[str, Export]) -> None:
     for name, export in exports.items():
         if export.group is None:
             raise InputError(
@@ -292,7 +297,6 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
                 "[tracker] of campaign.toml",
                 file=name,
             )
-    return exports
 
 
 _SETTLED = "pipeline.intake.by_reflectors:settled"

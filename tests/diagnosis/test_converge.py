@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from small_case import moved, small, where
+from world_files import written
 
 from pipeline.diagnosis import converge as module
 from pipeline.diagnosis.converge import converge
@@ -191,6 +192,21 @@ def test_noise_of_twenty_times_the_stated_is_no_noise():
     assert end.screened.findings == ()
     assert str(verdict(end.diagnosis.facts)) == "unexplained"
     assert end.diagnosis.facts.bounds.faulty
+
+
+@pytest.mark.whole
+@pytest.mark.sampled(1)
+def test_a_reading_far_out_in_the_tails_is_no_scatter():
+    """Student's noise (nu = 3) with one reading at more than fifty widths of the core.
+
+    It spoils the predictions of its neighbours, until it has its own weight.
+    """
+    end = settled(ingested(in_memory(written("at960_student3", 180587621)[3]), conformed, plain))
+
+    far = end.diagnosis.facts.bounds.far
+    assert far.count > 1
+    assert not end.diagnosis.facts.bounds.scattered
+    assert str(verdict(end.diagnosis.facts)) == "adequate"
 
 
 def test_ends_that_follow_each_other_for_ever_are_as_good(monkeypatch):
