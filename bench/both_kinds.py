@@ -3,6 +3,10 @@
 Campaigns of tests/mixed_campaign.py (Pinocchio alone), one per seed. Of the error z of an estimate
 of the compliances z' C^-1 z / k is taken, with C the covariance of the joint estimate, over the k
 joints that both estimates determine.
+
+A campaign of pulls alone has another model: its table is taken as exact, and it may choose other
+causes or another equilibrium. `same` are the pulls by the joint estimate's own model, without the
+rows that positions add on springs and elements.
 """
 
 from __future__ import annotations
@@ -29,6 +33,11 @@ from pipeline.service.many import executor
 TESTS = Path(__file__).resolve().parents[1] / "tests"
 COUNT = len(SEEDS.read_text("utf-8").split())
 Json = dict[str, Any]
+_ALONE = {
+    "positions": "positions alone",
+    "pulls": "pulls alone",
+    "same": "pulls alone with the table and causes of both",
+}
 
 command = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -89,6 +98,12 @@ def play(seed: int) -> Json:
             out[name]["cov"] = found.model.compliance_cov.tolist()
             by = found.answer.springs_by
             out[name]["joined"] = by is not None and by.joined
+            if by is not None and by.joined:
+                each = [one.by_pulls for one in by.each]
+                out["same"] = {
+                    "value": [one and one.value for one in each],
+                    "std": [one and one.std for one in each],
+                }
     return out
 
 
@@ -100,7 +115,7 @@ def spoken(games: list[Json]) -> list[str]:
         f"{len(games)} games, {sum(one['both'].get('joined', False) for one in there)} joined; "
         f"95 % intervals of the joint estimate hold {np.mean(np.abs(z) < 1.96):.3f} of {len(z)}"
     ]
-    for alone in ("positions", "pulls"):
+    for alone, by in _ALONE.items():
         pairs = [pair for one in there if (pair := _paired(one, alone)) is not None]
         if len(pairs) < 2:
             continue
@@ -108,7 +123,7 @@ def spoken(games: list[Json]) -> list[str]:
         p = stats.wilcoxon(np.log(other / joint), alternative="greater").pvalue
         lines.append(
             f"{len(pairs)} games: rms error over joint uncertainty {np.sqrt(joint.mean()):.2f}, "
-            f"by {alone} alone {np.sqrt(other.mean()):.2f} (median "
+            f"by {by} {np.sqrt(other.mean()):.2f} (median "
             f"{np.sqrt(np.median(joint)):.2f}, {np.sqrt(np.median(other)):.2f}; paired p {p:.1g}); "
             f"uncertainty larger than alone in {int(larger.sum())} of {int(count.sum())} joints"
         )
@@ -127,7 +142,7 @@ def _off(game: Json, name: str) -> Array:
 
 def _paired(game: Json, alone: str) -> tuple[float, float, int, int] | None:
     """Squared errors per joint, together and alone, and how many uncertainties are larger."""
-    if "value" not in game[alone]:
+    if "value" not in game.get(alone, {}):
         return None
     truth, cov = np.array(game["truth"]), np.array(game["both"]["cov"])
     x, y = (_numbers(game[name], "value") - truth for name in ("both", alone))

@@ -8,6 +8,7 @@ from heavy_robot import TOOL, HeavyRobot, Truth, errors_of_table
 
 from pipeline.machine.robot import load
 
+GAIN_STD = 0.002
 LOAD_POINT = np.array([0.1, 0.0, 0.2])
 BASE = {"B1": [0.8, -0.9, -0.3], "B2": [0.8, 0.9, -0.3], "B3": [-0.8, 0.9, -0.28],
         "B4": [-0.8, -0.9, -0.31]}  # fmt: skip
@@ -64,7 +65,8 @@ def mixed(seed, poses=60, pulled=8, masses=True, noise=2e-5, weight=1.0):
     off = errors_of_table(robot.n + 1, rng, 3e-4, 3e-4)
     machine = HeavyRobot(robot, off, Truth(c, mass=body, centre=centre))
     q = rng.uniform(LOW, HIGH, (poses + pulled, robot.n))
-    read = _Reader(machine, TOOL + rng.normal(0, 1e-4, TOOL.shape), rng, noise)
+    gain = GAIN_STD * np.random.default_rng([seed, 2]).normal()
+    read = _Reader(machine, TOOL + rng.normal(0, 1e-4, TOOL.shape), rng, noise, gain)
     files = {
         "campaign.toml": _toml(noise),
         "robot.toml": robot.text if masses else _without_masses(robot.text),
@@ -87,10 +89,12 @@ class _Reader:
         tool: Its reflectors [m], flange frame.
         rng: Draws noise.
         noise: Of a coordinate [m].
+        gain: Relative error of the scale.
     """
 
-    def __init__(self, machine, tool, rng, noise):
-        self.machine, self.tool, self.rng, self.noise = machine, tool, rng, noise
+    def __init__(self, machine, tool, rng, noise, gain):
+        self.machine, self.tool, self.rng = machine, tool, rng
+        self.noise, self.gain = noise, gain
 
     def _at(self, points, station):
         R, t = station
@@ -142,7 +146,8 @@ class _Reader:
                 tip = R @ LOAD_POINT + o
                 for t, share in enumerate((0.2, 0.9), 1):
                     shot(group, f"Pl{t}", tip + share * (anchor - tip))
-                loads.append(f"{k},{repeat},{size + self.rng.normal(0, 2.0):.3f}")
+                read = size * (1 + self.gain) + self.rng.normal(0, 2.0)
+                loads.append(f"{k},{repeat},{read:.3f}")
         for name, at in BASE.items():
             shot("base_end", name, at)
         files = {"tracker.csv": shots, "loads.csv": loads, "joints.csv": joints}
@@ -169,7 +174,7 @@ sigma_m = {noise}
 
 [scale]
 sigma_n = 2.0
-gain_sigma = 0.002
+gain_sigma = {GAIN_STD}
 
 [tool]
 load_point = {LOAD_POINT.tolist()}

@@ -122,8 +122,9 @@ def stance(
     """Result of the positions as passed to the pulls.
 
     An element that the weight does not call for is set to zero, like causes that pulls do not call
-    for; the estimate is then conditional on that. Laws of gears, which are part of the joints'
-    motion, keep their uncertainty.
+    for; the estimate is then conditional on that. It calls for one only if it also does where the
+    prior of this is wide: usual sizes of an element are no evidence for it. Laws of gears, which
+    are part of the joints' motion, keep their uncertainty.
 
     Args:
         found: The complete estimate.
@@ -131,17 +132,14 @@ def stance(
         free: Numbers of elements that other evidence than the weight calls for.
     """
     reopened = None if free else _Reopened(found, targets)
-    mechanism, cov, where = found.mechanism, found.solution.cov, layout(found.mechanism)
-    x, v = mechanism.at(where), softened(mechanism)
-    factor = _of_factor(mechanism, v, cov)
-    apart = cov - factor * np.outer(v, v) + by_masses(found)
-    held = tuple(_held(mechanism, x, apart, free))
+    held = set(_held(found, free))
     if len(held) > len(free):
-        more = tuple(k for k, _ in held)
-        return replace(stance(opened(found, more), targets, more), reopened=reopened)
+        held &= set(_held(opened(found, held), free))
+        found = opened(found, held)
+    mechanism, (apart, factor) = found.mechanism, _apart(found)
     which = [k for k, name in enumerate(found.readings.targets) if name in targets]
-    z, C = _with_none(found, apart, [k for _, at in held for k in at], which)
-    n, effects = mechanism.table.n, tuple(mechanism.elements[k] for k, _ in held)
+    n, effects = mechanism.table.n, tuple(mechanism.elements[k] for k in sorted(held))
+    z, C = _with_none(found, apart, _parameters(found, effects), which)
     soft: Array = np.append(np.ones(n), soften(effects).astype(float))
     s, along = len(soft), z * padded(soft, len(z))
     return PositionsEstimate(
@@ -165,9 +163,11 @@ def stance(
     )
 
 
-def _of_factor(mechanism: Mechanism, v: Array, cov: Array) -> float:
-    """Variance of the common factor of all masses along v; zero where the masses are known."""
-    return 1 / float(v @ linear.cholesky(cov).solve(v)) if mechanism.unknown else 0.0
+def _apart(found: Calibration) -> tuple[Array, float]:
+    """Covariance without the common factor of all masses, and its variance, zero where known."""
+    v, cov = softened(found.mechanism), found.solution.cov
+    factor = 1 / float(v @ linear.cholesky(cov).solve(v)) if found.mechanism.unknown else 0.0
+    return cov - factor * np.outer(v, v) + by_masses(found), factor
 
 
 def _with_none(
@@ -263,16 +263,16 @@ _MASSES = 0.05
 castings, but no cables, grease, hoses and dress packs."""
 
 
-def _held(
-    mechanism: Mechanism, x: Array, apart: Array, free: Collection[int]
-) -> Iterator[tuple[int, list[int]]]:
-    """Elements that the weight or `free` calls for, with the indices of their parameters."""
+def _held(found: Calibration, free: Collection[int]) -> Iterator[int]:
+    """Numbers of the elements that the weight or `free` calls for."""
+    mechanism, (apart, _) = found.mechanism, _apart(found)
+    x = mechanism.at(layout(mechanism))
     for k, at in enumerate(_places(mechanism)):
         said = linear.inverse(apart[np.ix_(at, at)])
         if by_weight_alone(mechanism.elements[k]):
             continue
         if k in free or chi2_beyond(float(x[at] @ said @ x[at]), len(at)) < alarms.SUSPECT:
-            yield k, at
+            yield k
 
 
 def _places(mechanism: Mechanism) -> Iterator[list[int]]:

@@ -85,6 +85,17 @@ def test_an_assumed_mass_is_no_evidence_against_springs(wrist):
 
 
 @pytest.mark.whole
+def test_usual_sizes_of_an_element_are_no_evidence_for_it():
+    """The forearm does not bend; the weight calls for it only while its prior is narrow."""
+    made = mixed(137448704, poses=59, pulled=9, masses=False, noise=1e-5, weight=1.2)
+    answer = said(made)
+
+    assert {one.name for one in answer.diagnosis.causes} == {"gravity_sag"}
+    for joint, one in zip(answer.stiffness, said(made, "positions").stiffness, strict=True):
+        assert joint.compliance_std < 1.02 * one.compliance_std
+
+
+@pytest.mark.whole
 def test_pulls_tell_by_how_much_an_arm_is_lighter():
     """Of two arms that differ by their weight alone, to a tenth."""
     light, heavy = (said(mixed(7, masses=False, weight=w)).springs_by.lighter for w in (0.5, 1.5))

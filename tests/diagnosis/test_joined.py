@@ -225,6 +225,17 @@ def test_neither_kind_of_readings_alone_knows_a_spring_better(seed):
         assert np.linalg.eigvalsh((alone - both) / scale / scale[:, None]).min() > -1e-9
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_an_element_of_the_positions_takes_nothing_from_the_pulls(seed):
+    """Held by either as the positions know it: no variance of the springs increases."""
+    springs, data = with_causes(world(seed))
+    both = combined(springs, data).hypothesis.estimate.cov[:6, :6]
+
+    scale = np.sqrt(np.diag(springs.estimate.cov))
+    less = (springs.estimate.cov - both) / scale / scale[:, None]
+    assert np.linalg.eigvalsh(less).min() > -1e-9
+
+
 @pytest.fixture(scope="module")
 def many():
     """Forty worlds: hypothesis of the pulls, the same with the positions, truth, chi-square."""
