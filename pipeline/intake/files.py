@@ -25,6 +25,7 @@ from pipeline.base.patterns import is_glob, natural
 from pipeline.intake import log_columns, nominal
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._names_by_place import NEAR
+from pipeline.intake._prose import PROSE, is_prose
 from pipeline.intake._separators import LOOKED_AT, separators
 from pipeline.intake.nominal import NominalPlaces
 from pipeline.intake.offer import Offer, as_table, offer
@@ -201,7 +202,7 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
             reach += largest
         except InputError as problem:
             if name not in known:
-                refused[name] = problem.thing
+                refused[name] = PROSE if is_prose(name, data) else problem.thing
     return _Exports(exports, tuple(reach), refused)
 
 
@@ -241,7 +242,7 @@ def _offers(
     """What is to be said of files that are refused, or of workbooks, and how they are read then."""
     offers: dict[str, tuple[Offer, Export]] = {}
     books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
-    for name in (*found.refused, *books):
+    for name in (*(k for k, why in found.refused.items() if why != PROSE), *books):
         with contextlib.suppress(InputError):
             if one := offer(name, files[name], hints) or _settled(hints):
                 offers[name] = one, readers.read(name, files[name], one.hints)
