@@ -95,6 +95,11 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     if robot is not None:
         robot = blank.brought(folder, robot)
         blank.known(root, folder.name, robot)
+    if old := blank.open_text(folder):
+        stated = stated or folder / "campaign.toml"
+        robot = robot or _robot_before(root, folder, old)
+        _tell("campaign.toml is written again for the files that are there; what was filled in is "
+              "kept.")  # fmt: skip
     hints = _stated(stated)
     files, passed = _looked_at(root, folder, hints)
     given, wrong = filled_in(files)
@@ -112,7 +117,7 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     typer.echo(folder)
     if proposal.nothing:
         _tell("No exports or logs lie there yet. To have campaign.toml written for files of other "
-              "programs, copy them there, remove it, and type "
+              "programs, copy them there and type "
               f"`pipeline init {typed(folder.name)}` again.")  # fmt: skip
     todo = f"Still open in campaign.toml: {listed(left, most=40)}; fill it in, then" if left else ""
     _tell(f"{todo or 'Next'}: pipeline check {typed(folder.name)}")
@@ -162,6 +167,19 @@ def _named(root: Path, folder: Path, given: KnownData) -> str | None:
         _tell(f"The sheet is for {name}: copy that robot file into {folder}, and type this again.")
         return None
     return name or None
+
+
+def _robot_before(root: Path, folder: Path, text: str) -> str | None:
+    """The robot that a campaign.toml names, if it is known."""
+    from pipeline.base import toml
+    from pipeline.intake import blank
+
+    name = toml.loads(text, "campaign.toml").get("robot")
+    with contextlib.suppress(UsageError):
+        if isinstance(name, str):
+            blank.known(root, folder.name, name)
+            return name
+    return None
 
 
 def _stated(path: Path | None) -> ExportSettings:
