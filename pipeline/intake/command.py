@@ -109,6 +109,8 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
         _tell(line)
     if robot is None:
         robot = _named(root, folder, given) or _robot(root, folder, proposal, ask)
+    if robot is None:
+        _propose_rail(folder, proposal, files)
     known = _all_known(proposal, robot, given, ask)
     if made := blank.simulated(root, folder.name, files):
         known = replace(known, simulated=True)
@@ -167,6 +169,21 @@ def _named(root: Path, folder: Path, given: KnownData) -> str | None:
         _tell(f"The sheet is for {name}: copy that robot file into {folder}, and type this again.")
         return None
     return name or None
+
+
+def _propose_rail(folder: Path, proposal: FilesProposal, files: Mapping[str, bytes]) -> None:
+    """Name the command for an arm that files name, where the joint log has a rail."""
+    from pipeline.intake.which_logs import called
+    from pipeline.machine.robot import SHIPPED, load
+
+    arms = [name for name in called(files, SHIPPED) if not load(name).prismatic.any()]
+    railed = [one for one in proposal.robots if one in SHIPPED and load(one).prismatic.any()]
+    if arms and railed and not proposal.called:
+        _tell(
+            f"{arms[0]} ships without the rail that {proposal.joints} has. Type `pipeline robot "
+            f"{arms[0]} --rail y --output {typed(str(folder / f'{arms[0]}_rail.toml'))}` (y or the "
+            "other direction of F_b in which it moves), and this again."
+        )
 
 
 def _robot_before(root: Path, folder: Path, text: str) -> str | None:

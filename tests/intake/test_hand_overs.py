@@ -1,7 +1,9 @@
 """Folders as other people hand them over: letters, lists and exports beside each other."""
 
 import math
+import re
 
+from pipeline.app import cli
 from pipeline.intake._prose import PROSE, is_prose
 from pipeline.intake.files import propose
 from pipeline.readers import ExportSettings
@@ -90,3 +92,24 @@ def test_a_list_of_places_belongs_to_an_export_that_joins_its_names_with_others(
     found = propose({"all.txt": "\n".join(rows).encode(), "base.txt": listed.encode()})
 
     assert found.exports == ("all.txt",)
+
+
+def test_an_arm_that_the_files_name_is_proposed_on_a_rail(tmp_path, capsys):
+    """And taken when the file is there, as the sentence says."""
+    folder = tmp_path / "data" / "raw" / "hall"
+    folder.mkdir(parents=True)
+    axes = "".join(f"{k},{100 * k},{5 * k},-60,80,{4 * k},20,{k}\n" for k in range(1, 6))
+    (folder / "KR 210 R2700-2.csv").write_text(
+        f"pose,E1 [mm],A1 [deg],A2 [deg],A3 [deg],A4 [deg],A5 [deg],A6 [deg]\n{axes}"
+    )
+    init = ["init", "hall", "--root", str(tmp_path)]
+
+    assert cli._exit_code(init) == 0
+    said = capsys.readouterr().err
+    command = re.search(r"pipeline (robot kr210_r2700_2 --rail y --output \S+\.toml)", said)
+    assert cli._exit_code(command[1].split()) == 0
+    assert cli._exit_code(init) == 0
+
+    assert re.search(
+        '^robot += "kr210_r2700_2_rail.toml"', (folder / "campaign.toml").read_text(), re.M
+    )
