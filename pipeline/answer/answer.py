@@ -41,6 +41,7 @@ from pipeline.answer.inputs import (
     registration_findings,
     rejected_entries,
     rounding_findings,
+    scale_findings,
     sheet_findings,
     shot_findings,
     treated_findings,
@@ -138,6 +139,7 @@ def _of_springs(found: CampaignResults, values: contract.Values) -> Iterator[str
     """What is to be known of springs and data sheets."""
     yield from (joint.finding for joint in values.stiffness if joint.finding)
     yield from sheet_findings(found.raw.settings)
+    yield from scale_findings(found.raw.settings)
     yield from along_the_beam(found.right.shape.beam)
 
 

@@ -192,6 +192,17 @@ def instrument_entry(settings: Settings) -> contract.Measuring | None:
     )
 
 
+def scale_findings(settings: Settings) -> list[str]:
+    """A sentence where forces are not what the scale showed."""
+    scale = settings.loads_log
+    if scale.zero_n == 0 and scale.gain == 1:
+        return []
+    return [
+        f"As [scale] states, {plain(scale.zero_n, 3)} N was taken from every reading of the scale, "
+        f"and the rest divided by {plain(scale.gain, 5)}."
+    ]
+
+
 def sheet_findings(settings: Settings) -> list[str]:
     """A sentence where the instrument has no data sheet here and its noise is not stated."""
     instrument, tracker = settings.instrument, settings.tracker

@@ -98,10 +98,15 @@ def repeated(asked: Screening) -> list[Mistake]:
 def _unexplained(
     case: Case, rows: pd.DataFrame, equal: pd.DataFrame
 ) -> Iterator[tuple[tuple[str, str], tuple[list[int], list[int]], tuple[Any, Any]]]:
-    """Groups as of `_twice` and their first rows, without those of a target that stands still."""
+    """Groups as of `_twice` and their first rows, without those of a target that stands still.
+
+    Nor of an anchor alone: it was read once, for every pull towards it.
+    """
+    anchor = {case.settings.naming.chain[1]}
     for names, same in _twice(equal):
         here = rows.loc[same[0]].iloc[0], rows.loc[same[1]].iloc[0]
-        if here[0]["at"] == here[1]["at"] or not _stand_alike(case, here):
+        still = here[0]["at"] != here[1]["at"] and _stand_alike(case, here)
+        if not still and {*rows.loc[same[0], "target"]} - anchor:
             yield names, same, here
 
 

@@ -71,7 +71,7 @@ class ModelStructure:
         yields: Elastic elements other than joint springs under the arm's weight.
         moments: Whether masses and first moments of the links are estimated, because the robot file
             states none, or wrong ones.
-        bed: Length of the curves of a rail that is not straight [m]; None where it is straight.
+        bed: Whether the rail has a bed that is not straight.
     """
 
     table: bool = True
@@ -80,7 +80,7 @@ class ModelStructure:
     curves: tuple[tuple[int, float], ...] = ()
     yields: tuple[Elastic, ...] = ()
     moments: bool = False
-    bed: float | None = None
+    bed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,17 +331,13 @@ def _curves(
     for j, length in wanted.curves:
         slides = bool(robot.prismatic[j])
         yield random_curve.over(j, readings.q[:, j], slides, length, _SIZE[slides])
-    if wanted.bed is not None:
+    if wanted.bed:
         for k in range(6):
-            size, screw = _SIZE[k < 3], robot.n + k
-            yield random_curve.over(0, readings.q[:, 0], True, wanted.bed, size, screw)
+            yield random_curve.along_bed(readings.q[:, 0], _SIZE[k < 3], robot.n + k)
 
 
 def likeliest(
-    found: Calibration,
-    choices: Sequence[ModelStructure],
-    known: float | None = None,
-    least: float = 0.0,
+    found: Calibration, choices: Sequence[ModelStructure], known: float | None = None
 ) -> tuple[ModelStructure, float]:
     """The first choice after which the evidence of the readings does not grow, with its evidence.
 
@@ -349,11 +345,10 @@ def likeliest(
         found: An estimate.
         choices: Model structures in the order in which they are tried.
         known: Evidence of the first, if it is known.
-        least: Growth of its logarithm from which on a later choice is taken.
     """
     best, taken = -np.inf if known is None else known, choices[0]
     for wanted in choices if known is None else choices[1:]:
-        if (now := tried(found, wanted).likely) < best + least:
+        if (now := tried(found, wanted).likely) < best:
             break
         best, taken = now, wanted
     return taken, best
@@ -363,7 +358,7 @@ def tried(found: Calibration, wanted: ModelStructure) -> Calibration:
     """Estimate with another structure from one linearisation, about an estimate."""
     mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
     here = found.linear
-    anew = wanted.bed is not None or wanted.moments or wanted.yields != found.wanted.yields
+    anew = wanted.bed or wanted.moments or wanted.yields != found.wanted.yields
     if found.mechanism.curves or anew:
         here = linearised(found.readings, mechanism, found.weights)
     known = found.known

@@ -54,7 +54,7 @@ class CatalogueCause:
         amounts: Its parameters.
         p: Probability that any cause appears as large in readings without one.
         gain: Reduction of the error at left-out poses whose neighbours in time are kept.
-        carried: Reduction of the error at left-out series, stations or parts of joint space.
+        carried: Reduction of the error at left-out series or parts of joint space.
     """
 
     name: str

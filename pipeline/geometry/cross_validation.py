@@ -96,15 +96,18 @@ class LeftOutPoses:
         self._rng = rng
         self._made: tuple[Calibration | None, dict[Partition, tuple[LeftOut, Array]]] = (None, {})
 
-    def far(self, once: bool = False) -> Partition:
-        """The hardest partition available; for what happened once, series are not used."""
-        there = (Partition.SERIES, Partition.STATION) if not once else (Partition.STATION,)
-        return next((one for one in there if one in self._parts), Partition.SPACE)
+    def _far(self, once: bool = False) -> Partition:
+        """Whole series, which what happened once cannot predict, or parts of joint space.
+
+        At left-out stations the unknown rail hides what a joint does.
+        """
+        series = Partition.SERIES in self._parts and not once
+        return Partition.SERIES if series else Partition.SPACE
 
     def gains(
         self, found: Calibration, part: slice | Ints, once: bool = False
     ) -> tuple[LeftOutGain, LeftOutGain]:
-        """Gains at every tenth pose left out, and at left-out series, stations or parts of space.
+        """Gains at every tenth pose left out, and at left-out series or parts of joint space.
 
         Args:
             found: The estimate.
@@ -112,7 +115,7 @@ class LeftOutPoses:
             once: Whether they describe something that happened once, which other series cannot
                 predict.
         """
-        near, far = (self._gain(found, one, part) for one in (Partition.BETWEEN, self.far(once)))
+        near, far = (self._gain(found, one, part) for one in (Partition.BETWEEN, self._far(once)))
         return near, far
 
     def carries(self, found: Calibration, part: slice, once: bool = False) -> bool:
@@ -121,11 +124,12 @@ class LeftOutPoses:
 
     def as_good(self, one: Calibration, other: Calibration) -> bool:
         """Whether the first predicts held-out poses as well as the second, within chance."""
-        return self._less(one, other, self.far())[1] >= 0
+        return self._less(one, other, self._far())[1] >= 0
 
     def better(self, one: Calibration, other: Calibration) -> bool:
         """Whether the first certainly predicts held-out stations or parts of joint space better."""
-        return self._less(one, other, self.far(once=True))[0] > 0
+        at = Partition.STATION if Partition.STATION in self._parts else Partition.SPACE
+        return self._less(one, other, at)[0] > 0
 
     def _less(
         self, one: Calibration, other: Calibration, parting: Partition

@@ -246,14 +246,17 @@ def precision(mechanism: Mechanism, known: Prior) -> tuple[Array, float]:
 
 def _inverse(curve: Curve) -> tuple[Array, float]:
     """Prior precision of a curve's knots, and the log of its determinant."""
-    own, log_det = _of_unit_size(curve.first, curve.spacing, curve.count, curve.length)
+    shape = curve.first, curve.spacing, curve.count, curve.length, curve.screw != curve.joint
+    own, log_det = _of_unit_size(*shape)
     return own / curve.size**2, -log_det - 2 * curve.count * float(np.log(curve.size))
 
 
 @lru_cache(maxsize=64)
-def _of_unit_size(first: float, spacing: float, count: int, length: float) -> tuple[Array, float]:
+def _of_unit_size(
+    first: float, spacing: float, count: int, length: float, bed: bool
+) -> tuple[Array, float]:
     """Inverse correlation of the knots, and the log determinant of the correlation itself."""
-    own = linear.cholesky(Curve(0, first, spacing, count, length, 1.0, 0).shape())
+    own = linear.cholesky(Curve(0, first, spacing, count, length, 1.0, int(bed)).shape())
     return own.solve(np.eye(count)), own.log_det
 
 

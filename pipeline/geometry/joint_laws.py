@@ -126,7 +126,7 @@ class _NamedModel:
 def _candidates(base: Calibration, names: Sequence[CatalogueLaw]) -> list[JointLaw]:
     """Laws to be tested in addition to those of the catalogue."""
     known = {_key(one.law) for one in names}
-    bed = base.wanted.bed is not None  # motion along the rail belongs to the bed
+    bed = base.wanted.bed  # motion along the rail belongs to it
     every = law_tests.candidates(base.linear.inputs, base.mechanism.table.prismatic)
     return [
         law
@@ -153,9 +153,8 @@ def with_laws(
     """
     signs = law_tests.flips(data.readings, rng, rail=rail(base.mechanism.table))
     every = _candidates(base, names)
-    inputs, slides = base.linear.inputs, base.mechanism.table.prismatic
-    clues = law_tests.law_tests(law_tests.score(base, signs), inputs, every, slides.tolist())
-    bed = base.wanted.bed is not None
+    clues = law_tests.law_tests(base, signs, every, base.mechanism.table.prismatic.tolist())
+    bed = base.wanted.bed
     clues = [clue for clue in clues if clue.law is not None or not (bed and clue.joint == 1)]
     judge = LeftOutPoses(parts, rng)
     found, p = _of_own_angles(data, base, clues, judge)
@@ -214,11 +213,10 @@ def _of_all_else(
     free = [one for one in others if not any(_alike(one, law) for law in found.mechanism.laws)]
     adopted = refused = 0
     while adopted < _MOST_LAWS and refused < _REFUSED:
-        here, inputs = law_tests.score(found, signs), found.linear.inputs
-        left = law_tests.law_tests(here, inputs, free)
+        left = law_tests.law_tests(found, signs, free)
         if not left or left[0].p >= alarms.LAW or left[0].law is None:
             break
-        law = law_tests.sharpened(here, left[0].law, inputs)
+        law = law_tests.sharpened(found, left[0].law)
         new = (*found.mechanism.laws, law)
         more = data.identify(found.mechanism, replace(found.wanted, laws=new), found)
         if judge.carries(more, _of_law(more.mechanism, len(new) - 1), law.once):

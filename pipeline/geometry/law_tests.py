@@ -24,7 +24,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry import random_curve
 from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.estimate import ReadRows
+from pipeline.geometry.estimate import ReadRows, solved
 from pipeline.geometry.laws import Inputs, JointLaw, LawVariable
 from pipeline.geometry.mechanism import frame_of
 from pipeline.geometry.readings import PositionReadings
@@ -57,6 +57,7 @@ class _LawScore(Locked):
         u: z_j' e at each pose and joint, of the readings and then of the copies,
             shape (1 + copies, m, n).
         w: z_j' z_j, shape (m, n).
+        Z: z_j, shape (m, r, n).
         rows: The whitened rows of the estimate.
         P: z_j' D, shape (m, n, dense).
         Q: z_j' K, shape (m, n, 2 c).
@@ -69,6 +70,7 @@ class _LawScore(Locked):
 
     u: Array
     w: Array
+    Z: Array
     rows: ReadRows
     P: Array
     Q: Array
@@ -76,6 +78,10 @@ class _LawScore(Locked):
     left: Array
     copied: Array
     x: Array
+
+    def projected(self, left: Array, joint: int) -> Array:
+        """z_j' e of whitened residuals (m, r), shape (1, m)."""
+        return np.einsum("mr,mr->m", self.Z[..., joint], left)[None]
 
     def products(self, g: Array, joint: int) -> Array:
         """X' z_j g of columns g (m, k): their products with all that is estimated, (K, k)."""
@@ -108,7 +114,8 @@ def score(found: Calibration, signs: Array, copied: Array | None = None) -> _Law
         copied: Whitened residuals that the copies are made of, shape (m, r); by default those of
             the estimate.
     """
-    rows, cov = found.rows, found.solution.cov
+    rows = found.rows
+    cov = solved(rows, found.mechanism, found.known).cov  # without an unknown factor of all masses
     Z = rows.W @ found.linear.Z[:, found.linear.used, : found.mechanism.table.n]
     e = rows.y - rows.along(found.solution.x)
     left = _as_noise(rows.variance(cov), e if copied is None else copied)
@@ -129,7 +136,7 @@ def score(found: Calibration, signs: Array, copied: Array | None = None) -> _Law
         for k in range(K.shape[1]):
             beside += Q[:, joint, k, None] * x[dense:][rows.at[:, k]]
         u[1:, :, joint] = signs * own[:, joint] - beside.T
-    return _LawScore(u, np.einsum("mrn,mrn->mn", Z, Z), rows, P, Q, cov, e, left, x)
+    return _LawScore(u, np.einsum("mrn,mrn->mn", Z, Z), Z, rows, P, Q, cov, e, left, x)
 
 
 def _as_noise(H: Array, left: Array) -> Array:
@@ -271,31 +278,89 @@ class LawTest(Locked):
     p: float
 
 
-def _explained(here: _LawScore, laws: Sequence[JointLaw], inputs: Inputs) -> Array:
-    """T of laws of one joint, all with the same number of amplitudes, for readings and copies.
+@dataclass(frozen=True, eq=False)
+class _JointLaws(Locked):
+    """Laws of one joint with as many amplitudes k each, and what tests of them share.
 
-    Args:
-        here: Residuals.
-        laws: The laws.
-        inputs: Variables that they depend on.
-
-    Returns:
-        Shape (laws, 1 + copies).
+    Attributes:
+        laws: The l laws.
+        joint: Their joint, from 0.
+        g: Their functions at the poses, shape (m, l k).
+        shared: Products of their columns with all that is estimated, shape (K, l k).
+        inverse: Covariance of each law's amplitudes in addition to these, shape (l, k, k).
     """
-    joint, k = laws[0].joint - 1, laws[0].amplitudes
-    g = np.concatenate([law.basis(inputs) for law in laws], axis=1)
-    shared = here.products(g, joint)
-    known = here.cov @ shared
-    num = (here.u[:, :, joint] @ g).T.reshape(len(laws), k, -1)
-    whole, info = np.empty((len(laws), k)), np.empty((len(laws), k, k))
-    for a in range(k):
-        for b in range(k):
-            own = (g[:, a::k] * g[:, b::k]).T @ here.w[:, joint]
-            info[:, a, b] = own - np.einsum("dk,dk->k", shared[:, a::k], known[:, b::k])
-            if a == b:
-                whole[:, a] = own
-    inverse, _ = linear.left(info, np.maximum(whole, _NOTHING))
-    return np.asarray(np.einsum("lks,lkj,ljs->ls", num, inverse, num))
+
+    laws: tuple[JointLaw, ...]
+    joint: int
+    g: Array
+    shared: Array
+    inverse: Array
+
+    @classmethod
+    def of(cls, here: _LawScore, laws: Sequence[JointLaw], inputs: Inputs) -> _JointLaws:
+        joint, k = laws[0].joint - 1, laws[0].amplitudes
+        g = np.concatenate([law.basis(inputs) for law in laws], axis=1)
+        shared = here.products(g, joint)
+        known = here.cov @ shared
+        whole, info = np.empty((len(laws), k)), np.empty((len(laws), k, k))
+        for a in range(k):
+            for b in range(k):
+                own = (g[:, a::k] * g[:, b::k]).T @ here.w[:, joint]
+                info[:, a, b] = own - np.einsum("dk,dk->k", shared[:, a::k], known[:, b::k])
+                if a == b:
+                    whole[:, a] = own
+        return cls(tuple(laws), joint, g, shared, linear.left(info, np.maximum(whole, _NOTHING))[0])
+
+    def _score(self, u: Array) -> Array:
+        return (u @ self.g).T.reshape(*self.inverse.shape[:2], -1)
+
+    def explained(self, u: Array) -> Array:
+        """T of each law for projected residuals u of the joint (s, m), shape (l, s)."""
+        num = self._score(u)
+        return np.asarray(np.einsum("lks,lkj,ljs->ls", num, self.inverse, num))
+
+    def without(self, here: _LawScore, left: Array, which: int) -> Array:
+        """Whitened residuals (m, r) after an estimate with one of the laws."""
+        k = self.inverse.shape[1]
+        size = self.inverse[which] @ self._score(here.projected(left, self.joint))[which, :, 0]
+        own = slice(k * which, k * which + k)
+        moved = here.Z[..., self.joint] * (self.g[:, own] @ size)[:, None]
+        return left - moved + here.rows.along(here.cov @ (self.shared[:, own] @ size))
+
+
+def _of_joints(here: _LawScore, laws: Iterable[JointLaw], inputs: Inputs) -> list[_JointLaws]:
+    """Laws by joint and number of amplitudes."""
+    kinds: dict[tuple[int, int], list[JointLaw]] = {}
+    for law in laws:
+        kinds.setdefault((law.joint, law.amplitudes), []).append(law)
+    return [_JointLaws.of(here, kinds[kind], inputs) for kind in sorted(kinds)]
+
+
+def _without_laws(here: _LawScore, every: Sequence[_JointLaws]) -> Array:
+    """Whitened residuals after all laws that are significant by chi-square alone, (m, r).
+
+    In copies of residuals that contain a law it reaches a T of its own, and is hidden by it (ter
+    Braak, in Bootstrapping and Related Techniques, 1992).
+    """
+    left = here.left
+    for _ in range(_MOST_LAWS if every else 0):
+        T = [one.explained(here.projected(left, one.joint))[:, 0] for one in every]
+        p = [_by_chi_square(every, one, t.max()) for one, t in zip(every, T, strict=True)]
+        best = int(np.argmin(p))
+        if p[best] >= alarms.LAW:
+            break
+        left = every[best].without(here, left, int(np.argmax(T[best])))
+    return left
+
+
+_MOST_LAWS = 18
+"""Maximum number of laws that copies are freed of: three of each of six joints."""
+
+
+def _by_chi_square(every: Sequence[_JointLaws], one: _JointLaws, T: Array | float) -> Array:
+    """Probability that any of all laws reaches T of laws of one joint by chance (Bonferroni)."""
+    count = sum(len(each.laws) for each in every)
+    return np.asarray(count * special.gammaincc(0.5 * one.inverse.shape[1], 0.5 * T))
 
 
 _NOTHING = 1e-30
@@ -304,10 +369,10 @@ _NOTHING = 1e-30
 
 def _most_by_a_joint(here: _LawScore, inputs: Inputs) -> float:
     """The largest T of a step in time of any joint."""
-    every = range(1, inputs.q.shape[1] + 1)
+    steps = [law for j in range(inputs.q.shape[1]) for law in _steps_in_time(inputs, j + 1)]
     return max(
-        float(_explained(here, list(_steps_in_time(inputs, joint)), inputs)[:, 0].max())
-        for joint in every
+        float(one.explained(here.u[:1, :, one.joint]).max())
+        for one in _of_joints(here, steps, inputs)
     )
 
 
@@ -405,8 +470,9 @@ def _frames_moved(
     return _FramesMoved(poses, T, shared, np.einsum("pkl,pl->pk", inverse, num[:, :, 0]))
 
 
-def sharpened(here: _LawScore, law: JointLaw, inputs: Inputs) -> JointLaw:
+def sharpened(found: Calibration, law: JointLaw) -> JointLaw:
     """The order of a wave, or the pose of a step in time, that explains most near the one found."""
+    inputs = found.linear.inputs
     if law.once:
         pose = int(np.argmax(inputs.series + inputs.time > law.middle))
         near = list(_steps(inputs, law.joint, _near(inputs, pose)))
@@ -414,7 +480,8 @@ def sharpened(here: _LawScore, law: JointLaw, inputs: Inputs) -> JointLaw:
         near = [replace(law, order=order) for order in (law.order + NEAR).tolist() if order > 0]
     else:
         return law
-    T = _explained(here, near, inputs)[:, 0]
+    here = score(found, np.zeros((0, len(inputs.q))))
+    T = _JointLaws.of(here, near, inputs).explained(here.u[:, :, law.joint - 1])
     return near[int(np.argmax(T))]
 
 
@@ -436,42 +503,44 @@ def _curved(here: _LawScore, joint: int, q: Array, slides: bool) -> Array:
 
 
 def law_tests(
-    here: _LawScore, inputs: Inputs, laws: Sequence[JointLaw], bent: Sequence[bool] = ()
+    found: Calibration, signs: Array, laws: Sequence[JointLaw], bent: Sequence[bool] = ()
 ) -> list[LawTest]:
     """Tests of all laws and curves, those of the joint that is the least likely by chance first.
 
     Of the significant ones of a joint the one that explains most comes first.
 
-    Each T is standardised by its values in the copies. p is the probability of the largest of all
-    standardised values being as large: from its rank among the copies, and beyond them from an
-    extreme-value distribution fitted to them. It is at least that of T by chi-square: copies of a
-    step that a rail explains reach 0.01, and one of 2 had p = 1e-27.
+    Each T is standardised by its values in the copies, which for laws are made of the residuals
+    after all that is certainly one. p is the probability of the largest of all standardised values
+    being as large: from its rank among the copies, and beyond them from an extreme-value
+    distribution fitted to them. It is at least that of T by chi-square against all laws.
 
     Args:
-        here: Residuals.
-        inputs: Variables that laws depend on.
+        found: The estimate.
+        signs: Signs of the copies, shape (copies, m).
         laws: Laws that are tried.
         bent: For each joint whether it slides, where curves are to be tried, too; else empty.
     """
-    of: list[tuple[JointLaw | None, int]] = []
+    inputs, plain = found.linear.inputs, score(found, signs[:0])
+    tried = _of_joints(plain, laws, inputs)
+    here = score(found, signs, _without_laws(plain, tried))
+    of: list[tuple[JointLaw | None, int, float, float]] = []
     T: list[Array] = []
-    for kind in sorted({(law.joint, law.amplitudes) for law in laws}):
-        mine = [law for law in laws if (law.joint, law.amplitudes) == kind]
-        T.append(_explained(here, mine, inputs))
-        of += [(law, law.joint) for law in mine]
+    for one in tried:
+        each = one.explained(here.u[:, :, one.joint])
+        T.append(each)
+        least = _by_chi_square(tried, one, each[:, 0])
+        of += zip(one.laws, [one.joint + 1] * len(each), each[:, 0], least, strict=True)
+    plain = score(found, signs) if len(bent) else plain  # no chi-square bounds p of a curve
     for joint, slides in enumerate(bent):
-        T.append(_curved(here, joint, inputs.q, slides)[None])
-        of.append((None, joint + 1))
+        each = _curved(plain, joint, inputs.q, slides)
+        T.append(each[None])
+        of.append((None, joint + 1, each[0], 0.0))
     if not of:
         return []
-    every = np.concatenate(T)
-    half = np.array([0.5 * law.amplitudes if law else 0.0 for law, _ in of])  # 0: a curve, p >= 0
-    p = np.maximum(beyond_copies(every), special.gammaincc(half, 0.5 * every[:, 0]))
-    found = [
-        LawTest(law, joint, float(t), float(chance))
-        for (law, joint), t, chance in zip(of, every[:, 0], p, strict=True)
-    ]
-    return _least_likely_first(found)
+    return _least_likely_first([
+        LawTest(law, joint, float(t), float(min(max(p, least), 1.0)))
+        for (law, joint, t, least), p in zip(of, beyond_copies(np.concatenate(T)), strict=True)
+    ])  # fmt: skip
 
 
 def _least_likely_first(found: Sequence[LawTest]) -> list[LawTest]:

@@ -31,8 +31,10 @@ LENGTHS = {
 """Lengths l that are tried, for sliding [m] and rotary joints [rad]; the likeliest is taken. A
 robot's gear has some ten to forty error periods per turn of its joint."""
 
-BED = (0.5, 1.0, 2.0, 4.0)
-"""Lengths l that are tried for the bed of a rail [m]: it is laid in pieces of some metres."""
+_BED = np.array([0.5, 1.0, 2.0, 4.0])
+"""Lengths l in the covariance of a rail's bed [m], each with a variance in proportion to it: its
+spectrum falls with the square of the spatial frequency, as that of roads in ISO 8608. Few stations
+do not tell one length, and what lies between them depends on it."""
 
 _NUGGET = 1e-9
 """Fraction of the variance that is independent at each knot [1], for numerical stability."""
@@ -47,7 +49,7 @@ class Curve(Locked):
         first: Joint value of the first knot [m] or [rad].
         spacing: Spacing of the knots [m] or [rad].
         count: Number of knots.
-        length: Correlation length l, in the same unit.
+        length: Correlation length l, in the same unit; for a bed the longest of several.
         size: s, the prior standard deviation of the curve [m] or [rad].
         screw: Motion that it adds to: a joint from 0, or from n on one of six motions of the rail's
             bed.
@@ -69,7 +71,9 @@ class Curve(Locked):
     def shape(self) -> Array:
         """Correlation of the knots, i.e. covariance over s^2, shape (count, count)."""
         x = self.knots
-        return matern(x[:, None] - x, self.length) + _NUGGET * np.eye(self.count)
+        apart = x[:, None] - x
+        of = matern(apart, self.length) if self.screw == self.joint else _of_bed(apart)
+        return of + _NUGGET * np.eye(self.count)
 
     def between(self, q: Array) -> tuple[Ints, Array, Array]:
         """Knot before each joint value (m,), and the weights of it and of the next, (m,) each.
@@ -100,17 +104,29 @@ class Curve(Locked):
         return np.asarray(one * knots[knot] + two * knots[knot + 1])
 
 
-def matern(distance: Array, length: float) -> Array:
+def matern(distance: Array, length: Array | float) -> Array:
     """Correlation of the curve between two joint values at a distance."""
     a = np.sqrt(3.0) * np.abs(distance) / length
     return np.asarray((1 + a) * np.exp(-a))
 
 
-def over(
-    joint: int, q: Array, slides: bool, length: float, size: float, screw: int | None = None
-) -> Curve:
-    """A curve over the range of a joint's values (m,), added to its own motion or to `screw`."""
+def _of_bed(distance: Array) -> Array:
+    """Correlation of a bed's deviation between two places at a distance [m]."""
+    return np.asarray(matern(distance[..., None], _BED) @ (_BED / _BED.sum()))
+
+
+def over(joint: int, q: Array, slides: bool, length: float, size: float) -> Curve:
+    """A curve over the range of a joint's values (m,), added to its own motion."""
     spacing = max(_SPACING[slides], length / _TO_A_LENGTH)
+    return Curve(joint, *_knots(q, spacing), length, size, joint)
+
+
+def along_bed(q: Array, size: float, screw: int) -> Curve:
+    """A curve over the positions of a carriage (m,) [m], added to a motion of the bed."""
+    return Curve(0, *_knots(q, float(_BED[0]) / _TO_A_LENGTH), float(_BED[-1]), size, screw)
+
+
+def _knots(q: Array, spacing: float) -> tuple[float, float, int]:
+    """First knot, spacing and number of knots over a range of values."""
     first = float(q.min()) - spacing
-    count = int(np.ceil((q.max() - first) / spacing)) + 2
-    return Curve(joint, first, spacing, count, length, size, joint if screw is None else screw)
+    return first, spacing, int(np.ceil((q.max() - first) / spacing)) + 2

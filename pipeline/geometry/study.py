@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.bootstrap import interval
-from pipeline.geometry import law_tests, left_out, outliers, random_curve
+from pipeline.geometry import law_tests, left_out, outliers
 from pipeline.geometry.calibrate import Calibration, ModelStructure, likeliest, tried
 from pipeline.geometry.catalogue_causes import (
     OTHER_MASSES,
@@ -40,7 +40,7 @@ from pipeline.geometry.joint_laws import LawSearchData, NamedLaw, with_laws
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout, linearised
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import start
-from pipeline.geometry.yielding import other_forms, usual, yielding
+from pipeline.geometry.yielding import balanced, other_forms, usual, yielding
 from pipeline.machine.effects._anatomy import rail
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
@@ -177,6 +177,13 @@ def study(
     data, base, late = _without_blunders(every, data, base, gross)
     parts = partings(data.readings, rng, rail(robot))
     whole = with_laws(data, base, names, parts, rng)
+    hidden = balanced(robot) and not other  # where a balancer hides what the links weigh
+    if hidden and (trial := _otherwise(data, whole.found, rng)):
+        wanted = replace(base.wanted, moments=True)
+        begin_at = data.identify(trial.found.mechanism, wanted, trial.found)
+        again = with_laws(data, begin_at, names, parts, rng)
+        if other := _weigh(whole.found, again.found, rng):  # each at the end of its own search
+            base, whole = begin_at, again
     before = data
     # curves reveal outliers that springs leave hidden
     data, found, late = _without_blunders(every, data, whole.found, late.which)
@@ -223,9 +230,8 @@ def _weigh(before: Calibration, after: Calibration, rng: np.random.Generator) ->
     if after is before or p >= alarms.SUSPECT:
         return None
     parts = partings(after.readings, rng, rail(after.mechanism.table))
-    near, far = (
-        _gain(before, after, parts[one], rng) for one in (Partition.BETWEEN, next(reversed(parts)))
-    )
+    last = Partition.SERIES if Partition.SERIES in parts else Partition.SPACE
+    near, far = (_gain(before, after, parts[one], rng) for one in (Partition.BETWEEN, last))
     return _Weighed(after, p, (near, far)) if near.sure and far.sure else None
 
 
@@ -254,30 +260,18 @@ def _base(data: LawSearchData, begun: Mechanism) -> tuple[Calibration, tuple[Cat
     tau = linearised(data.readings, tried, data.weights).inputs.tau
     names = listed(robot, data.readings.q, tau)
     yields = yielding(robot, tau) if heavy else ()
-    wanted = ModelStructure(springs=heavy, yields=yields, moments=moments,
+    wanted = ModelStructure(springs=heavy, yields=yields, moments=moments, bed=rail(robot),
                             laws=tuple(one.law for one in names))  # fmt: skip
     table = data.identify(begun, ModelStructure(springs=False))
-    if not rail(robot):
-        found = data.identify(table.mechanism, wanted, table)
-        best = _formed(found, found.wanted, None)
-    else:
-        found = data.identify(table.mechanism, replace(wanted, bed=random_curve.BED[1]), table)
-        beds = [replace(wanted, bed=length) for length in random_curve.BED]
-        best = _formed(found, *likeliest(found, beds, least=_SURELY))
+    found = data.identify(table.mechanism, wanted, table)
+    best = _formed(found)
     now = found if best == found.wanted else data.identify(found.mechanism, best, found)
     return now, names
 
 
-_SURELY = float(np.log(20.0))
-"""Growth of the log evidence without which the curves of a bed stay as short as they are: few
-stations do not tell their length, and a longer one would promise what lies between stations."""
-
-
-def _formed(found: Calibration, wanted: ModelStructure, known: float | None) -> ModelStructure:
-    """The structure with the likeliest form of each gear law that the readings show.
-
-    `known` is the evidence of `wanted`, if it is known.
-    """
+def _formed(found: Calibration) -> ModelStructure:
+    """The structure with the likeliest form of each gear law that the readings show."""
+    wanted, known = found.wanted, None
     there, tau = found.mechanism, found.linear.inputs.tau
     x, std = found.solution.x, np.sqrt(np.diag(found.solution.cov))
     at = layout(there).yields.start

@@ -21,6 +21,7 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import columns as covariance_columns
 from pipeline.base.errors import InputError, listed
 from pipeline.base.patterns import fits, is_glob, natural
+from pipeline.base.strict import LEAST_FORCE
 from pipeline.base.threads import WORTH_A_THREAD, both
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
@@ -198,7 +199,10 @@ def _raw(
     whole, loads = _pulls.complete(weighed, settings, loads, joints)
     seen = np.bincount(whole.slot + 1, minlength=len(whole.pose) + 1)[1:] > 0
     used = np.isin(joints.number["pose"], numbered(whole.pose[seen])[0])
-    joints = joints.only(used, "no usable reading has this pose; measure it or remove the row")
+    known = used | ~_is_test_pose(settings, robot, joints)
+    joints = joints.kept(known).only(
+        used[known], "no usable reading has this pose; measure it or remove the row"
+    )
     if not len(loads.line):
         raise _nothing_left(causes or whole.rejected)
     return _Ingested(
@@ -220,8 +224,21 @@ def _raw(
     )
 
 
+def _is_test_pose(settings: Settings, robot: Robot, joints: logs.Log) -> Bools:
+    """Rows of the joint log with the joint values of [test_pose], to what a pendant shows."""
+    if settings.test_pose is None:
+        return np.zeros(len(joints.line), dtype=bool)
+    q = np.stack([joints.number[joint.name] for joint in robot.joints], axis=1)
+    off = np.abs(q - settings.test_pose.joint_values(robot))
+    return np.asarray((off < np.where(robot.prismatic, _PENDANT_M, _PENDANT_RAD)).all(axis=1))
+
+
+_PENDANT_M, _PENDANT_RAD = 1e-5, 1e-4
+"""Resolution of joint values on the pendant of a controller: 0.01 mm [m], 0.005 deg [rad]."""
+
+
 def _known_loads(settings: Settings, loads: logs.Log) -> logs.Log:
-    """Rows whose scale or payload is defined in campaign.toml.
+    """Rows whose scale or payload is defined in campaign.toml, with the force that was pulled.
 
     Raises:
         InputError: A chain pulls, and there is no table [scale].
@@ -234,7 +251,11 @@ def _known_loads(settings: Settings, loads: logs.Log) -> logs.Log:
             file=loads.file,
             line=int(loads.line[pulled[0]]),
         )
-    known = listed(settings.payload) or "none"
+    scale, known = settings.loads_log, listed(settings.payload) or "none"
+    force = (loads.number["force"] - scale.zero_n) / scale.gain
+    loads = replace(loads, number={**loads.number, "force": force}).only(
+        ~(force < LEAST_FORCE), "the force is not above what [scale] zero_n says; correct either"
+    )
     return loads.where(
         "payload",
         lambda names: np.isin(names, ["", *settings.payload]),

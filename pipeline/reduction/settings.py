@@ -162,10 +162,14 @@ class Naming(Strict):
 class Scale(LogForm):
     """The spring scale: its log, which holds weights and payloads too, and its uncertainty.
 
-    Serial number, certificate (ISO 376) and its date are kept and shown, not evaluated.
+    A scale that shows `zero_n` with nothing on it, and `gain` newtons for each further one, pulls
+    with (reading - zero_n) / gain. Serial number, certificate (ISO 376) and its date are kept and
+    shown, not evaluated.
     """
 
     file: FileName = "loads.csv"
+    zero_n: Annotated[float, Field(ge=-1e4, le=1e4)] = 0.0
+    gain: Annotated[float, Field(ge=0.5, le=2.0)] = 1.0
     sigma_n: ForceUncertainty = 0.0
     sigma_rel: Relative = 0.0
     gain_sigma: Relative = 0.0

@@ -175,3 +175,18 @@ def test_an_anchor_that_stands_still_repeats_itself_by_chance(files, digits):
     found = repeated(asked(ingested(in_memory(changed), conformed, plain, plausible=False)))
 
     assert not [one.where for one in found if one.where.endswith("/Pl2")]
+
+
+def test_an_anchor_read_once_stands_for_every_pose(files):
+    """Its reading is copied to all groups, with all digits; no pull is left out for that."""
+    rows = list(csv.reader(io.StringIO(files["tracker.csv"].decode())))
+    ends = [row for row in rows if row[1] == "Pl2"]
+    for row in ends[1:]:
+        row[2:5] = ends[0][2:5]
+    text = io.StringIO(newline="")
+    csv.writer(text).writerows(rows)
+    changed = {**files, "tracker.csv": text.getvalue().encode()}
+
+    found = repeated(asked(ingested(in_memory(changed), conformed, plain, plausible=False)))
+
+    assert not found

@@ -2,9 +2,16 @@
 
 import numpy as np
 import pytest
-from test_geometry import made
+from test_geometry import made, weightless
 
-from pipeline.geometry.law_tests import _as_noise, flips
+from pipeline.geometry.calibrate import ModelStructure
+from pipeline.geometry.initial import begin
+from pipeline.geometry.joint_laws import LawSearchData
+from pipeline.geometry.law_tests import _as_noise, flips, law_tests
+from pipeline.geometry.laws import JointLaw
+from pipeline.geometry.scatter import start
+from pipeline.machine.robot import load
+from pipeline.system.alarms import LAW
 
 POSES, ROWS, KNOWN, DRAWS = 30, 9, 60, 300
 
@@ -35,3 +42,22 @@ def test_copies_of_few_poses_differ(poses):
     kinds = np.unique(signs * signs[:, :1], axis=0)
 
     assert len(kinds) > 0.99 * len(signs)
+
+
+def rippling(q):
+    """A wave of 60 microradians in each joint, 16 periods per turn."""
+    return 6e-5 * np.sin(16.0 * q + np.arange(6))
+
+
+def test_waves_do_not_hide_themselves_in_the_copies():
+    """The ripples of all six joints are significant at once."""
+    rng = np.random.default_rng(3)
+    robot, readings = load("ur10"), made(120, rng, rippling)
+    data = LawSearchData(readings, weightless(120), (np.nan, np.nan), start(robot, None))
+    found = data.identify(begin(robot, readings, {}), ModelStructure(springs=False))
+    laws = [JointLaw(j, "periodic", "angle", j, n) for j in range(1, 7) for n in range(4, 65)]
+
+    tests = law_tests(found, flips(readings, rng), laws)
+
+    sure = {one.joint for one in tests if one.p < LAW and one.law.order == 16}
+    assert sure == {1, 2, 3, 4, 5, 6}
