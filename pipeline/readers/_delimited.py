@@ -118,10 +118,16 @@ _UNIT_BEHIND = re.compile(r"(.*[0-9.,])\s*([^\W\d_]+|°)")
 
 
 def _without(cells: pa.StringArray, field: Field) -> tuple[pa.StringArray, Array | None]:
-    """Remove units after numbers; the factor of each to the unit of the column, shape (n,).
+    """Remove a name before numbers, and units after them.
 
-    None if no cell has one of the known units.
+    Returns:
+        The cells, and the factor of each to the unit of the column, shape (n,); None if no cell has
+        one of the known units.
     """
+    if field.named:
+        names = pc.extract_regex(cells, r"^(?P<name>\pL+[ _-]?)(?P<number>\d+)$")
+        if len({*pc.struct_field(names.drop_null(), "name").to_pylist()}) == 1:
+            cells = pc.if_else(names.is_valid(), pc.struct_field(names, "number"), cells)
     if field.unit and field.unit.lower() not in field.units:
         return pc.replace_substring_regex(cells, rf"(?i)\s*{re.escape(field.unit)}$", ""), None
     ends = pc.match_substring_regex(cells, r"[0-9.,]\s*(\pL+|°)$") if field.units else None

@@ -136,6 +136,7 @@ def typed(file: Titled, wanted: Sequence[Quantity], stated: LogForm, where: str 
                 q.kind,
                 q.needed and q.filled and not q.carried,
                 unit=behind[title],
+                named=q.stem == "pose",
                 units={unit: factor / si for unit, factor in q.units.items()},
             )
             for q, title, si in there

@@ -91,3 +91,18 @@ def test_a_unit_behind_every_number_against_the_title():
     rows, _ = read("pose,repeat,force [kN]\n1,1,700 N\n1,2,800 N\n")
 
     assert [row[2] for row in rows] == [pytest.approx(700.0), pytest.approx(800.0)]
+
+
+@pytest.mark.parametrize(("one", "two"), [("P01", "P02"), ("Pose 1", "Pose 2"), ("p_1", "2")])
+def test_the_number_of_a_pose_may_have_a_name(one, two):
+    rows, log = read(f"pose,repeat,force_n\n{one},1,700\n{one},2,800\n{two},1,500\n")
+
+    assert [row[:2] for row in rows] == [(1, 1), (1, 2), (2, 1)]
+    assert not log.rejected
+
+
+def test_names_that_differ_are_no_poses():
+    """A2 is not the pose of B2."""
+    _, log = read("pose,repeat,force_n\nA1,1,700\nB1,2,800\n2,1,500\n")
+
+    assert [n for _, n, _ in log.rejected] == [2, 3]
