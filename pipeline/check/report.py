@@ -472,9 +472,10 @@ def _remarks_of(name: str, data: bytes, stated: LogForm, robot: Robot | None = N
     holds = has_load if robot is None else partial(has_joints, robot)
     section = "scale" if robot is None else "joints"
     file = opened(name, data, stated, section, POSE.stem, holds)
-    pose, repeat = replace(POSE, filled=False), replace(REPEAT, needed=False)
+    carried = robot is None and "group" not in file.titles
+    pose, repeat = replace(POSE, filled=False, carried=carried), replace(REPEAT, needed=False)
     log = _log_table.typed(file, [pose, repeat, REMARK], stated, section)
-    out = []
+    out = [*log.notes]
     for k in np.flatnonzero(log.word.get("remark", np.array([])) != ""):
         where = [f"{what} {log.number[what][k]:.0f}" for what in ("pose", "repeat")
                  if what in log.number and np.isfinite(log.number[what][k])]  # fmt: skip

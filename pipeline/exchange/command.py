@@ -25,7 +25,10 @@ the ten digits of a URDF are a nanometre on any robot."""
 def robot(
     file: Annotated[
         Path | None,
-        Argument(metavar="FILE.urdf", help="URDF of the robot; with --list part of a name, kuka."),
+        Argument(
+            metavar="FILE.urdf",
+            help="URDF of the robot; with --list part of a name, kuka; with --rail a name.",
+        ),
     ] = None,
     base: Annotated[str | None, Option(help="Link whose frame is the base frame F_b.")] = None,
     flange: Annotated[str | None, Option(help="Link whose frame is the flange frame.")] = None,
@@ -42,20 +45,39 @@ def robot(
         str | None,
         Option("--show", metavar="NAME", help="Print the robot file of one, to start from."),
     ] = None,
+    rail: Annotated[
+        str | None,
+        Option(
+            metavar="AXIS",
+            help="Put one that ships on a rail along this axis of F_b: x, y, "
+            "-x or -y, for growing E1.",
+        ),
+    ] = None,
+    turn: Annotated[
+        float, Option(help="With --rail: angle from F_b to the arm's base about z [deg].")
+    ] = 0.0,
+    foot: Annotated[
+        str, Option(metavar="X,Y,Z", help="With --rail: the arm's foot in F_b at E1 = 0 [m].")
+    ] = "0,0,0",
     draw: Annotated[
         Path | None,
         Option(metavar="FILE.svg", help="With --list or --show: draw them, from the side."),
     ] = None,
 ) -> None:
-    """List the robots that ship, show one, or make a robot file from a URDF and verify it."""
+    """List the robots that ship, show one or put it on a rail, or make a robot file from a URDF."""
     if every or shown is not None:
         _of_ours(str(file or "") if every else shown or "", every, draw)
         return
     if draw is not None:
         raise UsageError("--draw draws robots that ship: add --list, or --show NAME")
+    if rail is not None:
+        _refuse(output, ".toml", "a robot file")
+        _given(_with_rail(str(file or ""), rail, turn, foot), output)
+        return
     if file is None or base is None or flange is None:
         raise UsageError(
-            "give a URDF with --base and --flange, or --list, or --show NAME for a robot that ships"
+            "give a URDF with --base and --flange, or --list, or --show NAME for a robot that "
+            "ships, or NAME --rail AXIS"
         )
     _refuse(output, ".toml", "a robot file")
     text, found = made(file, base, flange, payload)
@@ -73,6 +95,25 @@ def _of_ours(name: str, every: bool, draw: Path | None) -> None:
         typer.echo(_drawn(draw, name, every))
     else:
         typer.echo("\n".join(_listing(name)) if every else _shipped(name))
+
+
+def _with_rail(name: str, way: str, turn_deg: float, foot: str) -> str:
+    """The robot file of an arm that ships, on a rail.
+
+    Raises:
+        UsageError: There is no such arm or axis, or the foot is no three numbers.
+    """
+    from pipeline.exchange.on_rail import WAYS, on_rail
+    from pipeline.machine.robot import load
+
+    _shipped(name)
+    try:
+        x, y, z = map(float, foot.split(","))
+    except ValueError:
+        raise UsageError(f'--foot "{foot}" is no x,y,z in metres: write 0,0,0.57') from None
+    if way not in WAYS:
+        raise UsageError(f'--rail "{way}" is no axis of F_b: use {", ".join(WAYS)}')
+    return on_rail(load(name), way, turn_deg, (x, y, z))
 
 
 def _given(text: str, output: Path | None) -> None:

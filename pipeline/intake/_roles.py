@@ -33,6 +33,7 @@ from pipeline.intake._polar import Polar
 from pipeline.intake._sheet import Sheet, cells_of
 from pipeline.readers._cells import is_number
 from pipeline.readers._layout import JOINT
+from pipeline.readers._units import ANGLE_WORDS
 from pipeline.readers.logs import SCALE
 
 _INSTRUMENT = re.compile(r"(instrument|station|tracker|stn|standpunkt)[ _:-]*\w*", re.IGNORECASE)
@@ -94,8 +95,17 @@ def readings(table: SheetTable, kind: str | None, unit: str | None) -> list[Role
         with at(line=table.sheet.header):
             no_level_range(table.sheet.titles)
     found = _by_numbers(table, number, kind, unit)
+    if sure := [one for one in found if _by_units(table, one)]:
+        return _sole([replace(one, open=None) for one in sure])
     others = any(table.named[k].title for k in number if table.named[k].role != "target")
     return _doubted(found) if "x" in called or table.sheet.stray or others else found
+
+
+def _by_units(table: SheetTable, one: RoleAssignment) -> bool:
+    """Whether titles state the units of a distance and two angles, whatever their words."""
+    units = [table.named[k].unit for k in one.places("range", "azimuth", "vertical")]
+    angles = [unit in ANGLE_WORDS.values() for unit in units]
+    return angles == [False, True, True] and bool(units[0])
 
 
 def _doubted(

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 import jinja2
 
 from pipeline.base import files, toml
+from pipeline.base.doors import opened
 from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.base.patterns import natural
 from pipeline.base.quantities import plain
@@ -83,6 +84,8 @@ class KnownData:
 def write(folder: Path, proposal: FilesProposal, known: KnownData) -> list[str]:
     """Write campaign.toml, and empty logs if there are none; return what is still open.
 
+    What was filled in before, in one that is still open, is kept.
+
     Args:
         folder: Of the campaign.
         proposal: What its files say.
@@ -99,6 +102,8 @@ def write(folder: Path, proposal: FilesProposal, known: KnownData) -> list[str]:
         columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]
         files.write(folder / "loads.csv", b"pose,repeat,force_n,branch\n")
         files.write(folder / "joints.csv", f"pose,{','.join(columns)},approach\n".encode())
+    if old := open_text(folder):
+        text = opened("pipeline.page.entries:carried_over")(old, text)
     files.write(folder / "campaign.toml", text.encode())
     return [f"{name} (line {line})" for line, name in unfilled(text).items()]
 
@@ -320,7 +325,8 @@ def vacant(root: Path, name: str) -> Path:
     """The folder for a campaign of this name; there may be files in it already.
 
     Raises:
-        UsageError: The name cannot name a folder, or there is a campaign in it already.
+        UsageError: The name cannot name a folder, or there is a campaign in it already that leaves
+            nothing open.
     """
     if why := unfit(name):
         raise UsageError(
@@ -333,13 +339,23 @@ def vacant(root: Path, name: str) -> Path:
                 f"{folder} is a rehearsal (simulated = true): `pipeline remove {typed(name)}` puts "
                 "it away, then type this again; or choose another name"
             )
-        raise UsageError(
-            f"{folder} has a campaign.toml already: fill that in, or remove it and type "
-            f"`pipeline init {typed(name)}` again to have it written for the files that lie there"
-        )
+        if not open_text(folder):
+            raise UsageError(
+                f"{folder} has a campaign.toml already: `pipeline check {typed(name)}` is next, or "
+                f"remove it and type `pipeline init {typed(name)}` again to have it written anew"
+            )
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is there already: choose another name")
     return folder
+
+
+def open_text(folder: Path) -> str:
+    """Its campaign.toml, if entries of it are still to be filled in; else empty."""
+    from pipeline.reduction.settings import unfilled
+
+    path = folder / "campaign.toml"
+    text = files.words(path, path.name, toml.LARGEST_TEXT) if path.exists() else ""
+    return text if unfilled(text) else ""
 
 
 def _rehearsed(folder: Path) -> bool:

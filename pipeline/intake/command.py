@@ -95,6 +95,11 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     if robot is not None:
         robot = blank.brought(folder, robot)
         blank.known(root, folder.name, robot)
+    if old := blank.open_text(folder):
+        stated = stated or folder / "campaign.toml"
+        robot = robot or _robot_before(root, folder, old)
+        _tell("campaign.toml is written again for the files that are there; what was filled in is "
+              "kept.")  # fmt: skip
     hints = _stated(stated)
     files, passed = _looked_at(root, folder, hints)
     given, wrong = filled_in(files)
@@ -104,6 +109,8 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
         _tell(line)
     if robot is None:
         robot = _named(root, folder, given) or _robot(root, folder, proposal, ask)
+    if robot is None:
+        _propose_rail(folder, proposal, files)
     known = _all_known(proposal, robot, given, ask)
     if made := blank.simulated(root, folder.name, files):
         known = replace(known, simulated=True)
@@ -112,7 +119,7 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     typer.echo(folder)
     if proposal.nothing:
         _tell("No exports or logs lie there yet. To have campaign.toml written for files of other "
-              "programs, copy them there, remove it, and type "
+              "programs, copy them there and type "
               f"`pipeline init {typed(folder.name)}` again.")  # fmt: skip
     todo = f"Still open in campaign.toml: {listed(left, most=40)}; fill it in, then" if left else ""
     _tell(f"{todo or 'Next'}: pipeline check {typed(folder.name)}")
@@ -162,6 +169,34 @@ def _named(root: Path, folder: Path, given: KnownData) -> str | None:
         _tell(f"The sheet is for {name}: copy that robot file into {folder}, and type this again.")
         return None
     return name or None
+
+
+def _propose_rail(folder: Path, proposal: FilesProposal, files: Mapping[str, bytes]) -> None:
+    """Name the command for an arm that files name, where the joint log has a rail."""
+    from pipeline.intake.which_logs import called
+    from pipeline.machine.robot import SHIPPED, load
+
+    arms = [name for name in called(files, SHIPPED) if not load(name).prismatic.any()]
+    railed = [one for one in proposal.robots if one in SHIPPED and load(one).prismatic.any()]
+    if arms and railed and not proposal.called:
+        _tell(
+            f"{arms[0]} ships without the rail that {proposal.joints} has. Type `pipeline robot "
+            f"{arms[0]} --rail y --output {typed(str(folder / f'{arms[0]}_rail.toml'))}` (y or the "
+            "other direction of F_b in which it moves), and this again."
+        )
+
+
+def _robot_before(root: Path, folder: Path, text: str) -> str | None:
+    """The robot that a campaign.toml names, if it is known."""
+    from pipeline.base import toml
+    from pipeline.intake import blank
+
+    name = toml.loads(text, "campaign.toml").get("robot")
+    with contextlib.suppress(UsageError):
+        if isinstance(name, str):
+            blank.known(root, folder.name, name)
+            return name
+    return None
 
 
 def _stated(path: Path | None) -> ExportSettings:

@@ -25,8 +25,9 @@ from pipeline.base.patterns import is_glob, natural
 from pipeline.intake import log_columns, nominal
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._names_by_place import NEAR
+from pipeline.intake._prose import PROSE, is_prose
 from pipeline.intake._separators import LOOKED_AT, separators
-from pipeline.intake.nominal import NominalPlaces
+from pipeline.intake.nominal import NominalPlaces, PlaceTable
 from pipeline.intake.offer import Offer, as_table, offer
 from pipeline.intake.question import ColumnRole
 from pipeline.intake.which_logs import LogFiles, called, propose_logs, unsure
@@ -37,6 +38,8 @@ from pipeline.readers.export_settings import GroupNames, LogForm
 
 _NO_HINTS = ExportSettings()
 _TWO_LEVELS = re.compile(b"::.*::")
+_PARTS = re.compile(r"[\W_]+")
+"""What separates the parts of a name: B1 is read as B1_tour1, too."""
 _MANY = 4
 """Minimum number of exports that a glob stands for."""
 _SHOWN = 8
@@ -68,7 +71,7 @@ class FilesProposal(LogFiles):
         apart_m: Distances between measured targets as read [m], by both names; empty while a unit
             or angle is open.
         base_apart_m: The same between base reflectors.
-        targets: Names of all targets of the exports.
+        words: Names of all targets of the exports, and the parts of all their names.
         called: Those of the robots whose type is named in files.
         nominal: Places of reflectors that other files state.
     """
@@ -89,7 +92,7 @@ class FilesProposal(LogFiles):
     base: tuple[str, ...] = ()
     apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
     base_apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
-    targets: tuple[str, ...] = ()
+    words: frozenset[str] = frozenset()
     called: tuple[str, ...] = ()
     nominal: NominalPlaces = field(default_factory=NominalPlaces)
 
@@ -119,11 +122,11 @@ def propose(
         hints: Statements so far on an export that leaves more open than its unit.
         unloaded: The word of the unloaded state in group names, where they leave it open.
     """
-    lists = nominal.tables(files)
+    lists = _no_exports(nominal.tables(files))
     while lists:  # beside an export of the same targets
         others = {name: data for name, data in files.items() if name not in lists}
         said = _proposed(others, hints or ExportSettings(), unloaded)
-        fitting = {k: one for k, one in lists.items() if nominal.may_be_of(one, said.targets)}
+        fitting = {k: one for k, one in lists.items() if nominal.may_be_of(one, said.words)}
         if fitting.keys() == lists.keys():
             apart_m = said.apart_m | said.base_apart_m
             found = nominal.placed(lists, said.measured, said.base, apart_m)
@@ -131,6 +134,19 @@ def propose(
         lists = fitting
     said = _proposed(files, hints or ExportSettings(), unloaded)
     return replace(said, called=called(files, said.robots))
+
+
+def _no_exports(lists: Mapping[str, PlaceTable]) -> dict[str, PlaceTable]:
+    """The lists whose names do not contain those of another, as B1_tour1 does B1."""
+    parts = {
+        name: {part for one in table.numbers for part in _PARTS.split(one) if part != one}
+        for name, table in lists.items()
+    }
+    return {
+        name: table
+        for name, table in lists.items()
+        if not any(nominal.may_be_of(other, parts[name]) for other in lists.values())
+    }
 
 
 def _proposed(
@@ -157,7 +173,7 @@ def _proposed(
         named,
         apart_m=named.apart_m if sized else {},
         base_apart_m=named.base_apart_m if sized else {},
-        targets=tuple(_all_targets(exports)),
+        words=_words(exports),
         nameless=_lacking(exports),
         by_file=by_file,
         patterns=_patterns([*found.exports], [*files]),
@@ -201,7 +217,7 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
             reach += largest
         except InputError as problem:
             if name not in known:
-                refused[name] = problem.thing
+                refused[name] = PROSE if is_prose(name, data) else problem.thing
     return _Exports(exports, tuple(reach), refused)
 
 
@@ -224,7 +240,9 @@ def _offered(files: Mapping[str, bytes], found: _Exports, hints: ExportSettings)
     offers = _offers(files, found, hints)
     entries = {name: one for name, one in offers.items() if _tells(one[1])}
     offers = entries if len(entries) == 1 else offers
-    if len(offers) != 1:
+    if len(offers) > 1:
+        return _of_one_form(files, found, offers)
+    if not offers:
         return found
     ((name, (one, export)),) = offers.items()
     one = _named_by_groups(one) if entries else one
@@ -235,13 +253,35 @@ def _offered(files: Mapping[str, bytes], found: _Exports, hints: ExportSettings)
     return _Exports({name: export}, (largest,) if unsaid else (), refused, one)
 
 
+def _of_one_form(
+    files: Mapping[str, bytes], found: _Exports, offers: Mapping[str, tuple[Offer, Export]]
+) -> _Exports:
+    """Add the files that the statements for one of them explain, if these are most of them."""
+    for one, _ in (offers[name] for name in [*offers][:_TRIED]):
+        read = {}
+        for name in offers:
+            with contextlib.suppress(InputError):
+                read[name] = readers.read(name, files[name], one.hints)
+        if 2 * len(read) > len(offers):
+            refused = {name: why for name, why in found.refused.items() if name not in read}
+            unsaid = any(question.about == "unit" for question in one.questions)
+            factor = {"mm": 1e-3, "in": 0.0254}.get(str(one.hints.unit), 1.0)
+            far = [float(np.abs(e.position).max(initial=0.0)) / factor for e in read.values()]
+            return _Exports(read, tuple(far) if unsaid else (), refused, one)
+    return found
+
+
+_TRIED = 3
+"""Maximum number of files whose statements are tried on all others [1]."""
+
+
 def _offers(
     files: Mapping[str, bytes], found: _Exports, hints: ExportSettings
 ) -> dict[str, tuple[Offer, Export]]:
     """What is to be said of files that are refused, or of workbooks, and how they are read then."""
     offers: dict[str, tuple[Offer, Export]] = {}
     books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
-    for name in (*found.refused, *books):
+    for name in (*(k for k, why in found.refused.items() if why != PROSE), *books):
         with contextlib.suppress(InputError):
             if one := offer(name, files[name], hints) or _settled(hints):
                 offers[name] = one, readers.read(name, files[name], one.hints)
@@ -519,10 +559,15 @@ def _lacking(exports: Sequence[Export]) -> Literal["names", "groups"] | None:
     return "groups" if any(one.group is None for one in exports) else None
 
 
-def _all_targets(exports: Sequence[Export]) -> set[str]:
-    """Names of all targets of some exports."""
-    return {str(name) for one in exports if one.target is not None
-            for name in one.target.cast(pa.string()).unique().to_pylist()}  # fmt: skip
+def _words(exports: Sequence[Export]) -> frozenset[str]:
+    """Names of all targets of some exports, and what is between the signs in all names."""
+    columns = [(one.target, one.group) for one in exports]
+    targets, names = (
+        {str(name) for column in some if column is not None
+         for name in column.cast(pa.string()).unique().to_pylist()}
+        for some in ([target for target, _ in columns], [one for both in columns for one in both])
+    )  # fmt: skip
+    return frozenset(targets.union(*map(_PARTS.split, names)))
 
 
 def _by_group(exports: Sequence[Export]) -> dict[str, dict[str, Array]] | None:

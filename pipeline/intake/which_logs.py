@@ -15,6 +15,7 @@ import numpy as np
 from pipeline.base.errors import InputError
 from pipeline.intake import log_columns
 from pipeline.intake._contents import contents, mark_of
+from pipeline.intake._prose import is_prose
 from pipeline.intake._pulses import in_pulses, per_degree
 from pipeline.intake._sheet import sheet
 from pipeline.machine.robot import SHIPPED, Robot, load
@@ -122,7 +123,9 @@ def _mark(name: str, data: bytes) -> str:
 
 def _may_be_log(name: str, data: bytes) -> bool:
     try:
-        return not name.endswith(".toml") and log_columns.may_be_log(name, data)
+        if name.endswith(".toml") or is_prose(name, data):
+            return False
+        return log_columns.may_be_log(name, data)
     except InputError:
         return is_workbook(data)  # several of its sheets may qualify: each log looks for its own
 

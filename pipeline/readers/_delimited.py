@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.base.arrays import Bools, Ints, Locked, sifted
+from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError
 from pipeline.base.threads import WORTH_A_THREAD, spread
 from pipeline.readers import _time
@@ -69,13 +69,15 @@ def rows(text: Text, layout: Layout) -> TypedRows:
     fields = [field for field in layout.fields if field.kind != "any"]
     much = len(found.line) > WORTH_A_THREAD
     cells = spread(_trimmed, found.columns, much)
-    numbers = {k: _bare_numbers(_without(cells[k], field.unit))
-               for k, field in enumerate(fields) if field.kind == "number"}  # fmt: skip
+    bare = {k: _without(cells[k], field)
+            for k, field in enumerate(fields) if field.kind == "number"}  # fmt: skip
+    numbers = {k: _bare_numbers(one) for k, (one, _) in bare.items()}
     mark = layout.decimal or decimal_mark([*numbers.values()], found.line, layout.table)
     layout = replace(layout, decimal=mark)
     columns = spread(
         lambda k: _parsed(fields[k], numbers.get(k, cells[k]), layout), range(len(fields)), much
     )
+    columns = [_in_unit(one, bare[k][1]) if k in bare else one for k, one in enumerate(columns)]
     good = np.logical_and.reduce([column.good for column in columns])
     _zones_alike(columns, good)
     if len(good) >= HOPELESS and not good.any():
@@ -112,10 +114,39 @@ def _trimmed(cells: pa.Array) -> pa.Array:
     return cells if bare else pc.utf8_trim_whitespace(cells)
 
 
-def _without(cells: pa.StringArray, unit: str) -> pa.StringArray:
-    """Remove the unit after numbers."""
-    end = rf"(?i)\s*{re.escape(unit)}$"
-    return pc.replace_substring_regex(cells, end, "") if unit else cells
+_UNIT_BEHIND = re.compile(r"(.*[0-9.,])\s*([^\W\d_]+|°)")
+
+
+def _without(cells: pa.StringArray, field: Field) -> tuple[pa.StringArray, Array | None]:
+    """Remove a name before numbers, and units after them.
+
+    Returns:
+        The cells, and the factor of each to the unit of the column, shape (n,); None if no cell has
+        one of the known units.
+    """
+    if field.named:
+        names = pc.extract_regex(cells, r"^(?P<name>\pL+[ _-]?)(?P<number>\d+)$")
+        if len({*pc.struct_field(names.drop_null(), "name").to_pylist()}) == 1:
+            cells = pc.if_else(names.is_valid(), pc.struct_field(names, "number"), cells)
+    if field.unit and field.unit.lower() not in field.units:
+        return pc.replace_substring_regex(cells, rf"(?i)\s*{re.escape(field.unit)}$", ""), None
+    ends = pc.match_substring_regex(cells, r"[0-9.,]\s*(\pL+|°)$") if field.units else None
+    if ends is None or not pc.any(ends).as_py():
+        return cells, None
+    plain, factor = cells.to_pylist(), np.ones(len(cells))
+    for k in np.flatnonzero(ends).tolist():
+        found = _UNIT_BEHIND.fullmatch(plain[k])
+        unit = found[2].lower().replace("°", "deg") if found else ""
+        if found and unit in field.units:
+            plain[k], factor[k] = found[1], field.units[unit]
+    return pa.array(plain, pa.string()), factor
+
+
+def _in_unit(column: _RawColumn, factor: Array | None) -> _RawColumn:
+    """The values in the unit of the column."""
+    if factor is None or (factor == 1.0).all():
+        return column
+    return replace(column, values=pc.multiply(column.values, pa.array(factor)))
 
 
 def _bare_numbers(cells: pa.StringArray) -> pa.StringArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from dataclasses import field as with_default
 from typing import Literal
 
 import numpy as np
@@ -36,6 +37,8 @@ class Field:
         needed: Whether the cell must not be empty.
         title: Title in the file, if different.
         unit: Unit that follows the number in its cells: `702.3 N`.
+        named: Whether its numbers may have one name before them: `P01`.
+        units: Factors from units that may follow a single number to that of the column.
     """
 
     name: str
@@ -43,6 +46,8 @@ class Field:
     needed: bool = True
     title: str = ""
     unit: str = ""
+    named: bool = False
+    units: Mapping[str, float] = with_default(default_factory=dict)
 
     @property
     def said(self) -> str:

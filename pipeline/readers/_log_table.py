@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -13,6 +14,7 @@ import pyarrow as pa
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, sifted
 from pipeline.base.errors import InputError, at, listed
+from pipeline.readers._cells import cells_or_none
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, TypedRows
 from pipeline.readers._log_form import Titled, opened
@@ -47,6 +49,7 @@ class Log(Locked):
         line: Line number of each row, shape (n,).
         rejected: Rows that could not be read.
         states: State of each group of readings, by the group name used in the log.
+        notes: What was taken to be meant, where cells were left empty.
     """
 
     file: str
@@ -55,6 +58,7 @@ class Log(Locked):
     line: Ints
     rejected: tuple[_Rejection, ...]
     states: dict[str, GroupState] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def only(self, good: Bools, reason: str) -> Log:
         """Keep the good rows; reject the others, all for the same reason."""
@@ -90,6 +94,7 @@ class Quantity:
         kind: `number` or `name`.
         needed: Whether the table must have it.
         filled: Whether, in a table that must have it, every row must have a value.
+        carried: Whether an empty cell may mean the value of the row above.
     """
 
     stem: str
@@ -97,6 +102,7 @@ class Quantity:
     kind: Kind = "number"
     needed: bool = True
     filled: bool = True
+    carried: bool = False
 
 
 def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
@@ -124,12 +130,23 @@ def typed(file: Titled, wanted: Sequence[Quantity], stated: LogForm, where: str 
         with at(line=file.line):
             there = [(q, *column) for q in wanted if (column := _column(titles, q, where))]
         behind = dict(zip(titles, file.behind, strict=True))
-        known = {title: Field(title, q.kind, q.needed and q.filled, unit=behind[title])
-                 for q, title, _ in there}  # fmt: skip
+        known = {
+            title: Field(
+                title,
+                q.kind,
+                q.needed and q.filled and not q.carried,
+                unit=behind[title],
+                named=q.stem == "pose",
+                units={unit: factor / si for unit, factor in q.units.items()},
+            )
+            for q, title, si in there
+        }
         other = {title: Field(title, "any" if title else "blank", False) for title in titles}
         fields = tuple((other | known)[title] for title in titles)
         layout = Layout(fields, file.delimiter, file.first, stated.decimal, table=where)
-        log = _log(name, rows(file.text, layout), there)
+        log = _without_remarks(_log(name, rows(file.text, layout), there), file, there)
+        for q, title, _ in there:
+            log = _carried_down(log, q.stem, titles.index(title), file) if q.carried else log
         early = tuple((name, line, reason) for line, reason in file.above)
         log = replace(log, rejected=early + log.rejected)
         if not len(log.line) + len(log.rejected):
@@ -169,6 +186,78 @@ def _log(file: str, read: TypedRows, columns: Sequence[tuple[Quantity, str, floa
     word = {k: w.cast(pa.string()).to_numpy(zero_copy_only=False) for k, w in words.items()}
     rejected = tuple((file, line, reason) for line, reason in read.rejected)
     return Log(file, number, word, read.line, rejected)
+
+
+def _cells_at(file: Titled, line: int) -> list[str]:
+    return cells_or_none(file.text.line(line), file.delimiter) or []
+
+
+_WORDS = re.compile(r"[^\W\d_]{3,}")
+
+
+def _without_remarks(log: Log, file: Titled, columns: Sequence[tuple[Quantity, str, float]]) -> Log:
+    """Drop lines of which only one cell is filled, by words: `- break -` is no row of data.
+
+    A name in a column of names is none.
+    """
+    names = {file.titles.index(title) for q, title, _ in columns
+             if q.kind == "name" and q.stem != "remark"}  # fmt: skip
+
+    def remark(line: int | None) -> str:
+        content = [(k, cell) for k, cell in enumerate(_cells_at(file, line or 1)) if cell]
+        if len(content) != 1 or content[0][0] in names or content[0][1][0].isdigit():
+            return ""
+        return content[0][1] if _WORDS.search(content[0][1]) else ""
+
+    every = [np.isnan(column) for column in log.number.values()]
+    empty = np.logical_and.reduce([*every, np.full(len(log.line), bool(every))])
+    lines = [int(n) for n in log.line[empty]] if empty.any() else []
+    found = {n: remark(n) for n in sorted(lines + [n for _, n, _ in log.rejected if n])}
+    notes = tuple(f"{log.file}, line {n}: {text}" for n, text in found.items() if text)
+    if not notes:
+        return log
+    rejected = tuple(one for one in log.rejected if not found.get(one[1] or 0))
+    keep = np.array([not found.get(n) for n in log.line.tolist()], dtype=bool)
+    return replace(log.kept(keep), rejected=rejected, notes=(*log.notes, *notes))
+
+
+def _carried_down(log: Log, stem: str, at: int, file: Titled) -> Log:
+    """Fill empty cells of a column with the value above, as forms for several rows are filled in.
+
+    Only where nothing else can be meant: the rows number the pulls on; without such numbers, most
+    values have rows below them, and the next value is the next number. No row in between that
+    states a value was rejected.
+
+    Args:
+        log: The log; NaN in empty cells.
+        stem: The column.
+        at: Its index among the cells of a row.
+        file: The log as text.
+    """
+    value = log.number[stem]
+    empty, count = np.isnan(value), len(value)
+    if not empty.any():
+        return log
+    source = np.maximum.accumulate(np.where(empty, -1, np.arange(count)))
+    after = pd.Series(value).bfill().to_numpy()
+    lost = [n for _, n, _ in log.rejected if n and "".join(_cells_at(file, n)[at : at + 1])]
+    broken = np.array(
+        [s < 0 or any(log.line[s] < n < here for n in lost)
+         for s, here in zip(source, log.line, strict=True)]
+    )  # fmt: skip
+    repeat = log.number.get("repeat")
+    if repeat is not None:
+        on = np.r_[False, np.diff(repeat) == 1]
+    else:
+        on = (2 * empty.sum() >= count - empty.sum()) & ~(after - value[source] > 1)
+    taken = empty & on & ~broken
+    if taken.any():
+        lines = listed([str(n) for n in log.line[taken]])
+        note = f"{log.file}, lines {lines}: an empty {stem} is that of the row above"
+        number = log.number | {stem: np.where(taken, value[source], value)}
+        log = replace(log, number=number, notes=(*log.notes, note))
+    why = f"has nothing in column {file.titles[at]}; fill it in or remove the row"
+    return log.only(~empty | taken, why)
 
 
 def _possible(log: Log, names: Sequence[str]) -> Log:

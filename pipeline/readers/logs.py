@@ -125,7 +125,7 @@ def loads(name: str, data: bytes, stated: LogForm = OWN_LOG) -> Log:
     named = suffixed(file.titles, other[-1]) is not None
     each = forces_of_pulls(file.titles)
     needed = not each and not any(suffixed(file.titles, q) for q in other[:3])
-    wanted[0] = replace(POSE, filled=not named)
+    wanted[0] = replace(POSE, filled=not named, carried=not (named or each))
     wanted[2] = replace(force, needed=needed, filled=not named)
     known_columns(stated, "scale", [*wanted, *each, _TIME, REMARK])
     log = _one_load(_pulls(_a_row_each(typed(file, [*wanted, *each], stated, "scale"), each)))

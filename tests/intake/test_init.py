@@ -500,14 +500,31 @@ def test_a_blank_cannot_be_run_by_accident(init, tmp_path, capsys):
 
 
 def test_a_campaign_is_never_written_over(init, tmp_path, capsys):
-    """A second `init` is refused, and existing files are unchanged."""
-    text = init(FILES)
+    """A second `init` is refused if nothing is open, and existing files are unchanged."""
     folder = tmp_path / "data" / "raw" / "mine"
+    text = "\n".join(line for line in init(FILES).split("\n") if not re.match("# .* = [?]", line))
+    (folder / "campaign.toml").write_text(text)
 
     assert cli._exit_code(["init", "mine", "--root", str(tmp_path)]) == 2
-    assert "has a campaign.toml already: fill that in, or remove it" in capsys.readouterr().err
+    assert "has a campaign.toml already: 'pipeline check mine'" in capsys.readouterr().err
     assert (folder / "campaign.toml").read_text() == text
     assert all((folder / name).read_bytes() == data for name, data in FILES.items())
+
+
+def test_a_second_init_takes_new_files_and_keeps_what_was_filled_in(init, tmp_path):
+    """As its own sentences ask for, while campaign.toml is still open."""
+    folder = tmp_path / "data" / "raw" / "mine"
+    loads = {name: data for name, data in FILES.items() if name != "loads.csv"}
+    text = init(loads).replace("# load_point = ?", "load_point = [0.1, 0.2, 0.3] # by hand")
+    (folder / "campaign.toml").write_text(text)
+    (folder / "loads.csv").write_bytes(FILES["loads.csv"])
+
+    assert cli._exit_code(["init", "mine", "--root", str(tmp_path)]) == 0
+    again = (folder / "campaign.toml").read_text()
+
+    assert 'file    = "loads.csv"' not in text
+    assert 'file    = "loads.csv"' in again
+    assert "load_point = [0.1, 0.2, 0.3]   # by hand" in again
 
 
 def joined(form):

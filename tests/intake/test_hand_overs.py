@@ -1,0 +1,115 @@
+"""Folders as other people hand them over: letters, lists and exports beside each other."""
+
+import math
+import re
+
+from pipeline.app import cli
+from pipeline.intake._prose import PROSE, is_prose
+from pipeline.intake.files import propose
+from pipeline.readers import ExportSettings
+
+LETTER = b"""Hello everybody,
+
+enclosed is everything from yesterday, the tracker files and the log of the scale.
+The reflectors are in the flange frame, measured in the drawing office last week:
+    R1  X 160  Y 120  Z 205
+    R2  X -150  Y 135  Z 205
+A1 about -Z   A2 about +Y   A3 about +Y   A4 about -X   A5 about +Y   A6 about -X
+The truck was in the hall during the break, I believe it touched nothing.
+Pose 12 was taken from the second spot, and the force is in the log only.
+"""
+LOG = b"pose,repeat,force_n,remark\n" + b"".join(
+    b"%d,1,%d,somebody stopped beside the robot here\n" % (k, 700 + k) for k in range(1, 9)
+)
+
+
+def test_a_letter_is_neither_log_nor_export():
+    """Though it names axes, poses, forces and some points."""
+    found = propose({"letter.txt": LETTER, "loads.csv": LOG})
+
+    assert found.refused == {"letter.txt": PROSE}
+    assert (found.loads, found.joints, found.exports) == ("loads.csv", None, ())
+
+
+def test_a_log_with_long_remarks_is_no_letter():
+    assert not is_prose("loads.csv", LOG)
+    assert not is_prose("p.src", b"&ACCESS RVP\nDEF STIFF( )\nPTP {A1 0,A2 -90,A3 90}\nEND\n")
+
+
+def _polar(x, y, z):
+    """Azimuth and zenith angle [deg], distance [mm]."""
+    far = math.sqrt(x * x + y * y + z * z)
+    return math.degrees(math.atan2(y, x)), math.degrees(math.acos(z / far)), far
+
+
+BASE = {"BASE1": (2000, 100, -800), "BASE2": (100, 2500, -700), "BASE3": (-1500, 900, -900)}
+"""Base reflectors as seen by the instrument [mm]."""
+
+
+def _round(places):
+    rows = (
+        f"{name};{a:.6f};{z:.6f};{d:.4f};0.005"
+        for name, at in places.items()
+        for a, z, d in [_polar(*at)]
+    )
+    return "\n".join(["Nome;Azimut [deg];Zenit [deg];Distanza [mm];RMS [mm]", *rows, ""]).encode()
+
+
+def _polar_folder():
+    files = {"FARO/base_start.csv": _round(BASE), "FARO/base_end.csv": _round(BASE)}
+    for k in range(1, 7):
+        for n, state in enumerate(("rest", "pull1")):
+            at = (3000 - 150 * k, 500 + 210 * k + n, 300 + 60 * k - n)
+            ends = {"E1": (at[0] - 90, at[1] - 300, at[2] - 400),
+                    "E2": (at[0] - 200, at[1] - 600, at[2] - 900)}  # fmt: skip
+            tool = {"T1": at, "T2": (at[0] + 200, at[1], at[2] + 30),
+                    "T3": (at[0], at[1] + 220, at[2] - 40)}  # fmt: skip
+            files[f"FARO/P{k:02d}_{state}.csv"] = _round(tool | (ends if n else {}))
+    return files
+
+
+def test_a_short_list_of_places_beside_files_in_polar_coordinates_is_no_export():
+    """Their titles say distance and angles by the units only; one answer holds for all of them."""
+    turned = {name: (y, -x, z + 300) for name, (x, y, z) in BASE.items()}
+    rows = (f"{name};{x}.0;{y}.0;{z}.0" for name, (x, y, z) in turned.items())
+    files = _polar_folder() | {"base.csv": "\n".join(["Punto;X;Y;Z", *rows, ""]).encode()}
+
+    found = propose(files, ExportSettings())
+
+    assert found.patterns == ("FARO/*.csv",)
+    assert [question.about for question in found.offer.questions] == ["horizontal"]
+    assert {*found.base} == {*BASE}
+    assert {*found.measured} == {"T1", "T2", "T3"}
+    assert "base.csv is a list of nominal places" in found.nominal.seen[0]
+
+
+def test_a_list_of_places_belongs_to_an_export_that_joins_its_names_with_others():
+    rows = [f"{name}_round{k} 4510.{k}409 -4289.0{k}41 -1360.5270" for k in (1, 2) for name in BASE]
+    rows += [f"P0{k}_{state}_T{n} {k}019.7315 -2889.8{n}78 -79.4{k}25"
+             for k in (1, 2) for state in ("rest", "pull1") for n in (1, 2, 3)]  # fmt: skip
+    listed = "".join(f"{name}  {x}.0  {y}.0  {z}.0\n" for name, (x, y, z) in BASE.items())
+
+    found = propose({"all.txt": "\n".join(rows).encode(), "base.txt": listed.encode()})
+
+    assert found.exports == ("all.txt",)
+
+
+def test_an_arm_that_the_files_name_is_proposed_on_a_rail(tmp_path, capsys):
+    """And taken when the file is there, as the sentence says."""
+    folder = tmp_path / "data" / "raw" / "hall"
+    folder.mkdir(parents=True)
+    axes = "".join(f"{k},{100 * k},{5 * k},-60,80,{4 * k},20,{k}\n" for k in range(1, 6))
+    (folder / "KR 210 R2700-2.csv").write_text(
+        f"pose,E1 [mm],A1 [deg],A2 [deg],A3 [deg],A4 [deg],A5 [deg],A6 [deg]\n{axes}"
+    )
+    init = ["init", "hall", "--root", str(tmp_path)]
+
+    assert cli._exit_code(init) == 0
+    said = capsys.readouterr().err
+    command = re.search(r"pipeline (robot kr210_r2700_2 --rail y --output \S+\.toml)", said)
+    assert cli._exit_code(command[1].split()) == 0
+    assert cli._exit_code(init) == 0
+
+    assert re.search(
+        '^robot += "kr210_r2700_2_rail.toml"', (folder / "campaign.toml").read_text(), re.M
+    )
