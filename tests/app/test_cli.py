@@ -171,7 +171,7 @@ def test_init_without_a_terminal_asks_nothing(tmp_path, capsys, monkeypatch):
     nameless, why = cli._exit_code(["init", "--root", str(tmp_path)]), capsys.readouterr()
 
     assert named == 0
-    assert "copy them there, remove it, and type 'pipeline init a' again" in said.err
+    assert "copy them there and type 'pipeline init a' again" in said.err
     assert "sigma_n (line 26)" in said.err
     assert said.err.endswith("fill it in, then: pipeline check a\n")
     assert nameless == 2
@@ -188,8 +188,8 @@ def test_doctor_names_what_is_missing_and_the_way_out(tmp_path, monkeypatch):
     found = {finding.what: finding for finding in doctor.examine(tmp_path)}
 
     assert not found["numpy"].good
-    assert "python -m pip install 'numpy<1'" in found["numpy"].said
-    assert found["no-such-library"].said == (
+    assert "python -m pip install 'numpy<1'" in found["numpy"].text
+    assert found["no-such-library"].text == (
         "is missing; python -m pip install 'no-such-library>=2'"
     )
     assert "scipy" not in found
