@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Any, NamedTuple
@@ -129,20 +129,7 @@ def typed(file: Titled, wanted: Sequence[Quantity], stated: LogForm, where: str 
     with at(name):
         with at(line=file.line):
             there = [(q, *column) for q in wanted if (column := _column(titles, q, where))]
-        behind = dict(zip(titles, file.behind, strict=True))
-        known = {
-            title: Field(
-                title,
-                q.kind,
-                q.needed and q.filled and not q.carried,
-                unit=behind[title],
-                named=q.stem == "pose",
-                units={unit: factor / si for unit, factor in q.units.items()},
-            )
-            for q, title, si in there
-        }
-        other = {title: Field(title, "any" if title else "blank", False) for title in titles}
-        fields = tuple((other | known)[title] for title in titles)
+        fields = _fields(file, there)
         layout = Layout(fields, file.delimiter, file.first, stated.decimal, table=where)
         log = _without_remarks(_log(name, rows(file.text, layout), there), file, there)
         for q, title, _ in there:
@@ -152,6 +139,24 @@ def typed(file: Titled, wanted: Sequence[Quantity], stated: LogForm, where: str 
         if not len(log.line) + len(log.rejected):
             raise InputError("there is no row in it, only a header", "export it again")
     return _possible(log, [q.stem for q in wanted if q.units])
+
+
+def _fields(file: Titled, columns: Sequence[tuple[Quantity, str, float]]) -> tuple[Field, ...]:
+    """Fields of all columns of a log, given the wanted ones as in `_log`."""
+    behind = dict(zip(file.titles, file.behind, strict=True))
+    known = {
+        title: Field(
+            title,
+            q.kind,
+            q.needed and q.filled and not q.carried,
+            unit=behind[title],
+            named=q.stem == "pose",
+            units={unit: factor / si for unit, factor in q.units.items()},
+        )
+        for q, title, si in columns
+    }
+    other = {title: Field(title, "any" if title else "blank", False) for title in file.titles}
+    return tuple((other | known)[title] for title in file.titles)
 
 
 def known_columns(stated: LogForm, where: str, quantities: Sequence[Quantity]) -> None:
@@ -196,29 +201,30 @@ _WORDS = re.compile(r"[^\W\d_]{3,}")
 
 
 def _without_remarks(log: Log, file: Titled, columns: Sequence[tuple[Quantity, str, float]]) -> Log:
-    """Drop lines of which only one cell is filled, by words: `- break -` is no row of data.
-
-    A name in a column of names is none.
-    """
+    """Drop lines that hold a remark alone, and note them: `- break -` is no row of data."""
     names = {file.titles.index(title) for q, title, _ in columns
              if q.kind == "name" and q.stem != "remark"}  # fmt: skip
-
-    def remark(line: int | None) -> str:
-        content = [(k, cell) for k, cell in enumerate(_cells_at(file, line or 1)) if cell]
-        if len(content) != 1 or content[0][0] in names or content[0][1][0].isdigit():
-            return ""
-        return content[0][1] if _WORDS.search(content[0][1]) else ""
-
-    every = [np.isnan(column) for column in log.number.values()]
-    empty = np.logical_and.reduce([*every, np.full(len(log.line), bool(every))])
-    lines = [int(n) for n in log.line[empty]] if empty.any() else []
-    found = {n: remark(n) for n in sorted(lines + [n for _, n, _ in log.rejected if n])}
-    notes = tuple(f"{log.file}, line {n}: {text}" for n, text in found.items() if text)
-    if not notes:
+    every = [*log.number.values()]
+    empty = log.line[np.isnan(every).all(axis=0)].tolist() if every else []
+    unread = sorted([*empty, *(line for _, line, _ in log.rejected if line)])
+    found = {n: text for n in unread if (text := _remark(_cells_at(file, n), names))}
+    if not found:
         return log
-    rejected = tuple(one for one in log.rejected if not found.get(one[1] or 0))
-    keep = np.array([not found.get(n) for n in log.line.tolist()], dtype=bool)
+    notes = tuple(f"{log.file}, line {n}: {text}" for n, text in found.items())
+    rejected = tuple(one for one in log.rejected if one[1] not in found)
+    keep = ~np.isin(log.line, [*found])
     return replace(log.kept(keep), rejected=rejected, notes=(*log.notes, *notes))
+
+
+def _remark(cells: Sequence[str], names: Container[int]) -> str:
+    """The only filled cell of a line, if it consists of words; otherwise empty.
+
+    A name in one of the columns of names is no remark.
+    """
+    content = [(k, cell) for k, cell in enumerate(cells) if cell]
+    if len(content) != 1 or content[0][0] in names or content[0][1][0].isdigit():
+        return ""
+    return content[0][1] if _WORDS.search(content[0][1]) else ""
 
 
 def _carried_down(log: Log, stem: str, at: int, file: Titled) -> Log:
