@@ -7,6 +7,7 @@ reason, and none gets a reason that does not apply.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -66,18 +67,7 @@ def rows(text: Text, layout: Layout) -> TypedRows:
         InputError: The decimal mark is ambiguous, or only some times have a zone.
     """
     found = cut(text, layout)
-    fields = [field for field in layout.fields if field.kind != "any"]
-    much = len(found.line) > WORTH_A_THREAD
-    cells = spread(_trimmed, found.columns, much)
-    bare = {k: _without(cells[k], field)
-            for k, field in enumerate(fields) if field.kind == "number"}  # fmt: skip
-    numbers = {k: _bare_numbers(one) for k, (one, _) in bare.items()}
-    mark = layout.decimal or decimal_mark([*numbers.values()], found.line, layout.table)
-    layout = replace(layout, decimal=mark)
-    columns = spread(
-        lambda k: _parsed(fields[k], numbers.get(k, cells[k]), layout), range(len(fields)), much
-    )
-    columns = [_in_unit(one, bare[k][1]) if k in bare else one for k, one in enumerate(columns)]
+    columns, layout = _columns(found.columns, found.line, layout)
     good = np.logical_and.reduce([column.good for column in columns])
     _zones_alike(columns, good)
     if len(good) >= HOPELESS and not good.any():
@@ -89,6 +79,25 @@ def rows(text: Text, layout: Layout) -> TypedRows:
         good[np.flatnonzero(good)[-1]] = False
         rejected.append((int(line[-1]), "the file ends inside this line; export it again"))
     return _kept(columns, found.line[good], good, sorted(rejected))
+
+
+def _columns(
+    written: list[pa.Array], line: Ints, layout: Layout
+) -> tuple[list[_RawColumn], Layout]:
+    """Parse the columns of all rows; with the layout, in which the decimal mark is now known."""
+    fields = [field for field in layout.fields if field.kind != "any"]
+    much = len(line) > WORTH_A_THREAD
+    cells = spread(_trimmed, written, much)
+    bare = {k: _without(cells[k], field)
+            for k, field in enumerate(fields) if field.kind == "number"}  # fmt: skip
+    numbers = {k: _bare_numbers(one) for k, (one, _) in bare.items()}
+    mark = layout.decimal or decimal_mark([*numbers.values()], line, layout.table)
+    layout = replace(layout, decimal=mark)
+    columns = spread(
+        lambda k: _parsed(fields[k], numbers.get(k, cells[k]), layout), range(len(fields)), much
+    )
+    columns = [_in_unit(one, bare[k][1]) if k in bare else one for k, one in enumerate(columns)]
+    return columns, layout
 
 
 def _kept(
@@ -124,21 +133,33 @@ def _without(cells: pa.StringArray, field: Field) -> tuple[pa.StringArray, Array
         The cells, and the factor of each to the unit of the column, shape (n,); None if no cell has
         one of the known units.
     """
-    if field.named:
-        names = pc.extract_regex(cells, r"^(?P<name>\pL+[ _-]?)(?P<number>\d+)$")
-        if len({*pc.struct_field(names.drop_null(), "name").to_pylist()}) == 1:
-            cells = pc.if_else(names.is_valid(), pc.struct_field(names, "number"), cells)
+    cells = _without_name(cells) if field.named else cells
     if field.unit and field.unit.lower() not in field.units:
         return pc.replace_substring_regex(cells, rf"(?i)\s*{re.escape(field.unit)}$", ""), None
-    ends = pc.match_substring_regex(cells, r"[0-9.,]\s*(\pL+|°)$") if field.units else None
-    if ends is None or not pc.any(ends).as_py():
+    return _without_units(cells, field.units) if field.units else (cells, None)
+
+
+def _without_name(cells: pa.StringArray) -> pa.StringArray:
+    """Remove a name before numbers, if all that have one have the same: `pose 7`."""
+    names = pc.extract_regex(cells, r"^(?P<name>\pL+[ _-]?)(?P<number>\d+)$")
+    if len({*pc.struct_field(names.drop_null(), "name").to_pylist()}) != 1:
+        return cells
+    return pc.if_else(names.is_valid(), pc.struct_field(names, "number"), cells)
+
+
+def _without_units(
+    cells: pa.StringArray, units: Mapping[str, float]
+) -> tuple[pa.StringArray, Array | None]:
+    """Remove units, each with its factor, as in `_without`."""
+    ends = pc.match_substring_regex(cells, r"[0-9.,]\s*(\pL+|°)$")
+    if not pc.any(ends).as_py():
         return cells, None
     plain, factor = cells.to_pylist(), np.ones(len(cells))
     for k in np.flatnonzero(ends).tolist():
         found = _UNIT_BEHIND.fullmatch(plain[k])
         unit = found[2].lower().replace("°", "deg") if found else ""
-        if found and unit in field.units:
-            plain[k], factor[k] = found[1], field.units[unit]
+        if found and unit in units:
+            plain[k], factor[k] = found[1], units[unit]
     return pa.array(plain, pa.string()), factor
 
 
