@@ -318,13 +318,7 @@ def joints(
     known_columns(stated, "joints", [POSE, _TIME, REMARK, *own, *axes, *others])
     _pulses_known(file, wanted, pulses)
     log = whole_numbers(typed(file, [POSE, *wanted, *others], stated, section))
-    zeros = {
-        q.stem: _two(pulses[q.stem])[1] * q.units[PULSES]
-        for q in wanted
-        if q.stem in pulses and f"{q.stem}_{PULSES}".lower() in file.titles
-    }
-    number = log.number | {axis: log.number[axis] - zero for axis, zero in zeros.items()}
-    log = replace(log, number=number)
+    log = _from_zero(log, file, wanted, pulses)
     reason = "approach is neither 1 nor -1; correct it or leave it empty"
     log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
     log = once(log, ["pose", *({"repeat"} & {*log.number})])
@@ -367,6 +361,22 @@ def _pulses_known(file: Titled, axes: Sequence[Quantity], pulses: Mapping[str, o
             file=file.text.name,
             line=file.line,
         )
+
+
+def _from_zero(
+    log: Log,
+    file: Titled,
+    axes: Sequence[Quantity],
+    pulses: Mapping[str, float | tuple[float, float]],
+) -> Log:
+    """Subtract from axes in pulses the value [m] or [rad] of those at which they show 0."""
+    zeros = {
+        q.stem: _two(pulses[q.stem])[1] * q.units[PULSES]
+        for q in axes
+        if q.stem in pulses and f"{q.stem}_{PULSES}".lower() in file.titles
+    }
+    number = log.number | {axis: log.number[axis] - zero for axis, zero in zeros.items()}
+    return replace(log, number=number)
 
 
 def _of_joints(log: Log, robot: Robot, torques: Sequence[str]) -> Log:
