@@ -89,11 +89,7 @@ def _read(text: Text, hints: ExportSettings) -> Export:
         return table.read(text, hints, READER.name)
     first = next(n for n, line in text.lines() if is_plain(line, _COMMENT))
     comments = [line for _, line in text.lines(1, first - 1) if line.strip()]
-    sample = [line for _, line in text.lines(first, SAMPLE_LINES) if is_plain(line, _COMMENT)]
-    shape = _shape(sample, comments)
-    assert shape is not None  # recognised before
-    if hints.names and shape.compound:  # which part is what is stated, and split later
-        shape = replace(shape, compound=0, names=("target",))
+    shape = _shape_from(text, first, comments, bool(hints.names))
     layout = Layout(
         _fields(shape), shape.delimiter, first, hints.decimal, _COMMENT, shape.form, shape.compound
     )
@@ -106,6 +102,18 @@ def _read(text: Text, hints: ExportSettings) -> Export:
     )
     unused = [n.title for n in shape.rest if not n.role or n.role == "rms"]
     return export(text, hints, READER.name, found, meaning, _AXES, covariances, unused)
+
+
+def _shape_from(text: Text, first: int, comments: Sequence[str], split_later: bool) -> _RowShape:
+    """Structure of the rows from line `first` on; joined names stay whole if they are split later.
+
+    They are if the settings state which part is what.
+    """
+    sample = [line for _, line in text.lines(first, SAMPLE_LINES) if is_plain(line, _COMMENT)]
+    shape = _shape(sample, comments)
+    assert shape is not None  # recognised before
+    whole = split_later and shape.compound
+    return replace(shape, compound=0, names=("target",)) if whole else shape
 
 
 def _says_kind(text: Text) -> bool:
@@ -134,10 +142,15 @@ def _shape_by(delimiter: str, sample: Sequence[str], comments: Sequence[str]) ->
         count = 1 if compound else _names(cells, titles)
         alike = [row[count + 3 :] for row in cut if len(row) == len(cells)]
         if _fits(cells, compound, count) and 2 * len(alike) >= len(sample):
-            above = [f"collection {k}" for k in range((compound or count) - len(_PARTS))]
-            names = (*above, *_PARTS)[-(compound or count) :]
-            return _RowShape(delimiter, compound, names, *_rest(alike, titles[count + 3 :]))
+            rest, form = _rest(alike, titles[count + 3 :])
+            return _RowShape(delimiter, compound, _parts(compound or count), rest, form)
     return None
+
+
+def _parts(count: int) -> tuple[str, ...]:
+    """What each of some names, joined or in columns, stands for; the last is the target."""
+    above = [f"collection {k}" for k in range(count - len(_PARTS))]
+    return (*above, *_PARTS)[-count:]
 
 
 def _fits(cells: Sequence[str], compound: int, count: int) -> bool:
