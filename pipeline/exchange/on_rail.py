@@ -14,7 +14,8 @@ Craig's rows (Craig 2005, ch. 3), with Rz(v) y = u and the arm's first row Rx(a)
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from pipeline.base import toml
 from pipeline.base.errors import UsageError
@@ -39,16 +40,9 @@ def on_rail(arm: Robot, way: str, turn_deg: float, foot_m: Sequence[float]) -> s
         UsageError: It has a rail already, or its table does not begin with a vertical axis.
     """
     content = toml.loads(arm.text, arm.name)
+    alpha = _first_twist(arm.name, content)
     first, *others = content["joint"]
     base = content.pop("base", {})
-    roll, pitch, yaw = base.get("rpy_deg", (0, 0, 0))
-    alpha = (first.get("alpha_deg", 0) + roll) % 360
-    plain = content["convention"] == "craig" and first["type"] == "revolute"
-    if not plain or alpha not in (0, 180) or first.get("a_m", 0) or pitch or yaw:
-        raise UsageError(
-            f"{arm.name} is no arm whose first axis is vertical: write its rail by hand, as "
-            "docs/add-a-robot.md says"
-        )
     c, s = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
     x, y, z = base.get("xyz_m", (0.0, 0.0, 0.0))
     at = [foot_m[0] + c * x - s * y, foot_m[1] + s * x + c * y, foot_m[2] + z]
@@ -74,3 +68,21 @@ def on_rail(arm: Robot, way: str, turn_deg: float, foot_m: Sequence[float]) -> s
         del content["capsules"]
         content.pop("capsules_source", None)
     return toml.dumps(content)
+
+
+def _first_twist(name: str, content: Mapping[str, Any]) -> float:
+    """Angle from the z axis of F_b to the first joint's axis of an arm: 0 or 180 [deg].
+
+    Raises:
+        UsageError: As in `on_rail`.
+    """
+    first = content["joint"][0]
+    roll, pitch, yaw = content.get("base", {}).get("rpy_deg", (0, 0, 0))
+    alpha: float = (first.get("alpha_deg", 0) + roll) % 360
+    plain = content["convention"] == "craig" and first["type"] == "revolute"
+    if not plain or alpha not in (0, 180) or first.get("a_m", 0) or pitch or yaw:
+        raise UsageError(
+            f"{name} is no arm whose first axis is vertical: write its rail by hand, as "
+            "docs/add-a-robot.md says"
+        )
+    return alpha
