@@ -74,6 +74,21 @@ def robot(
         _refuse(output, ".toml", "a robot file")
         _given(_with_rail(str(file or ""), rail, turn, foot), output)
         return
+    _from_urdf(file, base, flange, output, payload)
+
+
+def _from_urdf(
+    file: Path | None,
+    base: str | None,
+    flange: str | None,
+    output: Path | None,
+    payload: float | None,
+) -> None:
+    """Make a robot file from a URDF, and print the largest difference from it.
+
+    Raises:
+        UsageError: The URDF or one of its links is not given.
+    """
     if file is None or base is None or flange is None:
         raise UsageError(
             "give a URDF with --base and --flange, or --list, or --show NAME for a robot that "
