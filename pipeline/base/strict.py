@@ -231,12 +231,17 @@ def checked(
             way_out = _meant(kind, key) or way_out
         if first["type"] == "too_long":  # a decimal comma splits a number in two
             way_out = toml.remedy(text, line, way_out)
-        if first["type"] == "value_error":  # only sentences of our own have a way out in them
-            message, own, stated = message.partition("; ")
-            way_out = stated if own else way_out
+        if first["type"] == "value_error":
+            message, way_out = _parted(message, way_out)
         where = ".".join(words) or whole
         sentence = f"{where}: {message}" if where else message
         raise InputError(sentence, way_out, file=file, line=line) from problem
+
+
+def _parted(message: str, usual: str) -> tuple[str, str]:
+    """What is wrong, and the way out, which only sentences of our own have in them."""
+    wrong, own, stated = message.partition("; ")
+    return wrong, stated if own else usual
 
 
 def _without_unions(kind: type[BaseModel], words: Sequence[_Part]) -> list[_Part]:
@@ -263,9 +268,13 @@ def _meant(kind: type[BaseModel], key: Sequence[str | int]) -> str | None:
     here = {name.lower(): name for where, name in every if _same(where, table)}
     if near := get_close_matches(last.lower(), here, 1):
         return f"did you mean {here[near[0]]}?"
-    homes = sorted({where for where, name in every if name == last})
+    return _belongs(last, table, sorted({where for where, name in every if name == last}))
+
+
+def _belongs(key: str, table: Sequence[str], homes: Sequence[tuple[str, ...]]) -> str | None:
+    """Suggestion for a key of some other tables, the homes; None if there is none."""
     if inside := [one[-1] for one in homes if [*one[:-1]] == table and table]:
-        return f"it belongs into {inside[0]} = {{ {last} = ... }}"
+        return f"it belongs into {inside[0]} = {{ {key} = ... }}"
     named = [f"[{'.'.join(one)}]" if one else "the top of the file" for one in homes]
     return f"it belongs to {' or '.join(named)}" if named else None
 
