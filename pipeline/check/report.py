@@ -376,7 +376,6 @@ class _Seen:
 
     def lines(self, raw: Raw) -> Iterator[str]:
         """Findings as lines of text."""
-        text = text_of(raw)
         least, most = self.range_n
         nominal = "" if self.ratio is None else (
             f"; displacements {in_digits(self.ratio, 2)} times those of the nominal stiffnesses"
@@ -390,6 +389,12 @@ class _Seen:
         yield from (f"  remark       {one}" for one in self.remarks)
         if self.case.unused:
             yield f"  not used     groups {listed(self.case.unused)}"
+        yield from self._distances(text_of(raw))
+        yield from self._asked_about()
+        yield from _table(self.case.robot, self.stands)
+
+    def _distances(self, text: str) -> Iterator[str]:
+        """Distances measured and nominal, with the lines of campaign.toml, whose text this is."""
         far = self._farthest_off()
         pairs = [f"{d.first} to {d.second}" for d in far]
         width = max(map(len, pairs), default=0)
@@ -400,8 +405,6 @@ class _Seen:
                 f"  {pair:{width}} {1e3 * d.read_m:9.2f} mm measured, "
                 f"{1e3 * d.stated_m:9.2f} mm nominal (lines {where})"
             )
-        yield from self._asked_about()
-        yield from _table(self.case.robot, self.stands)
 
     def _asked_about(self) -> Iterator[str]:
         """Test pose in the controller's axes, and its load point, so that a wrong sign shows."""
