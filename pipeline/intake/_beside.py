@@ -57,6 +57,10 @@ class SheetTable:
         """The columns whose cells are of a kind, except those that are taken."""
         return [k for k, c in enumerate(self.content) if c.kind == kind and k not in taken]
 
+    def called(self, roles: Sequence[str], taken: Set[int]) -> list[int]:
+        """The columns whose titles have one of some roles, except those that are taken."""
+        return [k for k, c in enumerate(self.named) if c.role in roles and k not in taken]
+
     def numbers(self, places: Sequence[int]) -> Array:
         """Values of some columns in the rows in which all are numbers, shape (rows, columns)."""
         found = np.column_stack([values(self.content[k], self.mark) for k in places])
@@ -157,14 +161,17 @@ _TWO = ("group", "target")
 def _moments(table: SheetTable, taken: set[int]) -> dict[int, Role]:
     """The column of times, or those of dates and times of day; `untimed` if it has no times."""
     times, days, clocks = (table.of_kind(one, taken) for one in ("time", "date", "clock"))
-    called = [k for k, c in enumerate(table.named) if c.role in ("time", "clock")]
-    should = [k for k in called if k not in taken]
+    titled = table.called(("time", "clock"), taken)
     if times:
-        titled = [k for k in times if k in should]
-        return {[*titled, *times][0]: Role("time", "title" if titled else "time")}
+        return _time(min(times, key=lambda k: k not in titled), titled)
     if days and clocks:
         return {days[0]: Role("date", "time"), clocks[0]: Role("time", "time")}
     untitled = [k for k in clocks if not table.sheet.titles[k]]
-    for place in (k for k in (*should, *untitled) if table.content[k].form):
-        return {place: Role("time", "title" if place in should else "time")}
-    return {k: Role("", "untimed") for k in (*should, *clocks, *days)}
+    if readable := [k for k in (*titled, *untitled) if table.content[k].form]:
+        return _time(readable[0], titled)
+    return {k: Role("", "untimed") for k in (*titled, *clocks, *days)}
+
+
+def _time(place: int, titled: Sequence[int]) -> dict[int, Role]:
+    """The column of times, with its title or its cells as evidence."""
+    return {place: Role("time", "title" if place in titled else "time")}

@@ -122,10 +122,8 @@ def of_loads(
     roles = ("pose", "repeat", "branch", "remark", *units)
     found = _first(titles, {role: units.get(role, ()) for role in roles})
     each = _of_pulls(titles, units["force"])
-    if each:
-        found = {role: one for role, one in found.items() if one[0] not in dict(each.values())}
-        each = each if not found.keys() & {"repeat", *units} else {}
-    found |= each
+    found = {role: one for role, one in found.items() if one[0] not in dict(each.values())}
+    found |= {} if found.keys() & {"repeat", *units} else each
     if not found.keys() & {*units, *each}:
         found |= _by_unit(titles, units["force"])
     if not found.keys() & {*units, *each} or _coordinates(titles):
@@ -197,7 +195,7 @@ def _of_pulls(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[st
     for title in titles:
         unit = force_unit(title, units)
         parts = _WORDS.findall(title.lower())[: -1 if unit else None]
-        numbers = [part for part in parts if part.isdecimal()]
+        numbers = [*filter(str.isdecimal, parts)]
         stem = _stem([part for part in parts if part not in numbers])
         if len(numbers) == 1 and (unit or stem in words):
             name = f"force_{int(numbers[0])}"

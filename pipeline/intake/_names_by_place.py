@@ -119,7 +119,7 @@ def unloaded(own: Mapping[str, str], rows: Rows) -> list[set[str]]:
     if len({*most.values()}) > 1:
         return [{label for label, count in most.items() if count == min(most.values())}]
     numbers = {label: "".join(_NUMBER.findall(label)) for label in most}
-    zero = {label for label, number in numbers.items() if number and not int(number)}
+    zero = {label for label, number in numbers.items() if {*number} == {"0"}}
     if zero or len(most) == 1:
         return [zero] if zero < most.keys() else []
     return [{label} for label in sorted(most, key=lambda label: numbers[label] != "")]

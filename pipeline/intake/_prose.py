@@ -40,7 +40,7 @@ def is_prose(name: str, data: bytes) -> bool:
 
 def _kind(line: str) -> str:
     """`words`, `numbers` or neither, of a line."""
-    cells = [cell for cell in re.split(r"[\s;,|]+", line) if cell]
+    cells = re.findall(r"[^\s;,|]+", line)
     numbers = sum(map(is_number, cells))
     if numbers > 1 and 2 * numbers >= len(cells):
         return "numbers"

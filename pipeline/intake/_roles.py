@@ -88,8 +88,13 @@ def readings(table: SheetTable, kind: str | None, unit: str | None) -> list[Role
     forces = {k for k, c in enumerate(table.named) if not c.role and force_unit(c.title, units)}
     number = table.of_kind("number", forces)
     sets = [one for one in triples(table.named) if {*one.columns} <= {*number}]
-    if sets:
-        return _by_titles(table, sets)
+    return _by_titles(table, sets) if sets else _by_cells(table, number, kind, unit)
+
+
+def _by_cells(
+    table: SheetTable, number: list[int], kind: str | None, unit: str | None
+) -> list[RoleAssignment]:
+    """The readings of columns of numbers whose titles name no coordinates; the rest as above."""
     called = {column.role for column in table.named}
     if called & {"azimuth", *VERTICALS}:
         with at(line=table.sheet.header):

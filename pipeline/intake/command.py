@@ -92,14 +92,7 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     from pipeline.intake.files import propose
     from pipeline.intake.filled import filled_in
 
-    if robot is not None:
-        robot = blank.brought(folder, robot)
-        blank.known(root, folder.name, robot)
-    if old := blank.open_text(folder):
-        stated = stated or folder / "campaign.toml"
-        robot = robot or _robot_before(root, folder, old)
-        _tell("campaign.toml is written again for the files that are there; what was filled in is "
-              "kept.")  # fmt: skip
+    robot, stated = _before(root, folder, robot, stated)
     hints = _stated(stated)
     files, passed = _looked_at(root, folder, hints)
     given, wrong = filled_in(files)
@@ -117,6 +110,28 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
         _tell(f"{listed(made)} are those of the rehearsal: campaign.toml says simulated = true.")
     left = blank.write(folder, proposal, known)
     typer.echo(folder)
+    _tell_next(folder, proposal, left)
+
+
+def _before(
+    root: Path, folder: Path, robot: str | None, stated: Path | None
+) -> tuple[str | None, Path | None]:
+    """The robot and the file of statements, from an open campaign.toml where no option has them."""
+    from pipeline.intake import blank
+
+    if robot is not None:
+        robot = blank.brought(folder, robot)
+        blank.known(root, folder.name, robot)
+    if old := blank.open_text(folder):
+        stated = stated or folder / "campaign.toml"
+        robot = robot or _robot_before(root, folder, old)
+        _tell("campaign.toml is written again for the files that are there; what was filled in is "
+              "kept.")  # fmt: skip
+    return robot, stated
+
+
+def _tell_next(folder: Path, proposal: FilesProposal, left: Sequence[str]) -> None:
+    """Show what is still open in campaign.toml, and the next command."""
     if proposal.nothing:
         _tell("No exports or logs lie there yet. To have campaign.toml written for files of other "
               "programs, copy them there and type "
@@ -252,16 +267,19 @@ def _robot(root: Path, folder: Path, proposal: FilesProposal, ask: bool) -> str 
 
     Else the typed one; None if it stays open.
     """
-    from pipeline.intake import blank
-
     fitting = proposal.robots
     own = tuple(one for one in fitting if one.endswith(".toml"))
     for only in (fitting, own, proposal.called):
         if len(only) == 1:
             return only[0]
     usual = None if proposal.exports or proposal.joints else _USUAL
-    if not ask:
-        return usual
+    return _typed_robot(root, folder, fitting, usual) if ask else usual
+
+
+def _typed_robot(root: Path, folder: Path, fitting: Sequence[str], usual: str | None) -> str | None:
+    """The robot typed, asked until it is known; None if it stays open."""
+    from pipeline.intake import blank
+
     for line in blank.described(folder, fitting):
         _tell(line)
     which = "which of these" if fitting else "one of these, or a robot file"

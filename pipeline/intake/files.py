@@ -373,18 +373,21 @@ class _Naming:
 def _namings(
     exports: list[Export], files: Mapping[str, bytes], hints: ExportSettings
 ) -> Iterator[_Naming]:
-    """As the exports name groups, or with more of what stands above targets, as far as it varies.
-
-    That are the collections, the files and their folders.
-    """
+    """As the exports name groups, or with more of what stands above targets, if it varies."""
     names = (hints.names,) if hints.names else tuple(separators(exports))
     if len(names) == 1:
         exports = [split(one, names[0]) for one in exports]
     if hints.groups:
         exports = [named_by_file(one, hints.groups) for one in exports]
     yield _Naming(exports, names, hints.groups)
-    if names or hints.groups:
-        return
+    if not (names or hints.groups):
+        yield from _of_levels_above(exports, files, hints)
+
+
+def _of_levels_above(
+    exports: list[Export], files: Mapping[str, bytes], hints: ExportSettings
+) -> Iterator[_Naming]:
+    """Groups by what stands above them or in their place: collections, files and their folders."""
     lacking = _lacking(exports)
     if lacking is None and all(_TWO_LEVELS.search(files[one.file]) for one in exports):
         joined = hints.model_copy(update={"names": _WHOLE_NAMES})
@@ -527,6 +530,12 @@ def _named(
         most = tuple(name for name, count in often.items() if count == max(often.values()))
         return FilesProposal(groups=tuple(rows)[:_SHOWN], often=most)
     state = states_of(list(rows), ways[0]) if ways else stated
+    groups = () if stated else tuple(rows)[:_SHOWN]
+    return replace(_by_state(rows, state), ways=ways, groups=groups)
+
+
+def _by_state(rows: Mapping[str, Mapping[str, Array]], state: Mapping[str, str]) -> FilesProposal:
+    """Roles of targets by the states in which they were read; groups without one are the base's."""
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*STATES, None)
     )
@@ -534,8 +543,6 @@ def _named(
     measured = [name for name in read if name in _targets(loaded)]
     ends = [name for name in _targets(loaded) if name not in read]
     return FilesProposal(
-        ways=ways,
-        groups=() if stated else tuple(rows)[:_SHOWN],
         measured=tuple(measured),
         chain=_chain(ends, measured, loaded),
         base=tuple(_targets(others)),

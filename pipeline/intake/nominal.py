@@ -106,18 +106,26 @@ def _rows(text: Text) -> list[tuple[str, Place, tuple[object, ...]]]:
 
 
 def _row(line: str) -> tuple[str, Place, tuple[object, ...]] | None:
-    for delimiter in _DELIMITERS:
-        cells = [cell.strip(" \"'") for cell in line.strip().split(delimiter)]
-        number = [bool(_NUMBER.fullmatch(cell)) for cell in cells]
-        at = next((k for k in range(1, len(cells) - 2) if all(number[k : k + 3])), None)
-        if at is None or any(number[at + 3 :]) or number[at - 1]:
-            continue
-        name, three = cells[at - 1], cells[at : at + 3]
-        if at <= 2 and _WORD.search(name) and JOINT not in name:
-            x, y, z = (float(cell.replace(",", ".")) for cell in three)
-            decimals = tuple(len(cell.replace(",", ".").partition(".")[2]) for cell in three)
-            return name, (x, y, z), (delimiter, len(cells), decimals)
-    return None
+    """Name, three numbers and form of a line, by the first delimiter that yields them."""
+    return next(filter(None, (_cut(line, delimiter) for delimiter in _DELIMITERS)), None)
+
+
+def _cut(line: str, delimiter: str | None) -> tuple[str, Place, tuple[object, ...]] | None:
+    """The same by one delimiter; a number of the row may precede the name."""
+    cells = [cell.strip(" \"'") for cell in line.strip().split(delimiter)]
+    at = _of_three([bool(_NUMBER.fullmatch(cell)) for cell in cells])
+    if at is None or at > 2 or not _WORD.search(cells[at - 1]) or JOINT in cells[at - 1]:
+        return None
+    three = [cell.replace(",", ".") for cell in cells[at : at + 3]]
+    x, y, z = map(float, three)
+    decimals = tuple(len(cell.partition(".")[2]) for cell in three)
+    return cells[at - 1], (x, y, z), (delimiter, len(cells), decimals)
+
+
+def _of_three(number: Sequence[bool]) -> int | None:
+    """The first of three numbers behind a cell that is none, None if others follow."""
+    at = next((k for k in range(1, len(number) - 2) if all(number[k : k + 3])), None)
+    return None if at is None or any(number[at + 3 :]) or number[at - 1] else at
 
 
 def may_be_of(table: PlaceTable, targets: Collection[str]) -> bool:
@@ -161,8 +169,8 @@ def _of(
             "no distance can be compared with the readings yet"
         )  # fmt: skip
         return NominalPlaces(), f"{begin}; {why}: fill in its places by hand"
-    numbers = {name: at for name, at in table.numbers.items() if name in (*measured, *base)}
-    renamed = {name: name for name in numbers}
+    own = [name for name in table.numbers if name in (*measured, *base)]
+    renamed = dict(zip(own, own, strict=True))
     if (load := _load_point(table, measured, base, LENGTH[unit])) is not None:
         renamed[load] = "load_point"
     places = {ours: _metres(table.numbers[name], LENGTH[unit]) for name, ours in renamed.items()}
@@ -172,7 +180,7 @@ def _of(
     }
     also = f", and {load} as load_point" if load else ""
     return NominalPlaces(places, source), (
-        f"{begin}: {listed(numbers, most=12)}{also} in {_UNITS[unit]}, distances within "
+        f"{begin}: {listed(own, most=12)}{also} in {_UNITS[unit]}, distances within "
         f"{_mm(off[unit])} of those read; confirm them in campaign.toml"
     )
 

@@ -66,31 +66,41 @@ def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
     makers = _makers(files)
     proposal = LogFiles()
     for name, data in files.items():
-        if not _may_be_log(name, data):
-            continue
-        fits = _having(name, data, robots, makers)
-        form = _loads(name, data) if not fits or is_workbook(data) else None
-        if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
-            columns = {robot: form.columns for robot, form in fits.items()}
-            new = {"joints": name, "robots": tuple(fits), "joint_columns": columns}
-            proposal = _added(proposal, name, new, proposal.joints)
-        if form:
-            proposal = _added(
-                proposal, name, {"loads": name, "load_columns": form.columns}, proposal.loads
-            )
-        elif not fits and (axes := log_columns.titles_of_axes(name, data)):
-            why = (
-                f"seems to be a joint log ({axes[0]} to {axes[-1]}), but no robot that ships and "
-                "none in this folder has these axes; bring yours as a robot file "
-                "(docs/add-a-robot.md), and type `pipeline init` again"
-            )
-            proposal = replace(proposal, refused=proposal.refused | {name: why})
+        if _may_be_log(name, data):
+            proposal = _with_log(proposal, name, data, robots, makers)
     counted = counted_axes(next(iter(proposal.joint_columns.values()), {}))
     return replace(
         proposal,
         decimal_commas=_with_commas(files, proposal),
         pulses=per_degree(files, counted),
     )
+
+
+def _with_log(
+    proposal: LogFiles,
+    name: str,
+    data: bytes,
+    robots: Mapping[str, Robot],
+    makers: frozenset[str],
+) -> LogFiles:
+    """The logs with a file that may be one, or both in a workbook; refused if no robot fits."""
+    fits = _having(name, data, robots, makers)
+    form = _loads(name, data) if not fits or is_workbook(data) else None
+    if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
+        columns = {robot: form.columns for robot, form in fits.items()}
+        new = {"joints": name, "robots": tuple(fits), "joint_columns": columns}
+        proposal = _added(proposal, name, new, proposal.joints)
+    if form:
+        new = {"loads": name, "load_columns": form.columns}
+        return _added(proposal, name, new, proposal.loads)
+    if fits or not (axes := log_columns.titles_of_axes(name, data)):
+        return proposal
+    why = (
+        f"seems to be a joint log ({axes[0]} to {axes[-1]}), but no robot that ships and "
+        "none in this folder has these axes; bring yours as a robot file "
+        "(docs/add-a-robot.md), and type `pipeline init` again"
+    )
+    return replace(proposal, refused=proposal.refused | {name: why})
 
 
 def counted_axes(columns: Mapping[str, str]) -> tuple[str, ...]:
