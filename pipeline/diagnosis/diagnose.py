@@ -21,9 +21,11 @@ from pipeline.diagnosis.facts import (
     Diagnosed,
     Drift,
     Facts,
+    FoundCause,
     PossibleCause,
     SeparatingPose,
     SoleCause,
+    UnloadedFacts,
     Unnoticed,
 )
 from pipeline.diagnosis.hypotheses import hypotheses, too_small
@@ -106,9 +108,7 @@ def diagnose(
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
-    refuted = dict(stood.visible)
-    if drift is not None and not drift.named and drift.knocked is None:
-        refuted[drift.effect.label] = drift.visible
+    refuted = _refuted(stood, drift)
     case = replace(case, refuted=refuted, shape=shape, surroundings=surroundings)
     case, spread, found = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
@@ -129,7 +129,7 @@ def diagnose(
         stated_p=stated_p,
         misfit_p=misfit,
     )
-    held = (facts.causes if facts.helps else ()) + facts.scatter
+    held = _held(facts)
     stood = beside_springs(stood, cell, [one.effect for one in held])
     facts = replace(facts, unloaded=stood)
     drifts = of_base(drift, held)
@@ -152,6 +152,18 @@ def diagnose(
         stood_off_m=(stood.miss_m, stood.left_m),
         too_small=() if sets else too_small(case, found),
     )
+
+
+def _refuted(stood: UnloadedFacts, drift: Drift | None) -> dict[str, float]:
+    """Multiples of the typical magnitude that unloaded and base reflectors rule out, by cause."""
+    if drift is None or drift.named or drift.knocked is not None:
+        return dict(stood.visible)
+    return {**stood.visible, drift.effect.label: drift.visible}
+
+
+def _held(facts: Facts) -> tuple[FoundCause, ...]:
+    """Causes from displacements that improve predictions, and those of the scatter."""
+    return (facts.causes if facts.helps else ()) + facts.scatter
 
 
 def _between_poses(shape: NoiseShape | None, drift: Drift | None) -> float:
@@ -243,9 +255,9 @@ def _blind_spots(
         visible[facts.base.effect.label] = facts.base.visible
     final = found.view if facts.helps else found.first
     spots = blind_spots(whole, final, final.base, found.threshold.p, known, visible)
-    told = (facts.causes if facts.helps else ()) + facts.scatter
-    names = {cause.effect.label for cause in told}
-    names |= {rival.effect.label for cause in told for rival in cause.rivals}
+    held = _held(facts)
+    names = {cause.effect.label for cause in held}
+    names |= {rival.effect.label for cause in held for rival in cause.rivals}
     return tuple(spot for spot in spots if spot.effect.label not in names)
 
 

@@ -121,10 +121,7 @@ def from_unloaded(
     table_only = straight(zeros, sums)
     search = _Search(zeros, asked, x, rows, cells(zeros, sums), wander_m)
     if not _fits(zeros, rows, table_only):
-        heavy = search.over(replace(zeros, sag=None, weighs=True), effects).with_free(())
-        search, heavy = search.whole(effects), heavy.whole(effects)
-        sure = 0.0 if known or any(one.sags for one in search.free) else _SURE
-        search = heavy if heavy.found.log_evidence > search.found.log_evidence + sure else search
+        search = _weighed(search, effects, known)
     found, zeros = search.found, search.zeros
     missed = left_out(table_only, rows), left_out(found, search.rows)
     stood = UnloadedFacts(
@@ -141,6 +138,20 @@ def from_unloaded(
     )
     asks = stood.unexplained and not found.free
     return replace(stood, down=_down(zeros, found)) if asks else stood
+
+
+def _weighed(search: _Search, effects: Sequence[Effect], known: bool) -> _Search:
+    """The whole search, with links that weigh by the file if that is certainly likelier.
+
+    Args:
+        search: The search without causes.
+        effects: The catalogue.
+        known: Whether the file states what the links weigh.
+    """
+    heavy = search.over(replace(search.zeros, sag=None, weighs=True), effects).with_free(())
+    search, heavy = search.whole(effects), heavy.whole(effects)
+    sure = 0.0 if known or any(one.sags for one in search.free) else _SURE
+    return heavy if heavy.found.log_evidence > search.found.log_evidence + sure else search
 
 
 def _down(zeros: Unloaded, found: ScaleGrid) -> tuple[str, float] | None:

@@ -71,6 +71,11 @@ _DH_SAYS = {
 }
 
 
+def symbol(unit: str) -> str:
+    """A unit of force as it is written: kN, daN, kgf."""
+    return f"{unit[:-1]}N" if unit.endswith("n") else unit
+
+
 @dataclass(frozen=True)
 class _SupposedMistake:
     """One mistake that may have been made.

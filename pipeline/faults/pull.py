@@ -10,11 +10,10 @@ import pyarrow as pa
 
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
-from pipeline.faults.conventions import aligned
+from pipeline.faults.conventions import aligned, symbol
 from pipeline.faults.fault import Fault
 from pipeline.faults.labels import chain_distances
 from pipeline.faults.mistake import Mistake
-from pipeline.faults.unit_since import symbol
 from pipeline.readers.logs import FORCE
 from pipeline.reduction.case import Case
 from pipeline.system.specimen import SURE, Common, common, has_stated_stiffness

@@ -18,7 +18,7 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.faults.assignment import lines
-from pipeline.faults.conventions import LOGGED, UNITS, anchored, pairs, scaled, unloaded
+from pipeline.faults.conventions import LOGGED, UNITS, anchored, pairs, scaled, symbol, unloaded
 from pipeline.faults.exchanged import misplaced
 from pipeline.faults.exchanged_pulls import USUAL_MISFIT, PullMoves, ordered, rows_of
 from pipeline.faults.fault import Fault, Screening
@@ -223,11 +223,6 @@ def _likelier(moved: PullMoves, at: Ints, first: int, unit: str, sign: int) -> _
     if abs(np.log(usual)) <= abs(np.log(usual * later.factor)):
         return later
     return replace(later, sign=-sign, later=False)
-
-
-def symbol(unit: str) -> str:
-    """A unit of force as it is written: kN, daN, kgf."""
-    return f"{unit[:-1]}N" if unit.endswith("n") else unit
 
 
 def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:

@@ -109,7 +109,7 @@ class LawSearchData:
 
 
 @dataclass(frozen=True, eq=False)
-class _NamedModel:
+class NamedModel:
     """The model with its laws, and which of them are named.
 
     Attributes:
@@ -141,7 +141,7 @@ def with_laws(
     names: tuple[CatalogueLaw, ...],
     parts: dict[Partition, Ints],
     rng: np.random.Generator,
-) -> _NamedModel:
+) -> NamedModel:
     """Search for laws in addition to the catalogue, then for more in addition to the curves found.
 
     Args:
@@ -164,7 +164,7 @@ def with_laws(
     plain = [k for k, one in enumerate(names) if not one.name]
     chance = chances(found, [_of_law(found.mechanism, k) for k in plain], signs)
     p |= {_key(names[k].law): c for k, c in zip(plain, chance, strict=True)} | further
-    return _NamedModel(found, _named(found, p, judge), causes(found, names, signs, judge))
+    return NamedModel(found, _named(found, p, judge), causes(found, names, signs, judge))
 
 
 def _bent(clues: Sequence[law_tests.LawTest]) -> dict[int, float]:

@@ -36,7 +36,7 @@ from pipeline.geometry.cross_validation import (
 )
 from pipeline.geometry.gross_errors import TableMistake, corrected
 from pipeline.geometry.initial import begin
-from pipeline.geometry.joint_laws import LawSearchData, NamedLaw, with_laws
+from pipeline.geometry.joint_laws import LawSearchData, NamedLaw, NamedModel, with_laws
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout, linearised
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import start
@@ -177,23 +177,14 @@ def study(
     data, base, late = _without_blunders(every, data, base, gross)
     parts = partings(data.readings, rng, rail(robot))
     whole = with_laws(data, base, names, parts, rng)
-    hidden = balanced(robot) and not other  # where a balancer hides what the links weigh
-    if hidden and (trial := _otherwise(data, whole.found, rng)):
-        wanted = replace(base.wanted, moments=True)
-        begin_at = data.identify(trial.found.mechanism, wanted, trial.found)
-        again = with_laws(data, begin_at, names, parts, rng)
-        if other := _weigh(whole.found, again.found, rng):  # each at the end of its own search
-            base, whole = begin_at, again
+    if balanced(robot) and not other:  # where a balancer hides what the links weigh
+        base, whole, other = _searched_otherwise(data, base, whole, names, parts, rng)
     before = data
     # curves reveal outliers that springs leave hidden
     data, found, late = _without_blunders(every, data, whole.found, late.which)
     if data is not before:
         whole, parts = replace(whole, found=found), partings(data.readings, rng, rail(robot))
-    plain = list(_plain(data, begun))
-    steps = [*zip((ModelStage.TABLE, ModelStage.LETTERS, ModelStage.SPRINGS), plain, strict=True)]
-    if base.wanted != plain[-1].wanted:
-        steps.append((ModelStage.CATALOGUE, base if data is before else data.again(base)))
-    steps.append((ModelStage.LAWS, whole.found))
+    steps = *_steps(data, begun, base, before), (ModelStage.LAWS, whole.found)
     stages = tuple(
         StageResult(step, found, {k: distances(found, part) for k, part in parts.items()})
         for step, found in steps
@@ -302,6 +293,35 @@ def _otherwise(
     if not weighs(found.mechanism.table) or not _weigh(found, tried(found, other), rng):
         return None
     return _weigh(found, data.identify(found.mechanism, other, found), rng)
+
+
+def _searched_otherwise(
+    data: LawSearchData,
+    base: Calibration,
+    whole: NamedModel,
+    names: tuple[CatalogueLaw, ...],
+    parts: dict[Partition, Ints],
+    rng: np.random.Generator,
+) -> tuple[Calibration, NamedModel, _Weighed | None]:
+    """Base, laws, and link masses other than in the robot file; each at the end of its search."""
+    trial = _otherwise(data, whole.found, rng)
+    if trial is None:
+        return base, whole, None
+    wanted = replace(base.wanted, moments=True)
+    begun = data.identify(trial.found.mechanism, wanted, trial.found)
+    again = with_laws(data, begun, names, parts, rng)
+    other = _weigh(whole.found, again.found, rng)
+    return (begun, again, other) if other else (base, whole, None)
+
+
+def _steps(
+    data: LawSearchData, begun: Mechanism, base: Calibration, before: LawSearchData
+) -> Iterator[tuple[ModelStage, Calibration]]:
+    """Stages before the laws; `base` is the estimate from the data `before`."""
+    plain = list(_plain(data, begun))
+    yield from zip((ModelStage.TABLE, ModelStage.LETTERS, ModelStage.SPRINGS), plain, strict=True)
+    if base.wanted != plain[-1].wanted:
+        yield ModelStage.CATALOGUE, base if data is before else data.again(base)
 
 
 def _plain(data: LawSearchData, begun: Mechanism) -> Iterator[Calibration]:

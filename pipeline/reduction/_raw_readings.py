@@ -413,15 +413,8 @@ def with_own_names(
         shots: Readings of known reflectors.
         width: Number of roles; the last two are the ends of the chain.
     """
-    ends = shots.counted(width)[:, -2:] > 0
-    bare = shots.loaded & (shots.counted(width) > 0).any(axis=1) & ~ends.any(axis=1)
-    taut = ~shots.loaded & ends.all(axis=1)
-    pairs = [
-        (int(zero), int(pulls[0]))
-        for zero in np.flatnonzero(taut)
-        if len(pulls := np.flatnonzero(bare & (shots.pose == shots.pose[zero]))) == 1
-    ]
-    if not pairs or len({pull for _, pull in pairs}) < taut.sum():
+    pairs = _pairs(shots, width)
+    if not pairs:
         return shots, ()
     slot, names, found = shots.slot.copy(), np.array(shots.group.indices), list[ExchangedNames]()
     for pair in pairs:
@@ -434,6 +427,22 @@ def with_own_names(
         found.append(ExchangedNames(int(shots.pose[pair[0]]), (groups[0], groups[1]), at))
     group = pa.DictionaryArray.from_arrays(pa.array(names), shots.group.dictionary)
     return replace(shots, slot=slot, group=group), tuple(found)
+
+
+def _pairs(shots: RawReadings, width: int) -> list[tuple[int, int]]:
+    """States with a chain but no pull, each with the only pull of its pose without a chain.
+
+    There are none unless each of the former has a pull of its own.
+    """
+    ends = shots.counted(width)[:, -2:] > 0
+    bare = shots.loaded & (shots.counted(width) > 0).any(axis=1) & ~ends.any(axis=1)
+    taut = ~shots.loaded & ends.all(axis=1)
+    pairs = [
+        (int(zero), int(pulls[0]))
+        for zero in np.flatnonzero(taut)
+        if len(pulls := np.flatnonzero(bare & (shots.pose == shots.pose[zero]))) == 1
+    ]
+    return pairs if len({pull for _, pull in pairs}) == taut.sum() else []
 
 
 def in_rounds(shots: RawReadings, width: int) -> RawReadings:

@@ -231,22 +231,13 @@ def _whole(made: _Made, parcel: Parcel) -> tuple[Answer, dict[str, Any], dict[st
         manifest: dict[str, Any] = json.loads(tables.pop(MANIFEST))
         written = made.reports["result.json"]
         answer = Answer.model_validate(json.loads(written), strict=False)
-        parts = (
-            (f"data/processed/{parcel.name}", tables),
-            (f"reports/{parcel.name}", made.reports),
-        )
-        came = {
-            f"{folder}/{name}": files.sha256(content)
-            for folder, inside in parts
-            for name, content in inside.items()
-        }
-        read = sorted((one.file, one.sha256, one.bytes) for one in answer.inputs)
-        sent = [(name, files.sha256(data), len(data)) for name, data in parcel.files.items()]
+        came = _hashes(f"data/processed/{parcel.name}", tables)
+        came |= _hashes(f"reports/{parcel.name}", made.reports)
         run_time_s = float(manifest["run_time_s"])
         whole = (
             (manifest["key"], manifest["outputs"]) == (parcel.key, came)
             and (answer.campaign, dump(answer.as_json())) == (parcel.name, written)
-            and (read, answer.versions) == (sorted(sent), versions())
+            and _has_read(answer, parcel)
             and isfinite(run_time_s)
             and all(fullmatch(r"\w+\.parquet", name, ASCII) for name in tables)
             and not any(misnamed(name, made.reports) for name in made.reports)
@@ -260,6 +251,18 @@ def _whole(made: _Made, parcel: Parcel) -> tuple[Answer, dict[str, Any], dict[st
             "run it again, and see to that worker's installation, memory and disk",
         )
     return answer, about, tables
+
+
+def _hashes(folder: str, inside: Mapping[str, bytes]) -> dict[str, str]:
+    """SHA-256 of each file by its path."""
+    return {f"{folder}/{name}": files.sha256(content) for name, content in inside.items()}
+
+
+def _has_read(answer: Answer, parcel: Parcel) -> bool:
+    """Whether the answer is from the parcel's files, by the versions of this machine."""
+    read = sorted((one.file, one.sha256, one.bytes) for one in answer.inputs)
+    sent = [(name, files.sha256(data), len(data)) for name, data in parcel.files.items()]
+    return (read, answer.versions) == (sorted(sent), versions())
 
 
 def _about(manifest: Mapping[str, Any], answer: Answer, parcel: Parcel) -> dict[str, Any]:
