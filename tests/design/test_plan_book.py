@@ -186,7 +186,7 @@ def test_the_workbook_gives_the_answer_of_the_csv_files(proposal, measured, tmp_
 
 @pytest.mark.parametrize(
     ("typed", "said"),
-    [("765,3 N", "number with its unit"), ("siebenhundert", "not a number")],
+    [("765,3 mm", "number with its unit"), ("siebenhundert", "not a number")],
 )
 def test_what_is_no_number_is_named_by_its_line(proposal, measured, typed, said):
     """The row is left out, and the line is the one that Excel shows."""
