@@ -111,7 +111,8 @@ def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
     for finding in examination.examine(root):
         mark = "ok" if finding.good else "PROBLEM" if finding.needed else "note"
         line = f"{mark:8} {finding.what:16} {finding.text}"
-        typer.echo(json.dumps(asdict(finding)) if as_json else line)
+        keys = asdict(finding)
+        typer.echo(json.dumps(keys | {"said": keys.pop("text")}) if as_json else line)
         sound = sound and (finding.good or not finding.needed)
     raise typer.Exit(0 if sound else UsageError.exit_code)
 
