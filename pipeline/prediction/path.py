@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.arrays import Array, Ints, Locked, compared
 from pipeline.base.quantities import plain
 
 
@@ -35,10 +35,13 @@ def against_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[st
     A model is valid where it was tested: above the largest pull its error grows with the force. If
     all forces are below the smallest pull by the ratio of two units, they may be in another unit.
     """
-    if pulled is None or pulled[0] / _LBF_N < (hardest := float(force_n.max())) <= pulled[1]:
+    if pulled is None:
         return []
-    least, most = (plain(one) for one in pulled)
-    text = f"The forces reach {plain(hardest)} N; the campaign pulled with {least} to {most} N"
+    hardest, lowest, highest = compared([force_n.max(), pulled[0] / _LBF_N, pulled[1]])
+    if lowest < hardest <= highest:
+        return []
+    least, most, reached = (plain(one) for one in (*pulled, hardest))
+    text = f"The forces reach {reached} N; the campaign pulled with {least} to {most} N"
     if hardest < pulled[0]:
         return [f"{text}: check their unit."]
     return [f"{text}: beyond that its model was not tested, and its error grows with the force."]
