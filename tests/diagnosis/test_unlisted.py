@@ -233,6 +233,19 @@ def test_a_jump_is_sought_between_all_pulls_and_not_the_first_of_each_pose():
     assert size[-4] < max(at) < size[-3]
 
 
+def test_a_jump_is_never_sought_between_pulls_of_the_same_force():
+    """Three load steps in all directions; equal forces may differ by a rounding, and are equal."""
+    size = np.repeat([1000.0, 2000.0, 3000.0], [12, 12, 16])[:, None]
+    along = PULLS.force / np.linalg.norm(PULLS.force, axis=1, keepdims=True)
+    pulls = replace(PULLS, force=size * along)
+    assert len(np.unique(np.linalg.norm(pulls.force, axis=1))) > 3
+
+    laws = unlisted.effects(KR500, load(CELL, pulls, KR500.nominal_compliance))
+    at = [one.law.at for one in laws if one.law.of[:3] == ("scale", "zero", "force")]
+
+    assert at == pytest.approx([1500.0, 2500.0], abs=1e-9)
+
+
 @pytest.mark.whole
 @pytest.mark.parametrize("lost_n", [150.0])
 def test_a_scale_with_a_dead_band_is_named_and_leaves_the_springs_alone(lost_n):

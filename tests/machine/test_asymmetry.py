@@ -22,6 +22,7 @@ from pipeline.fleet.history import changes
 from pipeline.library.compensate import Compensation, compensate
 from pipeline.library.compliance import cartesian_stiffness
 from pipeline.machine import cell as forward
+from pipeline.machine import sides
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects import catalogue
@@ -211,6 +212,19 @@ def test_a_gear_that_is_stiffer_one_way_is_named_with_both_stiffnesses():
         assert mine.compliance == pytest.approx(parameter.value)
         assert mine.ci95 == pytest.approx([1 / end for end in parameter.ci95[::-1]])
     assert abs(joint_4().by_sign.correlation) < 1
+
+
+def test_a_weight_turns_no_vertical_axis_either_way():
+    """A robot on the floor: joint 1 has the same side in all poses, joint 2 has both."""
+    robot = load("kr240_r2900_2")
+    cell = paper_cell(robot, Tool.of({"load_point": (0.1, 0.0, 0.3), "P1": (0.1, 0.0, 0.3)}))
+    cell = cell.with_effects(*(one for one in catalogue(robot) if one.name == "joint_asymmetry"))
+    q = np.random.default_rng(62).uniform(robot.lower, robot.upper, (100, 6))
+    weight = np.tile([0.0, 0.0, -800.0], (100, 1))
+    held = sides.along(cell, np.zeros(len(cell.parameters)), q, weight)
+
+    assert (held[0] == 1).all()
+    assert set(held[1]) == {-1, 1}
 
 
 @pytest.mark.whole

@@ -19,6 +19,9 @@ from pipeline.machine.effects._anatomy import by_weight, compliance, turning
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
 
+_NONE_NM = 1e-6
+"""Torque [N m] that is none, but for rounding: that of a weight on a vertical axis."""
+
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """One effect for each revolute joint; also of the total torque if link masses are known."""
@@ -61,5 +64,5 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         carrier=(joint,),
         response=response,
         under_weight=np.abs,
-        side=lambda loaded, torque: np.where(torque + before(loaded) < 0, -1.0, 1.0),
+        side=lambda loaded, torque: np.where(torque + before(loaded) < -_NONE_NM, -1.0, 1.0),
     )

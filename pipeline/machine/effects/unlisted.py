@@ -22,7 +22,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Parameter
+from pipeline.base.arrays import Array, Parameter, compared
 from pipeline.base.quantities import plain
 from pipeline.machine.effect import Effect, Elastic, Loaded, Observation, Pulls, Wrench, in_place
 from pipeline.machine.effects._anatomy import compliance, direction, rail, rated_torque, turning
@@ -313,8 +313,10 @@ def _cuts(v: Array, pulls: Pulls) -> list[float]:
 
 
 def _between(each: Array, most: int = _STEPS) -> list[float]:
-    """Step positions between ascending values, at most `most` of them."""
+    """Step positions between ascending values, at most `most` of them, none between equal ones."""
+    apart = np.diff(compared(each)) > 0
     cuts = ((each[1:] + each[:-1]) / 2)[_SIDES - 1 : len(each) - _SIDES]
+    cuts = cuts[apart[_SIDES - 1 : len(each) - _SIDES]]
     if not len(cuts):
         return []
     chosen = np.unique(np.linspace(0, len(cuts) - 1, most).round().astype(int))
