@@ -326,8 +326,8 @@ def _taught(case: SearchProblem, found: SearchResult, law: int) -> Bools:
     v = unlisted.variable(one, load(model.cell, pulls, model.values))[view.rows.pull]
     inside = np.zeros(len(pose), dtype=bool)
     for k in np.unique(pose):
-        own, others = v[pose == k], v[pose != k]
-        inside[pose == k] = (own >= others.min()) & (own <= others.max())
+        others = v[pose != k]
+        inside[pose == k] = unlisted.outside(v[pose == k], others.min(), others.max()) < 1
     return inside
 
 

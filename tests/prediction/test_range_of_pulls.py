@@ -84,3 +84,19 @@ def test_from_a_hundredth_of_the_range_on_a_law_is_as_uncertain_as_large():
     assert unsure([line], replace(PULLS, q=q))[0] == pytest.approx(
         np.linalg.norm(spring, axis=(1, 2))
     )
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "within", "without"),
+    [
+        (-1.2, 0.7, [-1.2 * (1 + 4e-16), 0.0, 0.7 * (1 + 4e-16)], [-1.21, 0.71]),
+        (3000.0, 3000.0, [3000 * (1 - 4e-16), 3000.0, 3000 * (1 + 4e-16)], [2990.0, 3010.0]),
+        (0.0, 0.0, [0.0], [-0.001, 0.001]),
+        (0.0, 9.0, [np.nan], [9.1]),
+    ],
+)
+def test_a_range_has_ends_however_its_values_are_rounded(low, high, within, without):
+    """Angles, weights all of one size, a joint that never moved, a time that is not known."""
+    found = unlisted.outside(np.array([*within, *without]), low, high)
+
+    assert found == pytest.approx([0] * len(within) + [1] * len(without), abs=1e-9)

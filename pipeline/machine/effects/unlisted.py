@@ -746,20 +746,21 @@ def _beyond(robot: Robot, law: Law) -> Effect:
     assert isinstance(made, Elastic)
 
     def response(loaded: Loaded, tau: Array) -> Array:
-        return np.asarray(made.response(loaded, tau) * _outside(law, loaded)[:, None])
+        beyond = outside(variable(law, loaded), law.low, law.high)
+        return np.asarray(made.response(loaded, tau) * beyond[:, None])
 
     names = tuple(replace(p, name=f"beyond_{p.name}") for p in made.parameters)
     return replace(made, form=law.form, law=law, parameters=names, response=response)
 
 
-def _outside(law: Law, loaded: Loaded) -> Array:
-    """How far each pull is outside the range of the data, from 0 within to 1, shape (m,).
+def outside(v: Array, low: float, high: float) -> Array:
+    """How far values of a variable are outside the range of the data, from 0 within to 1, (m,).
 
     A pull of the campaign is within, also at an end, however its variable is rounded. Outside, it
     rises to 1 within one step of the grid; a range of a single value counts as a step wide.
     """
-    v, wide = variable(law, loaded), max(law.high - law.low, (abs(law.low) + abs(law.high)) / _GRID)
-    return np.fmin(np.fmax(np.maximum(law.low - v, v - law.high) * _GRID / wide, 0.0), 1.0)
+    step = max(high - low, (abs(low) + abs(high)) / _GRID, 1e-99) / _GRID
+    return np.fmin(np.fmax(np.maximum(low - v, v - high) / step, 0.0), 1.0)
 
 
 YIELDING = ("spring", "drive", *_GUIDES)
