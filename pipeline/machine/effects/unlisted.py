@@ -314,9 +314,8 @@ def _cuts(v: Array, pulls: Pulls) -> list[float]:
 
 def _between(each: Array, most: int = _STEPS) -> list[float]:
     """Step positions between ascending values, at most `most` of them, none between equal ones."""
-    apart = np.diff(compared(each)) > 0
-    cuts = ((each[1:] + each[:-1]) / 2)[_SIDES - 1 : len(each) - _SIDES]
-    cuts = cuts[apart[_SIDES - 1 : len(each) - _SIDES]]
+    far = slice(_SIDES - 1, len(each) - _SIDES)
+    cuts = ((each[1:] + each[:-1]) / 2)[far][np.diff(compared(each))[far] > 0]
     if not len(cuts):
         return []
     chosen = np.unique(np.linspace(0, len(cuts) - 1, most).round().astype(int))
@@ -729,12 +728,8 @@ def beyond(robot: Robot, one: Effect, values: Array) -> tuple[Effect, Array]:
     """
     assert one.law is not None
     law = replace(one.law, beyond=True)
-    size = values if not follows(law) else np.array([height(one.law, values, _none(values))[0]])
+    size = values if not follows(law) else np.array([height(one.law, values, np.diag(0 * values))[0]])
     return effect(robot, law), np.outer(size, size)
-
-
-def _none(values: Array) -> Array:
-    return np.zeros((len(values), len(values)))
 
 
 def _beyond(robot: Robot, law: Law) -> Effect:
