@@ -728,8 +728,9 @@ def beyond(robot: Robot, one: Effect, values: Array) -> tuple[Effect, Array]:
     """
     assert one.law is not None
     law = replace(one.law, beyond=True)
-    size = values if not follows(law) else np.array([height(one.law, values, np.diag(0 * values))[0]])
-    return effect(robot, law), np.outer(size, size)
+    if follows(law):
+        values = np.array(height(one.law, values, np.diag(0 * values))[:1])
+    return effect(robot, law), np.outer(values, values)
 
 
 def _beyond(robot: Robot, law: Law) -> Effect:
