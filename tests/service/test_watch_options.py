@@ -11,8 +11,6 @@ from pipeline.service.command import _LIVE_S
 @pytest.mark.parametrize(("typed", "every_s"), [([], _LIVE_S), (["--interval", "7.5"], 7.5)])
 @pytest.mark.parametrize("as_json", [False, True])
 def test_live_has_campaign_root_and_interval(tmp_path, monkeypatch, typed, every_s, as_json):
-    tmp_path, monkeypatch, typed, every_s, as_json
-):
     """The judging itself runs until Ctrl-C, and is replaced by a record of what it is given."""
     given = []
     monkeypatch.setattr("pipeline.live.command.live", lambda *words: given.append(words))
