@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import report_sample
 
+from pipeline.answer.contract import CommonFactor
 from pipeline.answer.contradictions import common_factor, told_factor
 from pipeline.machine.robot import load
 from pipeline.run import campaign_answer
@@ -40,6 +41,13 @@ def test_a_factor_of_two_and_more_is_told_whatever_the_specimen(factor, said):
     inside = [one.ci95[0] < factor < one.ci95[1] for one in found]
     assert np.mean(inside) > 0.9
     assert f"about {said} times" in told_factor(said_of([factor] * 7))[0]
+
+
+def test_the_sentence_has_the_factor_and_its_interval_from_low_to_high():
+    """In the order in which they are read."""
+    fact = CommonFactor(value=2.0, ci95=(1.8, 2.3), joints=7, probability=0.999)
+
+    assert told_factor(fact)[0].startswith("The stiffnesses are about 2.0 times (1.8 to 2.3) those")
 
 
 def test_another_specimen_is_no_other_unit():

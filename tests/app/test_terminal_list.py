@@ -65,3 +65,18 @@ def test_errors_are_printed_with_their_readings_and_counted_beyond_a_few():
 
     assert sizes == [f"  size of the error in g{k}/P1: 10.0 mm" for k in range(6)]
     assert lines[lines.index(sizes[-1]) + 1] == "  34 more errors are listed in the report"
+
+
+def test_the_verdict_comes_first_and_each_line_says_what_it_is_about():
+    """The line with the numbers is left out: the stiffnesses are listed below."""
+    said = [("verdict", "It fits."), ("numbers", "Use these."), ("to_do", "Pull again.")]
+
+    def say(content):
+        content["first_screen"] = [{"about": about, "text": text} for about, text in said]
+
+    text = outcome(
+        CampaignFolder(Path("hall"), Path("demo")), lambda _: revised(answer(), say)
+    ).text
+
+    assert "Use these." not in text
+    assert text.index("It fits.") < text.index("What to do: Pull again.") < text.index("k_theta2")

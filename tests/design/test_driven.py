@@ -130,6 +130,18 @@ def test_joints_that_turn_twice_stand_in_one_turn():
     assert np.cos(np.deg2rad(found) - q) == pytest.approx(1.0, abs=1e-9)
 
 
+def test_a_joint_may_have_to_go_two_turns():
+    """Of one that turns 460 deg each way, -450 deg is 270 deg beside others at 100 deg."""
+    problem = asked("ur10")
+    free = np.deg2rad(np.full(6, 460.0))
+    q = np.deg2rad(np.repeat([[100.0], [100], [100], [100], [-450]], 6, axis=1))
+    found = np.rad2deg(unwound(replace(problem, lower=-free, upper=free), q))
+
+    assert found[:, 5] == pytest.approx([100, 100, 100, 100, 270], abs=1e-5)
+    back = np.rad2deg(unwound(replace(problem, lower=-free, upper=free), -q))
+    assert back[:, 5] == pytest.approx([-100, -100, -100, -100, -270], abs=1e-5)
+
+
 def test_a_robot_without_hulls_gets_rough_ones_from_its_table():
     """They follow the links: each begins and ends at its joints, in any pose."""
     robot = load("irb6640")

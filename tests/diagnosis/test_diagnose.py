@@ -90,6 +90,7 @@ def test_an_innocent_robot_is_let_go(noise_scale):
     assert verdict(found.facts) == "adequate"
     assert not found.causes
     assert found.estimate is None
+    assert found.facts.gain is None, "no cause, so nothing that could improve a prediction"
 
 
 @pytest.mark.sampled(2)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_position_facts import ROBOT, read
+from made_positions import ROBOT, read
 
 from pipeline.geometry.initial import begin
 

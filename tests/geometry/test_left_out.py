@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_geometry import made, weightless
+from made_positions import made, weightless
 
 from pipeline.geometry.calibrate import ModelStructure, calibrate
 from pipeline.geometry.estimate import precision

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from made_positions import made, stands
 from scipy.spatial.transform import Rotation
-from test_geometry import made, stands
 
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.cell import Tool, paper_cell

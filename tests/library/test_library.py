@@ -18,10 +18,12 @@ import pipeline
 from bench.as_pinocchio import model as pin_model
 from pipeline.app import cli
 from pipeline.base.files import sha256
+from pipeline.library.compensate import compensate
 from pipeline.library.joints import joint_values
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.prediction.model import IdentifiedModel, dumps
+from pipeline.prediction.path import Path as JointPath
 from pipeline.report.render import render
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import dump
@@ -412,6 +414,19 @@ def test_the_offsets_are_those_of_a_path(result, q):
 
     assert np.linalg.norm(found.shift[0]) > 5e-4
     assert after + moved.displacement_m == pytest.approx(before, abs=1e-6)
+
+
+def test_joints_that_are_held_take_no_part_in_the_offsets(result, q):
+    """A held one stays; the six others still bring the tip to where it would be unloaded."""
+    model = result.model.identified
+    held = np.arange(model.robot.n) == 3
+    path = JointPath(np.array([1]), q[None], FORCE_N[None], controller=False)
+    free, some = compensate(model, path), compensate(model, path, held=held)
+
+    assert np.all(free.joints != 0.0)
+    assert np.all(some.joints[:, held] == 0.0)
+    assert np.all(some.joints[:, ~held] != 0.0)
+    assert some.left[0] < 1e-6 < some.deflection[0]
 
 
 def placed(robot, q, point):

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+import report_sample
 from test_live import BASE, READINGS, of_pose, table
 
 from bench.live import _turn
 from pipeline import identify, load_campaign, simulate_campaign
-from pipeline.live.update import update_of
-from pipeline.machine.robot import configure
+from pipeline.live.update import _warnings, update_of
+from pipeline.machine.robot import configure, load
 
 
 def warned(campaign):
@@ -143,3 +144,19 @@ def wandering():
         return dict(made.campaign.files) | {"tracker.csv": "".join([titles, *some]).encode()}
 
     return until
+
+
+def test_a_warning_says_where_and_since_when():
+    """Of a cause with a form that is no time, the form is left out."""
+
+    def since(form):
+        def say(content):
+            (cause,) = content["diagnosis"]["causes"]
+            cause |= {"where": 2, "form": form}
+
+        answer = report_sample.revised(report_sample.answer(), say)
+        (said,) = _warnings(answer, load("kr500_rail"))
+        return said
+
+    assert since("since pose 9").startswith("Rail roll (2) since pose 9, probability 0.98")
+    assert since("quadratic").startswith("Rail roll (2), probability 0.98")

@@ -14,7 +14,7 @@ from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
 from pipeline.machine import cell as forward
 from pipeline.machine.cell import baseline
 from pipeline.machine.effect import Compound, Elastic, Geometry, Noise
-from pipeline.machine.effects import catalogue
+from pipeline.machine.effects import catalogue, table
 from pipeline.machine.effects.joint_hysteresis import slid
 from pipeline.machine.effects.nameless import competing, mounting, nameless, remembered
 from pipeline.machine.robot import load
@@ -659,3 +659,14 @@ def test_what_is_added_to_a_statement_is_its_correction_and_no_error(bench):
     true = forward.predict(cell, pulls, x)
     np.testing.assert_allclose(with_it.displacement, true.displacement, rtol=1e-9)
     assert zero.parameters[0].meaning == "correction of the scale's zero"
+
+
+@pytest.mark.parametrize("name", ["kr500_rail", "ur10", "fanuc_r2000ic"])
+def test_an_entry_of_the_table_may_be_wrong_either_way(name):
+    """By as much up as down, whatever its letter and joint."""
+    found = table.effects(load(name))
+
+    assert len(found) > 6
+    for effect in found:
+        (entry,) = effect.parameters
+        assert -entry.lower == entry.upper > 100 * abs(entry.typical)

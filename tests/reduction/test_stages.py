@@ -12,7 +12,8 @@ from pipeline.base import covariance
 from pipeline.base.errors import InputError
 from pipeline.reduction.displacements import displacements
 from pipeline.reduction.forces import forces
-from pipeline.reduction.register import agreed, place, register
+from pipeline.reduction.growth import BaseGrowth
+from pipeline.reduction.register import XYZ, Registration, agreed, place, register
 from pipeline.reduction.settings import parse
 
 SETTINGS = """
@@ -318,3 +319,21 @@ def test_covariances_turn_as_matrices_do(same):
 
     assert np.abs(turned - R0 @ C @ R0.T).max() < 1e-24
     assert np.flatnonzero(covariance.singular(six)).tolist() == ([] if same else [7])
+
+
+def test_readings_on_a_grown_base_are_smaller_with_their_errors():
+    """Grown by a half, lengths are two thirds and covariances four ninths of those read."""
+    read = pd.DataFrame({"pose": [1, 1], "repeat": [0, 0], "state": "unloaded", "group": "g",
+                         "target": ["A", "B"], "x": [3.0, 0.0], "y": [0.0, 6.0], "z": 1.5,
+                         "cxx_m2": 9e-10, "cxy_m2": 0.0, "cxz_m2": 0.0, "cyy_m2": 18e-10,
+                         "cyz_m2": 0.0, "czz_m2": 27e-10})  # fmt: skip
+    read = read.rename(columns=dict(zip("xyz", XYZ, strict=True))).assign(time=pd.NaT)
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    there = Registration(quarter, np.array([0.0, 0.0, 1.5]), np.eye(6), np.zeros(3),
+                         pd.DataFrame(), None, 0, growth=BaseGrowth(value=0.5))  # fmt: skip
+    found = place(there, read)
+
+    assert found[XYZ].to_numpy() == pytest.approx(np.array([[0, 2, 2], [-4, 0, 2]]), abs=1e-12)
+    assert found["cxx_m2"].to_numpy() == pytest.approx([8e-10] * 2)
+    assert found["cyy_m2"].to_numpy() == pytest.approx([4e-10] * 2)
+    assert found["czz_m2"].to_numpy() == pytest.approx([12e-10] * 2)

@@ -4,91 +4,17 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 import report_sample
 from pdf_text import pages_of
 
-from pipeline.annex.sections.to_measure import best_pose, next_joint_values, next_poses
-from pipeline.annex.sections.unseen import blind_spots
 from pipeline.annex.text import as_text
-from pipeline.answer.conformity import expanded, largest_force, tolerated
-from pipeline.answer.contract import (
-    AxisValue,
-    BestPose,
-    JudgedPath,
-    NextPose,
-    Reason,
-    Stretch,
-    TestPose,
-    Tip,
-    Tolerance,
-    ToMeasure,
-)
-from pipeline.answer.sentences import (
-    _least_certain,
-    _next,
-    _of_robot,
-    _out,
-    _proposed,
-    _uncalibrated,
-    _wrong,
-    joint_to_pull,
-)
-from pipeline.answer.words import correct, mistaken, noise_told, unnoticed, wrong
-from pipeline.diagnosis.bounds import Bounds
-from pipeline.diagnosis.facts import Facts, UnloadedFacts
-from pipeline.diagnosis.verdict import verdict
-from pipeline.faults.mistake import outlying
-from pipeline.prediction.decision import Decision
 from pipeline.report.figures.catalogue import draw
 from pipeline.report.model import compose
 from pipeline.report.record import Figure
 from pipeline.report.render import page, pdf
 from pipeline.report.words import VERDICTS
-
-
-def pose(before, after):
-    """A proposed pose."""
-    return NextPose(
-        separates=("joint_tilt:5", "link_bending:forearm"),
-        q=(1.0,) * 7,
-        q_unit=("m", *["deg"] * 6),
-        anchor_m=(1.0, 2.0, 0.0),
-        direction=(0.6, 0.8, 0.0),
-        force_n=3000.0,
-        steps=3,
-        approach=None,
-        sigmas_before=before,
-        sigmas_after=after,
-        pose=1,
-    )
-
-
-def path(*parts):
-    """A path of stretches: decision, first and last pose, largest deflection [mm]."""
-    stretches = tuple(
-        Stretch(
-            deflection_mm=mm,
-            std_mm=0.02,
-            decision=decision,
-            first=first,
-            last=last,
-            points=last - first + 1,
-            at=last,
-        )
-        for decision, first, last, mm in parts
-    )
-    points = sum(one.points for one in stretches)
-    return JudgedPath(
-        file="part.csv",
-        points=points,
-        force_n=(250.0, 900.0),
-        decision=Decision.FAIL,
-        stretches=stretches,
-    )
 
 
 def without_figures(report):
@@ -99,55 +25,6 @@ def without_figures(report):
     ]
     plain = replace(report.certificate, picture=None, gauge=None)
     return replace(report, sections=tuple(parts), certificate=plain)
-
-
-def test_poses_that_will_not_settle_it_are_said_not_to():
-    """On the first screen and below the table; 4.6 standard deviations are enough."""
-    weak, strong = [pose(0.3, 1.0), pose(0.3, 2.1)], [pose(0.3, 12.0)]
-
-    assert "help but not settle it" in _proposed(weak)
-    assert "2.1 standard deviations" in _proposed(weak)
-    assert "These poses will not be enough: they reach 2.1 σ." in next_poses(weak, None, {}).note
-    assert "4.6 are enough" in _proposed(strong)
-    assert "not settle" not in next_poses(strong, None, {}).note
-
-
-def test_few_stretches_are_told_and_many_are_counted():
-    """An engineer reads four stretches; of forty the numbers of points."""
-    good, bad = Decision.PASS, Decision.FAIL
-    few = path((good, 1, 4, 0.1), (bad, 5, 5, 0.41))
-    many = path(*((bad if k % 2 else good, 2 * k, 2 * k + 1, 0.1 * k) for k in range(6)))
-
-    said = tolerated(Tolerance(deflection_mm=0.25, test_pose=good, path=few))
-    assert said == (
-        "campaign.toml allows a deflection of 0.25 mm; decision rule of ISO 14253-1. "
-        "Test pose: pass. part.csv: pass at poses 1 to 4 "
-        "and fail at pose 5; up to 0.410 mm, U = 0.040 mm (k = 2), at pose 5."
-    )
-    said = tolerated(Tolerance(deflection_mm=0.25, test_pose=None, path=many))
-    assert "Test pose" not in said
-    assert "of 12 points 6 pass and 6 fail" in said
-
-
-def test_no_decision_is_printed_of_a_model_that_does_not_explain_the_readings():
-    """One sentence that says why, and nothing to do about the force."""
-    asked = Tolerance(deflection_mm=0.25, test_pose=Decision.UNDECIDED, path=None)
-    found, stated = (
-        SimpleNamespace(row=SimpleNamespace(reason=Reason.UNEXPLAINED)),
-        SimpleNamespace(
-            tolerance=asked,
-            pose=TestPose(deflection_mm=0.1, std_mm=0.1, axes=(), force_n=(0, 0, 1.0), stated=True),
-        ),
-    )
-    said = tolerated(asked, holds=False)
-
-    assert said == (
-        "campaign.toml allows a deflection of 0.25 mm; conformity is undecided, since the model "
-        "does not explain the readings."
-    )
-    assert not [*_out(found, stated)]
-    found.row.reason = Reason.ADEQUATE
-    assert next(_out(found, stated)).startswith("Conformity with the tolerance is undecided")
 
 
 @pytest.mark.parametrize(
@@ -189,38 +66,6 @@ def test_whether_it_may_machine_is_said_first_and_no_colour_promises_more(
     assert word is None or text.index(word) < text.index(VERDICTS[verdict][0])
 
 
-@pytest.mark.parametrize(
-    ("deflection", "decision", "force"),
-    [(2.0, Decision.FAIL, 0.8 / 2.0 * 1000), (0.85, Decision.UNDECIDED, 0.8 / 0.85 * 1000)],
-)
-def test_the_force_that_would_pass_is_said(deflection, decision, force):
-    """T = 0.965 mm with u = 0.1 mm leaves 0.8 mm, in proportion to 1 kN."""
-    asked = Tolerance(deflection_mm=0.965, test_pose=decision, path=None)
-    tip = Tip(deflection_mm=deflection, std_mm=0.1)
-
-    assert largest_force(asked, tip, 1000.0) == pytest.approx(force)
-    assert largest_force(asked.model_copy(update={"test_pose": Decision.PASS}), tip, 1e3) is None
-    assert largest_force(asked, tip.model_copy(update={"std_mm": 0.75}), 1e3) is None
-
-
-@pytest.mark.parametrize(
-    ("gain", "body", "value", "said"),
-    [
-        (0.0, [-1, -1], 3e6, True),
-        (0.002, [-1, -1], 3e6, False),
-        (0.0, [0, 1], 3e6, False),  # weights need no scale
-        (0.0, [-1, -1], None, False),
-    ],
-)
-def test_uncertainties_without_the_calibration_of_the_scale_say_so(gain, body, value, said):
-    """A gain is in no residual: who does not state it reads too small an uncertainty."""
-    data = SimpleNamespace(body=np.array(body), scale=SimpleNamespace(gain_sigma=gain))
-    found = SimpleNamespace(right=SimpleNamespace(data=data))
-    stated = SimpleNamespace(mine=SimpleNamespace(stiffness=[SimpleNamespace(value=value)]))
-
-    assert bool(list(_uncalibrated(found, stated))) == said
-
-
 def test_what_to_type_is_shown_as_such_and_a_name_as_it_is():
     """Page and PDF set it as code, the terminal quotes it; no mark of ours is left."""
     said = "Correct it with `pipeline compensate spring`, not with `rm` of part`s.csv."
@@ -241,14 +86,6 @@ def test_what_to_type_is_shown_as_such_and_a_name_as_it_is():
     assert spoken.count("`rm`") == 2
 
 
-def test_what_nobody_knows_has_no_expanded_uncertainty():
-    """A stiffness that is not determined acts there."""
-    said = expanded(Tip(deflection_mm=0.4, std_mm=None))
-
-    assert said.startswith("0.400 mm, with unknown uncertainty")
-    assert expanded(Tip(deflection_mm=0.4231, std_mm=0.0331)) == "0.423 mm, U = 0.066 mm (k = 2)"
-
-
 def test_the_report_says_what_it_is_filed_by():
     """Dates, serial numbers and counts as stated; what nobody stated, in one row."""
     report = compose(report_sample.answer(), {})
@@ -264,227 +101,3 @@ def test_the_report_says_what_it_is_filed_by():
     assert told["Poses and pulls"] == "16 poses, 48 pulls of 1000 N to 3000 N"
     assert told["Temperature of rail and base"] == "21.5 °C"
     assert told["Software"] == "pipeline 1.0.0"
-
-
-def test_a_label_is_called_as_the_controller_calls_its_axis():
-    """In the table of the next poses, whose values are those of the controller's axes."""
-    axes = tuple(AxisValue(name=f"A{k}", value=10.0 * k, unit="deg") for k in (1, 2))
-    one = pose(0.3, 12.0).model_copy(update={"axes": axes})
-
-    told = next_poses([one], None, {5: "A4"}).rows[0][1].text
-    table = next_joint_values([one], ())
-
-    assert told == "tilt of the bearing in joint 5 (A4) / bending of the link in the forearm"
-    assert [column.title for column in table.columns] == ["Pose", "A1 [°]", "A2 [°]"]
-    assert [cell.text for cell in table.rows[0]] == ["1", "10.00", "20.00"]
-
-
-def test_what_went_unnoticed_is_counted_once():
-    """The first screen and the section below it have one number, that of all rows together."""
-    spots = report_sample.answer().diagnosis.blind_spots
-    again = spots[1].model_copy(update={"where": 4, "axis": "A3", "smallest_visible": 6.4e-5})
-
-    said, never, small = blind_spots((*spots, again))
-
-    assert (
-        said.text == "3 other effects could be present at typical magnitude without being detected."
-    )
-    assert f"{unnoticed(3)}; they are listed" in wrong(Facts(), 3)
-    assert [row[0].text for row in never.rows] == ["wrong gain of the spring scale"]
-    assert [cell.text for cell in small.rows[0][1:4]] == [
-        "joint 3, A3",
-        "10 µrad",
-        "32 to 64 µrad",
-    ]
-
-
-def test_further_mistakes_are_told_with_file_and_line():
-    """Up to four rows one by one, the others counted."""
-
-    def same(case):
-        return case
-
-    mistakes = tuple(
-        outlying("", f"row {k} is off", "", before=0.0, correct=same, at=(f"t:{k}",))
-        for k in range(7)
-    )
-
-    told = mistaken(Facts(mistakes=mistakes))
-
-    assert "row 0 is off, and 6 more errors were found (t:1, t:2, t:3, t:4 and 2 more)." in told
-
-
-def best(**more):
-    """The pose that would determine a joint best."""
-    own = {name: getattr(pose(0.3, 1.0), name) for name in ToMeasure.model_fields}
-    own |= {"name": "k_r1", "relative_std_before": 0.4, "relative_std_after": 0.12}
-    return BestPose(**own | {"determines": True} | more)
-
-
-@pytest.mark.parametrize(
-    ("value", "determines", "said"),
-    [
-        (8e7, True, "With the pose that the report proposes it is expected to be 12 %."),
-        (None, True, "standard uncertainty of about 12 % of its typical compliance. Collisions"),
-        (None, False, "This alone will not determine it: its standard uncertainty is then 12 %"),
-    ],
-)
-def test_the_pose_for_a_joint_says_how_to_pull_and_what_it_settles(value, determines, said):
-    """Axes, load steps, force and its direction, where a joint has no value; else it is optional.
-
-    And that one pose is not enough, if it is not.
-    """
-    answer = report_sample.answer()
-    joint = answer.stiffness[0].model_copy(update={"value": value, "axis": "E1"})
-    at = (AxisValue(name="E1", value=2.5, unit="m"), AxisValue(name="A1", value=-30.0, unit="deg"))
-    diagnosis = SimpleNamespace(best_pose=best(axes=at, determines=determines), next_poses_in=None)
-    sentence = _least_certain(SimpleNamespace(diagnosis=diagnosis), joint)
-
-    place = "E1 2.500 m, A1 -30.00°, 3 load steps up to 3000 N along (0.60, 0.80, 0.00)"
-    assert (place in sentence) == (value is None)
-    assert said in sentence
-    table = best_pose(best(determines=determines), None, [joint])
-    assert "3 load steps up to 3000 N along (0.60, 0.80, 0.00) of F_b" in table.rows[0][2].text
-    assert ("does not determine it" in table.note) == (not determines)
-
-
-@pytest.mark.parametrize(
-    ("moved", "data", "model", "said"),
-    [
-        (0.76, "as_given", "extended", "What would tell which cause it is: the base again."),
-        (1.0, "as_given", "extended", "No question is open. Optional: "),
-        (1.0, "corrected", "joint_springs", "Optional: "),
-    ],
-)
-def test_no_question_is_open_only_where_the_verdict_has_none(moved, data, model, said):
-    """A cause of the unloaded reflectors is uncertain; it is certain; a file is to be corrected."""
-    cause = SimpleNamespace(
-        probability=moved, twins=(), effect=SimpleNamespace(since=True, called="it"), rivals=()
-    )
-    wrong = (outlying("", "", "", name="unit_mixup", before=0.0, correct=same),)
-    facts = Facts(moved=(cause,), mistakes=wrong if data == "corrected" else ())
-    joint = report_sample.answer().stiffness[0].model_copy(update={"value": 8e7, "axis": "E1"})
-    own = SimpleNamespace(needs="the base again", rivals=(), twins=(), probability=moved)
-    diagnosis = SimpleNamespace(best_pose=None, next_poses=(), next_poses_in=None, causes=[own])
-    found = SimpleNamespace(
-        facts=facts,
-        mistakes=facts.mistakes,
-        row=SimpleNamespace(reason=Reason.WEIGHED_ANEW, model=model),
-    )
-    diagnosis.verdict = verdict(facts)
-    stated = SimpleNamespace(diagnosis=diagnosis, mine=SimpleNamespace(stiffness=[joint]))
-
-    assert _next(found, stated).startswith(said)
-    assert (_of_robot(found).do.startswith("Find out first")) == (moved < 0.95)
-
-
-def test_beside_what_was_not_measured_nothing_is_judged():
-    """A dead sensor explains every finding of the data that it spoilt."""
-    lost = outlying("", "the sensor was dead", "", name="dead_sensor", before=0.0, correct=same)
-    facts = Facts(mistakes=(replace(lost, hopeless=True),), bounds=Bounds(determined=False))
-    diagnosis = SimpleNamespace(next_poses=("one",), causes=(), blind_spots=())
-    found, stated = SimpleNamespace(facts=facts), SimpleNamespace(diagnosis=diagnosis)
-    stated.contradicted = ["The stiffnesses are 140 times those of the robot file."]
-
-    (said,) = _wrong(found, stated)
-    assert said == "The error in the data that the verdict names; nothing else can be judged."
-    assert _next(found, stated) == "What was not measured."
-    assert "No stiffness is determined" in wrong(facts, 0)
-
-
-def noise(name, value):
-    """A cause of scatter as in the answer."""
-    one = SimpleNamespace(name="s_tracker", value=value)
-    return SimpleNamespace(name=name, parameters=[one])
-
-
-def test_noise_that_is_a_cause_is_said_and_nothing_else_is():
-    """The first screen does not say that nothing was detected of what it lists as a cause."""
-    (said,) = noise_told([noise("tracker_noise", 0.5425)])
-
-    assert said == (
-        "The readings of the tracker scatter 54 % more than stated: the uncertainties include it."
-    )
-    assert wrong(Facts(), 0, [said]) == "Nothing else detectable in these readings."
-
-
-@pytest.mark.parametrize(("miss", "off"), [(3.7e-4, True), (3.1e-5, False)])
-def test_unloaded_positions_that_are_off_are_said_beside_the_displacements(miss, off):
-    """0.37 mm rms at a noise of 0.03 mm: a ripple of an encoder, or waves of the rail."""
-    facts = Facts(unloaded=UnloadedFacts(miss, miss, {}, noise_m=3e-5, usual_m=3e-4))
-    said = wrong(facts, 0)
-
-    assert said.startswith(
-        "Nothing detectable in the displacements under load. Unloaded, the reflectors are 0.37 mm "
-        "rms from where the nominal DH parameters place them (base and tool fitted), 12 times"
-        if off
-        else "Nothing detectable in these readings."
-    )
-
-
-def test_tables_that_disagree_beside_mistakes_are_no_other_robot():
-    """Shuffled positions leave an estimate that the pulls contradict: one robot all the same."""
-    agreement = SimpleNamespace(table_p=1e-6, p=1.0)
-    facts = Facts(unloaded=UnloadedFacts(1e-4, 1e-4, {}), agreement=agreement)
-    beside = replace(facts, mistakes=(outlying("", "x", "", before=0.0, correct=same),))
-
-    assert "not of one robot" in wrong(facts, 0)
-    assert "not of one robot" not in wrong(beside, 0)
-    assert "not completely corrected" in wrong(beside, 0)
-
-
-def same(case):
-    """Nothing is corrected."""
-    return case
-
-
-@pytest.mark.parametrize(
-    ("names", "said"),
-    [
-        (("outlier",), "Check that reading against the measurement record"),
-        (("outlier", "outlier"), "Check those readings against the measurement record"),
-        (("tool_point",), "Measure that point of the effector again"),
-        (("unit_mixup",), "Check that against the measurement record"),
-        (("outlier", "unit_mixup"), "Check that against the measurement record"),
-    ],
-)
-def test_what_to_do_about_a_mistake_depends_on_what_is_wrong(names, said):
-    """A reading is looked up or read again, a point is measured, a unit is corrected."""
-    wrong_data = [
-        outlying("here", "wrong", "right", name=name, before=9.0, correct=same) for name in names
-    ]
-    facts = Facts(mistakes=tuple(wrong_data))
-
-    assert correct(facts).startswith(said)
-    assert correct(facts).endswith("run the campaign once more. Until then")
-
-
-@pytest.mark.parametrize(
-    ("open_", "mistake", "holds", "value", "asked"),
-    [
-        (False, "", True, 8e7, True),
-        (True, "", True, None, False),
-        (False, "outlier", True, 8e7, False),
-        (False, "tool_point", True, 8e7, False),
-        (False, "unit_mixup", True, 8e7, True),
-        (False, "outlier", True, None, True),
-        (False, "", False, None, False),
-    ],
-)
-def test_a_joint_is_pulled_where_nothing_is_to_be_measured_before(
-    open_, mistake, holds, value, asked
-):
-    """A cause in question, a doubted reading or point and what no model explains come first."""
-    joint = report_sample.answer().stiffness[0].model_copy(update={"value": value})
-    diagnosis = SimpleNamespace(next_poses=("one",) if open_ else (), causes=(), verdict="adequate")
-    row = SimpleNamespace(
-        model="joint_springs", reason=SimpleNamespace(holds_for_its_readings=holds)
-    )
-    wrong_data = (
-        (outlying("here", "wrong", "right", name=mistake, before=9.0, correct=same),)
-        if mistake
-        else ()
-    )
-    found = SimpleNamespace(mistakes=wrong_data, row=row)
-
-    assert (joint_to_pull(found, diagnosis, [joint]) is joint) == asked

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import pytest
-from test_geometry import TOOL, TURN, made, stands
+from made_positions import TOOL, TURN, made, stands
 
 from pipeline.faults.position_readings import dated_beside
 from pipeline.faults.position_rows import PositionSheet, position_rows

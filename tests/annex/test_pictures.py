@@ -15,16 +15,11 @@ from pipeline.annex.figure_tables import enough, models_table
 from pipeline.annex.scene import MOST_POSES, scene
 from pipeline.annex.seen_laws import laws
 from pipeline.annex.workspace import arm_in_plane
-from pipeline.answer.posture import posture
 from pipeline.answer.recommended import joint_springs
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.machine import bodies
-from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
-from pipeline.machine.robot import configure, load
-from pipeline.prediction.model import ModelHypothesis as Handed
 from pipeline.reduction.bring import bring, conformed, plain
-from pipeline.reduction.pose_of_interest import PoseOfInterest, place_of_interest
+from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import ingested
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
@@ -63,69 +58,6 @@ def test_the_tracker_stands_where_the_simulator_put_it(values, cell):
     at = row[[f"from_{a}" for a in XYZ]].to_numpy(float)
 
     assert at == pytest.approx(np.array(PLAN.tracker.position), abs=1e-3)
-
-
-@pytest.mark.parametrize("name", ["kr500_rail", "ur10e"])
-def test_links_are_where_pinocchio_has_them(name):
-    """With capsules and without: both ends of each link against another program's kinematics."""
-    robot = load(name)
-    low, high = np.maximum(robot.lower, -2.0), np.minimum(robot.upper, 2.0)
-    q = np.random.default_rng(4).uniform(low, high, (3, robot.n))
-    other = model(robot)
-    data = other.createData()
-    base, carriage, arm = bodies.links(robot, configure(robot, q))
-    for m in range(3):
-        pin.forwardKinematics(other, data, q[m])
-        frames = dict(zip(list(other.names)[1:], list(data.oMi)[1:], strict=True))
-        for part in (carriage, arm):
-            for ends, joint in zip(part.ends[m], part.names, strict=True):
-                if len(robot.capsules):
-                    at = [one.name for one in robot.joints].index(joint) + 1
-                    own = robot.capsules.ends[:, robot.capsules.carrier == at][:, 0]
-                    wanted = [frames[joint].act(end) for end in own]
-                    assert ends == pytest.approx(np.array(wanted), abs=1e-12)
-                elif joint != "flange":
-                    assert ends[1] == pytest.approx(frames[joint].translation, abs=1e-12)
-    assert (len(carriage.names) == 1) == robot.joints[0].prismatic
-    assert len(base.names) == (1 if len(robot.capsules) else 0)
-
-
-@pytest.mark.parametrize("name", ["kr500_rail", "ur10e"])
-def test_the_drawn_arm_moves_as_its_springs_let_it(name):
-    """Each body moves as another program's Jacobian of it says, joints yielding by c J_tip' f."""
-    robot = load(name)
-    q = np.clip(np.linspace(0.4, -1.1, robot.n), robot.lower, robot.upper)
-    force = np.array([300.0, -450.0, -200.0])
-    points = {"load_point": np.array([0.1, 0.02, 0.2]), "P1": np.array([0.0, 0.1, 0.1])}
-    cell = paper_cell(robot, Tool.of(points))
-    compliance = 1e-7 * np.arange(1, robot.n + 1)
-
-    table = posture(
-        Handed(1.0, cell, compliance, np.eye(robot.n)), PoseOfInterest(q, force, stated=True)
-    ).set_index(["part", "name"])
-
-    other = model(robot)
-    data = other.createData()
-    pin.computeJointJacobians(other, data, q)
-    pin.framesForwardKinematics(other, data, q)
-
-    def by(at, joint):
-        """How a point carried by a joint moves with each joint, (3, n)."""
-        J = pin.getJointJacobian(other, data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        lever = at - data.oMi[joint].translation
-        return J[:3] - np.array([np.cross(lever, w) for w in J[3:].T]).T
-
-    tip = data.oMf[other.nframes - 1].act(points["load_point"])
-    yields = compliance * (by(tip, robot.n).T @ force)
-    drawn = table.drop(index=[("place", x) for x in ("upper_arm", "forearm")], errors="ignore")
-    for row in drawn.to_dict("records"):
-        for end in ("from", "to"):
-            at = np.array([row[f"{end}_{a}_m"] for a in "xyz"])
-            moved = [row[f"{end}_moved_{a}_m"] for a in "xyz"]
-            wanted = by(at, row["joint"]) @ yields if row["joint"] else np.zeros(3)
-            assert moved == pytest.approx(wanted, abs=1e-12)
-            assert row[f"{end}_caused_x_m"] == 0.0
-    assert np.linalg.norm(by(tip, robot.n) @ yields) > 1e-5
 
 
 def test_the_strongest_pull_of_a_pose_is_drawn(values, cell):
