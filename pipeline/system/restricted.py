@@ -54,13 +54,13 @@ class PaddedRows(Locked):
     """Rows by pose: y, the fixed effects, and the parts of V.
 
     Attributes:
-        groups: Poses that are computed together.
+        together: The poses, those of one size together where one is large.
         prior: 0 for the fixed effects, 1 for the common errors, which are random, shape (k + r,).
         rough: Common log scale of all components that reproduces the residual mean square.
         dof: Rows minus fixed effects.
     """
 
-    groups: tuple[_Together, ...]
+    together: tuple[_Together, ...]
     prior: Array
     rough: float
     dof: int
@@ -84,18 +84,19 @@ class PaddedRows(Locked):
         source, own = errors.source.astype(str), ~errors.common
         rest = ~np.isin(source, [name for group in groups for name in group])
         masks = [np.isin(source, group) for group in groups] + [rest]
-        both, groups, stated = np.column_stack([Q, A, y]), [], 0.0
+        both, stated = np.column_stack([Q, A, y]), 0.0
+        together: list[_Together] = []
         for mine, some in Blocks.of(system.rows.pose).alike:
             G = errors.G[mine]
             parts = np.stack([some.covariance(G[:, mask & own]) for mask in masks]) / unit**2
             stated += float(np.einsum("kpii->", parts[:-1]))
             which, at = np.nonzero(~some.there)
             parts[-1, which, at, at] = 1.0  # padding: independent rows of zeros
-            groups.append(_Together(some, some.padded(both[mine]), parts))
+            together.append(_Together(some, some.padded(both[mine]), parts))
         return cls(
-            groups=tuple(groups),
+            together=tuple(together),
             prior=np.repeat([0.0, 1.0], [Q.shape[1], A.shape[1]]),
-            rough=0.5 * float(np.log(max(y @ y, linear.TINY) / max(stated, linear.TINY))),
+            rough=0.5 * float(np.log(max(float(y @ y), linear.TINY) / max(stated, linear.TINY))),
             dof=len(Q) - Q.shape[1],
         )
 
@@ -110,9 +111,9 @@ class PaddedRows(Locked):
         """
         weights = np.append(np.exp(2 * log_scale), 1.0)
         try:
-            found = [group.whitened(weights) for group in self.groups]
+            found = [group.whitened(weights) for group in self.together]
         except np.linalg.LinAlgError:
-            return np.full(sum(group.rows.shape[0] for group in self.groups), np.inf), 0.0
+            return np.full(sum(group.rows.shape[0] for group in self.together), np.inf), 0.0
         own = np.concatenate([log + (both[..., -1] ** 2).sum(axis=1) for log, both in found])
         if not len(self.prior):
             return own, 0.0

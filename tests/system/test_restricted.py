@@ -67,7 +67,7 @@ def test_one_crowded_pose_is_no_padding_of_the_others():
     rows = np.unique(system.rows.pose, return_counts=True)[1]
 
     assert np.subtract(*(blocks.whole(t) for t in scales)) == pytest.approx(expected, abs=1e-6)
-    assert sum(group.parts[0].size for group in blocks.groups) == (rows**2).sum()
+    assert sum(group.parts[0].size for group in blocks.together) == (rows**2).sum()
 
 
 def test_the_part_of_a_pose_is_its_own_density():
