@@ -283,7 +283,7 @@ OUTBUILDINGS = {
         "prediction": "what these predict decides on the tolerance",
         "answer.conformity": "and is said as in the answer",
     },
-    "page": {"app.commands._shared": _COMMAND},
+    "page": {"app.commands._shared": _COMMAND, "answer.words": _PAGES},
     "programs": {
         "app.commands._shared": _COMMAND,
         "store.campaign": _PLACES,

@@ -50,6 +50,7 @@ def inspect(
         data = files.read(path, path.name, largest(path.name), none, begins)
         folder = CampaignFolder(path.parent, path.parent)
         if not (csv or mapping or any(stated.values())):
+            _no_prose(path.name, data)
             if log := _log(path, data, folder):
                 return log
             refuse_without_poses(path.name, data)
@@ -85,6 +86,22 @@ def _no_folder(path: Path) -> None:
             f"inspect one of them{first and ', as'}{first}; `pipeline init` looks at all files in "
             "the folder of a campaign",
             file=str(path),
+        )
+
+
+def _no_prose(name: str, data: bytes) -> None:
+    """Refuse a text for people.
+
+    Raises:
+        InputError: It is one.
+    """
+    from pipeline.intake._prose import is_prose
+
+    if is_prose(name, data):
+        raise InputError(
+            "is text for people, not a table",
+            "type what it says of the campaign into campaign.toml",
+            file=name,
         )
 
 

@@ -14,6 +14,7 @@ from pathlib import Path, PurePosixPath
 
 from pipeline.base import files
 from pipeline.base.errors import UsageError
+from pipeline.base.shown import printable
 
 TOML = "campaign.toml"
 
@@ -65,14 +66,8 @@ class Desk:
         return self.root / "reports" / named(self.name, "campaign")
 
     def names(self) -> list[str]:
-        """Names of the campaign's files, including campaign.toml."""
-        if not self.folder.is_dir():
-            return []
-        return sorted(
-            one.name
-            for one in self.folder.iterdir()
-            if one.is_file() and not one.is_symlink() and _NAME.fullmatch(one.name)
-        )
+        """Names of the campaign's files, including campaign.toml; `folder/name` of those below."""
+        return sorted(one.relative_to(self.folder).as_posix() for one in _files(self.folder))
 
     def file(self, name: str) -> Path:
         """Path of one of its files.
@@ -80,8 +75,9 @@ class Desk:
         Raises:
             UsageError: There is no such file.
         """
-        if named(name) not in self.names():
-            raise UsageError(f"there is no file {name} in this campaign: it may have been removed")
+        if name not in self.names():
+            shown = printable(name, 200)
+            raise UsageError(f"there is no file {shown} in this campaign: it may have been removed")
         return self.folder / name
 
     def text(self) -> str | None:
@@ -147,6 +143,7 @@ class Desk:
         other.folder.mkdir(parents=True)
         for name in self.names():
             if name != TOML:
+                (other.folder / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(self.folder / name, other.folder / name)
 
     def removed(self, name: str) -> None:
@@ -156,6 +153,17 @@ class Desk:
             UsageError: There is no such file.
         """
         self.file(name).unlink()
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    """Files of a folder and of those below it; links and hidden ones are not followed."""
+    for one in folder.iterdir() if folder.is_dir() else ():
+        if one.is_symlink() or not _NAME.fullmatch(one.name):
+            continue
+        if one.is_dir():
+            yield from _files(one)
+        elif one.is_file():
+            yield one
 
 
 def _unpacked(data: bytes) -> Iterator[tuple[str, bytes]]:

@@ -81,7 +81,8 @@ def _view(
     flat = np.array([[one.at[right], one.at[up]] for one in marks] + [[0.0, 0.0]])
     low, size = flat.min(axis=0), np.ptp(flat, axis=0)
     scale = min(
-        (_WIDE - 2 * _MARGIN) / max(size[0], 0.5), (_HIGH - 2 * _MARGIN) / max(size[1], 0.5)
+        (_WIDE - 2 * _MARGIN) / max(size[0], 0.5),
+        (_HIGH - 2 * _MARGIN - 2 * _LETTER) / max(size[1], 0.5),  # the title is above
     )
 
     def place(at: Array) -> tuple[float, float]:

@@ -36,6 +36,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from pipeline.answer.contract import About
 from pipeline.base import files, toml
 from pipeline.base.errors import CannotWrite, InputError, UsageError
 from pipeline.base.quantities import common_prefix, plain, prefixed
@@ -263,10 +264,10 @@ async def _files_page(state: _State, request: Request) -> Response:
 async def _look_page(state: _State, request: Request) -> Response:
     """The detected format of one file."""
     desk = state.desk(request)
-    path = desk.file(request.path_params["file"])
-    described = await _looked(state, desk, path)
+    name = request.path_params["file"]
+    described = await _looked(state, desk, desk.file(name))
     body = _PAGES.get_template("_file.html.jinja").render(
-        campaign=desk.name, name=path.name, said=described, seen=desk.digest(TOML)
+        campaign=desk.name, name=name, said=described, seen=desk.digest(TOML)
     )
     return HTMLResponse(body, headers=_HEADERS)
 
@@ -275,7 +276,7 @@ async def _looked(state: _State, desk: Desk, path: Path) -> dict[str, Any]:
     """What `inspect` says of a file."""
     if path.suffix == ".toml":
         return {"dialect": "robot file"}
-    key = f"{desk.name}/{path.name}:{desk.digest(path.name, TOML)}"
+    key = f"{path}:{desk.digest(path.relative_to(desk.folder).as_posix(), TOML)}"
     if key not in state.looked:
         state.looked[key] = await state.look("inspect", "--json", "--", path)
     found = state.looked[key]
@@ -567,7 +568,34 @@ async def _answer_page(state: _State, request: Request) -> Response:
         if one.is_file() and "figures" not in one.parts and not one.name.startswith(".")
     )
     stale = found is not None and not state.done(desk)
-    return await _page(request, state, "answer", desk, found=found, names=names, stale=stale)
+    return await _page(
+        request, state, "answer", desk,
+        found=found, facts=_facts(found or {}), names=_by_use(names), stale=stale,
+    )  # fmt: skip
+
+
+def _facts(found: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The first sentences of an answer and what each is about; stiffnesses are a table."""
+    from pipeline.answer.words import ABOUT
+
+    labels = {about.value: label for about, label in ABOUT.items() if about is not About.NUMBERS}
+    lines = found.get("first_screen", [])
+    return [(labels[one["about"]], one["text"]) for one in lines if one["about"] in labels]
+
+
+def _by_use(names: Sequence[str]) -> dict[str, list[str]]:
+    """Files of a report by what people do with them."""
+    out: dict[str, list[str]] = {use: [] for use in (*_USES.values(), "Other")}
+    for name in names:
+        use = _USES.get(Path(name).suffix, "Other") if "/" not in name else "Tables"
+        out[use].append(name)
+    return {use: some for use, some in out.items() if some}
+
+
+_USES = {
+    ".html": "To read", ".pdf": "To read", ".xlsx": "Tables", ".json": "Complete answer",
+    **dict.fromkeys((".toml", ".urdf", ".sdf", ".xml"), "Model of the robot"),
+}  # fmt: skip
 
 
 async def _report(state: _State, request: Request) -> Response:
@@ -676,10 +704,10 @@ _ROUTES: tuple[tuple[str, str, _Handler], ...] = (
     ("GET", "/", _home),
     ("POST", "/campaigns", _create),
     ("GET", "/c/{name}/files", _files_page),
-    ("GET", "/c/{name}/look/{file}", _look_page),
+    ("GET", "/c/{name}/look/{file:path}", _look_page),
     ("PUT", "/c/{name}/file/{file}", _put),
-    ("DELETE", "/c/{name}/file/{file}", _remove),
-    ("POST", "/c/{name}/columns/{file}", _columns),
+    ("DELETE", "/c/{name}/file/{file:path}", _remove),
+    ("POST", "/c/{name}/columns/{file:path}", _columns),
     ("POST", "/c/{name}/init", _set_up),
     ("GET", "/c/{name}/setup", _setup_page),
     ("POST", "/c/{name}/fill", _fill),

@@ -5,6 +5,7 @@ import re
 
 from pipeline.app import cli
 from pipeline.intake._prose import PROSE, is_prose
+from pipeline.intake.describe_file import inspect
 from pipeline.intake.files import propose
 from pipeline.readers import ExportSettings
 
@@ -29,6 +30,16 @@ def test_a_letter_is_neither_log_nor_export():
 
     assert found.refused == {"letter.txt": PROSE}
     assert (found.loads, found.joints, found.exports) == ("loads.csv", None, ())
+
+
+def test_a_letter_is_not_described_as_a_table(tmp_path):
+    """Nothing of it is proposed, nor asked."""
+    (tmp_path / "letter.txt").write_bytes(LETTER)
+
+    said = inspect(tmp_path / "letter.txt", {})
+
+    assert "text for people" in said.content["error"]["message"]
+    assert {"columns", "proposal", "question"}.isdisjoint(said.content)
 
 
 def test_a_log_with_long_remarks_is_no_letter():

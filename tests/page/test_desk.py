@@ -146,3 +146,23 @@ def test_any_change_is_seen(desk):
         change()
         assert desk.digest() not in seen
         seen.add(desk.digest())
+
+
+def test_files_of_folders_below_belong_to_the_campaign(desk, tmp_path):
+    """A campaign that was begun in the terminal: a change in `FARO/` is a change."""
+    below = desk.folder / "FARO" / "day 1"
+    below.mkdir(parents=True)
+    (below / "P01.txt").write_text("1")
+    (desk.folder / ".git").mkdir()
+    (desk.folder / ".git" / "config").write_text("x")
+    (desk.folder / "out").symlink_to(tmp_path)
+    before = desk.digest()
+
+    assert desk.names() == ["FARO/day 1/P01.txt"]
+    assert desk.file("FARO/day 1/P01.txt") == below / "P01.txt"
+    with pytest.raises(UsageError, match="no file"):
+        desk.file("FARO/../out")
+    (below / "P01.txt").write_text("2")
+    assert desk.digest() != before
+    desk.copied(Desk(tmp_path, "other"))
+    assert Desk(tmp_path, "other").names() == desk.names()

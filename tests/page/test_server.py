@@ -1,6 +1,7 @@
 """The pages behind their door: who gets in, what is refused, what is armed when."""
 
 import json
+import re
 import shutil
 import socket
 import threading
@@ -194,8 +195,14 @@ def test_a_run_gives_the_answer_of_the_command(demo, tmp_path):
     found = json.loads((tmp_path / "reports" / "hall" / "result.json").read_text())
     page = demo.get("/c/hall/answer").text
     assert found["diagnosis"]["verdict"] == "adequate"
-    for sentence in found["verdict_sentence"]:
-        assert str(Markup.escape(sentence)) in page
+    for line in found["first_screen"]:  # the stiffnesses are a table
+        assert (str(Markup.escape(line["text"])) in page) is (line["about"] != "numbers")
+    for one in found["stiffness"]:
+        percent = f"{100 * one['relative_std']:.2g} %"
+        row = rf'<th scope="row">{one["axis"]}</th>\s*<td [^>]*>[^<]+</td><td [^>]*>{percent}</td>'
+        assert re.search(row, page)
+    assert "<dt>What to do</dt>" in page
+    assert "report/report.pdf" in page
     demo.put("/c/hall/file/note.txt", content=b"moved the tracker at noon")
     assert "of an earlier run" not in page
     demo.put("/c/hall/file/loads.csv?instead=1", content=(DEMO / "loads.csv").read_bytes() + b"\n")

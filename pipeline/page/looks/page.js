@@ -35,9 +35,12 @@ function posts(form) {
     const button = form.querySelector("button");
     button.disabled = true;
     form.setAttribute("aria-busy", "true");
+    const status = form.querySelector("[data-busy]"), before = status?.textContent;
+    if (status) status.textContent = status.dataset.busy;
     const said = await ask("POST", form.dataset.post, JSON.stringify(Object.fromEntries(new FormData(form))));
     button.disabled = false;
     form.removeAttribute("aria-busy");
+    if (status) status.textContent = before;
     if (said.go) location.href = said.go;
     else if (said.problem) return;
     else if (form.dataset.then === "progress") location.reload();  // the stages above show it, too
@@ -95,7 +98,7 @@ if (drop) {
   });
 }
 
-for (const section of document.querySelectorAll("[data-look]"))
+function look(section) {
   fetch(section.dataset.look).then(async (answer) => {
     if (!answer.ok) throw new Error((await answer.json()).problem);
     section.innerHTML = await answer.text();  // of our templates: all that a file says is escaped
@@ -105,6 +108,12 @@ for (const section of document.querySelectorAll("[data-look]"))
       if (!said.problem) location.reload();
     });
   }).catch((problem) => { section.querySelector("p").textContent = problem.message; });
+}
+
+const seen = new IntersectionObserver((found) => {  // of a hundred files those that are looked at
+  for (const one of found) if (one.isIntersecting) { seen.unobserve(one.target); look(one.target); }
+}, { rootMargin: "50%" });
+document.querySelectorAll("[data-look]").forEach((section) => seen.observe(section));
 
 // --- setup
 
