@@ -117,8 +117,7 @@ docs: .venv/.ready .venv/.docs
 
 wheel: .venv/.ready
 	@rm -rf build/lib
-	@SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct 2>/dev/null || echo 315532800) \
-		$(PIP) wheel --no-deps --no-build-isolation --no-index --wheel-dir dist .
+	@$(PIP) wheel --no-deps --no-build-isolation --no-index --wheel-dir dist .
 	@ls -t dist/*.whl | head -1
 
 supply: .venv/.ready

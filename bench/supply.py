@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -29,10 +28,9 @@ _COMPATIBLE = (
 changes to their own files to be published; we change none and ship none."""
 
 
-def run(*command: str, **more: str) -> subprocess.CompletedProcess[str]:
+def run(*command: str) -> subprocess.CompletedProcess[str]:
     """Run a command; return its exit code and output."""
-    env = {**os.environ, **more}
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=env, check=False)
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
 def tool(package: str, *command: str) -> subprocess.CompletedProcess[str]:
@@ -84,8 +82,7 @@ def wheel(folder: Path) -> str:
     """SHA-256 of the wheel built into a folder."""
     shutil.rmtree(ROOT / "build" / "lib", ignore_errors=True)  # it may keep moved modules
     pip = (sys.executable, "-m", "pip", "-qq", "wheel", "--no-deps", "--no-build-isolation")
-    stamp = run("git", "log", "-1", "--format=%ct").stdout.strip() or "315532800"
-    end = run(*pip, "--no-index", "--wheel-dir", str(folder), ".", SOURCE_DATE_EPOCH=stamp)
+    end = run(*pip, "--no-index", "--wheel-dir", str(folder), ".")
     if end.returncode:
         sys.exit(f"no wheel: {end.stderr.strip()[-300:]}")
     return hashlib.sha256(next(folder.glob("*.whl")).read_bytes()).hexdigest()

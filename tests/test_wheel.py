@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-SOURCES = ("pyproject.toml", "README.md", "LICENSE", "CITATION.cff")
+SOURCES = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "CITATION.cff")
 ALONE = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
 
 
@@ -25,18 +25,32 @@ def run(*words, cwd, **more):
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
+def built(copy, mode=None):
     """The wheel, built by setuptools from a copy of the sources."""
-    copy = tmp_path_factory.mktemp("sources")
     shutil.copytree(ROOT / "pipeline", copy / "pipeline",
                     ignore=shutil.ignore_patterns("__pycache__"))  # fmt: skip
     for name in SOURCES:
         shutil.copy(ROOT / name, copy)
+    if mode:
+        for path in filter(Path.is_file, copy.rglob("*")):
+            path.chmod(mode)
+            os.utime(path, (1.6e9, 1.6e9))
     run(sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation",
         "--no-index", "-w", copy / "dist", copy, cwd=copy)  # fmt: skip
     (made,) = (copy / "dist").glob("*.whl")
     return made
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """The wheel of the clone as it is."""
+    return built(tmp_path_factory.mktemp("sources"))
+
+
+@pytest.mark.slow
+def test_the_wheel_depends_on_the_sources_alone(wheel, tmp_path):
+    """A clone of another folder, day and umask: the same bytes."""
+    assert built(tmp_path, mode=0o600).read_bytes() == wheel.read_bytes()
 
 
 @pytest.mark.slow

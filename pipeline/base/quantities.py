@@ -125,8 +125,9 @@ def plain(value: float | None, significant: int = 3) -> str:
         return "0"
     if 1e-4 <= abs(value) < 1e6:
         return _at_place(value, _place_of(abs(value), significant))
-    power = Decimal(repr(abs(float(value)))).adjusted()
-    mantissa = _at_place(value / 10.0**power, 1 - significant)
+    exact = Decimal(repr(float(value)))
+    power = Decimal(f"{exact:.{significant - 1}e}").adjusted()  # 9.996 is 1.00 × 10
+    mantissa = _at_place(float(exact.scaleb(-power)), 1 - significant)
     return f"{mantissa} × {_ten_to(power)}"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from unicodedata import normalize
 
 from pipeline.base.doors import found
 from pipeline.base.errors import InputError, at, listed
@@ -257,11 +258,12 @@ def _agree(titles: Sequence[str], said: Mapping[str, str], table: str | None) ->
 
 
 def _unique(titles: Sequence[str]) -> None:
-    """Check that no two columns have the same name.
+    """Check that no two columns have the same name, as far as it can be seen.
 
     Raises:
         InputError: Two have.
     """
-    twice = sorted({title for title in titles if title and titles.count(title) > 1})
+    seen = ["".join(filter(str.isprintable, normalize("NFKC", title))) for title in titles]
+    twice = sorted({t for t, one in zip(titles, seen, strict=True) if one and seen.count(one) > 1})
     if twice:
         raise InputError(f"there are two columns {listed(twice)}", "remove or rename one")

@@ -54,6 +54,16 @@ class Blocks(Locked):
         """Whether a block is so large that each by itself, without padding, is faster."""
         return self.shape[1] > _SMALL
 
+    @property
+    def alike(self) -> list[tuple[Ints, Blocks]]:
+        """Rows and blocks that are computed together: all, padded, or those of equal size.
+
+        One large block among many small ones is then no padding to each of them.
+        """
+        of_row = self.count[self.index]
+        sizes = [of_row == n for n in np.unique(of_row)] if self.large else [of_row > 0]
+        return [(rows, Blocks.of(self.index[rows])) for rows in map(np.flatnonzero, sizes)]
+
     def square(self, work: Callable[[Array], Array], padded: Array) -> Array:
         """Apply `work` to matrices (p, s, s), to each without its padding where blocks are large.
 
@@ -109,8 +119,9 @@ class Blocks(Locked):
         out = np.zeros((self.shape[0], self.shape[1], self.shape[1]))
         out[self.index[V.row], self.place[V.row], self.place[V.col]] = V.data
         if wide.any():
-            F = self.padded(self.dense(G[:, wide])[1])
-            out += F @ np.swapaxes(F, 1, 2)
+            F = self.dense(G[:, wide])[1]
+            for one, own in zip(out, self.members, strict=True):
+                one[: len(own), : len(own)] += F[own] @ F[own].T
         return out
 
     def dense(self, G: scipy.sparse.csr_array) -> tuple[Blocks, Array]:

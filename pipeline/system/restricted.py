@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -24,24 +23,45 @@ rest."""
 
 
 @dataclass(frozen=True, eq=False)
-class PaddedRows(Locked):
-    """Rows in blocks by pose, padded to the largest: y, the fixed effects, and the parts of V.
+class _Together(Locked):
+    """Poses of `Blocks.alike`.
 
     Attributes:
         rows: By pose, at most s each.
-        y: Shape (p, s).
-        X: Orthonormal fixed effects, then errors common to all poses, shape (p, s, k + r).
-        prior: 0 for the fixed effects, 1 for the common errors, which are random, shape (k + r,).
+        both: Orthonormal fixed effects, errors common to all poses, and y, shape (p, s, k + r + 1).
         parts: Covariance of each component as stated, then of the rest, shape (n + 1, p, s, s).
+    """
+
+    rows: Blocks
+    both: Array
+    parts: Array
+
+    def whitened(self, weights: Array) -> tuple[Array, Array]:
+        """log|V_p| of each pose, shape (p,), and `both` whitened by pose, shape (p, s, k + r + 1).
+
+        V_p = sum_k weights_k parts_kp.
+
+        Raises:
+            LinAlgError: A direction has no noise.
+        """
+        V = np.einsum("k,kpij->pij", weights, self.parts)
+        L = self.rows.square(lambda own: np.asarray(np.linalg.cholesky(own)), V)
+        return 2 * np.log(np.einsum("pii->pi", L)).sum(axis=1), self.rows.solve(L, self.both)
+
+
+@dataclass(frozen=True, eq=False)
+class PaddedRows(Locked):
+    """Rows by pose: y, the fixed effects, and the parts of V.
+
+    Attributes:
+        together: The poses, those of one size together where one is large.
+        prior: 0 for the fixed effects, 1 for the common errors, which are random, shape (k + r,).
         rough: Common log scale of all components that reproduces the residual mean square.
         dof: Rows minus fixed effects.
     """
 
-    rows: Blocks
-    y: Array
-    X: Array
+    together: tuple[_Together, ...]
     prior: Array
-    parts: Array
     rough: float
     dof: int
 
@@ -57,26 +77,26 @@ class PaddedRows(Locked):
     @classmethod
     def beside(cls, system: System, Q: Array, groups: Sequence[Sequence[str]]) -> PaddedRows:
         """The same with orthonormal fixed effects (M, k)."""
-        blocks, errors = Blocks.of(system.rows.pose), system.errors
+        errors = system.errors
         unit = linear.rms(system.c) or 1.0
         y = (system.c - Q @ (Q.T @ system.c)) / unit  # free of the fixed effects
         A = errors.G[:, errors.common].toarray() / unit
         source, own = errors.source.astype(str), ~errors.common
         rest = ~np.isin(source, [name for group in groups for name in group])
         masks = [np.isin(source, group) for group in groups] + [rest]
-        parts = np.stack([blocks.covariance(errors.G[:, mask & own]) for mask in masks]) / unit**2
-        rough = 0.5 * np.log(
-            max(y @ y, linear.TINY) / max(np.einsum("kpii->", parts[:-1]), linear.TINY)
-        )
-        which, at = np.nonzero(~blocks.there)
-        parts[-1, which, at, at] = 1.0  # padding: independent rows of zeros
+        both, stated = np.column_stack([Q, A, y]), 0.0
+        together: list[_Together] = []
+        for mine, some in Blocks.of(system.rows.pose).alike:
+            G = errors.G[mine]
+            parts = np.stack([some.covariance(G[:, mask & own]) for mask in masks]) / unit**2
+            stated += float(np.einsum("kpii->", parts[:-1]))
+            which, at = np.nonzero(~some.there)
+            parts[-1, which, at, at] = 1.0  # padding: independent rows of zeros
+            together.append(_Together(some, some.padded(both[mine]), parts))
         return cls(
-            rows=blocks,
-            y=blocks.padded(y),
-            X=blocks.padded(np.hstack([Q, A])),
+            together=tuple(together),
             prior=np.repeat([0.0, 1.0], [Q.shape[1], A.shape[1]]),
-            parts=parts,
-            rough=float(rough),
+            rough=0.5 * float(np.log(max(float(y @ y), linear.TINY) / max(stated, linear.TINY))),
             dof=len(Q) - Q.shape[1],
         )
 
@@ -90,22 +110,16 @@ class PaddedRows(Locked):
         log|V| + log|X' V^-1 X| + r' V^-1 r for the whole V = V_own + A A', up to a constant.
         """
         weights = np.append(np.exp(2 * log_scale), 1.0)
-        V = np.einsum("k,kpij->pij", weights, self.parts)
         try:
-            L = self.rows.square(lambda own: np.asarray(np.linalg.cholesky(own)), V)
+            found = [group.whitened(weights) for group in self.together]
         except np.linalg.LinAlgError:
-            return np.full(len(self.y), np.inf), 0.0
-        both = self.rows.solve(L, self._both)
-        X, y = both[..., :-1], both[..., -1]
-        own = 2 * np.log(np.einsum("pii->pi", L)).sum(axis=1) + (y**2).sum(axis=1)
-        if not X.shape[2]:
+            return np.full(sum(group.rows.shape[0] for group in self.together), np.inf), 0.0
+        own = np.concatenate([log + (both[..., -1] ** 2).sum(axis=1) for log, both in found])
+        if not len(self.prior):
             return own, 0.0
-        flat = X.reshape(-1, X.shape[2])
-        return own, of_fixed(flat.T @ flat + np.diag(self.prior), flat.T @ y.ravel())
-
-    @cached_property
-    def _both(self) -> Array:
-        return np.concatenate([self.X, self.y[..., None]], axis=2)
+        rows = np.concatenate([both.reshape(-1, both.shape[2]) for _, both in found])
+        X = rows[:, :-1]
+        return own, of_fixed(X.T @ X + np.diag(self.prior), X.T @ rows[:, -1])
 
     def whole(self, log_scale: Array) -> float:
         """Minus twice the restricted log likelihood, up to a constant."""

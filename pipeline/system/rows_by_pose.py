@@ -57,18 +57,24 @@ class RowsByPose(Locked):
         y = np.append(self.y, np.zeros(r))
         return Base.spanned(rows[:, :fixed], y, self.white.key).more(rows[:, fixed:])
 
-    def rotated(self, W: Array) -> tuple[Array, Array, Array]:
-        """Rows in which a covariance W of each pose (p, s, s), whitened by pose, is diagonal.
+    def rotated(self, factor: Array) -> tuple[Array, Array, Array]:
+        """Rows in which the covariance of each pose with this factor (M, j) is diagonal.
+
+        It is W = A A', A the factor whitened by pose.
 
         Returns:
             Variances on its diagonal (M,), and y (M,) and X (M, k + r) in these rows.
         """
-        blocks = self.white.blocks
-        values, C = linear.directions(W + np.eye(blocks.shape[1]) * blocks.there[:, None, :])
-        there = values > 0.5  # padding has none
-        turned = np.swapaxes(C, 1, 2) @ blocks.padded(np.column_stack([self.y, self.X]))
-        rows = turned[there]
-        return np.maximum(values[there] - 1, 0.0), rows[:, 0], rows[:, 1:]
+        A, both, found = self.white.by_pose(factor), np.column_stack([self.y, self.X]), []
+        for mine, some in self.white.blocks.alike:
+            a = some.padded(A[mine])
+            W = a @ np.swapaxes(a, 1, 2) + np.eye(some.shape[1]) * some.there[:, None, :]
+            values, C = linear.directions(W)
+            there = values > 0.5  # padding has none
+            turned = np.swapaxes(C, 1, 2) @ some.padded(both[mine])
+            found.append((values[there] - 1, turned[there]))
+        w, rows = (np.concatenate(each) for each in zip(*found, strict=True))
+        return np.maximum(w, 0.0), rows[:, 0], rows[:, 1:]
 
 
 def columns(seen: Linearised, causes: Bools) -> Array:
@@ -113,14 +119,11 @@ class ReadingsOfRows(Locked):
         pose_of = blocks.index[3 * np.arange(d)]
         zero, first, number = np.unique(data.zero, return_index=True, return_inverse=True)
         of = Blocks.of(np.concatenate([pose_of, pose_of[first]]))
-        raw = np.zeros((*blocks.shape, of.shape[1], 3))
-        at = blocks.place.reshape(d, 3)
-        loaded, zeros = covariance.factors(data.loaded_cov), covariance.factors(data.zero_cov)
-        for axis in range(3):
-            raw[pose_of, at[:, axis], of.place[:d]] = loaded[:, axis]
-            raw[pose_of, at[:, axis], of.place[d:][number]] = zeros[:, axis]
-        D = np.einsum("pab,pbni->pani", white.inverse, raw, optimize=True)
-        return cls(d, zero, data.zero, np.asarray(D), of)
+        raw, at = np.zeros((d, 3, of.shape[1], 3)), np.arange(d)
+        raw[at, :, of.place[:d]] = covariance.factors(data.loaded_cov)
+        raw[at, :, of.place[d:][number]] = covariance.factors(data.zero_cov)
+        D = white.by_pose(raw.reshape(3 * d, -1)).reshape(3 * d, -1, 3)
+        return cls(d, zero, data.zero, blocks.padded(D), of)
 
     @classmethod
     def unseen(cls, data: Measured) -> ReadingsOfRows:

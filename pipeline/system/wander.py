@@ -310,9 +310,7 @@ _ONE = np.ones(1)
 
 def _losses(beyond: RowsByPose, factor: Array, sizes: Array) -> Array:
     """Minus twice the restricted log likelihood at some sizes."""
-    blocks = beyond.white.blocks
-    A = beyond.white.inverse @ blocks.padded(factor.reshape(-1, factor.shape[2]))
-    w, y, X = beyond.rotated(A @ np.swapaxes(A, 1, 2))
+    w, y, X = beyond.rotated(factor.reshape(-1, factor.shape[2]))
     prior = np.diag(beyond.prior)
     out = []
     for a in sizes.tolist():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.base.quantities import with_std
+from pipeline.base.quantities import plain, with_std
 
 
 @pytest.mark.parametrize(
@@ -10,3 +10,17 @@ from pipeline.base.quantities import with_std
 )
 def test_an_uncertainty_that_rounds_up_to_a_power_of_ten_loses_a_digit(std, text):
     assert with_std(1.2344, std) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (9.994e-10, "9.99 × 10⁻¹⁰"),
+        (9.996e-10, "1.00 × 10⁻⁹"),
+        (-9.9999e6, "-1.00 × 10⁷"),
+        (5e-324, "5.00 × 10⁻³²⁴"),
+    ],
+)
+def test_the_power_of_ten_is_that_of_the_rounded_number(value, text):
+    """One digit before the point, also of the smallest number that there is."""
+    assert plain(value) == text

@@ -337,6 +337,15 @@ def test_a_mapping_that_does_not_fit_is_refused(columns, said):
         load_log("pose,repeat,Last [t]\n1,1,0.05\n", {"columns": columns})
 
 
+@pytest.mark.parametrize("twin", ["force_n\u200b", "\u202eforce_n", "ｆｏｒｃｅ_ｎ"])
+def test_two_titles_that_look_alike_are_one_title_twice(twin):
+    """With invisible letters or in full width: nobody could see which of them was read."""
+    with pytest.raises(
+        InputError, match=r"loads.csv:1: there are two columns .*; remove or rename"
+    ):
+        load_log(f"pose,repeat,force_n,{twin}\n1,1,500,900\n", {})
+
+
 def test_what_is_said_of_a_title_holds_with_its_unit():
     """`Kraft` is `Kraft [kg]`; a contradicting unit is trusted if written out."""
     text = "pose;Zug Nr. (heute);Kraft [kg]\n1;1;50,5\n"

@@ -82,3 +82,17 @@ def test_one_large_block_costs_no_padding_and_gives_the_same():
     assert sizes == blocks.count.tolist()
     assert [len(own) for own in blocks.members] == blocks.count.tolist()
     assert all((blocks.index[own] == k).all() for k, own in enumerate(blocks.members))
+
+
+def test_blocks_that_are_computed_together_are_alike():
+    """All while none is large, then those of equal size; their rows are all rows, once."""
+    ((rows, whole),) = BLOCKS.alike
+    assert (rows == np.arange(8)).all()
+    assert (whole.index == BLOCKS.index).all()
+
+    blocks = Blocks.of(np.random.default_rng(5).permutation(np.repeat([0, 1, 2, 3], [3, 90, 3, 6])))
+    groups = blocks.alike
+    assert [some.count.tolist() for _, some in groups] == [[3, 3], [6], [90]]
+    assert sorted(np.concatenate([rows for rows, _ in groups])) == list(range(102))
+    for mine, some in groups:
+        assert (blocks.place[mine] == some.place).all()

@@ -58,6 +58,18 @@ def test_the_loss_is_the_restricted_likelihood_of_the_whole_matrix(common):
         assert own.sum() + rest == pytest.approx(blocks.whole(log_scale))
 
 
+def test_one_crowded_pose_is_no_padding_of_the_others():
+    """The same likelihood; the covariances kept are those of each pose, of its own size."""
+    system = made(np.random.default_rng(8), pulls=(3, 24, 2, 3))
+    blocks = PaddedRows.of(system, system.B * TYPICAL, GROUPS)
+    scales = np.array([[0.0, 0.0], [0.6, -0.4]])
+    expected = np.subtract(*(whole(t, system, system.B * TYPICAL) for t in scales))
+    rows = np.unique(system.rows.pose, return_counts=True)[1]
+
+    assert np.subtract(*(blocks.whole(t) for t in scales)) == pytest.approx(expected, abs=1e-6)
+    assert sum(group.parts[0].size for group in blocks.together) == (rows**2).sum()
+
+
 def test_the_part_of_a_pose_is_its_own_density():
     """log|V_p| + r'V_p^-1 r of its rows and its own errors, r from ordinary least squares.
 

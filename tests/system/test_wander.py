@@ -9,6 +9,7 @@ from pipeline.system import wander as module
 from pipeline.system.blocks import Blocks
 from pipeline.system.rows_by_pose import RowsByPose
 from pipeline.system.wander import TIMES_S, Wander, kernel, wander
+from pipeline.system.whiten import Whitener
 
 POSES, PULLS, TARGETS = 16, 4, 3
 SIGMA_M = 3e-5
@@ -52,7 +53,7 @@ def beyond_of(y):
     pose = np.repeat(np.arange(POSES), PULLS * TARGETS * 3)
     blocks = Blocks.of(pose)
     inverse = np.tile(np.eye(blocks.shape[1]) / SIGMA_M, (POSES, 1, 1))
-    return RowsByPose(SimpleNamespace(blocks=blocks, inverse=inverse), X, np.zeros(3), y)
+    return RowsByPose(Whitener(blocks, inverse, np.zeros((len(y), 0))), X, np.zeros(3), y)
 
 
 def drawn(size, tau, rng, axes=(1.0, 1.0, 1.0)):
@@ -273,3 +274,19 @@ def test_restless_joints_are_what_is_drawn_of_them():
     mine = factor[rows] @ factor[rows].T
     K, mine = K / np.trace(K), mine / np.trace(mine)
     assert mine == pytest.approx(K, abs=0.1 * K.max())
+
+
+@pytest.mark.parametrize("counts", [(7, 3, 7, 5), (80, 3, 3, 5)])
+def test_rotated_rows_have_the_covariance_of_the_factor(counts):
+    """log|I + A A'| and y' (I + A A')^-1 X of the whole matrix, also with one crowded pose."""
+    rng = np.random.default_rng(4)
+    pose = rng.permutation(np.repeat(np.arange(len(counts)), counts))
+    y, X, A = (rng.standard_normal((len(pose), k)) for k in (1, 3, 4))
+    blocks = Blocks.of(pose)
+    inverse = np.tile(2.0 * np.eye(blocks.shape[1]), (len(counts), 1, 1))
+    white = Whitener(blocks, inverse, np.zeros((len(pose), 0)))
+    w, turned, Z = RowsByPose(white, X, np.zeros(3), y[:, 0]).rotated(A)
+    V = np.eye(len(pose)) + 4.0 * (A @ A.T) * (pose[:, None] == pose)
+
+    assert np.log(1 + w).sum() == pytest.approx(np.linalg.slogdet(V)[1])
+    assert (turned / (1 + w)) @ Z == pytest.approx(y[:, 0] @ np.linalg.solve(V, X))
