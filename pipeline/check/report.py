@@ -46,6 +46,7 @@ from pipeline.readers import _log_table, opened_as_text
 from pipeline.readers._log_form import opened
 from pipeline.readers.export_settings import LogForm
 from pipeline.readers.logs import POSE, REMARK, REPEAT, has_joints, has_load
+from pipeline.readers.pose_names import shown
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.expected import expected
@@ -480,7 +481,7 @@ def _remarks_of(name: str, data: bytes, stated: LogForm, robot: Robot | None = N
     log = _log_table.typed(file, [pose, repeat, REMARK], stated, section)
     out = [*log.notes]
     for k in np.flatnonzero(log.word.get("remark", np.array([])) != ""):
-        where = [f"{what} {log.number[what][k]:.0f}" for what in ("pose", "repeat")
+        where = [f"{what} {shown(int(log.number[what][k]))}" for what in ("pose", "repeat")
                  if what in log.number and np.isfinite(log.number[what][k])]  # fmt: skip
         said_of = f", {' '.join(where)}" if where else ""
         out.append(f"{name}, line {log.line[k]}{said_of}: {log.word['remark'][k]}")
