@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -346,6 +346,7 @@ class _Seen:
             "force_range_n": list(self.range_n),
             "over_nominal": self.ratio,
             "unused_groups": list(self.case.unused),
+            "set_aside": [asdict(one) for one in self.case.aside],
             "unloaded_off_m": [*self.unloaded.values()],
             "distances": [
                 {"table": d.table, "between": [d.first, d.second], "read_m": d.read_m,
@@ -388,6 +389,8 @@ class _Seen:
             off = [f"{in_digits(1e3 * off, 2)} mm {how}" for how, off in self.unloaded.items()]
             yield f"  robot file   unloaded reflectors are off by {', '.join(off)}"
         yield from (f"  remark       {one}" for one in self.remarks)
+        for one in self.case.aside:
+            yield f"  set aside    {one.name} ({one.readings} readings): {one.reason}"
         if self.case.unused:
             yield f"  not used     groups {listed(self.case.unused)}"
         yield from self._distances(text_of(raw))

@@ -25,7 +25,7 @@ from pipeline.readers.pose_names import coded
 from pipeline.reduction._index import numbered
 from pipeline.reduction.settings import Naming, Settings
 
-BASE, _STRANGE = -1, -2
+BASE, STRANGE = -1, -2
 """Roles of a target other than 0..t-1: a base reflector, and an unknown name."""
 
 Rejection = tuple[str, int | None, str]
@@ -55,6 +55,7 @@ class RawReadings(Locked):
         repeat: Pull of each slot, shape (s,).
         loaded: Whether a slot is a loaded state, shape (s,).
         rejected: Readings that were left out, with the reason.
+        aside: Slot and role of readings that campaign.toml sets aside.
     """
 
     files: tuple[str, ...]
@@ -71,6 +72,7 @@ class RawReadings(Locked):
     repeat: Ints
     loaded: Bools
     rejected: tuple[Rejection, ...]
+    aside: frozenset[tuple[int, int]] = frozenset()
 
     def __len__(self) -> int:
         """Number of readings."""
@@ -82,9 +84,12 @@ class RawReadings(Locked):
             return self
         good = np.ones(len(self), dtype=bool)
         good[list(why)] = False
-        of_each = sifted({name: getattr(self, name) for name in _OF_EACH}, good)
         left_out = tuple(self.rejection(k, why[k]) for k in sorted(why))
-        return replace(self, **of_each, rejected=self.rejected + left_out)
+        return replace(self.kept(good), rejected=self.rejected + left_out)
+
+    def kept(self, good: Bools) -> RawReadings:
+        """Keep some of the readings; the others are dropped without being reported."""
+        return replace(self, **sifted({name: getattr(self, name) for name in _OF_EACH}, good))
 
     def without_poses(self, why: Mapping[int, str]) -> RawReadings:
         """Reject the readings of some poses, each for the reason of its pose."""
@@ -362,7 +367,7 @@ _PARTS = ("pose", "repeat", "state")
 def _roles(names: Sequence[str], settings: Settings) -> Ints:
     place = {name: k for k, name in enumerate([*settings.measured, *settings.naming.chain])}
     place |= dict.fromkeys(settings.base_frame, BASE)
-    return np.array([place.get(name, _STRANGE) for name in names], dtype=np.int64)
+    return np.array([place.get(name, STRANGE) for name in names], dtype=np.int64)
 
 
 def known(
@@ -381,9 +386,9 @@ def known(
         f"{nowhere}, so it holds base reflectors only, and this target "
         f"is none of {listed(settings.base_frame)}; rename the group or the target"
     )
-    unused = np.flatnonzero((shots.role == _STRANGE) | ((shots.slot < 0) & (shots.role != BASE)))
+    unused = np.flatnonzero((shots.role == STRANGE) | ((shots.slot < 0) & (shots.role != BASE)))
     return shots.without(
-        {k: strange if shots.role[k] == _STRANGE else lost for k in unused.tolist()}
+        {k: strange if shots.role[k] == STRANGE else lost for k in unused.tolist()}
     )
 
 

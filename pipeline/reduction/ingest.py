@@ -29,7 +29,7 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.surroundings import turns
 from pipeline.readers import Export, logs, pose_names
 from pipeline.readers.reflector_sets import ReflectorSet
-from pipeline.reduction import _pulls, _raw_readings, _size, limits
+from pipeline.reduction import _pulls, _raw_readings, _size, limits, set_aside
 from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._raw_readings import (
     NONE_LOST,
@@ -43,6 +43,7 @@ from pipeline.reduction._raw_readings import (
 from pipeline.reduction.case import ExportTreatment
 from pipeline.reduction.digits import rounding
 from pipeline.reduction.register import read_apart
+from pipeline.reduction.set_aside import SetAside
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
 from pipeline.reduction.weights import PULL
 
@@ -79,6 +80,7 @@ class _Ingested:
         lost: Readings of known targets that are not used.
         unused: Groups of the exports none of whose readings is used.
         treated: Exports that were not used unchanged.
+        aside: What campaign.toml sets aside.
     """
 
     joints: pa.Table
@@ -95,6 +97,7 @@ class _Ingested:
     lost: UnusedReadings = NONE_LOST
     unused: tuple[str, ...] = ()
     treated: tuple[ExportTreatment, ...] = ()
+    aside: tuple[SetAside, ...] = ()
 
 
 def ingest(
@@ -143,8 +146,9 @@ def _renumbered(poses: Any, own: Mapping[int, int]) -> Ints:
 
 def _with_own_numbers(log: logs.Log, own: Mapping[int, int]) -> logs.Log:
     """A log with its poses as numbered in the campaign."""
-    pose = _renumbered(log.number["pose"], own).astype(float)
-    return replace(log, number={**log.number, "pose": pose})
+    number = log.number | {"pose": _renumbered(log.number["pose"], own).astype(float)}
+    of = {line: own.get(int(pose), pose) for line, pose in log.pose_of.items() if pose == pose}
+    return replace(log, number=number, pose_of=of)
 
 
 def _stood_again(
@@ -222,11 +226,14 @@ def _raw(
         everything = replace(everything, pose=_renumbered(everything.pose, own))
         loads, joints = (_with_own_numbers(one, own) for one in (loads, joints))
         joints, left_out = _stood_again(joints, left_out, own)
+    width = len(settings.measured) + 2
+    everything, (loads, joints), aside = set_aside.kept(
+        everything, (loads, joints), settings.set_aside, own, width
+    )
     shots = _raw_readings.known(everything, settings, loads.states)
     if loads.states:
         _raw_readings.pulled_at_rest(shots, settings.naming.chain, loads.states, file)
     doubt = _doubt(lambda: _size.check_units(shots, settings), plausible) or doubt
-    width = len(settings.measured) + 2
     shots, renamed = _raw_readings.with_own_names(shots, width)
     rounds = _raw_readings.in_rounds(shots, width)
     once = _raw_readings.once(rounds, width)
@@ -256,6 +263,7 @@ def _raw(
         renamed=renamed,
         lost=_raw_readings.lost(shots, whole),
         unused=_raw_readings.unused(everything, whole),
+        aside=aside,
         treated=tuple(
             ExportTreatment(name, one.faces, one.untimed, (*one.settled, *_numbering(own)))
             for name, one in exports.items()

@@ -53,6 +53,9 @@ two."""
 _MOST_FIELDS = 20
 """Maximum number of a house's own entries."""
 
+_MOST_SET_ASIDE = 200
+"""Maximum number of names that are set aside: each is looked up in all readings."""
+
 _MOST_GLOBS = 20
 """Maximum number of patterns for exports."""
 
@@ -506,6 +509,9 @@ class Settings(Surrounded):
     tolerance: ToleranceSettings | None = None
     model: _ModelSettings = _ModelSettings()
     priors: dict[Name, CausePrior] = Field(default_factory=dict)
+    set_aside: Annotated[dict[Name, Name], Field(max_length=_MOST_SET_ASIDE)] = Field(
+        default_factory=dict
+    )
 
     @model_validator(mode="after")
     def raw_or_reduced(self) -> Settings:
@@ -522,6 +528,11 @@ class Settings(Surrounded):
             )
         if self.displacements is not None and (self.tracker is not None or self.scale is not None):
             raise ValueError("has [displacements] beside [tracker] or [scale]; keep one of them")
+        if self.set_aside and self.tracker is None:
+            raise ValueError(
+                "has [set_aside] without [tracker], whose readings and logs it refers to; remove "
+                "the rows from the tables instead"
+            )
         return self
 
     @property
