@@ -659,8 +659,14 @@ def _least_certain(stated: FirstScreen, worst: Stiffness) -> str:
     if worst.value is None:
         more = f" One more pose: {_pulled(best)}.{after}{_unchecked(stated)}" if best else ""
         return f"{capital(pulls)}: {worst.called} is not determined.{more}"
-    known = f"Its standard uncertainty is {percent(worst.relative_std)}."
-    return f"Optional: {pulls} would improve {worst.called} most. {known}{after}"
+    known = percent(worst.relative_std)
+    if best is not None and percent(best.relative_std_after) == known:
+        return (
+            f"{worst.called} is known least well, with a standard uncertainty of {known}; one more "
+            "pose would hardly improve it."
+        )
+    first = f"Optional: {pulls} would improve {worst.called} most."
+    return " ".join([first, f"Its standard uncertainty is {known}."]) + after
 
 
 _NONE_OPEN = "No question is open."

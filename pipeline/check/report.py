@@ -53,6 +53,7 @@ from pipeline.reduction.expected import expected
 from pipeline.reduction.settings import Settings
 from pipeline.run import ingested
 from pipeline.store.campaign import CampaignFolder, Raw
+from pipeline.tables import XYZ
 
 _MOST_LINES = 40
 """Maximum number of lines of a kind on the screen."""
@@ -189,6 +190,7 @@ def _told(
         *others,
         *_unplaced(raw.settings),
         *_without_times(raw, case),
+        *_at_the_origin(case),
         *doubled,
         *said,
         *found.doubts(),
@@ -199,6 +201,7 @@ def _told(
     return Outcome(
         campaign=name,
         content={"campaign": name, **used, **found.content(), "wrong": _entries(wrong),
+                 "rejected_rows": [one.model_dump(mode="json") for one in rejected],
                  "notes": notes, "next": next_step}
         | ({"overload": overload.model_dump(mode="json")} if overload else {}),
         text="\n".join(text),
@@ -236,6 +239,18 @@ def _without_times(raw: Raw, case: Case) -> Iterator[str]:
                 f"{name} has times ({listed(titles)}), which columns in [tracker.mapping] leaves "
                 f"out: without them no drift is found; write {entry} into it"
             )
+
+
+def _at_the_origin(case: Case) -> Iterator[str]:
+    """Remark on readings of exactly (0, 0, 0), as programs write what was not measured."""
+    rows = case.readings
+    origin = rows[(rows[XYZ] == 0.0).all(axis=1)]
+    each = [f"{r.target} in {r.group} ({r.file}:{r.line})" for r in origin.itertuples()]
+    if each:
+        yield (
+            f"{listed(each)} {'is' if len(each) == 1 else 'are'} at (0, 0, 0), as programs write "
+            "what was not measured: measure it again, or set it aside in [set_aside]"
+        )
 
 
 def _load_point_at_a_target(raw: Raw) -> Iterator[str]:
@@ -390,7 +405,7 @@ class _Seen:
             yield f"  robot file   unloaded reflectors are off by {', '.join(off)}"
         yield from (f"  remark       {one}" for one in self.remarks)
         for one in self.case.aside:
-            yield f"  set aside    {one.name} ({one.readings} readings): {one.reason}"
+            yield f"  set aside    {one.name} (readings: {one.readings}): {one.reason}"
         if self.case.unused:
             yield f"  not used     groups {listed(self.case.unused)}"
         yield from self._distances(text_of(raw))

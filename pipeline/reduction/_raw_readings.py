@@ -131,7 +131,7 @@ def gather(
         states: State of groups by name, which takes precedence over the name itself.
         letters: Letters that a log has behind numbers of poses, `bis`.
     """
-    group = _joined([export.group for export in exports.values()])
+    group = _joined([_called(export.group, file) for file, export in exports.items()])
     target = _joined([export.target for export in exports.values()])
     slot_of_group, pose, repeat, loaded = _slots(
         group.dictionary, settings.naming, states or {}, letters
@@ -197,6 +197,15 @@ def lost(given: RawReadings, used: RawReadings) -> UnusedReadings:
 def unread(exports: Mapping[str, Export]) -> tuple[Rejection, ...]:
     """Rows of all files that could not be read."""
     return tuple((file, line, why) for file, e in exports.items() for line, why in e.rejected)
+
+
+def _called(group: pa.DictionaryArray, file: str) -> pa.DictionaryArray:
+    """Groups of an export, where readings without one have the name of the file."""
+    names = group.dictionary
+    if not pc.any(pc.equal(names, "")).as_py():
+        return group
+    named = pc.if_else(pc.equal(names, ""), file, names)
+    return pa.DictionaryArray.from_arrays(group.indices, named)
 
 
 def _joined(parts: Sequence[pa.DictionaryArray]) -> pa.DictionaryArray:
