@@ -1006,6 +1006,10 @@ class TestPose(Tip):
 
     axes: tuple[AxisValue, ...]
     force_n: tuple[float, float, float] = Field(description="on the robot, F_b")
+    vector_mm: tuple[float, float, float] | None = Field(
+        default=None, description="the deflection, F_b; null in answers of earlier versions"
+    )
+    along_force_mm: _Number = Field(default=None, description="its part along the force")
     budget: tuple[PosePart, ...] = Field(
         default=(),
         exclude_if=_nothing,

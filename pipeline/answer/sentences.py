@@ -516,11 +516,20 @@ def _test_pose(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
     none = "" if pose.stated else _stands_in(found)
     yield (
         f"The load point deflects by {expanded(pose)}, at {axes} under ({x}, {y}, {z}) N in the "
-        f"base frame F_b ({plain(math.hypot(*pose.force_n), 4)} N).{none}"
+        f"base frame F_b ({plain(math.hypot(*pose.force_n), 4)} N).{_directed(pose)}{none}"
     )
     yield from _changed(
         stated.mine.test_pose_deflection, stated.springs.test_pose_deflection, found
     )
+
+
+def _directed(pose: TestPose) -> str:
+    """The deflection as a vector, and its part along the force."""
+    if pose.vector_mm is None or pose.along_force_mm is None:
+        return ""
+    x, y, z = (plain(part, 3) for part in pose.vector_mm)
+    along = plain(pose.along_force_mm, 4)
+    return f" It is ({x}, {y}, {z}) mm in F_b, {along} mm along the force."
 
 
 def _stands_in(found: CampaignResults) -> str:
