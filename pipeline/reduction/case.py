@@ -23,7 +23,7 @@ from pipeline.reduction._raw_readings import (
     UnusedReadings,
 )
 from pipeline.reduction.effector import tool
-from pipeline.reduction.set_aside import SetAside
+from pipeline.reduction.set_aside import NamedAside
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.stations import Station
 
@@ -85,7 +85,7 @@ class Case:
     lost: UnusedReadings = NONE_LOST
     unused: tuple[str, ...] = ()
     treated: tuple[ExportTreatment, ...] = ()
-    aside: tuple[SetAside, ...] = ()
+    aside: tuple[NamedAside, ...] = ()
     torques: pd.DataFrame | None = None
     stations: tuple[Station, ...] = ()
     stance: PositionsEstimate | None = None

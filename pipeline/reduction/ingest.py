@@ -43,7 +43,7 @@ from pipeline.reduction._raw_readings import (
 from pipeline.reduction.case import ExportTreatment
 from pipeline.reduction.digits import rounding
 from pipeline.reduction.register import read_apart
-from pipeline.reduction.set_aside import SetAside
+from pipeline.reduction.set_aside import NamedAside
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
 from pipeline.reduction.weights import PULL
 
@@ -97,7 +97,7 @@ class _Ingested:
     lost: UnusedReadings = NONE_LOST
     unused: tuple[str, ...] = ()
     treated: tuple[ExportTreatment, ...] = ()
-    aside: tuple[SetAside, ...] = ()
+    aside: tuple[NamedAside, ...] = ()
 
 
 def ingest(

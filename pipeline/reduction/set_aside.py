@@ -22,7 +22,7 @@ from pipeline.reduction._raw_readings import STRANGE, RawReadings, Rejection
 
 
 @dataclass(frozen=True)
-class SetAside:
+class NamedAside:
     """What was set aside by the operator.
 
     Attributes:
@@ -45,7 +45,7 @@ def kept(
     stated: Mapping[str, str],
     own: Mapping[int, int],
     width: int,
-) -> tuple[RawReadings, list[Log], tuple[SetAside, ...]]:
+) -> tuple[RawReadings, list[Log], tuple[NamedAside, ...]]:
     """Readings and rows of the logs without what is set aside.
 
     Args:
@@ -64,7 +64,7 @@ def kept(
         gone = len(shots) - len(left)
         if left.rejected == shots.rejected and not gone and fewer == [*logs]:
             raise _nothing_called(name, shots)
-        out.append(SetAside(name, reason, gone))
+        out.append(NamedAside(name, reason, gone))
         shots, logs = left, fewer
     return shots, [*logs], tuple(out)
 
