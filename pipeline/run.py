@@ -137,6 +137,7 @@ def as_ingested(
         lost=got.lost,
         unused=got.unused,
         treated=got.treated,
+        aside=got.aside,
         torques=got.torques,
         stations=stations,
     )

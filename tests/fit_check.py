@@ -3,7 +3,7 @@
 import pytest
 from scipy import stats
 
-ALONE = "rest on the noise stated in campaign.toml."
+ALONE = "rest on the noise stated for the readings."
 
 
 def told_by_chi_square(answer):

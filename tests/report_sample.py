@@ -63,7 +63,7 @@ def _content() -> dict[str, Any]:
         "noise_from": "stated",
         "residual_std_mm": 0.0315,
         "second_order_rms_mm": 0.0021,
-        "noise_statement": "Uncertainties rest on the noise stated in campaign.toml.",
+        "noise_statement": "Uncertainties rest on the noise stated for the readings.",
     }
     moved = [
         {

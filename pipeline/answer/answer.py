@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 
 import numpy as np
 
@@ -103,6 +104,7 @@ def answer(found: CampaignResults) -> Answer:
         budget=budget_entries(values.stiffness),
         noise=noise_entry(found.right),
         rejected=rejected_entries(given.case.rejected),
+        set_aside=tuple(contract.SetAside(**asdict(one)) for one in given.case.aside),
         findings=(),
         registration=registration_entry(found.right.reduced.registration),
         reliability=found.control.least if found.control else (),

@@ -24,11 +24,14 @@ from pipeline.reduction.pose_of_interest import PoseOfInterest
 def pose_entry(robot: Robot, where: PoseOfInterest, found: JudgedTolerance) -> TestPose:
     """The test pose with its force and the deflection of the load point."""
     x, y, z = where.force.tolist()
+    dx, dy, dz = (MM * found.at.moved[0]).tolist()
     return TestPose(
         deflection_mm=MM * float(found.at.size[0]),
         std_mm=MM * float(found.at.std[0]),
         axes=axis_values(robot, where.q),
         force_n=(x, y, z),
+        vector_mm=(dx, dy, dz),
+        along_force_mm=float(np.dot((dx, dy, dz), where.force) / np.linalg.norm(where.force)),
         stated=where.stated,
     )
 

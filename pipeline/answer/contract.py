@@ -737,6 +737,14 @@ class Rejected(Fact):
     reason: str
 
 
+class SetAside(Fact):
+    """What the operator set aside in campaign.toml, and why."""
+
+    name: str
+    reason: str
+    readings: int = Field(description="their number, with those of no use without them")
+
+
 class Growth(Fact):
     """How much longer the base frame is than campaign.toml has it, relative."""
 
@@ -998,6 +1006,10 @@ class TestPose(Tip):
 
     axes: tuple[AxisValue, ...]
     force_n: tuple[float, float, float] = Field(description="on the robot, F_b")
+    vector_mm: tuple[float, float, float] | None = Field(
+        default=None, description="the deflection, F_b; null in answers of earlier versions"
+    )
+    along_force_mm: _Number = Field(default=None, description="its part along the force")
     budget: tuple[PosePart, ...] = Field(
         default=(),
         exclude_if=_nothing,
@@ -1128,6 +1140,9 @@ class Answer(Values, _Heading):
     )
     noise: FoundNoise
     rejected: tuple[Rejected, ...] = Field(description="everything that was left out")
+    set_aside: tuple[SetAside, ...] = Field(
+        default=(), description="left out on purpose, by [set_aside] of campaign.toml"
+    )
     findings: tuple[str, ...] = Field(description="sentences to act on")
     registration: BaseResiduals | None
     reliability: tuple[Controlled, ...] = Field(

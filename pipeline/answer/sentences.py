@@ -516,11 +516,20 @@ def _test_pose(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
     none = "" if pose.stated else _stands_in(found)
     yield (
         f"The load point deflects by {expanded(pose)}, at {axes} under ({x}, {y}, {z}) N in the "
-        f"base frame F_b ({plain(math.hypot(*pose.force_n), 4)} N).{none}"
+        f"base frame F_b ({plain(math.hypot(*pose.force_n), 4)} N).{_directed(pose)}{none}"
     )
     yield from _changed(
         stated.mine.test_pose_deflection, stated.springs.test_pose_deflection, found
     )
+
+
+def _directed(pose: TestPose) -> str:
+    """The deflection as a vector, and its part along the force."""
+    if pose.vector_mm is None or pose.along_force_mm is None:
+        return ""
+    x, y, z = (plain(part, 3) for part in pose.vector_mm)
+    along = plain(pose.along_force_mm, 4)
+    return f" It is ({x}, {y}, {z}) mm in F_b, {along} mm along the force."
 
 
 def _stands_in(found: CampaignResults) -> str:
@@ -659,8 +668,14 @@ def _least_certain(stated: FirstScreen, worst: Stiffness) -> str:
     if worst.value is None:
         more = f" One more pose: {_pulled(best)}.{after}{_unchecked(stated)}" if best else ""
         return f"{capital(pulls)}: {worst.called} is not determined.{more}"
-    known = f"Its standard uncertainty is {percent(worst.relative_std)}."
-    return f"Optional: {pulls} would improve {worst.called} most. {known}{after}"
+    known = percent(worst.relative_std)
+    if best is not None and percent(best.relative_std_after) == known:
+        return (
+            f"{worst.called} is known least well, with a standard uncertainty of {known}; one more "
+            "pose would hardly improve it."
+        )
+    first = f"Optional: {pulls} would improve {worst.called} most."
+    return " ".join([first, f"Its standard uncertainty is {known}."]) + after
 
 
 _NONE_OPEN = "No question is open."

@@ -68,7 +68,7 @@ def _second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
 _RESTS_ON = "Uncertainties, chi-squared and its p-value rest on the noise"
 
 _STATEMENTS = {
-    "stated": f"{_RESTS_ON} stated in campaign.toml.",
+    "stated": f"{_RESTS_ON} stated for the readings.",
     "replicates": f"{_RESTS_ON} found in the data: repeated zeros and pulls, and the effector's "
     "own triangle.",
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -46,12 +46,14 @@ from pipeline.readers import _log_table, opened_as_text
 from pipeline.readers._log_form import opened
 from pipeline.readers.export_settings import LogForm
 from pipeline.readers.logs import POSE, REMARK, REPEAT, has_joints, has_load
+from pipeline.readers.pose_names import shown
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.expected import expected
 from pipeline.reduction.settings import Settings
 from pipeline.run import ingested
 from pipeline.store.campaign import CampaignFolder, Raw
+from pipeline.tables import XYZ
 
 _MOST_LINES = 40
 """Maximum number of lines of a kind on the screen."""
@@ -188,6 +190,7 @@ def _told(
         *others,
         *_unplaced(raw.settings),
         *_without_times(raw, case),
+        *_at_the_origin(case),
         *doubled,
         *said,
         *found.doubts(),
@@ -198,6 +201,7 @@ def _told(
     return Outcome(
         campaign=name,
         content={"campaign": name, **used, **found.content(), "wrong": _entries(wrong),
+                 "rejected_rows": [one.model_dump(mode="json") for one in rejected],
                  "notes": notes, "next": next_step}
         | ({"overload": overload.model_dump(mode="json")} if overload else {}),
         text="\n".join(text),
@@ -235,6 +239,18 @@ def _without_times(raw: Raw, case: Case) -> Iterator[str]:
                 f"{name} has times ({listed(titles)}), which columns in [tracker.mapping] leaves "
                 f"out: without them no drift is found; write {entry} into it"
             )
+
+
+def _at_the_origin(case: Case) -> Iterator[str]:
+    """Remark on readings of exactly (0, 0, 0), as programs write what was not measured."""
+    rows = case.readings
+    origin = rows[(rows[XYZ] == 0.0).all(axis=1)]
+    each = [f"{r.target} in {r.group} ({r.file}:{r.line})" for r in origin.itertuples()]
+    if each:
+        yield (
+            f"{listed(each)} {'is' if len(each) == 1 else 'are'} at (0, 0, 0), as programs write "
+            "what was not measured: measure it again, or set it aside in [set_aside]"
+        )
 
 
 def _load_point_at_a_target(raw: Raw) -> Iterator[str]:
@@ -345,6 +361,7 @@ class _Seen:
             "force_range_n": list(self.range_n),
             "over_nominal": self.ratio,
             "unused_groups": list(self.case.unused),
+            "set_aside": [asdict(one) for one in self.case.aside],
             "unloaded_off_m": [*self.unloaded.values()],
             "distances": [
                 {"table": d.table, "between": [d.first, d.second], "read_m": d.read_m,
@@ -387,6 +404,8 @@ class _Seen:
             off = [f"{in_digits(1e3 * off, 2)} mm {how}" for how, off in self.unloaded.items()]
             yield f"  robot file   unloaded reflectors are off by {', '.join(off)}"
         yield from (f"  remark       {one}" for one in self.remarks)
+        for one in self.case.aside:
+            yield f"  set aside    {one.name} (readings: {one.readings}): {one.reason}"
         if self.case.unused:
             yield f"  not used     groups {listed(self.case.unused)}"
         yield from self._distances(text_of(raw))
@@ -480,7 +499,7 @@ def _remarks_of(name: str, data: bytes, stated: LogForm, robot: Robot | None = N
     log = _log_table.typed(file, [pose, repeat, REMARK], stated, section)
     out = [*log.notes]
     for k in np.flatnonzero(log.word.get("remark", np.array([])) != ""):
-        where = [f"{what} {log.number[what][k]:.0f}" for what in ("pose", "repeat")
+        where = [f"{what} {shown(int(log.number[what][k]))}" for what in ("pose", "repeat")
                  if what in log.number and np.isfinite(log.number[what][k])]  # fmt: skip
         said_of = f", {' '.join(where)}" if where else ""
         out.append(f"{name}, line {log.line[k]}{said_of}: {log.word['remark'][k]}")

@@ -219,8 +219,7 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
     longest extent.
     """
     table = registration.table
-    C = covariance.weighing(table)
-    R = registration.R
+    C, R = registration.weighing, registration.R
     white = covariance.alike(C, lambda own: linear.whitening(R @ own @ R.T * scale**2))
     off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)
     lever = table[XYZ].to_numpy(float) - off - registration.centre  # of the nominal positions

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from pipeline.base import covariance, linear
+from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.base.tails import chi2_beyond
@@ -79,7 +79,8 @@ def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Ar
         return None
     rows = case.readings.loc[registration.table.index[registration.table["target"] == name]]
     at = lost.placed(rows[XYZ].to_numpy(float))
-    V = linear.inverse(lost.R @ covariance.matrices(rows) @ lost.R.T)
+    C = registration.weighing[(registration.table["target"] == name).to_numpy()]
+    V = linear.inverse(lost.R @ C @ lost.R.T)
     mean = linear.solve(V.sum(axis=0), np.einsum("mij,mj->i", V, at))
     own = float(np.einsum("mi,mij,mj->", at - mean, V, at - mean))
     return float(lost.chi2 or 0.0) + own, mean - np.array(case.settings.base_frame[name])

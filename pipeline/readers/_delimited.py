@@ -18,7 +18,7 @@ import pyarrow.compute as pc
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError
 from pipeline.base.threads import WORTH_A_THREAD, spread
-from pipeline.readers import _time
+from pipeline.readers import _time, pose_names
 from pipeline.readers._cells import (
     NOT_IN_NUMBERS,
     NUMBER_START,
@@ -133,10 +133,24 @@ def _without(cells: pa.StringArray, field: Field) -> tuple[pa.StringArray, Array
         The cells, and the factor of each to the unit of the column, shape (n,); None if no cell has
         one of the known units.
     """
-    cells = _without_name(cells) if field.named else cells
+    cells = _without_name(_with_codes(cells)) if field.named else cells
     if field.unit and field.unit.lower() not in field.units:
         return pc.replace_substring_regex(cells, rf"(?i)\s*{re.escape(field.unit)}$", ""), None
     return _without_units(cells, field.units) if field.units else (cells, None)
+
+
+def _with_codes(cells: pa.StringArray) -> pa.StringArray:
+    """Write `04bis` as its code, unless all cells have the same letters."""
+    found = pc.extract_regex(cells, r"^(?P<stem>(?:\pL+[ _-]?)?)(?P<name>\d+[ _-]?[A-Za-z]+)$")
+    rows = np.flatnonzero(found.is_valid()).tolist()
+    codes = {k: pose_names.coded(found[k]["name"].as_py()) for k in rows}
+    words = {code and pose_names.letters_of(code) for code in codes.values()}
+    if not rows or (len(words) == 1 and len(rows) == np.count_nonzero(_filled(cells))):
+        return cells
+    out = cells.to_pylist()
+    for k in rows:
+        out[k] = f"{found[k]['stem']}{codes[k]}" if codes[k] else out[k]
+    return pa.array(out, pa.string())
 
 
 def _without_name(cells: pa.StringArray) -> pa.StringArray:

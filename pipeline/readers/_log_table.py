@@ -19,6 +19,7 @@ from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, TypedRows
 from pipeline.readers._log_form import Titled, opened
 from pipeline.readers.export_settings import OWN_LOG, LogForm
+from pipeline.readers.pose_names import coded
 
 _Rejection = tuple[str, int | None, str]
 """File, line and reason of a rejection."""
@@ -50,6 +51,7 @@ class Log(Locked):
         rejected: Rows that could not be read.
         states: State of each group of readings, by the group name used in the log.
         notes: What was taken to be meant, where cells were left empty.
+        pose_of: Poses of rejected rows by their line, where they can be read.
     """
 
     file: str
@@ -59,6 +61,7 @@ class Log(Locked):
     rejected: tuple[_Rejection, ...]
     states: dict[str, GroupState] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    pose_of: dict[int, float] = field(default_factory=dict)
 
     def only(self, good: Bools, reason: str) -> Log:
         """Keep the good rows; reject the others, all for the same reason."""
@@ -76,7 +79,9 @@ class Log(Locked):
         good = np.ones(len(self.line), dtype=bool)
         good[list(why)] = False
         left_out = tuple((self.file, int(self.line[k]), why[k]) for k in sorted(why))
-        return replace(self.kept(good), rejected=self.rejected + left_out)
+        pose = self.number.get("pose", np.full(len(self.line), np.nan))
+        of = self.pose_of | {int(self.line[k]): float(pose[k]) for k in why}
+        return replace(self.kept(good), rejected=self.rejected + left_out, pose_of=of)
 
     def kept(self, good: Bools) -> Log:
         """Keep some of the rows; the others are dropped without being reported."""
@@ -135,10 +140,27 @@ def typed(file: Titled, wanted: Sequence[Quantity], stated: LogForm, where: str 
         for q, title, _ in there:
             log = _carried_down(log, q.stem, titles.index(title), file) if q.carried else log
         early = tuple((name, line, reason) for line, reason in file.above)
-        log = replace(log, rejected=early + log.rejected)
+        poses = [titles.index(title) for q, title, _ in there if q.stem == "pose"]
+        log = replace(log, rejected=early + log.rejected, pose_of=_poses_of(log, file, poses))
         if not len(log.line) + len(log.rejected):
             raise InputError("there is no row in it, only a header", "export it again")
     return _possible(log, [q.stem for q in wanted if q.units])
+
+
+_MOST_REJECTED = 1000
+"""Maximum number of rejected rows whose poses are read [1]."""
+
+
+def _poses_of(log: Log, file: Titled, places: Sequence[int]) -> dict[int, float]:
+    """Poses of rejected rows by line, as in `Log.pose_of`; `places` is the index of their cell."""
+    lines = [line for _, line, _ in log.rejected[:_MOST_REJECTED] if line]
+    cells = {n: "".join(_cells_at(file, n)[at : at + 1]) for n in lines for at in places}
+    found = {n: _NUMBERED.fullmatch(cell) for n, cell in cells.items()}
+    codes = {n: coded(one["name"]) or float(one["number"]) for n, one in found.items() if one}
+    return log.pose_of | codes
+
+
+_NUMBERED = re.compile(r"(?:[^\W\d_]+[ _-]?)?(?P<name>(?P<number>[0-9]{1,9})[ _-]?[A-Za-z]*)")
 
 
 def _fields(file: Titled, columns: Sequence[tuple[Quantity, str, float]]) -> tuple[Field, ...]:

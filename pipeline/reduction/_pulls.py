@@ -148,13 +148,16 @@ def _absent(
     slots, first = np.unique(shots.slot, return_index=True)
     at = dict(zip(slots.tolist(), first.tolist(), strict=True))
     out = []
-    for s in np.flatnonzero(lacking):
-        names = [n for k, n in enumerate(settings.measured) if not states.present[s, k]]
+    for s in np.flatnonzero(lacking).tolist():
+        there = [states.present[s, k] or (s, k) in shots.aside for k in range(t)]
+        names = [n for n, ok in zip(settings.measured, there, strict=True) if not ok]
+        if not names:
+            continue
         reason = (
-            f"{shots.named(int(s))} has no reading of {listed(names)}, the other targets are used; "
+            f"{shots.named(s)} has no reading of {listed(names)}, the other targets are used; "
             "measure it again if it matters"
         )
-        out.append(shots.rejection(at[int(s)], reason))
+        out.append(shots.rejection(at[s], reason))
     return out
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,10 +21,11 @@ from pipeline.base.toml import quoted
 from pipeline.readers import Export
 from pipeline.readers._cells import shortened
 from pipeline.readers.logs import NUMBER_LIMIT, GroupState, group_name
+from pipeline.readers.pose_names import coded
 from pipeline.reduction._index import numbered
 from pipeline.reduction.settings import Naming, Settings
 
-BASE, _STRANGE = -1, -2
+BASE, STRANGE = -1, -2
 """Roles of a target other than 0..t-1: a base reflector, and an unknown name."""
 
 Rejection = tuple[str, int | None, str]
@@ -53,6 +55,7 @@ class RawReadings(Locked):
         repeat: Pull of each slot, shape (s,).
         loaded: Whether a slot is a loaded state, shape (s,).
         rejected: Readings that were left out, with the reason.
+        aside: Slot and role of readings that campaign.toml sets aside.
     """
 
     files: tuple[str, ...]
@@ -69,6 +72,7 @@ class RawReadings(Locked):
     repeat: Ints
     loaded: Bools
     rejected: tuple[Rejection, ...]
+    aside: frozenset[tuple[int, int]] = frozenset()
 
     def __len__(self) -> int:
         """Number of readings."""
@@ -80,9 +84,12 @@ class RawReadings(Locked):
             return self
         good = np.ones(len(self), dtype=bool)
         good[list(why)] = False
-        of_each = sifted({name: getattr(self, name) for name in _OF_EACH}, good)
         left_out = tuple(self.rejection(k, why[k]) for k in sorted(why))
-        return replace(self, **of_each, rejected=self.rejected + left_out)
+        return replace(self.kept(good), rejected=self.rejected + left_out)
+
+    def kept(self, good: Bools) -> RawReadings:
+        """Keep some of the readings; the others are dropped without being reported."""
+        return replace(self, **sifted({name: getattr(self, name) for name in _OF_EACH}, good))
 
     def without_poses(self, why: Mapping[int, str]) -> RawReadings:
         """Reject the readings of some poses, each for the reason of its pose."""
@@ -114,6 +121,7 @@ def gather(
     exports: Mapping[str, Export],
     settings: Settings,
     states: Mapping[str, GroupState] | None = None,
+    letters: Set[str] = frozenset(),
 ) -> RawReadings:
     """Combine the readings of all files and look up what they are.
 
@@ -121,10 +129,13 @@ def gather(
         exports: By name.
         settings: campaign.toml.
         states: State of groups by name, which takes precedence over the name itself.
+        letters: Letters that a log has behind numbers of poses, `bis`.
     """
-    group = _joined([export.group for export in exports.values()])
+    group = _joined([_called(export.group, file) for file, export in exports.items()])
     target = _joined([export.target for export in exports.values()])
-    slot_of_group, pose, repeat, loaded = _slots(group.dictionary, settings.naming, states or {})
+    slot_of_group, pose, repeat, loaded = _slots(
+        group.dictionary, settings.naming, states or {}, letters
+    )
     role_of_target = _roles(target.dictionary.to_pylist(), settings)
     role = role_of_target[np.asarray(target.indices)]
     slot = slot_of_group[np.asarray(group.indices)]
@@ -188,6 +199,15 @@ def unread(exports: Mapping[str, Export]) -> tuple[Rejection, ...]:
     return tuple((file, line, why) for file, e in exports.items() for line, why in e.rejected)
 
 
+def _called(group: pa.DictionaryArray, file: str) -> pa.DictionaryArray:
+    """Groups of an export, where readings without one have the name of the file."""
+    names = group.dictionary
+    if not pc.any(pc.equal(names, "")).as_py():
+        return group
+    named = pc.if_else(pc.equal(names, ""), file, names)
+    return pa.DictionaryArray.from_arrays(group.indices, named)
+
+
 def _joined(parts: Sequence[pa.DictionaryArray]) -> pa.DictionaryArray:
     return pa.chunked_array(parts).unify_dictionaries().combine_chunks()
 
@@ -209,7 +229,7 @@ def _covariances(exports: Sequence[Export]) -> Array | None:
 
 
 def _slots(
-    names: pa.StringArray, naming: Naming, states: Mapping[str, GroupState]
+    names: pa.StringArray, naming: Naming, states: Mapping[str, GroupState], letters: Set[str]
 ) -> tuple[Ints, Ints, Ints, Bools]:
     """Slot of each group name, -1 where it has none, and pose, repeat, loaded of the slots."""
     keys = np.full((3, len(names)), -1, dtype=np.int64)
@@ -228,7 +248,7 @@ def _slots(
             half > WORTH_A_THREAD // 2,
         )
     ).combine_chunks()
-    keys[:, rest[np.asarray(parts.is_valid())]] = _keys(names, parts, naming)
+    keys[:, rest[np.asarray(parts.is_valid())]] = _keys(names, parts, naming, letters)
     pose, repeat, loaded = keys[:, matched := keys[0] >= 0]
     # pack pose, repeat and state into one number: pose and repeat are below 2^31
     packed, member = numbered(pose * 2**32 + repeat * 2 + loaded)
@@ -237,7 +257,7 @@ def _slots(
     return slot, packed // 2**32, packed % 2**32 // 2, packed % 2 == 1
 
 
-def _keys(names: pa.StringArray, parts: pa.StructArray, naming: Naming) -> Ints:
+def _keys(names: pa.StringArray, parts: pa.StructArray, naming: Naming, letters: Set[str]) -> Ints:
     """Pose, repeat and loaded of the names that have them, shape (3, n).
 
     Raises:
@@ -250,7 +270,7 @@ def _keys(names: pa.StringArray, parts: pa.StructArray, naming: Naming) -> Ints:
     loaded = np.array([*(state == "loaded" for state in words.values()), -1], dtype=np.int64)[
         word.fill_null(-1)
     ]
-    pose, repeat = _whole(found, "pose"), _whole(found, "repeat", missing=_UNNUMBERED)
+    pose, repeat = _poses(named, found, letters), _whole(found, "repeat", missing=_UNNUMBERED)
     for wrong in np.flatnonzero((pose < 0) | (repeat == _NO_NUMBER) | (loaded < 0))[:1]:
         raise _no_state(str(named[wrong]), found[wrong].as_py(), words)
     return np.array([pose, _counted(pose, repeat, loaded == 1), loaded], dtype=np.int64)
@@ -258,6 +278,35 @@ def _keys(names: pa.StringArray, parts: pa.StructArray, naming: Naming) -> Ints:
 
 _NO_NUMBER, _UNNUMBERED = -1, -2
 """Placeholders for a number: the part is not one, or the name has none."""
+
+
+def _poses(names: pa.StringArray, found: pa.StructArray, words: Set[str]) -> Ints:
+    """Poses of the names, shape (n,), with letters behind their number where logs have such poses.
+
+    What was pulled in `P04bis` is then not what was pulled in `P04`, whatever the expression leaves
+    out. Letters that all names have are no part of a pose.
+    """
+    pose = _whole(found, "pose").copy()
+    for k in np.flatnonzero(pose < 0).tolist():
+        pose[k] = coded(found[k]["pose"].as_py() or "") or _NO_NUMBER
+    behind = {k: _letters_behind(str(names[k]), found[k].as_py(), words)
+              for k in np.flatnonzero(pose >= 0).tolist() if words}  # fmt: skip
+    for k, own in behind.items() if len({*behind.values()}) > 1 else ():
+        pose[k] = coded(f"{pose[k]}{own}") or _NO_NUMBER if own else pose[k]
+    return pose
+
+
+def _letters_behind(name: str, parts: Mapping[str, str], words: Set[str]) -> str:
+    """Letters right behind the number of the pose in a name, or some of these words after a gap.
+
+    Its state is none.
+    """
+    found = re.search(rf"(?<![0-9]){re.escape(parts['pose'])}([ _-]?)([A-Za-z]+)", name)
+    state = parts["state"] or ""
+    if found is None or (state and found[2].startswith(state)):
+        return ""
+    letters = found[2].removesuffix(state)
+    return letters if not found[1] or letters.lower() in words else ""
 
 
 def _whole(found: pa.StructArray, part: str, missing: int = _NO_NUMBER) -> Ints:
@@ -327,7 +376,7 @@ _PARTS = ("pose", "repeat", "state")
 def _roles(names: Sequence[str], settings: Settings) -> Ints:
     place = {name: k for k, name in enumerate([*settings.measured, *settings.naming.chain])}
     place |= dict.fromkeys(settings.base_frame, BASE)
-    return np.array([place.get(name, _STRANGE) for name in names], dtype=np.int64)
+    return np.array([place.get(name, STRANGE) for name in names], dtype=np.int64)
 
 
 def known(
@@ -346,9 +395,9 @@ def known(
         f"{nowhere}, so it holds base reflectors only, and this target "
         f"is none of {listed(settings.base_frame)}; rename the group or the target"
     )
-    unused = np.flatnonzero((shots.role == _STRANGE) | ((shots.slot < 0) & (shots.role != BASE)))
+    unused = np.flatnonzero((shots.role == STRANGE) | ((shots.slot < 0) & (shots.role != BASE)))
     return shots.without(
-        {k: strange if shots.role[k] == _STRANGE else lost for k in unused.tolist()}
+        {k: strange if shots.role[k] == STRANGE else lost for k in unused.tolist()}
     )
 
 

@@ -23,6 +23,7 @@ from pipeline.reduction._raw_readings import (
     UnusedReadings,
 )
 from pipeline.reduction.effector import tool
+from pipeline.reduction.set_aside import NamedAside
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.stations import Station
 
@@ -64,6 +65,7 @@ class Case:
         lost: Readings of known targets that are not used.
         unused: Groups of the exports none of whose readings is used.
         treated: Exports that were not used unchanged.
+        aside: What campaign.toml sets aside.
         torques: Torques of the joints as logged, see `ingest._Ingested`; None where there are none.
         stations: Later stations of the tracker; readings are as from the first one.
         stance: Estimates from absolute positions of the same robot, if any.
@@ -83,6 +85,7 @@ class Case:
     lost: UnusedReadings = NONE_LOST
     unused: tuple[str, ...] = ()
     treated: tuple[ExportTreatment, ...] = ()
+    aside: tuple[NamedAside, ...] = ()
     torques: pd.DataFrame | None = None
     stations: tuple[Station, ...] = ()
     stance: PositionsEstimate | None = None

@@ -7,7 +7,7 @@ is left out and listed with its reason.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -27,9 +27,9 @@ from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot
 from pipeline.machine.surroundings import turns
-from pipeline.readers import Export, logs
+from pipeline.readers import Export, logs, pose_names
 from pipeline.readers.reflector_sets import ReflectorSet
-from pipeline.reduction import _pulls, _raw_readings, _size, limits
+from pipeline.reduction import _pulls, _raw_readings, _size, limits, set_aside
 from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._raw_readings import (
     NONE_LOST,
@@ -43,6 +43,7 @@ from pipeline.reduction._raw_readings import (
 from pipeline.reduction.case import ExportTreatment
 from pipeline.reduction.digits import rounding
 from pipeline.reduction.register import read_apart
+from pipeline.reduction.set_aside import NamedAside
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
 from pipeline.reduction.weights import PULL
 
@@ -79,6 +80,7 @@ class _Ingested:
         lost: Readings of known targets that are not used.
         unused: Groups of the exports none of whose readings is used.
         treated: Exports that were not used unchanged.
+        aside: What campaign.toml sets aside.
     """
 
     joints: pa.Table
@@ -95,6 +97,7 @@ class _Ingested:
     lost: UnusedReadings = NONE_LOST
     unused: tuple[str, ...] = ()
     treated: tuple[ExportTreatment, ...] = ()
+    aside: tuple[NamedAside, ...] = ()
 
 
 def ingest(
@@ -130,6 +133,41 @@ def ingest(
         return _reduced(settings, settings.displacements, robot, raw, joints, doubt, why)
     found = _raw(settings, robot, raw, joints, plausible, doubt, why)
     return replace(found, torques=_torques(logged, robot))
+
+
+def _poses(log: logs.Log) -> Array:
+    return log.number["pose"]
+
+
+def _renumbered(poses: Any, own: Mapping[int, int]) -> Ints:
+    """Poses as numbered in the campaign, shape (n,)."""
+    return np.array([own.get(int(pose), int(pose)) for pose in poses], dtype=np.int64)
+
+
+def _with_own_numbers(log: logs.Log, own: Mapping[int, int]) -> logs.Log:
+    """A log with its poses as numbered in the campaign."""
+    number = log.number | {"pose": _renumbered(log.number["pose"], own).astype(float)}
+    of = {line: own.get(int(pose), pose) for line, pose in log.pose_of.items() if pose == pose}
+    return replace(log, number=number, pose_of=of)
+
+
+def _stood_again(
+    joints: logs.Log, left_out: Mapping[int, str], own: Mapping[int, int]
+) -> tuple[logs.Log, dict[int, str]]:
+    """Joint values of `4` for `4bis`, which has none of its own; and why either is left out."""
+    pose = joints.number["pose"]
+    lacking = {number: pose_names.plain(code) for code, number in own.items()
+               if number not in pose and code not in left_out}  # fmt: skip
+    again = {
+        new: int(np.flatnonzero(pose == old)[0]) for new, old in lacking.items() if old in pose
+    }
+    rows = np.r_[np.arange(len(pose)), np.array([*again.values()], dtype=np.int64)]
+    number = {name: values[rows] for name, values in joints.number.items()}
+    number["pose"] = np.r_[pose, np.array([*again], dtype=float)]
+    word = {name: values[rows] for name, values in joints.word.items()}
+    why = {own.get(one, one): reason for one, reason in left_out.items()}
+    why |= {new: left_out[old] for new, old in lacking.items() if old in left_out}
+    return replace(joints, number=number, word=word, line=joints.line[rows]), why
 
 
 def _leaving(log: logs.Log, why: Mapping[int, str]) -> logs.Log:
@@ -181,12 +219,21 @@ def _raw(
         much=len(log) > WORTH_A_THREAD,
     )
     _some_reading(exports)
-    everything = _raw_readings.gather(exports, settings, loads.states)
+    logged = np.concatenate([_poses(loads), _poses(joints)])
+    words = {*map(pose_names.letters_of, logged)} - {""}
+    everything = _raw_readings.gather(exports, settings, loads.states, words)
+    if own := pose_names.numbers([*everything.pose, *logged]):
+        everything = replace(everything, pose=_renumbered(everything.pose, own))
+        loads, joints = (_with_own_numbers(one, own) for one in (loads, joints))
+        joints, left_out = _stood_again(joints, left_out, own)
+    width = len(settings.measured) + 2
+    everything, (loads, joints), aside = set_aside.kept(
+        everything, (loads, joints), settings.set_aside, own, width
+    )
     shots = _raw_readings.known(everything, settings, loads.states)
     if loads.states:
         _raw_readings.pulled_at_rest(shots, settings.naming.chain, loads.states, file)
     doubt = _doubt(lambda: _size.check_units(shots, settings), plausible) or doubt
-    width = len(settings.measured) + 2
     shots, renamed = _raw_readings.with_own_names(shots, width)
     rounds = _raw_readings.in_rounds(shots, width)
     once = _raw_readings.once(rounds, width)
@@ -216,12 +263,19 @@ def _raw(
         renamed=renamed,
         lost=_raw_readings.lost(shots, whole),
         unused=_raw_readings.unused(everything, whole),
+        aside=aside,
         treated=tuple(
-            ExportTreatment(name, one.faces, one.untimed, one.settled)
+            ExportTreatment(name, one.faces, one.untimed, (*one.settled, *_numbering(own)))
             for name, one in exports.items()
-            if one.faces or one.untimed or one.settled
+            if one.faces or one.untimed or one.settled or own
         ),
     )
+
+
+def _numbering(own: Mapping[int, int]) -> Iterator[str]:
+    """What poses with letters behind their number are called in the answer."""
+    if own:
+        yield listed(f"pose {pose_names.shown(code)} as pose {n}" for code, n in own.items())
 
 
 def _is_test_pose(settings: Settings, robot: Robot, joints: logs.Log) -> Bools:
@@ -536,6 +590,9 @@ def _reduced(
         np.isin(moved.word["target"], settings.measured),
         f"this target is none of {listed(settings.measured)}; add it to [tool] or rename it",
     )
+    if own := pose_names.numbers(np.concatenate([_poses(one) for one in (moved, forces, joints)])):
+        moved, forces, joints = (_with_own_numbers(one, own) for one in (moved, forces, joints))
+        joints, left_out = _stood_again(joints, left_out, own)
     moved, forces = _leaving(moved, left_out), _leaving(forces, left_out)
     poses = joints.number["pose"]
     causes = [*moved.rejected, *forces.rejected, *joints.rejected]

@@ -66,6 +66,7 @@ class Registration(Locked):
         dof: Coordinates minus six, and minus one for an estimated growth.
         from_scatter: Whether `cov` is scaled by the residuals instead of resting on a stated noise.
         growth: Growth of the base frame relative to its stated size, see `growth`.
+        nominal_std: Standard uncertainty per axis of the nominal positions [m].
     """
 
     R: Array
@@ -77,6 +78,12 @@ class Registration(Locked):
     dof: int
     from_scatter: bool = False
     growth: BaseGrowth = field(default_factory=BaseGrowth)
+    nominal_std: float = 0.0
+
+    @property
+    def weighing(self) -> Array:
+        """Covariance of every base reading about its nominal position [m^2], shape (m, 3, 3)."""
+        return _about_nominal(self.table, self.nominal_std)
 
     @property
     def tracker(self) -> Array:
@@ -117,7 +124,7 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
     nominal = np.array([settings.base_frame[target] for target in base["target"]]).reshape(-1, 3)
     points = base[XYZ].to_numpy()
     _enough(base, nominal)
-    C = covariance.weighing(base)
+    C = _about_nominal(base, settings.base_std)
     stated = bool(covariance.known(covariance.numbers(base)).all())
     R, t, cov, chi2, centre = _fit(points, nominal, C)
     dof = 3 * len(base) - 6
@@ -134,9 +141,23 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
     cov[3:, 3:] += grown.std**2 * np.outer(centre, centre)
     bare = base.assign(dx_m=0.0, dy_m=0.0, dz_m=0.0)
     found = Registration(
-        R, t, cov, centre, bare, chi2 if stated else None, dof, from_scatter, grown
-    )
+        R, t, cov, centre, bare, chi2 if stated else None, dof, from_scatter, grown,
+        settings.base_std,
+    )  # fmt: skip
     return replace(found, table=_with_residuals(base, found.placed(points), nominal))
+
+
+def _about_nominal(table: pd.DataFrame, std: float) -> Array:
+    """Covariance of base readings about their nominal positions, C_i + n s^2 1 [m^2], (m, 3, 3).
+
+    The error of a position, s, is common to its n readings: their mean, which alone registers the
+    tracker, then has C / n + s^2 1. Where no noise is known, both are part of the scatter.
+    """
+    C = covariance.weighing(table)
+    if not std or not covariance.known(covariance.numbers(table)).all():
+        return C
+    count = table.groupby("target")["target"].transform("size").to_numpy(float)
+    return np.asarray(C + (count * std**2)[:, None, None] * np.eye(3))
 
 
 def _contradicted(chi2: float, dof: int) -> bool:
@@ -180,7 +201,7 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
     agree = agreeing(points, grown * nominal)
     if agree.all() or not apart(nominal[agree]):
         return registration, np.ones_like(agree)  # too few agree to identify the others
-    C = covariance.weighing(table)
+    C = registration.weighing
     R, t, cov, chi2, centre = _fit(points[agree], grown * nominal[agree], C[agree])
     stated, dof = registration.chi2 is not None, registration.dof - 3 * int((~agree).sum())
     from_scatter = not stated or _contradicted(chi2, dof)

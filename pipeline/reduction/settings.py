@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import re
 from collections.abc import Iterator, Sequence
+from decimal import Decimal
 from difflib import get_close_matches
 from typing import Annotated, Literal
 
@@ -53,6 +54,9 @@ two."""
 _MOST_FIELDS = 20
 """Maximum number of a house's own entries."""
 
+_MOST_SET_ASIDE = 200
+"""Maximum number of names that are set aside: each is looked up in all readings."""
+
 _MOST_GLOBS = 20
 """Maximum number of patterns for exports."""
 
@@ -66,6 +70,10 @@ Point = tuple[Length, Length, Length]
 REACH_M = 20.0
 """Maximum distance of a point of an effector from its flange [m]; in millimetres this is two
 centimetres."""
+
+_SURVEYED_M = 0.9e-3
+"""Last digit [m] below which coordinates are as surveyed; those to whole millimetres may be those
+of a drawing, and exact."""
 
 HALL_M = 200.0
 """Maximum range of a tracker [m] (Leica AT403: 160 m radius)."""
@@ -222,6 +230,12 @@ class _ToolUncertainty(Strict):
 
     sigma_m: Uncertainty = 0.0
     load_point_sigma_m: Uncertainty | None = None
+
+
+class _BaseUncertainty(Strict):
+    """Standard uncertainty per axis of the points in [base_frame]."""
+
+    sigma_m: Uncertainty | None = None
 
 
 class Displacements(Strict):
@@ -492,6 +506,7 @@ class Settings(Surrounded):
     tracker: Tracker | None = None
     naming: Naming = Naming()
     base_frame: dict[Name, Point] = Field(default_factory=dict)
+    base_frame_uncertainty: _BaseUncertainty = _BaseUncertainty()
     scale: Scale | None = None
     gravity: _Gravity = _Gravity()
     payload: dict[Name, PayloadSettings] = Field(default_factory=dict)
@@ -506,6 +521,9 @@ class Settings(Surrounded):
     tolerance: ToleranceSettings | None = None
     model: _ModelSettings = _ModelSettings()
     priors: dict[Name, CausePrior] = Field(default_factory=dict)
+    set_aside: Annotated[dict[Name, Name], Field(max_length=_MOST_SET_ASIDE)] = Field(
+        default_factory=dict
+    )
 
     @model_validator(mode="after")
     def raw_or_reduced(self) -> Settings:
@@ -522,6 +540,11 @@ class Settings(Surrounded):
             )
         if self.displacements is not None and (self.tracker is not None or self.scale is not None):
             raise ValueError("has [displacements] beside [tracker] or [scale]; keep one of them")
+        if self.set_aside and self.tracker is None:
+            raise ValueError(
+                "has [set_aside] without [tracker], whose readings and logs it refers to; remove "
+                "the rows from the tables instead"
+            )
         return self
 
     @property
@@ -593,6 +616,20 @@ class Settings(Surrounded):
             if same := [n for n in self.measured if places.count(self.tool[n]) > 1]:
                 raise ValueError(f"[tool] has {listed(same)} in one place; give each its own")
         return self
+
+    @property
+    def base_std(self) -> float:
+        """Standard uncertainty per axis of the base reflectors' nominal positions [m].
+
+        Where it is not stated, that of the last digit h that any of them has, h / sqrt(12), if this
+        is below a millimetre: coarser numbers are those of a drawing, not of a surveyor.
+        """
+        if self.base_frame_uncertainty.sigma_m is not None:
+            return self.base_frame_uncertainty.sigma_m
+        every = [x for point in self.base_frame.values() for x in point]
+        places = [Decimal(repr(x)).normalize().as_tuple().exponent for x in every if x]
+        last = 10.0 ** min((int(place) for place in places), default=0)
+        return last / np.sqrt(12) if last < _SURVEYED_M else 0.0
 
     @property
     def sheet(self) -> DataSheet | None:

@@ -115,3 +115,17 @@ def test_the_pose_for_a_joint_says_how_to_pull_and_what_it_settles(value, determ
     table = best_pose(best(determines=determines), None, [joint])
     assert "3 load steps up to 3000 N along (0.60, 0.80, 0.00) of F_b" in table.rows[0][2].text
     assert ("does not determine it" in table.note) == (not determines)
+
+
+def test_a_pose_that_improves_nothing_is_not_recommended():
+    """Its uncertainty, as printed, is the same with and without; nothing is optional then."""
+    joint = report_sample.answer().stiffness[0].model_copy(update={"value": 8e7, "axis": "E1"})
+
+    def said(after):
+        pose = best(relative_std_after=after * joint.relative_std)
+        found = SimpleNamespace(diagnosis=SimpleNamespace(best_pose=pose, next_poses_in=None))
+        return _least_certain(found, joint)
+
+    assert "Optional" in said(0.5)
+    assert "Optional" not in said(0.9999)
+    assert "one more pose would hardly improve it" in said(0.9999)

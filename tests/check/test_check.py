@@ -193,6 +193,19 @@ def test_a_wrong_line_is_said_with_exit_5_and_comes_before_the_run(said):
     assert "correct campaign.toml, then: pipeline check c" in out
 
 
+def test_a_reading_at_the_origin_is_said_with_its_line(said):
+    """Programs write (0, 0, 0) for what was not measured; a row that is set aside is no problem."""
+    rows = FILES["tracker.csv"] + b"base_end,B1,0.0,0.0,0.0,2026-11-03T12:00:00\n"
+    line = rows.count(b"\n")
+    _, _, err = said(FILES | {"tracker.csv": rows})
+    assert f"B1 in base_end (tracker.csv:{line}) is at (0, 0, 0)" in err
+
+    toml = FILES["campaign.toml"] + f'\n[set_aside]\n"tracker.csv:{line}" = "no sight"\n'.encode()
+    code, out, err = said(FILES | {"tracker.csv": rows, "campaign.toml": toml})
+    assert (code, err) == (0, "")
+    assert f"set aside    tracker.csv:{line} (readings: 1): no sight" in out
+
+
 def test_a_line_that_stops_the_campaign_is_named_before_its_symptom(said):
     """The complaint about the export is below it."""
     files, line = changed("sigma_m = 3e-05", 'sigma_m = 3e-05\nunit = "m"')

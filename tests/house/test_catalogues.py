@@ -118,6 +118,12 @@ def test_every_place_that_speaks_is_there():
          "contenu du premier appartient au dernier (poses.csv:2 ...) : tels qu'enregistrés, leurs "
          "réflecteurs sont jusqu'à 5,6 m de là où le fichier du robot les place, et à 6,9 mm "
          "une fois échangées"),
+        ("No question is open. Optional: pulls along the rail would improve E1 most. Its standard "
+         "uncertainty is 7.9 %.",
+         "Keine Frage ist offen. Freiwillig: Züge entlang der Schiene würden E1 am meisten "
+         "verbessern. Die Standardunsicherheit beträgt 7,9 %.",
+         "Aucune question n'est ouverte. Facultatif : des tractions le long du rail amélioreraient "
+         "le plus E1. L'incertitude type est de 7,9 %."),
         ("What would tell which cause it is: reflectors at the elbow.",
          "Was zeigen würde, welche Ursache es ist: Reflektoren am Ellbogen.",
          "Ce qui dirait de quelle cause il s'agit : réflecteurs au coude."),

@@ -38,7 +38,7 @@ def test_without_numbers_of_pulls_the_whole_log_must_be_filled_in_so():
     [
         ",1,700\n2,1,500\n",  # nothing above
         "1,1,700\n,1,800\n2,1,500\n",  # not the next pull
-        "1,1,700\n4x,1,800\n,2,500\n",  # the pose above was rejected
+        "1,1,700\n4?,1,800\n,2,500\n",  # the pose above was rejected
     ],
 )
 def test_an_empty_pose_that_may_be_another_is_rejected(text):

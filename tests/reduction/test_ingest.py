@@ -822,6 +822,17 @@ def test_base_reflectors_read_within_a_pose_are_base_readings():
     assert row[["pose", "repeat", "state"]].isna().all()
 
 
+def test_base_readings_without_a_group_are_called_by_their_file():
+    """Every sentence on them has a name to give."""
+    lines = [f"{g.replace('base_start', '')}-{t};{x};{y};{z}" for g, t, x, y, z in tracker_rows()]
+    text = "\n".join(["Point Name;X [mm];Y [mm];Z [mm]", *lines, ""])
+    toml = TOML.replace("[base_frame]", "names = '(?P<group>.*)-(?P<target>[^-]+)'\n[base_frame]")
+    table = read(text, toml=toml).readings.to_pandas()
+
+    assert set(table[table["pose"].isna()]["group"]) == {"tracker.csv"}
+    assert len(table) == len(lines)
+
+
 def test_group_names_of_any_letters_are_read():
     """An expression with non-ASCII letters, which the fast matcher does not support."""
     rows = [

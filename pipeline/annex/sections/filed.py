@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from urllib.parse import quote
 
-from pipeline.answer.contract import Answer, Measuring, Rejected, Unit
+from pipeline.answer.contract import Answer, Measuring, Rejected, SetAside, Unit
 from pipeline.answer.words import listed
 from pipeline.report.identity import LabelledText, rows
 from pipeline.report.record import (
     Cells,
     Column,
     Paragraph,
+    ReportTable,
     Section,
     TableEntry,
     entry,
@@ -73,7 +74,19 @@ def rejected(answer: Answer) -> Section | None:
     more = len(given) - _MOST_ROWS
     note = f"{more} more are in result.json." if more > 0 else ""
     table = table_of("rejected", "Left out and why", columns, given[:_MOST_ROWS], note)
-    return section_of("rejected", "Rejected rows", [Paragraph(_left_out(len(given))), table])
+    parts = [Paragraph(_left_out(len(given))), table, *_set_aside(answer.set_aside)]
+    return section_of("rejected", "Rejected rows", parts)
+
+
+def _set_aside(given: Sequence[SetAside]) -> list[ReportTable | None]:
+    """What the operator set aside; no table where there is nothing."""
+    columns: list[Cells[SetAside]] = [
+        word_column("Set aside", lambda one: one.name, code=True),
+        (Column("Readings", numeric=True), lambda one: entry(str(one.readings), one.readings)),
+        word_column("Reason", lambda one: one.reason),
+    ]
+    title = "Set aside by the operator, in campaign.toml"
+    return [table_of("set-aside", title, columns, given, "")] if given else []
 
 
 def _left_out(count: int) -> str:
