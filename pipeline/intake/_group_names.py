@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from statistics import median_low
 
 import pyarrow as pa
 
@@ -141,7 +142,7 @@ def _orders(
     read: dict[str, list[set[str]]] = {word: [] for word in stated.values()}
     for name, word in stated.items():
         read[word].append({*rows[name]})
-    most = {word: max(map(len, some)) for word, some in read.items()}
+    most = {word: median_low(map(len, some)) for word, some in read.items()}
     ordered = sorted(most, key=lambda word: most[word])
     rest = [*most.values()].count(most[ordered[0]])
     if _are_apart(ordered[:rest], ordered[rest:]):

@@ -535,19 +535,25 @@ def _named(
 
 
 def _by_state(rows: Mapping[str, Mapping[str, Array]], state: Mapping[str, str]) -> FilesProposal:
-    """Roles of targets by the states in which they were read; groups without one are the base's."""
+    """Roles of targets by the states in which they were read; groups without one are the base's.
+
+    Targets read in most loaded groups, and in few unloaded ones, are the ends of the chain.
+    """
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*STATES, None)
     )
-    read = _targets(unloaded)
-    measured = [name for name in read if name in _targets(loaded)]
-    ends = [name for name in _targets(loaded) if name not in read]
+    both = [Counter(target for at in some for target in at) for some in (unloaded, loaded)]
+    share = [{t: n / len(some) for t, n in count.items()}
+             for count, some in zip(both, (unloaded, loaded), strict=True)]  # fmt: skip
+    ends = [name for name, often in share[1].items() if 2 * share[0].get(name, 0) < often]
+    measured = [name for name in _targets(unloaded) if name in share[1] and name not in ends]
+    base = tuple(name for name in _targets(others) if name not in (*measured, *ends))
     return FilesProposal(
         measured=tuple(measured),
         chain=_chain(ends, measured, loaded),
-        base=tuple(_targets(others)),
+        base=base,
         apart_m=_apart(measured, unloaded),
-        base_apart_m=_apart(_targets(others), others),
+        base_apart_m=_apart(base, others),
     )
 
 

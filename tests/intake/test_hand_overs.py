@@ -3,6 +3,9 @@
 import math
 import re
 
+import pytest
+
+from pipeline import readers
 from pipeline.app import cli
 from pipeline.intake._prose import PROSE, is_prose
 from pipeline.intake.describe_file import inspect
@@ -124,3 +127,88 @@ def test_an_arm_that_the_files_name_is_proposed_on_a_rail(tmp_path, capsys):
     assert re.search(
         '^robot += "kr210_r2700_2_rail.toml"', (folder / "campaign.toml").read_text(), re.M
     )
+
+
+def _french(swapped=False, day="08/10/2024", title="Heure"):
+    """An export with rounds named behind the reflectors, and states named before the targets."""
+    base = {"B1": (4510.5, -4289.0, -1360.5), "B2": (6634.2, -1646.5, -1303.1),
+            "B3": (3888.7, 312.2, -1319.0), "B4": (5974.9, 3001.4, -885.9)}  # fmt: skip
+    tool = {"R1": (140.0, -120.0, 190.0), "R2": (-155.0, -105.0, 190.0), "R3": (0.0, 180.0, 240.0)}
+    ends = {"D1": (210.0, 85.0, 350.0), "D2": (260.0, 150.0, 800.0)}
+    rows = [
+        (f"{name}_tour{k}", (x + 0.01 * k, y, z))
+        for k in (1, 2, 3)
+        for name, (x, y, z) in base.items()
+    ]
+    rows[9] = "B2_tour3", (0.0, 0.0, 0.0)
+    for k in range(1, 9):
+        states = ["AV", "CH"] if not (swapped and k == 4) else ["CH", "AV"]
+        for state, places in zip(states, (tool, tool | ends), strict=True):
+            for name, (x, y, z) in places.items():
+                c, d = math.cos(k), math.sin(k)
+                at = x * c - y * d + 900 * k, x * d + y * c + 300 * (k % 3), z - (state == "CH")
+                rows.append((f"P{k:02}_{state}_{name}", at))
+    lines = [
+        f"{name};Point;{x:.3f};{y:.3f};{z:.3f};{day};09:{k // 60:02}:{k % 60:02}".replace(".", ",")
+        for k, (name, (x, y, z)) in enumerate(rows)
+    ]
+    head = [
+        "Repere : machine;;;;;;",
+        "Unites : mm;;;;;;",
+        f"Nom;Type;X mes.;Y mes.;Z mes.;Date;{title}",
+    ]
+    return "\n".join([*head, *lines, ""]).encode()
+
+
+def test_rounds_that_stand_behind_the_reflector_are_read_the_other_way_round():
+    """Also where one of them holds no reading; and the list of places is then proposed."""
+    places = (
+        b"# reperes au sol (mm)\nB1 -446.1 1198.0 28.4\nB2 1901.0 -1249.1 33.9\nB4 6598.3 -1 412\n"
+    )
+    found = propose({"releve.csv": _french(), "sol.txt": places})
+
+    assert (found.base, found.chain) == (("B1", "B2", "B3", "B4"), ("D1", "D2"))
+    assert found.measured == ("R1", "R2", "R3")
+    assert found.offer is None
+    assert found.reach is None  # "Unites : mm"
+    export = readers.read("releve.csv", _french(), ExportSettings(names=found.names[0]))
+    pairs = zip(export.group.to_pylist(), export.target.to_pylist(), strict=True)
+    assert {("tour1", "B1"), ("P08_CH", "D2")} <= {*pairs}
+
+
+def test_one_pose_with_exchanged_states_leaves_no_doubt_of_the_others():
+    """The unloaded state is the one that usually has fewer targets."""
+    found = propose({"releve.csv": _french(swapped=True)})
+
+    assert found.group.state_of == {"AV": "unloaded", "CH": "loaded"}
+    assert (found.measured, found.chain) == (("R1", "R2", "R3"), ("D1", "D2"))
+
+
+@pytest.mark.parametrize(
+    ("day", "title", "month"),
+    [("08/10/2024", "Heure", 10), ("08/10/2024", "Time", 8), ("23/10/2024", "Time", 10)],
+)
+def test_a_day_before_the_month(day, title, month):
+    """The language of the titles says it, or a number that is no month."""
+    text = _french(day=day, title=title).replace(b"Nom;", b"Nom;" if title == "Heure" else b"Name;")
+    export = readers.read("releve.csv", text, ExportSettings())
+
+    assert {one.month for one in export.time.to_pylist()} == {month}
+    assert not export.rejected
+
+
+@pytest.mark.parametrize(
+    ("line", "unit"),
+    [
+        ("Unites : mm", "mm"), ("Unité de longueur : mm", "mm"), ("Unità: mm", "mm"),
+        ("单位：mm", "mm"), ("Unidades: in", "in"), ("Diamètre des billes : 38 mm", None),
+    ],
+)  # fmt: skip
+def test_units_above_a_table_in_other_languages(line, unit):
+    text = f"{line}\nNom;X mes.;Y mes.;Z mes.\nA;1,5;2;3\nB;2,5;2;4\nC;7,5;2;4\n".encode()
+    found = propose({"releve.csv": text, "other.csv": text})
+
+    assert found.exports
+    assert (found.reach is None) == (unit is not None)
+    if unit:
+        assert readers.read("releve.csv", text).meaning.unit == unit
