@@ -29,7 +29,7 @@ _ROLES = {
     "collection": ("sammlung",),
     "instrument": ("instrument", "station", "instrument name", "station name", "standpunkt"),
     "time": ("zeit", "datum zeit", "zeitstempel", "messzeit", "date time", "measured at",
-             "horodatage", "date heure", "data ora", "fecha hora"),
+             "horodatage", "date heure", "data ora", "fecha hora", *FOREIGN["titles"]["time"]),
     "clock": ("uhrzeit", "clock", "time of day", "heure", "ora", "hora"),
     "date": ("datum", "day", "data", "fecha", "jour"),
     "active": ("active", "aktiv", "use", "used", "valid", "gültig", "enabled"),

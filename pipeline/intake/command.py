@@ -89,6 +89,7 @@ def _all_known(
 def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, ask: bool) -> None:
     """Write campaign.toml for the files in the folder, with known or asked data."""
     from pipeline.intake import blank
+    from pipeline.intake._folder import in_workbooks
     from pipeline.intake.files import propose
     from pipeline.intake.filled import filled_in
 
@@ -98,7 +99,7 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     given, wrong = filled_in(files)
     proposal = _settled(files, hints) if ask else propose(files, hints)
     given = _with_places(given, proposal)
-    for line in [*_seen(proposal), *passed, *wrong]:
+    for line in [*_seen(proposal), *in_workbooks(files), *passed, *wrong]:
         _tell(line)
     if robot is None:
         robot = _named(root, folder, given) or _robot(root, folder, proposal, ask)

@@ -22,7 +22,9 @@ from pipeline import readers
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.base.patterns import is_glob, natural
+from pipeline.dialects.workbook import sheets
 from pipeline.intake import log_columns, nominal
+from pipeline.intake._folder import urdf
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._names_by_place import NEAR
 from pipeline.intake._prose import PROSE, is_prose
@@ -217,7 +219,8 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
             reach += largest
         except InputError as problem:
             if name not in known:
-                refused[name] = PROSE if is_prose(name, data) else problem.thing
+                known_as = PROSE if is_prose(name, data) else urdf(name, data)
+                refused[name] = known_as or problem.thing
     return _Exports(exports, tuple(reach), refused)
 
 
@@ -285,7 +288,20 @@ def _offers(
         with contextlib.suppress(InputError):
             if one := offer(name, files[name], hints) or _settled(hints):
                 offers[name] = one, readers.read(name, files[name], one.hints)
+        if name in books and name not in {*offers, *found.exports} and not hints.sheet:
+            ways = [*_of_sheets(name, files[name], hints)]
+            offers |= {name: max(ways, key=lambda both: len(both[1].line))} if ways else {}
     return offers
+
+
+def _of_sheets(name: str, data: bytes, hints: ExportSettings) -> Iterator[tuple[Offer, Export]]:
+    """How the sheets of a workbook are read that leave nothing open but their unit."""
+    for one in sheets(name, data):
+        with contextlib.suppress(InputError):
+            way = hints.model_copy(update={"sheet": one})
+            said = offer(name, data, way) or _settled(way)
+            if said and all(question.about == "unit" for question in said.questions):
+                yield said, readers.read(name, data, said.hints)
 
 
 def _settled(hints: ExportSettings) -> Offer | None:

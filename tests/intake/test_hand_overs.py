@@ -4,12 +4,15 @@ import math
 import re
 
 import pytest
+from workbooks import workbook
 
 from pipeline import readers
 from pipeline.app import cli
+from pipeline.intake._folder import in_workbooks
 from pipeline.intake._prose import PROSE, is_prose
 from pipeline.intake.describe_file import inspect
 from pipeline.intake.files import propose
+from pipeline.intake.which_logs import called
 from pipeline.readers import ExportSettings
 
 LETTER = b"""Hello everybody,
@@ -212,3 +215,91 @@ def test_units_above_a_table_in_other_languages(line, unit):
     assert (found.reach is None) == (unit is not None)
     if unit:
         assert readers.read("releve.csv", text).meaning.unit == unit
+
+
+def _inches():
+    """Points as SpatialAnalyzer writes them with commas: its titles are a remark with gaps."""
+    rows = [f"BASE-AM::MON::M{k}, {97 * k}.5, {(k * 37) % 11 * 20}.1, -63.75" for k in range(1, 5)]
+    for pose in range(1, 9):
+        x, y = 60 * math.cos(pose), 60 * math.sin(pose)
+        rows += [
+            f"P{pose:02}::{state}::T{k}, {x + k * 5:.4f}, {y + k % 2 * 7:.4f}, {z}.25"
+            for state, z in (("UNL", 6), ("LD1", 5), ("LD2", 4))[: 2 + pose % 2]
+            for k in (1, 2, 3)
+        ]
+    head = ["// SpatialAnalyzer   ASCII export: points", "// Units: Inches, Degrees",
+            "// Format: Collection::Group::Target  X  Y  Z"]  # fmt: skip
+    return "\n".join([*head, *rows, ""]).encode()
+
+
+def test_titles_in_a_remark_and_states_in_short():
+    """Degrees are those of no coordinate where X, Y, Z are; UNL is unloaded, whatever is LD."""
+    found = propose({"points.txt": _inches()})
+
+    assert found.offer is None
+    assert found.group.state_of == {"UNL": "unloaded", "LD": "loaded"}
+    assert found.measured == ("T1", "T2", "T3")
+    export = readers.read("points.txt", _inches())
+    assert export.meaning.kind == "cartesian"
+    assert math.isclose(export.position[0, 0], 97.5 * 0.0254)
+
+
+def test_a_scale_in_kg_whose_heading_has_commas():
+    text = b"Bilancia CAS 500 kg, div. 0,5 kg - azzerata\npos   tiro   kg\n" + b"".join(
+        b"P%02d    %d     21%d,5\n" % (k // 2 + 1, k % 2 + 1, k) for k in range(8)
+    )
+    found = propose({"forze.txt": text})
+
+    assert found.loads == "forze.txt"
+    assert found.load_columns == {"pos": "pose", "tiro": "repeat", "kg": "force_kg"}
+
+
+def test_kg_without_pulls_may_be_weights():
+    text = b"pos   kg\n" + b"".join(b"P%02d    21%d,5\n" % (k, k) for k in range(1, 9))
+
+    assert propose({"pesi.txt": text}).loads is None
+
+
+URDF = b"""<robot name="arm"><link name="foot"/><link name="one"/><link name="tip"/>
+<joint name="a1" type="revolute"><parent link="foot"/><child link="one"/></joint>
+<joint name="a2" type="revolute"><parent link="one"/><child link="tip"/></joint></robot>"""
+
+
+def test_a_urdf_is_answered_with_its_command():
+    said = propose({"arm.urdf": URDF}).refused["arm.urdf"]
+
+    assert "`pipeline robot arm.urdf --base foot --flange tip --output arm.toml`" in said
+
+
+BOOK = {
+    "about": [["Robot on a rail"], ["measured on Thursday"]],
+    "readings": [["Time", "Name", "X [mm]", "Y [mm]", "Z [mm]"]]
+    + [[f"2025-05-22 09:{k:02}:00", f"R{k % 3}", 100.5 * k, 7.5 * k * k, 12.25] for k in range(30)],
+    "places": [["Name", "X [mm]", "Y [mm]", "Z [mm]"], ["R0", 1.5, 2, 3], ["R1", 2.5, 9, 3]],
+    "forces": [["begin", "force [kN]"], ["09:16:34", 3.659], ["09:23:03", 3.8]],
+    "axes": [["time", *(f"A{k}(deg)" for k in range(1, 7)), "E1(mm)"]]
+    + [[f"09:{k:02}:00", *(k * j % 70 for j in range(1, 7)), 100 * k] for k in range(3)],
+}
+
+
+def test_the_sheets_of_a_workbook_are_what_they_are():
+    """The larger of two lists of points is the export, and the log lacks poses, not a robot."""
+    data = workbook(**BOOK)
+    found = propose({"day.xlsx": data})
+    (said,) = in_workbooks({"day.xlsx": data})
+
+    assert found.exports == ("day.xlsx",)
+    assert found.offer.hints.sheet == "readings"
+    assert "no column numbers the poses" in found.refused["day.xlsx"]
+    assert "no robot" not in found.refused["day.xlsx"]
+    assert said == (
+        'day.xlsx has 5 sheets: "about" is text, "readings" has points with times, "places" is a '
+        'list of points, "forces" is a log of loads, "axes" is a joint log (A1(deg) to A6(deg)), '
+        "without poses."
+    )
+
+
+def test_a_configuration_of_abb_names_the_robot():
+    text = b'ROBOT:\n\n -name "ROB_1" -use_robot_type "ROB1_6700_200/2.60" \\\n'
+
+    assert called({"MOC.cfg": text}, ["irb6700_200_260", "irb6700_235_265"]) == ("irb6700_200_260",)
