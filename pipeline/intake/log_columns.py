@@ -132,24 +132,32 @@ def settled(form: LogForm) -> LogForm:
     return form.model_copy(update={"columns": columns})
 
 
-def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
+Axes = tuple[tuple[str, ...], tuple[bool, ...]]
+"""Names of a robot's axes without units, and which of them slide; many robots have the same."""
+
+
+def axes_of(robot: Robot) -> Axes:
+    """The axes as the controller shows them, else the joints."""
+    axes = controller_axes(robot) or own_joints(robot)
+    return tuple(q.stem for q in axes), tuple(q.units is LENGTH for q in axes)
+
+
+def understood_joints(name: str, data: bytes, axes: Axes) -> LogForm | None:
     """Entries of [joints] for a joint log with foreign titles; None if it is not one."""
-    return _understood(name, data, "joints", _about_axes(_log_words.of_joints, robot))
+    return _understood(name, data, "joints", _about_axes(_log_words.of_joints, axes))
 
 
-def has_other_axes(name: str, data: bytes, robot: Robot) -> bool:
-    """Whether an axis moves in a joint log that the robot does not have, such as a rail."""
+def has_other_axes(name: str, data: bytes, axes: Axes) -> bool:
+    """Whether an axis moves in a joint log that a robot does not have, such as a rail."""
     with contextlib.suppress(InputError):  # a workbook in which no sheet has such a title
-        meant = _about_axes(_log_words.of_another, robot)
+        meant = _about_axes(_log_words.of_another, axes)
         return _understood(name, data, "joints", meant) is not None
     return False
 
 
-def _about_axes(words: Callable[..., dict[str, str] | None], robot: Robot) -> _Meaning:
-    axes = controller_axes(robot) or own_joints(robot)
-    names, slides = [q.stem for q in axes], [q.units is LENGTH for q in axes]
+def _about_axes(words: Callable[..., dict[str, str] | None], axes: Axes) -> _Meaning:
     units = ([*LENGTH, PULSES], [*ANGLE, PULSES])
-    return partial(words, axes=names, lengths=slides, units=units)
+    return partial(words, axes=axes[0], lengths=axes[1], units=units)
 
 
 def are_called(form: LogForm, robot: Robot) -> bool:

@@ -6,7 +6,7 @@ import contextlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from itertools import product
 from typing import Any
 
@@ -230,12 +230,12 @@ def _having(
     of axes are in the log, then those that can take all its poses.
     """
     found, rank = {}, {}
+    meant = cache(partial(log_columns.understood_joints, name, data))  # a file is looked at once
+    others = cache(partial(log_columns.has_other_axes, name, data))  # for all with the same axes
     for key, robot in robots.items():
-        form = _form(
-            partial(logs.joints, name, data, robot),
-            partial(log_columns.understood_joints, name, data, robot),
-        )
-        if form and not (key in SHIPPED and log_columns.has_other_axes(name, data, robot)):
+        axes = log_columns.axes_of(robot)
+        form = _form(partial(logs.joints, name, data, robot), partial(meant, axes))
+        if form and not (key in SHIPPED and others(axes)):
             called = not form.columns or log_columns.are_called(form, robot)
             fitting = _possible(name, data, robot, form)
             shown = robot.description.partition(" ")[0] in makers
