@@ -37,6 +37,7 @@ class _Known:
     between: frozenset[str]
     unit: dict[str, str]
     unloaded: tuple[str, ...]
+    scales: frozenset[str]
 
 
 @cache
@@ -52,6 +53,7 @@ def _known() -> _Known:
         between=frozenset(content["between"]),
         unit=content["unit"],
         unloaded=tuple(content["states"]["unloaded"]),
+        scales=frozenset(content["scales"]),
     )
 
 
@@ -116,7 +118,10 @@ def axes_without_pose(titles: Sequence[str]) -> list[str]:
 
 
 def of_loads(
-    titles: Sequence[str], cells: SampledCells, units: Mapping[str, Sequence[str]]
+    titles: Sequence[str],
+    cells: SampledCells,
+    units: Mapping[str, Sequence[str]],
+    by_scale: bool = False,
 ) -> dict[str, str] | None:
     """Our names for the titles of a log of loads, None if it is not one.
 
@@ -128,6 +133,7 @@ def of_loads(
         titles: As written.
         cells: Cells below them.
         units: Possible units of `force` and `mass`.
+        by_scale: Whether its heading names a scale, so that kg alone are what that shows.
 
     Returns:
         Our name by title; for a title that does not state its unit all possible names, separated by
@@ -139,7 +145,7 @@ def of_loads(
     found = {role: one for role, one in found.items() if one[0] not in dict(each.values())}
     found |= {} if found.keys() & {"repeat", *units} else each
     if not found.keys() & {*units, *each}:
-        found |= _by_unit(titles, units["force"]) or _of_a_scale(titles, found)
+        found |= _by_unit(titles, units["force"]) or (_of_a_scale(titles) if by_scale else {})
     if not found.keys() & {*units, *each} or _coordinates(titles):
         return None
     found = _numbered(found, cells)
@@ -198,12 +204,15 @@ def _by_unit(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str
     return {"force": found[0]} if len(found) == 1 else {}
 
 
-def _of_a_scale(
-    titles: Sequence[str], found: Mapping[str, tuple[str, Sequence[str]]]
-) -> dict[str, tuple[str, Sequence[str]]]:
-    """The force that a scale shows in kg, where another column counts pulls: weights have names."""
+def names_a_scale(text: str) -> bool:
+    """Whether a text names an instrument that shows forces."""
+    return not _known().scales.isdisjoint(_WORDS.findall(text.lower()))
+
+
+def _of_a_scale(titles: Sequence[str]) -> dict[str, tuple[str, Sequence[str]]]:
+    """The force that a scale shows in kg."""
     shown = [title for title in titles if _unit(title.lower().strip()) == "kg"]
-    return {"force": (shown[0], ("kg",))} if len(shown) == 1 and "repeat" in found else {}
+    return {"force": (shown[0], ("kg",))} if len(shown) == 1 else {}
 
 
 def _of_pulls(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str, Sequence[str]]]:

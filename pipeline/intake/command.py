@@ -472,6 +472,12 @@ def _seen(proposal: FilesProposal) -> Iterator[str]:
     for what, found in (files | names).items():
         if found:
             yield f"{what}: {listed(found, most=40)}"
+    for title, anchors in proposal.anchors.items():
+        yield (
+            f"{listed(anchors, most=20)}: anchors, by the column {title} of {proposal.loads}; the "
+            "force is directed by both ends of the chain in each loaded group: add a row of the "
+            "anchor to each export or group in which it pulled, with the coordinates read once"
+        )
     if proposal.by_file:
         yield f"groups: named by {proposal.by_file}, of {len(proposal.exports)} files"
     if proposal.measured and not proposal.base:

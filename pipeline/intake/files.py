@@ -29,6 +29,7 @@ from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._names_by_place import NEAR
 from pipeline.intake._prose import PROSE, is_prose
 from pipeline.intake._separators import LOOKED_AT, separators
+from pipeline.intake.by_reflectors import settled
 from pipeline.intake.nominal import NominalPlaces, PlaceTable
 from pipeline.intake.offer import Offer, as_table, offer
 from pipeline.intake.question import ColumnRole
@@ -37,6 +38,7 @@ from pipeline.readers import Columns, Export, ExportSettings, logs
 from pipeline.readers._reader import named_by_file, split
 from pipeline.readers._text import is_workbook
 from pipeline.readers.export_settings import GroupNames, LogForm
+from pipeline.readers.reflector_sets import ReflectorSet
 
 _NO_HINTS = ExportSettings()
 _TWO_LEVELS = re.compile(b"::.*::")
@@ -70,6 +72,7 @@ class FilesProposal(LogFiles):
         often: Targets in as many groups as any, where it is open which are measured.
         chain: Both ends of the chain, the one at the effector first; empty if there is none.
         base: Reflectors in groups that are not states of a pose.
+        anchors: Those of them that a column of the log of loads names, by its title.
         apart_m: Distances between measured targets as read [m], by both names; empty while a unit
             or angle is open.
         base_apart_m: The same between base reflectors.
@@ -92,6 +95,7 @@ class FilesProposal(LogFiles):
     often: tuple[str, ...] = ()
     chain: tuple[str, ...] = ()
     base: tuple[str, ...] = ()
+    anchors: dict[str, tuple[str, ...]] = field(default_factory=dict)
     apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
     base_apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
     words: frozenset[str] = frozenset()
@@ -132,10 +136,27 @@ def propose(
         if fitting.keys() == lists.keys():
             apart_m = said.apart_m | said.base_apart_m
             found = nominal.placed(lists, said.measured, said.base, apart_m)
+            more = _settled_by_base(others, said, found, hints or ExportSettings())
+            if more is not None:
+                return propose(files, more, unloaded)
             return replace(said, nominal=found, called=called(files, said.robots))
         lists = fitting
     said = _proposed(files, hints or ExportSettings(), unloaded)
     return replace(said, called=called(files, said.robots))
+
+
+def _settled_by_base(
+    files: Mapping[str, bytes], said: FilesProposal, found: NominalPlaces, hints: ExportSettings
+) -> ExportSettings | None:
+    """The statements with what the listed places of base reflectors settle; None if nothing."""
+    base = {name: found.places[name] for name in said.base if name in found.places}
+    if said.offer is None or not said.offer.questions or not base:
+        return None
+    for name in said.exports:
+        after, why = settled(name, files[name], hints, [ReflectorSet("[base_frame]", base)])
+        if why:
+            return after
+    return None
 
 
 def _no_exports(lists: Mapping[str, PlaceTable]) -> dict[str, PlaceTable]:
@@ -170,9 +191,14 @@ def _proposed(
     stated = _stated_groups(logged, files, rows)
     columns = logged.load_columns | stated.columns
     named = _named(rows, stated.states, unloaded)
-    sized = not (found.reach or (found.offer and found.offer.questions))
+    anchors = _anchors(logged, files, named)
+    fixed = tuple(one for one in named.base if not any(one in own for own in anchors.values()))
+    asked = {one.about for one in found.offer.questions} if found.offer else set[str]()
+    sized = not found.reach and asked <= {"horizontal"}  # a mirror keeps distances
     return replace(
         named,
+        base=fixed,
+        anchors=anchors,
         apart_m=named.apart_m if sized else {},
         base_apart_m=named.base_apart_m if sized else {},
         words=_words(exports),
@@ -514,6 +540,16 @@ def _stated_groups(
             if found.keys() <= {*alike.values()} and _makes_sense(states, rows):
                 return _StatedGroups(columns, states)
     return _StatedGroups()
+
+
+def _anchors(
+    logged: LogFiles, files: Mapping[str, bytes], named: FilesProposal
+) -> dict[str, tuple[str, ...]]:
+    """The points to which a chain was hooked, by the title of the log's column that names them."""
+    if logged.loads is None:
+        return {}
+    own = log_columns.naming(logged.loads, files[logged.loads], {*named.base})
+    return {title: tuple(one for one in named.base if one in names) for title, names in own.items()}
 
 
 def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]) -> bool:

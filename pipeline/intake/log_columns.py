@@ -33,6 +33,8 @@ from pipeline.readers.logs import (
     own_joints,
 )
 
+_HEADING = 1000
+"""Number of bytes that may name the instrument of a log."""
 _Meaning = Callable[[Sequence[str], _log_words.SampledCells], dict[str, str] | None]
 
 
@@ -114,7 +116,9 @@ def refuse_without_poses(name: str, data: bytes) -> None:
 def understood_loads(name: str, data: bytes) -> LogForm | None:
     """Entries of [scale] for a log of loads with foreign titles; None if it is not one."""
     units = {"force": tuple(SCALE), "mass": tuple(MASS)}
-    form = _understood(name, data, "scale", partial(_log_words.of_loads, units=units))
+    heading = f"{name} {data[:_HEADING].decode('utf-8', 'replace')}"
+    meant = partial(_log_words.of_loads, units=units, by_scale=_log_words.names_a_scale(heading))
+    form = _understood(name, data, "scale", meant)
     if form is None or "branch" not in form.columns.values():
         return form
     left = {title: ours for title, ours in form.columns.items() if ours != "branch"}
@@ -208,6 +212,22 @@ def _as_called(titles: Sequence[str], axes: Sequence[Quantity]) -> dict[str, str
         title: "|".join(f"{q.stem}_{u}" for u in _log_words.stated_unit(title, [*q.units]))
         for title, q in zip(titles, axes, strict=True)
     }
+
+
+def naming(name: str, data: bytes, names: set[str]) -> dict[str, set[str]]:
+    """The column of a log whose cells are all some of these names, by its title; empty if none."""
+    found: dict[str, set[str]] = {}
+
+    def column(_: Sequence[str], cells: _log_words.SampledCells) -> dict[str, str] | None:
+        own = {title: {*some} for title, some in cells().items()}
+        found.update(
+            {title: some for title, some in own.items() if len(some) > 1 and some <= names}
+        )
+        return {title: title for title in found} or None
+
+    with contextlib.suppress(InputError):  # a workbook in which no sheet has such a column
+        _understood(name, data, "scale", column)
+    return found
 
 
 def unknown(name: str, data: bytes, stated: LogForm) -> tuple[str, ...]:

@@ -254,8 +254,8 @@ def test_a_scale_in_kg_whose_heading_has_commas():
     assert found.load_columns == {"pos": "pose", "tiro": "repeat", "kg": "force_kg"}
 
 
-def test_kg_without_pulls_may_be_weights():
-    text = b"pos   kg\n" + b"".join(b"P%02d    21%d,5\n" % (k, k) for k in range(1, 9))
+def test_kg_without_a_scale_may_be_weights():
+    text = b"pos   tiro   kg\n" + b"".join(b"P%02d    1    21%d,5\n" % (k, k) for k in range(1, 9))
 
     assert propose({"pesi.txt": text}).loads is None
 
@@ -303,3 +303,39 @@ def test_a_configuration_of_abb_names_the_robot():
     text = b'ROBOT:\n\n -name "ROB_1" -use_robot_type "ROB1_6700_200/2.60" \\\n'
 
     assert called({"MOC.cfg": text}, ["irb6700_200_260", "irb6700_235_265"]) == ("irb6700_200_260",)
+
+
+def test_listed_places_settle_the_sense_of_azimuths():
+    """Four base reflectors off one plane: only one sense moves their places onto the readings."""
+    four = BASE | {"BASE4": (3000, -2500, 300)}
+    files = {"FARO/base_start.csv": _round(four), "FARO/base_end.csv": _round(four)}
+    for k in range(1, 7):
+        at = {
+            f"SMR{j}": (2500 + 300 * k + 90 * j, 400 * k + 50 * j * j, 120 * j) for j in (1, 2, 3)
+        }
+        ends = {"DINA_A": (2700 + 300 * k, 400 * k, 0), "DINA_B": (2700 + 300 * k, 400 * k, -500)}
+        files |= {
+            f"FARO/P{k:02}_scarico.csv": _round(at),
+            f"FARO/P{k:02}_tiro1.csv": _round(at | ends),
+        }
+    turned = "".join(f"{name};{y};{-x};{z}\n" for name, (x, y, z) in four.items())
+    found = propose({**files, "basi.csv": f"Punto;X;Y;Z\n{turned}".encode()})
+
+    assert found.offer.hints.horizontal == "counter-clockwise"
+    assert not found.offer.questions
+    assert found.nominal.places["BASE4"] == (-2.5, -3.0, 0.3)
+
+
+def test_anchors_that_the_log_names_are_no_base_reflectors():
+    anchors = "".join(
+        f"BASE-AM::EYES::E{k}, {30 * k}.5, {9 * k * k}.1, -61.5\n" for k in range(1, 5)
+    )
+    log = "Pose,Pull,Eyebolt,Scale (lbf)\n" + "".join(
+        f"{pose},{pull},E{(pose + pull) % 4 + 1},9{pose}{pull}\n"
+        for pose in range(1, 9)
+        for pull in (1, 2)[: 1 + pose % 2]
+    )
+    found = propose({"points.txt": _inches() + anchors.encode(), "log.csv": log.encode()})
+
+    assert found.anchors == {"Eyebolt": ("E1", "E2", "E3", "E4")}
+    assert found.base == ("M1", "M2", "M3", "M4")
