@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Mapping
-from pathlib import PurePosixPath
+from posixpath import basename, splitext
 
 from pipeline.base.errors import InputError, listed
 from pipeline.base.shown import typed
@@ -58,6 +58,6 @@ def urdf(name: str, data: bytes) -> str | None:
     last = [link for link in children if link not in parents]
     if "<robot" not in text or not (first and last):
         return None
-    output = PurePosixPath(name).with_suffix(".toml").name
+    output = f"{splitext(basename(name))[0]}.toml"
     options = f"--base {typed(first[0])} --flange {typed(last[-1])} --output {typed(output)}"
     return f"it describes a robot: type `pipeline robot {typed(name)} {options}`, and this again"
