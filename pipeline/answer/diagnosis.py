@@ -29,6 +29,7 @@ from pipeline.faults.mistake import Mistake
 from pipeline.machine.effect import Effect
 from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
+from pipeline.reduction.register import timed
 from pipeline.system.estimate import left_out
 from pipeline.system.fit import Fitted
 from pipeline.system.noise_shape import NoiseShape
@@ -49,7 +50,7 @@ def diagnosis_entry(found: CampaignResults) -> contract.Diagnosis:
     noise = found.right.excess
     larger = np.flatnonzero(noise.larger).tolist()
     noisy = [_noisy(noise, i) for i in larger if NAMES[noise.name[i]] not in named]
-    noisy += _shaped(found.right.shape)
+    noisy += _shaped(found.right.shape, timed(found.right.case.readings))
     causes = (*_data_causes(found), *entry.causes, *noisy)
     return entry.model_copy(update={"causes": causes, "next_poses_in": _cell(found)})
 
@@ -370,8 +371,11 @@ def noise_entry(right: Fitted) -> contract.FoundNoise:
     )
 
 
-def _shaped(found: NoiseShape) -> list[contract.Cause]:
-    """Tails heavier than stated, and a wander of the instrument, beside a model that fits."""
+def _shaped(found: NoiseShape, has_times: bool) -> list[contract.Cause]:
+    """Tails heavier than stated, and a wander of the instrument, beside a model that fits.
+
+    Without times the order of rows is the clock, and how long it wanders is not known.
+    """
     family, wander = found.family, found.wander
     freedom = contract.Amplitude(
         name="degrees_of_freedom",
@@ -389,7 +393,7 @@ def _shaped(found: NoiseShape) -> list[contract.Cause]:
     )
     time = contract.Amplitude(
         name="correlation_time",
-        value=wander.time_s,
+        value=wander.time_s if has_times else None,
         std=None,
         unit="s",
         meaning="time over which it wanders",

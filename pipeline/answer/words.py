@@ -139,9 +139,10 @@ def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
         elif cause.name == "tracker_wander" and (size := entries["s_wander"]) is not None:
             time = entries["correlation_time"]
             over = "" if time is None else f" over some {plain(time / 60, 2)} min"
+            who = "readings, in the order of their rows, as they have no times," * (time is None)
             yield (
-                f"The instrument wandered by {plain(1e3 * size, 2)} mm{over}: the uncertainties "
-                "include it."
+                f"The {who or 'instrument'} wandered by {plain(1e3 * size, 2)} mm{over}: the "
+                "uncertainties include it."
             )
 
 

@@ -38,12 +38,25 @@ def _in_re2(pattern: str) -> str:
     return f"^(?:{_TOKENS.sub(group_of, pattern)})$"
 
 
+OTHERWISE = "_2"
+"""Ends the name of a part in an alternative, where RE2 does not let two parts have one name."""
+
+
 def parts(names: pa.StringArray, pattern: str) -> pa.StructArray:
-    """Named groups of complete matches, null where the expression does not match."""
+    """Named groups of complete matches, null where the expression does not match.
+
+    A part that is empty is what its alternative matches, `group_2` for `group`.
+    """
+    import pyarrow as pa
     import pyarrow.compute as pc
 
     short = pc.if_else(pc.less_equal(pc.utf8_length(names), _LONGEST), names, None)
-    return pc.extract_regex(short, _in_re2(pattern))
+    found = pc.extract_regex(short, _in_re2(pattern))
+    part = {one.name: pc.struct_field(found, one.name) for one in found.type}
+    for name in [one for one in part if f"{one}{OTHERWISE}" in part]:
+        other = part.pop(f"{name}{OTHERWISE}")
+        part[name] = pc.if_else(pc.equal(part[name], ""), other, part[name])
+    return pa.StructArray.from_arrays([*part.values()], [*part], mask=found.is_null())
 
 
 def named(pattern: str) -> set[str]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints, sifted
 from pipeline.base.errors import InputError
+from pipeline.dialects import time_of_file
 from pipeline.dialects._coordinates import cartesian, covariance, second_face
 from pipeline.readers import _reader
 from pipeline.readers._layout import TypedRows
@@ -29,6 +30,8 @@ changes of the air. rms is also a scatter, one number for three axes: it is used
 campaign.toml asks for it."""
 _VAGUEST_M2 = 1e6
 """Largest variance accepted in an axis [m^2]: a standard uncertainty of 1 km."""
+_OF_FILES = ("files", "folders/files")
+"""`groups` of [tracker] by which a file is one group, which a moment above its rows dates."""
 _ROUNDED = 1.05
 """Largest squared correlation accepted [1]; rounding in a file may bring it above 1."""
 _NO_UNCERTAINTY = (
@@ -74,6 +77,8 @@ def export(
     if meaning.kind == "spherical":
         second = second_face(numbers[2], meaning)[np.isin(everything.line, readings.line)]
         readings = _one_face(readings, second)
+    if hints.groups in _OF_FILES:
+        readings = time_of_file.dated(readings, text)
     return in_a_hall(_certain(readings))
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib import resources
 
 from pipeline.base.errors import InputError
 from pipeline.readers._cells import IN_BRACKETS, bare, shortened
@@ -47,17 +49,25 @@ _SHORT_WORD = 3
 """Maximum length of an abbreviated unit [1]: mm, in, deg."""
 _SHORT_UNITS = {word for word in _UNIT_WORDS if len(word) <= _SHORT_WORD}
 _EXPANDED_WORDS = {"u", "95", "expanded", "k", "2", "uncertainty"}
+FOREIGN = tomllib.loads((resources.files(__package__) / "words.toml").read_text("utf-8"))
+"""Words of other languages, those of `words.toml`."""
+_FOREIGN_UNITS = "|".join(FOREIGN["unit"])
 UNIT_LINE = re.compile(
-    r"\b(units?|einheit(en)?|coordinates?|koordinaten|lengths?|längen)\b", re.IGNORECASE
+    rf"\b(units?|einheit(en)?|coordinates?|koordinaten|lengths?|längen|{_FOREIGN_UNITS}|"
+    rf"{'|'.join(FOREIGN['coordinates'])})\b",
+    re.IGNORECASE,
 )
 _OF_COORDINATES = {
     "unit", "units", "einheit", "einheiten", "coordinate", "coordinates", "koordinaten", "length",
     "lengths", "längen", "linear", "distance", "distances", "position", "positions", "points",
     "x", "y", "z", "xyz", "angle", "angles", "angular", "winkel", "cartesian", "spherical",
-    "cylindrical", "polar", "kartesisch",
+    "cylindrical", "polar", "kartesisch", *FOREIGN["unit"], *FOREIGN["coordinates"],
 }  # fmt: skip
 """Words before a unit that are compatible with its being that of the coordinates."""
-_BETWEEN = {"in", "is", "are", "of", "the", "all", "and", "as", "m", "und", "sind", "alle"}
+_BETWEEN = {
+    "in", "is", "are", "of", "the", "all", "and", "as", "m", "und", "sind", "alle",
+    *FOREIGN["between"],
+}  # fmt: skip
 _OF_THE_FILE = {
     "job", "file", "export", "exported", "report", "measurement", "measurements", "measured",
     "format", "datei", "messung", "messungen", "gemessen", "gemessene", "bericht", "projekt",
@@ -65,7 +75,7 @@ _OF_THE_FILE = {
 }  # fmt: skip
 """Words before a unit that say whose unit it is, but not of which other quantity."""
 _OPEN = _OF_COORDINATES | _BETWEEN | _OF_THE_FILE
-_UNITS = re.compile(r"\b(units?|einheit(en)?)\b", re.IGNORECASE)
+_UNITS = re.compile(rf"\b(units?|einheit(en)?|{_FOREIGN_UNITS})\b", re.IGNORECASE)
 _APART = re.compile(r"[;,|\t]|  ")
 WORD = re.compile(r"[^\W\d_]+|°")
 _SHORT = re.compile(

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline.base.errors import InputError
-from pipeline.dialects._named import Header
+from pipeline.dialects._named import FOREIGN, Header
 from pipeline.readers import _time
 from pipeline.readers._cells import cells_or_none, is_plain, shortened
 from pipeline.readers._layout import TypedRows
@@ -19,18 +19,33 @@ from pipeline.readers._text import Text
 SEARCHED = 1000
 """Number of rows searched for the first one with a time [1]; if there is none, ISO 8601 is
 assumed."""
+_MOST = 0.9
+"""Fraction of the times of a file that must be possible in their format [1]."""
+_DAY_FIRST = {*FOREIGN["day_first"], *FOREIGN["titles"]["target"]}
+"""Titles of languages other than English."""
 _SEVERAL = 2
 """Number of cells that are not times from which the column, rather than a damaged cell, is wrong
 [1]."""
 
 
 def form_of_times(text: Text, header: Header, comment: str | None) -> str:
-    """Format of the times, taken from the first row that has one with a date, or any."""
+    """Format of the times, taken from the first row that has one with a date, or any.
+
+    Of dates with slashes the day comes first if that alone makes dates of them, or if the titles
+    are of a language that writes it first: all but English do.
+    """
     rows = sample(text, header, comment)
     if not header.has("time"):
         _no_times_elsewhere(next(rows, []), header)
         return _time.ISO
-    return _time.first_form(_moment(cells, header) for cells in rows) or _time.ISO
+    moments = [_moment(cells, header) for cells in rows]
+    form = _time.first_form(moments) or _time.ISO
+    if "%m/" not in form:
+        return form
+    titles = {column.title.lower() for column in header.columns}
+    if titles.isdisjoint(_DAY_FIRST):
+        return _time.form_of_all([one for one in moments if one], _MOST) or form
+    return form.replace("%m/%d", "%d/%m")
 
 
 def trusted_times(text: Text, header: Header, comment: str | None) -> tuple[Header, str | None]:

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 from pipeline.base.errors import InputError
 from pipeline.dialects._coordinates import AXES, VERTICALS
-from pipeline.dialects._named import DEVIATION, Named, in_context, named
+from pipeline.dialects._named import DEVIATION, FOREIGN, Named, in_context, named
 from pipeline.readers._cells import IN_BRACKETS, shortened
 from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
@@ -20,6 +20,7 @@ _ROLES = {
         "messpunkt", "punktnummer", "punkt nr", "punktnr", "punkt no", "point no", "point number",
         "pt", "pkt", "ziel", "zielpunkt", "label", "marker", "id", "nr", "no", "nummer", "number",
         "punkt name", "punktbezeichnung", "bezeichnung", "pointno", "target id", "smr",
+        *FOREIGN["titles"]["target"],
     ),
     "group": (
         "serie", "series", "gruppenname", "punktgruppe", "set", "round", "runde", "satz", "pose",
@@ -28,7 +29,7 @@ _ROLES = {
     "collection": ("sammlung",),
     "instrument": ("instrument", "station", "instrument name", "station name", "standpunkt"),
     "time": ("zeit", "datum zeit", "zeitstempel", "messzeit", "date time", "measured at",
-             "horodatage", "date heure", "data ora", "fecha hora"),
+             "horodatage", "date heure", "data ora", "fecha hora", *FOREIGN["titles"]["time"]),
     "clock": ("uhrzeit", "clock", "time of day", "heure", "ora", "hora"),
     "date": ("datum", "day", "data", "fecha", "jour"),
     "active": ("active", "aktiv", "use", "used", "valid", "gültig", "enabled"),
@@ -55,7 +56,7 @@ _DISTANCE = {"distance", "dist", "distanz", "strecke", "entfernung", "abstand"}
 _PLAIN = {
     "coordinate", "coord", "koordinate", "pos", "position", "value", "actual", "act", "measured",
     "measurement", "meas", "ist", "gemessen", "messwert", "point", "punkt", "cartesian", "xyz",
-    "global", "observed",
+    "global", "observed", *FOREIGN["measured"]["words"],
 }  # fmt: skip
 """Words that may accompany x, y, z of measured coordinates."""
 _OTHERS = {

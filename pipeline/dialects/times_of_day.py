@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base.arrays import Ints
+from pipeline.dialects.time_of_file import believed
 from pipeline.readers._reader import Export
 from pipeline.readers._time import NO_YEAR
 
@@ -34,6 +35,7 @@ def on_days(exports: Mapping[str, Export], date: datetime.date | None) -> dict[s
         exports: By name, in the order in which they were measured as far as that is known.
         date: Day of the first reading, None if it is not known.
     """
+    exports = believed(exports)
     placed: dict[str, Ints] = {}
     last, dated = None, list[int]()
     for name, export in exports.items():
@@ -47,7 +49,7 @@ def on_days(exports: Mapping[str, Export], date: datetime.date | None) -> dict[s
             ticks = ticks + _DAY * round((last - int(ticks[0])) / _DAY)
         placed[name], last = ticks, int(ticks[-1])
     if not placed:
-        return dict(exports)
+        return exports
     day = min(dated, default=_FIRST)
     if date is not None:
         day = int(np.datetime64(date, "us").astype(np.int64))

@@ -57,6 +57,18 @@ def opened(
     Raises:
         InputError: It is too large, or not exactly one sheet fits.
     """
+    filled = sheets(name, data, sheet, mark, table)
+    return _chosen(filled, fits, table)
+
+
+def sheets(
+    name: str,
+    data: bytes,
+    sheet: str | None = None,
+    mark: str | None = None,
+    table: str | None = None,
+) -> dict[str, Text]:
+    """The sheets of a workbook that are not empty, or the one that is named; as for `opened`."""
     _bounded(data)
     try:
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
@@ -74,7 +86,7 @@ def opened(
     filled = {one: _text(name, one, lines[one]) for one in wanted if lines[one].strip()}
     if not filled:
         raise InputError("the workbook is empty", "export it again")
-    return _chosen(filled, fits, table)
+    return filled
 
 
 def _chosen(sheets: Mapping[str, Text], fits: Callable[[Text], int], table: str | None) -> Text:

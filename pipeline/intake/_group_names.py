@@ -8,12 +8,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from statistics import median_low
 
 import pyarrow as pa
 
 from pipeline.base import patterns
 from pipeline.base.arrays import Array
 from pipeline.intake import _names_by_place
+from pipeline.intake._log_words import is_unloaded
 from pipeline.intake._names_by_place import literal
 from pipeline.reduction.settings import Naming
 
@@ -70,10 +72,23 @@ def ways_to_read(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
     Names of one form are a number for the pose, a word for the state and perhaps a number for the
     repeat. Words whose groups have more targets are loaded: the chain's ends are read only then. If
     several have the fewest, they are states of one kind only if they share a word that no other has
-    (`leer_vor`, `leer_nach`). Otherwise any word may be that of the unloaded state: one way each.
+    (`leer_vor`, `leer_nach`). Otherwise any word may be that of the unloaded state: one way each,
+    unless one is called so in some language.
     """
     if states_of(list(rows), USUAL):
         return (USUAL,)
+    found = _found(rows)
+    said = [one for one in found if [*map(is_unloaded, one.states)] == _first_of(one)]
+    return (said[0],) if len(found) > 1 and said else found
+
+
+def _first_of(group: Group) -> list[bool]:
+    """For each word of a state whether it is unloaded."""
+    return [k < group.rest for k in range(len(group.states))]
+
+
+def _found(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
+    """The ways for names that are not those of the protocol."""
     ways = [some for token in _TOKENS if (some := _ways(rows, token))]
     found = max(ways, key=lambda some: len(states_of(list(rows), some[0])), default=())
     return found or _by_place(rows)
@@ -141,7 +156,7 @@ def _orders(
     read: dict[str, list[set[str]]] = {word: [] for word in stated.values()}
     for name, word in stated.items():
         read[word].append({*rows[name]})
-    most = {word: max(map(len, some)) for word, some in read.items()}
+    most = {word: median_low(map(len, some)) for word, some in read.items()}
     ordered = sorted(most, key=lambda word: most[word])
     rest = [*most.values()].count(most[ordered[0]])
     if _are_apart(ordered[:rest], ordered[rest:]):

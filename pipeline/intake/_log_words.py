@@ -18,6 +18,7 @@ SampledCells = Callable[[], Mapping[str, Sequence[str]]]
 """Returns the cells of each column by title, of the rows that have one cell per title."""
 
 _WORDS = re.compile(r"[^\W\d_]+|[0-9]+|°")
+_LETTERS = re.compile(r"[^\W\d_]+")
 _NUMBER_SIGN = re.compile(r"\bn[°º]|№|#", re.IGNORECASE)
 _MOVED = re.compile(r"(axis|achse|joint|gelenk|ax|a|j|theta)[ _]?0*([1-9])(?![0-9])")
 _OF_A_POINT = 3
@@ -35,6 +36,8 @@ class _Known:
     beside: frozenset[str]
     between: frozenset[str]
     unit: dict[str, str]
+    unloaded: tuple[str, ...]
+    scales: frozenset[str]
 
 
 @cache
@@ -49,7 +52,15 @@ def _known() -> _Known:
         beside=frozenset(content["beside"]),
         between=frozenset(content["between"]),
         unit=content["unit"],
+        unloaded=tuple(content["states"]["unloaded"]),
+        scales=frozenset(content["scales"]),
     )
+
+
+def is_unloaded(word: str) -> bool:
+    """Whether a word in the name of a group says that nothing pulls, in some language."""
+    letters = " ".join(_LETTERS.findall(word.lower()))
+    return letters in _known().unloaded
 
 
 def may_be_log(titles: Sequence[str], units: Sequence[str]) -> bool:
@@ -66,6 +77,11 @@ def may_be_log(titles: Sequence[str], units: Sequence[str]) -> bool:
     found = _first(titles, {"pose": (), "force": units})
     forces = _by_unit(titles, units) or _of_pulls(titles, units)
     return not _coordinates(titles) and bool(found or forces)
+
+
+def names_a_force(titles: Sequence[str], units: Sequence[str]) -> bool:
+    """Whether a title is a force, or has a unit that only forces have."""
+    return bool("force" in _first(titles, {"force": units}) or _by_unit(titles, units))
 
 
 def called_axes(titles: Sequence[str], _: SampledCells) -> dict[str, str] | None:
@@ -102,7 +118,10 @@ def axes_without_pose(titles: Sequence[str]) -> list[str]:
 
 
 def of_loads(
-    titles: Sequence[str], cells: SampledCells, units: Mapping[str, Sequence[str]]
+    titles: Sequence[str],
+    cells: SampledCells,
+    units: Mapping[str, Sequence[str]],
+    by_scale: bool = False,
 ) -> dict[str, str] | None:
     """Our names for the titles of a log of loads, None if it is not one.
 
@@ -114,6 +133,7 @@ def of_loads(
         titles: As written.
         cells: Cells below them.
         units: Possible units of `force` and `mass`.
+        by_scale: Whether its heading names a scale, so that kg alone are what that shows.
 
     Returns:
         Our name by title; for a title that does not state its unit all possible names, separated by
@@ -125,7 +145,7 @@ def of_loads(
     found = {role: one for role, one in found.items() if one[0] not in dict(each.values())}
     found |= {} if found.keys() & {"repeat", *units} else each
     if not found.keys() & {*units, *each}:
-        found |= _by_unit(titles, units["force"])
+        found |= _by_unit(titles, units["force"]) or (_of_a_scale(titles) if by_scale else {})
     if not found.keys() & {*units, *each} or _coordinates(titles):
         return None
     found = _numbered(found, cells)
@@ -182,6 +202,17 @@ def _by_unit(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str
         if unit in units and unit not in ("kg", "" if inside else "n"):
             found.append((title, (unit,)))
     return {"force": found[0]} if len(found) == 1 else {}
+
+
+def names_a_scale(text: str) -> bool:
+    """Whether a text names an instrument that shows forces."""
+    return not _known().scales.isdisjoint(_WORDS.findall(text.lower()))
+
+
+def _of_a_scale(titles: Sequence[str]) -> dict[str, tuple[str, Sequence[str]]]:
+    """The force that a scale shows in kg."""
+    shown = [title for title in titles if _unit(title.lower().strip()) == "kg"]
+    return {"force": (shown[0], ("kg",))} if len(shown) == 1 else {}
 
 
 def _of_pulls(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str, Sequence[str]]]:

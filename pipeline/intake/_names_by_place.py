@@ -90,18 +90,18 @@ def labels(found: Mapping[str, tuple[str, str, str]]) -> tuple[str, str, dict[st
     before, behind = ({one[k] for one in found.values()} for k in (0, 2))
     pose = "(?P<pose>[0-9]+)"
     if len(before) == 1:
-        fixed = re.match(r"[\W_]*", _common(behind))[0]  # type: ignore[index]
+        fixed = re.match(r"[\W_]*", common(behind))[0]  # type: ignore[index]
         own = {name: one[2][len(fixed) :] for name, one in found.items()}
         return f"{literal(*before)}{pose}{literal(fixed)}", "", own
     if len(behind) == 1:
-        common = _common([one[::-1] for one in before])[::-1]
-        fixed = re.sub(r"^[^\W_]+(?=[\W_])", "", common) if re.search(r"[\W_]", common) else ""
+        shared = common([one[::-1] for one in before])[::-1]
+        fixed = re.sub(r"^[^\W_]+(?=[\W_])", "", shared) if re.search(r"[\W_]", shared) else ""
         own = {name: one[0][: len(one[0]) - len(fixed)] for name, one in found.items()}
         return "", f"{literal(fixed)}{pose}{literal(*behind)}", own
     return None
 
 
-def _common(texts: Collection[str]) -> str:
+def common(texts: Collection[str]) -> str:
     """What all texts begin with: what the first and the last in order do."""
     both = zip(min(texts), max(texts), strict=False)
     return "".join(a for a, _ in itertools.takewhile(lambda two: two[0] == two[1], both))

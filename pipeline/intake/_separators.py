@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,6 +15,7 @@ from pipeline.base import patterns
 from pipeline.base.arrays import Array
 from pipeline.intake import _polar
 from pipeline.intake._group_names import USUAL, ways_to_read
+from pipeline.intake._names_by_place import common, literal
 from pipeline.readers._reader import Export, part
 
 _SEPARATOR = re.compile(r"[\W_]+")
@@ -27,7 +28,8 @@ def separators(exports: Sequence[Export]) -> list[str]:
 
     The last or the first part of every name is one of a few that repeat together with the others.
     Of several such ways those whose groups tell most of their states are returned, and of these
-    those in which targets keep their distances, if there are any.
+    those in which targets keep their distances, if there are any. Names in which target and group
+    have changed places (`B1_tour1` beside `P08_AV_R1`) are read the other way round.
     """
     names, places = _joined(exports)
     ways = itertools.chain.from_iterable(map(_ways, _in_all(names)))
@@ -36,7 +38,8 @@ def separators(exports: Sequence[Export]) -> list[str]:
     rows = {way: _read(pairs, places) for way, pairs in few.items()}
     state_names = {way: _rank_of_states(groups) for way, groups in rows.items()}
     best = [way for way in few if state_names[way] == max(state_names.values())]
-    return [way for way in best if _polar.some_keep([*rows[way].values()])] or best
+    found = [way for way in best if _polar.some_keep([*rows[way].values()])] or best
+    return [_with_turned(way, rows[way]) for way in found]
 
 
 def _joined(exports: Sequence[Export]) -> tuple[list[str], list[Array]]:
@@ -85,6 +88,51 @@ def _read(pairs: Sequence[tuple[str, str]], places: Sequence[Array]) -> dict[str
     for (group, target), at in zip(pairs, places, strict=True):
         groups[group][target] = at
     return groups
+
+
+def _with_turned(way: str, rows: Mapping[str, Mapping[str, Array]]) -> str:
+    """A pattern with an alternative for names that it reads the wrong way round."""
+    words = _rounds(rows)
+    parts = re.fullmatch(r"\(\?P<(\w+)>\.\+\??\)(.+)\(\?P<(\w+)>\.\+\)", way)
+    if not words or parts is None:
+        return way
+    others = {target for at in rows.values() for target in at} - words
+    stem = re.split("[0-9]", common(words))[0]
+    own = f"{literal(stem)}.*" if stem else "|".join(map(literal, sorted(words)))
+    if stem and any(other.startswith(stem) for other in others):
+        return way
+    first, between, second = parts.groups()
+    turned = {first: ".+?", second: own} if second == "target" else {first: own, second: ".+"}
+    a, b = (f"(?P<{'group' if one == 'target' else 'target'}{patterns.OTHERWISE}>{turned[one]})"
+            for one in (first, second))  # fmt: skip
+    return f"{a}{between}{b}|{way}"
+
+
+def _rounds(rows: Mapping[str, Mapping[str, Array]]) -> set[str]:
+    """What is read as targets, but is in one place in most groups, these in different places.
+
+    Two targets of one group cannot be in one place: they are rounds in which one was read.
+    """
+    every = np.array([at for own in rows.values() for at in own.values()])
+    near = _ONE_PLACE * float(np.ptp(every, axis=0).max())
+    still = {
+        name: np.mean([*own.values()], axis=0)
+        for name, own in rows.items()
+        if np.ptp([*own.values()], axis=0).max() < near
+    }
+    often = Counter(target for own in rows.values() for target in own)
+    alone = Counter(target for name in still for target in rows[name])
+    words = {target for target, count in alone.items() if 2 * count > often[target]}
+    at = [place for name, place in still.items() if words >= rows[name].keys()]
+    apart = all(np.linalg.norm(a - b) > near for a, b in itertools.combinations(at, 2))
+    return words if apart and len(at) >= _BASE else set()
+
+
+_ONE_PLACE = 1e-3
+"""Largest distance between readings of one target, relative to the extent of all [1]: a few mm,
+less than the size of a reflector."""
+_BASE = 3
+"""Minimum number of base reflectors."""
 
 
 def _come_again(pairs: set[tuple[str, str]]) -> bool:

@@ -235,6 +235,8 @@ def _fitting(line: str, found: _Rows, mark: str | None) -> list[str] | None:
     ways = [cells_of(line, found.delimiter)]
     if found.delimiter == " ":
         ways.append([cell.strip() for cell in _WIDE_GAP.split(line.strip())])
+    else:  # a remark on the columns, as SpatialAnalyzer writes above rows that commas separate
+        ways += [gaps for gaps in [_WIDE_GAP.split(line.strip())] if name_a_place(gaps)]
     for cells in filter(None, ways):
         fits = _padded(cells, found)
         if fits is not None:

@@ -196,7 +196,7 @@ def _tracker(proposal: FilesProposal) -> list[str]:
         return []
     asked = {question.about: question for question in proposal.offer.questions}
     lines = []
-    for word in ("unit", "decimal", "coordinates", "angle", "vertical", "horizontal"):
+    for word in ("sheet", "unit", "decimal", "coordinates", "angle", "vertical", "horizontal"):
         value = getattr(proposal.offer.hints, word)
         if word in asked and word != "unit":  # the unit is asked for every export
             answers = " or ".join(quoted(answer.said) for answer in asked[word].answers)

@@ -89,6 +89,7 @@ def _all_known(
 def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, ask: bool) -> None:
     """Write campaign.toml for the files in the folder, with known or asked data."""
     from pipeline.intake import blank
+    from pipeline.intake._folder import in_workbooks
     from pipeline.intake.files import propose
     from pipeline.intake.filled import filled_in
 
@@ -98,7 +99,7 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     given, wrong = filled_in(files)
     proposal = _settled(files, hints) if ask else propose(files, hints)
     given = _with_places(given, proposal)
-    for line in [*_seen(proposal), *passed, *wrong]:
+    for line in [*_seen(proposal), *in_workbooks(files), *passed, *wrong]:
         _tell(line)
     if robot is None:
         robot = _named(root, folder, given) or _robot(root, folder, proposal, ask)
@@ -471,6 +472,12 @@ def _seen(proposal: FilesProposal) -> Iterator[str]:
     for what, found in (files | names).items():
         if found:
             yield f"{what}: {listed(found, most=40)}"
+    for title, anchors in proposal.anchors.items():
+        yield (
+            f"{listed(anchors, most=20)}: anchors, by the column {title} of {proposal.loads}; the "
+            "force is directed by both ends of the chain in each loaded group: add a row of the "
+            "anchor to each export or group in which it pulled, with the coordinates read once"
+        )
     if proposal.by_file:
         yield f"groups: named by {proposal.by_file}, of {len(proposal.exports)} files"
     if proposal.measured and not proposal.base:

@@ -22,11 +22,14 @@ from pipeline import readers
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.base.patterns import is_glob, natural
+from pipeline.dialects.workbook import sheets
 from pipeline.intake import log_columns, nominal
+from pipeline.intake._folder import urdf
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._names_by_place import NEAR
 from pipeline.intake._prose import PROSE, is_prose
 from pipeline.intake._separators import LOOKED_AT, separators
+from pipeline.intake.by_reflectors import settled
 from pipeline.intake.nominal import NominalPlaces, PlaceTable
 from pipeline.intake.offer import Offer, as_table, offer
 from pipeline.intake.question import ColumnRole
@@ -35,6 +38,7 @@ from pipeline.readers import Columns, Export, ExportSettings, logs
 from pipeline.readers._reader import named_by_file, split
 from pipeline.readers._text import is_workbook
 from pipeline.readers.export_settings import GroupNames, LogForm
+from pipeline.readers.reflector_sets import ReflectorSet
 
 _NO_HINTS = ExportSettings()
 _TWO_LEVELS = re.compile(b"::.*::")
@@ -68,6 +72,7 @@ class FilesProposal(LogFiles):
         often: Targets in as many groups as any, where it is open which are measured.
         chain: Both ends of the chain, the one at the effector first; empty if there is none.
         base: Reflectors in groups that are not states of a pose.
+        anchors: Those of them that a column of the log of loads names, by its title.
         apart_m: Distances between measured targets as read [m], by both names; empty while a unit
             or angle is open.
         base_apart_m: The same between base reflectors.
@@ -90,6 +95,7 @@ class FilesProposal(LogFiles):
     often: tuple[str, ...] = ()
     chain: tuple[str, ...] = ()
     base: tuple[str, ...] = ()
+    anchors: dict[str, tuple[str, ...]] = field(default_factory=dict)
     apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
     base_apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
     words: frozenset[str] = frozenset()
@@ -130,10 +136,27 @@ def propose(
         if fitting.keys() == lists.keys():
             apart_m = said.apart_m | said.base_apart_m
             found = nominal.placed(lists, said.measured, said.base, apart_m)
+            more = _settled_by_base(others, said, found, hints or ExportSettings())
+            if more is not None:
+                return propose(files, more, unloaded)
             return replace(said, nominal=found, called=called(files, said.robots))
         lists = fitting
     said = _proposed(files, hints or ExportSettings(), unloaded)
     return replace(said, called=called(files, said.robots))
+
+
+def _settled_by_base(
+    files: Mapping[str, bytes], said: FilesProposal, found: NominalPlaces, hints: ExportSettings
+) -> ExportSettings | None:
+    """The statements with what the listed places of base reflectors settle; None if nothing."""
+    base = {name: found.places[name] for name in said.base if name in found.places}
+    if said.offer is None or not said.offer.questions or not base:
+        return None
+    for name in said.exports:
+        after, why = settled(name, files[name], hints, [ReflectorSet("[base_frame]", base)])
+        if why:
+            return after
+    return None
 
 
 def _no_exports(lists: Mapping[str, PlaceTable]) -> dict[str, PlaceTable]:
@@ -168,9 +191,14 @@ def _proposed(
     stated = _stated_groups(logged, files, rows)
     columns = logged.load_columns | stated.columns
     named = _named(rows, stated.states, unloaded)
-    sized = not (found.reach or (found.offer and found.offer.questions))
+    anchors = _anchors(logged, files, named)
+    fixed = tuple(one for one in named.base if not any(one in own for own in anchors.values()))
+    asked = {one.about for one in found.offer.questions} if found.offer else set[str]()
+    sized = not found.reach and asked <= {"horizontal"}  # a mirror keeps distances
     return replace(
         named,
+        base=fixed,
+        anchors=anchors,
         apart_m=named.apart_m if sized else {},
         base_apart_m=named.base_apart_m if sized else {},
         words=_words(exports),
@@ -217,7 +245,8 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
             reach += largest
         except InputError as problem:
             if name not in known:
-                refused[name] = PROSE if is_prose(name, data) else problem.thing
+                known_as = PROSE if is_prose(name, data) else urdf(name, data)
+                refused[name] = known_as or problem.thing
     return _Exports(exports, tuple(reach), refused)
 
 
@@ -285,7 +314,20 @@ def _offers(
         with contextlib.suppress(InputError):
             if one := offer(name, files[name], hints) or _settled(hints):
                 offers[name] = one, readers.read(name, files[name], one.hints)
+        if name in books and name not in {*offers, *found.exports} and not hints.sheet:
+            ways = [*_of_sheets(name, files[name], hints)]
+            offers |= {name: max(ways, key=lambda both: len(both[1].line))} if ways else {}
     return offers
+
+
+def _of_sheets(name: str, data: bytes, hints: ExportSettings) -> Iterator[tuple[Offer, Export]]:
+    """How the sheets of a workbook are read that leave nothing open but their unit."""
+    for one in sheets(name, data):
+        with contextlib.suppress(InputError):
+            way = hints.model_copy(update={"sheet": one})
+            said = offer(name, data, way) or _settled(way)
+            if said and all(question.about == "unit" for question in said.questions):
+                yield said, readers.read(name, data, said.hints)
 
 
 def _settled(hints: ExportSettings) -> Offer | None:
@@ -500,6 +542,16 @@ def _stated_groups(
     return _StatedGroups()
 
 
+def _anchors(
+    logged: LogFiles, files: Mapping[str, bytes], named: FilesProposal
+) -> dict[str, tuple[str, ...]]:
+    """The points to which a chain was hooked, by the title of the log's column that names them."""
+    if logged.loads is None:
+        return {}
+    own = log_columns.naming(logged.loads, files[logged.loads], {*named.base})
+    return {title: tuple(one for one in named.base if one in names) for title, names in own.items()}
+
+
 def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]) -> bool:
     """Whether groups are unloaded and loaded states, and all others something else.
 
@@ -535,19 +587,25 @@ def _named(
 
 
 def _by_state(rows: Mapping[str, Mapping[str, Array]], state: Mapping[str, str]) -> FilesProposal:
-    """Roles of targets by the states in which they were read; groups without one are the base's."""
+    """Roles of targets by the states in which they were read; groups without one are the base's.
+
+    Targets read in most loaded groups, and in few unloaded ones, are the ends of the chain.
+    """
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*STATES, None)
     )
-    read = _targets(unloaded)
-    measured = [name for name in read if name in _targets(loaded)]
-    ends = [name for name in _targets(loaded) if name not in read]
+    both = [Counter(target for at in some for target in at) for some in (unloaded, loaded)]
+    share = [{t: n / len(some) for t, n in count.items()}
+             for count, some in zip(both, (unloaded, loaded), strict=True)]  # fmt: skip
+    ends = [name for name, often in share[1].items() if 2 * share[0].get(name, 0) < often]
+    measured = [name for name in _targets(unloaded) if name in share[1] and name not in ends]
+    base = tuple(name for name in _targets(others) if name not in (*measured, *ends))
     return FilesProposal(
         measured=tuple(measured),
         chain=_chain(ends, measured, loaded),
-        base=tuple(_targets(others)),
+        base=base,
         apart_m=_apart(measured, unloaded),
-        base_apart_m=_apart(_targets(others), others),
+        base_apart_m=_apart(base, others),
     )
 
 

@@ -33,6 +33,8 @@ from pipeline.readers.logs import (
     own_joints,
 )
 
+_HEADING = 1000
+"""Number of bytes that may name the instrument of a log."""
 _Meaning = Callable[[Sequence[str], _log_words.SampledCells], dict[str, str] | None]
 
 
@@ -114,7 +116,9 @@ def refuse_without_poses(name: str, data: bytes) -> None:
 def understood_loads(name: str, data: bytes) -> LogForm | None:
     """Entries of [scale] for a log of loads with foreign titles; None if it is not one."""
     units = {"force": tuple(SCALE), "mass": tuple(MASS)}
-    form = _understood(name, data, "scale", partial(_log_words.of_loads, units=units))
+    heading = f"{name} {data[:_HEADING].decode('utf-8', 'replace')}"
+    meant = partial(_log_words.of_loads, units=units, by_scale=_log_words.names_a_scale(heading))
+    form = _understood(name, data, "scale", meant)
     if form is None or "branch" not in form.columns.values():
         return form
     left = {title: ours for title, ours in form.columns.items() if ours != "branch"}
@@ -132,24 +136,32 @@ def settled(form: LogForm) -> LogForm:
     return form.model_copy(update={"columns": columns})
 
 
-def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
+Axes = tuple[tuple[str, ...], tuple[bool, ...]]
+"""Names of a robot's axes without units, and which of them slide; many robots have the same."""
+
+
+def axes_of(robot: Robot) -> Axes:
+    """The axes as the controller shows them, else the joints."""
+    axes = controller_axes(robot) or own_joints(robot)
+    return tuple(q.stem for q in axes), tuple(q.units is LENGTH for q in axes)
+
+
+def understood_joints(name: str, data: bytes, axes: Axes) -> LogForm | None:
     """Entries of [joints] for a joint log with foreign titles; None if it is not one."""
-    return _understood(name, data, "joints", _about_axes(_log_words.of_joints, robot))
+    return _understood(name, data, "joints", _about_axes(_log_words.of_joints, axes))
 
 
-def has_other_axes(name: str, data: bytes, robot: Robot) -> bool:
-    """Whether an axis moves in a joint log that the robot does not have, such as a rail."""
+def has_other_axes(name: str, data: bytes, axes: Axes) -> bool:
+    """Whether an axis moves in a joint log that a robot does not have, such as a rail."""
     with contextlib.suppress(InputError):  # a workbook in which no sheet has such a title
-        meant = _about_axes(_log_words.of_another, robot)
+        meant = _about_axes(_log_words.of_another, axes)
         return _understood(name, data, "joints", meant) is not None
     return False
 
 
-def _about_axes(words: Callable[..., dict[str, str] | None], robot: Robot) -> _Meaning:
-    axes = controller_axes(robot) or own_joints(robot)
-    names, slides = [q.stem for q in axes], [q.units is LENGTH for q in axes]
+def _about_axes(words: Callable[..., dict[str, str] | None], axes: Axes) -> _Meaning:
     units = ([*LENGTH, PULSES], [*ANGLE, PULSES])
-    return partial(words, axes=names, lengths=slides, units=units)
+    return partial(words, axes=axes[0], lengths=axes[1], units=units)
 
 
 def are_called(form: LogForm, robot: Robot) -> bool:
@@ -200,6 +212,22 @@ def _as_called(titles: Sequence[str], axes: Sequence[Quantity]) -> dict[str, str
         title: "|".join(f"{q.stem}_{u}" for u in _log_words.stated_unit(title, [*q.units]))
         for title, q in zip(titles, axes, strict=True)
     }
+
+
+def naming(name: str, data: bytes, names: set[str]) -> dict[str, set[str]]:
+    """The column of a log whose cells are all some of these names, by its title; empty if none."""
+    found: dict[str, set[str]] = {}
+
+    def column(_: Sequence[str], cells: _log_words.SampledCells) -> dict[str, str] | None:
+        own = {title: {*some} for title, some in cells().items()}
+        found.update(
+            {title: some for title, some in own.items() if len(some) > 1 and some <= names}
+        )
+        return {title: title for title in found} or None
+
+    with contextlib.suppress(InputError):  # a workbook in which no sheet has such a column
+        _understood(name, data, "scale", column)
+    return found
 
 
 def unknown(name: str, data: bytes, stated: LogForm) -> tuple[str, ...]:

@@ -219,7 +219,7 @@ def _mapping(table: SheetTable, reading: RoleAssignment) -> Columns:
         "header": header,
         "first": found.first if found.first != header + 1 else None,
         "comment": found.comment,
-        "time_format": None if form == ISO else form,
+        "time_format": None if form == ISO or "%m/%d" in str(form) else form,  # as titles have it
     }
     return Columns.model_validate(mapping)
 

@@ -6,7 +6,7 @@ import contextlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from itertools import product
 from typing import Any
 
@@ -95,12 +95,23 @@ def _with_log(
         return _added(proposal, name, new, proposal.loads)
     if fits or not (axes := log_columns.titles_of_axes(name, data)):
         return proposal
-    why = (
-        f"seems to be a joint log ({axes[0]} to {axes[-1]}), but no robot that ships and "
-        "none in this folder has these axes; bring yours as a robot file "
-        "(docs/add-a-robot.md), and type `pipeline init` again"
+    return replace(proposal, refused=proposal.refused | {name: _no_joint_log(name, data, axes)})
+
+
+def _no_joint_log(name: str, data: bytes, axes: Sequence[str]) -> str:
+    """Why titles of axes do not make a joint log: no column of poses, or no robot."""
+    try:
+        log_columns.refuse_without_poses(name, data)
+    except InputError as problem:
+        return (
+            f"{problem.thing}, and rows are not joined by their times; {problem.way_out}, and type "
+            "`pipeline init` again"
+        )
+    return (
+        f"seems to be a joint log ({axes[0]} to {axes[-1]}), but no robot that ships and none in "
+        "this folder has these axes; bring yours as a robot file (docs/add-a-robot.md), and type "
+        "`pipeline init` again"
     )
-    return replace(proposal, refused=proposal.refused | {name: why})
 
 
 def counted_axes(columns: Mapping[str, str]) -> tuple[str, ...]:
@@ -181,12 +192,16 @@ _BETWEEN = "[./_ -]?"
 """What may be between the letters of a type."""
 
 
+_OF_ABB = re.compile("rob[0-9]_(?=[0-9])")
+"""What stands for IRB in configurations of ABB: ROB1_6700_200/2.60."""
+
+
 def called(files: Mapping[str, bytes], robots: Iterable[str]) -> tuple[str, ...]:
     """The robots whose type is in names or first lines of files: IRB 6700-235/2.65.
 
     A longer name takes precedence over one that is part of it.
     """
-    text = _shown(files).lower()
+    text = _OF_ABB.sub("irb", _shown(files).lower())
     keys = {key: key.replace("_", "") for key in robots}
     found = {  # a word of its own, whatever is between its letters
         key: one
@@ -215,12 +230,12 @@ def _having(
     of axes are in the log, then those that can take all its poses.
     """
     found, rank = {}, {}
+    meant = cache(partial(log_columns.understood_joints, name, data))  # a file is looked at once
+    others = cache(partial(log_columns.has_other_axes, name, data))  # for all with the same axes
     for key, robot in robots.items():
-        form = _form(
-            partial(logs.joints, name, data, robot),
-            partial(log_columns.understood_joints, name, data, robot),
-        )
-        if form and not (key in SHIPPED and log_columns.has_other_axes(name, data, robot)):
+        axes = log_columns.axes_of(robot)
+        form = _form(partial(logs.joints, name, data, robot), partial(meant, axes))
+        if form and not (key in SHIPPED and others(axes)):
             called = not form.columns or log_columns.are_called(form, robot)
             fitting = _possible(name, data, robot, form)
             shown = robot.description.partition(" ")[0] in makers

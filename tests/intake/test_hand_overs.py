@@ -3,10 +3,16 @@
 import math
 import re
 
+import pytest
+from workbooks import workbook
+
+from pipeline import readers
 from pipeline.app import cli
+from pipeline.intake._folder import in_workbooks
 from pipeline.intake._prose import PROSE, is_prose
 from pipeline.intake.describe_file import inspect
 from pipeline.intake.files import propose
+from pipeline.intake.which_logs import called
 from pipeline.readers import ExportSettings
 
 LETTER = b"""Hello everybody,
@@ -124,3 +130,212 @@ def test_an_arm_that_the_files_name_is_proposed_on_a_rail(tmp_path, capsys):
     assert re.search(
         '^robot += "kr210_r2700_2_rail.toml"', (folder / "campaign.toml").read_text(), re.M
     )
+
+
+def _french(swapped=False, day="08/10/2024", title="Heure"):
+    """An export with rounds named behind the reflectors, and states named before the targets."""
+    base = {"B1": (4510.5, -4289.0, -1360.5), "B2": (6634.2, -1646.5, -1303.1),
+            "B3": (3888.7, 312.2, -1319.0), "B4": (5974.9, 3001.4, -885.9)}  # fmt: skip
+    tool = {"R1": (140.0, -120.0, 190.0), "R2": (-155.0, -105.0, 190.0), "R3": (0.0, 180.0, 240.0)}
+    ends = {"D1": (210.0, 85.0, 350.0), "D2": (260.0, 150.0, 800.0)}
+    rows = [
+        (f"{name}_tour{k}", (x + 0.01 * k, y, z))
+        for k in (1, 2, 3)
+        for name, (x, y, z) in base.items()
+    ]
+    rows[9] = "B2_tour3", (0.0, 0.0, 0.0)
+    for k in range(1, 9):
+        states = ["AV", "CH"] if not (swapped and k == 4) else ["CH", "AV"]
+        for state, places in zip(states, (tool, tool | ends), strict=True):
+            for name, (x, y, z) in places.items():
+                c, d = math.cos(k), math.sin(k)
+                at = x * c - y * d + 900 * k, x * d + y * c + 300 * (k % 3), z - (state == "CH")
+                rows.append((f"P{k:02}_{state}_{name}", at))
+    lines = [
+        f"{name};Point;{x:.3f};{y:.3f};{z:.3f};{day};09:{k // 60:02}:{k % 60:02}".replace(".", ",")
+        for k, (name, (x, y, z)) in enumerate(rows)
+    ]
+    head = [
+        "Repere : machine;;;;;;",
+        "Unites : mm;;;;;;",
+        f"Nom;Type;X mes.;Y mes.;Z mes.;Date;{title}",
+    ]
+    return "\n".join([*head, *lines, ""]).encode()
+
+
+def test_rounds_that_stand_behind_the_reflector_are_read_the_other_way_round():
+    """Also where one of them holds no reading; and the list of places is then proposed."""
+    places = (
+        b"# reperes au sol (mm)\nB1 -446.1 1198.0 28.4\nB2 1901.0 -1249.1 33.9\nB4 6598.3 -1 412\n"
+    )
+    found = propose({"releve.csv": _french(), "sol.txt": places})
+
+    assert (found.base, found.chain) == (("B1", "B2", "B3", "B4"), ("D1", "D2"))
+    assert found.measured == ("R1", "R2", "R3")
+    assert found.offer is None
+    assert found.reach is None  # "Unites : mm"
+    export = readers.read("releve.csv", _french(), ExportSettings(names=found.names[0]))
+    pairs = zip(export.group.to_pylist(), export.target.to_pylist(), strict=True)
+    assert {("tour1", "B1"), ("P08_CH", "D2")} <= {*pairs}
+
+
+def test_one_pose_with_exchanged_states_leaves_no_doubt_of_the_others():
+    """The unloaded state is the one that usually has fewer targets."""
+    found = propose({"releve.csv": _french(swapped=True)})
+
+    assert found.group.state_of == {"AV": "unloaded", "CH": "loaded"}
+    assert (found.measured, found.chain) == (("R1", "R2", "R3"), ("D1", "D2"))
+
+
+@pytest.mark.parametrize(
+    ("day", "title", "month"),
+    [("08/10/2024", "Heure", 10), ("08/10/2024", "Time", 8), ("23/10/2024", "Time", 10)],
+)
+def test_a_day_before_the_month(day, title, month):
+    """The language of the titles says it, or a number that is no month."""
+    text = _french(day=day, title=title).replace(b"Nom;", b"Nom;" if title == "Heure" else b"Name;")
+    export = readers.read("releve.csv", text, ExportSettings())
+
+    assert {one.month for one in export.time.to_pylist()} == {month}
+    assert not export.rejected
+
+
+@pytest.mark.parametrize(
+    ("line", "unit"),
+    [
+        ("Unites : mm", "mm"), ("Unité de longueur : mm", "mm"), ("Unità: mm", "mm"),
+        ("单位：mm", "mm"), ("Unidades: in", "in"), ("Diamètre des billes : 38 mm", None),
+    ],
+)  # fmt: skip
+def test_units_above_a_table_in_other_languages(line, unit):
+    text = f"{line}\nNom;X mes.;Y mes.;Z mes.\nA;1,5;2;3\nB;2,5;2;4\nC;7,5;2;4\n".encode()
+    found = propose({"releve.csv": text, "other.csv": text})
+
+    assert found.exports
+    assert (found.reach is None) == (unit is not None)
+    if unit:
+        assert readers.read("releve.csv", text).meaning.unit == unit
+
+
+def _inches():
+    """Points as SpatialAnalyzer writes them with commas: its titles are a remark with gaps."""
+    rows = [f"BASE-AM::MON::M{k}, {97 * k}.5, {(k * 37) % 11 * 20}.1, -63.75" for k in range(1, 5)]
+    for pose in range(1, 9):
+        x, y = 60 * math.cos(pose), 60 * math.sin(pose)
+        rows += [
+            f"P{pose:02}::{state}::T{k}, {x + k * 5:.4f}, {y + k % 2 * 7:.4f}, {z}.25"
+            for state, z in (("UNL", 6), ("LD1", 5), ("LD2", 4))[: 2 + pose % 2]
+            for k in (1, 2, 3)
+        ]
+    head = ["// SpatialAnalyzer   ASCII export: points", "// Units: Inches, Degrees",
+            "// Format: Collection::Group::Target  X  Y  Z"]  # fmt: skip
+    return "\n".join([*head, *rows, ""]).encode()
+
+
+def test_titles_in_a_remark_and_states_in_short():
+    """Degrees are those of no coordinate where X, Y, Z are; UNL is unloaded, whatever is LD."""
+    found = propose({"points.txt": _inches()})
+
+    assert found.offer is None
+    assert found.group.state_of == {"UNL": "unloaded", "LD": "loaded"}
+    assert found.measured == ("T1", "T2", "T3")
+    export = readers.read("points.txt", _inches())
+    assert export.meaning.kind == "cartesian"
+    assert math.isclose(export.position[0, 0], 97.5 * 0.0254)
+
+
+def test_a_scale_in_kg_whose_heading_has_commas():
+    text = b"Bilancia CAS 500 kg, div. 0,5 kg - azzerata\npos   tiro   kg\n" + b"".join(
+        b"P%02d    %d     21%d,5\n" % (k // 2 + 1, k % 2 + 1, k) for k in range(8)
+    )
+    found = propose({"forze.txt": text})
+
+    assert found.loads == "forze.txt"
+    assert found.load_columns == {"pos": "pose", "tiro": "repeat", "kg": "force_kg"}
+
+
+def test_kg_without_a_scale_may_be_weights():
+    text = b"pos   tiro   kg\n" + b"".join(b"P%02d    1    21%d,5\n" % (k, k) for k in range(1, 9))
+
+    assert propose({"pesi.txt": text}).loads is None
+
+
+URDF = b"""<robot name="arm"><link name="foot"/><link name="one"/><link name="tip"/>
+<joint name="a1" type="revolute"><parent link="foot"/><child link="one"/></joint>
+<joint name="a2" type="revolute"><parent link="one"/><child link="tip"/></joint></robot>"""
+
+
+def test_a_urdf_is_answered_with_its_command():
+    said = propose({"arm.urdf": URDF}).refused["arm.urdf"]
+
+    assert "`pipeline robot arm.urdf --base foot --flange tip --output arm.toml`" in said
+
+
+BOOK = {
+    "about": [["Robot on a rail"], ["measured on Thursday"]],
+    "readings": [["Time", "Name", "X [mm]", "Y [mm]", "Z [mm]"]]
+    + [[f"2025-05-22 09:{k:02}:00", f"R{k % 3}", 100.5 * k, 7.5 * k * k, 12.25] for k in range(30)],
+    "places": [["Name", "X [mm]", "Y [mm]", "Z [mm]"], ["R0", 1.5, 2, 3], ["R1", 2.5, 9, 3]],
+    "forces": [["begin", "force [kN]"], ["09:16:34", 3.659], ["09:23:03", 3.8]],
+    "axes": [["time", *(f"A{k}(deg)" for k in range(1, 7)), "E1(mm)"]]
+    + [[f"09:{k:02}:00", *(k * j % 70 for j in range(1, 7)), 100 * k] for k in range(3)],
+}
+
+
+def test_the_sheets_of_a_workbook_are_what_they_are():
+    """The larger of two lists of points is the export, and the log lacks poses, not a robot."""
+    data = workbook(**BOOK)
+    found = propose({"day.xlsx": data})
+    (said,) = in_workbooks({"day.xlsx": data})
+
+    assert found.exports == ("day.xlsx",)
+    assert found.offer.hints.sheet == "readings"
+    assert "no column numbers the poses" in found.refused["day.xlsx"]
+    assert "no robot" not in found.refused["day.xlsx"]
+    assert said == (
+        'day.xlsx has 5 sheets: "about" is text, "readings" has points with times, "places" is a '
+        'list of points, "forces" is a log of loads, "axes" is a joint log (A1(deg) to A6(deg)), '
+        "without poses."
+    )
+
+
+def test_a_configuration_of_abb_names_the_robot():
+    text = b'ROBOT:\n\n -name "ROB_1" -use_robot_type "ROB1_6700_200/2.60" \\\n'
+
+    assert called({"MOC.cfg": text}, ["irb6700_200_260", "irb6700_235_265"]) == ("irb6700_200_260",)
+
+
+def test_listed_places_settle_the_sense_of_azimuths():
+    """Four base reflectors off one plane: only one sense moves their places onto the readings."""
+    four = BASE | {"BASE4": (3000, -2500, 300)}
+    files = {"FARO/base_start.csv": _round(four), "FARO/base_end.csv": _round(four)}
+    for k in range(1, 7):
+        at = {
+            f"SMR{j}": (2500 + 300 * k + 90 * j, 400 * k + 50 * j * j, 120 * j) for j in (1, 2, 3)
+        }
+        ends = {"DINA_A": (2700 + 300 * k, 400 * k, 0), "DINA_B": (2700 + 300 * k, 400 * k, -500)}
+        files |= {
+            f"FARO/P{k:02}_scarico.csv": _round(at),
+            f"FARO/P{k:02}_tiro1.csv": _round(at | ends),
+        }
+    turned = "".join(f"{name};{y};{-x};{z}\n" for name, (x, y, z) in four.items())
+    found = propose({**files, "basi.csv": f"Punto;X;Y;Z\n{turned}".encode()})
+
+    assert found.offer.hints.horizontal == "counter-clockwise"
+    assert not found.offer.questions
+    assert found.nominal.places["BASE4"] == (-2.5, -3.0, 0.3)
+
+
+def test_anchors_that_the_log_names_are_no_base_reflectors():
+    anchors = "".join(
+        f"BASE-AM::EYES::E{k}, {30 * k}.5, {9 * k * k}.1, -61.5\n" for k in range(1, 5)
+    )
+    log = "Pose,Pull,Eyebolt,Scale (lbf)\n" + "".join(
+        f"{pose},{pull},E{(pose + pull) % 4 + 1},9{pose}{pull}\n"
+        for pose in range(1, 9)
+        for pull in (1, 2)[: 1 + pose % 2]
+    )
+    found = propose({"points.txt": _inches() + anchors.encode(), "log.csv": log.encode()})
+
+    assert found.anchors == {"Eyebolt": ("E1", "E2", "E3", "E4")}
+    assert found.base == ("M1", "M2", "M3", "M4")

@@ -1,0 +1,63 @@
+"""What lies in a folder beside exports and logs: sheets of a workbook, the URDF of a robot."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Mapping
+from posixpath import basename, splitext
+
+from pipeline.base.errors import InputError, listed
+from pipeline.base.shown import typed
+from pipeline.dialects._titles import name_a_place, titled
+from pipeline.dialects.workbook import sheets
+from pipeline.intake import _log_words
+from pipeline.intake._sheet import sheet
+from pipeline.readers._log_form import headers
+from pipeline.readers._text import Text, is_workbook
+from pipeline.readers.logs import SCALE
+
+_TREE = [re.compile(rf"<{end}\s+link\s*=\s*[\"']([^\"']+)[\"']") for end in ("parent", "child")]
+"""Links of the joints of a URDF."""
+_TIMES = {"time", "clock", "date"}
+
+
+def in_workbooks(files: Mapping[str, bytes]) -> list[str]:
+    """A sentence for each workbook of several sheets: what each of them is."""
+    out = []
+    for name, data in files.items():
+        with contextlib.suppress(InputError):
+            there = sheets(name, data) if is_workbook(data) else {}
+            if len(there) > 1:
+                kinds = listed([f'"{one}" {_kind(text)}' for one, text in there.items()], most=20)
+                out.append(f"{name} has {len(there)} sheets: {kinds}.")
+    return out
+
+
+def _kind(text: Text) -> str:
+    """What a sheet is by its titles."""
+    units = tuple(SCALE)
+    for head in headers(text):
+        if axes := _log_words.called_axes(head.written, dict):
+            first, *_, last = axes
+            without = _log_words.axes_without_pose(head.written)
+            return f"is a joint log ({first} to {last})" + ", without poses" * bool(without)
+        if name_a_place(head.written):
+            roles = {one.role for one in titled(head.written)}
+            return "has points with times" if roles & _TIMES else "is a list of points"
+        if _log_words.names_a_force(head.written, units):
+            return "is a log of loads"
+    return "has points" if sheet(text) else "is text"
+
+
+def urdf(name: str, data: bytes) -> str | None:
+    """The command for a URDF, in which the first link carries all others; None if it is none."""
+    text = data.decode("utf-8", "replace")
+    parents, children = ([*dict.fromkeys(one.findall(text))] for one in _TREE)
+    first = [link for link in parents if link not in children]
+    last = [link for link in children if link not in parents]
+    if "<robot" not in text or not (first and last):
+        return None
+    output = f"{splitext(basename(name))[0]}.toml"
+    options = f"--base {typed(first[0])} --flange {typed(last[-1])} --output {typed(output)}"
+    return f"it describes a robot: type `pipeline robot {typed(name)} {options}`, and this again"
