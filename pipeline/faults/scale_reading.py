@@ -82,6 +82,7 @@ class _Righted(Locked):
         base: The model's columns.
         freed: Every pull's reading freed in addition, one at a time.
         each: Displacement per newton more in the pull of each row [m/N], shape (M,).
+        scatter: Scatter of the readings over the noise in use, from contrasts [1].
     """
 
     pulls: Ints
@@ -91,6 +92,7 @@ class _Righted(Locked):
     base: Base
     freed: ScoreTests
     each: Array
+    scatter: float
 
     @property
     def normal(self) -> Array:
@@ -120,9 +122,13 @@ class _Righted(Locked):
 
     @property
     def clear(self) -> bool:
-        """Whether no other pull stands out beyond chance, nor could be one of these instead."""
-        chance = _chance(self.freed, self.system)[self.next] >= odds.FITS
-        return bool(chance and self.drop.min() > self._others.max() + odds.DECIDES)
+        """Whether no other pull stands out beyond scatter, nor could be one of these instead.
+
+        The scatter is that of contrasts: what a law leaves in all pulls would hide the others.
+        """
+        most = self._others.max()
+        chance = len(self._others) * chi2_beyond(most / self.scatter**2, 1) >= odds.FITS
+        return bool(chance and self.drop.min() > most + odds.DECIDES)
 
     @cached_property
     def white(self) -> Whitener:
@@ -251,13 +257,12 @@ def _by_pose(data: Measured, righted: _Righted) -> bool:
     """Whether all pulls of a pose are off by one factor, hence by a property of the machine there.
 
     f_i = k r_i with readings r_i and best fits f_i of uncertainties u_i: chi2 of the best k, with
-    one degree of freedom less than pulls. A factor beyond `_SOFT` is not the machine's, and two
-    pulls share one too easily.
+    one degree of freedom less than pulls. A factor beyond `_SOFT` is not the machine's.
     """
     pose, read = data.pulls.pose, np.linalg.norm(data.pulls.force, axis=1)
     for one in np.unique(pose[righted.pulls]).tolist():
         mine = pose[righted.pulls] == one
-        if mine.sum() < max(3, int((pose == one).sum())):
+        if mine.sum() < max(2, int((pose == one).sum())):
             continue
         r, f, w = read[righted.pulls[mine]], righted.fits[mine], righted.normal[mine]
         k = float((w * r) @ f / ((w * r) @ r))
@@ -279,7 +284,7 @@ def _righted(asked: Screening, pulls: Ints, scale: Scale) -> _Righted | None:
     base, freed = _freed(asked.cell, right, system, estimate, white)
     off = np.linalg.norm(data.pulls.force[pulls], axis=1) - fits
     each = by_force(asked.cell, right, estimate.value)
-    return _Righted(pulls, fits, off, system, base, freed, each)
+    return _Righted(pulls, fits, off, system, base, freed, each, asked.spread[0])
 
 
 def _freed(
