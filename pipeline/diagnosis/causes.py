@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, compared
 from pipeline.base.linear import TINY
-from pipeline.base.tails import NORMAL_95
+from pipeline.base.tails import NORMAL_95, at_most
 from pipeline.diagnosis.amplitude import averaged, both_ways
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.cause_search import LEAST_EVIDENCE, SearchProblem, SearchResult
@@ -24,7 +24,7 @@ from pipeline.diagnosis.facts import (
     UnloadedFacts,
 )
 from pipeline.diagnosis.hypotheses import accepted
-from pipeline.diagnosis.improvement import as_good
+from pipeline.diagnosis.improvement import as_good, unproven_beside
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Noise, Pulls
@@ -34,7 +34,6 @@ from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system import alarms
 from pipeline.system.linearised import Linearised, owners
 from pipeline.system.system import ScatterRatio
-from pipeline.system.variance import at_most
 
 
 def of_displacements(
@@ -87,9 +86,20 @@ def of_displacements(
                 height=_height(effect, held[0]),
                 each_way=both_ways(effect, held),
                 either=either,
+                unproven=_unproven(case, found, place, rng) if worth else 0.0,
             )
         )
     return tuple(out)
+
+
+def _unproven(
+    case: SearchProblem, found: SearchResult, place: int, rng: np.random.Generator
+) -> float:
+    """`FoundCause.unproven`; a law outside the catalogue was asked before it was accepted."""
+    if case.suspects[found.accepted[place]].law is not None:
+        return 0.0
+    rest = [a for k, a in enumerate(found.accepted) if k != place]
+    return unproven_beside(found.plain, found.plain.columns(rest), rng)
 
 
 def _of_all_springs(seen: Linearised, suspect: int) -> tuple[str, ...]:
