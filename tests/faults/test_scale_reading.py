@@ -214,7 +214,7 @@ def test_a_pose_whose_two_pulls_share_a_factor_waits_for_the_causes(case, factor
 
 @pytest.mark.parametrize("seed", range(4))
 def test_beside_other_pulls_that_stand_out_none_waits_to_be_named(seed):
-    """Each pull's reflectors move by 0.3 mm on their own: one force 30 % off dominates, or is none."""
+    """Each pull moves by 0.3 mm on its own: one force 30 % off dominates, or is none."""
     case, rng = (
         small(8, tracker={"sigma_m": 1e-5}, scale={"sigma_n": 3.0}),
         np.random.default_rng(seed),
