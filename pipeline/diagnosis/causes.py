@@ -24,7 +24,7 @@ from pipeline.diagnosis.facts import (
     UnloadedFacts,
 )
 from pipeline.diagnosis.hypotheses import accepted
-from pipeline.diagnosis.improvement import as_good, unproven_beside
+from pipeline.diagnosis.improvement import as_good
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Noise, Pulls
@@ -71,6 +71,7 @@ def of_displacements(
         odds = {one.effect.label: one for one in standing}
         mine = odds.pop(effect.label, None)
         either = _either(case, found, place)
+        others = found.plain.columns([one for one in found.accepted if one != suspect])
         out.append(
             FoundCause(
                 effect=_worded(case, effect, either),
@@ -86,20 +87,10 @@ def of_displacements(
                 height=_height(effect, held[0]),
                 each_way=both_ways(effect, held),
                 either=either,
-                unproven=_unproven(case, found, place, rng) if worth else 0.0,
+                unproven=found.plain.unproven(others, rng) if worth and not effect.law else 0.0,
             )
         )
     return tuple(out)
-
-
-def _unproven(
-    case: SearchProblem, found: SearchResult, place: int, rng: np.random.Generator
-) -> float:
-    """`FoundCause.unproven`; a law outside the catalogue was asked before it was accepted."""
-    if case.suspects[found.accepted[place]].law is not None:
-        return 0.0
-    rest = [a for k, a in enumerate(found.accepted) if k != place]
-    return unproven_beside(found.plain, found.plain.columns(rest), rng)
 
 
 def _of_all_springs(seen: Linearised, suspect: int) -> tuple[str, ...]:

@@ -95,8 +95,7 @@ def _bounded(end: _Converged) -> _Converged:
     best = said.hypotheses[0] if said.hypotheses else right
     kept = bounds(right, best.system, best.estimate, left, said.scatter.scale)
     away = [one for one in end.screened.doubted if one.before > FAR_OFF and one.may_be_noise]
-    doubted = [at for one in away for at in one.at]
-    kept = replace(kept, doubted=tuple(doubted))
+    kept = replace(kept, doubted=tuple(at for one in away for at in one.at))
     return replace(end, diagnosis=replace(said, facts=replace(said.facts, bounds=kept)))
 
 

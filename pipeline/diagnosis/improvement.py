@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Bools, Ints, compared
-from pipeline.base.bootstrap import interval, unproven
+from pipeline.base.arrays import Array, compared
+from pipeline.base.bootstrap import interval
 from pipeline.diagnosis.cause_search import (
     LEAST_EVIDENCE,
     SearchProblem,
@@ -75,22 +75,6 @@ def as_good(
             times = float(np.abs(size).max())
             out.append(NamelessEqual(wide.suspects[suspect], reduction, ci95, times))
     return tuple(sorted(out, key=lambda one: -compared(one.reduction)))
-
-
-def unproven_beside(
-    view: Whitened, kept: Ints, rng: np.random.Generator, tests: Bools | slice = slice(None)
-) -> float:
-    """`unproven` of the cross-validation error with a model, beside that with some of its columns.
-
-    Args:
-        view: The campaign whitened at the model.
-        kept: Columns of causes that remain.
-        rng: Source of the bootstrap.
-        tests: Readings of the poses that are compared.
-    """
-    before = view.left_out(np.concatenate([np.arange(view.first), kept]))[tests]
-    pose = np.unique(view.pose[: len(view.rows)][tests], return_inverse=True)[1]
-    return unproven(before, view.left_out(view.base)[tests], pose, rng)
 
 
 def gain(

@@ -33,7 +33,6 @@ from pipeline.diagnosis.cause_search import (
     search,
     statistics_given,
 )
-from pipeline.diagnosis.improvement import unproven_beside
 from pipeline.diagnosis.verdict import CERTAIN
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect
@@ -151,7 +150,7 @@ def _open_(found: SearchResult, rng: np.random.Generator) -> bool:
     return (
         not found.explains
         or stranger > 1 - CERTAIN
-        or unproven_beside(found.plain, np.zeros(0, dtype=np.int64), rng) > 0
+        or found.plain.unproven(np.zeros(0, dtype=np.int64), rng) > 0
     )
 
 
@@ -294,9 +293,9 @@ def _carries(case: SearchProblem, found: SearchResult, rng: np.random.Generator)
 def _carried(case: SearchProblem, found: SearchResult, law: int, rng: np.random.Generator) -> bool:
     """Whether one law certainly improves predictions of left-out poses."""
     rest, taught = _without(case, found, law), _taught(case, found, law)
-    if not unproven_beside(found.plain, rest, rng):
+    if not found.plain.unproven(rest, rng):
         return True
-    return not taught.all() and not unproven_beside(found.plain, rest, rng, taught)
+    return not taught.all() and not found.plain.unproven(rest, rng, taught)
 
 
 def _taught(case: SearchProblem, found: SearchResult, law: int) -> Bools:

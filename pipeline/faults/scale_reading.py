@@ -226,7 +226,8 @@ def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
     rivalled = alike > 0 or not righted.alone
     if not sure or (rivalled and _by_law(asked, righted)):
         return []
-    found = _findings(asked.case, data, righted)
+    each = zip(righted.pulls, righted.fits, righted.normal, righted.drop, righted.p, strict=True)
+    found = (_finding(asked.case, data, int(pull), *map(float, rest)) for pull, *rest in each)
     return [replace(one, rivalled=rivalled) for one in found]
 
 
@@ -264,15 +265,14 @@ def _by_pose(data: Measured, righted: _Righted) -> int:
     f_i = k r_i with readings r_i and best fits f_i of uncertainties u_i: chi2 of the best k, with
     one degree of freedom less than pulls. A factor beyond `_SOFT` is not the machine's.
     """
-    pose, read = data.pulls.pose, np.linalg.norm(data.pulls.force, axis=1)
-    most = 0
+    pose, read, most = data.pulls.pose, np.linalg.norm(data.pulls.force, axis=1), 0
     for one in np.unique(pose[righted.pulls]).tolist():
         mine = pose[righted.pulls] == one
         if mine.sum() < max(2, int((pose == one).sum())):
             continue
         r, f, w = read[righted.pulls[mine]], righted.fits[mine], righted.normal[mine]
         k = float((w * r) @ f / ((w * r) @ r))
-        alike = chi2_beyond(float(w @ (f - k * r) ** 2), int(mine.sum()) - 1) > _ALIKE
+        alike = chi2_beyond(w @ (f - k * r) ** 2, mine.sum() - 1) > _ALIKE
         if alike and 1 / _SOFT < k < _SOFT:
             most = max(most, int(mine.sum()))
     return most
@@ -344,11 +344,6 @@ def _reading(data: Measured, pulls: Ints, force: Array, scale: Scale) -> Measure
     forces[pulls] *= (force / np.linalg.norm(forces[pulls], axis=1))[:, None]
     std[pulls] = reading_std(scale, force)
     return replace(data, pulls=replace(data.pulls, force=forces), reading_std=std)
-
-
-def _findings(case: Case, data: Measured, righted: _Righted) -> list[Mistake]:
-    each = zip(righted.pulls, righted.fits, righted.normal, righted.drop, righted.p, strict=True)
-    return [_finding(case, data, int(pull), *map(float, rest)) for pull, *rest in each]
 
 
 def _finding(

@@ -8,7 +8,7 @@ from linear_campaign import EACH, FREE, POSES, SPRINGS, case_of, made, suspect
 from scipy import stats
 
 from pipeline.base.bootstrap import interval
-from pipeline.diagnosis.improvement import _choose, alone, as_good, gain, unproven_beside
+from pipeline.diagnosis.improvement import _choose, alone, as_good, gain
 
 SUSPECTS = (suspect("a", FREE), suspect("b", FREE, FREE), suspect("a", FREE), suspect("d", FREE))
 POSE = np.repeat(np.arange(POSES), EACH)
@@ -81,7 +81,7 @@ def test_each_cause_must_improve_predictions_beside_the_others():
     view, rng = truth.view((1, 2, 3)), np.random.default_rng(6)
     rest = {1: (2, 3), 3: (1, 2), 2: (1, 3)}
 
-    found = {one: unproven_beside(view, view.columns(others), rng) for one, others in rest.items()}
+    found = {one: view.unproven(view.columns(others), rng) for one, others in rest.items()}
 
     assert found[1] == found[3] == 0.0
     low = by_loops(left_out(truth, 1, 3), left_out(truth, 1, 2, 3), 2000, rng)[0]
