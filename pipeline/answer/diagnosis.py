@@ -14,6 +14,7 @@ from pipeline.answer.recommended import left_out_mm
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import law_told, why
 from pipeline.base import doors
+from pipeline.base.tails import at_most
 from pipeline.diagnosis.facts import (
     Diagnosed,
     EffectSize,
@@ -34,7 +35,7 @@ from pipeline.system.estimate import left_out
 from pipeline.system.fit import Fitted
 from pipeline.system.noise_shape import NoiseShape
 from pipeline.system.system import ScatterRatio
-from pipeline.system.variance import NAMES, Components, at_most
+from pipeline.system.variance import NAMES, Components
 
 _LIMITS = "pipeline.design.room:cell_limits"
 """Door of the design: what the poses were checked for that it proposes."""
@@ -192,7 +193,7 @@ def _amplitude(effect: Effect, one: EffectSize) -> contract.Amplitude:
 
 
 def _unnamed(cause: FoundCause) -> contract.Unnamed | None:
-    if cause.unnamed is None and not cause.missing:
+    if cause.unnamed is None and not cause.outside:
         return None
     one = cause.unnamed.effect if cause.unnamed else None
     as_good = tuple(

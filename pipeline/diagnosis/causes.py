@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, compared
 from pipeline.base.linear import TINY
-from pipeline.base.tails import NORMAL_95
+from pipeline.base.tails import NORMAL_95, at_most
 from pipeline.diagnosis.amplitude import averaged, both_ways
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.cause_search import LEAST_EVIDENCE, SearchProblem, SearchResult
@@ -34,7 +34,6 @@ from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system import alarms
 from pipeline.system.linearised import Linearised, owners
 from pipeline.system.system import ScatterRatio
-from pipeline.system.variance import at_most
 
 
 def of_displacements(
@@ -72,6 +71,7 @@ def of_displacements(
         odds = {one.effect.label: one for one in standing}
         mine = odds.pop(effect.label, None)
         either = _either(case, found, place)
+        others = found.plain.columns([one for one in found.accepted if one != suspect])
         out.append(
             FoundCause(
                 effect=_worded(case, effect, either),
@@ -87,6 +87,7 @@ def of_displacements(
                 height=_height(effect, held[0]),
                 each_way=both_ways(effect, held),
                 either=either,
+                unproven=found.plain.unproven(others, rng) if worth and not effect.law else 0.0,
             )
         )
     return tuple(out)

@@ -23,12 +23,13 @@ from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.reduction.bring import Reduced, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.reduction.expected import expected
+from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import PoseOfInterest, place_of_interest
 from pipeline.reduction.register import timed
 from pipeline.system import alarms
 from pipeline.system.family import FAR_OFF, Family
 from pipeline.system.fit import Fitted, fit
-from pipeline.system.linearised import linearise
+from pipeline.system.linearised import Linearised, linearise
 from pipeline.system.noise_shape import NoiseShape, shape, tails
 from pipeline.system.outlying import OutlyingReadings, far
 
@@ -87,17 +88,14 @@ def _bounded(end: _Converged) -> _Converged:
     right, said = end.right, end.diagnosis
     left = OutlyingReadings.none()
     if right.plain.noise_stated:
-        seen = replace(said.seen, data=right.shape.off(said.seen.data))
+        seen = _seen(right, said)
         base = astray(right.reduced.registration, float(right.noise.scale[0]), FAR_OFF)
         # a gross error spoils what a single iteration finds of the tails
         left = far(seen, tails(seen, seen.model.accepted)[1], base, right.used)
     best = said.hypotheses[0] if said.hypotheses else right
-    told = said.scatter.force > 1 and said.scatter.known_from == "contrasts"
-    force = said.scatter.force * said.scatter.tracker if told else 1.0
-    kept = bounds(right, best.system, best.estimate, left, force)
+    kept = bounds(right, best.system, best.estimate, left, said.scatter.scale)
     away = [one for one in end.screened.doubted if one.before > FAR_OFF and one.may_be_noise]
-    doubted = [at for one in away for at in one.at]
-    kept = replace(kept, doubted=tuple(doubted))
+    kept = replace(kept, doubted=tuple(at for one in away for at in one.at))
     return replace(end, diagnosis=replace(said, facts=replace(said.facts, bounds=kept)))
 
 
@@ -132,7 +130,7 @@ def _tails(files: Screened, end: _Converged) -> Family | None:
         return None
     case = end.screened.without_doubt(files)
     reduced = right.reduced if case is right.case else bring(case)
-    data = right.as_noisy(reduced.data)
+    data = _as_scattered(right.as_noisy(reduced.data), end.diagnosis)
     found = tails(linearise(seen.model, data, seen.suspects), seen.model.accepted)[1]
     return found.of(right.used)
 
@@ -187,5 +185,14 @@ def _noise_likely(right: Fitted, said: Diagnosed) -> bool:
 
 def _beside(right: Fitted, said: Diagnosed, loose: bool = False) -> NoiseShape:
     """Shape of the noise given the accepted model; `loose` as of `shape`."""
-    seen = replace(said.seen, data=right.shape.off(said.seen.data))
-    return shape(seen, said.seen.model.accepted, loose)
+    return shape(_seen(right, said), said.seen.model.accepted, loose)
+
+
+def _seen(right: Fitted, said: Diagnosed) -> Linearised:
+    """The campaign linearised at the accepted model, with noise of no shape."""
+    return replace(said.seen, data=_as_scattered(right.shape.off(said.seen.data), said))
+
+
+def _as_scattered(data: Measured, said: Diagnosed) -> Measured:
+    """The measurements with the scatter of the scale that was found; tails would take it."""
+    return replace(data, reading_std=said.scatter.scale * data.reading_std)

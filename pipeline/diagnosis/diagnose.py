@@ -283,7 +283,10 @@ def _facts(case: SearchProblem, found: SearchResult, spread: ScatterRatio) -> Fa
         scale_ratio=case.force_noise,
         tracker_ratio=case.noise,
         scatter_told=case.data.noise_stated or spread.known_from == "contrasts",
-        beyond_certificate=_beyond_certificate(spread, case.data.noise_stated),
+        # with one reflector the certificate alone separates scatter from misfit
+        beyond_certificate=case.data.noise_stated
+        and spread.known_from == "residuals"
+        and spread.tracker_p < alarms.SCATTER,
     )
 
 
@@ -297,14 +300,6 @@ def _refused(case: SearchProblem, found: SearchResult) -> tuple[Effect, ...]:
     return tuple(
         case.suspects[suspect] for suspect, one in likely.items() if one.label in found.refused
     )
-
-
-def _beyond_certificate(spread: ScatterRatio, stated: bool) -> bool:
-    """Whether the residuals exceed the certificate, which alone separates scatter from misfit here.
-
-    This is the case with one reflector.
-    """
-    return stated and spread.known_from == "residuals" and spread.tracker_p < alarms.SCATTER
 
 
 def _searched(

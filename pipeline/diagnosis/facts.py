@@ -416,6 +416,8 @@ class FoundCause(Locked):
             probability given that one of its place is present; empty where it leads by 20 to 1.
         missing: Probability that something is present which the model with the causes lacks, from
             the residuals; 0 where these are explained by chance.
+        unproven: Probability that the model without it predicts left-out poses as well; 0 where
+            with it these are certainly predicted better.
     """
 
     effect: Effect
@@ -433,11 +435,13 @@ class FoundCause(Locked):
     each_way: tuple[EffectSize, ...] = ()
     either: tuple[PossibleCause, ...] = ()
     missing: float = 0.0
+    unproven: float = 0.0
 
     @property
     def outside(self) -> float:
         """Probability that the apparent cause is not of the catalogue."""
-        return max(self.missing, self.unnamed.probability if self.unnamed else 0.0)
+        unnamed = self.unnamed.probability if self.unnamed else 0.0
+        return max(self.missing, self.unproven, unnamed)
 
     def stated(self, share: float) -> float:
         """Probability of a cause of the catalogue, from its share given that one is present."""

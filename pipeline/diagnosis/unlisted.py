@@ -25,7 +25,6 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, compared
-from pipeline.base.bootstrap import interval
 from pipeline.diagnosis.cause_search import (
     LEAST_EVIDENCE,
     SearchProblem,
@@ -151,21 +150,8 @@ def _open_(found: SearchResult, rng: np.random.Generator) -> bool:
     return (
         not found.explains
         or stranger > 1 - CERTAIN
-        or _gain(found.plain, np.zeros(0, dtype=np.int64), rng) <= 0
+        or found.plain.unproven(np.zeros(0, dtype=np.int64), rng) > 0
     )
-
-
-def _gain(
-    view: Whitened, kept: Ints, rng: np.random.Generator, tests: Bools | slice = slice(None)
-) -> float:
-    """Lower end of the 95 % interval of a model's gain over one with only some of its columns.
-
-    The gain is the reduction of the cross-validation error, with poses drawn with replacement.
-    """
-    base = np.concatenate([np.arange(view.first), kept])
-    before, after = view.left_out(base), view.left_out(view.base)
-    pose = np.unique(view.pose[: len(view.rows)][tests], return_inverse=True)[1]
-    return interval(before[tests], after[tests], pose, rng)[1][0]
 
 
 def _named(case: SearchProblem, found: SearchResult) -> set[tuple[str, str]]:
@@ -307,9 +293,9 @@ def _carries(case: SearchProblem, found: SearchResult, rng: np.random.Generator)
 def _carried(case: SearchProblem, found: SearchResult, law: int, rng: np.random.Generator) -> bool:
     """Whether one law certainly improves predictions of left-out poses."""
     rest, taught = _without(case, found, law), _taught(case, found, law)
-    if _gain(found.plain, rest, rng) > 0:
+    if not found.plain.unproven(rest, rng):
         return True
-    return not taught.all() and _gain(found.plain, rest, rng, taught) > 0
+    return not taught.all() and not found.plain.unproven(rest, rng, taught)
 
 
 def _taught(case: SearchProblem, found: SearchResult, law: int) -> Bools:

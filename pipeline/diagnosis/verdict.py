@@ -53,7 +53,8 @@ def _worse(facts: Facts) -> bool:
 
 
 def _gain_uncertain(facts: Facts) -> bool:
-    return facts.gain is not None and facts.gain.ci95[0] <= 0
+    unproven = any(one.unproven > 0 for one in facts.causes)
+    return unproven or (facts.gain is not None and facts.gain.ci95[0] <= 0)
 
 
 def certain(cause: FoundCause) -> bool:

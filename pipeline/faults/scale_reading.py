@@ -63,6 +63,9 @@ _SOFT = 2.0
 """Maximum ratio of a pose's stiffness to the expected one, or its inverse, that a machine can
 cause [1]."""
 
+_MANY = 3
+"""Minimum number of pulls of a pose that are not all mistyped by one factor [1]."""
+
 _ALIKE = 1e-3
 """P-value above which the pulls of a pose are taken to be off by one common factor [1]."""
 
@@ -82,6 +85,7 @@ class _Righted(Locked):
         base: The model's columns.
         freed: Every pull's reading freed in addition, one at a time.
         each: Displacement per newton more in the pull of each row [m/N], shape (M,).
+        scatter: Scatter of the readings over the noise in use, from contrasts [1].
     """
 
     pulls: Ints
@@ -91,6 +95,7 @@ class _Righted(Locked):
     base: Base
     freed: ScoreTests
     each: Array
+    scatter: float
 
     @property
     def normal(self) -> Array:
@@ -120,9 +125,13 @@ class _Righted(Locked):
 
     @property
     def clear(self) -> bool:
-        """Whether no other pull stands out beyond chance, nor could be one of these instead."""
-        chance = _chance(self.freed, self.system)[self.next] >= odds.FITS
-        return bool(chance and self.drop.min() > self._others.max() + odds.DECIDES)
+        """Whether no other pull stands out beyond scatter, nor could be one of these instead.
+
+        The scatter is that of contrasts: what a law leaves in all pulls would hide the others.
+        """
+        most = self._others.max()
+        chance = len(self._others) * chi2_beyond(most / self.scatter**2, 1) >= odds.FITS
+        return bool(chance and self.drop.min() > most + odds.DECIDES)
 
     @cached_property
     def white(self) -> Whitener:
@@ -181,8 +190,8 @@ class _Righted(Locked):
 def scale_outliers(asked: Screening) -> list[Mistake]:
     """The readings of the scale that contradict all other pulls, if they are few.
 
-    Those that dominate no other, though none stands out beyond chance, are `rivalled`: a cause that
-    is not yet in the model does as much in the pull that feels it most.
+    Those that dominate no other, though none stands out beyond chance, and two of a pose that are
+    off by one factor, are `rivalled`: a cause not yet in the model does as much where it acts most.
     """
     data, system, estimate = asked.reduced.data, asked.system, asked.estimate
     count = len(data.pulls)
@@ -206,17 +215,20 @@ def scale_outliers(asked: Screening) -> list[Mistake]:
 
 
 def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
-    """The readings as mistakes, if they are; `rivalled` where others stand out as well.
+    """The readings as mistakes, if they are; `rivalled` where a cause may do as much.
 
-    They must explain their pulls' misfit, and neither chance, a pose nor a law explain them.
+    They must explain their pulls' misfit, and neither chance, a pose nor a law explain them. Two
+    pulls share one factor too easily for a pose, and one law too easily for typing errors.
     """
     data = asked.reduced.data
-    unlikely = bool((righted.p <= alarms.SCALE).all())
-    sure = unlikely and righted.explained and righted.confirmed and not _by_pose(data, righted)
-    if not sure or (not righted.alone and _by_law(asked, righted)):
+    unlikely, alike = bool((righted.p <= alarms.SCALE).all()), _by_pose(data, righted)
+    sure = unlikely and righted.explained and righted.confirmed and alike < _MANY
+    rivalled = alike > 0 or not righted.alone
+    if not sure or (rivalled and _by_law(asked, righted)):
         return []
-    found = _findings(asked.case, data, righted)
-    return [replace(one, rivalled=not righted.alone) for one in found]
+    each = zip(righted.pulls, righted.fits, righted.normal, righted.drop, righted.p, strict=True)
+    found = (_finding(asked.case, data, int(pull), *map(float, rest)) for pull, *rest in each)
+    return [replace(one, rivalled=rivalled) for one in found]
 
 
 def _by_law(asked: Screening, righted: _Righted) -> bool:
@@ -247,24 +259,23 @@ def _matters(righted: _Righted, scale: Scale) -> bool:
     return bool((off >= least).all())
 
 
-def _by_pose(data: Measured, righted: _Righted) -> bool:
-    """Whether all pulls of a pose are off by one factor, hence by a property of the machine there.
+def _by_pose(data: Measured, righted: _Righted) -> int:
+    """Number of pulls of a pose that are all off by one factor, hence by the machine there; else 0.
 
     f_i = k r_i with readings r_i and best fits f_i of uncertainties u_i: chi2 of the best k, with
-    one degree of freedom less than pulls. A factor beyond `_SOFT` is not the machine's, and two
-    pulls share one too easily.
+    one degree of freedom less than pulls. A factor beyond `_SOFT` is not the machine's.
     """
-    pose, read = data.pulls.pose, np.linalg.norm(data.pulls.force, axis=1)
+    pose, read, most = data.pulls.pose, np.linalg.norm(data.pulls.force, axis=1), 0
     for one in np.unique(pose[righted.pulls]).tolist():
         mine = pose[righted.pulls] == one
-        if mine.sum() < max(3, int((pose == one).sum())):
+        if mine.sum() < max(2, int((pose == one).sum())):
             continue
         r, f, w = read[righted.pulls[mine]], righted.fits[mine], righted.normal[mine]
         k = float((w * r) @ f / ((w * r) @ r))
-        alike = chi2_beyond(float(w @ (f - k * r) ** 2), int(mine.sum()) - 1) > _ALIKE
+        alike = chi2_beyond(w @ (f - k * r) ** 2, mine.sum() - 1) > _ALIKE
         if alike and 1 / _SOFT < k < _SOFT:
-            return True
-    return False
+            most = max(most, int(mine.sum()))
+    return most
 
 
 def _righted(asked: Screening, pulls: Ints, scale: Scale) -> _Righted | None:
@@ -279,7 +290,7 @@ def _righted(asked: Screening, pulls: Ints, scale: Scale) -> _Righted | None:
     base, freed = _freed(asked.cell, right, system, estimate, white)
     off = np.linalg.norm(data.pulls.force[pulls], axis=1) - fits
     each = by_force(asked.cell, right, estimate.value)
-    return _Righted(pulls, fits, off, system, base, freed, each)
+    return _Righted(pulls, fits, off, system, base, freed, each, asked.spread[0])
 
 
 def _freed(
@@ -333,11 +344,6 @@ def _reading(data: Measured, pulls: Ints, force: Array, scale: Scale) -> Measure
     forces[pulls] *= (force / np.linalg.norm(forces[pulls], axis=1))[:, None]
     std[pulls] = reading_std(scale, force)
     return replace(data, pulls=replace(data.pulls, force=forces), reading_std=std)
-
-
-def _findings(case: Case, data: Measured, righted: _Righted) -> list[Mistake]:
-    each = zip(righted.pulls, righted.fits, righted.normal, righted.drop, righted.p, strict=True)
-    return [_finding(case, data, int(pull), *map(float, rest)) for pull, *rest in each]
 
 
 def _finding(

@@ -237,3 +237,9 @@ class ScatterRatio:
     force_std: float
     force_p: float
     known_from: str
+
+    @property
+    def scale(self) -> float:
+        """Scatter of the scale over its stated one; 1 unless contrasts contradict that."""
+        told = self.force > 1 and self.known_from == "contrasts"
+        return self.force * self.tracker if told else 1.0

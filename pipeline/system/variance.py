@@ -246,17 +246,6 @@ def resting_on(estimate: Estimate, found: Components) -> Estimate:
     )
 
 
-def at_most(p: float, odds: float = 1.0) -> float:
-    """Upper bound, given a p-value and prior odds, of the probability of what contradicts the null.
-
-    No alternative makes the null less likely than -e p ln p relative to it (Sellke, Bayarri and
-    Berger, American Statistician 55, 2001), so P = o / (o - e p ln p) for p < 1/e and odds o: at
-    even odds 0.95 where p is 0.003, and a half where p says nothing.
-    """
-    against = 1.0 if p >= np.exp(-1) else -np.e * special.xlogy(p, p)
-    return float(odds / (odds + against))
-
-
 def noise(
     settings: Settings,
     cell: Cell,

@@ -17,6 +17,7 @@ import scipy.sparse
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.bootstrap import unproven
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, same_element
 from pipeline.reduction.measured import Measured
@@ -180,6 +181,20 @@ class Whitened(Locked):
         kept, raw = self._raw(base)
         rows[:, kept] = self.raw[:, raw] * self.typical[base[kept]]
         return left_out(self.A[:, base], self.A[:, -1], self.pose, rows, self.raw[:, -1])[0]
+
+    def unproven(
+        self, kept: Ints, rng: np.random.Generator, tests: Bools | slice = slice(None)
+    ) -> float:
+        """`unproven` of the accepted causes beside those of their columns that are kept.
+
+        Args:
+            kept: Columns of causes that remain; springs and common errors do anyway.
+            rng: Source of the bootstrap.
+            tests: Readings that are compared, shape (M,).
+        """
+        before = self.left_out(np.concatenate([np.arange(self.first), kept]))[tests]
+        pose = np.unique(self.pose[: len(self.rows)][tests], return_inverse=True)[1]
+        return unproven(before, self.left_out(self.base)[tests], pose, rng)
 
     def predicted(self, base: Ints, M: Array, rows: Bools) -> Array:
         """Prediction of some rows of c [m] by a base estimated from products M."""

@@ -75,6 +75,20 @@ def test_the_gain_is_that_of_causes_chosen_without_each_pose(truth):
     assert found.of == "displacements"
 
 
+def test_each_cause_must_improve_predictions_beside_the_others():
+    """The two that act do; one that does not act is worth as much as drawn refits say."""
+    truth = made(np.random.default_rng(1), SUSPECTS, {1: [15.0, -10.0], 3: [10.0]})
+    view, rng = truth.view((1, 2, 3)), np.random.default_rng(6)
+    rest = {1: (2, 3), 3: (1, 2), 2: (1, 3)}
+
+    found = {one: view.unproven(view.columns(others), rng) for one, others in rest.items()}
+
+    assert found[1] == found[3] == 0.0
+    low = by_loops(left_out(truth, 1, 3), left_out(truth, 1, 2, 3), 2000, rng)[0]
+    assert low < 0
+    assert 0.15 < found[2] <= 0.5
+
+
 def test_a_cause_that_one_pose_alone_called_for_is_not_chosen_without_it(truth):
     """An effect in pose 2 only is useless for the others, and does not improve its prediction."""
     rng = np.random.default_rng(7)

@@ -88,6 +88,15 @@ def cause(label, probability=0.99, **more):
     return FoundCause(one, probability, size, 1e-9, **more)
 
 
+def test_a_name_that_predicts_nothing_is_a_candidate():
+    """Beside another that does: neither verdict nor probability of an identified one."""
+    weak = cause("joint_tilt:3", unproven=0.4)
+    facts = replace(FOUND, causes=(*FOUND.causes, weak), gain=gain(0.5, 0.4))
+
+    assert verdict(facts) is Verdict.AMBIGUOUS
+    assert weak.stated(weak.probability) == pytest.approx(0.6 * 0.99)
+
+
 def gain(reduction, low):
     """Gain of causes at left-out poses: errors of 1 mm before."""
     before = np.full(6, 1e-3)

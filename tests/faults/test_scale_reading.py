@@ -199,6 +199,38 @@ def test_a_reading_that_dominates_no_other_waits_for_the_causes():
     assert replace(sizes[0], beside_causes=True).sure(weak)
 
 
+@pytest.mark.parametrize(("factors", "waits"), [((1.3, 1.3), 1), ((1.3, 1.5), 0), ((3.0, 3.0), 0)])
+def test_a_pose_whose_two_pulls_share_a_factor_waits_for_the_causes(case, factors, waits):
+    """The machine may be softer there; not by a factor of three, and not by two factors at once."""
+    wrong = case
+    for repeat, factor in zip((1, 2), factors, strict=True):
+        wrong = typed(wrong, 4, repeat, lambda f, factor=factor: factor * f)
+
+    found = scale_reading.FAULT.find(asked(wrong))
+
+    assert places(found) == [(4, 1), (4, 2)]
+    assert [one.rivalled for one in found] == 2 * [bool(waits)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_beside_other_pulls_that_stand_out_none_waits_to_be_named(seed):
+    """Each pull moves by 0.3 mm on its own: one force 30 % off dominates, or is none."""
+    case, rng = (
+        small(8, tracker={"sigma_m": 1e-5}, scale={"sigma_n": 3.0}),
+        np.random.default_rng(seed),
+    )
+    rows = case.readings
+    own = (rows["state"] == "loaded") & rows["target"].isin(case.settings.measured)
+    for group in rows.loc[own, "group"].unique():
+        case = moved(
+            case, (own & (rows["group"] == group)).to_numpy(), 3e-4 * rng.standard_normal(3)
+        )
+
+    found = scale_outliers(asked(typed(case, 5, 2, lambda f: 1.3 * f)))
+
+    assert not any(one.rivalled for one in found)
+
+
 def test_a_weaker_second_one_is_named_after_the_first(case):
     """Ten times in one line and a tenth more in another."""
     both = typed(typed(case, 5, 2, lambda f: 10 * f), 2, 2, lambda f: 1.1 * f)

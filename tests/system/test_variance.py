@@ -12,6 +12,7 @@ from scipy import optimize, stats
 
 from pipeline.base import covariance
 from pipeline.base.arrays import Parameter
+from pipeline.base.tails import at_most
 from pipeline.machine.cell import paper_cell
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
@@ -25,7 +26,6 @@ from pipeline.system.restricted import PaddedRows, maximum
 from pipeline.system.system import Errors, RowIndex, System
 from pipeline.system.variance import (
     Components,
-    at_most,
     noise,
     rescaled,
     resting_on,
