@@ -283,8 +283,11 @@ class PositionsEstimate(Locked):
         return np.asarray(out)
 
     def on(self, cell: Cell) -> Cell:
-        """The cell with these elements at their estimated values, and the weight moved by pulls."""
-        return replace(cell, held=(*self.effects, *self.weighs))
+        """The cell with these elements at their estimated values, and the weight moved by pulls.
+
+        Positions are those of a deflected robot, and pulls act on that.
+        """
+        return replace(cell, equilibrium="deformed", held=(*self.effects, *self.weighs))
 
     @property
     def weighs(self) -> tuple[tuple[Elastic, Array], ...]:
