@@ -86,7 +86,8 @@ class StatedTool(NamedTuple):
 def _by_flange(points: Array) -> Array:
     """Motion of points (t, 3) by one standard deviation of the flange's frame, (3 t, 6)."""
     along = np.tile(np.eye(3), (len(points), 1, 1))
-    return np.concatenate([linear.turning(points), along], axis=2).reshape(-1, 6) * _FLANGE_STD
+    moved = np.concatenate([linear.turning(points), along], axis=2).reshape(-1, 6)
+    return np.asarray(moved * _FLANGE_STD)
 
 
 class CommonFactorFit(NamedTuple):
