@@ -150,7 +150,7 @@ class PositionsAndPulls:
                 "validation": validation,
                 "diagnosis": self._diagnosis(found, pulls.diagnosis),
                 "rejected": (*mine.rejected, *pulls.rejected),
-                "findings": (*pulls.findings, *self._findings(pulls)),
+                "findings": tuple(dict.fromkeys((*pulls.findings, *mine.findings))),
                 "payloads": mine.payloads or pulls.payloads,
                 "geometry": mine.geometry,
                 "geometry_combinations": mine.geometry_combinations,
@@ -179,9 +179,6 @@ class PositionsAndPulls:
                 "unloaded_off_mm": mine.unloaded_off_mm,
             }
         )
-
-    def _findings(self, pulls: Answer) -> Iterator[str]:
-        yield from (one for one in self._alone.findings if one not in pulls.findings)
 
     def _lines(self, pulls: Answer) -> Iterator[Line]:
         """The first screen of the pulls, and beside its lines what the positions add to them."""

@@ -256,12 +256,9 @@ def beside_positions(values: ModelValues) -> ModelValues:
     """
     data, left = values.fitted.data, values.left_out_m
     springs = not values.first.effects  # further hypotheses then have causes of a usual size
-    before = [
-        usual(one.effects[0]) if springs and one.effects else None for one in values.hypotheses
-    ]
     every = tuple(
-        combined(one, data, size).hypothesis
-        for one, size in zip(values.hypotheses, before, strict=True)
+        combined(one, data, usual(one.effects[0]) if springs and one.effects else None).hypothesis
+        for one in values.hypotheses
     )
     if springs:
         left = left_out(every[0].system)[: len(left)]

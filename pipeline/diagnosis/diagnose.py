@@ -369,7 +369,12 @@ def _of_pulls(case: SearchProblem, seen: Linearised, system: System) -> tuple[fl
 
 
 def _bent(case: SearchProblem, seen: Linearised) -> str:
-    """The equilibrium, on the undeformed or the deformed robot, that fits better."""
+    """The equilibrium, on the undeformed or the deformed robot, that fits better.
+
+    That of the positions where there are any: they are of the deformed robot.
+    """
+    if case.data.stance is not None:
+        return "deformed"
     views = [case.whitened(seen.bent(equilibrium)) for equilibrium in _EQUILIBRIA]
     return _EQUILIBRIA[int(np.argmin([eliminate(v.M, v.base)[-1, -1] for v in views]))]
 

@@ -34,7 +34,7 @@ from pipeline.geometry.mechanism import (
 from pipeline.geometry.yielding import by_weight_alone, usual
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Elastic
-from pipeline.machine.positions_estimate import PositionsEstimate, soften
+from pipeline.machine.positions_estimate import PositionsEstimate, StatedTool, soften
 from pipeline.machine.robot import configure
 from pipeline.machine.robot.weight import carried, work
 from pipeline.reduction.bring import bring
@@ -88,12 +88,12 @@ class _Reopened:
     """`stance` with some elements free, as `PositionsEstimate.reopened`; results are cached."""
 
     found: Calibration
-    targets: Collection[str]
+    tool: StatedTool
     kept: dict[tuple[int, ...], PositionsEstimate] = field(default_factory=dict)
 
     def __call__(self, free: tuple[int, ...]) -> PositionsEstimate:
         if free not in self.kept:
-            self.kept[free] = stance(opened(self.found, free), self.targets, free)
+            self.kept[free] = stance(opened(self.found, free), self.tool, free)
         return self.kept[free]
 
 
@@ -116,9 +116,7 @@ _FREE = 1e3
 """Standard deviation of a wide prior over the usual size [1]."""
 
 
-def stance(
-    found: Calibration, targets: Collection[str], free: Collection[int] = ()
-) -> PositionsEstimate:
+def stance(found: Calibration, tool: StatedTool, free: Collection[int] = ()) -> PositionsEstimate:
     """Result of the positions as passed to the pulls.
 
     An element that the weight does not call for is set to zero, like causes that pulls do not call
@@ -128,16 +126,16 @@ def stance(
 
     Args:
         found: The complete estimate.
-        targets: Points of the tool that pulls may have read, too.
+        tool: Points of the tool that pulls may have read, too, and their load point.
         free: Numbers of elements that other evidence than the weight calls for.
     """
-    reopened = None if free else _Reopened(found, targets)
+    reopened = None if free else _Reopened(found, tool)
     held = set(_held(found, free))
     if len(held) > len(free):
         held &= set(_held(opened(found, held), free))
         found = opened(found, held)
     mechanism, (apart, factor) = found.mechanism, _apart(found)
-    which = [k for k, name in enumerate(found.readings.targets) if name in targets]
+    which = [k for k, name in enumerate(found.readings.targets) if name in tool.points]
     n, effects = mechanism.table.n, tuple(mechanism.elements[k] for k in sorted(held))
     z, C = _with_none(found, apart, _parameters(found, effects), which)
     soft: Array = np.append(np.ones(n), soften(effects).astype(float))
@@ -160,7 +158,7 @@ def stance(
         elements=mechanism.elements,
         unsure=_Unsure(found),
         reopened=reopened,
-    )
+    ).carrying(tool, alarms.MISFIT)
 
 
 def _apart(found: Calibration) -> tuple[Array, float]:
@@ -212,7 +210,8 @@ def as_estimated(case: Case, found: Calibration) -> tuple[Case, Calibration, flo
         The campaign, the estimate with the weight that the pulls determine, and by how much this is
         less than usual.
     """
-    known = stance(found, case.settings.measured)
+    tool = case.settings.stated_tool
+    known = stance(found, tool)
     there = case.standing(known)
     if not known.factor:
         return there, found, 1.0
@@ -220,7 +219,7 @@ def as_estimated(case: Case, found: Calibration) -> tuple[Case, Calibration, flo
     n = found.mechanism.table.n
     pulled = estimate.value[:n], estimate.cov[:n, :n], estimate.identifiable[:n]
     found = _with_masses(found, _parameters(found, known.held), *pulled)
-    return case.standing(stance(found, case.settings.measured)), found, _without_masses(found)
+    return case.standing(stance(found, tool)), found, _without_masses(found)
 
 
 def _without_masses(found: Calibration) -> float:
@@ -379,9 +378,13 @@ def beside_pulls(
     found = _doubted(found)
     there, where = found.mechanism, layout(found.mechanism)
     targets, held = found.readings.targets.tolist(), _parameters(found, known.held)
-    size = np.sqrt(np.diag(known.cov))
-    T = _chosen(found, held, [targets.index(name) for name in known.points]) / size[:, None]
-    before, after = (linear.inverse(one / size / size[:, None]) for one in (known.cov, cov))
+    T = _chosen(found, held, [targets.index(name) for name in known.points if name in targets])
+    own = slice(len(T))  # without the load point, which has no parameters
+    size, value = np.sqrt(np.diag(known.cov)[own]), value[own]
+    T /= size[:, None]
+    before, after = (
+        linear.inverse(one[own, own] / size / size[:, None]) for one in (known.cov, cov)
+    )
     share, along = linear.directions(after - before)
     N = (along * np.maximum(share, 0.0)) @ along.T
     zero = np.zeros(len(T) - known.springs)

@@ -259,7 +259,7 @@ def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
         moves[:3, 0] = data.load_point_std * np.eye(3)
     turns = data.joint_std[:, None] * np.eye(cell.robot.n)
     if data.stance is not None:  # their uncertainty is part of the stance
-        read = [False, *np.isin(cell.tool.targets.astype(str), list(data.stance.points))]
+        read = [name in data.stance.points for name in cell.tool.named]
         moves[np.repeat(read, 3)] = 0.0
         turns[[one.joint - 1 for one in data.stance.letters if one.name == "joint_offset"]] = 0.0
     wrong = [(_with_points(cell, points + move), data.pulls) for move in moves if move.any()]

@@ -64,6 +64,15 @@ def test_gain_of_the_sag_is_of_a_coordinate(found):
     assert 0.5 < sag.gain.held_out_rms_after_mm / with_.between_mm < 0.9
 
 
+def test_pulls_act_on_the_deflected_robot_of_the_positions(found):
+    """No error of second order is left, and table and tool err as the positions tell."""
+    sources = {one.source for joint in found.answer.stiffness for one in joint.budget}
+
+    assert found.answer.model.equilibrium == "deformed"
+    assert "second_order" not in sources
+    assert "positions" in sources
+
+
 def said(made, table=None):
     """The answer to a campaign, or to one kind of its readings."""
     return pipeline.identify(pipeline.load_campaign(made.encoded(table))).answer

@@ -17,6 +17,7 @@ from pipeline.geometry.yielding import Virtual, carried_on, yielding
 from pipeline.machine.cell import Cell, Tool, baseline, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects.gravity_sag import under_pulls
+from pipeline.machine.positions_estimate import StatedTool
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.machine.robot.weight import by_moments, carried, link_moments, stiffening
@@ -229,7 +230,7 @@ def test_lost_motion_that_the_weight_shows_is_handed_to_pulls(arm):
     tau = linearised(readings, begun, weights).inputs.tau
     wanted = ModelStructure(yields=yielding(robot, tau))
     found = calibrate(begun, readings, weights, wanted, start(robot, None))
-    said = stance(found, [])
+    said = stance(found, StatedTool({}, 0.0, 0.0))
 
     ((law, (value,)),) = said.effects
     assert (law.label, law.form) == ("joint_lost_motion:3", "narrow, total")

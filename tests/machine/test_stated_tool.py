@@ -1,0 +1,77 @@
+"""A load point that measured reflectors carry, against rigid motions by Pinocchio."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pipeline.machine.positions_estimate import PositionsEstimate, StatedTool
+from pipeline.machine.robot import load
+
+POINTS = {
+    "load_point": [0.1, 0.0, 0.2],
+    "P1": [0.25, 0.1, 0.12],
+    "P2": [-0.15, 0.24, 0.2],
+    "P3": [-0.1, -0.22, 0.05],
+}
+STATED, READ, LEAST = 1e-4, 1e-5, 1e-6
+
+
+def drawn(rng, names=("P1", "P2", "P3"), std=STATED):
+    """A tool on a flange that is not where the table has it: estimate, statement, load point."""
+    flange = pin.exp6(np.concatenate([rng.normal(0, 1e-3, 3), rng.normal(0, 1e-3, 3)]))
+    at = {name: flange.act(np.array(one)) for name, one in POINTS.items()}
+    stated = {name: np.array(one) + rng.normal(0, std, 3) for name, one in POINTS.items()}
+    points = {name: at[name] + rng.normal(0, READ, 3) for name in names}
+    robot = load("kr210_r2700_2")
+    said = PositionsEstimate(
+        robot=robot,
+        letters=(),
+        points=points,
+        compliance=robot.nominal_compliance,
+        told=np.ones(robot.n, dtype=bool),
+        held=(),
+        yields=np.zeros(0),
+        cov=np.diag(np.r_[robot.nominal_compliance**2, np.full(3 * len(points), READ**2)]),
+        unloaded=lambda q: (0 * q, np.zeros((len(q), len(points), 3))),
+    )
+    return said, StatedTool(stated, std, std), at["load_point"]
+
+
+@pytest.mark.parametrize("names", [("P1", "P2", "P3"), ("P2",)])
+def test_load_point_is_where_measured_reflectors_carry_it(names):
+    """Its stated uncertainty holds, and with three reflectors is a tenth of the flange's error."""
+    rng, off = np.random.default_rng(4), []
+    for _ in range(200):
+        said, tool, truth = drawn(rng, names)
+        found = said.carrying(tool, LEAST)
+        assert list(found.points) == [*names, "load_point"]
+        white = np.linalg.cholesky(found.cov[-3:, -3:])
+        off.append(np.linalg.solve(white, found.points["load_point"] - truth))
+        if len(names) == 3:
+            assert np.sqrt(np.diag(found.cov)[-3:]).max() < 1.5 * STATED
+    assert np.mean(np.square(off)) == pytest.approx(1.0, abs=0.17)  # four standard errors
+
+
+def test_load_point_moves_with_errors_of_the_reflectors():
+    """A tool read farther out has its load point there, as a rigid body has."""
+    said, tool, _ = drawn(np.random.default_rng(1))
+    n = 3 * len(said.points)
+    outwards = np.tile([0.0, 0.0, 4e-4], len(said.points))
+    cov = said.cov.copy()
+    cov[-n:, -n:] += np.outer(outwards, outwards)
+    found = type(said)(**{**vars(said), "cov": cov}).carrying(tool, LEAST)
+
+    along, own = found.cov[-1, -4], found.cov[-4, -4]
+    assert along / own == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("spoilt", ["mistyped", "unstated", "unread"])
+def test_load_point_stays_where_reflectors_do_not_tell(spoilt):
+    """A reflector 5 mm off its statement, a tool without uncertainty, and one never read."""
+    names = () if spoilt == "unread" else ("P1", "P2", "P3")
+    said, tool, _ = drawn(np.random.default_rng(3), names)
+    if spoilt == "mistyped":
+        tool.points["P2"][1] += 5e-3
+    if spoilt == "unstated":
+        tool = tool._replace(std=0.0)
+    assert said.carrying(tool, LEAST) is said
