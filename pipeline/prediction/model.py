@@ -1,4 +1,4 @@
-"""The identified model as an exchangeable file: load it, predict deflections, correct a path."""
+"""The identified model as an exchangeable file: load it, predict deflections."""
 
 from __future__ import annotations
 

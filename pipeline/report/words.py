@@ -28,6 +28,7 @@ _MISTAKES = {
     "label_swap": "swapped names of targets",
     "exchanged": "exchanged groups or rows",
     "dead_sensor": "column that no sensor wrote",
+    "copied_column": "force that was copied down its column",
     "tool_point": "wrong tool point",
     "tracker_moved": "tracker that was moved",
     "sign_or_convention": "wrong sign or axis convention",

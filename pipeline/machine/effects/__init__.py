@@ -1,4 +1,9 @@
-"""The catalogue of physical effects: one file per effect or family of effects, listed below."""
+"""The catalogue of physical effects: one file per effect or family of effects.
+
+`CATALOGUE` lists those that are tested in every campaign. `base_moved` and `target_moved` are tested
+where readings repeat, `payload` where one is mounted, `table` with unloaded readings, and
+`unlisted` and `nameless` once the catalogue leaves something over.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
