@@ -1,6 +1,6 @@
 """The catalogue of physical effects: one file per effect or family of effects.
 
-`CATALOGUE` lists those that are tested in every campaign. `base_moved` and `target_moved` are tested
+`CATALOGUE` lists those tested in every campaign. `base_moved` and `target_moved` are tested
 where readings repeat, `payload` where one is mounted, `table` with unloaded readings, and
 `unlisted` and `nameless` once the catalogue leaves something over.
 """
