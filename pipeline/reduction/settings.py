@@ -627,7 +627,7 @@ class Settings(Surrounded):
         if self.base_frame_uncertainty.sigma_m is not None:
             return self.base_frame_uncertainty.sigma_m
         every = [x for point in self.base_frame.values() for x in point]
-        places = [Decimal(repr(x)).normalize().as_tuple().exponent for x in every if x]
+        places = [Decimal(repr(float(x))).normalize().as_tuple().exponent for x in every if x]
         last = 10.0 ** min((int(place) for place in places), default=0)
         return last / np.sqrt(12) if last < _SURVEYED_M else 0.0
 
