@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from decimal import Decimal
 from difflib import get_close_matches
+from statistics import median_low
 from typing import Annotated, Literal
 
 import numpy as np
@@ -622,14 +623,15 @@ class Settings(Surrounded):
     def base_std(self) -> float:
         """Standard uncertainty per axis of the base reflectors' nominal positions [m].
 
-        Where it is not stated, that of the last digit h that any of them has, h / sqrt(12), if this
-        is below a millimetre: coarser numbers are those of a drawing, not of a surveyor.
+        Where it is not stated, that of the last digit h of their coordinates (its median), h /
+        sqrt(12), if this is below a millimetre: coarser numbers are those of a drawing, not of a
+        surveyor.
         """
         if self.base_frame_uncertainty.sigma_m is not None:
             return self.base_frame_uncertainty.sigma_m
         every = [x for point in self.base_frame.values() for x in point]
-        places = [Decimal(repr(x)).normalize().as_tuple().exponent for x in every if x]
-        last = 10.0 ** min((int(place) for place in places), default=0)
+        places = [Decimal(repr(float(x))).normalize().as_tuple().exponent for x in every if x]
+        last = 10.0 ** median_low([int(place) for place in places] or [0])
         return last / np.sqrt(12) if last < _SURVEYED_M else 0.0
 
     @property
