@@ -75,7 +75,7 @@ _OF_THE_FILE = {
 }  # fmt: skip
 """Words before a unit that say whose unit it is, but not of which other quantity."""
 _OPEN = _OF_COORDINATES | _BETWEEN | _OF_THE_FILE
-_UNITS = re.compile(rf"\b(units?|einheit(en)?|{_FOREIGN_UNITS})\b", re.IGNORECASE)
+UNITS = re.compile(rf"\b(units?|einheit(en)?|{_FOREIGN_UNITS})\b", re.IGNORECASE)
 _APART = re.compile(r"[;,|\t]|  ")
 WORD = re.compile(r"[^\W\d_]+|°")
 _SHORT = re.compile(
@@ -249,7 +249,7 @@ def _of_other(before: str) -> bool:
 
 def of_other_quantity(line: str) -> bool:
     """Whether a line states the unit of another quantity, such as a tolerance."""
-    return any(_of_other(line[: one.start()]) for one in _UNITS.finditer(line))
+    return any(_of_other(line[: one.start()]) for one in UNITS.finditer(line))
 
 
 def known_units(columns: Sequence[Named]) -> None:

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline.base.errors import InputError
-from pipeline.dialects._named import FOREIGN, Header
+from pipeline.dialects._named import FOREIGN, Header, Named
 from pipeline.readers import _time
 from pipeline.readers._cells import cells_or_none, is_plain, shortened
 from pipeline.readers._layout import TypedRows
@@ -38,12 +38,15 @@ def form_of_times(text: Text, header: Header, comment: str | None) -> str:
     if not header.has("time"):
         _no_times_elsewhere(next(rows, []), header)
         return _time.ISO
-    moments = [_moment(cells, header) for cells in rows]
-    form = _time.first_form(moments) or _time.ISO
-    if "%m/" not in form:
+    return form_of([_moment(cells, header) for cells in rows], header.columns) or _time.ISO
+
+
+def form_of(moments: Sequence[str], titles: Sequence[Named]) -> str | None:
+    """Format of times below these titles, None if none is a time; see `form_of_times`."""
+    form = _time.first_form(moments)
+    if form is None or "%m/" not in form:
         return form
-    titles = {column.title.lower() for column in header.columns}
-    if titles.isdisjoint(_DAY_FIRST):
+    if _DAY_FIRST.isdisjoint(one.title.lower() for one in titles):
         return _time.form_of_all([one for one in moments if one], _MOST) or form
     return form.replace("%m/%d", "%d/%m")
 

@@ -9,7 +9,6 @@ the header names them.
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,6 +29,7 @@ from pipeline.dialects._coordinates import (
 )
 from pipeline.dialects._export import export
 from pipeline.dialects._named import Header, Named
+from pipeline.dialects._table_times import form_of
 from pipeline.readers import _time
 from pipeline.readers._cells import cells_or_none, is_number, is_plain, is_remark
 from pipeline.readers._delimited import rows
@@ -45,7 +45,8 @@ _COMMENT = "//"
 _AXES = ("1", "2", "3")
 _PARTS = ("group", "target")
 _SHORT_UNIT = re.compile(
-    r"\b(?:units?|einheit(?:en)?)\s*[:=]?\s*(mm|m|in)\b|[\[(](mm|m|in)[\])]", re.IGNORECASE
+    rf"{_named.UNITS.pattern}\s*[:=]?\s*(?P<said>mm|m|in)\b|[\[(](?P<below>mm|m|in)[\])]",
+    re.IGNORECASE,
 )
 
 
@@ -142,7 +143,7 @@ def _shape_by(delimiter: str, sample: Sequence[str], comments: Sequence[str]) ->
         count = 1 if compound else _names(cells, titles)
         alike = [row[count + 3 :] for row in cut if len(row) == len(cells)]
         if _fits(cells, compound, count) and 2 * len(alike) >= len(sample):
-            rest, form = _rest(alike, titles[count + 3 :])
+            rest, form = _rest(alike, titles, count + 3)
             return _RowShape(delimiter, compound, _parts(compound or count), rest, form)
     return None
 
@@ -160,12 +161,14 @@ def _fits(cells: Sequence[str], compound: int, count: int) -> bool:
     return bool(named) and len(numbers) == 3 and all(map(is_number, numbers))
 
 
-def _rest(cells: Sequence[Sequence[str]], titles: Sequence[Named]) -> tuple[tuple[Named, ...], str]:
-    """Columns after the coordinates, and the format of times, which are recognised by it."""
+def _rest(
+    cells: Sequence[Sequence[str]], titles: Sequence[Named], first: int
+) -> tuple[tuple[Named, ...], str]:
+    """Columns from `first` on, and the format of times, which are recognised by it."""
     out, form = [], _time.ISO
     for place, column in enumerate(zip(*cells, strict=True)):
-        named = titles[place] if titles else Named(f"field {place + 1} behind Z", "", None)
-        found = _time.first_form(column)
+        named = titles[first + place] if titles else Named(f"field {place + 1} behind Z", "", None)
+        found = form_of(column, titles)
         if found and not named.role:
             named = replace(named, role="time")
         if found and named.role == "time":
@@ -220,7 +223,7 @@ def _meaning(
     text = "\n".join(line for line in head if not _named.of_other_quantity(line))
     words = set(re.findall(r"[a-z°]+", text.lower()))
     long = {word: unit for word, unit in UNIT_WORDS.items() if len(word) > 2}
-    short = set(itertools.chain(*_SHORT_UNIT.findall(text))) - {""}
+    short = {one["said"] or one["below"] for one in _SHORT_UNIT.finditer(text)}
     unit = _only(_said(words, long) | set(map(str.lower, short)), "units of length")
     kinds = _said(words, KIND_WORDS) | _kinds_by_titles(head)
     stated = _only(kinds, "kinds of coordinates")

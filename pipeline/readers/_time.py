@@ -103,7 +103,8 @@ def form_of_all(cells: Sequence[str], most: float) -> str | None:
 def _moment(cell: str, form: str) -> datetime | None:
     """The time in a cell, with its time zone if it has one; None if the format differs."""
     bare = cell.strip().lstrip(APOSTROPHE)
-    if form in _FORMS and form_of(bare) != form:  # strptime accepts 16:38:2 as a time
+    written = form.replace("%d/%m", "%m/%d")
+    if written in _FORMS and form_of(bare) != written:  # strptime accepts 16:38:2 as a time
         return None
     try:
         if form == ISO:

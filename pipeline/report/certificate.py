@@ -103,9 +103,9 @@ def found(answer: Answer, say: Say = str) -> str:
     if mistakes:
         more = say(f" (and {len(mistakes) - 1} more)") if len(mistakes) > 1 else ""
         return f"{_begun(_cut(say(_LINES.sub(_FIRST, mistakes[0]))))}{more}."
-    causes = answer.diagnosis.causes
+    causes, fits = answer.diagnosis.causes, answer.diagnosis.verdict == "adequate"
     for reason in answer.diagnosis.reasons if not causes else ():
-        if reason in _OF_UNLOADED:
+        if reason in _OF_UNLOADED and (fits or reason is not Finding.ROUGH_TABLE):
             return say(_OF_UNLOADED[reason])
     if not causes:
         return say(_NOTHING.get(str(answer.diagnosis.verdict), ""))

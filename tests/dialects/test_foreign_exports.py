@@ -687,3 +687,24 @@ def test_one_angle_that_is_none_leaves_its_row_out():
         readers.read("t", rows(deg, *other).encode(), said)
     with pytest.raises(InputError, match=r"^t:2: .* more than the 400 gon"):
         readers.read("t", rows(gon, *none).encode(), said)
+
+
+@pytest.mark.parametrize(
+    ("titles", "when"),
+    [
+        ("Coleção, Grupo, Alvo, X, Y, Z, Timestamp", "18/08/2026 09:52:16"),
+        ("Coleção, Grupo, Alvo, X, Y, Z, Timestamp", "08/07/2026 09:52:16"),
+        ("Collection, Group, Target, X, Y, Z, Timestamp", "18/08/2026 09:52:16"),
+    ],
+)
+def test_spatialanalyzer_in_another_language_writes_its_own_unit_and_dates(titles, when):
+    """The day comes first where the titles or the numbers say so, as in any other table."""
+    body = rows(
+        f"A, Base, P1, 1500.0, 2500.0, 3500.0, {when}", f"A, Base, P2, 1.0, 2.0, 3.0, {when}"
+    )
+
+    seen = readers.read("t", f"// Unidades: mm    U = incerteza\n// {titles}\n{body}".encode())
+
+    assert seen.meaning.unit == "mm"
+    day, month = (int(part) for part in when.split("/")[:2])
+    assert (seen.time[0].as_py().day, seen.time[0].as_py().month) == (day, month)
