@@ -179,7 +179,7 @@ def _numbered(
     others = [one for one, own in left.items() if all(map(is_number, own))]
     if len(others) != 1 or not _counts(columns[found["pose"][0]], columns[title]):
         return found
-    return found | {"repeat": (title, ()), "force": (others[0], units)}
+    return found | {"repeat": (title, ()), "force": (others[0], stated_unit(others[0], units))}
 
 
 def _counts(poses: Sequence[str], numbers: Sequence[str]) -> bool:
@@ -245,14 +245,33 @@ def force_unit(title: str, units: Sequence[str]) -> str:
 def _counting(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> list[str]:
     """The titles of columns of whole numbers, those that change less often first.
 
-    A column that numbers the rows is dropped if there are others.
+    A column that numbers the rows is dropped if there are others. An empty cell has the number
+    above it, and a pose that was measured again letters behind its number.
     """
-    whole = {title: list(map(int, column)) for title, column in cells.items()
-             if column and title not in taken and all(map(str.isdecimal, column))}  # fmt: skip
+    counted = {title: _whole(column) for title, column in cells.items() if title not in taken}
+    whole = {title: numbers for title, numbers in counted.items() if numbers}
     runs = {title: sum(a != b for a, b in itertools.pairwise(one)) for title, one in whole.items()}
     rows = [title for title, one in whole.items() if one == [*range(1, len(one) + 1)]]
     left = [title for title in whole if runs[title] and title not in rows] or rows
     return sorted(left, key=lambda title: runs[title])
+
+
+def _whole(column: Sequence[str]) -> list[int]:
+    """The whole numbers of a column; none if it has anything else, or begins with an empty cell."""
+    found = [_COUNT.fullmatch(cell.strip()) for cell in column]
+    if (
+        not column
+        or not found[0]
+        or any(cell.strip() and not one for cell, one in zip(column, found, strict=True))
+    ):
+        return []
+    return list(
+        itertools.accumulate((int(one[1]) if one else 0 for one in found), lambda a, b: b or a)
+    )
+
+
+_COUNT = re.compile(r"([0-9]{1,9})[^\W\d_]{0,4}")
+"""A number of a pose or pull, and letters behind it."""
 
 
 def pose_alone(titles: Sequence[str], _: SampledCells) -> dict[str, str] | None:

@@ -12,6 +12,7 @@ from pipeline.intake._folder import in_workbooks
 from pipeline.intake._prose import PROSE, is_prose
 from pipeline.intake.describe_file import inspect
 from pipeline.intake.files import propose
+from pipeline.intake.log_columns import understood_loads
 from pipeline.intake.which_logs import called
 from pipeline.readers import ExportSettings
 
@@ -339,3 +340,28 @@ def test_anchors_that_the_log_names_are_no_base_reflectors():
 
     assert found.anchors == {"Eyebolt": ("E1", "E2", "E3", "E4")}
     assert found.base == ("M1", "M2", "M3", "M4")
+
+
+BY_HAND = (
+    "Konum;Çekme;lbf\n1;1;213\n;2;606\n;3;553\n2;1;197\n;2;592\n;3;616\n",
+    "자세;하중;힘 (N)\n1;1;2213\n1;2;4606\n2;1;2197\n2;2;4592\n9재;1;2190\n9재;2;4600\n",
+)
+
+
+@pytest.mark.parametrize("log", BY_HAND)
+def test_the_pose_is_what_changes_less_often_than_the_pull(log):
+    """Though its cells are empty below the first pull, or have letters behind the number."""
+    pose, pull, _ = log.split("\n", 1)[0].split(";")
+
+    columns = understood_loads("log.csv", log.encode()).columns
+
+    assert (columns[pose], columns[pull]) == ("pose", "repeat")
+
+
+def test_a_load_that_counts_leaves_its_unit_to_the_force():
+    """`carga` numbers the pulls here, and the reading beside it states kgf."""
+    log = "pose;carga;leitura (kgf)\n1;1;281,0\n1;2;560,5\n2;1;279,4\n2;2;558,1\n"
+
+    columns = understood_loads("log.csv", log.encode()).columns
+
+    assert columns == {"carga": "repeat", "leitura (kgf)": "force_kgf"}
