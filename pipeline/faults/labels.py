@@ -90,13 +90,13 @@ def _in_place(
         if index[name] in places:
             off = float(np.linalg.norm(here - places[index[name]]))
         else:
-            off = _off_chain(case, base, int(state["pose"].iloc[0]), name, here)
+            off = _off_chain(case, base, float(state["pose"].iloc[0]), name, here)
         if off >= near:
             return False
     return True
 
 
-def _off_chain(case: Case, base: tuple[Array, Array], pose: int, name: str, here: Array) -> float:
+def _off_chain(case: Case, base: tuple[Array, Array], pose: float, name: str, here: Array) -> float:
     """Deviation of an end of the chain from its usual distance to the load point [m].
 
     It is reduced in proportion where ten median deviations of the usual distance exceed
@@ -104,10 +104,12 @@ def _off_chain(case: Case, base: tuple[Array, Array], pose: int, name: str, here
     """
     R, t = base
     ends = chain_distances(case, R, t)
-    if not len(ends) or name not in case.settings.naming.chain:
-        return np.inf
+    if not len(ends) or name not in case.settings.naming.chain or np.isnan(pose):
+        return np.inf  # a round of the base has no pose
     usual = ends[("near", "far")[case.settings.naming.chain.index(name)]]
-    load = configure(case.robot, case.q(np.array([pose]))).points(case.tool.load_point[None])[0, 0]
+    load = configure(case.robot, case.q(np.array([int(pose)]))).points(case.tool.load_point[None])[
+        0, 0
+    ]
     off = abs(float(np.linalg.norm(here - load @ R.T - t)) - float(usual.median()))
     spread = _USUAL * float((usual - usual.median()).abs().median())
     return off / max(1.0, spread / GROSS_DISTANCE_M)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from small_case import asked
 
+from bench.fuzz.catalogue import case as spoilt
 from pipeline.faults.conventions import aligned
 from pipeline.faults.labels import CHAIN, FAULT, chain_distances
 from pipeline.reduction.bring import conformed, plain
@@ -190,3 +191,10 @@ def test_distances_of_the_chain_are_from_the_load_point():
     apart = ends.agg(np.ptp).pow(2).sum(axis=1).pow(0.5).loc[table["group"]]
     assert (table["far"] - table["near"]).to_numpy() == pytest.approx(apart.to_numpy(), rel=0.05)
     assert aligned(replace(good(), joints=good().joints[:2])) is None
+
+
+def test_an_end_of_the_chain_that_is_named_in_a_round_of_the_base_is_no_exchange():
+    """A round has no pose: a target and a base reflector, and an end of the chain, are mixed up."""
+    mixed = ingested(in_memory(dict(spoilt(110946).files)), conformed, plain, plausible=False)
+
+    assert {one.name for one in labels(mixed)} <= {"label_swap"}
