@@ -258,16 +258,13 @@ def _counting(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> list[
 
 def _whole(column: Sequence[str]) -> list[int]:
     """The whole numbers of a column; none if it has anything else, or begins with an empty cell."""
-    found = [_COUNT.fullmatch(cell.strip()) for cell in column]
-    if (
-        not column
-        or not found[0]
-        or any(cell.strip() and not one for cell, one in zip(column, found, strict=True))
-    ):
-        return []
-    return list(
-        itertools.accumulate((int(one[1]) if one else 0 for one in found), lambda a, b: b or a)
-    )
+    out: list[int] = []
+    for cell in map(str.strip, column):
+        one = _COUNT.fullmatch(cell)
+        if not one and (cell or not out):
+            return []
+        out.append(int(one[1]) if one else out[-1])
+    return out
 
 
 _COUNT = re.compile(r"([0-9]{1,9})[^\W\d_]{0,4}")

@@ -22,7 +22,7 @@ def measured(poses):
 def test_poses_that_come_are_shown_until_it_is_stopped(client, tmp_path):  # noqa: F811
     drop(client, *(DEMO / one for one in ("loads.csv", "joints.csv", "campaign.toml")))
     export = tmp_path / "data" / "raw" / "hall" / "tracker.csv"
-    assert "Nothing is watched" in client.get("/c/hall/live").text
+    assert "Not watching" in client.get("/c/hall/live").text
     export.write_text(measured(2))
     client.post("/c/hall/live", content="{}")
 
