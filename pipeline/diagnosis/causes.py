@@ -65,13 +65,9 @@ def of_displacements(
     out = []
     for place, suspect in enumerate(found.accepted):
         effect = case.suspects[suspect]
-        standing = [
-            PossibleCause(case.suspects[r.suspect], r.probability) for r in found.rivals[place]
-        ]
-        odds = {one.effect.label: one for one in standing}
+        odds = _possible(case, found, place)
         mine = odds.pop(effect.label, None)
         either = _either(case, found, place)
-        others = found.plain.columns([one for one in found.accepted if one != suspect])
         out.append(
             FoundCause(
                 effect=_worded(case, effect, either),
@@ -87,10 +83,23 @@ def of_displacements(
                 height=_height(effect, held[0]),
                 each_way=both_ways(effect, held),
                 either=either,
-                unproven=found.plain.unproven(others, rng) if worth and not effect.law else 0.0,
+                unproven=_unproven(found, suspect, rng) if worth and not effect.law else 0.0,
             )
         )
     return tuple(out)
+
+
+def _possible(case: SearchProblem, found: SearchResult, place: int) -> dict[str, PossibleCause]:
+    """What may be the cause at a place of the search, by label."""
+    rivals = found.rivals[place]
+    each = (PossibleCause(case.suspects[one.suspect], one.probability) for one in rivals)
+    return {one.effect.label: one for one in each}
+
+
+def _unproven(found: SearchResult, suspect: int, rng: np.random.Generator) -> float:
+    """Share of bootstrap draws in which a cause beside the others predicts no better."""
+    others = [one for one in found.accepted if one != suspect]
+    return found.plain.unproven(found.plain.columns(others), rng)
 
 
 def _of_all_springs(seen: Linearised, suspect: int) -> tuple[str, ...]:

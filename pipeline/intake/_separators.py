@@ -92,20 +92,30 @@ def _read(pairs: Sequence[tuple[str, str]], places: Sequence[Array]) -> dict[str
 
 def _with_turned(way: str, rows: Mapping[str, Mapping[str, Array]]) -> str:
     """A pattern with an alternative for names that it reads the wrong way round."""
-    words = _rounds(rows)
+    own = _pattern(_rounds(rows), rows)
     parts = re.fullmatch(r"\(\?P<(\w+)>\.\+\??\)(.+)\(\?P<(\w+)>\.\+\)", way)
-    if not words or parts is None:
-        return way
-    others = {target for at in rows.values() for target in at} - words
-    stem = re.split("[0-9]", common(words))[0]
-    own = f"{literal(stem)}.*" if stem else "|".join(map(literal, sorted(words)))
-    if stem and any(other.startswith(stem) for other in others):
+    if not own or parts is None:
         return way
     first, between, second = parts.groups()
     turned = {first: ".+?", second: own} if second == "target" else {first: own, second: ".+"}
     a, b = (f"(?P<{'group' if one == 'target' else 'target'}{patterns.OTHERWISE}>{turned[one]})"
             for one in (first, second))  # fmt: skip
     return f"{a}{between}{b}|{way}"
+
+
+def _pattern(words: set[str], rows: Mapping[str, Mapping[str, Array]]) -> str:
+    """What matches these words and none of the other targets; empty if nothing does."""
+    stem = re.split("[0-9]", common(words))[0] if words else ""
+    if not stem:
+        return "|".join(map(literal, sorted(words)))
+    others = {target for at in rows.values() for target in at} - words
+    return "" if any(other.startswith(stem) for other in others) else f"{literal(stem)}.*"
+
+
+def _still(rows: Mapping[str, Mapping[str, Array]], near: float) -> dict[str, Array]:
+    """Mean position of the groups whose readings are all in one place."""
+    places = {name: np.array([*own.values()]) for name, own in rows.items()}
+    return {name: at.mean(axis=0) for name, at in places.items() if np.ptp(at, axis=0).max() < near}
 
 
 def _rounds(rows: Mapping[str, Mapping[str, Array]]) -> set[str]:
@@ -115,11 +125,7 @@ def _rounds(rows: Mapping[str, Mapping[str, Array]]) -> set[str]:
     """
     every = np.array([at for own in rows.values() for at in own.values()])
     near = _ONE_PLACE * float(np.ptp(every, axis=0).max())
-    still = {
-        name: np.mean([*own.values()], axis=0)
-        for name, own in rows.items()
-        if np.ptp([*own.values()], axis=0).max() < near
-    }
+    still = _still(rows, near)
     often = Counter(target for own in rows.values() for target in own)
     alone = Counter(target for name in still for target in rows[name])
     words = {target for target, count in alone.items() if 2 * count > often[target]}

@@ -264,11 +264,16 @@ def _raw(
         lost=_raw_readings.lost(shots, whole),
         unused=_raw_readings.unused(everything, whole),
         aside=aside,
-        treated=tuple(
-            ExportTreatment(name, one.faces, one.untimed, (*one.settled, *_numbering(own)))
-            for name, one in exports.items()
-            if one.faces or one.untimed or one.settled or own
-        ),
+        treated=_treated(exports, own),
+    )
+
+
+def _treated(exports: Mapping[str, Export], own: Mapping[int, int]) -> tuple[ExportTreatment, ...]:
+    """What was done to exports, each where anything was."""
+    return tuple(
+        ExportTreatment(name, one.faces, one.untimed, (*one.settled, *_numbering(own)))
+        for name, one in exports.items()
+        if one.faces or one.untimed or one.settled or own
     )
 
 
