@@ -401,6 +401,7 @@ def of_loads(asked: Screening, moved: PullMoves, fit: _OrderFit, ring: Ring, row
         unit="sigma",
         correct=partial(_reloaded, true=true, lost=keys[0] if ring.ended else None),
         at=at,
+        places=len(moved.force) * (len(moved.force) - 1) // 2,
     )
 
 

@@ -41,6 +41,7 @@ class Mistake:
         instead: Places, or units, of which one may be wrong instead; nothing tells which.
         alike: What it has in common with others of one origin, with which it is told as one; empty
             where it stands alone.
+        places: Number of places that were compared to find it; chance alone makes one the best.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Mistake:
     rivalled: bool = False
     instead: tuple[str, ...] = ()
     alike: str = ""
+    places: int = 1
 
     @property
     def lost(self) -> Mistake:

@@ -112,24 +112,25 @@ def _without_spoiling(case: Case, all_right: Screened, found: list[list[Mistake]
 
 
 def files_beside(case: Case, files: Screened, base: ScreeningBase) -> Screened:
-    """The campaign with only those of its file mistakes that a model with causes does not refute.
+    """The campaign with only those of its file mistakes that make it likelier.
 
-    They were found given the joint springs alone, and what a cause does may look like rows in each
-    other's place. One is refuted if the campaign is likelier without its correction by odds of more
-    than 100, from the same number of rows.
+    They were found one by one, given the joint springs alone, and what a cause does, or many bad
+    readings, may look like rows in each other's place. Each has to make the campaign likelier by
+    odds of more than 100, and of as many more as there were places to look for it, from the same
+    number of rows.
 
     Args:
         case: The campaign as given.
         files: Its file mistakes.
         base: Springs and causes.
     """
-    for one in files.findings if len(base.cell.parameters) > len(case.cell.parameters) else ():
+    for one in files.findings:
         kept = tuple(other for other in files.findings if other is not one)
         less = Screened(kept, _corrected_case(case, kept))
         (rows, loss), (as_many, without) = (
             base.asked(each.case, None, base.family, True).loss for each in (files, less)
         )
-        if rows == as_many and without < loss - DECIDES:
+        if rows == as_many and without < loss + DECIDES + 2 * np.log(one.places):
             files = less
     return files
 
