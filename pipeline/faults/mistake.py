@@ -41,7 +41,8 @@ class Mistake:
         instead: Places, or units, of which one may be wrong instead; nothing tells which.
         alike: What it has in common with others of one origin, with which it is told as one; empty
             where it stands alone.
-        places: Number of places that were compared to find it; chance alone makes one the best.
+        places: Number of places in the pulls that were compared to find it, of which chance alone
+            makes one the best; 0 if the pulls are not what shows it.
     """
 
     name: str
@@ -63,7 +64,7 @@ class Mistake:
     rivalled: bool = False
     instead: tuple[str, ...] = ()
     alike: str = ""
-    places: int = 1
+    places: int = 0
 
     @property
     def lost(self) -> Mistake:

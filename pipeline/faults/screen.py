@@ -112,12 +112,13 @@ def _without_spoiling(case: Case, all_right: Screened, found: list[list[Mistake]
 
 
 def files_beside(case: Case, files: Screened, base: ScreeningBase) -> Screened:
-    """The campaign with only those of its file mistakes that make it likelier.
+    """The campaign with only those of its file mistakes that a better model does not refute.
 
     They were found one by one, given the joint springs alone, and what a cause does, or many bad
-    readings, may look like rows in each other's place. Each has to make the campaign likelier by
-    odds of more than 100, and of as many more as there were places to look for it, from the same
-    number of rows.
+    readings, may look like rows in each other's place. What was found in the pulls has to make them
+    likelier by odds of more than 100, and of as many more as there were places to look for it; what
+    was found elsewhere must not make them less likely by more than that. Both are compared from
+    the same number of rows.
 
     Args:
         case: The campaign as given.
@@ -130,7 +131,8 @@ def files_beside(case: Case, files: Screened, base: ScreeningBase) -> Screened:
         (rows, loss), (as_many, without) = (
             base.asked(each.case, None, base.family, True).loss for each in (files, less)
         )
-        if rows == as_many and without < loss + DECIDES + 2 * np.log(one.places):
+        needed = DECIDES + 2 * np.log(one.places) if one.places else -DECIDES
+        if rows == as_many and without < loss + needed:
             files = less
     return files
 

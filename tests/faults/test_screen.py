@@ -299,7 +299,7 @@ def test_rows_exchanged_in_the_files_are_judged_again_beside_causes(true):
         return replace(case, loads=case.loads.assign(force_n=force))
 
     case = exchanged(given) if true else given
-    one = replace(mistake("swap"), correct=exchanged)
+    one = replace(mistake("swap"), correct=exchanged, places=1)
     files = Screened((one,), exchanged(case))
     law = next(
         law
@@ -310,5 +310,12 @@ def test_rows_exchanged_in_the_files_are_judged_again_beside_causes(true):
     start = np.append(springs, np.zeros(len(law.parameters)))
     base = ScreeningBase(case.cell.with_effects(law), start, None, (law,))
 
-    assert names(files_beside(case, files, base)) == (["swap"] if true else [])
-    assert files_beside(case, files, ScreeningBase(case.cell, springs)) is files
+    for beside in base, ScreeningBase(case.cell, springs):
+        assert names(files_beside(case, files, beside)) == (["swap"] if true else [])
+    if true:  # among so many places that chance alone finds one as good, it counts for nothing
+        asked = (Screening(each, case.cell, springs) for each in (case, files.case))
+        without, loss = (each.loss[1] for each in asked)
+        odds = np.exp((without - loss) / 2)
+        for share, held in (0.9e-2, ["swap"]), (1.1e-2, []):
+            many = Screened((replace(one, places=share * odds),), files.case)
+            assert names(files_beside(case, many, ScreeningBase(case.cell, springs))) == held
