@@ -1,8 +1,9 @@
 """Rounds of base reflectors that do not show from which station the poses were read.
 
 Two rounds have each other's readings, or the tracker was carried poses before the round that shows
-it. Each round fits [base_frame] by itself, so that no reflector contradicts another one; but poses
-are then transformed from the wrong station, which the robot's table reveals.
+it, or a drift runs the other way. Each round fits [base_frame] by itself, so that no reflector
+contradicts another one; but poses are then transformed from the wrong place, which the robot's
+table reveals.
 """
 
 from __future__ import annotations
@@ -15,14 +16,16 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array
+from pipeline.base.linear import rigid
 from pipeline.faults.assignment import lines
-from pipeline.faults.conventions import anchored, pairs, unloaded
+from pipeline.faults.conventions import FEWEST_POSES, anchored, pairs, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.readers.reflector_sets import CLEARLY_NEARER
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import seconds
-from pipeline.reduction.stations import moved_by, with_rounds_exchanged
+from pipeline.reduction.stations import Round, moved_by, rounds_of, with_rounds_exchanged
+from pipeline.system import alarms, odds
 
 _MOST = 30
 """Maximum number of rounds of which all pairs are tried; nobody moves a tracker so often."""
@@ -41,6 +44,62 @@ def base_rounds(case: Case) -> list[Mistake]:
     if CLEARLY_NEARER * away[best] > min(before, rival):
         return []
     return [_finding(case, best, before, away[best])]
+
+
+def drifted(case: Case) -> list[Mistake]:
+    """The two rounds of one station whose exchange turns a drift the way the effector shows it.
+
+    A tracker that drifts sees the unloaded effector creep as the rounds of base reflectors do. With
+    S the sum of squared deviations of the poses from the table, each pose seen from where the
+    tracker stood by the rounds before and after it, the likelihood ratio of an exchange is
+    (S / S')^(n/2), n = 3 poses - 6; chance exceeds 1 / a in less than a of all cases.
+    """
+    rounds = [] if case.stations else rounds_of(case.settings, case.readings)[:_MOST]
+    rows = unloaded(case)
+    poses = rows["pose"].nunique()
+    if len(rounds) < 2 or poses < FEWEST_POSES:
+        return []
+    left = {
+        (a, b): _square(case, rows, _in_place(rounds, a, b))
+        for a, b in combinations(range(len(rounds)), 2)
+    }
+    before, best = _square(case, rows, rounds), min(left, key=lambda pair: left[pair])
+    rivals = [np.inf, *(square for pair, square in left.items() if pair != best)]
+    n = 3 * poses - 6
+    if (
+        n * np.log(before / left[best]) < -2 * np.log(alarms.MOVED)
+        or n * np.log(min(rivals) / left[best]) < odds.DECIDES
+    ):
+        return []
+    a, b = (rounds[k].group for k in best)
+    away = (float(np.sqrt(square / poses)) for square in (before, left[best]))
+    return [_finding(case, (a, b), *away)]
+
+
+def _in_place(rounds: list[Round], a: int, b: int) -> list[Round]:
+    """The rounds with the points of two of them exchanged."""
+    out = list(rounds)
+    for here, there in ((a, b), (b, a)):
+        points, nominal = rounds[there].points, rounds[there].nominal
+        out[here] = rounds[here]._replace(points=points, nominal=nominal)
+    return out
+
+
+def _square(case: Case, rows: pd.DataFrame, rounds: list[Round]) -> float:
+    """Sum over poses of the squared mean deviation of the targets from the table [m^2].
+
+    Each reading is transformed into F_b by the rounds before and after it, in proportion to time.
+    """
+    seen, expected, _ = pairs(case, rows)
+    since = seconds(case.readings)[case.readings.index.get_indexer(rows.index)]
+    begun = [one.begun for one in rounds]
+    placed = np.zeros_like(seen)
+    for mine, one in zip(np.eye(len(rounds)), rounds, strict=True):
+        R, t = one.pose()
+        placed += np.interp(since, begun, mine)[:, None] * (seen @ R.T + t)
+    R, t = rigid(placed, expected)
+    off = pd.DataFrame(placed @ R.T + t - expected).groupby(rows["pose"].to_numpy(int)).mean()
+    return float(np.sum(off.to_numpy() ** 2))
 
 
 def carried(case: Case) -> list[Mistake]:
@@ -163,6 +222,8 @@ def _finding(case: Case, pair: tuple[str, str], before: float, after: float) -> 
     )
 
 
-FAULT = Fault("exchanged", lambda asked: base_rounds(asked.case), True)
+FAULT = Fault(
+    "exchanged", lambda asked: base_rounds(asked.case) or drifted(asked.case), in_files=True
+)
 
 CARRIED = Fault("tracker_moved", lambda asked: carried(asked.case), True)

@@ -55,7 +55,7 @@ class Station(NamedTuple):
         return self._replace(turn=self.turn.T, shift=-self.turn.T @ self.shift)
 
 
-class _Round(NamedTuple):
+class Round(NamedTuple):
     """Base reflectors read in one group: start, points in the tracker's frame and nominal ones."""
 
     group: str
@@ -76,7 +76,7 @@ def one_station(
     settings: Settings, readings: pd.DataFrame
 ) -> tuple[pd.DataFrame, tuple[Station, ...]]:
     """Table READINGS transformed to the tracker's first station, and its later stations."""
-    stations = _stations(_rounds(settings, readings))
+    stations = _stations(rounds_of(settings, readings))
     if len(stations) < 2:
         return readings, ()
     (R1, t1), *others = [_joined(rounds).pose() for rounds in stations]
@@ -99,7 +99,8 @@ def with_rounds_exchanged(
         stations: Later stations of the tracker.
         pair: Groups of the two rounds.
     """
-    shot = moved_by(readings, [one.back for one in stations])
+    back = [one.back for one in stations]
+    shot = moved_by(readings, back) if back else readings.copy()
     one, other = (shot.index[shot["group"] == group] for group in pair)
     of = shot["target"].astype(str)
     source = dict(zip(of[other], other, strict=True)) if of[other].is_unique else {}
@@ -125,21 +126,21 @@ def moved_by(readings: pd.DataFrame, stations: Sequence[Station]) -> pd.DataFram
     return out
 
 
-def _rounds(settings: Settings, readings: pd.DataFrame) -> list[_Round]:
+def rounds_of(settings: Settings, readings: pd.DataFrame) -> list[Round]:
     """Rounds that determine a station by themselves, in order of time."""
     base = readings.assign(since=seconds(readings))[readings["pose"].isna()]
     base = base[base["target"].isin(list(settings.base_frame)) & base["since"].notna()]
     out = []
     for group, rows in base.groupby("group", observed=True):
         nominal = np.array([settings.base_frame[name] for name in rows["target"]])
-        one = _Round(str(group), float(rows["since"].min()), rows[XYZ].to_numpy(float), nominal)
+        one = Round(str(group), float(rows["since"].min()), rows[XYZ].to_numpy(float), nominal)
         few = rows["target"].nunique() < BASE_REFLECTORS
         if not few and apart(nominal) and one.off_m(*one.pose()) < _FITS_M:
             out.append(one)
     return sorted(out, key=lambda one: one.begun)
 
 
-def _stations(rounds: list[_Round]) -> list[list[_Round]]:
+def _stations(rounds: list[Round]) -> list[list[Round]]:
     """Consecutive rounds grouped by station."""
     out = [rounds[:1]]
     for before, one in pairwise(rounds):
@@ -149,8 +150,8 @@ def _stations(rounds: list[_Round]) -> list[list[_Round]]:
     return out
 
 
-def _joined(rounds: list[_Round]) -> _Round:
+def _joined(rounds: list[Round]) -> Round:
     """All rounds of a station as one."""
     points = np.concatenate([one.points for one in rounds])
     nominal = np.concatenate([one.nominal for one in rounds])
-    return _Round(rounds[0].group, rounds[0].begun, points, nominal)
+    return Round(rounds[0].group, rounds[0].begun, points, nominal)

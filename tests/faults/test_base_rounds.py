@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from small_case import small
 
-from pipeline.faults.base_rounds import base_rounds, carried
+from pipeline.faults.base_rounds import base_rounds, carried, drifted
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.stations import one_station
 
@@ -73,6 +73,30 @@ def test_rounds_of_one_station_may_be_exchanged(shot):
     assert base_rounds(exchanged(shot, "base_again", "base_end")) == []
     assert base_rounds(brought(shot)) == []
     assert base_rounds(small(3)) == []
+
+
+@pytest.mark.parametrize("mm", [0.0, 1.0, -0.8])
+def test_rounds_exchanged_while_the_tracker_drifts_show_in_the_effector(mm):
+    """Nothing without an exchange; with one, both rounds if the drift moves anything."""
+    right = small(12)
+    rows = right.readings.copy()
+    hours = (rows["time"] - rows["time"].min()) / pd.Timedelta(hours=1)
+    along = (hours / hours.max()).to_numpy()[:, None]
+    turn = Rotation.from_rotvec(along * [0, 0, 1e-4 * mm])
+    shift = 1e-3 * mm * along * [0.6, -0.7, 0.2]
+    rows[XYZ] = turn.apply(rows[XYZ].to_numpy(float, copy=True)) + shift
+    right = replace(right, readings=rows)
+    assert drifted(right) == []
+
+    spoilt = exchanged(right, "base_start", "base_end")
+
+    found = drifted(spoilt)
+    assert len(found) == bool(mm)
+    for one in found:
+        assert one.where == "base_start/base_end"
+        assert one.before > 2 * one.after
+        here, there = one.correct(spoilt).readings, right.readings
+        np.testing.assert_allclose(here[XYZ], there[XYZ], atol=1e-9)
 
 
 def read_late(shot, rounds, times):
