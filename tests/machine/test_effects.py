@@ -17,7 +17,7 @@ from pipeline.machine.effect import Compound, Elastic, Geometry, Noise
 from pipeline.machine.effects import catalogue, table
 from pipeline.machine.effects.joint_hysteresis import slid
 from pipeline.machine.effects.nameless import competing, mounting, nameless, remembered
-from pipeline.machine.robot import load
+from pipeline.machine.robot import load, mdh
 from pipeline.machine.robot.dh_parameters import dh_parameters
 
 NAMES = [
@@ -670,3 +670,17 @@ def test_an_entry_of_the_table_may_be_wrong_either_way(name):
     for effect in found:
         (entry,) = effect.parameters
         assert -entry.lower == entry.upper > 100 * abs(entry.typical)
+
+
+def test_a_link_of_no_length_does_not_bend():
+    """Elbow on the shoulder's axis: every column of the catalogue is still a number."""
+    text = (Path(mdh.__file__).parent / "kr500_rail.toml").read_text("utf-8")
+    robot = mdh.parse(text.replace("d_m = 1.3\n", "d_m = 0\n"), "short.toml")
+    few = [one for one in catalogue(robot) if one.name == "link_bending"]
+    rng = np.random.default_rng(5)
+    short = forward.paper_cell(robot, rich_tool(rng))
+    pulls = rich_pulls(robot, rng)
+
+    assert {one.where for one in few} == {"forearm"}
+    for one in catalogue(robot):
+        assert np.isfinite(forward.sensitivity(short, pulls, robot.nominal_compliance, [one])).all()

@@ -24,7 +24,20 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
         return ()
     shoulder, elbow, wrist = joints
     links = (("upper_arm", "upper", shoulder, elbow), ("forearm", "fore", elbow, wrist))
-    return tuple(_effect(robot, *link, form) for link in links for form in ("beam", "hinge"))
+    long = [link for link in links if _length(robot, *link[2:]) > _SHORTEST_M]
+    return tuple(_effect(robot, *link, form) for link in long for form in ("beam", "hinge"))
+
+
+_SHORTEST_M = 1e-3
+"""Minimum distance of the next joint from a joint's axis [m]; physics: nearer ones have no link
+between them that could bend."""
+
+
+def _length(robot: Robot, near: int, far: int) -> float:
+    """Distance of a joint from the axis of an earlier one [m]."""
+    here = configure(robot, np.zeros((1, robot.n)))
+    (axes, start), (_, end) = here.frame(near), here.frame(far)
+    return float(np.linalg.norm(np.cross((end - start)[0], axes[0, :, 2])))
 
 
 def _effect(robot: Robot, where: str, short: str, near: int, far: int, form: str) -> Elastic:
