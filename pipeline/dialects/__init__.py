@@ -7,7 +7,7 @@ order in which they were taken; and point lists and recordings of the robot's co
 of joint values. Without this folder a file can be read only if its columns are ours and all of its
 rows are readings.
 
-Door: `DIALECTS`; `mapped.read`, `workbook.opened`, `assignment.assigned`; for logs `of_controller`.
+Door: `DIALECTS`; `mapped.read`, `workbook.opened`, `assignment.assigned`; for logs `of_controller`, `joined`.
 Tests: `tests/readers/`, `tests/dialects/`.
 """
 
@@ -24,7 +24,10 @@ from pipeline.dialects import (
     tracker_pilot,
     xyz,
 )
+from pipeline.dialects.taught import joined
 from pipeline.readers import TABLE, Reader
+
+__all__ = ["DIALECTS", "joined", "of_controller"]
 
 DIALECTS: dict[str, Reader] = {
     "plain": titled.READER,

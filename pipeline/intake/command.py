@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from posixpath import dirname
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -23,6 +24,7 @@ from pipeline.app.commands._shared import (
 )
 from pipeline.base.doors import opened as behind
 from pipeline.base.errors import UsageError, listed
+from pipeline.base.patterns import is_glob
 from pipeline.base.shown import typed
 
 if TYPE_CHECKING:  # they import the numerical libraries, which takes a second
@@ -149,16 +151,19 @@ def _looked_at(
     Inner folders are looked at if no export lies in the campaign's own, or only files that tell
     less than those in the folders, such as a sketch of places.
     """
+    from pipeline.dialects.taught import gathered
     from pipeline.intake import blank
     from pipeline.intake.files import propose
     from pipeline.store.campaign import DEEPEST
 
-    files, within = blank.there(root, folder), blank.inner(folder)
+    files, within = gathered(blank.there(root, folder)), blank.inner(folder)
     own = propose(files, hints) if within else None
-    if own and not own.measured:
-        every = blank.there(root, folder, DEEPEST)
-        if not own.exports or propose(every, hints).measured:
+    if own and not (own.measured and own.joints):
+        every = gathered(blank.there(root, folder, DEEPEST))
+        if not own.measured and (not own.exports or propose(every, hints).measured):
             return every, []
+        files |= {name: every[name] for name in every if is_glob(name)}
+        within = {one: n for one, n in within.items() if not any(one == dirname(k) for k in files)}
     return files, [
         f"{inner}: {count} {'file is' if count == 1 else 'files are'} in this folder and not "
         f'looked at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'

@@ -301,7 +301,7 @@ def _letters_behind(name: str, parts: Mapping[str, str], words: Set[str]) -> str
 
     Its state is none.
     """
-    found = re.search(rf"(?<![0-9]){re.escape(parts['pose'])}([ _-]?)([A-Za-z]+)", name)
+    found = re.search(rf"(?<![0-9]){re.escape(parts['pose'])}([ _-]?)([^\W\d_]+)", name)
     state = parts["state"] or ""
     if found is None or (state and found[2].startswith(state)):
         return ""
