@@ -6,9 +6,9 @@ It is derived from the names alone, and from the targets read in the groups.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from statistics import median_low
 
 import pyarrow as pa
 
@@ -156,7 +156,7 @@ def _orders(
     read: dict[str, list[set[str]]] = {word: [] for word in stated.values()}
     for name, word in stated.items():
         read[word].append({*rows[name]})
-    most = {word: median_low(map(len, some)) for word, some in read.items()}
+    most = {word: _usual(some) for word, some in read.items()}
     ordered = sorted(most, key=lambda word: most[word])
     rest = [*most.values()].count(most[ordered[0]])
     if _are_apart(ordered[:rest], ordered[rest:]):
@@ -166,11 +166,23 @@ def _orders(
     return [((one, *(word for word in most if word != one)), 1) for one in most]
 
 
+def _usual(groups: Sequence[set[str]]) -> int:
+    """Number of targets in a quarter of some groups or more: one that fell off on the way counts."""
+    often = Counter(target for one in groups for target in one)
+    return sum(4 * count >= len(groups) for count in often.values())
+
+
 def _are_apart(unloaded: Sequence[str], loaded: Sequence[str]) -> bool:
-    """Whether states with the fewest targets are those without load: one, or of a common word."""
+    """Whether states with the fewest targets are those without load.
+
+    It is one, or they have a word in common or begin with the same (SC, SCF).
+    """
     common = set.intersection(*({*_WORDS.findall(word)} for word in unloaded))
     others = common.difference(*map(_WORDS.findall, loaded))
-    return bool(loaded) and (len(unloaded) == 1 or bool(others))
+    first = min(unloaded, key=len).lower()
+    begin = [word.lower().startswith(first) for word in (*unloaded, *loaded)]
+    alike = begin == [True] * len(unloaded) + [False] * len(loaded)
+    return bool(loaded) and (len(unloaded) == 1 or bool(others) or alike)
 
 
 def _pattern(
