@@ -167,7 +167,7 @@ def _orders(
 
 
 def _usual(groups: Sequence[set[str]]) -> int:
-    """Number of targets in a quarter of some groups or more: one that fell off on the way counts."""
+    """Number of targets in a quarter of some groups: one that fell off on the way counts."""
     often = Counter(target for one in groups for target in one)
     return sum(4 * count >= len(groups) for count in often.values())
 

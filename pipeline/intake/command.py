@@ -6,6 +6,7 @@ import contextlib
 import math
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -163,7 +164,8 @@ def _looked_at(
         if not own.measured and (not own.exports or propose(every, hints).measured):
             return every, []
         files |= {name: every[name] for name in every if is_glob(name)}
-        within = {one: n for one, n in within.items() if not any(one == dirname(k) for k in files)}
+        looked_at = {dirname(name) for name in files}
+        within = Counter({one: n for one, n in within.items() if one not in looked_at})
     return files, [
         f"{inner}: {count} {'file is' if count == 1 else 'files are'} in this folder and not "
         f'looked at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'

@@ -24,7 +24,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.patterns import is_glob, natural
 from pipeline.dialects.workbook import sheets
 from pipeline.intake import log_columns, nominal
-from pipeline.intake._folder import urdf
+from pipeline.intake._folder import ROBOT, of_robot
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._names_by_place import NEAR
 from pipeline.intake._prose import PROSE, is_prose
@@ -240,13 +240,16 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
     for name, data in files.items():
         if name.endswith(".toml") or (name in known and not is_workbook(data)):
             continue
+        if described := of_robot(name, data):
+            made = [k for k, of in files.items() if k.endswith(".toml") and name.encode() in of]
+            refused[name] = f"{ROBOT}, that of {made[0]}" if made else described
+            continue
         try:
             exports[name], largest = _export(name, data)
             reach += largest
         except InputError as problem:
             if name not in known:
-                known_as = PROSE if is_prose(name, data) else urdf(name, data)
-                refused[name] = known_as or problem.thing
+                refused[name] = PROSE if is_prose(name, data) else problem.thing
     return _Exports(exports, tuple(reach), refused)
 
 
@@ -310,7 +313,8 @@ def _offers(
     """What is to be said of files that are refused, or of workbooks, and how they are read then."""
     offers: dict[str, tuple[Offer, Export]] = {}
     books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
-    for name in (*(k for k, why in found.refused.items() if why != PROSE), *books):
+    asked = (k for k, why in found.refused.items() if not why.startswith((PROSE, ROBOT)))
+    for name in (*asked, *books):
         with contextlib.suppress(InputError):
             if one := offer(name, files[name], hints) or _settled(hints):
                 offers[name] = one, readers.read(name, files[name], one.hints)

@@ -1,0 +1,228 @@
+"""Make a robot file from a table: rows of Denavit and Hartenberg, or axes by point and direction.
+
+A DH table has the columns theta, d, a, alpha, by title, with a row for each joint; the convention
+is that of the order in which they stand: alpha and a before theta and d are the modified one,
+Rx(alpha) Tx(a) Rz(theta) Tz(d) (Craig 2005, ch. 3), else it is the classical one, Rz(theta) Tz(d)
+Tx(a) Rx(alpha) (Denavit and Hartenberg 1955). A list of axes has rows `JT2  0 450 750  -X`: a point
+on the axis with all joints at zero, in F_b, and the direction about which it turns; a row of the
+flange has a point only, a row of a rail a direction only.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from pipeline.base import linear, toml
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError
+from pipeline.exchange.rows import fixed, frames, row
+
+_COLUMNS = {
+    "theta": ("theta", "θ", "th", "세타"),
+    "d": ("d", "offset"),
+    "a": ("a", "r", "length"),
+    "alpha": ("alpha", "alfa", "α", "twist", "알파"),
+}
+"""Titles of a DH table, without units and indices."""
+_FLANGE = re.compile(
+    r"flange?\b|flansch|bride|brida|flangia|flanş|flans\b|kołnierz|příruba|фланец|플랜지|法兰|フランジ",
+    re.IGNORECASE,
+)
+_UNITS = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "rad": 180 / np.pi}
+"""Factors to metres and degrees; other angles are in degrees."""
+_NUMBER = r"[-+]?\d+(?:[.,]\d+)?"
+_ENTRY = re.compile(
+    r"(?P<joint>[^\W\d_]\w*)?\s*\*?\s*(?P<plus>[-+]\s*\d+(?:[.,]\d+)?)?"
+    rf"|(?P<fixed>{_NUMBER})"
+)
+"""A cell of a DH table: `q2`, `J1 - 90`, or a number."""
+_AXIS = re.compile(
+    rf"^\s*(?P<name>[^\W\d]\w*)\b(?P<point>(?:[;,\s]+{_NUMBER}){{3}})?(?P<rest>.*)$", re.MULTILINE
+)
+_WAY = re.compile(r"(?<!\w)(?P<sign>[-+]?)(?P<axis>[XYZ])(?!\w)")
+_UNIT = re.compile(r"[\[(](?:mm|m|in|deg|rad|°|grad)[^\])]*[\])]?.*")
+_INDEX = re.compile(r"[_ ({]*(?:\b|(?<=_)|(?<=[θα]))[ijn]?\s*(?:-\s*1)?[)} ]*$")
+"""What is behind the letter of a title: its unit, an index as in a_i-1."""
+_MARKS = (";", "\t", "|", ",")
+_LARGE = 20.0
+"""Length from which a table without units is in millimetres [1]: no link is longer in metres."""
+_SLIDES_M = 30.0
+"""Largest position along a rail, of either sign, where nobody states its ends [m]."""
+_MOST = 20_000
+"""Size from which a file is taken for something else [byte]; a robot has a dozen rows."""
+_LEAST = 4
+"""Minimum number of joints of a table [1]."""
+
+
+def robot_file(data: bytes, file: str, payload_kg: float | None = None) -> str:
+    """The text of a robot file.
+
+    Args:
+        data: Content of the table.
+        file: Its name.
+        payload_kg: Rated payload [kg].
+
+    Raises:
+        InputError: It is neither table.
+    """
+    text = _decoded(data)
+    found = _of_dh(text) or _of_axes(text)
+    if found is None:
+        raise InputError(
+            "there is no table of a robot in it",
+            "give columns theta, d, a, alpha with a row for each joint, or rows with the name of "
+            "an axis, a point on it and its direction: JT2 0 450 750 -X",
+            file=file,
+        )
+    content, assumed = found
+    names = [one["name"] for one in content["joint"]]
+    limits = "the limits of the joints are not stated: correct lower_deg and upper_deg"
+    head = {
+        "format": 1,
+        "name": _plain(file),
+        "description": f"robot of {file}",
+        "source": file,
+        "assumptions": ["the stiffnesses of the joints are not known", limits, *assumed],
+        **({} if payload_kg is None else {"payload_kg": payload_kg}),
+    }
+    controller = {"axes": names, "matrix": np.eye(len(names), dtype=int).tolist()}
+    return toml.dumps({**head, **content, "controller": controller})
+
+
+def _plain(file: str) -> str:
+    """A name for the robot of a file."""
+    plain = re.sub(r"[^A-Za-z0-9_.-]", "", file.rpartition(".")[0])[:100].strip("_.-")
+    return plain or "robot"
+
+
+def is_table(data: bytes) -> bool:
+    """Whether a file is such a table."""
+    text = _decoded(data) if len(data) < _MOST else ""
+    return (_of_dh(text) or _of_axes(text)) is not None
+
+
+def _decoded(data: bytes) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", "replace")
+
+
+def _joint(name: str, slides: bool) -> dict[str, Any]:
+    ends: dict[str, Any] = {"lower_deg": -360, "upper_deg": 360}
+    if slides:
+        ends = {"lower_m": -_SLIDES_M, "upper_m": _SLIDES_M}
+    return {"name": name, "type": "prismatic" if slides else "revolute", **ends}
+
+
+# --- Denavit and Hartenberg -----------------------------------------------------------------------
+
+
+def _of_dh(text: str) -> tuple[dict[str, Any], list[str]] | None:
+    """Content of a robot file by a DH table, and what was assumed; None if there is none."""
+    for mark in _MARKS:
+        rows = [[cell.strip(' "') for cell in line.split(mark)] for line in text.splitlines()]
+        for number, titles in enumerate(rows):
+            at = _places(titles)
+            if len(at) == len(_COLUMNS):
+                below = [one for one in rows[number + 1 :] if len(one) == len(titles) and any(one)]
+                return _of_rows(titles, at, below) if len(below) >= _LEAST else None
+    return None
+
+
+def _places(titles: Sequence[str]) -> dict[str, int]:
+    """Index of each column of a DH table."""
+    plain = [_INDEX.sub("", _UNIT.sub("", one.lower()).strip()).strip() for one in titles]
+    return {
+        role: next(k for k, one in enumerate(plain) if one in words)
+        for role, words in _COLUMNS.items()
+        if not {*words}.isdisjoint(plain)
+    }
+
+
+def _of_rows(
+    titles: Sequence[str], at: Mapping[str, int], rows: Sequence[Sequence[str]]
+) -> tuple[dict[str, Any], list[str]] | None:
+    modified = max(at["alpha"], at["a"]) < min(at["theta"], at["d"])
+    joints = []
+    for number, cells in enumerate(rows, 1):
+        entries = {role: _ENTRY.fullmatch(cells[k]) for role, k in at.items()}
+        if not all(entries.values()):
+            return None
+        slides = bool(entries["d"] and entries["d"]["joint"])
+        moving = entries["d" if slides else "theta"]
+        first = cells[0] if 0 not in at.values() else moving and moving["joint"]
+        values = {role: _value(one) for role, one in entries.items()}
+        joints.append((_joint(str(first or f"J{number}"), slides), values))
+    lengths = [abs(one[role]) for _, one in joints for role in ("a", "d")]
+    factor = {role: _factor(titles[k], role, max(lengths)) for role, k in at.items()}
+    keys = {"theta": "theta_deg", "d": "d_m", "a": "a_m", "alpha": "alpha_deg"}
+    made = [
+        head | {keys[r]: round(factor[r] * x, 10) for r, x in values.items() if x}
+        for head, values in joints
+    ]
+    convention = "craig" if modified else "standard"
+    order = "Rx(alpha) Tx(a) Rz(theta) Tz(d)" if modified else "Rz(theta) Tz(d) Tx(a) Rx(alpha)"
+    why = f"by the order of its columns the table is {order}; if not, correct convention"
+    return {"convention": convention, "joint": made}, [why]
+
+
+def _value(entry: re.Match[str] | None) -> float:
+    text = entry and (entry["fixed"] or entry["plus"])
+    return float(text.replace(",", ".").replace(" ", "")) if text else 0.0
+
+
+def _factor(title: str, role: str, longest: float) -> float:
+    """To metres or degrees, by the unit of a title, else by the longest length."""
+    words = re.findall(r"[^\W\d_]+", title.lower())
+    stated = next((_UNITS[one] for one in reversed(words[1:]) if one in _UNITS), None)
+    if stated is not None or role in ("theta", "alpha"):
+        return stated or 1.0
+    return 1e-3 if longest > _LARGE else 1.0
+
+
+# --- axes by point and direction ------------------------------------------------------------------
+
+
+def _of_axes(text: str) -> tuple[dict[str, Any], list[str]] | None:
+    """Content of a robot file by a list of axes, and what was assumed; None if it is none."""
+    found = [(one["name"], _point(one["point"]), _way(one["rest"])) for one in _AXIS.finditer(text)]
+    numbered = [(name, at, way) for name, at, way in found if re.search(r"\d", name)]
+    turning = [(name, at, way) for name, at, way in numbered if at is not None and way is not None]
+    rails = [(name, way) for name, at, way in numbered if at is None and way is not None]
+    ends = [at for name, at, _ in found if at is not None and _FLANGE.match(name)]
+    if len(turning) < _LEAST or len(rails) > 1 or len(ends) != 1:
+        return None
+    points = [at for _, at, _ in turning if at is not None] + ends
+    scale = 1e-3 if np.abs(points).max() > _LARGE else 1.0
+    flange = np.eye(4)
+    flange[:3, 3] = scale * points[-1]
+    ways = [way for _, _, way in turning if way is not None]
+    lines = [(scale * at, way) for at, way in zip(points[:-1], ways, strict=True)]
+    lines = [(lines[0][0], way) for _, way in rails if way is not None] + lines
+    on_axes = frames(lines, flange)
+    steps = [row(before, after) for before, after in pairwise(on_axes)]
+    names = [*(name for name, _ in rails), *(name for name, *_ in turning)]
+    heads = [_joint(name, k < len(rails)) for k, name in enumerate(names)]
+    joints = [head | step for head, step in zip(heads, steps, strict=True)]
+    content = {"convention": "craig", **fixed("base", on_axes[0]), "joint": joints}
+    content |= fixed("flange", linear.solve(on_axes[-1], flange))
+    why = "with all axes at 0 the flange frame is parallel to F_b; if not, correct [flange]"
+    return content, [why]
+
+
+def _point(text: str | None) -> Array | None:
+    numbers = re.findall(_NUMBER, text or "")
+    return np.array([float(one.replace(",", ".")) for one in numbers]) if numbers else None
+
+
+def _way(text: str) -> Array | None:
+    """The first direction in a text, a unit vector (3,)."""
+    if (found := _WAY.search(text)) is None:
+        return None
+    return (-1.0 if found["sign"] == "-" else 1.0) * np.eye(3)["XYZ".index(found["axis"])]
