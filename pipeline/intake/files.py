@@ -386,7 +386,7 @@ def _parts(one: Offer) -> list[dict[str, str]]:
     A state is a word, the others are numbers; a pose column precedes that of the pulls.
     """
     left = _untaken(one)
-    numbers = [c.title for c in left if c.example.isdecimal()]
+    numbers = [c.title for c in left if c.counted]
     words = [c.title for c in left if c.title not in numbers]
     alone = [{"group": c.title} for c in left]
     pairs = [{"pose": pose, "state": state} for state in words for pose in numbers]
