@@ -132,6 +132,9 @@ def propose(
     while lists:  # beside an export of the same targets
         others = {name: data for name, data in files.items() if name not in lists}
         said = _proposed(others, hints or ExportSettings(), unloaded)
+        if len(said.names) > 1 and (way := _names_of_places(others, said.names, lists)):
+            hints = (hints or ExportSettings()).model_copy(update={"names": way})
+            said = _proposed(others, hints, unloaded)
         fitting = {k: one for k, one in lists.items() if nominal.may_be_of(one, said.words)}
         if fitting.keys() == lists.keys():
             apart_m = said.apart_m | said.base_apart_m
@@ -143,6 +146,21 @@ def propose(
         lists = fitting
     said = _proposed(files, hints or ExportSettings(), unloaded)
     return replace(said, called=called(files, said.robots))
+
+
+def _names_of_places(
+    files: Mapping[str, bytes], ways: Sequence[str], lists: Mapping[str, PlaceTable]
+) -> str | None:
+    """The only way to cut names in which the targets are those of a list of places; else None."""
+    fitting = []
+    for way in ways:
+        hints = ExportSettings(names=way)
+        with contextlib.suppress(InputError):
+            exports = [*_exports(files, propose_logs(files)).exports.values()]
+            names = _targets([*(_by_group([split(e, way) for e in exports]) or {}).values()])
+            if any(sum(n in names for n in one.numbers) > 1 for one in lists.values()):
+                fitting.append(hints.names)
+    return fitting[0] if len(fitting) == 1 else None
 
 
 def _settled_by_base(
