@@ -116,6 +116,11 @@ def _words(folder: Path, proposal: FilesProposal, known: KnownData) -> dict[str,
         "loads": _shown(loads, quoted),
         "joints": _shown(joints, quoted),
         "base": _points(proposal.base or _BASE * proposal.nothing, known),
+        "anchors": [
+            one
+            for one in _points([a for own in proposal.anchors.values() for a in own], known)
+            if one[1]
+        ],
         "tool": _points(["load_point", *(proposal.measured or proposal.often or _TARGETS)], known),
         "decimal_commas": [*map(quoted, proposal.decimal_commas)],
         "load_columns": _pairs(_with_answers(proposal.load_columns, known)),

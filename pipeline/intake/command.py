@@ -482,8 +482,7 @@ def _seen(proposal: FilesProposal) -> Iterator[str]:
     for title, anchors in proposal.anchors.items():
         yield (
             f"{listed(anchors, most=20)}: anchors, by the column {title} of {proposal.loads}; the "
-            "force is directed by both ends of the chain in each loaded group: add a row of the "
-            "anchor to each export or group in which it pulled, with the coordinates read once"
+            "chain goes from load_point straight to the anchor of its row"
         )
     if proposal.by_file:
         yield f"groups: named by {proposal.by_file}, of {len(proposal.exports)} files"

@@ -138,7 +138,9 @@ def propose(
         fitting = {k: one for k, one in lists.items() if nominal.may_be_of(one, said.words)}
         if fitting.keys() == lists.keys():
             apart_m = said.apart_m | said.base_apart_m
-            found = nominal.placed(lists, said.measured, said.base, apart_m)
+            said = _hooked_at_places(others, said, lists)
+            anchors = (one for own in said.anchors.values() for one in own)
+            found = nominal.placed(lists, said.measured, (*said.base, *anchors), apart_m)
             more = _settled_by_base(others, said, found, hints or ExportSettings())
             if more is not None:
                 return propose(files, more, unloaded)
@@ -207,9 +209,9 @@ def _proposed(
     exports, names, by_file = naming.exports, naming.names, naming.by_file
     rows = _by_group(exports)
     stated = _stated_groups(logged, files, rows)
-    columns = logged.load_columns | stated.columns
     named = _named(rows, stated.states, unloaded)
-    anchors = _anchors(logged, files, named)
+    anchors = {} if named.chain else _anchors(logged, files, named.base)
+    columns = logged.load_columns | stated.columns | dict.fromkeys(anchors, "anchor")
     fixed = tuple(one for one in named.base if not any(one in own for own in anchors.values()))
     asked = {one.about for one in found.offer.questions} if found.offer else set[str]()
     sized = not found.reach and asked <= {"horizontal"}  # a mirror keeps distances
@@ -565,13 +567,35 @@ def _stated_groups(
 
 
 def _anchors(
-    logged: LogFiles, files: Mapping[str, bytes], named: FilesProposal
+    logged: LogFiles, files: Mapping[str, bytes], points: Sequence[str]
 ) -> dict[str, tuple[str, ...]]:
-    """The points to which a chain was hooked, by the title of the log's column that names them."""
+    """The points to which a chain was hooked, by the title of the log's column that names them.
+
+    All points of their kind are anchors: those that differ from them in their number only.
+    """
     if logged.loads is None:
         return {}
-    own = log_columns.naming(logged.loads, files[logged.loads], {*named.base})
-    return {title: tuple(one for one in named.base if one in names) for title, names in own.items()}
+    for title, names in log_columns.naming(logged.loads, files[logged.loads], {*points}).items():
+        return {title: tuple(one for one in points if _kind(one) in {*map(_kind, names)})}
+    return {}
+
+
+def _kind(name: str) -> str:
+    """A name without its numbers."""
+    return re.sub("[0-9]+", "", name)
+
+
+def _hooked_at_places(
+    files: Mapping[str, bytes], said: FilesProposal, lists: Mapping[str, PlaceTable]
+) -> FilesProposal:
+    """Anchors that were never read, if a column of the log names places of a list."""
+    if said.anchors or said.chain:
+        return said
+    points = [name for one in lists.values() for name in one.numbers
+              if name not in (*said.measured, *said.base)]  # fmt: skip
+    anchors = _anchors(said, files, points)
+    columns = said.load_columns | dict.fromkeys(anchors, "anchor")
+    return replace(said, anchors=anchors, load_columns=columns)
 
 
 def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]) -> bool:
