@@ -80,7 +80,7 @@ def _names(column: pa.DictionaryArray) -> Any:
 
 
 def _rounds(
-    shots: Any, names: Any, order: Array, base: Mapping[str, Any]
+    shots: Any, names: Any, order: Any, base: Mapping[str, Any]
 ) -> list[tuple[float, Array, Array]]:
     """When each round of base reflectors began, and R, t from F_b to the instrument's frame."""
     group, found = np.asarray(shots.group.indices), []
@@ -101,7 +101,7 @@ def _last(rounds: list[tuple[float, Array, Array]], moment: float) -> tuple[Arra
 def _anchors(
     shots: Any,
     names: Any,
-    order: Array,
+    order: Any,
     rounds: list[tuple[float, Array, Array]],
     loads: Log,
     stated: Mapping[str, Any],
