@@ -415,10 +415,10 @@ def _parts(one: Offer) -> list[dict[str, str]]:
 
 
 def _untaken(one: Offer) -> list[ColumnRole]:
-    """The columns with a title that hold neither names of targets, coordinates nor times."""
+    """The columns with a title that hold neither targets, coordinates, times nor row numbers."""
     mapping = one.hints.mapping.columns if one.hints.mapping else {}
     taken = {mapping.get(role) for role in ("target", "x", "y", "z", "time", "date")}
-    return [c for c in one.columns if c.title and c.title not in taken]
+    return [c for c in one.columns if c.title and c.title not in taken and c.counted is not None]
 
 
 @dataclass(frozen=True)

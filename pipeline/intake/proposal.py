@@ -455,7 +455,7 @@ def _columns(table: SheetTable, reading: RoleAssignment) -> tuple[ColumnRole, ..
                 content.example,
                 role.role,
                 role.why,
-                content.counted,
+                None if content.counts else content.counted,
             )
         )
     return tuple(out)
