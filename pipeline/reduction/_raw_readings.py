@@ -55,7 +55,6 @@ class RawReadings(Locked):
         repeat: Pull of each slot, shape (s,).
         loaded: Whether a slot is a loaded state, shape (s,).
         rejected: Readings that were left out, with the reason.
-        aside: Slot and role of readings that campaign.toml sets aside.
     """
 
     files: tuple[str, ...]
@@ -72,7 +71,6 @@ class RawReadings(Locked):
     repeat: Ints
     loaded: Bools
     rejected: tuple[Rejection, ...]
-    aside: frozenset[tuple[int, int]] = frozenset()
 
     def __len__(self) -> int:
         """Number of readings."""
