@@ -23,12 +23,14 @@ from pipeline.base.errors import InputError
 from pipeline.exchange.rows import fixed, frames, row
 
 _COLUMNS = {
-    "theta": ("theta", "θ", "th", "세타"),
+    "theta": ("theta", "θ", "th", "세타", "offset"),
     "d": ("d", "offset"),
     "a": ("a", "r", "length"),
     "alpha": ("alpha", "alfa", "α", "twist", "알파"),
 }
 """Titles of a DH table, without units and indices."""
+_SIGNS = ("sign", "sense", "segno", "signe", "sens", "signo", "vorzeichen", "znak", "부호")
+"""Titles of the sense of each axis, +1 or -1, beside its constant angle: theta = sign q + offset."""
 _FLANGE = re.compile(
     r"flange?\b|flansch|bride|brida|flangia|flanş|flans\b|kołnierz|příruba|фланец|플랜지|法兰|フランジ",
     re.IGNORECASE,
@@ -81,6 +83,8 @@ def robot_file(data: bytes, file: str, payload_kg: float | None = None) -> str:
         )
     content, assumed = found
     names = [one["name"] for one in content["joint"]]
+    for k, one in enumerate(content["joint"], 1):
+        one["name"] = f"{'theta' if one['type'] == 'revolute' else 'r'}{k}"
     limits = "the limits of the joints are not stated: correct lower_deg and upper_deg"
     head = {
         "format": 1,
@@ -90,7 +94,8 @@ def robot_file(data: bytes, file: str, payload_kg: float | None = None) -> str:
         "assumptions": ["the stiffnesses of the joints are not known", limits, *assumed],
         **({} if payload_kg is None else {"payload_kg": payload_kg}),
     }
-    controller = {"axes": names, "matrix": np.eye(len(names), dtype=int).tolist()}
+    signs = content.pop("signs", [1] * len(names))
+    controller = {"axes": names, "matrix": np.diag(signs).tolist()}
     return toml.dumps({**head, **content, "controller": controller})
 
 
@@ -129,7 +134,7 @@ def _of_dh(text: str) -> tuple[dict[str, Any], list[str]] | None:
         rows = [[cell.strip(' "') for cell in line.split(mark)] for line in text.splitlines()]
         for number, titles in enumerate(rows):
             at = _places(titles)
-            if len(at) == len(_COLUMNS):
+            if len({*at.values()}) == len(_COLUMNS):
                 below = [one for one in rows[number + 1 :] if len(one) == len(titles) and any(one)]
                 return _of_rows(titles, at, below) if len(below) >= _LEAST else None
     return None
@@ -166,10 +171,12 @@ def _of_rows(
         head | {keys[r]: round(factor[r] * x, 10) for r, x in values.items() if x}
         for head, values in joints
     ]
+    sign = next((k for k, one in enumerate(titles) if one.lower() in _SIGNS), None)
+    signs = [-1 if sign is not None and "-" in cells[sign] else 1 for cells in rows]
     convention = "craig" if modified else "standard"
     order = "Rx(alpha) Tx(a) Rz(theta) Tz(d)" if modified else "Rz(theta) Tz(d) Tx(a) Rx(alpha)"
     why = f"by the order of its columns the table is {order}; if not, correct convention"
-    return {"convention": convention, "joint": made}, [why]
+    return {"convention": convention, "joint": made, "signs": signs}, [why]
 
 
 def _value(entry: re.Match[str] | None) -> float:

@@ -96,6 +96,25 @@ def test_a_modified_table_by_the_order_of_its_columns(capsys, tmp_path):
     assert at == pytest.approx(T[:3, 3], abs=1e-9)
 
 
+def test_the_sense_and_the_zero_of_each_axis(capsys, tmp_path):
+    """It is theta = sign q + offset, in Craig's rows as Yaskawa's are written down."""
+    signs = [1, 1, -1, -1, -1, -1]
+    rows = [
+        f"{n};{alpha};{1e3 * a:g};{1e3 * d:g};{-90 * (k == 1)};{sign:+d}"
+        for k, ((n, d, a, alpha), sign) in enumerate(zip(ROWS, signs, strict=True))
+    ]
+    text = "\n".join(["# mm e gradi", "asse;alpha(i-1);a(i-1);d(i);offset;segno", *rows])
+    T = np.eye(4)
+    for k, (q, (_, d, a, alpha)) in enumerate(zip(signs * SHOWN, ROWS, strict=True)):
+        T = T @ turn((1, 0, 0), np.deg2rad(alpha)) @ shift(a, 0, 0)
+        T = T @ turn((0, 0, 1), q - np.pi / 2 * (k == 1)) @ shift(0, 0, d)
+
+    at, turned = flange(made(capsys, tmp_path, text), SHOWN)
+
+    assert at == pytest.approx(T[:3, 3], abs=1e-9)
+    assert turned == pytest.approx(T[:3, :3], abs=1e-9)
+
+
 def test_axes_by_point_and_direction(capsys, tmp_path):
     """The product of rotations about the stated lines, from the rail outwards."""
     lines = [((0, 0, -1), (0, 0, 0)), ((-1, 0, 0), (0, 0.45, 0.75)), ((1, 0, 0), (0, 0.45, 1.85)),
