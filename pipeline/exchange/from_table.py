@@ -29,8 +29,8 @@ _COLUMNS = {
     "alpha": ("alpha", "alfa", "α", "twist", "알파"),
 }
 """Titles of a DH table, without units and indices."""
-_SIGNS = ("sign", "sense", "segno", "signe", "sens", "signo", "vorzeichen", "znak", "부호")
-"""Titles of the sense of each axis, +1 or -1, beside its constant angle: theta = sign q + offset."""
+_SIGNS = ("sign", "sense", "segno", "signe", "sens", "signo", "vorzeichen", "znak")
+"""Titles of the sense of each axis, +1 or -1: theta = sign q + offset."""
 _FLANGE = re.compile(
     r"flange?\b|flansch|bride|brida|flangia|flanş|flans\b|kołnierz|příruba|фланец|플랜지|法兰|フランジ",
     re.IGNORECASE,

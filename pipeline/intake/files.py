@@ -198,7 +198,7 @@ def _proposed(
     """Interpret files none of which is a list of nominal places; arguments as for `propose`."""
     logged = propose_logs(files)
     found = _exports(files, logged)
-    found = found if found.exports else _offered(files, found, hints)
+    found = _as_stated(files, found, hints) if found.exports else _offered(files, found, hints)
     found = _with_groups(files, found, hints, logged)
     exports = [*found.exports.values()]
     namings = _namings(exports, files, found.offer.hints if found.offer else hints)
@@ -271,6 +271,21 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
             if name not in known:
                 refused[name] = PROSE if is_prose(name, data) else problem.thing
     return _Exports(exports, tuple(reach), refused)
+
+
+def _as_stated(files: Mapping[str, bytes], found: _Exports, hints: ExportSettings) -> _Exports:
+    """Add the files that only the statements explain to exports that need none."""
+    if hints == _NO_HINTS:
+        return found
+    read, reach = {}, [*found.reach]
+    asked = (k for k, why in found.refused.items() if not why.startswith((PROSE, ROBOT)))
+    for name in asked:
+        with contextlib.suppress(InputError):
+            read[name], largest = _export(name, files[name], hints)
+            reach += largest
+    refused = {name: why for name, why in found.refused.items() if name not in read}
+    both = found.exports | read
+    return _Exports(both, tuple(reach), refused, _settled(hints)) if read else found
 
 
 def _export(

@@ -478,3 +478,23 @@ def test_positions_listed_one_file_each_in_a_folder_are_one_joint_log(tmp_path, 
 
     assert 'file = "CURPOS/*.DG"' in (folder / "campaign.toml").read_text("utf-8")
     assert "not looked at" not in capsys.readouterr().err
+
+
+def test_what_is_stated_holds_for_exports_beside_those_that_need_nothing():
+    """`init --stated`: columns and unit of files that do not say them, a round of the base does."""
+    base = "group;target;x_mm;y_mm;z_mm\n" + "".join(
+        f"start;{n};{x};{y};{z}\n" for n, (x, y, z) in FLOOR.items()
+    )
+    rows = "".join(f"{p} {s};{n};{x / 25.4:.5f};{z / 25.4:.5f};{y / 25.4:.5f}\n"
+                   for p, s, n, x, y, z in _shots("7b")[3:])  # fmt: skip
+    files = {"base.csv": base.encode(), "day.txt": ("u;v;k;l;m\n" + rows).encode()}
+    columns = {"group": "u", "target": "v", "x": "k", "y": "m", "z": "l"}
+    stated = ExportSettings(unit="in", mapping={"columns": columns})
+
+    assert propose(files).exports == ("base.csv",)
+    found = propose(files, stated)
+
+    assert found.exports == ("base.csv", "day.txt")
+    assert found.offer.hints == stated
+    assert (found.measured, found.base) == (tuple(FLANGE), tuple(FLOOR))
+    assert found.apart_m["R1", "R2"] == pytest.approx(0.39026, abs=2e-5)
