@@ -22,6 +22,7 @@ from pipeline import readers
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.base.patterns import is_glob, natural
+from pipeline.dialects.taught import unnumbered
 from pipeline.dialects.workbook import sheets
 from pipeline.intake import log_columns, nominal
 from pipeline.intake._folder import ROBOT, of_robot
@@ -78,6 +79,7 @@ class FilesProposal(LogFiles):
         base_apart_m: The same between base reflectors.
         words: Names of all targets of the exports, and the parts of all their names.
         called: Those of the robots whose type is named in files.
+        resting: Points of the joint log that are no poses, by name: value by title of the axis.
         nominal: Places of reflectors that other files state.
     """
 
@@ -100,6 +102,7 @@ class FilesProposal(LogFiles):
     base_apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
     words: frozenset[str] = frozenset()
     called: tuple[str, ...] = ()
+    resting: dict[str, dict[str, float]] = field(default_factory=dict)
     nominal: NominalPlaces = field(default_factory=NominalPlaces)
 
     @property
@@ -230,6 +233,7 @@ def _proposed(
         exports=tuple(found.exports),
         reach=max(found.reach, default=None),
         unsure=unsure(logged.loads, files, columns),
+        resting=unnumbered(files[logged.joints]) if logged.joints else {},
         **vars(logged) | {"load_columns": columns, "refused": logged.refused | found.refused},
     )
 

@@ -498,3 +498,26 @@ def test_what_is_stated_holds_for_exports_beside_those_that_need_nothing():
     assert found.offer.hints == stated
     assert (found.measured, found.base) == (tuple(FLANGE), tuple(FLOOR))
     assert found.apart_m["R1", "R2"] == pytest.approx(0.39026, abs=2e-5)
+
+
+def test_points_that_are_no_poses_are_offered_for_the_test_pose(tmp_path, capsys):
+    """A rail first, as in the robot file, wherever the program has it."""
+    folder = tmp_path / "data/raw/hall"
+    folder.mkdir(parents=True)
+    assert cli._exit_code(["robot", "kr210_r2700_2", "--rail=y"]) == 0
+    (folder / "mine.toml").write_text(capsys.readouterr().out, encoding="utf-8")
+    points = {
+        "home": (0, -90, 90, 0, 0, 0, 1200),
+        "k01": (1, -60, 70, 2, 40, 3, 150),
+        "k02": (4, -50, 80, 5, 30, 6, 2500),
+        "k03": (7, -70, 60, 8, 50, 9, 350.5),
+    }
+    lines = [f"#{name} {' '.join(map(str, at))}" for name, at in points.items()]
+    (folder / "test.as").write_text("\n".join([".JOINTS", *lines, ".END"]))
+
+    assert cli._exit_code(["init", "hall", "--root", str(tmp_path)]) == 0
+    text = (folder / "campaign.toml").read_text("utf-8")
+
+    assert 'robot  = "mine.toml"' in text
+    assert "# home in test.as is [1200, 0, -90, 90, 0, 0, 0]\n" in text
+    assert "k01 in" not in text
