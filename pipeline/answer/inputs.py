@@ -407,9 +407,9 @@ def _not_read(case: Case) -> Iterator[str]:
     aside = {one.name.rpartition("/")[2] for one in case.aside}
     for name in (one for one in case.settings.measured if one not in aside):
         own = loaded[loaded["target"] == name]
-        without = [*pulls.keys() - {*zip(own["pose"], own["repeat"], strict=True)}]
-        if without and len(own):
-            places = listed([f"pose {pose:.0f} pull {pull:.0f}" for pose, pull in sorted(without)])
+        without = sorted(pulls.keys() - {*zip(own["pose"], own["repeat"], strict=True)})
+        if 0 < len(without) < len(pulls):
+            places = listed([f"pose {pose:.0f} pull {pull:.0f}" for pose, pull in without])
             yield f"{name} was not read in {places}: the other targets are used there."
 
 

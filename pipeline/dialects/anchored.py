@@ -13,7 +13,7 @@ to different anchors are not of one length.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -52,20 +52,12 @@ def with_ends(shots: Any, loads: Log, settings: Any) -> Any:
     )
     rounds = _rounds(shots, names, order, settings.base_frame)
     at = _anchors(shots, names, order, rounds, loads, settings.anchors)
-    rows = {(int(p), int(r)): k for k, (p, r) in enumerate(zip(
-        loads.number["pose"], loads.number["repeat"], strict=True))}  # fmt: skip
     found = []
-    for slot in np.flatnonzero(shots.loaded).tolist():
-        row = rows.get((int(shots.pose[slot]), int(shots.repeat[slot])))
+    for slot, row in _hooked(shots, loads):
         here = np.flatnonzero(shots.slot == slot)
-        seen = [k for k in here.tolist() if names[k] in settings.measured]
-        if row is None or len({names[k] for k in seen}) < _LEAST or not loads.word["anchor"][row]:
-            continue
-        nominal = np.array([settings.tool[names[k]] for k in seen])
-        R, t = linear.rigid(nominal, shots.position[seen])
-        Rb, tb = _last(rounds, order[here].min())
-        near = R @ np.array(settings.tool["load_point"]) + t
-        found.append((slot, row, here[-1], near, Rb @ at[loads.word["anchor"][row]] + tb))
+        if (near := _load_point(shots, names, here, settings)) is not None:
+            R, t = _last(rounds, order[here].min())
+            found.append((slot, row, here[-1], near, R @ at[loads.word["anchor"][row]] + t))
     length = float(np.median([float(np.linalg.norm(far - near)) for *_, near, far in found] or 1.0))
     ends = [
         (slot, row, last, near + k * length * (far - near) / np.linalg.norm(far - near), k)
@@ -73,6 +65,26 @@ def with_ends(shots: Any, loads: Log, settings: Any) -> Any:
         for k in (0, 1)
     ]
     return _added(shots, ~np.isin(names, [*at]), ends, loads, settings) if ends else shots
+
+
+def _hooked(shots: Any, loads: Log) -> Iterator[tuple[int, int]]:
+    """Each loaded slot whose row in the log names an anchor, and the row."""
+    keys = zip(loads.number["pose"], loads.number["repeat"], strict=True)
+    rows = {(int(pose), int(repeat)): k for k, (pose, repeat) in enumerate(keys)}
+    for slot in np.flatnonzero(shots.loaded).tolist():
+        row = rows.get((int(shots.pose[slot]), int(shots.repeat[slot])))
+        if row is not None and loads.word["anchor"][row]:
+            yield slot, row
+
+
+def _load_point(shots: Any, names: Any, here: Any, settings: Any) -> Array | None:
+    """The load point by the effector's reflectors among some readings; None if these are few."""
+    seen = [k for k in here.tolist() if names[k] in settings.measured]
+    if len({names[k] for k in seen}) < _LEAST:
+        return None
+    nominal = np.array([settings.tool[names[k]] for k in seen])
+    R, t = linear.rigid(nominal, shots.position[seen])
+    return np.asarray(R @ np.array(settings.tool["load_point"]) + t)
 
 
 def _names(column: pa.DictionaryArray) -> Any:

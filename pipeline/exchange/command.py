@@ -85,15 +85,12 @@ def _arm(
     Raises:
         UsageError: Neither a robot that ships, nor a file of one, nor a URDF with its links.
     """
-    from pipeline.machine.robot import SHIPPED
-
-    if file is not None and railed and (str(file) in SHIPPED or file.suffix == ".toml"):
-        return _with_payload(_shipped(str(file)), payload), []
+    name = str(file or "")
+    if railed and not name.endswith((".urdf", ".csv", ".txt")):
+        return _with_payload(_shipped(name), payload), []
     if file is not None and file.suffix.lower() in (".csv", ".txt"):
         return _of_table(file, payload)
     if file is None or base is None or flange is None:
-        if file is not None and railed and file.suffix != ".urdf":
-            _shipped(str(file))
         raise UsageError(
             "give a URDF with --base and --flange, or a table as .csv or .txt, or --list, or "
             "--show NAME for a robot that ships, or NAME --rail AXIS"

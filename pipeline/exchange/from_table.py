@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -150,33 +150,57 @@ def _places(titles: Sequence[str]) -> dict[str, int]:
     }
 
 
+class _Row(NamedTuple):
+    """A row of a DH table: the axis, whether it slides, and its numbers by role as written."""
+
+    name: str
+    slides: bool
+    values: dict[str, float]
+
+
 def _of_rows(
     titles: Sequence[str], at: Mapping[str, int], rows: Sequence[Sequence[str]]
 ) -> tuple[dict[str, Any], list[str]] | None:
-    modified = max(at["alpha"], at["a"]) < min(at["theta"], at["d"])
-    joints = []
-    for number, cells in enumerate(rows, 1):
-        entries = {role: _ENTRY.fullmatch(cells[k]) for role, k in at.items()}
-        if not all(entries.values()):
-            return None
-        slides = bool(entries["d"] and entries["d"]["joint"])
-        moving = entries["d" if slides else "theta"]
-        first = cells[0] if 0 not in at.values() else moving and moving["joint"]
-        values = {role: _value(one) for role, one in entries.items()}
-        joints.append((_joint(str(first or f"J{number}"), slides), values))
-    lengths = [abs(one[role]) for _, one in joints for role in ("a", "d")]
-    factor = {role: _factor(titles[k], role, max(lengths)) for role, k in at.items()}
-    keys = {"theta": "theta_deg", "d": "d_m", "a": "a_m", "alpha": "alpha_deg"}
+    found = [_row(number, cells, at) for number, cells in enumerate(rows, 1)]
+    joints = [one for one in found if one is not None]
+    if len(joints) < len(found):
+        return None
+    longest = max(abs(one.values[role]) for one in joints for role in ("a", "d"))
+    factor = {role: _factor(titles[k], role, longest) for role, k in at.items()}
     made = [
-        head | {keys[r]: round(factor[r] * x, 10) for r, x in values.items() if x}
-        for head, values in joints
+        _joint(one.name, one.slides)
+        | {_KEYS[r]: round(factor[r] * x, 10) for r, x in one.values.items() if x}
+        for one in joints
     ]
-    sign = next((k for k, one in enumerate(titles) if one.lower() in _SIGNS), None)
-    signs = [-1 if sign is not None and "-" in cells[sign] else 1 for cells in rows]
-    convention = "craig" if modified else "standard"
-    order = "Rx(alpha) Tx(a) Rz(theta) Tz(d)" if modified else "Rz(theta) Tz(d) Tx(a) Rx(alpha)"
+    modified = max(at["alpha"], at["a"]) < min(at["theta"], at["d"])
+    convention, order = _CONVENTIONS[modified]
     why = f"by the order of its columns the table is {order}; if not, correct convention"
-    return {"convention": convention, "joint": made, "signs": signs}, [why]
+    content = {"convention": convention, "joint": made, "signs": _signs(titles, rows)}
+    return content, [why]
+
+
+_KEYS = {"theta": "theta_deg", "d": "d_m", "a": "a_m", "alpha": "alpha_deg"}
+_CONVENTIONS = (
+    ("standard", "Rz(theta) Tz(d) Tx(a) Rx(alpha)"),
+    ("craig", "Rx(alpha) Tx(a) Rz(theta) Tz(d)"),
+)
+
+
+def _row(number: int, cells: Sequence[str], at: Mapping[str, int]) -> _Row | None:
+    """A row of a DH table; None if a cell is neither a number nor names a joint."""
+    entries = {role: _ENTRY.fullmatch(cells[k]) for role, k in at.items()}
+    if not all(entries.values()):
+        return None
+    slides = bool(entries["d"] and entries["d"]["joint"])
+    moving = entries["d" if slides else "theta"]
+    name = cells[0] if 0 not in at.values() else moving and moving["joint"]
+    return _Row(name or f"J{number}", slides, {r: _value(one) for r, one in entries.items()})
+
+
+def _signs(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
+    """The sense of each axis."""
+    place = next((k for k, one in enumerate(titles) if one.lower() in _SIGNS), None)
+    return [-1 if place is not None and "-" in cells[place] else 1 for cells in rows]
 
 
 def _value(entry: re.Match[str] | None) -> float:
@@ -198,29 +222,41 @@ def _factor(title: str, role: str, longest: float) -> float:
 
 def _of_axes(text: str) -> tuple[dict[str, Any], list[str]] | None:
     """Content of a robot file by a list of axes, and what was assumed; None if it is none."""
-    found = [(one["name"], _point(one["point"]), _way(one["rest"])) for one in _AXIS.finditer(text)]
-    numbered = [(name, at, way) for name, at, way in found if re.search(r"\d", name)]
-    turning = [(name, at, way) for name, at, way in numbered if at is not None and way is not None]
-    rails = [(name, way) for name, at, way in numbered if at is None and way is not None]
-    ends = [at for name, at, _ in found if at is not None and _FLANGE.match(name)]
+    turning, rails, ends = _listed(text)
     if len(turning) < _LEAST or len(rails) > 1 or len(ends) != 1:
         return None
-    points = [at for _, at, _ in turning if at is not None] + ends
-    scale = 1e-3 if np.abs(points).max() > _LARGE else 1.0
+    points = np.array([*(at for _, at, _ in turning), *ends])
+    points = points * (1e-3 if np.abs(points).max() > _LARGE else 1.0)
     flange = np.eye(4)
-    flange[:3, 3] = scale * points[-1]
-    ways = [way for _, _, way in turning if way is not None]
-    lines = [(scale * at, way) for at, way in zip(points[:-1], ways, strict=True)]
-    lines = [(lines[0][0], way) for _, way in rails if way is not None] + lines
-    on_axes = frames(lines, flange)
+    flange[:3, 3] = points[-1]
+    ways = [*(way for _, way in rails), *(way for *_, way in turning)]
+    along = [*[points[0]] * len(rails), *points[:-1]]
+    on_axes = frames(list(zip(along, ways, strict=True)), flange)
     steps = [row(before, after) for before, after in pairwise(on_axes)]
-    names = [*(name for name, _ in rails), *(name for name, *_ in turning)]
-    heads = [_joint(name, k < len(rails)) for k, name in enumerate(names)]
+    heads = [*(_joint(name, True) for name, _ in rails),
+             *(_joint(name, False) for name, *_ in turning)]  # fmt: skip
     joints = [head | step for head, step in zip(heads, steps, strict=True)]
     content = {"convention": "craig", **fixed("base", on_axes[0]), "joint": joints}
     content |= fixed("flange", linear.solve(on_axes[-1], flange))
     why = "with all axes at 0 the flange frame is parallel to F_b; if not, correct [flange]"
     return content, [why]
+
+
+def _listed(
+    text: str,
+) -> tuple[list[tuple[str, Array, Array]], list[tuple[str, Array]], list[Array]]:
+    """Axes that turn by name, point and direction, rails by name and direction, flanges."""
+    turning, rails, ends = [], [], []
+    for one in _AXIS.finditer(text):
+        name, at, way = one["name"], _point(one["point"]), _way(one["rest"])
+        if at is not None and _FLANGE.match(name):
+            ends.append(at)
+        elif way is not None and re.search(r"\d", name):
+            if at is None:
+                rails.append((name, way))
+            else:
+                turning.append((name, at, way))
+    return turning, rails, ends
 
 
 def _point(text: str | None) -> Array | None:

@@ -87,11 +87,12 @@ def _first_twist(name: str, content: Mapping[str, Any]) -> float:
         UsageError: As in `on_rail`.
     """
     first, classical = content["joint"][0], content["convention"] == "standard"
-    roll, pitch, yaw = content.get("base", {}).get("rpy_deg", (0, 0, 0))
-    beside = 0 if classical else first.get("a_m", 0) or first.get("beta_deg", 0)
-    alpha: float = (roll + (0 if classical else first.get("alpha_deg", 0))) % 360
-    known = content["convention"] == "craig" or (classical and not roll)
-    if not known or first["type"] != "revolute" or alpha not in (0, 180) or beside or pitch or yaw:
+    roll, *others = content.get("base", {}).get("rpy_deg", (0, 0, 0))
+    before = {} if classical else first  # a classical row begins with its joint
+    alpha: float = (roll + before.get("alpha_deg", 0)) % 360
+    apart = [before.get("a_m", 0), before.get("beta_deg", 0), *others, roll * classical]
+    known = content["convention"] in ("craig", "standard") and first["type"] == "revolute"
+    if not known or any(apart) or alpha not in (0, 180):
         raise UsageError(
             f"{name} is no arm whose first axis is vertical: write its rail by hand, as "
             "docs/add-a-robot.md says"

@@ -126,21 +126,27 @@ def _cut(line: str, delimiter: str | None) -> tuple[str, Place, tuple[object, ..
 
     The name may be a whole number, and of several words where blanks separate the cells.
     """
-    cells = [cell.strip(" \"'") for cell in line.strip().split(delimiter)]
-    words = list(itertools.takewhile(str.isalpha, cells)) if delimiter is None else []
-    if 1 < len(words) <= _MOST_WORDS:
-        cells = [" ".join(words), *cells[len(words) :]]
-    counted = bool(cells) and cells[0].isdecimal() and len(cells) > _FEWEST + 1
-    at = _of_three([bool(_NUMBER.fullmatch(cell)) and not (counted and k == 0)
-                    for k, cell in enumerate(cells)])  # fmt: skip
+    cells = _with_whole_name(
+        [cell.strip(" \"'") for cell in line.strip().split(delimiter)], delimiter
+    )
+    counted = cells[:1] != [] and cells[0].isdecimal() and len(cells) > _FEWEST + 1
+    numbers = [bool(_NUMBER.fullmatch(cell)) for cell in cells]
+    at = _of_three([False, *numbers[1:]] if counted else numbers)
     if at is None or at > 2 or JOINT in cells[at - 1]:
         return None
-    if not (_WORD.search(cells[at - 1]) or (counted and at == 1)):
+    if not _WORD.search(cells[at - 1]) and at > counted:
         return None
     three = [cell.replace(",", ".") for cell in cells[at : at + 3]]
     x, y, z = map(float, three)
     decimals = tuple(len(cell.partition(".")[2]) for cell in three)
     return cells[at - 1], (x, y, z), (delimiter, len(cells), decimals)
+
+
+def _with_whole_name(cells: list[str], delimiter: str | None) -> list[str]:
+    """The cells, where blanks separate them with the first few words as one name."""
+    words = list(itertools.takewhile(str.isalpha, cells)) if delimiter is None else []
+    several = 1 < len(words) <= _MOST_WORDS
+    return [" ".join(words), *cells[len(words) :]] if several else cells
 
 
 def _of_three(number: Sequence[bool]) -> int | None:

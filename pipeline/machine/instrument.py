@@ -35,9 +35,9 @@ class InstrumentNoise(Strict):
     @model_validator(mode="after")
     def some_in_each_direction(self) -> InstrumentNoise:
         """Refuse readings without any scatter along the beam or across it."""
-        for way in ("range", "transverse"):
-            if getattr(self, f"{way}_m") + getattr(self, f"{way}_per_m") < _VISIBLE:
-                raise ValueError(f"{way}_m and {way}_per_m are both 0: write one of them in m")
+        along, across = self.range_m + self.range_per_m, self.transverse_m + self.transverse_per_m
+        if min(along, across) < _VISIBLE:
+            raise ValueError("has no scatter along the beam or across it; write one, also per_m")
         return self
 
 

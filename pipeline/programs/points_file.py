@@ -76,7 +76,7 @@ def under_pulls(model: IdentifiedModel, q: Array, force: Array) -> PredictedTarg
     moved, std = (np.stack([one[k] for one in each]) for k in (0, 1))
     cov = np.zeros((*moved.shape[:2], 6, 6))
     axis = np.arange(3)
-    cov[..., axis, axis] = np.where(force.any(axis=1)[:, None, None], std**2, np.nan)
+    cov[..., axis, axis] = np.where((force != 0).any(axis=1)[:, None, None], std**2, np.nan)
     turn = np.repeat(here.flange_axes[:, None], len(points), axis=1)
     return PredictedTargets(here.points(points) + moved, turn, cov, moved, std)
 

@@ -135,11 +135,7 @@ def _loads(states: _States, dropped: Bools, why: dict[int, str], loads: Log) -> 
     read = states.present.any(axis=1) & (states.load >= 0)
     kept[states.load[read & ~dropped]] = True
     reason = {int(states.load[s]): why[s] for s in np.flatnonzero(read & dropped).tolist()}
-    pose, repeat = loads.number["pose"], loads.number["repeat"]
-    for k in np.flatnonzero(~kept).tolist():
-        unread = (
-            f"pose {pose[k]:.0f} repeat {repeat[k]:.0f} has no usable loaded tracker reading; "
-            "measure it or remove the row"
-        )
-        reason.setdefault(k, unread)
-    return loads.without({k: reason[k] for k in np.flatnonzero(~kept).tolist()})
+    unread = "has no usable loaded tracker reading; measure it or remove the row"
+    pull = zip(loads.number["pose"], loads.number["repeat"], strict=True)
+    each = [f"pose {pose:.0f} repeat {repeat:.0f} {unread}" for pose, repeat in pull]
+    return loads.without({k: reason.get(k, each[k]) for k in np.flatnonzero(~kept).tolist()})

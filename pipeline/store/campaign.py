@@ -154,8 +154,7 @@ class CampaignFolder:
         stood = [] if settings.positions is None else settings.positions.named
         if settings.of_positions:
             return [*stood, *filter(None, [own, path])]
-        if settings.displacements is not None:
-            given = settings.displacements
+        if (given := settings.displacements) is not None:
             others = [given.file, given.forces, settings.joints.file, own, path]
             return [*stood, *filter(None, others)]
         assert settings.tracker is not None  # guaranteed by Settings
@@ -192,8 +191,7 @@ class CampaignFolder:
             )
         path, home = self.folder / name, os.path.realpath(self.folder)
         if is_glob(name) and not path.exists() and (several := self._matching([name])):
-            together: bytes = opened(_AS_ONE)({one: self.content(one) for one in several})
-            return together
+            return bytes(opened(_AS_ONE)({one: self.content(one) for one in several}))
         if not Path(os.path.realpath(path)).is_relative_to(home):
             raise InputError(
                 "leads out of the campaign's folder", "put a copy of the file there", file=name
