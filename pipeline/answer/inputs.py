@@ -396,7 +396,21 @@ def treated_findings(case: Case) -> list[str]:
             "instead. Export them with hours, minutes and seconds."
         )
     settled = ((one.file, why) for one in case.treated for why in one.settled)
-    return out + [f"{file} was read with {why}." for file, why in _alike(settled)]
+    out += [f"{file} was read with {why}." for file, why in _alike(settled)]
+    return [*out, *_not_read(case)]
+
+
+def _not_read(case: Case) -> Iterator[str]:
+    """Sentences for targets that were not read in pulls that are used without them."""
+    loaded = case.readings[case.readings["state"] == "loaded"]
+    pulls = dict.fromkeys(zip(loaded["pose"], loaded["repeat"], strict=True))
+    aside = {one.name.rpartition("/")[2] for one in case.aside}
+    for name in (one for one in case.settings.measured if one not in aside):
+        own = loaded[loaded["target"] == name]
+        without = sorted(pulls.keys() - {*zip(own["pose"], own["repeat"], strict=True)})
+        if 0 < len(without) < len(pulls):
+            places = listed([f"pose {pose:.0f} pull {pull:.0f}" for pose, pull in without])
+            yield f"{name} was not read in {places}: the other targets are used there."
 
 
 def _of_two_faces(two: Mapping[str, Faces]) -> list[str]:

@@ -5,9 +5,10 @@ Exports of trackers, recognised by distinctive marks, each with a `Reader` in a 
 described by [tracker.mapping] or the intake; workbooks; readings without names, identified by the
 order in which they were taken; and point lists and recordings of the robot's controller, as a table
 of joint values. Without this folder a file can be read only if its columns are ours and all of its
-rows are readings.
+rows are readings, and a chain only if its ends have reflectors.
 
-Door: `DIALECTS`; `mapped.read`, `workbook.opened`, `assignment.assigned`; for logs `of_controller`.
+Door: `DIALECTS`; `mapped.read`, `workbook.opened`, `assignment.assigned`, `anchored.with_ends`; for
+logs `of_controller`, `joined`.
 Tests: `tests/readers/`, `tests/dialects/`.
 """
 
@@ -24,7 +25,10 @@ from pipeline.dialects import (
     tracker_pilot,
     xyz,
 )
+from pipeline.dialects.taught import joined
 from pipeline.readers import TABLE, Reader
+
+__all__ = ["DIALECTS", "joined", "of_controller"]
 
 DIALECTS: dict[str, Reader] = {
     "plain": titled.READER,

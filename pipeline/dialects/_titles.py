@@ -24,7 +24,7 @@ _ROLES = {
     ),
     "group": (
         "serie", "series", "gruppenname", "punktgruppe", "set", "round", "runde", "satz", "pose",
-        "messung", "epoch", "epoche", "durchgang",
+        "messung", "epoch", "epoche", "durchgang", *FOREIGN["titles"]["group"],
     ),
     "collection": ("sammlung",),
     "instrument": ("instrument", "station", "instrument name", "station name", "standpunkt"),

@@ -1,15 +1,22 @@
-"""Points in joint coordinates from controller programs, as a joint log.
+"""Points in joint coordinates from controller programs and position logs, as a joint log.
 
-KUKA (.dat, .src: `E6AXIS`, `AXIS`), ABB (.mod: `jointtarget`), FANUC (.ls: `/POS` in joints),
-Yaskawa (.jbi: positions in pulses). A file is converted to a table with the columns `pose` and one
+KUKA (.dat, .src: `E6AXIS`, `AXIS`), ABB (.mod: `jointtarget`), FANUC (.ls: `/POS` in joints; the
+listing of the current position, CURPOS, one file a pose), Yaskawa (.jbi: positions in pulses),
+Kawasaki (.as: `.JOINTS`), Hyundai (.JOB: steps with axis values), and rows `POS 3 A1= 12.5 A2= ...`
+that a program wrote at each pose. A file is converted to a table with the columns `pose` and one
 for each axis, each row in the line of its point, so that messages name the line of the file.
 """
 
 from __future__ import annotations
 
+import functools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import chain
+from posixpath import basename, dirname, join, splitext
 from typing import NamedTuple
+
+from pipeline.base.patterns import natural
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _KRL = re.compile(
@@ -32,9 +39,32 @@ _TP_AXIS = re.compile(rf"\b([JE])([1-9])[ \t]*=[ \t]*({_NUMBER})[ \t]*(deg|mm)")
 _JBI = re.compile(r"^(?P<of>B?)C(?P<number>\d+)[ \t]*=[ \t]*(?P<axes>[-+\d., \t]+)$", re.MULTILINE)
 _JBI_AXES = ("SLURBTE", ("E1", "E2", "E3"))
 """Axes of the arm, and of the base that moves it."""
+_AS = re.compile(
+    rf"^[ \t]*(?:POINT[ \t]+)?\#(?P<name>\w+)[ \t]*(?:=[ \t]*\#PPOINT[ \t]*\()?"
+    rf"(?P<axes>(?:[ \t,]*{_NUMBER}){{6,9}})[ \t)]*$",
+    re.MULTILINE | re.IGNORECASE,
+)
+_JOB = re.compile(
+    r"^[ \t]*(?:'[ \t]*(?P<name>[^\n]*?)[ \t]*$|(?P<step>S\d+)[ \t]+MOVE\b[^(\n]*"
+    rf"\((?P<axes>[ \t]*{_NUMBER}(?:[ \t]*,[ \t]*{_NUMBER}){{5,8}})[ \t]*\)[ \t]*A\b)",
+    re.MULTILINE,
+)
+_CURPOS = re.compile(
+    rf"^[ \t]*Joint[ \t]*(\d)[ \t]*:[ \t]*({_NUMBER})[ \t]*(deg|mm)\b", re.MULTILINE | re.IGNORECASE
+)
+_FILE = re.compile(r"(?:\x1c(?P<name>[^\n]*)\n|\A)(?P<text>[^\x1c]+)")
+"""One of several files, each a point, that `gathered` puts behind each other."""
+_ROW = re.compile(
+    r"^(?P<before>[^=\n]*?)"
+    rf"(?P<axes>(?:[;, \t]*\b(?:JT|[AJE])[1-9][ \t]*[=:][ \t]*{_NUMBER}){{4,}})",
+    re.MULTILINE | re.IGNORECASE,
+)
+_ROW_AXIS = re.compile(rf"\b(JT|[AJE])([1-9])[ \t]*[=:][ \t]*({_NUMBER})", re.IGNORECASE)
+_OF_ROW = re.compile(r"[^\W\d_]+[ _-]*\d+(?=[\s;,:]*$)")
+"""The name of the point before the axes of a row: `POS 3`."""
 _NONE = 1e9
 """Limit from which a RAPID value means an axis that does not exist: 9E9."""
-_NAMED = re.compile(r"(?P<stem>[A-Za-z_]*?)_*(?P<number>\d+)")
+_NAMED = re.compile(r"(?P<stem>[^\W\d]*?)[ _-]*(?P<number>\d+)")
 _POSES = ("pose", "p", "pos", "point", "pt", "jpos", "j")
 """Name stems of points that are poses, if there are numbered points with other stems."""
 _ARM = 6
@@ -55,6 +85,7 @@ class _Point(NamedTuple):
     axes: dict[str, float]
 
 
+@functools.lru_cache(maxsize=4)  # it is asked once for each candidate robot
 def table(data: bytes) -> bytes | None:
     """Convert the points of a file to a tab-separated table; None if it has none.
 
@@ -63,20 +94,52 @@ def table(data: bytes) -> bytes | None:
     number (XHOME), and numbered points of another name if some are called p, pose or the like, are
     then not poses.
     """
-    if len(data) > _LARGEST or not any(word in data.upper() for word in _MARKS):
-        return None
-    text = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
-    found = [one for points in (_krl, _rapid, _tp, _jbi) for one in points(text) if one.axes]
-    return _written(found, text.count("\n") + 1) if found else None
+    found = _points(data)
+    return _written(found) if found else None
 
 
-def _written(found: Sequence[_Point], count: int) -> bytes:
-    """Write points as a table, each in its own of `count` lines, and a header in the first."""
+def unnumbered(data: bytes) -> dict[str, dict[str, float]]:
+    """Points that are no poses, by name, as a home: axis values [deg] or [mm] by title."""
+    found = _points(data)
+    poses = {id(one) for _, one in _numbered(found)}
+    return {one.name: one.axes for one in found if id(one) not in poses}
+
+
+def gathered(files: Mapping[str, bytes]) -> dict[str, bytes]:
+    """The files, those of one folder and suffix that hold one point each as one, by their glob.
+
+    A listing of the current position is one pose, which the name of the file numbers.
+    """
+    alike: dict[str, list[str]] = {}
+    for name, data in files.items():
+        if len(data) <= _LARGEST and len(_CURPOS.findall(data.decode("latin-1"))) >= _ARM - 1:
+            alike.setdefault(join(dirname(name), f"*{splitext(name)[1]}"), []).append(name)
+    several = {kind: some for kind, some in alike.items() if len(some) > 1}
+    left = {name: data for name, data in files.items() if name not in {*chain(*several.values())}}
+    return left | {k: joined({one: files[one] for one in some}) for k, some in several.items()}
+
+
+def joined(files: Mapping[str, bytes]) -> bytes:
+    """Several files behind each other, in natural order, each below its name."""
+    names = sorted(files, key=natural)
+    stems = {name: splitext(basename(name))[0].encode() for name in names}
+    return b"".join(b"\x1c" + stems[one] + b"\n" + files[one].strip() + b"\n" for one in names)
+
+
+def _points(data: bytes) -> list[_Point]:
+    """All points of a file."""
+    ways = [way for way, mark in _FORMS if len(data) <= _LARGEST and mark.search(data)]
+    text = data.decode("utf-8", "replace").replace("\r\n", "\n").replace("\r", "\n") if ways else ""
+    return [one for way in ways for one in way(text) if one.axes]
+
+
+def _written(found: Sequence[_Point]) -> bytes:
+    """Write points as a table, each in its own line, and a header in the first."""
     used = dict.fromkeys(
         title for one in found for title, value in one.axes.items() if title[0] != "E" or value
     )
     titles = sorted(used, key=lambda title: title[0] == "E")
-    lines = [""] * max(count, 2)
+    lines = [""] * max(2, *(one.line for one in found))
     for pose, one in sorted(_numbered(found), key=lambda both: both[1].line):
         cells = (repr(one.axes[title]) if title in one.axes else "" for title in titles)
         lines[one.line - 1] = "\t".join([str(pose), *cells])
@@ -85,8 +148,6 @@ def _written(found: Sequence[_Point], count: int) -> bytes:
     return "\n".join(["\t".join(["pose", *titles]), *lines[1:], ""]).encode()
 
 
-_MARKS = (b"AXIS", b"JOINTTARGET", b"/POS")
-"""Keywords, one of which is in every such file."""
 _LARGEST = 4_000_000
 """Maximum size of a file [byte]; programs are smaller."""
 
@@ -118,12 +179,68 @@ def _tp(text: str) -> Iterator[_Point]:
 def _jbi(text: str) -> Iterator[_Point]:
     """Positions of a job in pulses; they count from 0, poses from 1."""
     found: dict[str, _Point] = {}
-    for one in _JBI.finditer(text) if "///PULSE" in text else ():
+    for one in _JBI.finditer(text):
         axes = zip(_JBI_AXES[bool(one["of"])], re.findall(_NUMBER, one["axes"]), strict=False)
         new = {f"{axis} [pulses]": float(x) for axis, x in axes}
         point = found.get(one["number"], _Point(_line(text, one), f"p{int(one['number']) + 1}", {}))
         found[one["number"]] = point._replace(axes=point.axes | new)
     yield from found.values()
+
+
+def _in_order(values: str, arm: int = _ARM) -> dict[str, float]:
+    """Axes of the arm, then those that move it."""
+    axes = map(float, re.findall(_NUMBER, values))
+    return {f"A{k} [deg]" if k <= arm else f"E{k - arm} [mm]": x for k, x in enumerate(axes, 1)}
+
+
+def _as(text: str) -> Iterator[_Point]:
+    for one in _AS.finditer(text):
+        yield _Point(_line(text, one), one["name"], _in_order(one["axes"]))
+
+
+def _job(text: str) -> Iterator[_Point]:
+    """Steps of a job, each called as the remark above it."""
+    said = ""
+    for one in _JOB.finditer(text):
+        if one["step"]:
+            yield _Point(_line(text, one), said or one["step"], _in_order(one["axes"]))
+        said = one["name"] or ""
+
+
+def _curpos(text: str) -> Iterator[_Point]:
+    """The position in each of several files, in the line of its number among them."""
+    for number, one in enumerate(_FILE.finditer(text), 1):
+        axes = {f"{'A' if unit == 'deg' else 'E'}{k} [{unit}]": float(x)
+                for k, x, unit in _CURPOS.findall(one["text"].lower())}  # fmt: skip
+        slides = [title for title in axes if title[0] == "E"]
+        called = {title: f"E{k} [mm]" for k, title in enumerate(slides, 1)}
+        yield _Point(number + 1, one["name"] or "", {called.get(t, t): x for t, x in axes.items()})
+
+
+def _row(text: str) -> Iterator[_Point]:
+    """Rows that name a point and each of its axes."""
+    for one in _ROW.finditer(text):
+        if name := _OF_ROW.search(one["before"]):
+            values = _ROW_AXIS.findall(one["axes"].upper())
+            axes = {f"{'E' if a == 'E' else 'A'}{k} [{'mm' if a == 'E' else 'deg'}]": float(x)
+                    for a, k, x in values}  # fmt: skip
+            yield _Point(_line(text, one), name[0], axes)
+
+
+_FORMS: Sequence[tuple[Callable[[str], Iterator[_Point]], re.Pattern[bytes]]] = tuple(
+    (way, re.compile(mark, re.IGNORECASE))
+    for way, mark in (
+        (_krl, rb"AXIS"),
+        (_rapid, rb"JOINTTARGET"),
+        (_tp, rb"/POS"),
+        (_jbi, rb"///PULSE"),
+        (_as, rb"\.JOINTS|#PPOINT"),
+        (_job, rb"MECHTYPE"),
+        (_curpos, rb"\n[ \t]*Joint[ \t]*4[ \t]*:"),
+        (_row, rb"\b(?:JT|[AJ])4[ \t]*[=:][ \t]*[-+.\d]"),
+    )
+)
+"""How points are written, and what is in every such file."""
 
 
 def _line(text: str, found: re.Match[str]) -> int:
@@ -136,7 +253,7 @@ def _numbered(points: Sequence[_Point]) -> list[tuple[int, _Point]]:
     known = [stem for stem in _POSES if stem in by_stem]
     chosen = known[:1] or ([*by_stem] if len(by_stem) == 1 else [])
     own = [both for stem in chosen for both in by_stem[stem]]
-    if own and len({pose for pose, _ in own}) == len(own):
+    if own and len({pose for pose, _ in own}) == len({one.name for _, one in own}):
         return own
     return list(enumerate(sorted(points), 1))
 

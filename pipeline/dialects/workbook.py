@@ -13,6 +13,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum
@@ -61,6 +62,7 @@ def opened(
     return _chosen(filled, fits, table)
 
 
+@lru_cache(maxsize=1)  # a log is looked for with each robot
 def sheets(
     name: str,
     data: bytes,

@@ -26,8 +26,9 @@ def robot(
     file: Annotated[
         Path | None,
         Argument(
-            metavar="FILE.urdf",
-            help="URDF of the robot; with --list part of a name, kuka; with --rail a name.",
+            metavar="FILE",
+            help="URDF of the robot, or a table: theta, d, a, alpha, or axes by point and "
+            "direction; with --list part of a name, kuka; with --rail also a name or robot file.",
         ),
     ] = None,
     base: Annotated[str | None, Option(help="Link whose frame is the base frame F_b.")] = None,
@@ -36,7 +37,7 @@ def robot(
         Path | None, Option(help="Robot file to write (.toml); stdout if omitted.")
     ] = None,
     payload: Annotated[
-        float | None, Option(help="Rated payload [kg], which a URDF does not state.")
+        float | None, Option(help="Rated payload [kg], which a URDF or a table does not state.")
     ] = None,
     every: Annotated[
         bool, Option("--list", help="List the robots that ship, with maker and variant.")
@@ -49,8 +50,7 @@ def robot(
         str | None,
         Option(
             metavar="AXIS",
-            help="Put one that ships on a rail along this axis of F_b: x, y, "
-            "-x or -y, for growing E1.",
+            help="Put an arm on a rail along this axis of F_b: x, y, -x or -y, for growing E1.",
         ),
     ] = None,
     turn: Annotated[
@@ -70,38 +70,62 @@ def robot(
         return
     if draw is not None:
         raise UsageError("--draw draws robots that ship: add --list, or --show NAME")
-    if rail is not None:
-        _refuse(output, ".toml", "a robot file")
-        _given(_with_rail(str(file or ""), rail, turn, foot), output)
-        return
-    _from_urdf(file, base, flange, output, payload)
+    _refuse(output, ".toml", "a robot file")
+    text, said = _arm(file, base, flange, payload, rail is not None)
+    _given(text if rail is None else _with_rail(text, str(file), rail, turn, foot), output)
+    for line in said:
+        typer.secho(line, err=True)
 
 
-def _from_urdf(
-    file: Path | None,
-    base: str | None,
-    flange: str | None,
-    output: Path | None,
-    payload: float | None,
-) -> None:
-    """Make a robot file from a URDF, and print the largest difference from it.
+def _arm(
+    file: Path | None, base: str | None, flange: str | None, payload: float | None, railed: bool
+) -> tuple[str, list[str]]:
+    """The text of a robot file, and what is to be compared, in sentences.
 
     Raises:
-        UsageError: The URDF or one of its links is not given.
+        UsageError: Neither a robot that ships, nor a file of one, nor a URDF with its links.
     """
+    name = str(file or "")
+    if railed and not name.endswith((".urdf", ".csv", ".txt")):
+        return _with_payload(_shipped(name), payload), []
+    if file is not None and file.suffix.lower() in (".csv", ".txt"):
+        return _of_table(file, payload)
     if file is None or base is None or flange is None:
         raise UsageError(
-            "give a URDF with --base and --flange, or --list, or --show NAME for a robot that "
-            "ships, or NAME --rail AXIS"
+            "give a URDF with --base and --flange, or a table as .csv or .txt, or --list, or "
+            "--show NAME for a robot that ships, or NAME --rail AXIS"
         )
-    _refuse(output, ".toml", "a robot file")
     text, found = made(file, base, flange, payload)
-    _given(text, output)
-    typer.secho(
+    return text, [
         f"Largest difference from the URDF by Pinocchio at {found.configurations} configurations: "
-        f"{found.position_m:.1e} m, {found.angle_rad:.1e} rad.",
-        err=True,
-    )
+        f"{found.position_m:.1e} m, {found.angle_rad:.1e} rad."
+    ]
+
+
+def _with_payload(text: str, payload_kg: float | None) -> str:
+    from pipeline.base import toml
+
+    if payload_kg is None:
+        return text
+    return toml.dumps({**toml.loads(text, "robot"), "payload_kg": payload_kg})
+
+
+def _of_table(file: Path, payload: float | None) -> tuple[str, list[str]]:
+    """A robot file of a table, and where its flange is with all axes at 0."""
+    import numpy as np
+
+    from pipeline.exchange.from_table import robot_file
+    from pipeline.machine.robot.configuration import configure
+    from pipeline.machine.robot.mdh import parse
+
+    missing = InputError("there is no such file", "check the path", file=str(file))
+    text = robot_file(files.read(file, file.name, _LARGEST, missing), file.name, payload)
+    arm = parse(text, file.name)
+    x, y, z = (1e3 * configure(arm, np.zeros((1, arm.n))).flange_origin[0]).round(1) + 0.0
+    return text, [
+        f"With all axes at 0 the flange is at {x:g}, {y:g}, {z:g} mm in F_b: compare this and one "
+        "more pose with the panel of the controller."
+    ]
 
 
 def _of_ours(name: str, every: bool, draw: Path | None) -> None:
@@ -112,23 +136,22 @@ def _of_ours(name: str, every: bool, draw: Path | None) -> None:
         typer.echo("\n".join(_listing(name)) if every else _shipped(name))
 
 
-def _with_rail(name: str, way: str, turn_deg: float, foot: str) -> str:
-    """The robot file of an arm that ships, on a rail.
+def _with_rail(text: str, name: str, way: str, turn_deg: float, foot: str) -> str:
+    """The robot file of an arm, on a rail.
 
     Raises:
-        UsageError: There is no such arm or axis, or the foot is no three numbers.
+        UsageError: There is no such axis, or the foot is no three numbers.
     """
     from pipeline.exchange.on_rail import WAYS, on_rail
-    from pipeline.machine.robot import load
+    from pipeline.machine.robot.mdh import parse
 
-    _shipped(name)
     try:
         x, y, z = map(float, foot.split(","))
     except ValueError:
         raise UsageError(f'--foot "{foot}" is no x,y,z in metres: write 0,0,0.57') from None
     if way not in WAYS:
         raise UsageError(f'--rail "{way}" is no axis of F_b: use {", ".join(WAYS)}')
-    return on_rail(load(name), way, turn_deg, (x, y, z))
+    return on_rail(parse(text, name), way, turn_deg, (x, y, z))
 
 
 def _given(text: str, output: Path | None) -> None:
@@ -199,14 +222,17 @@ def _listing(part: str = "") -> list[str]:
 
 
 def _shipped(name: str) -> str:
-    """The robot file of a robot that ships.
+    """The robot file of a robot that ships, or the one at this path.
 
     Raises:
         UsageError: There is none with this name.
     """
+    from pipeline.base import toml
     from pipeline.machine.robot import SHIPPED, load
     from pipeline.machine.robot.mdh import no_robot
 
+    if name.endswith(".toml") and Path(name).is_file():
+        return files.words(Path(name), name, toml.LARGEST_TEXT)
     if name not in SHIPPED:
         unknown = no_robot(name, None)
         raise UsageError(f"{unknown.thing}; {unknown.way_out}")

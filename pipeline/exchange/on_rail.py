@@ -8,7 +8,10 @@ Craig's rows (Craig 2005, ch. 3), with Rz(v) y = u and the arm's first row Rx(a)
 
     T = [Tr(p) Rz(v)] [Rx(-90) Tz(s)] [Rx(a + 90) Rz(q + c +- (t - v)) Tz(d)] ...,
 
-+ for a = 0, - for a = 180 degrees.
++ for a = 0, - for a = 180 degrees. In classical rows (Denavit and Hartenberg 1955), in which a row
+begins with its joint,
+
+    T = [Tr(p) Rz(v) Rx(-90)] [Tz(s) Rx(90)] [Rz(q + c + (t - v)) Tz(d) ...] ....
 """
 
 from __future__ import annotations
@@ -16,6 +19,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from pipeline.base import toml
 from pipeline.base.errors import UsageError
@@ -47,10 +52,15 @@ def on_rail(arm: Robot, way: str, turn_deg: float, foot_m: Sequence[float]) -> s
     x, y, z = base.get("xyz_m", (0.0, 0.0, 0.0))
     at = [foot_m[0] + c * x - s * y, foot_m[1] + s * x + c * y, foot_m[2] + z]
     turned = (turn_deg - WAYS[way]) * (1 if alpha == 0 else -1)
-    first |= {"alpha_deg": alpha + 90, "theta_deg": first.get("theta_deg", 0) + turned}
-    rail = {"name": "rail", "type": "prismatic", "alpha_deg": -90, "lower_m": -_TRAVEL_M,
+    classical = content["convention"] == "standard"
+    first |= {"theta_deg": first.get("theta_deg", 0) + turned}
+    first |= {} if classical else {"alpha_deg": alpha + 90}
+    twist = 90 if classical else -90
+    rail = {"name": "rail", "type": "prismatic", "alpha_deg": twist, "lower_m": -_TRAVEL_M,
             "upper_m": _TRAVEL_M, "stiffness_range_n_per_m": [2e7, 5e8]}  # fmt: skip
-    control = content["controller"]
+    names = [one["name"] for one in content["joint"]]
+    plain = {"axes": names, "matrix": np.eye(arm.n, dtype=int).tolist()}
+    control = content.setdefault("controller", plain)
     control["axes"] = ["E1", *control["axes"]]
     control["matrix"] = [[1, *[0] * arm.n], *([0, *row] for row in control["matrix"])]
     if "offset_deg" in control:
@@ -61,7 +71,7 @@ def on_rail(arm: Robot, way: str, turn_deg: float, foot_m: Sequence[float]) -> s
         "description": f"{arm.description} on a rail along {way}",
         "assumptions": [*content.get("assumptions", []), assumed],
         "capsules": [one for one in content.get("capsules", []) if one["link"] != "base"],
-        "base": {"xyz_m": at, "rpy_deg": [0.0, 0.0, WAYS[way]]},
+        "base": {"xyz_m": at, "rpy_deg": [-90.0 * classical, 0.0, WAYS[way]]},
         "joint": [rail, first, *others],
     }
     if not content["capsules"]:
@@ -76,11 +86,13 @@ def _first_twist(name: str, content: Mapping[str, Any]) -> float:
     Raises:
         UsageError: As in `on_rail`.
     """
-    first = content["joint"][0]
-    roll, pitch, yaw = content.get("base", {}).get("rpy_deg", (0, 0, 0))
-    alpha: float = (first.get("alpha_deg", 0) + roll) % 360
-    plain = content["convention"] == "craig" and first["type"] == "revolute"
-    if not plain or alpha not in (0, 180) or first.get("a_m", 0) or pitch or yaw:
+    first, classical = content["joint"][0], content["convention"] == "standard"
+    roll, *others = content.get("base", {}).get("rpy_deg", (0, 0, 0))
+    before = {} if classical else first  # a classical row begins with its joint
+    alpha: float = (roll + before.get("alpha_deg", 0)) % 360
+    apart = [before.get("a_m", 0), before.get("beta_deg", 0), *others, roll * classical]
+    known = content["convention"] in ("craig", "standard") and first["type"] == "revolute"
+    if not known or any(apart) or alpha not in (0, 180):
         raise UsageError(
             f"{name} is no arm whose first axis is vertical: write its rail by hand, as "
             "docs/add-a-robot.md says"

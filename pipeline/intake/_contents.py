@@ -21,6 +21,7 @@ _MOST = 0.8
 damaged."""
 _FEW = 3
 """Minimum number of rows for a column to count as numbering them."""
+_COUNTED = re.compile(r"[0-9]{1,9} ?[^\W\d_]{0,4}")
 _DAY = re.compile(r"[0-9]{1,2}\.[0-9]{1,2}\.([0-9]{2}|[0-9]{4})|[0-9]{4}-[0-9]{2}-[0-9]{2}"
                   r"|[0-9]{1,2}/[0-9]{1,2}/([0-9]{2}|[0-9]{4})")  # fmt: skip
 _CLOCK = re.compile(r"'?[0-9]{1,2}:[0-9]{2}(:[0-9]{2}([.,][0-9]+)?)?")
@@ -62,6 +63,12 @@ class Content:
         if len(filled) < _FEW or not all(map(str.isdecimal, filled)):
             return False
         return all(int(b) - int(a) == 1 for a, b in itertools.pairwise(filled))
+
+    @property
+    def counted(self) -> bool:
+        """Whether most filled cells are whole numbers, perhaps with letters behind them."""
+        filled = [cell for cell in self.cells if cell]
+        return 2 * sum(bool(_COUNTED.fullmatch(cell)) for cell in filled) > len(filled)
 
     @property
     def whole(self) -> bool:

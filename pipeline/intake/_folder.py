@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from posixpath import basename, splitext
 
+from pipeline.base.doors import found
 from pipeline.base.errors import InputError, listed
 from pipeline.base.shown import typed
 from pipeline.dialects._titles import name_a_place, titled
@@ -19,6 +20,8 @@ from pipeline.readers.logs import SCALE
 
 _TREE = [re.compile(rf"<{end}\s+link\s*=\s*[\"']([^\"']+)[\"']") for end in ("parent", "child")]
 """Links of the joints of a URDF."""
+ROBOT = "it describes a robot"
+"""Beginning of why a file is not used that does."""
 _TIMES = {"time", "clock", "date"}
 
 
@@ -50,14 +53,29 @@ def _kind(text: Text) -> str:
     return "has points" if sheet(text) else "is text"
 
 
-def urdf(name: str, data: bytes) -> str | None:
-    """The command for a URDF, in which the first link carries all others; None if it is none."""
+def of_robot(name: str, data: bytes) -> str | None:
+    """The command for a file that describes a robot: a URDF or a table; None if it is none."""
+    output = f"{splitext(basename(name))[0]}.toml"
+    if options := _links(data):
+        return f"{ROBOT}: {_command(name, options, output)}"
+    is_table = found("pipeline.exchange.from_table:is_table")
+    if not (is_table and is_table(data)):
+        return None
+    own = _command(name, "", output)
+    return f"{ROBOT}: {own}; if it stands on a rail, with --rail, --turn and --foot"
+
+
+def _command(name: str, options: str, output: str) -> str:
+    command = f"pipeline robot {typed(name)} {options}--output {typed(output)}"
+    return f"type `{command}` in this folder, and `pipeline init` again"
+
+
+def _links(data: bytes) -> str:
+    """Options for a URDF, in which the first link carries all others; empty if it is none."""
     text = data.decode("utf-8", "replace")
     parents, children = ([*dict.fromkeys(one.findall(text))] for one in _TREE)
     first = [link for link in parents if link not in children]
     last = [link for link in children if link not in parents]
     if "<robot" not in text or not (first and last):
-        return None
-    output = f"{splitext(basename(name))[0]}.toml"
-    options = f"--base {typed(first[0])} --flange {typed(last[-1])} --output {typed(output)}"
-    return f"it describes a robot: type `pipeline robot {typed(name)} {options}`, and this again"
+        return ""
+    return f"--base {typed(first[0])} --flange {typed(last[-1])} "

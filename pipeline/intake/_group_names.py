@@ -6,9 +6,9 @@ It is derived from the names alone, and from the targets read in the groups.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from statistics import median_low
 
 import pyarrow as pa
 
@@ -24,9 +24,13 @@ _TOKENS = (
     re.compile(r"[0-9]+|[^\W\d_]+|[\W_]+"),
     re.compile(r"[0-9]+|[^\W\d_]+(?: [^\W\d_]+)*|[\W_]+"),
     re.compile(r"[0-9]+|[^\W\d_]+(?:[ _-][^\W\d_]+)*|[\W_]+"),
+    re.compile(r"[0-9]+|[^\W\d_]+(?: ?\([^\W\d_]+\))?|[\W_]+"),
 )
 """A number, a word, or the characters between them; or several words in place of one, with blanks,
-hyphens or underscores between them."""
+hyphens or underscores between them, or with one in parentheses."""
+_MOST_LETTERS = 4
+"""Maximum number of letters behind the number of a pose that was measured again [1]."""
+_ANY_LETTERS = rf"\pL{{0,{_MOST_LETTERS}}}"
 _WORDS = re.compile(r"[^\W\d_]+")
 
 
@@ -97,6 +101,9 @@ def _found(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
 def _ways(rows: Mapping[str, Mapping[str, Array]], token: re.Pattern[str]) -> tuple[Group, ...]:
     """The ways for names that consist of such parts."""
     tokens = {name: token.findall(name) for name in rows if re.search("[0-9]", name)}
+    again = {name: own for name in tokens if (own := _without_letters(tokens[name]))}
+    again = again if 2 * len(again) < len(tokens) else {}
+    tokens |= again
     longest = max(tokens.values(), key=len, default=[])
     alike = {name: own for name, own in tokens.items() if _fits(own, longest)}
     numbers = [k for k, token in enumerate(longest) if token.isdigit()]
@@ -106,11 +113,18 @@ def _ways(rows: Mapping[str, Mapping[str, Array]], token: re.Pattern[str]) -> tu
             orders = _orders(entries, rows)
             least = min(map(len, map(alike.__getitem__, entries)))
             found = [
-                Group(_pattern(longest, numbers, k, words, least), words, rest)
+                Group(_pattern(longest, numbers, k, words, least, bool(again)), words, rest)
                 for words, rest in orders
             ]
             return tuple(one for one in found if _apart_from_each_other(list(rows), one))
     return ()
+
+
+def _without_letters(own: Sequence[str]) -> list[str]:
+    """The parts of a name without letters right behind its first number; empty if it has none."""
+    k = next(k for k, part in enumerate(own) if part.isdigit()) + 1
+    short = len(own) > k + 1 and own[k].isalpha() and len(own[k]) <= _MOST_LETTERS
+    return [*own[:k], *own[k + 1 :]] if short else []
 
 
 def _apart_from_each_other(names: Sequence[str], group: Group) -> bool:
@@ -133,7 +147,7 @@ def _states(stated: Mapping[str, str], alike: Mapping[str, Sequence[str]], place
 
 def _worded(part: str) -> bool:
     """Whether a part of a name consists of words."""
-    return re.sub("[ _-]", "", part).isalpha()
+    return re.sub("[ _()-]", "", part).isalpha()
 
 
 def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
@@ -156,7 +170,7 @@ def _orders(
     read: dict[str, list[set[str]]] = {word: [] for word in stated.values()}
     for name, word in stated.items():
         read[word].append({*rows[name]})
-    most = {word: median_low(map(len, some)) for word, some in read.items()}
+    most = {word: _usual(some) for word, some in read.items()}
     ordered = sorted(most, key=lambda word: most[word])
     rest = [*most.values()].count(most[ordered[0]])
     if _are_apart(ordered[:rest], ordered[rest:]):
@@ -166,19 +180,39 @@ def _orders(
     return [((one, *(word for word in most if word != one)), 1) for one in most]
 
 
+def _usual(groups: Sequence[set[str]]) -> int:
+    """Number of targets in a quarter of some groups: one that fell off on the way counts."""
+    often = Counter(target for one in groups for target in one)
+    return sum(4 * count >= len(groups) for count in often.values())
+
+
 def _are_apart(unloaded: Sequence[str], loaded: Sequence[str]) -> bool:
-    """Whether states with the fewest targets are those without load: one, or of a common word."""
+    """Whether states with the fewest targets are those without load.
+
+    It is one, or they have a word in common or begin with the same (SC, SCF).
+    """
     common = set.intersection(*({*_WORDS.findall(word)} for word in unloaded))
     others = common.difference(*map(_WORDS.findall, loaded))
-    return bool(loaded) and (len(unloaded) == 1 or bool(others))
+    first = min(unloaded, key=len).lower()
+    begin = [word.lower().startswith(first) for word in (*unloaded, *loaded)]
+    alike = begin == [True] * len(unloaded) + [False] * len(loaded)
+    return bool(loaded) and (len(unloaded) == 1 or bool(others) or alike)
 
 
 def _pattern(
-    tokens: Sequence[str], numbers: Sequence[int], state: int, states: tuple[str, ...], least: int
+    tokens: Sequence[str],
+    numbers: Sequence[int],
+    state: int,
+    states: tuple[str, ...],
+    least: int,
+    lettered: bool,
 ) -> str:
-    """Regular expression for names of one form, the last parts of which may be missing."""
+    """Regular expression for names of one form, the last parts of which may be missing.
+
+    Some poses have letters behind their number if it is `lettered`.
+    """
     parts = {
-        numbers[0]: "(?P<pose>[0-9]+)",
+        numbers[0]: f"(?P<pose>[0-9]+{_ANY_LETTERS if lettered else ''})",
         state: f"(?P<state>{'|'.join(map(literal, states))})",
     }
     if len(numbers) > 1:

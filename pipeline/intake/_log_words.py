@@ -150,8 +150,29 @@ def of_loads(
         return None
     found = _numbered(found, cells)
     lacking = ("pose",) if {"repeat", *each} & {*found} else ("pose", "repeat")
-    found |= {} if "pose" in found else _counted(lacking, found, cells)
+    found |= _by_counts(found, cells) if "pose" in found else _counted(lacking, found, cells)
     return _ours(found) if "pose" in found else None
+
+
+def _by_counts(
+    found: Mapping[str, tuple[str, Sequence[str]]], cells: SampledCells
+) -> dict[str, tuple[str, Sequence[str]]]:
+    """The pulls, if one other column that is called a load counts 1, 2, 3 in each pose."""
+    if "repeat" in found or any(role.startswith("force_") for role in found) or not cells():
+        return {}
+    columns, taken = cells(), [title for title, _ in found.values()]
+    poses = [*itertools.accumulate(columns[found["pose"][0]], _filled_down)]
+    left = [
+        title for title in columns if title not in taken and _is(_stem(_words(title)), "force", {})
+    ]
+    own = [title for title in left if _counts(poses, columns[title])]
+    several = len({*poses}) < len(poses)
+    return {"repeat": (own[0], ())} if several and len(own) == 1 else {}
+
+
+def _filled_down(above: str, own: str) -> str:
+    """The cell, or the one above if it is empty."""
+    return own or above
 
 
 def _counted(

@@ -6,7 +6,7 @@ import contextlib
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path, PurePosixPath
@@ -22,7 +22,7 @@ from pipeline.base.quantities import plain
 from pipeline.base.shown import printable, typed
 from pipeline.base.toml import quoted
 from pipeline.machine.instrument import sheet
-from pipeline.machine.robot import Robot, load
+from pipeline.machine.robot import Robot, axes, load
 from pipeline.store.campaign import DEEPEST, CampaignFolder, unfit, within
 
 if TYPE_CHECKING:  # it imports the readers
@@ -116,16 +116,36 @@ def _words(folder: Path, proposal: FilesProposal, known: KnownData) -> dict[str,
         "loads": _shown(loads, quoted),
         "joints": _shown(joints, quoted),
         "base": _points(proposal.base or _BASE * proposal.nothing, known),
+        "anchors": [
+            one
+            for one in _points([a for own in proposal.anchors.values() for a in own], known)
+            if one[1]
+        ],
         "tool": _points(["load_point", *(proposal.measured or proposal.often or _TARGETS)], known),
         "decimal_commas": [*map(quoted, proposal.decimal_commas)],
         "load_columns": _pairs(_with_answers(proposal.load_columns, known)),
         "axes_of": None if known.robot else next(iter(proposal.joint_columns), None),
         "pulses": _counted(proposal, known.robot),
         "joint_columns": _pairs(_with_answers(_joint_columns(proposal, known.robot), known)),
+        "aside": printable(next(iter(proposal.exports), "tracker.csv"), 40),
+        "resting": [*_resting(folder, proposal, known.robot)],
         **_of_files(proposal),
         **_of_names(proposal),
         **_of_a_person(known),
     }
+
+
+def _resting(folder: Path, proposal: FilesProposal, robot: str | None) -> Iterator[str]:
+    """What the controller shows at each point of the joint log that is no pose."""
+    if robot is None or not proposal.resting:
+        return
+    columns, names = _joint_columns(proposal, robot), axes.of(load(robot, folder)).names
+    for point, values in proposal.resting.items():
+        own = {columns.get(title, title.replace(" [", "_")).partition("_")[0]: value
+               for title, value in values.items()}  # fmt: skip
+        if own.keys() >= {*names}:
+            at = ", ".join(f"{own[name]:g}" for name in names)
+            yield f"{printable(point, 40)} in {proposal.joints} is [{at}]"
 
 
 def _of_files(proposal: FilesProposal) -> dict[str, object]:

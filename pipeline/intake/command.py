@@ -6,10 +6,12 @@ import contextlib
 import math
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from posixpath import dirname
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -23,6 +25,7 @@ from pipeline.app.commands._shared import (
 )
 from pipeline.base.doors import opened as behind
 from pipeline.base.errors import UsageError, listed
+from pipeline.base.patterns import is_glob
 from pipeline.base.shown import typed
 
 if TYPE_CHECKING:  # they import the numerical libraries, which takes a second
@@ -149,16 +152,20 @@ def _looked_at(
     Inner folders are looked at if no export lies in the campaign's own, or only files that tell
     less than those in the folders, such as a sketch of places.
     """
+    from pipeline.dialects.taught import gathered
     from pipeline.intake import blank
     from pipeline.intake.files import propose
     from pipeline.store.campaign import DEEPEST
 
-    files, within = blank.there(root, folder), blank.inner(folder)
+    files, within = gathered(blank.there(root, folder)), blank.inner(folder)
     own = propose(files, hints) if within else None
-    if own and not own.measured:
-        every = blank.there(root, folder, DEEPEST)
-        if not own.exports or propose(every, hints).measured:
+    if own and not (own.measured and own.joints):
+        every = gathered(blank.there(root, folder, DEEPEST))
+        if not own.measured and (not own.exports or propose(every, hints).measured):
             return every, []
+        files |= {name: every[name] for name in every if is_glob(name)}
+        looked_at = {dirname(name) for name in files}
+        within = Counter({one: n for one, n in within.items() if one not in looked_at})
     return files, [
         f"{inner}: {count} {'file is' if count == 1 else 'files are'} in this folder and not "
         f'looked at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'
@@ -475,8 +482,7 @@ def _seen(proposal: FilesProposal) -> Iterator[str]:
     for title, anchors in proposal.anchors.items():
         yield (
             f"{listed(anchors, most=20)}: anchors, by the column {title} of {proposal.loads}; the "
-            "force is directed by both ends of the chain in each loaded group: add a row of the "
-            "anchor to each export or group in which it pulled, with the coordinates read once"
+            "chain goes from load_point straight to the anchor of its row"
         )
     if proposal.by_file:
         yield f"groups: named by {proposal.by_file}, of {len(proposal.exports)} files"

@@ -22,9 +22,10 @@ from pipeline import readers
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.base.patterns import is_glob, natural
+from pipeline.dialects.taught import unnumbered
 from pipeline.dialects.workbook import sheets
 from pipeline.intake import log_columns, nominal
-from pipeline.intake._folder import urdf
+from pipeline.intake._folder import ROBOT, of_robot
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._names_by_place import NEAR
 from pipeline.intake._prose import PROSE, is_prose
@@ -78,6 +79,7 @@ class FilesProposal(LogFiles):
         base_apart_m: The same between base reflectors.
         words: Names of all targets of the exports, and the parts of all their names.
         called: Those of the robots whose type is named in files.
+        resting: Points of the joint log that are no poses, by name: value by title of the axis.
         nominal: Places of reflectors that other files state.
     """
 
@@ -100,6 +102,7 @@ class FilesProposal(LogFiles):
     base_apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
     words: frozenset[str] = frozenset()
     called: tuple[str, ...] = ()
+    resting: dict[str, dict[str, float]] = field(default_factory=dict)
     nominal: NominalPlaces = field(default_factory=NominalPlaces)
 
     @property
@@ -132,10 +135,15 @@ def propose(
     while lists:  # beside an export of the same targets
         others = {name: data for name, data in files.items() if name not in lists}
         said = _proposed(others, hints or ExportSettings(), unloaded)
+        if len(said.names) > 1 and (way := _names_of_places(others, said.names, lists)):
+            hints = (hints or ExportSettings()).model_copy(update={"names": way})
+            said = _proposed(others, hints, unloaded)
         fitting = {k: one for k, one in lists.items() if nominal.may_be_of(one, said.words)}
         if fitting.keys() == lists.keys():
             apart_m = said.apart_m | said.base_apart_m
-            found = nominal.placed(lists, said.measured, said.base, apart_m)
+            said = _hooked_at_places(others, said, lists)
+            anchors = (one for own in said.anchors.values() for one in own)
+            found = nominal.placed(lists, said.measured, (*said.base, *anchors), apart_m)
             more = _settled_by_base(others, said, found, hints or ExportSettings())
             if more is not None:
                 return propose(files, more, unloaded)
@@ -143,6 +151,21 @@ def propose(
         lists = fitting
     said = _proposed(files, hints or ExportSettings(), unloaded)
     return replace(said, called=called(files, said.robots))
+
+
+def _names_of_places(
+    files: Mapping[str, bytes], ways: Sequence[str], lists: Mapping[str, PlaceTable]
+) -> str | None:
+    """The only way to cut names in which the targets are those of a list of places; else None."""
+    fitting = []
+    for way in ways:
+        hints = ExportSettings(names=way)
+        with contextlib.suppress(InputError):
+            exports = [*_exports(files, propose_logs(files)).exports.values()]
+            names = _targets([*(_by_group([split(e, way) for e in exports]) or {}).values()])
+            if any(sum(n in names for n in one.numbers) > 1 for one in lists.values()):
+                fitting.append(hints.names)
+    return fitting[0] if len(fitting) == 1 else None
 
 
 def _settled_by_base(
@@ -178,7 +201,7 @@ def _proposed(
     """Interpret files none of which is a list of nominal places; arguments as for `propose`."""
     logged = propose_logs(files)
     found = _exports(files, logged)
-    found = found if found.exports else _offered(files, found, hints)
+    found = _as_stated(files, found, hints) if found.exports else _offered(files, found, hints)
     found = _with_groups(files, found, hints, logged)
     exports = [*found.exports.values()]
     namings = _namings(exports, files, found.offer.hints if found.offer else hints)
@@ -189,9 +212,9 @@ def _proposed(
     exports, names, by_file = naming.exports, naming.names, naming.by_file
     rows = _by_group(exports)
     stated = _stated_groups(logged, files, rows)
-    columns = logged.load_columns | stated.columns
     named = _named(rows, stated.states, unloaded)
-    anchors = _anchors(logged, files, named)
+    anchors = {} if named.chain else _anchors(logged, files, named.base)
+    columns = logged.load_columns | stated.columns | dict.fromkeys(anchors, "anchor")
     fixed = tuple(one for one in named.base if not any(one in own for own in anchors.values()))
     asked = {one.about for one in found.offer.questions} if found.offer else set[str]()
     sized = not found.reach and asked <= {"horizontal"}  # a mirror keeps distances
@@ -210,6 +233,7 @@ def _proposed(
         exports=tuple(found.exports),
         reach=max(found.reach, default=None),
         unsure=unsure(logged.loads, files, columns),
+        resting=unnumbered(files[logged.joints]) if logged.joints else {},
         **vars(logged) | {"load_columns": columns, "refused": logged.refused | found.refused},
     )
 
@@ -240,14 +264,32 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
     for name, data in files.items():
         if name.endswith(".toml") or (name in known and not is_workbook(data)):
             continue
+        if described := of_robot(name, data):
+            made = [k for k, of in files.items() if k.endswith(".toml") and name.encode() in of]
+            refused[name] = f"{ROBOT}, that of {made[0]}" if made else described
+            continue
         try:
             exports[name], largest = _export(name, data)
             reach += largest
         except InputError as problem:
             if name not in known:
-                known_as = PROSE if is_prose(name, data) else urdf(name, data)
-                refused[name] = known_as or problem.thing
+                refused[name] = PROSE if is_prose(name, data) else problem.thing
     return _Exports(exports, tuple(reach), refused)
+
+
+def _as_stated(files: Mapping[str, bytes], found: _Exports, hints: ExportSettings) -> _Exports:
+    """Add the files that only the statements explain to exports that need none."""
+    if hints == _NO_HINTS:
+        return found
+    read, reach = {}, [*found.reach]
+    asked = (k for k, why in found.refused.items() if not why.startswith((PROSE, ROBOT)))
+    for name in asked:
+        with contextlib.suppress(InputError):
+            read[name], largest = _export(name, files[name], hints)
+            reach += largest
+    refused = {name: why for name, why in found.refused.items() if name not in read}
+    both = found.exports | read
+    return _Exports(both, tuple(reach), refused, _settled(hints)) if read else found
 
 
 def _export(
@@ -310,7 +352,8 @@ def _offers(
     """What is to be said of files that are refused, or of workbooks, and how they are read then."""
     offers: dict[str, tuple[Offer, Export]] = {}
     books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
-    for name in (*(k for k, why in found.refused.items() if why != PROSE), *books):
+    asked = (k for k, why in found.refused.items() if not why.startswith((PROSE, ROBOT)))
+    for name in (*asked, *books):
         with contextlib.suppress(InputError):
             if one := offer(name, files[name], hints) or _settled(hints):
                 offers[name] = one, readers.read(name, files[name], one.hints)
@@ -382,7 +425,7 @@ def _parts(one: Offer) -> list[dict[str, str]]:
     A state is a word, the others are numbers; a pose column precedes that of the pulls.
     """
     left = _untaken(one)
-    numbers = [c.title for c in left if c.example.isdecimal()]
+    numbers = [c.title for c in left if c.counted]
     words = [c.title for c in left if c.title not in numbers]
     alone = [{"group": c.title} for c in left]
     pairs = [{"pose": pose, "state": state} for state in words for pose in numbers]
@@ -391,10 +434,10 @@ def _parts(one: Offer) -> list[dict[str, str]]:
 
 
 def _untaken(one: Offer) -> list[ColumnRole]:
-    """The columns with a title that hold neither names of targets, coordinates nor times."""
+    """The columns with a title that hold neither targets, coordinates, times nor row numbers."""
     mapping = one.hints.mapping.columns if one.hints.mapping else {}
     taken = {mapping.get(role) for role in ("target", "x", "y", "z", "time", "date")}
-    return [c for c in one.columns if c.title and c.title not in taken]
+    return [c for c in one.columns if c.title and c.title not in taken and c.counted is not None]
 
 
 @dataclass(frozen=True)
@@ -543,13 +586,35 @@ def _stated_groups(
 
 
 def _anchors(
-    logged: LogFiles, files: Mapping[str, bytes], named: FilesProposal
+    logged: LogFiles, files: Mapping[str, bytes], points: Sequence[str]
 ) -> dict[str, tuple[str, ...]]:
-    """The points to which a chain was hooked, by the title of the log's column that names them."""
+    """The points to which a chain was hooked, by the title of the log's column that names them.
+
+    All points of their kind are anchors: those that differ from them in their number only.
+    """
     if logged.loads is None:
         return {}
-    own = log_columns.naming(logged.loads, files[logged.loads], {*named.base})
-    return {title: tuple(one for one in named.base if one in names) for title, names in own.items()}
+    for title, names in log_columns.naming(logged.loads, files[logged.loads], {*points}).items():
+        return {title: tuple(one for one in points if _kind(one) in {*map(_kind, names)})}
+    return {}
+
+
+def _kind(name: str) -> str:
+    """A name without its numbers."""
+    return re.sub("[0-9]+", "", name)
+
+
+def _hooked_at_places(
+    files: Mapping[str, bytes], said: FilesProposal, lists: Mapping[str, PlaceTable]
+) -> FilesProposal:
+    """Anchors that were never read, if a column of the log names places of a list."""
+    if said.anchors or said.chain:
+        return said
+    points = [name for one in lists.values() for name in one.numbers
+              if name not in (*said.measured, *said.base)]  # fmt: skip
+    anchors = _anchors(said, files, points)
+    columns = said.load_columns | dict.fromkeys(anchors, "anchor")
+    return replace(said, anchors=anchors, load_columns=columns)
 
 
 def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]) -> bool:

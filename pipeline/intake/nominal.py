@@ -8,17 +8,19 @@ show the unit of the table, and confirm it.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain
+from pipeline.dialects.workbook import sheets
 from pipeline.readers._layout import JOINT
-from pipeline.readers._text import Text, opened
+from pipeline.readers._text import Text, is_workbook, opened
 from pipeline.readers.logs import LENGTH
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.settings import REACH_M
@@ -35,6 +37,9 @@ _MOST = 200
 """Maximum number of places: a cell has some tens of reflectors."""
 _MOST_LINES = 1000
 """Maximum number of lines of such a table, with its drawing and remarks."""
+_MOST_WORDS = 4
+"""Maximum number of words in the name of a place [1]."""
+_WIDE_GAP = re.compile(r"\t+| {2,}")
 _FEWEST = 2
 """Minimum number of reflectors of the export in a table of places; fewer have no distance."""
 
@@ -73,17 +78,23 @@ def tables(files: Mapping[str, bytes]) -> dict[str, PlaceTable]:
     If files of one form share names, those of this form are readings, one group in each.
     """
     found: dict[str, PlaceTable] = {}
-    for name, data in files.items():
-        if not name.endswith(".toml"):
+    for file, data in files.items():
+        if not file.endswith(".toml"):
             with contextlib.suppress(InputError):
-                if one := _table(
-                    opened(name, data, None, None, None, lambda text: len(_rows(text)))
-                ):
-                    found[name] = one
+                found |= {name: one for name, at in _texts(file, data) if (one := _table(at))}
     alike: dict[object, list[str]] = {}
     for one in found.values():
         alike.setdefault(one.form, []).extend(one.numbers)
     return {k: one for k, one in found.items() if len({*alike[one.form]}) == len(alike[one.form])}
+
+
+def _texts(file: str, data: bytes) -> Iterator[tuple[str, Text]]:
+    """A file, or each of the several sheets of a workbook, by name."""
+    there = sheets(file, data) if is_workbook(data) else {}
+    if len(there) < 2:
+        yield file, opened(file, data, None, None, None, lambda text: len(_rows(text)))
+    for name, text in there.items() if len(there) > 1 else ():
+        yield f'{file}, sheet "{name}"', text
 
 
 def _table(text: Text) -> PlaceTable | None:
@@ -96,12 +107,12 @@ def _table(text: Text) -> PlaceTable | None:
 
 def _rows(text: Text) -> list[tuple[str, Place, tuple[object, ...]]]:
     """Name, three numbers and form of every line that consists of these."""
-    found = []
+    found: list[tuple[str, Place, tuple[object, ...]]] = []
     for _, line in text.lines() if len(text) < _MOST_LINES else ():
-        if (row := _row(line)) is not None:
-            found.append(row)
-            if len(found) > _MOST:
-                break
+        row = _row(line)
+        found += [row] if row else filter(None, map(_row, _WIDE_GAP.split(line)))
+        if len(found) > _MOST:
+            break
     return found
 
 
@@ -111,15 +122,31 @@ def _row(line: str) -> tuple[str, Place, tuple[object, ...]] | None:
 
 
 def _cut(line: str, delimiter: str | None) -> tuple[str, Place, tuple[object, ...]] | None:
-    """The same by one delimiter; a number of the row may precede the name."""
-    cells = [cell.strip(" \"'") for cell in line.strip().split(delimiter)]
-    at = _of_three([bool(_NUMBER.fullmatch(cell)) for cell in cells])
-    if at is None or at > 2 or not _WORD.search(cells[at - 1]) or JOINT in cells[at - 1]:
+    """The same by one delimiter; a number of the row may precede the name.
+
+    The name may be a whole number, and of several words where blanks separate the cells.
+    """
+    cells = _with_whole_name(
+        [cell.strip(" \"'") for cell in line.strip().split(delimiter)], delimiter
+    )
+    counted = cells[:1] != [] and cells[0].isdecimal() and len(cells) > _FEWEST + 1
+    numbers = [bool(_NUMBER.fullmatch(cell)) for cell in cells]
+    at = _of_three([False, *numbers[1:]] if counted else numbers)
+    if at is None or at > 2 or JOINT in cells[at - 1]:
+        return None
+    if not _WORD.search(cells[at - 1]) and at > counted:
         return None
     three = [cell.replace(",", ".") for cell in cells[at : at + 3]]
     x, y, z = map(float, three)
     decimals = tuple(len(cell.partition(".")[2]) for cell in three)
     return cells[at - 1], (x, y, z), (delimiter, len(cells), decimals)
+
+
+def _with_whole_name(cells: list[str], delimiter: str | None) -> list[str]:
+    """The cells, where blanks separate them with the first few words as one name."""
+    words = list(itertools.takewhile(str.isalpha, cells)) if delimiter is None else []
+    several = 1 < len(words) <= _MOST_WORDS
+    return [" ".join(words), *cells[len(words) :]] if several else cells
 
 
 def _of_three(number: Sequence[bool]) -> int | None:

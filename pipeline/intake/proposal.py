@@ -449,7 +449,14 @@ def _columns(table: SheetTable, reading: RoleAssignment) -> tuple[ColumnRole, ..
         if role is None:
             role = Role("", "empty" if content.kind == "empty" else "untold")
         out.append(
-            ColumnRole(place + 1, table.sheet.titles[place], content.example, role.role, role.why)
+            ColumnRole(
+                place + 1,
+                table.sheet.titles[place],
+                content.example,
+                role.role,
+                role.why,
+                None if content.counts else content.counted,
+            )
         )
     return tuple(out)
 

@@ -44,6 +44,8 @@ class ColumnRole:
         example: Its first filled cell.
         role: A word of [tracker.mapping] columns, empty where it is not used.
         why: Evidence for the role.
+        counted: Whether most of its cells are whole numbers, perhaps with letters behind them; None
+            if they number the rows.
     """
 
     number: int
@@ -51,10 +53,12 @@ class ColumnRole:
     example: str
     role: str
     why: Why
+    counted: bool | None = False
 
     def to_json(self) -> dict[str, Any]:
         """Content for `--json`, with the evidence in words."""
-        return dict(vars(self)) | {"because": EVIDENCE[self.why]}
+        shown = {word: own for word, own in vars(self).items() if word != "counted"}
+        return shown | {"because": EVIDENCE[self.why]}
 
 
 @dataclass(frozen=True)

@@ -14,20 +14,31 @@ from importlib import resources
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pipeline.base.arrays import Array
 from pipeline.base.covariance import COLUMN, ROW
-from pipeline.base.strict import Scatter, Strict, Uncertainty
+from pipeline.base.strict import Strict, Uncertainty
+
+_VISIBLE = 1e-10
+"""Smallest scatter of a reading [m]: less than an atom."""
 
 
 class InstrumentNoise(Strict):
     """Standard uncertainty of one reading in the beam frame, constant and per metre of range."""
 
-    range_m: Scatter
+    range_m: Uncertainty
     range_per_m: Uncertainty = 0.0
-    transverse_m: Scatter
+    transverse_m: Uncertainty
     transverse_per_m: Uncertainty = 0.0
+
+    @model_validator(mode="after")
+    def some_in_each_direction(self) -> InstrumentNoise:
+        """Refuse readings without any scatter along the beam or across it."""
+        along, across = self.range_m + self.range_per_m, self.transverse_m + self.transverse_per_m
+        if min(along, across) < _VISIBLE:
+            raise ValueError("has no scatter along the beam or across it; write one, also per_m")
+        return self
 
 
 _WORTH = {"mpe": 1 / np.sqrt(3), "two_sigma": 0.5}

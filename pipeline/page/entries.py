@@ -24,7 +24,7 @@ _TABLE = re.compile(rf"^(#\s*)?\[\s*{_KEY}(?:\s*\.\s*{_KEY})?\s*\]\s*(?:#.*)?$")
 _LINE = re.compile(rf"^(#\s*)?{_KEY}\s*=\s*(.*)$")
 _WORD = re.compile(r'"([^"\n]+)"')
 _MORE = re.compile(r"^#\s{3,}(?:# )?(.*)$")
-_PLACES = ("tool", "base_frame")
+_PLACES = ("tool", "base_frame", "anchors")
 _WORDS = ("name", "robot", "operator", "model", "serial", "certificate", "unit", "file", "path")
 """Keys whose values are strings even if they look like numbers, such as a serial number 0123."""
 

@@ -64,7 +64,7 @@ def under_pulls(model: IdentifiedModel, q: Array, force: Array) -> PredictedTarg
     """Positions of targets under a force at the load point, by a model estimated from pulls.
 
     The uncertainty is that of the deflection; the unloaded position follows from the DH parameters
-    of the model and is taken as exact.
+    of the model, and how uncertain it is alone is not known: NaN in rows without a force.
 
     Args:
         model: Model of a campaign of pulls.
@@ -76,7 +76,7 @@ def under_pulls(model: IdentifiedModel, q: Array, force: Array) -> PredictedTarg
     moved, std = (np.stack([one[k] for one in each]) for k in (0, 1))
     cov = np.zeros((*moved.shape[:2], 6, 6))
     axis = np.arange(3)
-    cov[..., axis, axis] = std**2
+    cov[..., axis, axis] = np.where((force != 0).any(axis=1)[:, None, None], std**2, np.nan)
     turn = np.repeat(here.flange_axes[:, None], len(points), axis=1)
     return PredictedTargets(here.points(points) + moved, turn, cov, moved, std)
 

@@ -141,7 +141,7 @@ def _without(cells: pa.StringArray, field: Field) -> tuple[pa.StringArray, Array
 
 def _with_codes(cells: pa.StringArray) -> pa.StringArray:
     """Write `04bis` as its code, unless all cells have the same letters."""
-    found = pc.extract_regex(cells, r"^(?P<stem>(?:\pL+[ _-]?)?)(?P<name>\d+[ _-]?[A-Za-z]+)$")
+    found = pc.extract_regex(cells, r"^(?P<stem>(?:\pL+[ _-]?)?)(?P<name>\d+[ _-]?\pL+)$")
     rows = np.flatnonzero(found.is_valid()).tolist()
     codes = {k: pose_names.coded(found[k]["name"].as_py()) for k in rows}
     words = {code and pose_names.letters_of(code) for code in codes.values()}

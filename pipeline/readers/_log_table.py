@@ -160,7 +160,7 @@ def _poses_of(log: Log, file: Titled, places: Sequence[int]) -> dict[int, float]
     return log.pose_of | codes
 
 
-_NUMBERED = re.compile(r"(?:[^\W\d_]+[ _-]?)?(?P<name>(?P<number>[0-9]{1,9})[ _-]?[A-Za-z]*)")
+_NUMBERED = re.compile(r"(?:[^\W\d_]+[ _-]?)?(?P<name>(?P<number>[0-9]{1,9})[ _-]?[^\W\d_]*)")
 
 
 def _fields(file: Titled, columns: Sequence[tuple[Quantity, str, float]]) -> tuple[Field, ...]:

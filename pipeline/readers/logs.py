@@ -182,10 +182,11 @@ def _a_row_each(log: Log, each: Sequence[Quantity]) -> Log:
 def of_loads() -> list[Quantity]:
     """Columns of a log of loads.
 
-    In this order: pose, repeat, force; mass, its uncertainty, payload; branch and group.
+    In this order: pose, repeat, force; mass, its uncertainty, payload; branch, anchor and group.
     """
     mass = [Quantity(name, MASS, needed=False) for name in ("mass", "mass_sigma")]
-    words = [Quantity(name, {}, "name", needed=False) for name in ("payload", "branch", "group")]
+    names = ("payload", "branch", "anchor", "group")
+    words = [Quantity(name, {}, "name", needed=False) for name in names]
     return [POSE, replace(REPEAT, needed=False), Quantity("force", SCALE), *mass, *words]
 
 

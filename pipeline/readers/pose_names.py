@@ -8,15 +8,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from zlib import crc32
 
 _FIRST = 1_500_000_000
 """Smallest code; with four letters it stays below `NUMBER_LIMIT`."""
 _PLAIN = 1000
 """Number of poses that may have letters, and the step between `4` and `4bis` in the campaign."""
 _LETTERS = 26 + 1
-"""Base in which the letters are one number; 0 is none."""
-NAME = re.compile(r"0*(?P<number>[0-9]{1,3})[ _-]?(?P<letters>[A-Za-z]{1,4})")
+"""Base in which Latin letters are one number; 0 is none."""
+_OTHERS = 100_000
+"""Number of codes of words with any other letter, behind those of four Latin ones."""
+NAME = re.compile(r"0*(?P<number>[0-9]{1,3})[ _-]?(?P<letters>[^\W\d_]{1,4})")
 """The number of a pose and letters behind it."""
+_words: dict[int, str] = {}
+"""Words with other letters that were met, by their code: the same in every process."""
 
 
 def coded(name: str) -> int | None:
@@ -24,15 +29,20 @@ def coded(name: str) -> int | None:
     found = NAME.fullmatch(name)
     if found is None:
         return None
-    letters = 0
-    for letter in found["letters"].lower():
+    letters, word = 0, found["letters"].lower()
+    for letter in word:
         letters = _LETTERS * letters + ord(letter) - ord("a") + 1
+    if not word.isascii():
+        letters = _LETTERS**4 + crc32(word.encode()) % _OTHERS
+        _words[letters] = word
     return _FIRST + _PLAIN * letters + int(found["number"])
 
 
 def letters_of(pose: float) -> str:
     """Letters of a pose by its code; empty for a plain number."""
     out, rest = "", int(max(pose - _FIRST, 0)) // _PLAIN
+    if rest in _words:
+        return _words[rest]
     while rest:
         rest, letter = divmod(rest, _LETTERS)
         out = chr(ord("a") + letter - 1) + out

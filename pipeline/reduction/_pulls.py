@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.base.arrays import Bools, Ints, Locked
-from pipeline.base.errors import listed
 from pipeline.readers.logs import Log
 from pipeline.reduction._index import found, numbered, pull_number
-from pipeline.reduction._raw_readings import RawReadings, Rejection
+from pipeline.reduction._raw_readings import RawReadings
 from pipeline.reduction.settings import Settings
 
 
@@ -44,10 +43,7 @@ metre in a wrong unit is longer."""
 def complete(
     shots: RawReadings, settings: Settings, loads: Log, joints: Log
 ) -> tuple[RawReadings, Log]:
-    """Readings and loads without those that have no counterpart, and only those.
-
-    Missing readings that should be there are listed as rejected, too.
-    """
+    """Readings and loads without those that have no counterpart, and only those."""
     states = _states(shots, len(settings.measured), loads, joints)
     why = _why_not(shots, settings, states, loads.file, joints.file)
     dropped = np.zeros(len(shots.pose), dtype=bool)
@@ -57,10 +53,7 @@ def complete(
     for k in np.flatnonzero(_without_zero(shots, states) & ~out).tolist():
         name, pose = shots.target[k].as_py(), shots.pose[shots.slot[k]]
         lost[k] = f"{name} was not read unloaded in pose {pose}; measure its zero"
-    absent = _absent(shots, settings, states, dropped)
-    left = shots.without(lost)
-    left = replace(left, rejected=(*left.rejected, *absent))
-    return left, _loads(states, dropped, why, loads)
+    return shots.without(lost), _loads(states, dropped, why, loads)
 
 
 def _states(shots: RawReadings, t: int, loads: Log, joints: Log) -> _States:
@@ -136,42 +129,13 @@ def _without_zero(shots: RawReadings, states: _States) -> Bools:
     return out
 
 
-def _absent(
-    shots: RawReadings, settings: Settings, states: _States, dropped: Bools
-) -> list[Rejection]:
-    """Measured targets missing in a usable pull: reported, although nothing is left out."""
-    t = len(settings.measured)
-    lacking = shots.loaded & ~dropped & states.present.any(axis=1)
-    lacking &= ~states.present[:, :t].all(axis=1)
-    if not lacking.any():
-        return []
-    slots, first = np.unique(shots.slot, return_index=True)
-    at = dict(zip(slots.tolist(), first.tolist(), strict=True))
-    out = []
-    for s in np.flatnonzero(lacking).tolist():
-        there = [states.present[s, k] or (s, k) in shots.aside for k in range(t)]
-        names = [n for n, ok in zip(settings.measured, there, strict=True) if not ok]
-        if not names:
-            continue
-        reason = (
-            f"{shots.named(s)} has no reading of {listed(names)}, the other targets are used; "
-            "measure it again if it matters"
-        )
-        out.append(shots.rejection(at[s], reason))
-    return out
-
-
 def _loads(states: _States, dropped: Bools, why: dict[int, str], loads: Log) -> Log:
     """Rows of the load log with a usable pull."""
     kept = np.zeros(len(loads.line), dtype=bool)
     read = states.present.any(axis=1) & (states.load >= 0)
     kept[states.load[read & ~dropped]] = True
     reason = {int(states.load[s]): why[s] for s in np.flatnonzero(read & dropped).tolist()}
-    pose, repeat = loads.number["pose"], loads.number["repeat"]
-    for k in np.flatnonzero(~kept).tolist():
-        unread = (
-            f"pose {pose[k]:.0f} repeat {repeat[k]:.0f} has no usable loaded tracker reading; "
-            "measure it or remove the row"
-        )
-        reason.setdefault(k, unread)
-    return loads.without({k: reason[k] for k in np.flatnonzero(~kept).tolist()})
+    unread = "has no usable loaded tracker reading; measure it or remove the row"
+    pull = zip(loads.number["pose"], loads.number["repeat"], strict=True)
+    each = [f"pose {pose:.0f} repeat {repeat:.0f} {unread}" for pose, repeat in pull]
+    return loads.without({k: reason.get(k, each[k]) for k in np.flatnonzero(~kept).tolist()})

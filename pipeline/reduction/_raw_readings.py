@@ -55,7 +55,6 @@ class RawReadings(Locked):
         repeat: Pull of each slot, shape (s,).
         loaded: Whether a slot is a loaded state, shape (s,).
         rejected: Readings that were left out, with the reason.
-        aside: Slot and role of readings that campaign.toml sets aside.
     """
 
     files: tuple[str, ...]
@@ -72,7 +71,6 @@ class RawReadings(Locked):
     repeat: Ints
     loaded: Bools
     rejected: tuple[Rejection, ...]
-    aside: frozenset[tuple[int, int]] = frozenset()
 
     def __len__(self) -> int:
         """Number of readings."""
@@ -301,7 +299,7 @@ def _letters_behind(name: str, parts: Mapping[str, str], words: Set[str]) -> str
 
     Its state is none.
     """
-    found = re.search(rf"(?<![0-9]){re.escape(parts['pose'])}([ _-]?)([A-Za-z]+)", name)
+    found = re.search(rf"(?<![0-9]){re.escape(parts['pose'])}([ _-]?)([^\W\d_]+)", name)
     state = parts["state"] or ""
     if found is None or (state and found[2].startswith(state)):
         return ""

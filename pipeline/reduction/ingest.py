@@ -51,6 +51,8 @@ _SIX = covariance_columns()
 
 _BY_ORDER = "pipeline.dialects.assignment:assigned"
 """Door to readings without names, identified by the order in which they were taken."""
+_ENDS = "pipeline.dialects.anchored:with_ends"
+"""Door to chains without reflectors, which go from the load point to an anchor."""
 _OF_DAY = "pipeline.dialects.times_of_day:on_days"
 """Door to times without a date, which only files of other programs have."""
 _NAMES = (
@@ -230,6 +232,8 @@ def _raw(
     everything, (loads, joints), aside = set_aside.kept(
         everything, (loads, joints), settings.set_aside, own, width
     )
+    if "anchor" in loads.word:
+        everything = doors.opened(_ENDS)(everything, loads, settings)
     shots = _raw_readings.known(everything, settings, loads.states)
     if loads.states:
         _raw_readings.pulled_at_rest(shots, settings.naming.chain, loads.states, file)

@@ -82,10 +82,7 @@ def _without(
     poses |= {p for p, *_ in there} - {p for p, *_ in left}
     bare = {p for p, _ in pulls} - {p for p, _, loaded in left if loaded}
     fewer = [_fewer(log, name, pulls, poses, bare) for log in logs]
-    rows = np.flatnonzero(out & (shots.slot >= 0)).tolist()
-    absent = {(int(shots.slot[k]), int(shots.role[k])) for k in rows}
-    rejected = _others(shots.rejected, name)
-    return replace(shots.kept(~out), rejected=rejected, aside=shots.aside | absent), fewer
+    return replace(shots.kept(~out), rejected=_others(shots.rejected, name)), fewer
 
 
 def _pull(name: str, logs: Sequence[Log], own: Mapping[int, int]) -> tuple[int | None, int | None]:

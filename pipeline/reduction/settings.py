@@ -509,6 +509,7 @@ class Settings(Surrounded):
     naming: Naming = Naming()
     base_frame: dict[Name, Point] = Field(default_factory=dict)
     base_frame_uncertainty: _BaseUncertainty = _BaseUncertainty()
+    anchors: dict[Name, Point] = Field(default_factory=dict)
     scale: Scale | None = None
     gravity: _Gravity = _Gravity()
     payload: dict[Name, PayloadSettings] = Field(default_factory=dict)

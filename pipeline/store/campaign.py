@@ -25,6 +25,7 @@ from filelock import FileLock, Timeout
 
 from pipeline import tables
 from pipeline.base import files, parquet, toml
+from pipeline.base.doors import opened
 from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.base.patterns import depth, fits, is_glob
 from pipeline.base.shown import in_json, is_printable, typed
@@ -36,6 +37,7 @@ from pipeline.readers import largest, refuse_other_programs
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.settings import parse as parse_settings
 
+_AS_ONE = "pipeline.dialects:joined"
 _LIBRARIES = (
     *("numpy", "scipy", "pandas", "pyarrow", "python-calamine", "pin"),
     *("prefect", "matplotlib", "typst", "xlsxwriter"),
@@ -152,8 +154,7 @@ class CampaignFolder:
         stood = [] if settings.positions is None else settings.positions.named
         if settings.of_positions:
             return [*stood, *filter(None, [own, path])]
-        if settings.displacements is not None:
-            given = settings.displacements
+        if (given := settings.displacements) is not None:
             others = [given.file, given.forces, settings.joints.file, own, path]
             return [*stood, *filter(None, others)]
         assert settings.tracker is not None  # guaranteed by Settings
@@ -179,7 +180,7 @@ class CampaignFolder:
         return found
 
     def content(self, name: str) -> bytes:
-        """Content of one of its files.
+        """Content of one of its files; of a glob, that of all files which match it, as one.
 
         Raises:
             InputError: Missing, unreadable, too large, outside the folder, or still growing.
@@ -189,6 +190,8 @@ class CampaignFolder:
                 "its name contains characters that cannot be displayed", "rename it", file=name
             )
         path, home = self.folder / name, os.path.realpath(self.folder)
+        if is_glob(name) and not path.exists() and (several := self._matching([name])):
+            return bytes(opened(_AS_ONE)({one: self.content(one) for one in several}))
         if not Path(os.path.realpath(path)).is_relative_to(home):
             raise InputError(
                 "leads out of the campaign's folder", "put a copy of the file there", file=name

@@ -162,3 +162,73 @@ def test_what_is_no_recording_is_none():
     assert recorded.table("\n".join([head, *rows]).encode()) is None
     assert recorded.table("\n".join(points).encode()) is None
     assert taught.table("\n".join([head, *rows]).encode()) is None
+
+
+CURPOS = """CURPOS.DG     Snapshot 18-AUG-26 09:55:13
+CURRENT JOINT POSITION:
+ Joint 1:      {0:.4f} deg
+ Joint 2:      {1:.4f} deg
+ Joint 3:      {2:.4f} deg
+ Joint 4:      {3:.4f} deg
+ Joint 5:      {4:.4f} deg
+ Joint 6:      {5:.4f} deg
+CURRENT WORLD POSITION:
+ X:   1124.757   Y:   1309.888   Z:    813.735
+ W:    152.929   P:    -50.633   R:     69.078
+"""
+ROWS = [[10.5, -20.25, 30.0, -40.0, 50.5, 60.0], [1.5, 2.5, -3.5, 4.5, -5.5, 6.5]]
+PARKED = [0.0, 90.0, 0.0, 0.0, 0.0, 0.0]
+
+
+def words(values, mark=","):
+    return mark.join(f"{x:.3f}" for x in values)
+
+
+def hyundai():
+    steps = [("HOME", PARKED), ("POSE 1", ROWS[0]), ("POSE 2", ROWS[1])]
+    lines = [f"     '{name}\nS{k}   MOVE P,S=30%,A=0,T=1  ({words([*row, 1250.0])})A\n     STOP"
+             for k, (name, row) in enumerate(steps, 1)]  # fmt: skip
+    head = "Program File Format Version : 1.6  MechType: 366(HX400L-06)  TotalAxis: 7  AuxAxis: 1"
+    return "\r\n".join([head, *lines, "     END"]).encode()
+
+
+def kawasaki():
+    points = [("park", PARKED), ("k01", ROWS[0]), ("k02", ROWS[1])]
+    lines = [f"#{name} {words([*row, 1250.0], ' ')}" for name, row in points]
+    moves = "\n".join(f"  JMOVE #{name}" for name, _ in points)
+    return "\n".join([".PROGRAM p()", moves, ".END", ".JOINTS", *lines, ".END"]).encode()
+
+
+def kuka_log():
+    rows = [f"2026-05-19 08:0{k}:51  POZ  {k}  " + "  ".join(f"A{a}= {x:.4f}"
+            for a, x in enumerate(row, 1)) for k, row in enumerate(ROWS, 1)]  # fmt: skip
+    return "\n".join([";AXLOG  KR C4", *rows]).encode()
+
+
+def fanuc_listings():
+    files = {f"CURPOS/C_{k:02d}.DG": CURPOS.format(*row).encode() for k, row in enumerate(ROWS, 1)}
+    ((name, data),) = taught.gathered(files).items()
+    assert name == "CURPOS/*.DG"
+    return data
+
+
+@pytest.mark.parametrize(("made", "rail"), [(hyundai, True), (kawasaki, True), (kuka_log, False),
+                                            (fanuc_listings, False)])  # fmt: skip
+def test_points_of_other_makers_are_poses_by_their_names(made, rail):
+    rows = [row.split("\t") for row in taught.table(made()).decode().splitlines() if row]
+    titles = ["pose", *(f"A{k} [deg]" for k in range(1, 7)), *["E1 [mm]"] * rail]
+
+    assert rows[0] == titles
+    assert [[float(x) for x in row] for row in rows[1:]] == [
+        [k, *row, *[1250.0] * rail] for k, row in enumerate(ROWS, 1)
+    ]
+    parked = [list(axes.values())[:6] for axes in taught.unnumbered(made()).values()]
+    assert parked == [PARKED] * rail
+
+
+def test_a_pose_recorded_twice_stays_twice():
+    """So that the log's reader names both lines; counted on, every later pose would be another."""
+    twice = kuka_log() + b"\n2026-05-19 08:03:51  POZ  2  " + kuka_log().rpartition(b"POZ  2  ")[2]
+    rows = [row.split("\t")[0] for row in taught.table(twice).decode().splitlines() if row]
+
+    assert rows == ["pose", "1", "2", "2"]

@@ -365,3 +365,159 @@ def test_a_load_that_counts_leaves_its_unit_to_the_force():
     columns = understood_loads("log.csv", log.encode()).columns
 
     assert columns == {"carga": "repeat", "leitura (kgf)": "force_kgf"}
+
+
+FLANGE = {"R1": (200, 140, 200), "R2": (-190, 150, 210), "R3": (20, -230, 280)}
+FLOOR = {"N1": (-600, 1670, 60), "N2": (1910, -1905, 58), "N3": (4600, 1764, 46)}
+HOOK = (290, 50, 360)
+
+
+def _shots(again="7재"):
+    """Pose, state, target, x, y, z [mm] as read; a pose was measured again."""
+    rows = [["기준", "시작", name, *at] for name, at in FLOOR.items()]
+    for pose in (1, 2, 3, 4, 5, 6, 7, again):
+        k = int(str(pose)[0])
+        for state in ("무부하", "하중1", "하중2", "무부하(후)"):
+            moved = 0.3 * ("하중" in state) * int(state[-1] if state[-1].isdigit() else 0)
+            for name, (x, y, z) in FLANGE.items():
+                a, b = math.cos(k), math.sin(k)
+                place = (3000 + a * x - b * y, 400 * k + b * x + a * y, 900 + z - moved)
+                rows.append([pose, state, name, *(round(one, 4) for one in place)])
+            if "하중" in state:
+                rows += [[pose, state, f"C{end}", 3000 + 9 * end + moved, 400 * k, 500 - 400 * end]
+                         for end in (1, 2)]  # fmt: skip
+    return rows
+
+
+@pytest.mark.parametrize("titles", [["자세", "상태", "타겟"], ["qa", "qb", "qc"]])
+def test_titles_below_a_heading_with_pose_and_state_in_columns_of_their_own(titles):
+    """Known or not, numbers and words; where known a sheet lists places, the hook beside them."""
+    axes = ["X (mm)", "Y (mm)", "Z (mm)"]
+    points = [["HX400L - API Radian"], [], ["No.", *titles, *axes]]
+    points += [[k, *row] for k, row in enumerate(_shots(), 1)]
+    places = [["floor"], ["", "X", "Y", "Z"], *([n, *at] for n, at in FLOOR.items()), [],
+              ["tool"], *([n, *at] for n, at in FLANGE.items()), ["체인 고리", *HOOK]]  # fmt: skip
+    log = [["자세", "하중", "힘 (N)"]]
+    log += [[p, k, 2000.5 + k] for p in (1, 2, 3, 4, 5, 6, 7, "7재") for k in (1, 2)]
+    known = titles[0] == "자세"
+    more = {"places": places, "log": log} if known else {}
+    data = workbook(points=points, **more)
+    found = propose({"day.xlsx": data})
+
+    assert found.offer.hints.mapping.header == 3
+    assert found.group.state_of == {
+        "무부하": "unloaded",
+        "무부하(후)": "unloaded",
+        "하중": "loaded",
+    }
+    assert (found.measured, found.chain, found.base) == (
+        tuple(FLANGE), ("C1", "C2"), tuple(FLOOR))  # fmt: skip
+    export = readers.read("day.xlsx", data, found.offer.hints)
+    assert "7재 하중2" in export.group.to_pylist()
+    if known:
+        assert found.load_columns == {"자세": "pose", "하중": "repeat", "힘 (N)": "force_n"}
+        assert found.nominal.places["load_point"] == (0.29, 0.05, 0.36)
+        assert {*FLANGE, *FLOOR} < found.nominal.places.keys()
+
+
+def test_a_note_with_places_side_by_side_and_numbers_as_names():
+    """Three points in one line of a letter; and names that are numbers, in a table of their own."""
+    shots = "\n".join(f"{p}/{s};{n};{x};{y};{z}" for p, s, n, x, y, z in _shots("7b"))
+    export = shots.replace("R1;", "1;").replace("R2;", "2;").replace("R3;", "3;")
+    note = "Dear all,\nthese are the points on the tool, from the drawing, in mm:   " + (
+        "    ".join(f"{n} {x} {y} {z}" for n, (x, y, z) in FLANGE.items())
+    )
+    hook = f"    chain hook {' '.join(map(str, HOOK))}\n"
+    letter = (note + hook + "The truck was in the hall.\nNobody touched anything.\n" * 3).encode()
+    table = "".join(f"{n[1]};{x},0;{y},0;{z},0;tool, mm\n" for n, (x, y, z) in FLANGE.items())
+    head = "group;target;x_mm;y_mm;z_mm\n"
+    one = propose({"points.csv": (head + shots).encode(), "note.txt": letter})
+    other = propose({"points.csv": (head + export).encode(), "tool.csv": table.encode()})
+
+    assert one.nominal.places == {
+        **{n: tuple(1e-3 * x for x in at) for n, at in FLANGE.items()},
+        "load_point": (0.29, 0.05, 0.36),
+    }
+    assert other.nominal.places.keys() == {"1", "2", "3"}
+
+
+def test_a_target_that_fell_off_leaves_the_states_what_they_are():
+    """SC and SCF have as many targets, and begin alike; only T has a chain."""
+    rows = [f"P{p:02}_{s};{n};{100 * p + k};{7 * k * p};{k}"
+            for p in range(1, 15)
+            for s, names in (("SC", "ABCD"), ("T1", "ABCDXY"), ("T2", "ABCDXY"), ("SCF", "ABCD"))
+            for k, n in enumerate(names)
+            if n != "D" or p < 8 or (p == 8 and s in ("SC", "T1"))]  # fmt: skip
+    found = propose({"points.csv": "\n".join(["group;target;x_mm;y_mm;z_mm", *rows]).encode()})
+
+    assert found.group.state_of == {"SC": "unloaded", "SCF": "unloaded", "T": "loaded"}
+
+
+def test_a_table_of_a_robot_is_answered_with_its_command(tmp_path):
+    rows = "".join(f"{k};q{k};{100 * k};{50 * k};90\n" for k in range(1, 7))
+    table = ("axis;theta (deg);d (mm);a (mm);alpha (deg)\n" + rows).encode()
+
+    asked = propose({"DH.csv": table, "points.txt": _inches()})
+    made = propose({"DH.csv": table, "points.txt": _inches(), "arm.toml": b'source = "DH.csv"'})
+
+    assert "pipeline robot DH.csv --output DH.toml" in asked.refused["DH.csv"]
+    assert made.refused["DH.csv"] == "it describes a robot, that of arm.toml"
+
+
+def test_positions_listed_one_file_each_in_a_folder_are_one_joint_log(tmp_path, capsys):
+    """FANUC's CURPOS beside an export: `init` names all of them by their pattern."""
+    folder = tmp_path / "data/raw/hall"
+    (folder / "CURPOS").mkdir(parents=True)
+    (folder / "points.txt").write_bytes(_inches())
+    for pose in range(1, 9):
+        text = "CURRENT JOINT POSITION:\n" + "".join(
+            f" Joint {k}: {k * pose:.3f} deg\n" for k in range(1, 7)
+        )
+        (folder / f"CURPOS/C{pose:02}.DG").write_text(text)
+    assert cli._exit_code(["init", "hall", "--root", str(tmp_path)]) == 0
+
+    assert 'file = "CURPOS/*.DG"' in (folder / "campaign.toml").read_text("utf-8")
+    assert "not looked at" not in capsys.readouterr().err
+
+
+def test_what_is_stated_holds_for_exports_beside_those_that_need_nothing():
+    """`init --stated`: columns and unit of files that do not say them, a round of the base does."""
+    base = "group;target;x_mm;y_mm;z_mm\n" + "".join(
+        f"start;{n};{x};{y};{z}\n" for n, (x, y, z) in FLOOR.items()
+    )
+    rows = "".join(f"{p} {s};{n};{x / 25.4:.5f};{z / 25.4:.5f};{y / 25.4:.5f}\n"
+                   for p, s, n, x, y, z in _shots("7b")[3:])  # fmt: skip
+    files = {"base.csv": base.encode(), "day.txt": ("u;v;k;l;m\n" + rows).encode()}
+    columns = {"group": "u", "target": "v", "x": "k", "y": "m", "z": "l"}
+    stated = ExportSettings(unit="in", mapping={"columns": columns})
+
+    assert propose(files).exports == ("base.csv",)
+    found = propose(files, stated)
+
+    assert found.exports == ("base.csv", "day.txt")
+    assert found.offer.hints == stated
+    assert (found.measured, found.base) == (tuple(FLANGE), tuple(FLOOR))
+    assert found.apart_m["R1", "R2"] == pytest.approx(0.39026, abs=2e-5)
+
+
+def test_points_that_are_no_poses_are_offered_for_the_test_pose(tmp_path, capsys):
+    """A rail first, as in the robot file, wherever the program has it."""
+    folder = tmp_path / "data/raw/hall"
+    folder.mkdir(parents=True)
+    assert cli._exit_code(["robot", "kr210_r2700_2", "--rail=y"]) == 0
+    (folder / "mine.toml").write_text(capsys.readouterr().out, encoding="utf-8")
+    points = {
+        "home": (0, -90, 90, 0, 0, 0, 1200),
+        "k01": (1, -60, 70, 2, 40, 3, 150),
+        "k02": (4, -50, 80, 5, 30, 6, 2500),
+        "k03": (7, -70, 60, 8, 50, 9, 350.5),
+    }
+    lines = [f"#{name} {' '.join(map(str, at))}" for name, at in points.items()]
+    (folder / "test.as").write_text("\n".join([".JOINTS", *lines, ".END"]))
+
+    assert cli._exit_code(["init", "hall", "--root", str(tmp_path)]) == 0
+    text = (folder / "campaign.toml").read_text("utf-8")
+
+    assert 'robot  = "mine.toml"' in text
+    assert "# home in test.as is [1200, 0, -90, 90, 0, 0, 0]\n" in text
+    assert "k01 in" not in text

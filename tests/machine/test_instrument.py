@@ -229,3 +229,13 @@ def test_a_reading_that_fits_no_beam_stays_uncorrelated():
 
     assert found[[0, 3]][:, [1, 2, 4]] == pytest.approx(0)
     assert found[:, [0, 3, 5]] == pytest.approx(variance)
+
+
+def test_a_direction_may_scatter_in_proportion_to_the_distance_alone():
+    """An API Radian's 2.5 um/m has no constant part; no scatter at all is a slip."""
+    noise = InstrumentNoise(range_m=0, range_per_m=2.5e-6, transverse_m=5e-6)
+    along = beam_covariance(np.array([[4.0, 0.0, 0.0]]), noise)[0, 0]
+
+    assert along == pytest.approx((4 * 2.5e-6) ** 2)
+    with pytest.raises(ValueError, match="no scatter along the beam or across it"):
+        InstrumentNoise(range_m=0, transverse_m=5e-6)

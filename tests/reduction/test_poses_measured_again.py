@@ -37,6 +37,7 @@ def pulls(got):
         ("b", "P2b", "[a-z]?"),
         ("_ter", "2ter", "(?:_ter)?"),
         ("R", "2-R", "R?"),
+        ("재", "2재", "재?"),
     ],
 )
 @pytest.mark.parametrize("both", [True, False], ids=["both", "the first was removed"])
@@ -86,7 +87,7 @@ def test_letters_that_every_pose_has_are_no_name():
 
 def test_numbers_of_names_do_not_meet_others():
     """Every name gets one number, whatever plain numbers there are, and shows as it was."""
-    names = ["4bis", "4ter", "12a", "999zzzz"]
+    names = ["4bis", "4ter", "12a", "999zzzz", "4재", "4повт", "9é"]
     codes = [pose_names.coded(name) for name in names]
     own = pose_names.numbers([*codes, 4, 12, 1004, 2999])
 

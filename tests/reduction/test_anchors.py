@@ -1,0 +1,74 @@
+"""Chains without reflectors: from the load point straight to the anchor that the log names."""
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.base.errors import InputError
+from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.run import ingested
+from pipeline.store.campaign import in_memory
+
+DEMO = Path(__file__).parents[2] / "data/raw/kr500_demo"
+FAR_M = 2.5
+"""How far behind the second reflector of its chain each anchor is [m]."""
+
+
+def reduced(files):
+    return bring(ingested(in_memory(files), conformed, plain, plausible=False))
+
+
+def in_newton(found):
+    """Forces on the robot in F_b, (m, 3)."""
+    return found.shown["forces"][["fx_n", "fy_n", "fz_n"]].to_numpy()
+
+
+@pytest.fixture(scope="module")
+def hall():
+    """The demo without its chain's reflectors, places of anchors in F_b, and its forces."""
+    files = {path.name: path.read_bytes() for path in DEMO.iterdir()}
+    whole = reduced(files)
+    placed = whole.placed.set_index(["pose", "repeat", "target"])[["x_m", "y_m", "z_m"]]
+    anchors = {}
+    for pose, pull in {(p, r) for p, r, t in placed.index if t == "Pl2"}:
+        near, far = (
+            placed.loc[(pose, pull, end)].to_numpy().reshape(-1, 3).mean(axis=0)
+            for end in ("Pl1", "Pl2")
+        )
+        way = (far - near) / np.linalg.norm(far - near)
+        anchors[f"K{pose}-{pull}"] = far + (FAR_M + 0.1 * pull) * way
+    rows = csv.reader(io.StringIO(files["tracker.csv"].decode()))
+    left = [",".join(row) for row in rows if not row[1].startswith("Pl")]
+    head, *log = files["loads.csv"].decode().split()
+    named = [f"{row},K{row.split(',')[0]}-{row.split(',')[1]}" for row in log]
+    toml = files["campaign.toml"].decode()
+    files |= {"tracker.csv": "\n".join(left).encode(),
+              "loads.csv": "\n".join([f"{head},anchor", *named]).encode()}  # fmt: skip
+    return files, toml, anchors, in_newton(whole)
+
+
+def with_anchors(toml, anchors):
+    rows = (f'"{name}" = {[round(float(x), 4) for x in at]}' for name, at in anchors.items())
+    return toml.replace("[scale]", "\n".join(["[anchors]", *rows, "", "[scale]"]), 1).encode()
+
+
+def test_the_force_points_to_the_anchor(hall):
+    """Within 2 mrad of where reflectors on the chain show it, whatever each chain's length."""
+    files, toml, anchors, true = hall
+    force = in_newton(reduced(files | {"campaign.toml": with_anchors(toml, anchors)}))
+
+    assert len(force) == len(true)
+    off = np.linalg.norm(force - true, axis=1) / np.linalg.norm(true, axis=1)
+    assert np.max(off) < 2e-3
+
+
+def test_an_anchor_without_a_place_is_named(hall):
+    files, toml, anchors, _ = hall
+    some = {name: at for name, at in anchors.items() if name != "K2-1"}
+
+    with pytest.raises(InputError, match='the anchor "K2-1" has no place') as problem:
+        reduced(files | {"campaign.toml": with_anchors(toml, some)})
+    assert problem.value.file == "loads.csv"
