@@ -87,27 +87,19 @@ class PullMoves(Locked):
 
         None where there are too few or too many of them, or their targets were not read singly.
         """
-        data, cell = asked.reduced.data, asked.case.cell
+        data = asked.reduced.data
         if asked.case.settings.displacements is not None or data.poses:
             return None
         size = np.linalg.norm(data.pulls.force, axis=1)
         which = np.flatnonzero((data.pulls.by != MOUNTED) & (size > 0))
         if not FEWEST <= len(which) <= MOST:
             return None
-        safe = np.where(size > 0, size, 1.0)
-        one = replace(data.pulls, force=data.pulls.force / safe[:, None])
-        typical = np.array([p.typical for p in cell.parameters])
-        response = jacobian(cell, one, asked.start) * typical
-        y = np.zeros(response.shape[:3])
+        y = np.zeros((len(size), len(asked.case.cell.tool.read), 3))
         y[data.pull, data.target] = data.delta
-        read = np.zeros(response.shape[:2], dtype=bool)
-        read[data.pull, data.target] = True
-        response[~read] = 0.0
-        m, k = len(size), len(typical)
         return cls(
             which,
-            y.reshape(m, -1)[which],
-            response.reshape(m, -1, k)[which],
+            y.reshape(len(size), -1)[which],
+            response(asked, which, data.pulls.force[which] / size[which, None]),
             size[which],
             data.reading_std[which],
             displacement_std(data),
@@ -133,6 +125,16 @@ class PullMoves(Locked):
         some = {name: getattr(self, name)[which] for name in ("pull", "y", "G", "force", "std")}
         return replace(self, **some)
 
+    def usual(self, square: Array) -> Array:
+        """Usual mean square that the springs leave of each pull [m^2], shape (m,).
+
+        Args:
+            square: Mean square that they leave of it [m^2], shape (m,).
+        """
+        whole = np.mean(self.y**2, axis=1)
+        part = max(float(np.median(square / np.maximum(whole, self.noise**2))), _MODEL**2)
+        return np.asarray(self.noise**2 + part * whole)
+
     def due(self, x: Array) -> tuple[Array, Array]:
         """Force by the displacements of each pull, and its standard uncertainty [N]."""
         g = self.G @ x
@@ -155,6 +157,29 @@ class _OrderFit(Locked):
     cost: Array
     model: float
     left: float
+
+
+def response(asked: Screening, pulls: Ints, force: Array) -> Array:
+    """Displacements by forces in some pulls, for each of the typical compliances [m].
+
+    0 where a target was not read.
+
+    Args:
+        asked: The campaign.
+        pulls: Indices among the measured pulls, shape (n,).
+        force: Forces in F_b [N], shape (n, 3).
+
+    Returns:
+        Shape (n, c, k).
+    """
+    data, cell = asked.reduced.data, asked.case.cell
+    typical = np.array([p.typical for p in cell.parameters])
+    under = replace(data.pulls.part(pulls), force=force)
+    found = jacobian(cell, under, asked.start) * typical
+    read = np.zeros((len(data.pulls), found.shape[1]), dtype=bool)
+    read[data.pull, data.target] = True
+    found[~read[pulls]] = 0.0
+    return found.reshape(len(pulls), -1, len(typical))
 
 
 def displacement_std(data: Measured) -> float:
@@ -199,9 +224,8 @@ def _beside(moved: PullMoves, x: Array, order: Ints) -> _OrderFit:
 def _straight(moved: PullMoves, x: Array, due: Array) -> Bools:
     """Mask of pulls with displacements that a force can cause, unlike bad readings, shape (m,)."""
     off = moved.y - due[:, None] * (moved.G @ x)
-    square, whole = (np.mean(each**2, axis=1) for each in (off, moved.y))
-    part = max(float(np.median(square / np.maximum(whole, moved.noise**2))), _MODEL**2)
-    return np.asarray(square <= _APART**2 * (moved.noise**2 + part * whole))
+    square = np.mean(off**2, axis=1)
+    return np.asarray(square <= _APART**2 * moved.usual(square))
 
 
 def misfit(case: Case) -> float:
