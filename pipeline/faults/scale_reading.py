@@ -108,6 +108,16 @@ class _Righted(Locked):
         return np.asarray(self.off**2 * self.normal)
 
     @property
+    def std(self) -> Array:
+        """Standard uncertainty of each best fitting reading [N], shape (m,).
+
+        A misfit beyond chance widens it: the model is not complete then.
+        """
+        rest, dof = self.base.rest, max(self.base.dof, 1)
+        fits = self.system.noise_stated and chi2_beyond(rest, dof) >= odds.FITS
+        return np.asarray(np.sqrt((1.0 if fits else rest / dof) / self.normal))
+
+    @property
     def next(self) -> int:
         """The pull that stands out most among the others."""
         return int(np.argmax(self._others))
@@ -226,7 +236,7 @@ def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
     rivalled = alike > 0 or not righted.alone
     if not sure or (rivalled and _by_law(asked, righted)):
         return []
-    each = zip(righted.pulls, righted.fits, righted.normal, righted.drop, righted.p, strict=True)
+    each = zip(righted.pulls, righted.fits, righted.std, righted.p, strict=True)
     found = (_finding(asked.case, data, int(pull), *map(float, rest)) for pull, *rest in each)
     return [replace(one, rivalled=rivalled) for one in found]
 
@@ -347,17 +357,16 @@ def _reading(data: Measured, pulls: Ints, force: Array, scale: Scale) -> Measure
 
 
 def _finding(
-    case: Case, data: Measured, pull: int, fits: float, normal: float, drop: float, p: float
+    case: Case, data: Measured, pull: int, fits: float, std: float, p: float
 ) -> Mistake:
     given = float(np.linalg.norm(data.pulls.force[pull]))
     pose, repeat = int(data.pulls.pose[pull]), int(data.pulls.repeat[pull])
     loads = case.loads
     row = loads[(loads["pose"] == pose) & (loads["repeat"] == repeat)].iloc[0]
     where, at = f"{row['file']} pose{pose:02d} rep{repeat}", (f"{row['file']}:{row['line']}",)
-    sigmas = float(np.sqrt(drop))
+    sigmas = abs(given - fits) / std
     hung = data.pulls.by[pull] == HUNG
     one, unit = (case.settings.gravity.m_s2, "kg") if hung else (1.0, "N")
-    std = normal**-0.5
     text = f"{row['payload']}, " if data.pulls.by[pull] == MOUNTED else ""
     return outlying(
         where,
