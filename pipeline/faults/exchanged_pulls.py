@@ -143,7 +143,7 @@ class PullMoves(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class _OrderFit(Locked):
+class OrderFit(Locked):
     """Compliances for one order of the forces.
 
     Attributes:
@@ -204,13 +204,13 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
     return _states(asked, moved) or _loads(asked, moved, given, least)
 
 
-def ordered(moved: PullMoves, order: Ints) -> _OrderFit:
+def ordered(moved: PullMoves, order: Ints) -> OrderFit:
     """The fit with logged force `order[i]` in pull i."""
     x = moved.solved(moved.force[order])
     return _beside(moved, x, order)
 
 
-def _beside(moved: PullMoves, x: Array, order: Ints) -> _OrderFit:
+def _beside(moved: PullMoves, x: Array, order: Ints) -> OrderFit:
     due, own = moved.due(x)
     force = moved.force[order]
     part = np.abs(due / force - 1)
@@ -218,7 +218,7 @@ def _beside(moved: PullMoves, x: Array, order: Ints) -> _OrderFit:
     var = own**2 + moved.std**2 + (model * force) ** 2
     cost = (moved.force[:, None] - due) ** 2 / var * _straight(moved, x, due)
     left = float(np.mean(np.minimum(part, 1.0)))
-    return _OrderFit(x, cost, model, left)
+    return OrderFit(x, cost, model, left)
 
 
 def _straight(moved: PullMoves, x: Array, due: Array) -> Bools:
@@ -252,13 +252,13 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
 # --- rows of the loads ----------------------------------------------------------------------------
 
 
-def _loads(asked: Screening, moved: PullMoves, given: _OrderFit, least: float) -> list[Mistake]:
+def _loads(asked: Screening, moved: PullMoves, given: OrderFit, least: float) -> list[Mistake]:
     """Exchanged rows of the loads, for the order of forces that leaves fewest pulls unexplained."""
     row = rows_of(asked.case, asked.reduced.data, moved)
     if _copied(moved, given, row, least):
         return []
 
-    def left(one: tuple[_OrderFit, list[Ring]]) -> int:
+    def left(one: tuple[OrderFit, list[Ring]]) -> int:
         """Number of pulls whose force does not fit, except those left without one."""
         wrong = np.diag(one[0].cost[_order(one[1], len(moved.force))]) > least
         return int(wrong.sum() - sum(wrong[ring.members[0]] for ring in one[1] if ring.ended))
@@ -274,7 +274,7 @@ def _loads(asked: Screening, moved: PullMoves, given: _OrderFit, least: float) -
     return []
 
 
-def _copied(moved: PullMoves, given: _OrderFit, row: Ints, least: float) -> bool:
+def _copied(moved: PullMoves, given: OrderFit, row: Ints, least: float) -> bool:
     """Whether one force stands in rows in succession that moved as by different ones."""
     at = np.argsort(row)
     due, fits = moved.due(given.x)[0][at], (np.diag(given.cost) <= least)[at]
@@ -284,8 +284,8 @@ def _copied(moved: PullMoves, given: _OrderFit, row: Ints, least: float) -> bool
 
 
 def _orders(
-    moved: PullMoves, given: _OrderFit, least: float, row: Ints
-) -> Iterator[tuple[_OrderFit, list[Ring]]]:
+    moved: PullMoves, given: OrderFit, least: float, row: Ints
+) -> Iterator[tuple[OrderFit, list[Ring]]]:
     """Possible orders of the column of forces that fit, the simplest first."""
     count = len(moved.force)
     few = rings(given.cost, least, least)
@@ -323,7 +323,7 @@ def _all_fit(moved: PullMoves, found: Sequence[Ring], least: float) -> bool:
     return bool((after <= least).all() and (before - after).mean() > least) and _usual(fit)
 
 
-def _usual(fit: _OrderFit) -> bool:
+def _usual(fit: OrderFit) -> bool:
     """Whether the misfit is that of pulls with their own forces."""
     return fit.model < USUAL_MISFIT
 
@@ -333,7 +333,7 @@ USUAL_MISFIT = 0.1
 right [1]: friction, clearance and transmission errors are below."""
 
 
-def _sorted(moved: PullMoves, least: float) -> tuple[_OrderFit, list[Ring]] | None:
+def _sorted(moved: PullMoves, least: float) -> tuple[OrderFit, list[Ring]] | None:
     """A column in any order, starting from typical stiffnesses."""
     count = len(moved.force)
     x = np.ones(moved.G.shape[2])
@@ -365,7 +365,7 @@ _OF_POSES = 2
 all of another."""
 
 
-def _both(fit: _OrderFit, ring: Ring, least: float) -> bool:
+def _both(fit: OrderFit, ring: Ring, least: float) -> bool:
     """Whether both of two rows are wrong where they are; otherwise a single number was mistyped."""
     own = fit.cost[list(ring.members), list(ring.members)]
     return len(own) > 2 or bool((own > least).all())
@@ -385,7 +385,7 @@ def rows_of(case: Case, data: Measured, moved: PullMoves) -> Ints:
     return np.asarray(key.get_indexer(mine), dtype=np.int64)
 
 
-def of_loads(asked: Screening, moved: PullMoves, fit: _OrderFit, ring: Ring, row: Ints) -> Mistake:
+def of_loads(asked: Screening, moved: PullMoves, fit: OrderFit, ring: Ring, row: Ints) -> Mistake:
     """The mistake that rows of the loads are in each other's place."""
     case, pulls = asked.case, asked.reduced.data.pulls
     rows = case.loads.iloc[row[list(ring.members)]]

@@ -356,9 +356,7 @@ def _reading(data: Measured, pulls: Ints, force: Array, scale: Scale) -> Measure
     return replace(data, pulls=replace(data.pulls, force=forces), reading_std=std)
 
 
-def _finding(
-    case: Case, data: Measured, pull: int, fits: float, std: float, p: float
-) -> Mistake:
+def _finding(case: Case, data: Measured, pull: int, fits: float, std: float, p: float) -> Mistake:
     given = float(np.linalg.norm(data.pulls.force[pull]))
     pose, repeat = int(data.pulls.pose[pull]), int(data.pulls.repeat[pull])
     loads = case.loads
