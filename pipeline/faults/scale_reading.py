@@ -19,11 +19,13 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.tails import chi2_beyond
+from pipeline.faults.conventions import symbol
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, outlying, without_pulls
 from pipeline.faults.typing_errors import intended
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import HUNG, MOUNTED
+from pipeline.readers.logs import SCALE
 from pipeline.reduction.case import Case
 from pipeline.reduction.forces import reading_std
 from pipeline.reduction.measured import Measured
@@ -365,12 +367,18 @@ def _finding(case: Case, data: Measured, pull: int, fits: float, std: float, p: 
     sigmas = abs(given - fits) / std
     hung = data.pulls.by[pull] == HUNG
     one, unit = (case.settings.gravity.m_s2, "kg") if hung else (1.0, "N")
+    shown, agreed, within, as_shown = given / one, fits / one, std / one, unit
+    if not hung:
+        log = case.settings.loads_log
+        shown, agreed = (log.gain * force + log.zero_n for force in (given, fits))
+        per, as_shown = _unit(float(row["unit_n"]))
+        shown, agreed, within = shown / per, agreed / per, log.gain * std / per
     text = f"{row['payload']}, " if data.pulls.by[pull] == MOUNTED else ""
     return outlying(
         where,
-        f"the reading {where} (line {row['line']}) says {text}{given / one:.6g} {unit}, and "
-        f"all other pulls agree with {fits / one:.6g} +- {std / one:.2g} {unit}, "
-        f"{sigmas:.0f} standard deviations away{_meant(given / one, fits / one, std / one, unit)}",
+        f"the reading {where} (line {row['line']}) says {text}{shown:.6g} {as_shown}, and "
+        f"all other pulls agree with {agreed:.6g} +- {within:.2g} {as_shown}, "
+        f"{sigmas:.0f} standard deviations away{_meant(shown, agreed, within, as_shown)}",
         "recomputed without this pull",
         before=sigmas,
         size=abs(given - fits) / one,
@@ -379,6 +387,13 @@ def _finding(case: Case, data: Measured, pull: int, fits: float, std: float, p: 
         correct=partial(without_pulls, pulls={(pose, repeat)}),
         at=at,
     )
+
+
+def _unit(size_n: float) -> tuple[float, str]:
+    """The unit of a log [N] and its symbol; N if it is none that a scale shows."""
+    known = (one for one, size in SCALE.items() if np.isclose(size, size_n, rtol=1e-9))
+    name = next(known, None)
+    return (size_n, symbol(name)) if name else (1.0, "N")
 
 
 def _meant(given: float, fits: float, std: float, unit: str) -> str:

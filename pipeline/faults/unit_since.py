@@ -285,12 +285,9 @@ def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:
 def _times(case: Case, keys: frozenset[tuple[int, int]], factor: float) -> Case:
     loads = case.loads
     mine = [key in keys for key in zip(loads["pose"], loads["repeat"], strict=True)]
-    return replace(
-        case,
-        loads=loads.assign(
-            force_n=loads["force_n"].where(~np.array(mine), loads["force_n"] * factor)
-        ),
-    )
+    times = np.where(mine, factor, 1.0)
+    new = {name: loads[name] * times for name in ("force_n", "unit_n")}
+    return replace(case, loads=loads.assign(**new))
 
 
 # --- the joint log --------------------------------------------------------------------------------

@@ -107,6 +107,25 @@ def test_the_reading_that_fits_is_the_smallest_misfit(case):
     assert found == pytest.approx(given, rel=0.05)
 
 
+@pytest.mark.parametrize(("per", "unit"), [(4.4482216152605, "lbf"), (9.80665, "kgf")])
+def test_the_number_that_was_meant_is_one_of_the_log(case, per, unit):
+    """Its first two digits exchanged, in the unit of the log; gain and zero of the scale aside."""
+    settings = case.settings.model_copy(
+        update={"scale": case.settings.scale.model_copy(update={"gain": 1.02, "zero_n": 15.0})}
+    )
+    force = case.loads.set_index(["pose", "repeat"]).loc[(5, 2), "force_n"]
+    shown = f"{(1.02 * force + 15.0) / per:.0f}"
+    wrong = shown[1] + shown[0] + shown[2:]
+    given = typed(case, 5, 2, lambda _: (float(wrong) * per - 15.0) / 1.02)
+    given = replace(given, settings=settings, loads=given.loads.assign(unit_n=per))
+
+    (found,) = scale_reading.FAULT.find(asked(given))
+
+    assert f" says {wrong} {unit}, and all other pulls agree with " in found.evidence
+    assert found.evidence.endswith(f"two digits exchanged, {shown} {unit} may have been meant")
+    assert found.size == pytest.approx(abs(float(wrong) - float(shown)) * per / 1.02, rel=0.02)
+
+
 @pytest.mark.parametrize("factor", [10.0, 0.1, 1.3])
 def test_a_mistyped_reading_is_found_with_what_it_should_be(case, factor):
     """Ten times, a tenth, and exchanged digits: place, size and the value from the others."""
