@@ -102,6 +102,7 @@ LOADS = _promise(
     "pose,repeat",
     *_PULL,
     _number("force_n", "N", "reading of the spring scale, NaN for weights and payloads"),
+    _number("unit_n", "N", "unit in which the log states it, NaN where it states none"),
     _number("mass_kg", "kg", "weight at the load point, NaN for other loads"),
     _number("mass_sigma_kg", "kg", "its standard uncertainty, 0 where none is stated"),
     _word("payload", "name of the payload on the flange, null for other loads", nullable=True),

@@ -74,7 +74,7 @@ def converge(case: Case, reduced: Reduced, given: Fitted, step: Step) -> _Conver
         ends.append(_stand(held, given, step))
         moved = step(_screened)(case, files, ends[-1])
         if moved.key == held.key:
-            return _bounded(ends[-1])
+            return _bounded(replace(ends[-1], screened=moved))
         held = moved
         again = [k for k, one in enumerate(ends) if one.screened.key == held.key]
         if again:

@@ -5,6 +5,7 @@ support it and its correction makes them agree; both results are given, correcte
 """
 
 from pipeline.faults import (
+    anchor,
     base_names,
     base_reading,
     base_reflector,
@@ -41,6 +42,7 @@ FAULTS: tuple[Fault, ...] = (
     exchanged.FAULT,
     labels.CHAIN,
     dead_sensor.FAULT,
+    anchor.FAULT,
     exchanged_pulls.FAULT,
     exchanged_ladders.FAULT,
     joint_row.FAULT,

@@ -20,7 +20,7 @@ import pandas as pd
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.fault import Fault
-from pipeline.faults.labels import unlike
+from pipeline.faults.labels import anchors, unlike
 from pipeline.faults.mistake import Mistake, apart, of_group, outlying
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
@@ -65,6 +65,7 @@ class _Chain(Locked):
         stated: Whether one is stated.
         give: Motion of the effector in the pose according to its targets [m], NaN where unknown,
             shape (m,).
+        free: Whether the far end is no anchor, so that the length is one of the chain, shape (m,).
     """
 
     group: Strings
@@ -74,6 +75,7 @@ class _Chain(Locked):
     std: Array
     stated: bool
     give: Array
+    free: Bools
 
 
 @dataclass(frozen=True)
@@ -170,7 +172,7 @@ def chain_gross(case: Case) -> list[Mistake]:
     Tested before the scale's readings are judged, since such a pull points anywhere.
     """
     chain = _read(case)
-    if len(chain.group) < _FEWEST:
+    if chain.free.sum() < _FEWEST:
         return []
     lengths = unlike(case).reindex(chain.group)
     away, gross = lengths["away"].to_numpy(float), lengths["gross"].to_numpy(bool)
@@ -214,6 +216,7 @@ def _read(case: Case) -> _Chain:
         std=std if stated else np.ones(len(std)),
         stated=stated,
         give=_give(case, both.to_numpy(object), ends[0]["pose"].to_numpy(np.int64)),
+        free=~anchors(case)["anchor"][both].to_numpy(bool),
     )
 
 
@@ -245,16 +248,21 @@ def _length(chain: _Chain) -> Array:
 def _distance(chain: _Chain) -> _Off | None:
     """The outlier by distance of the ends, which is constant except for the stretch of the chain.
 
+    Of the pulls whose far end is no anchor.
+
     (|Pl2 - Pl1| - median) / u = (a + b f) / u + e, f the force over the largest, u [m] the standard
     uncertainty; one a for all pulls or, if an F test calls for it, one for each pose. The p-value
     of t is two-sided and multiplied by the number of pulls.
     """
-    y = _length(chain)
-    y = (y - np.median(y)) / chain.std
-    force = np.nan_to_num(chain.force / np.nanmax(np.abs(chain.force), initial=1.0))
+    at = np.flatnonzero(chain.free)
+    if len(at) < _FEWEST:
+        return None
+    y, std = _length(chain)[at], chain.std[at]
+    y = (y - np.median(y)) / std
+    force = np.nan_to_num(chain.force / np.nanmax(np.abs(chain.force), initial=1.0))[at]
     every = np.ones((len(y), 1))
-    poses = np.unique(chain.pose)[None, :] == chain.pose[:, None]
-    common, hung = (np.hstack([one, force[:, None]]) / chain.std[:, None] for one in (every, poses))
+    poses = np.unique(chain.pose[at])[None, :] == chain.pose[at, None]
+    common, hung = (np.hstack([one, force[:, None]]) / std[:, None] for one in (every, poses))
     off = _each(common, y)
     best = int(np.argmax(off.drop))
     kept = np.arange(len(y)) != best
@@ -266,10 +274,10 @@ def _distance(chain: _Chain) -> _Off | None:
         best = int(level[np.argmax(among_all[level])])
     variance = off.variance(1.0) if chain.stated else off.variance()
     p = len(y) * float(off.p(variance)[best])
-    size_m = float(np.abs(off.size[best, 0]) * chain.std[best])
+    size_m = float(np.abs(off.size[best, 0]) * std[best])
     if p > alarms.READING / _TESTS or size_m < _SHORT_M:
         return None
-    return _Off(best, float(np.sqrt(off.drop / variance)[best]), 1, size_m, p)
+    return _Off(int(at[best]), float(np.sqrt(off.drop / variance)[best]), 1, size_m, p)
 
 
 def _each(X: Array, y: Array) -> ScoreTests:

@@ -87,27 +87,19 @@ class PullMoves(Locked):
 
         None where there are too few or too many of them, or their targets were not read singly.
         """
-        data, cell = asked.reduced.data, asked.case.cell
+        data = asked.reduced.data
         if asked.case.settings.displacements is not None or data.poses:
             return None
         size = np.linalg.norm(data.pulls.force, axis=1)
         which = np.flatnonzero((data.pulls.by != MOUNTED) & (size > 0))
         if not FEWEST <= len(which) <= MOST:
             return None
-        safe = np.where(size > 0, size, 1.0)
-        one = replace(data.pulls, force=data.pulls.force / safe[:, None])
-        typical = np.array([p.typical for p in cell.parameters])
-        response = jacobian(cell, one, asked.start) * typical
-        y = np.zeros(response.shape[:3])
+        y = np.zeros((len(size), len(asked.case.cell.tool.read), 3))
         y[data.pull, data.target] = data.delta
-        read = np.zeros(response.shape[:2], dtype=bool)
-        read[data.pull, data.target] = True
-        response[~read] = 0.0
-        m, k = len(size), len(typical)
         return cls(
             which,
-            y.reshape(m, -1)[which],
-            response.reshape(m, -1, k)[which],
+            y.reshape(len(size), -1)[which],
+            response(asked, which, data.pulls.force[which] / size[which, None]),
             size[which],
             data.reading_std[which],
             displacement_std(data),
@@ -133,6 +125,16 @@ class PullMoves(Locked):
         some = {name: getattr(self, name)[which] for name in ("pull", "y", "G", "force", "std")}
         return replace(self, **some)
 
+    def usual(self, square: Array) -> Array:
+        """Usual mean square that the springs leave of each pull [m^2], shape (m,).
+
+        Args:
+            square: Mean square that they leave of it [m^2], shape (m,).
+        """
+        whole = np.mean(self.y**2, axis=1)
+        part = max(float(np.median(square / np.maximum(whole, self.noise**2))), _MODEL**2)
+        return np.asarray(self.noise**2 + part * whole)
+
     def due(self, x: Array) -> tuple[Array, Array]:
         """Force by the displacements of each pull, and its standard uncertainty [N]."""
         g = self.G @ x
@@ -141,7 +143,7 @@ class PullMoves(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class _OrderFit(Locked):
+class OrderFit(Locked):
     """Compliances for one order of the forces.
 
     Attributes:
@@ -155,6 +157,29 @@ class _OrderFit(Locked):
     cost: Array
     model: float
     left: float
+
+
+def response(asked: Screening, pulls: Ints, force: Array) -> Array:
+    """Displacements by forces in some pulls, for each of the typical compliances [m].
+
+    0 where a target was not read.
+
+    Args:
+        asked: The campaign.
+        pulls: Indices among the measured pulls, shape (n,).
+        force: Forces in F_b [N], shape (n, 3).
+
+    Returns:
+        Shape (n, c, k).
+    """
+    data, cell = asked.reduced.data, asked.case.cell
+    typical = np.array([p.typical for p in cell.parameters])
+    under = replace(data.pulls.part(pulls), force=force)
+    found = jacobian(cell, under, asked.start) * typical
+    read = np.zeros((len(data.pulls), found.shape[1]), dtype=bool)
+    read[data.pull, data.target] = True
+    found[~read[pulls]] = 0.0
+    return found.reshape(len(pulls), -1, len(typical))
 
 
 def displacement_std(data: Measured) -> float:
@@ -179,13 +204,13 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
     return _states(asked, moved) or _loads(asked, moved, given, least)
 
 
-def ordered(moved: PullMoves, order: Ints) -> _OrderFit:
+def ordered(moved: PullMoves, order: Ints) -> OrderFit:
     """The fit with logged force `order[i]` in pull i."""
     x = moved.solved(moved.force[order])
     return _beside(moved, x, order)
 
 
-def _beside(moved: PullMoves, x: Array, order: Ints) -> _OrderFit:
+def _beside(moved: PullMoves, x: Array, order: Ints) -> OrderFit:
     due, own = moved.due(x)
     force = moved.force[order]
     part = np.abs(due / force - 1)
@@ -193,15 +218,14 @@ def _beside(moved: PullMoves, x: Array, order: Ints) -> _OrderFit:
     var = own**2 + moved.std**2 + (model * force) ** 2
     cost = (moved.force[:, None] - due) ** 2 / var * _straight(moved, x, due)
     left = float(np.mean(np.minimum(part, 1.0)))
-    return _OrderFit(x, cost, model, left)
+    return OrderFit(x, cost, model, left)
 
 
 def _straight(moved: PullMoves, x: Array, due: Array) -> Bools:
     """Mask of pulls with displacements that a force can cause, unlike bad readings, shape (m,)."""
     off = moved.y - due[:, None] * (moved.G @ x)
-    square, whole = (np.mean(each**2, axis=1) for each in (off, moved.y))
-    part = max(float(np.median(square / np.maximum(whole, moved.noise**2))), _MODEL**2)
-    return np.asarray(square <= _APART**2 * (moved.noise**2 + part * whole))
+    square = np.mean(off**2, axis=1)
+    return np.asarray(square <= _APART**2 * moved.usual(square))
 
 
 def misfit(case: Case) -> float:
@@ -228,13 +252,13 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
 # --- rows of the loads ----------------------------------------------------------------------------
 
 
-def _loads(asked: Screening, moved: PullMoves, given: _OrderFit, least: float) -> list[Mistake]:
+def _loads(asked: Screening, moved: PullMoves, given: OrderFit, least: float) -> list[Mistake]:
     """Exchanged rows of the loads, for the order of forces that leaves fewest pulls unexplained."""
     row = rows_of(asked.case, asked.reduced.data, moved)
     if _copied(moved, given, row, least):
         return []
 
-    def left(one: tuple[_OrderFit, list[Ring]]) -> int:
+    def left(one: tuple[OrderFit, list[Ring]]) -> int:
         """Number of pulls whose force does not fit, except those left without one."""
         wrong = np.diag(one[0].cost[_order(one[1], len(moved.force))]) > least
         return int(wrong.sum() - sum(wrong[ring.members[0]] for ring in one[1] if ring.ended))
@@ -250,7 +274,7 @@ def _loads(asked: Screening, moved: PullMoves, given: _OrderFit, least: float) -
     return []
 
 
-def _copied(moved: PullMoves, given: _OrderFit, row: Ints, least: float) -> bool:
+def _copied(moved: PullMoves, given: OrderFit, row: Ints, least: float) -> bool:
     """Whether one force stands in rows in succession that moved as by different ones."""
     at = np.argsort(row)
     due, fits = moved.due(given.x)[0][at], (np.diag(given.cost) <= least)[at]
@@ -260,8 +284,8 @@ def _copied(moved: PullMoves, given: _OrderFit, row: Ints, least: float) -> bool
 
 
 def _orders(
-    moved: PullMoves, given: _OrderFit, least: float, row: Ints
-) -> Iterator[tuple[_OrderFit, list[Ring]]]:
+    moved: PullMoves, given: OrderFit, least: float, row: Ints
+) -> Iterator[tuple[OrderFit, list[Ring]]]:
     """Possible orders of the column of forces that fit, the simplest first."""
     count = len(moved.force)
     few = rings(given.cost, least, least)
@@ -299,7 +323,7 @@ def _all_fit(moved: PullMoves, found: Sequence[Ring], least: float) -> bool:
     return bool((after <= least).all() and (before - after).mean() > least) and _usual(fit)
 
 
-def _usual(fit: _OrderFit) -> bool:
+def _usual(fit: OrderFit) -> bool:
     """Whether the misfit is that of pulls with their own forces."""
     return fit.model < USUAL_MISFIT
 
@@ -309,7 +333,7 @@ USUAL_MISFIT = 0.1
 right [1]: friction, clearance and transmission errors are below."""
 
 
-def _sorted(moved: PullMoves, least: float) -> tuple[_OrderFit, list[Ring]] | None:
+def _sorted(moved: PullMoves, least: float) -> tuple[OrderFit, list[Ring]] | None:
     """A column in any order, starting from typical stiffnesses."""
     count = len(moved.force)
     x = np.ones(moved.G.shape[2])
@@ -341,7 +365,7 @@ _OF_POSES = 2
 all of another."""
 
 
-def _both(fit: _OrderFit, ring: Ring, least: float) -> bool:
+def _both(fit: OrderFit, ring: Ring, least: float) -> bool:
     """Whether both of two rows are wrong where they are; otherwise a single number was mistyped."""
     own = fit.cost[list(ring.members), list(ring.members)]
     return len(own) > 2 or bool((own > least).all())
@@ -361,7 +385,7 @@ def rows_of(case: Case, data: Measured, moved: PullMoves) -> Ints:
     return np.asarray(key.get_indexer(mine), dtype=np.int64)
 
 
-def of_loads(asked: Screening, moved: PullMoves, fit: _OrderFit, ring: Ring, row: Ints) -> Mistake:
+def of_loads(asked: Screening, moved: PullMoves, fit: OrderFit, ring: Ring, row: Ints) -> Mistake:
     """The mistake that rows of the loads are in each other's place."""
     case, pulls = asked.case, asked.reduced.data.pulls
     rows = case.loads.iloc[row[list(ring.members)]]

@@ -185,23 +185,49 @@ def chain_distances(case: Case, R: Array, t: Array) -> pd.DataFrame:
 
 
 @lru_cache(maxsize=1)
+def anchors(case: Case) -> pd.DataFrame:
+    """Where each pull's chain ends, by group: number of the place, and whether it is an anchor.
+
+    Far ends within `GROSS_DISTANCE_M` of each other are in one place, -1 where the tracker stands,
+    as a lost lock says. One of two or more poses is an anchor: whether it was read in each of them
+    or once, how far it is from the robot is no property of the chain.
+    """
+    rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
+    rows = rows[rows["target"] == case.settings.naming.chain[1]].set_index("group")
+    at, place = rows[XYZ].to_numpy(float), np.full(len(rows), -1)
+    left = np.linalg.norm(at, axis=1) > GROSS_DISTANCE_M
+    while left.any():
+        near = left & (np.linalg.norm(at - at[np.argmax(left)], axis=1) < GROSS_DISTANCE_M)
+        place[near], left = place.max(initial=-1) + 1, left & ~near
+    poses = rows["pose"].groupby(place).transform("nunique")
+    return pd.DataFrame({"place": place, "anchor": (poses > 1) & (place >= 0)}, rows.index)
+
+
+@lru_cache(maxsize=1)
 def unlike(case: Case) -> pd.DataFrame:
     """Deviation of the chain's length from the usual one, by group: away, gross.
 
-    `away` [m] is the deviation from the median of all pulls, or from that of the pose if it has
-    three pulls and this is smaller. It is gross beyond `GROSS_DISTANCE_M` and ten times the median
-    deviation: no chain stretches or is hung like that.
+    `away` [m] is the deviation from the median of all pulls, or from that of the others of the pose
+    if it has three pulls and this is smaller. It is gross beyond `GROSS_DISTANCE_M` and ten times
+    the median deviation: no chain stretches or is hung like that. Towards an anchor it is 0.
     """
     rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
     ends = [rows[rows["target"] == name].set_index("group") for name in case.settings.naming.chain]
     between = (ends[1][XYZ] - ends[0][XYZ]).dropna()
     length = pd.Series(np.linalg.norm(between.to_numpy(float), axis=1), between.index)
-    of_pose = length.groupby(ends[0]["pose"].reindex(length.index))
-    own = (length - of_pose.transform("median")).abs().where(of_pose.transform("count") >= _PULLS)
-    away = own.fillna(np.inf).clip(upper=(length - length.median()).abs())
-    return pd.DataFrame(
-        {"away": away, "gross": away > max(GROSS_DISTANCE_M, _USUAL * away.median())}
-    )
+    free = length[~anchors(case)["anchor"][length.index]]
+    of_pose = free.groupby(ends[0]["pose"].reindex(free.index))
+    own = (free - of_pose.transform(_of_others)).abs().where(of_pose.transform("count") >= _PULLS)
+    away = own.fillna(np.inf).clip(upper=(free - free.median()).abs())
+    gross = away > max(GROSS_DISTANCE_M, _USUAL * away.median())
+    table = pd.DataFrame({"away": away, "gross": gross.astype(bool)}).reindex(length.index)
+    return table.assign(away=table["away"].fillna(0.0), gross=table["gross"].eq(True))
+
+
+def _of_others(length: pd.Series[float]) -> Array:
+    """Median of all others for each of some lengths."""
+    others = np.where(np.eye(len(length), dtype=bool), np.nan, length.to_numpy(float))
+    return np.nanmedian(others, axis=1) if len(length) > 1 else np.full(len(length), np.nan)
 
 
 def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:

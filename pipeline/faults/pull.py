@@ -163,7 +163,8 @@ def times(factor: float) -> Callable[[Case], Case]:
     """Correction that multiplies all forces by a factor."""
 
     def correct(case: Case) -> Case:
-        loads = case.loads.assign(force_n=case.loads["force_n"] * factor)
+        new = {name: case.loads[name] * factor for name in ("force_n", "unit_n")}
+        loads = case.loads.assign(**new)
         forces = None if case.forces is None else _times(case.forces, factor)
         return replace(case, loads=loads, forces=forces)
 

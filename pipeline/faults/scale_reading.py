@@ -19,11 +19,13 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.tails import chi2_beyond
+from pipeline.faults.conventions import symbol
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, outlying, without_pulls
 from pipeline.faults.typing_errors import intended
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import HUNG, MOUNTED
+from pipeline.readers.logs import SCALE
 from pipeline.reduction.case import Case
 from pipeline.reduction.forces import reading_std
 from pipeline.reduction.measured import Measured
@@ -106,6 +108,16 @@ class _Righted(Locked):
     def drop(self) -> Array:
         """Increase of the sum of squares with the reading as logged, shape (m,)."""
         return np.asarray(self.off**2 * self.normal)
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainty of each best fitting reading [N], shape (m,).
+
+        A misfit beyond chance widens it: the model is not complete then.
+        """
+        rest, dof = self.base.rest, max(self.base.dof, 1)
+        fits = self.system.noise_stated and chi2_beyond(rest, dof) >= odds.FITS
+        return np.asarray(np.sqrt((1.0 if fits else rest / dof) / self.normal))
 
     @property
     def next(self) -> int:
@@ -226,7 +238,7 @@ def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
     rivalled = alike > 0 or not righted.alone
     if not sure or (rivalled and _by_law(asked, righted)):
         return []
-    each = zip(righted.pulls, righted.fits, righted.normal, righted.drop, righted.p, strict=True)
+    each = zip(righted.pulls, righted.fits, righted.std, righted.p, strict=True)
     found = (_finding(asked.case, data, int(pull), *map(float, rest)) for pull, *rest in each)
     return [replace(one, rivalled=rivalled) for one in found]
 
@@ -346,24 +358,27 @@ def _reading(data: Measured, pulls: Ints, force: Array, scale: Scale) -> Measure
     return replace(data, pulls=replace(data.pulls, force=forces), reading_std=std)
 
 
-def _finding(
-    case: Case, data: Measured, pull: int, fits: float, normal: float, drop: float, p: float
-) -> Mistake:
+def _finding(case: Case, data: Measured, pull: int, fits: float, std: float, p: float) -> Mistake:
     given = float(np.linalg.norm(data.pulls.force[pull]))
     pose, repeat = int(data.pulls.pose[pull]), int(data.pulls.repeat[pull])
     loads = case.loads
     row = loads[(loads["pose"] == pose) & (loads["repeat"] == repeat)].iloc[0]
     where, at = f"{row['file']} pose{pose:02d} rep{repeat}", (f"{row['file']}:{row['line']}",)
-    sigmas = float(np.sqrt(drop))
+    sigmas = abs(given - fits) / std
     hung = data.pulls.by[pull] == HUNG
     one, unit = (case.settings.gravity.m_s2, "kg") if hung else (1.0, "N")
-    std = normal**-0.5
+    shown, agreed, within, as_shown = given / one, fits / one, std / one, unit
+    if not hung:
+        log = case.settings.loads_log
+        shown, agreed = (log.gain * force + log.zero_n for force in (given, fits))
+        per, as_shown = _unit(float(row["unit_n"]))
+        shown, agreed, within = shown / per, agreed / per, log.gain * std / per
     text = f"{row['payload']}, " if data.pulls.by[pull] == MOUNTED else ""
     return outlying(
         where,
-        f"the reading {where} (line {row['line']}) says {text}{given / one:.6g} {unit}, and "
-        f"all other pulls agree with {fits / one:.6g} +- {std / one:.2g} {unit}, "
-        f"{sigmas:.0f} standard deviations away{_meant(given / one, fits / one, std / one, unit)}",
+        f"the reading {where} (line {row['line']}) says {text}{shown:.6g} {as_shown}, and "
+        f"all other pulls agree with {agreed:.6g} +- {within:.2g} {as_shown}, "
+        f"{sigmas:.0f} standard deviations away{_meant(shown, agreed, within, as_shown)}",
         "recomputed without this pull",
         before=sigmas,
         size=abs(given - fits) / one,
@@ -372,6 +387,13 @@ def _finding(
         correct=partial(without_pulls, pulls={(pose, repeat)}),
         at=at,
     )
+
+
+def _unit(size_n: float) -> tuple[float, str]:
+    """The unit of a log [N] and its symbol; N if it is none that a scale shows."""
+    known = (one for one, size in SCALE.items() if np.isclose(size, size_n, rtol=1e-9))
+    name = next(known, None)
+    return (size_n, symbol(name)) if name else (1.0, "N")
 
 
 def _meant(given: float, fits: float, std: float, unit: str) -> str:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -20,9 +21,15 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import LOGGED, UNITS, anchored, pairs, scaled, symbol, unloaded
 from pipeline.faults.exchanged import misplaced
-from pipeline.faults.exchanged_pulls import USUAL_MISFIT, PullMoves, ordered, rows_of
+from pipeline.faults.exchanged_pulls import (
+    USUAL_MISFIT,
+    OrderFit,
+    PullMoves,
+    ordered,
+    rows_of,
+)
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.mistake import Mistake, lines_of
+from pipeline.faults.mistake import Mistake, lines_of, without_pulls
 from pipeline.machine.effect import PULLED
 from pipeline.readers.logs import FORCE, SCALE
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
@@ -139,11 +146,10 @@ def _forces(asked: Screening) -> list[Mistake]:
         return []
     row = rows_of(asked.case, data, moved)
     at = np.argsort(asked.case.loads["line"].to_numpy()[row])
-    found = _split(moved, at)
+    found = _split(moved, at) or _within(moved, at)
     if found is None:
         return []
-    wrong = slice(found.first, None) if found.later else slice(None, found.first)
-    return [_of_forces(asked.case, asked.case.loads.iloc[row[at[wrong]]], found)]
+    return [_of_forces(asked.case, asked.case.loads.iloc[row[at[found.wrong]]], found)]
 
 
 @dataclass(frozen=True)
@@ -151,16 +157,14 @@ class _Change:
     """Where the scale's unit changes.
 
     Attributes:
-        first: Index of the first pull of the second part, in the order of the file.
+        wrong: The pulls with the wrong numbers, in the order of the file.
         unit: The other unit.
         sign: 1 where the wrong numbers are in it and were read as N, else -1.
-        later: Whether the second part is wrong, not the first one.
     """
 
-    first: int
+    wrong: slice
     unit: str
     sign: int
-    later: bool
 
     @property
     def instead(self) -> tuple[str, ...]:
@@ -213,16 +217,43 @@ def _likelier(moved: PullMoves, at: Ints, first: int, unit: str, sign: int) -> _
     Both fit alike; the compliances, in typical ones, are nearer to one with one of them. None where
     the pulls do not agree either way.
     """
-    later = _Change(first, unit, sign, later=True)
-    factor = np.ones(len(at))
-    factor[at[first:]] = later.factor
-    fit = ordered(replace(moved, force=moved.force * factor), np.arange(len(at)))
+    later = _Change(slice(first, None), unit, sign)
+    fit = _corrected(moved, at, later)
     if fit.model > USUAL_MISFIT:
         return None
     usual = float(np.median(fit.x[fit.x > 0])) if (fit.x > 0).any() else 1.0
     if abs(np.log(usual)) <= abs(np.log(usual * later.factor)):
         return later
-    return replace(later, sign=-sign, later=False)
+    return replace(later, sign=-sign, wrong=slice(None, first))
+
+
+def _corrected(moved: PullMoves, at: Ints, change: _Change) -> OrderFit:
+    """The fit with the wrong numbers in their unit."""
+    factor = np.ones(len(at))
+    factor[at[change.wrong]] = change.factor
+    return ordered(replace(moved, force=moved.force * factor), np.arange(len(at)))
+
+
+def _within(moved: PullMoves, at: Ints) -> _Change | None:
+    """Rows in succession that fit in another unit only, among rows that fit as they are.
+
+    With the compliances on which most pulls agree, r_i = (force by the displacements) / (force as
+    logged) is 1 in these and the factor of the unit in those.
+    """
+    due = moved.due(moved.solved(moved.force))[0]
+    off = np.log(np.maximum(due / moved.force, STILL_M))[at]
+    if np.median(np.abs(off)) > USUAL_MISFIT:
+        return None
+    runs = []
+    for (unit, size), sign in product(_FORCE.items(), (1, -1)):
+        away = np.abs(off - sign * np.log(size))
+        ends = np.flatnonzero(np.diff(away < USUAL_MISFIT)) + 1
+        for run in np.split(np.arange(len(at)), ends) if size != 1 else ():
+            if len(run) >= _ROWS and away[run].max() < USUAL_MISFIT:
+                stop = None if run[-1] == len(at) - 1 else int(run[-1]) + 1
+                found = _Change(slice(int(run[0]), stop), unit, sign)
+                runs.append((len(run), -float(np.median(away[run])), found))
+    return max(runs, key=lambda one: one[:2])[2] if runs else None
 
 
 def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:
@@ -232,29 +263,31 @@ def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:
     text = f"are {either} and were read as N"
     if change.sign != 1:
         text = f"are N and were read as {either}"
+    said = f"from {at[0]} on"
+    if change.wrong.stop is not None:
+        said = f"from {at[0]} to {at[-1]}" if change.wrong.start else f"up to {at[-1]}"
     found = _finding(
         where=unit if change.sign == 1 else "n",
-        says=f"from {at[0]} on the numbers of the scale {text}"
-        if change.later
-        else f"up to {at[-1]} the numbers of the scale {text}",
+        says=f"{said} the numbers of the scale {text}",
         why=f"these pulls moved the robot {factor:.4g} times as far as the others for their force",
         at=at,
         factor=factor,
         correct=partial(_times, keys=keys, factor=factor),
     )
-    since = found.since if change.later else None
-    return replace(found, since=since, instead=change.instead if change.sign == 1 else ())
+    since = found.since if change.wrong.stop is None else None
+    instead = change.instead if change.sign == 1 else ()
+    if instead and change.wrong.start and since is None:  # few, and not known to 3 %
+        correct = partial(without_pulls, pulls=keys)
+        found = replace(found, correct=correct, correction="recomputed without these pulls")
+    return replace(found, since=since, instead=instead)
 
 
 def _times(case: Case, keys: frozenset[tuple[int, int]], factor: float) -> Case:
     loads = case.loads
     mine = [key in keys for key in zip(loads["pose"], loads["repeat"], strict=True)]
-    return replace(
-        case,
-        loads=loads.assign(
-            force_n=loads["force_n"].where(~np.array(mine), loads["force_n"] * factor)
-        ),
-    )
+    times = np.where(mine, factor, 1.0)
+    new = {name: loads[name] * times for name in ("force_n", "unit_n")}
+    return replace(case, loads=loads.assign(**new))
 
 
 # --- the joint log --------------------------------------------------------------------------------

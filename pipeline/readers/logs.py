@@ -128,7 +128,8 @@ def loads(name: str, data: bytes, stated: LogForm = OWN_LOG) -> Log:
     wanted[0] = replace(POSE, filled=not named, carried=not (named or each))
     wanted[2] = replace(force, needed=needed, filled=not named)
     known_columns(stated, "scale", [*wanted, *each, _TIME, REMARK])
-    log = _one_load(_pulls(_a_row_each(typed(file, [*wanted, *each], stated, "scale"), each)))
+    log = typed(file, [*wanted, *each], stated, "scale")
+    log = _one_load(_pulls(_a_row_each(_with_units(log, [force, *each], file.titles), each)))
     if "branch" in log.word:
         own = np.array(
             [_BRANCH_OF.get(cell.strip().lower(), cell) for cell in log.word["branch"]],
@@ -160,6 +161,14 @@ def forces_of_pulls(titles: Sequence[str]) -> list[Quantity]:
     return [Quantity(stem, SCALE, needed=False) for stem in stems]
 
 
+def _with_units(log: Log, forces: Sequence[Quantity], titles: Sequence[str]) -> Log:
+    """A column for the unit [N] of each column of forces: `unit`, `unit_1` ..."""
+    found = ((q.stem, suffixed(titles, q)) for q in forces)
+    units = {stem: SCALE[one[1]] for stem, one in found if one and one[1]}
+    each = {f"unit{stem[5:]}": np.full(len(log.line), of) for stem, of in units.items()}
+    return replace(log, number=log.number | each)
+
+
 def _a_row_each(log: Log, each: Sequence[Quantity]) -> Log:
     """A row for each pull of a log with a column for each; an empty cell is none."""
     if not each:
@@ -167,14 +176,16 @@ def _a_row_each(log: Log, each: Sequence[Quantity]) -> Log:
     for name in {"force", "repeat"} & {*log.number}:
         twice = f"has a {name} beside one column a pull; keep one of the two"
         log = log.where(name, np.isnan, twice)
-    force = np.column_stack([log.number[q.stem] for q in each])
+    force, unit = (
+        np.column_stack([log.number[name + q.stem[5:]] for q in each]) for name in ("force", "unit")
+    )
     there = ~np.isnan(force)
     there[~there.any(axis=1), 0] = True  # a row without any is rejected, not lost
     row, pull = np.nonzero(there)
     repeat = np.array([float(q.stem.rpartition("_")[2]) for q in each])
-    stems = {q.stem for q in each}
+    stems = {name + q.stem[5:] for q in each for name in ("force", "unit")}
     number = {name: one[row] for name, one in log.number.items() if name not in stems}
-    number |= {"force": force[row, pull], "repeat": repeat[pull]}
+    number |= {"force": force[row, pull], "unit": unit[row, pull], "repeat": repeat[pull]}
     word = {name: one[row] for name, one in log.word.items()}
     return replace(log, number=number, word=word, line=log.line[row])
 
@@ -273,7 +284,7 @@ def _one_load(log: Log) -> Log:
     Afterwards every kind of load has a column, NaN or empty in rows without it.
     """
     none = np.full(len(log.line), np.nan)
-    number = dict.fromkeys(("force", "mass", "mass_sigma"), none) | log.number
+    number = dict.fromkeys(("force", "unit", "mass", "mass_sigma"), none) | log.number
     word = {"payload": np.full(len(none), "", dtype=object)} | log.word
     log = replace(log, number=number, word=word)
     for name, least in (("force", LEAST_FORCE), ("mass", LEAST_MASS)):

@@ -518,6 +518,7 @@ def _loads(loads: logs.Log, mass_sigma_kg: float) -> pa.Table:
     columns = {
         **_pulls_of(loads),
         "force_n": loads.number["force"],
+        "unit_n": loads.number["unit"],
         "mass_kg": loads.number["mass"],
         "mass_sigma_kg": sigma,
         "payload": [name or None for name in loads.word["payload"]],

@@ -220,3 +220,17 @@ def test_ends_that_follow_each_other_for_ever_are_as_good(monkeypatch):
     monkeypatch.setattr(module, "_bounded", lambda end: end)
 
     assert converge(None, None, None, plain).screened.key == 5
+
+
+def test_a_mistake_is_stated_by_the_last_model(monkeypatch):
+    """Where the same is found again with the causes in the model, its numbers are those of then."""
+    alone, beside = (SimpleNamespace(key=1, findings=(model,)) for model in ("springs", "causes"))
+    monkeypatch.setattr(module, "files_of", lambda *_: alone)
+    monkeypatch.setattr(module, "singles_of", lambda *_: alone)
+    monkeypatch.setattr(
+        module, "_stand", lambda held, *_: module._Converged(held, None, None, None)
+    )
+    monkeypatch.setattr(module, "_screened", lambda *_: beside)
+    monkeypatch.setattr(module, "_bounded", lambda end: end)
+
+    assert converge(None, None, None, plain).screened.findings == ("causes",)

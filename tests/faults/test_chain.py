@@ -153,7 +153,9 @@ def ends(rng, poses=6, pulls=4, sigma=SIGMA_M, stated=True, hung_m=0.0):
     group = np.array([f"pose{p:02d}_{k}" for k, p in enumerate(pose)], object)
     at = np.stack([start, far], axis=1)
     std = std if stated else np.ones(m)
-    return module._Chain(group, pose, force, at, std, stated, give=np.full(m, np.nan))
+    return module._Chain(
+        group, pose, force, at, std, stated, give=np.full(m, np.nan), free=np.ones(m, bool)
+    )
 
 
 def longer(given, k, by):
@@ -408,6 +410,23 @@ def test_an_end_that_no_chain_reaches_is_named_whatever_the_scale_says(end, off)
     assert found.size == pytest.approx(off, rel=0.01)
     assert chain_gross(good) == []
     assert chain_gross(found.correct(replace(good, readings=rows))) == []
+
+
+def test_a_near_anchor_is_no_mistake_of_the_pulls_towards_it():
+    """Of six anchors, five are 2.5 m away and one 1.5 m; each is pulled to in three poses."""
+    rng = np.random.default_rng(6)
+    case = read(rng, poses=6, steps=STEPS[:3])
+    rows = case.readings.copy()
+    u = np.array([_unit(one) for one in rng.standard_normal((6, 3))])
+    anchors = [8.0, 0, 0] + np.array([1.5, *[2.5] * 5])[:, None] * u
+    for (pose, k), here in rows.groupby(["pose", "repeat"]):
+        which = (pose + k) % 6
+        at = [8.0, 0, 0] + 0.02 * rng.standard_normal(3) + 0.15 * u[which]
+        for name, place in (("Pl1", at), ("Pl2", anchors[which])):
+            rows.loc[here.index[here["target"] == name], XYZ] = place
+
+    assert chain_gross(replace(case, readings=rows)) == []
+    assert chain_outlier(replace(case, readings=rows)) == []
 
 
 def test_both_ends_of_a_pull_are_named_where_both_are_far_off():

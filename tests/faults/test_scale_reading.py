@@ -107,6 +107,44 @@ def test_the_reading_that_fits_is_the_smallest_misfit(case):
     assert found == pytest.approx(given, rel=0.05)
 
 
+@pytest.mark.parametrize(("per", "unit"), [(4.4482216152605, "lbf"), (9.80665, "kgf")])
+def test_the_number_that_was_meant_is_one_of_the_log(case, per, unit):
+    """Its first two digits exchanged, in the unit of the log; gain and zero of the scale aside."""
+    settings = case.settings.model_copy(
+        update={"scale": case.settings.scale.model_copy(update={"gain": 1.02, "zero_n": 15.0})}
+    )
+    force = case.loads.set_index(["pose", "repeat"]).loc[(5, 2), "force_n"]
+    shown = f"{(1.02 * force + 15.0) / per:.0f}"
+    wrong = shown[1] + shown[0] + shown[2:]
+    given = typed(case, 5, 2, lambda _: (float(wrong) * per - 15.0) / 1.02)
+    given = replace(given, settings=settings, loads=given.loads.assign(unit_n=per))
+
+    (found,) = scale_reading.FAULT.find(asked(given))
+
+    assert f" says {wrong} {unit}, and all other pulls agree with " in found.evidence
+    assert found.evidence.endswith(f"two digits exchanged, {shown} {unit} may have been meant")
+    assert found.size == pytest.approx(abs(float(wrong) - float(shown)) * per / 1.02, rel=0.02)
+
+
+def test_what_the_model_misses_makes_the_reading_that_fits_less_certain():
+    """Springs alone, and a carriage that rolls: wider by the root of chi-square per freedom."""
+    given = small(8, scale={"sigma_n": 3.0}, hidden={"effects": ["rail_roll=3x"]})
+    force = given.loads.set_index(["pose", "repeat"]).loc[(5, 2), "force_n"]
+    clean = asked(given)
+    W, B = dense(clean)
+    y = W @ clean.system.c
+    ratio = np.linalg.lstsq(W @ B, y, rcond=None)[1][0] / (len(y) - B.shape[1])
+    assert ratio > 4
+
+    (found,) = scale_reading.FAULT.find(asked(typed(given, 5, 2, lambda f: 10 * f)))
+
+    fits, std = (
+        float(part.split()[0]) for part in found.evidence.split("agree with ")[1].split("+- ")
+    )
+    assert std == pytest.approx(freed(clean).N[9, 0, 0] ** -0.5 * np.sqrt(ratio), rel=0.2)
+    assert abs(fits - force) < 3 * std
+
+
 @pytest.mark.parametrize("factor", [10.0, 0.1, 1.3])
 def test_a_mistyped_reading_is_found_with_what_it_should_be(case, factor):
     """Ten times, a tenth, and exchanged digits: place, size and the value from the others."""

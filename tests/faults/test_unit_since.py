@@ -58,6 +58,27 @@ def test_forces_in_another_unit_up_to_some_row(seed, unit):
     same(found.correct(case(made)), case(files(seed)))
 
 
+@pytest.mark.parametrize("unit", ["kgf", "lbf"])
+def test_forces_of_some_rows_in_another_unit(unit):
+    """Rows 6 to 8 in it: none of the others; where kgf may be daN, they are left out."""
+    head, rows = table(files(2), "loads.csv")
+    new = [
+        [*row[:2], repr(float(row[2]) / NEWTONS[unit]) if 5 <= k < 8 else row[2], *row[3:]]
+        for k, row in enumerate(rows)
+    ]
+    made = written(files(2), "loads.csv", head, new)
+
+    (found,) = unit_since(asked(case(made)))
+
+    assert found.where == unit or {found.where, *found.instead} == {"kgf", "dan"}
+    assert (found.at, found.since) == (tuple(f"loads.csv:{k}" for k in (7, 8, 9)), None)
+    assert "from loads.csv:7 to loads.csv:9 the numbers of the scale" in found.evidence
+    if unit == "lbf":
+        same(found.correct(case(made)), case(files(2)))
+    else:
+        assert len(found.correct(case(made)).loads) == PULLS - 3
+
+
 @pytest.mark.parametrize("base", [False, True])
 @pytest.mark.parametrize(("unit", "factor"), [("inch", 25.4), ("m", 1000.0)])
 def test_coordinates_in_another_unit_from_some_pose_on(unit, factor, base):

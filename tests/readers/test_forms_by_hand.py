@@ -22,6 +22,17 @@ def test_an_empty_pose_below_another_is_the_same():
     assert log.notes == ("loads.csv, lines 3, 5, 6: an empty pose is that of the row above",)
 
 
+@pytest.mark.parametrize(
+    ("text", "units"),
+    [
+        ("pose,force_1_kn,force_2_lbf\n1,1.5,500\n2,,600\n", [1000, LBF, LBF]),
+        ("pose,repeat,force_lbf\n1,1,500\n1,2,600\n", [LBF, LBF]),
+    ],
+)
+def test_the_unit_of_each_force_is_kept(text, units):
+    assert read(text)[1].number["unit"] == pytest.approx(units)
+
+
 def test_without_numbers_of_pulls_the_whole_log_must_be_filled_in_so():
     """One empty cell among many, or one where a number is missing, is an oversight."""
     rows, _ = read("pose,force_n\n1,700\n,800\n2,500\n,600\n")

@@ -1,0 +1,69 @@
+"""Chains to anchors: their lengths differ as the anchors do, and one name may be the wrong one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.faults.anchor import wrong_anchors
+from pipeline.faults.chain import chain_gross, chain_outlier
+from pipeline.reduction.case import Case
+from pipeline.reduction.register import XYZ
+from tests.small_case import asked, small, where
+
+ANCHORS = [[2.5, 1.5, -0.9], [-2.5, 4.5, 0.3], [1.8, 3.9, -0.9]]
+
+
+def crossing(near: np.ndarray, far: np.ndarray) -> np.ndarray:
+    """The point nearest to some lines through two points each, both (n, 3)."""
+    u = (far - near) / np.linalg.norm(far - near, axis=1, keepdims=True)
+    across = np.eye(3) - u[:, :, None] * u[:, None, :]
+    return np.linalg.solve(across.sum(axis=0), np.einsum("nij,nj->i", across, near))
+
+
+@pytest.fixture(scope="module")
+def hall() -> tuple[Case, np.ndarray]:
+    """Nine poses pulled towards three anchors in turn, the far end of each chain at its anchor."""
+    case = small(5, poses={"count": 9}, pulls={"steps_n": [1500.0, 3000.0], "anchors": ANCHORS})
+    rows = case.readings.copy()
+    near, far = (rows[(rows["state"] == "loaded") & (rows["target"] == n)] for n in ("Pl1", "Pl2"))
+    turn = (far["pose"].to_numpy(int) - 1) % 3
+    ends = [one[XYZ].to_numpy(float) for one in (near, far)]
+    at = np.array([crossing(*(end[turn == k] for end in ends)) for k in range(3)])
+    rows.loc[far.index, XYZ] = at[turn]
+    return replace(case, readings=rows), at
+
+
+def test_how_far_an_anchor_is_accuses_no_pull(hall):
+    case, _ = hall
+    rows = case.readings[case.readings["state"] == "loaded"]
+    ends = [rows.loc[rows["target"] == name, XYZ].to_numpy(float) for name in ("Pl1", "Pl2")]
+    length = np.linalg.norm(ends[1] - ends[0], axis=1)
+    assert length.max() > 1.5 * length.min()
+    assert chain_gross(case) == chain_outlier(case) == wrong_anchors(asked(case)) == []
+
+
+def test_a_pull_towards_another_anchor_is_named_with_that_anchor(hall):
+    case, at = hall
+    group = "pose05_rep2_loaded"
+    mine = where(case, group, "Pl2")
+    rows = case.readings.copy()
+    rows.loc[mine, XYZ] = at[2]  # pulled towards the second
+
+    (found,) = wrong_anchors(asked(replace(case, readings=rows)))
+
+    row = case.loads[(case.loads["pose"] == 5) & (case.loads["repeat"] == 2)].iloc[0]
+    line = case.readings[mine].iloc[0]
+    assert found.where == group
+    assert found.at == (f"{row['file']}:{row['line']}", f"{line['file']}:{line['line']}")
+    assert "that of pose02_rep1_loaded, pose02_rep2_loaded, pose05_rep1_loaded" in found.evidence
+    right = found.correct(replace(case, readings=rows))
+    assert right.readings.loc[mine, XYZ].to_numpy(float)[0] == pytest.approx(at[1], abs=1e-3)
+
+
+def test_a_force_that_is_wrong_leaves_the_anchor(hall):
+    case, _ = hall
+    wrong = case.loads["force_n"].where(case.loads["pose"] != 5, case.loads["force_n"] * 0.4)
+    assert wrong_anchors(asked(replace(case, loads=case.loads.assign(force_n=wrong)))) == []
