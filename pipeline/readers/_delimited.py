@@ -133,10 +133,11 @@ def _without(cells: pa.StringArray, field: Field) -> tuple[pa.StringArray, Array
         The cells, and the factor of each to the unit of the column, shape (n,); None if no cell has
         one of the known units.
     """
-    cells = _without_name(_with_codes(cells)) if field.named else cells
+    lettered = _letters(cells).max(initial=0) > ord("9")  # a pattern costs more than a few rows
+    cells = _without_name(_with_codes(cells)) if field.named and lettered else cells
     if field.unit and field.unit.lower() not in field.units:
         return pc.replace_substring_regex(cells, rf"(?i)\s*{re.escape(field.unit)}$", ""), None
-    return _without_units(cells, field.units) if field.units else (cells, None)
+    return _without_units(cells, field.units) if field.units and lettered else (cells, None)
 
 
 def _with_codes(cells: pa.StringArray) -> pa.StringArray:
