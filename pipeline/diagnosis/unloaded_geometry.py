@@ -245,7 +245,8 @@ class _Search:
     def whole(self, effects: Sequence[Effect]) -> _Search:
         """All steps of the search."""
         search = self.with_slip(effects).with_changes(effects).done()
-        return search.with_changes(effects).done().with_sag()
+        again = search.with_changes(effects)
+        return (search if again is search else again.done()).with_sag()
 
     def done(self) -> _Search:
         """Add causes one by one while each of them is far beyond the rest."""
