@@ -100,7 +100,11 @@ def test_who_stands_in_the_wrong_folder_reads_which(tmp_path, monkeypatch, capsy
     ("shell", "code", "said"),
     [
         ("{} robot --list | head -1 > /dev/null; exit ${{PIPESTATUS[0]}}", 0, ""),
-        ("{} robot --list > /dev/full", 3, "The answer cannot be written (No space left on device)"),
+        (
+            "{} robot --list > /dev/full",
+            3,
+            "The answer cannot be written (No space left on device)",
+        ),
         ("{} robot --list > /dev/full 2> /dev/full", 3, ""),
         ("{} robot --list >&-", 0, ""),
         ("PYTHONIOENCODING=latin-1 {} effects --robot ≠", 5, 'no robot "?'),
