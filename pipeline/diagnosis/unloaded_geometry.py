@@ -294,8 +294,7 @@ class _Search:
 
     def with_changes(self, effects: Sequence[Effect]) -> _Search:
         """The search extended by changes of joint zeros, if the residuals call for any."""
-        where = self.zeros.columns.changes
-        if any(one.columns[0] >= where.start for one in self.free):
+        if any(one.columns[0] >= self.zeros.columns.changes.start for one in self.free):
             return self
         changes = remastered.changes(self.zeros, self.rows, self.found)
         zeros = replace(self.zeros, changes=changes)

@@ -371,8 +371,7 @@ def same(
     """Whether two parameters are indistinguishable at all poses, given position and tool."""
     if len(one.columns) > 1 or len(other.columns) > 1:
         return False
-    where = zeros.columns
-    at = np.r_[where.shift, where.tool, one.columns[0], other.columns[0]]
+    at = np.r_[zeros.columns.shift, zeros.columns.tool, one.columns[0], other.columns[0]]
     N = linear.unit(sums.A[0][np.ix_(at, at)])[0]
     k = len(at) - 2
     S = N[k:, k:] - N[k:, :k] @ linear.inverse(N[:k, :k]) @ N[:k, k:]

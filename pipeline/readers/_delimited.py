@@ -167,8 +167,6 @@ def _without_units(
 ) -> tuple[pa.StringArray, Array | None]:
     """Remove units, each with its factor, as in `_without`."""
     ends = pc.match_substring_regex(cells, r"[0-9.,]\s*(\pL+|°)$")
-    if not pc.any(ends).as_py():
-        return cells, None
     plain, factor = cells.to_pylist(), np.ones(len(cells))
     for k in np.flatnonzero(ends).tolist():
         found = _UNIT_BEHIND.fullmatch(plain[k])
