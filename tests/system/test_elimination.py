@@ -6,6 +6,7 @@ import pytest
 from pipeline.base import linear
 from pipeline.system.blocks import Blocks
 from pipeline.system.elimination import coefficients, eliminate
+from pipeline.system.score_tests import left_beside
 
 RNG = np.random.default_rng(7)
 X = RNG.standard_normal((40, 5))
@@ -55,3 +56,17 @@ def test_rows_are_numbered_within_their_block_in_any_order():
     assert blocks.count.tolist() == [2, 1, 3]
     assert blocks.there.tolist() == [[True, True, False], [True, False, False], [True] * 3]
     assert blocks.rows(blocks.padded(np.arange(6))).tolist() == list(range(6))
+
+
+def test_suspects_are_what_a_base_leaves_of_their_columns_and_as_long_as_they_were():
+    """Two suspects, one of two columns: products of residuals, and lengths before the fit."""
+    A = np.column_stack([X, RNG.standard_normal((40, 3)) + X[:, :3]])
+    at = np.array([[5, -1], [6, 7]])
+    left = A - X @ np.linalg.lstsq(X, A, rcond=None)[0]
+
+    S, N, long = left_beside(A.T @ A, np.arange(5), at)
+
+    assert np.allclose(S[5:, 5:], left[:, 5:].T @ left[:, 5:])
+    assert np.allclose(N[0], [[left[:, 5] @ left[:, 5], 0], [0, 0]])
+    assert np.allclose(N[1], left[:, 6:].T @ left[:, 6:])
+    assert np.allclose(long, [[A[:, 5] @ A[:, 5], 0], [A[:, 6] @ A[:, 6], A[:, 7] @ A[:, 7]]])
