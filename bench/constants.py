@@ -10,6 +10,7 @@ import ast
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from itertools import groupby
 from pathlib import Path
 
@@ -44,10 +45,12 @@ class Constant:
     meaning: str
 
 
-def constants() -> Iterator[Constant]:
+@cache
+def constants() -> tuple[Constant, ...]:
     """Constants of all modules, in the order of files and lines."""
-    for path in sorted(PACKAGE.rglob("*.py")):
-        yield from of(path.read_text(encoding="utf-8"), path.relative_to(PACKAGE).as_posix())
+    files = sorted(PACKAGE.rglob("*.py"))
+    each = (of(one.read_text("utf-8"), one.relative_to(PACKAGE).as_posix()) for one in files)
+    return tuple(constant for some in each for constant in some)
 
 
 def of(source: str, module: str) -> Iterator[Constant]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import importlib
 import signal
 import sys
@@ -10,14 +11,13 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
-from pipeline.design.search import Effort
-from pipeline.reduction.bring import Reduced, conformed
-from pipeline.run import reduce
-from pipeline.simulate import Plan, RawCampaign, simulate
-from pipeline.store.campaign import in_memory
+if TYPE_CHECKING:  # each worker imports the pipeline with the tests, and who starts them never
+    from pipeline.reduction.bring import Reduced
+    from pipeline.simulate import Plan, RawCampaign
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a shell's background job ignores Ctrl-C
     signal.signal(signal.SIGINT, signal.default_int_handler)  # and its children would do so too
@@ -25,18 +25,29 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a shell's background jo
 SEED = 20261103
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection(session: pytest.Session) -> None:
-    """Let each worker import the tests in another order.
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_collection(session: pytest.Session) -> Iterator[None]:
+    """Let each worker import the tests in another order, and look for no garbage in them.
 
     In a fresh clone pytest compiles them, which takes ten seconds, and keeps the result: each
-    worker reads a part from the others. Import errors are reported at collection.
+    worker reads a part from the others. Import errors are reported at collection. What is imported
+    and collected stays to the end: looking through it would take a fifth of the time.
     """
+    gc.disable()
     told = getattr(session.config, "workerinput", None)
-    if told is None or session.config.args != session.config.getini("testpaths"):
-        return
+    if told is not None and session.config.args == session.config.getini("testpaths"):
+        _import_all(int(told["workerid"].removeprefix("gw")) / told["workercount"])
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+def _import_all(part: float) -> None:
+    """Import the tests, beginning after this part of them."""
     files = sorted(Path(__file__).parent.rglob("test_*.py"))
-    first = int(told["workerid"].removeprefix("gw")) * len(files) // told["workercount"]
+    first = int(part * len(files))
     for file in files[first:] + files[:first]:
         sys.path.insert(0, str(file.parent))
         with contextlib.suppress(Exception, pytest.skip.Exception):
@@ -103,6 +114,8 @@ def without_drawings() -> Iterator[None]:
 @contextlib.contextmanager
 def with_little_effort() -> Iterator[None]:
     """`pipeline design` in this process finds a feasible plan, not necessarily the best."""
+    from pipeline.design.search import Effort
+
     little = Effort(first=0, rounds=1, poses=48, settled=6, exchanged=2, bounds=2, directions=16)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pipeline.design.search.Effort", lambda **said: replace(little, **said))
@@ -119,6 +132,8 @@ def unseen() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def small_plan() -> Plan:
     """Seven poses, two load steps up and one down: enough for every joint, quick to compute."""
+    from pipeline.simulate import Plan
+
     return Plan(
         name="small", seed=SEED, poses={"count": 7}, pulls={"steps_n": [1500.0, 3000.0, 2000.0]}
     )
@@ -127,18 +142,25 @@ def small_plan() -> Plan:
 @pytest.fixture(scope="session")
 def small_campaign(small_plan: Plan) -> RawCampaign:
     """A campaign of `small_plan` with 0.03 mm of noise."""
+    from pipeline.simulate import simulate
+
     return simulate(small_plan)
 
 
 @pytest.fixture(scope="session")
 def exact_campaign(small_plan: Plan) -> RawCampaign:
     """A campaign of `small_plan` without noise, all digits written."""
+    from pipeline.simulate import simulate
+
     return simulate(small_plan.without_noise())
 
 
 @pytest.fixture(scope="session")
 def read_back() -> Callable[[RawCampaign], Reduced]:
     """From a simulated campaign's files to forces and displacements, by the steps of the run."""
+    from pipeline.reduction.bring import conformed
+    from pipeline.run import reduce
+    from pipeline.store.campaign import in_memory
 
     def through_the_stages(campaign: RawCampaign) -> Reduced:
         raw = in_memory(campaign.files)

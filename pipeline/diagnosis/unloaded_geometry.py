@@ -245,7 +245,8 @@ class _Search:
     def whole(self, effects: Sequence[Effect]) -> _Search:
         """All steps of the search."""
         search = self.with_slip(effects).with_changes(effects).done()
-        return search.with_changes(effects).done().with_sag()
+        again = search.with_changes(effects)
+        return (search if again is search else again.done()).with_sag()
 
     def done(self) -> _Search:
         """Add causes one by one while each of them is far beyond the rest."""
@@ -293,8 +294,7 @@ class _Search:
 
     def with_changes(self, effects: Sequence[Effect]) -> _Search:
         """The search extended by changes of joint zeros, if the residuals call for any."""
-        where = self.zeros.columns.changes
-        if any(one.columns[0] >= where.start for one in self.free):
+        if any(one.columns[0] >= self.zeros.columns.changes.start for one in self.free):
             return self
         changes = remastered.changes(self.zeros, self.rows, self.found)
         zeros = replace(self.zeros, changes=changes)

@@ -332,21 +332,23 @@ def _estimated(
     width: Array,
 ) -> ScaleGrid:
     """Estimates in units of the prior standard deviations, for numerical stability."""
-    A, b = sums.A[which], sums.b[which]
-    M = np.eye(std.shape[1]) + std[:, :, None] * A * std[:, None, :]
-    size = np.sqrt(np.einsum("cii->ci", M))
-    scaled = M / (size[:, :, None] * size[:, None, :])
-    inverse = linear.regular_inverse(scaled)
-    unit = std / size
-    cov = unit[:, :, None] * inverse * unit[:, None, :]
+    b = sums.b[which]
+    M = sums.A[which]  # a copy of a hundred megabytes at most: no more of them than needed
+    M *= std[:, :, None]
+    M *= std[:, None, :]
+    diagonal = np.einsum("cii->ci", M)
+    diagonal += 1.0
+    size = np.sqrt(diagonal)
+    M /= size[:, :, None] * size[:, None, :]
+    cov, unit = linear.regular_inverse(M), std / size
+    cov *= unit[:, :, None]
+    cov *= unit[:, None, :]
     x = np.einsum("cij,cj->ci", cov, b)
-    log_det = linear.log_det(scaled) + 2 * np.log(size).sum(axis=1)
+    log_det = linear.log_det(M) + 2 * np.log(size).sum(axis=1)
     log = -0.5 * (sums.square[which] - np.einsum("ci,ci->c", b, x) + log_det)
-    size_of = sums.sizes[which]
-    determined = np.isfinite(log)  # not where the table is unobservable, as from one pose repeated
-    x, cov = np.where(determined[:, None], x, 0.0), np.where(determined[:, None, None], cov, 0.0)
-    log = np.where(determined, log, -1e300)
-    return ScaleGrid(zeros, tuple(free), std, rough, size_of, width, x, cov, log)
+    dark = ~np.isfinite(log)  # where the table is unobservable, as from one pose repeated
+    x[dark], cov[dark], log[dark] = 0.0, 0.0, -1e300
+    return ScaleGrid(zeros, tuple(free), std, rough, sums.sizes[which], width, x, cov, log)
 
 
 def left_out(found: ScaleGrid, rows: PoseRows) -> Array:
@@ -369,8 +371,7 @@ def same(
     """Whether two parameters are indistinguishable at all poses, given position and tool."""
     if len(one.columns) > 1 or len(other.columns) > 1:
         return False
-    where = zeros.columns
-    at = np.r_[where.shift, where.tool, one.columns[0], other.columns[0]]
+    at = np.r_[zeros.columns.shift, zeros.columns.tool, one.columns[0], other.columns[0]]
     N = linear.unit(sums.A[0][np.ix_(at, at)])[0]
     k = len(at) - 2
     S = N[k:, k:] - N[k:, :k] @ linear.inverse(N[:k, :k]) @ N[:k, k:]

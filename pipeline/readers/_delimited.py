@@ -133,10 +133,11 @@ def _without(cells: pa.StringArray, field: Field) -> tuple[pa.StringArray, Array
         The cells, and the factor of each to the unit of the column, shape (n,); None if no cell has
         one of the known units.
     """
-    cells = _without_name(_with_codes(cells)) if field.named else cells
+    lettered = _letters(cells).max(initial=0) > ord("9")  # a pattern costs more than a few rows
+    cells = _without_name(_with_codes(cells)) if field.named and lettered else cells
     if field.unit and field.unit.lower() not in field.units:
         return pc.replace_substring_regex(cells, rf"(?i)\s*{re.escape(field.unit)}$", ""), None
-    return _without_units(cells, field.units) if field.units else (cells, None)
+    return _without_units(cells, field.units) if field.units and lettered else (cells, None)
 
 
 def _with_codes(cells: pa.StringArray) -> pa.StringArray:
@@ -166,8 +167,6 @@ def _without_units(
 ) -> tuple[pa.StringArray, Array | None]:
     """Remove units, each with its factor, as in `_without`."""
     ends = pc.match_substring_regex(cells, r"[0-9.,]\s*(\pL+|°)$")
-    if not pc.any(ends).as_py():
-        return cells, None
     plain, factor = cells.to_pylist(), np.ones(len(cells))
     for k in np.flatnonzero(ends).tolist():
         found = _UNIT_BEHIND.fullmatch(plain[k])

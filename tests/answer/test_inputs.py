@@ -1,6 +1,9 @@
-"""Report of readings that are far off and stay in use."""
+"""Report of readings that are far off and stay in use, and of those that were left out."""
 
-from pipeline.answer.inputs import doubt_findings
+import pytest
+
+from pipeline.answer.inputs import doubt_findings, lost_told
+from pipeline.reduction.case import UnusedReadings
 
 
 def test_readings_that_are_far_off_and_used_are_counted_with_their_lines():
@@ -14,3 +17,19 @@ def test_readings_that_are_far_off_and_used_are_counted_with_their_lines():
     assert "tracker.csv:2, " in many
     assert "8 more" in many
     assert doubt_findings(()) == []
+
+
+@pytest.mark.parametrize(
+    ("readings", "poses", "said"),
+    [
+        (1, (), ["1 of 40 readings was left out; see"]),
+        (6, (4,), ["6 of 40 readings were left out, all of pose 4; see"]),
+        (12, (4, 7), ["12 of 40 readings were left out, all of poses 4, 7; see"]),
+        (0, (), []),
+    ],
+)
+def test_readings_that_were_left_out_are_counted_with_whole_poses(readings, poses, said):
+    """One reading was, several were; one pose, several poses; nothing of none."""
+    told = [*lost_told(UnusedReadings(readings, 40, poses))]
+
+    assert [one.partition(" Rejected")[0] for one in told] == said

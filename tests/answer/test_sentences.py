@@ -12,12 +12,15 @@ import report_sample
 from pipeline.answer.conformity import expanded, largest_force, tolerated
 from pipeline.answer.contract import (
     JudgedPath,
+    Odd,
     Reason,
+    Remark,
     Stretch,
     TestPose,
     Tip,
     Tolerance,
 )
+from pipeline.answer.remarks import remark_sentences
 from pipeline.answer.sentences import (
     _next,
     _of_robot,
@@ -292,3 +295,20 @@ def test_a_joint_is_pulled_where_nothing_is_to_be_measured_before(
     found = SimpleNamespace(mistakes=wrong_data, row=row)
 
     assert (joint_to_pull(found, diagnosis, [joint]) is joint) == asked
+
+
+def test_joints_share_a_remark_only_if_all_of_its_words_hold_for_each():
+    """What to do depends on whether a joint slides or turns, and a compliance is each joint's."""
+    rail, first, second = report_sample.answer().stiffness[:3]
+
+    def said(odd, *joints):
+        remark = {"remarks": (Remark(odd=odd),)}
+        return remark_sentences(joint.model_copy(update=remark) for joint in joints)
+
+    alone, both = said(Odd.NO_LEVER, rail, first, second)
+    assert alone.startswith(f"{rail.called} is not identifiable: ")
+    assert both.startswith(f"Each of {first.called} and {second.called} is not identifiable: ")
+    assert "part along the joint" in alone
+    assert "torque on the joint" in both
+    each = said(Odd.MAY_BE_ZERO, first, second)
+    assert [one.partition(" has")[0] for one in each] == [first.called, second.called]

@@ -99,10 +99,14 @@ def test_who_stands_in_the_wrong_folder_reads_which(tmp_path, monkeypatch, capsy
 @pytest.mark.parametrize(
     ("shell", "code", "said"),
     [
-        ("{} effects | head -1 > /dev/null; exit ${{PIPESTATUS[0]}}", 0, ""),
-        ("{} effects > /dev/full", 3, "The answer cannot be written (No space left on device)"),
-        ("{} effects > /dev/full 2> /dev/full", 3, ""),
-        ("{} effects >&-", 0, ""),
+        ("{} robot --list | head -1 > /dev/null; exit ${{PIPESTATUS[0]}}", 0, ""),
+        (
+            "{} robot --list > /dev/full",
+            3,
+            "The answer cannot be written (No space left on device)",
+        ),
+        ("{} robot --list > /dev/full 2> /dev/full", 3, ""),
+        ("{} robot --list >&-", 0, ""),
         ("PYTHONIOENCODING=latin-1 {} effects --robot ≠", 5, 'no robot "?'),
     ],
 )

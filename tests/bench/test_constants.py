@@ -21,7 +21,7 @@ def test_a_number_is_told_with_its_unit_and_what_is_no_number_is_not():
 
 
 def test_every_constant_of_the_package_has_a_sentence_and_a_row_of_the_page():
-    told = list(constants())
+    told = constants()
     assert not [(one.module, one.name) for one in told if not one.meaning.endswith((".", "..."))]
     rows = [line for line in page().splitlines() if line.startswith("| `")]
     assert len(rows) == len(told) > 500

@@ -8,6 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from small_case import screen
 
+from pipeline.answer.words import correct, mistaken
+from pipeline.diagnosis.facts import Facts
 from pipeline.faults import pose_moved
 from pipeline.faults.fault import Screening
 from pipeline.faults.pose_moved import moved
@@ -57,15 +59,10 @@ def found(made):
     return screen(case, bring(case)).findings
 
 
-@pytest.fixture(scope="module")
-def said():
-    """Answer if the tracker is knocked between the zero and the pulls of pose 4."""
-    return campaign_answer("knocked", in_memory(knocked(files(), "pose04_rep1_loaded"))).answer
-
-
 @pytest.mark.whole
-def test_a_knock_between_zero_and_pulls_is_named_with_its_pose(said):
+def test_a_knock_between_zero_and_pulls_is_named_with_its_pose():
     """The zero of that pose is left out, and springs are those of the clean campaign."""
+    said = campaign_answer("knocked", in_memory(knocked(files(), "pose04_rep1_loaded"))).answer
     case = case_of(files())
     clean = fit(case, bring(case)).estimate
 
@@ -77,6 +74,9 @@ def test_a_knock_between_zero_and_pulls_is_named_with_its_pose(said):
     for one, compliance in zip(said.stiffness, clean.value, strict=True):
         if one.value is not None:
             assert abs(one.compliance - compliance) < 3 * one.compliance_std
+    (to_do,) = [one.text for one in said.first_screen if one.about == "to_do"]
+    assert to_do.startswith("Measure that pose again")
+    assert "in pose 4 the effector moved by 0." in said.first_screen[0].text
 
 
 def test_a_knock_between_two_pulls_leaves_the_later_ones_out():
@@ -121,12 +121,13 @@ def test_a_campaign_that_fits_is_not_asked(monkeypatch):
     assert moved(asked) == []
 
 
-def test_the_engineer_is_told_to_measure_that_pose_again(said):
+def test_the_engineer_is_told_to_measure_that_pose_again():
     """No file can be corrected for a knocked tracker."""
-    (to_do,) = [one.text for one in said.first_screen if one.about == "to_do"]
+    facts = Facts(mistakes=found(knocked(files(), "pose04_rep1_loaded")))
 
-    assert to_do.startswith("Measure that pose again")
-    assert "in pose 4 the effector moved by 0." in said.first_screen[0].text
+    assert [one.where for one in facts.mistakes] == ["pose04_rep0_unloaded"]
+    assert correct(facts).startswith("Measure that pose again")
+    assert "in pose 4 the effector moved by 0." in mistaken(facts)
 
 
 @pytest.mark.whole

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 import report_sample
@@ -7,7 +9,7 @@ from conftest import without_drawings
 from scipy import stats
 
 from pipeline.answer.contract import PositionStep, Reason, Unit
-from pipeline.fleet.history import changes, ordered, previous
+from pipeline.fleet.history import changes, finished, ordered, previous
 from pipeline.fleet.overview import comparison, overview, render_overview
 from pipeline.fleet.trends import robots, together, trends
 from pipeline.report.model import compose
@@ -145,6 +147,20 @@ def test_the_previous_campaign_is_the_last_earlier_one_of_the_robot():
     assert previous(campaign("undated", [2e-7]), others) is None
     assert ordered(others)[0].campaign == "old"
     assert ordered(others)[-1].campaign == "undated"
+
+
+def test_a_result_that_this_version_cannot_read_is_left_out_and_said(tmp_path):
+    """Once, by the name of its campaign; the others are there."""
+    for name, content in (("good", SAMPLE.as_json()), ("old", {"campaign": "old"})):
+        reports, processed = tmp_path / "reports" / name, tmp_path / "data" / "processed" / name
+        reports.mkdir(parents=True)
+        processed.mkdir(parents=True)
+        (reports / "result.json").write_text(json.dumps(content))
+        (processed / "manifest.json").write_text(json.dumps({"key": "k", "outputs": {}}))
+    told = []
+
+    assert [one.campaign.name for one in finished(tmp_path, told.append)] == ["good"]
+    assert [one.partition(" ")[0] for one in told] == ["old"]
 
 
 def of_weight(answer):

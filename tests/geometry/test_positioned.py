@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pipeline.base.errors import InputError
 from pipeline.geometry.positioned import as_read, usable
 from pipeline.machine.robot import load
 from pipeline.reduction.settings import parse
@@ -42,3 +43,16 @@ def test_a_target_read_twice_in_a_pose_stands_where_its_last_row_has_the_robot(f
     assert read.line[k] == line
     assert np.rad2deg(read.q[k, 0]) == pytest.approx(float(told[5]))
     assert len(read) == 12
+
+
+def test_ten_poses_are_enough_and_nine_are_not():
+    """Tool, frame and a few entries of the table are some twenty unknowns."""
+    said, lines = parse(TOML), table([]).splitlines()
+
+    def of(poses):
+        files = {"poses.csv": "\n".join(lines[: 1 + 2 * poses]).encode()}
+        return usable(said, ROBOT, *as_read(said, ROBOT, files)).readings
+
+    assert len(of(10)) == 10
+    with pytest.raises(InputError, match="9 poses are left, of at least 10"):
+        of(9)

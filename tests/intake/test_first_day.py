@@ -144,17 +144,18 @@ def test_the_only_correct_spelling_of_a_unit_is_taken(monkeypatch):
     assert asking._one_of("Unit", ("n", "kn", "kgf")) == "kn"
 
 
-def test_a_reflector_out_of_reach_is_asked_again_and_said_again(monkeypatch, capsys):
-    """210 is not metres on an effector; the message shows what was understood."""
-    answers = iter(["210 60 110", "210 60 110 mm"])
+@pytest.mark.parametrize("way", ["", "-"])
+def test_a_reflector_out_of_reach_is_asked_again_and_said_again(way, monkeypatch, capsys):
+    """210 is not metres on an effector, either way; the message shows what was understood."""
+    answers = iter([f"{way}210 6 11", f"{way}210 6 11 mm"])
     monkeypatch.setattr(asking, "_answer", lambda *_: next(answers))
 
     found = asking._place("P1 in the flange frame, x y z [m]", logs.LENGTH, 20.0)
 
-    assert found == pytest.approx((0.21, 0.06, 0.11))
+    assert found == pytest.approx((float(f"{way}0.21"), 0.006, 0.011))
     err = capsys.readouterr().err
-    assert "210 m is out of reach: write 210 60 110 mm" in err
-    assert "P1 = 0.21, 0.06, 0.11 m" in err
+    assert f"210 m is out of reach: write {way}210 6 11 mm" in err
+    assert f"P1 = {way}0.21, 0.006, 0.011 m" in err
 
 
 @pytest.mark.parametrize(

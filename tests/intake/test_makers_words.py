@@ -102,7 +102,8 @@ def test_a_force_has_its_unit_in_the_title_or_in_every_cell(hall, unit, form):
     title, behind = ("tension", f" {unit}") if form == "cell" else (f"effort ({unit})", "")
     lines = [f"station;trial;{title}"]
     lines += [f"{p};{k};{float(f) / NEWTON[unit]:.6f}{behind}" for p, k, f in rows]
-    own = files | {"loads.csv": "\n".join([*lines, ""]).encode()}
+    own = {name: files[name] for name in files if name != "joints.csv"}
+    own |= {"loads.csv": "\n".join([*lines, ""]).encode()}
     said = propose(own)
     log = logs.loads("loads.csv", own["loads.csv"], settled(LogForm(columns=said.load_columns)))
 

@@ -15,6 +15,7 @@ from pipeline.machine import cell as forward
 from pipeline.machine.cell import baseline
 from pipeline.machine.effect import Compound, Elastic, Geometry, Noise
 from pipeline.machine.effects import catalogue, table
+from pipeline.machine.effects.gravity_sag import under_pulls
 from pipeline.machine.effects.joint_hysteresis import slid
 from pipeline.machine.effects.nameless import competing, mounting, nameless, remembered
 from pipeline.machine.robot import load, mdh
@@ -277,6 +278,23 @@ def test_a_bending_link_is_a_clamped_beam(bench, where, near, far):
     np.testing.assert_allclose(moved, 1000 * c * length[:, None] ** 2 / 3 * across, atol=1e-6)
     tau = np.sum(np.cross(end - (start + end) / 2, loaded.force) * hinge, axis=1)
     np.testing.assert_allclose(turned * tau, 1000 * c * length / 2, rtol=1e-9)
+
+
+def test_known_links_add_the_same_work_in_either_order(bench):
+    """Betti: torques work on the deflection of others as those do on theirs; of second order in c.
+
+    Compliances of the joints differ by a factor of two hundred, so that none may stand for another.
+    """
+    cell, pulls, x = bench
+    loaded, c = forward.load(cell, pulls, x), KR500.nominal_compliance
+    rng = np.random.default_rng(1)
+    moments, (one, other) = rng.uniform(10, 200, (7, 4)), rng.standard_normal((2, len(pulls), 7))
+    known, soft = (under_pulls(k * c, moments, KR500.gravity) for k in (1, 2))
+    there, back = known.response(loaded, one), known.response(loaded, other)
+
+    work, same = np.sum(other * there, axis=1), np.sum(one * back, axis=1)
+    np.testing.assert_allclose(work, same, rtol=1e-9, atol=1e-12 * np.abs(work).max())
+    np.testing.assert_allclose(soft.response(loaded, one), 4 * there)
 
 
 @pytest.mark.parametrize("up", [(0, 0, 1), (0, 0, -1), (0.6, 0, 0.8)])

@@ -74,14 +74,16 @@ def _jacobian(robot, q, tip, step=1e-6):
 
 
 def test_the_file_keeps_the_tool_of_each_hypothesis(handed):
+    """And which stiffnesses are stated."""
     model, *_ = handed
-    other = model.hypotheses[0]
+    other, stated = model.hypotheses[0], np.arange(model.robot.n) != 3
     apart = IdentifiedModel(
-        "c", "ambiguous", {}, (_shifted(other, 0.01, 0.4), _shifted(other, 0.0, 0.6))
+        "c", "ambiguous", {}, (_shifted(other, 0.01, 0.4), _shifted(other, 0.0, 0.6)), stated
     )
 
     back = parse(dumps(apart))
 
+    assert np.array_equal(back.stated, stated)
     for mine, theirs in zip(apart.hypotheses, back.hypotheses, strict=True):
         assert np.array_equal(mine.cell.tool.load_point, theirs.cell.tool.load_point)
         assert np.array_equal(mine.cell.tool.points, theirs.cell.tool.points)

@@ -534,8 +534,8 @@ def test_a_wrong_unit_in_one_file_of_two_is_refused():
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        (change(loads=None), "loads.csv: the file is missing; "),
-        (change(joints=None), "joints.csv: the file is missing; "),
+        (change(loads=None), r"loads.csv: the file is missing; .* \[scale\] of campaign.toml"),
+        (change(joints=None), r"joints.csv: the file is missing; .* \[joints\] of campaign.toml"),
         (change(toml=TOML.replace('["tracker.csv"]', '["other.csv"]')), "other.csv: .*missing; "),
         (change(tracker=" \n"), "tracker.csv: the file is empty; "),
         (change(loads=""), "loads.csv: the file is empty; "),

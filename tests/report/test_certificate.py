@@ -254,6 +254,20 @@ def test_an_axis_has_the_name_of_its_controller_only(sample):
     assert not re.search(r"joint \d|k_", content.found + content.measure + content.picture.caption)
 
 
+@pytest.mark.parametrize("soft", [1.0, 0.7])
+def test_the_mark_of_the_nominal_value_is_where_a_nominal_stiffness_stands(sample, soft):
+    """Whatever the ends of the bar, which another joint may move."""
+    answer, tables = sample
+    first, second, *others = answer.stiffness
+    nominal = second.model_copy(update={"value": second.nominal})
+    other = first.model_copy(update={"value": soft * first.nominal})
+    content = certificate(
+        answer.model_copy(update={"stiffness": (other, nominal, *others)}), tables
+    )
+
+    assert content.bars[1].track[1] == pytest.approx(content.nominal)
+
+
 def test_one_coverage_and_one_unit_for_each_kind_of_joint(sample):
     """What stands behind ± is twice the standard uncertainty; all axes that turn have one unit."""
     answer, tables = sample

@@ -5,8 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import linear
-from pipeline.system.blocks import Blocks
-from pipeline.system.elimination import coefficients, eliminate
+from pipeline.system.elimination import eliminate
 
 RNG = np.random.default_rng(7)
 X = RNG.standard_normal((40, 5))
@@ -80,29 +79,6 @@ def test_what_columns_reach_and_what_they_do_not(units):
     assert np.allclose(K.T @ A, 0, atol=1e-12 * units)
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e-4, 1e6])
-def test_elimination_is_the_fit_beside_a_base(scale):
-    """The Schur complement gives the sum of squares of the fit, in any unit of its columns."""
-    A = np.column_stack([twice(X) * scale ** (np.arange(6) / 5), Y])
-    M, base = A.T @ A, np.arange(6)
-    found = coefficients(M, base)
-
-    assert eliminate(M, base)[-1, -1] == pytest.approx(rss(X, Y), rel=1e-6)
-    assert np.sum((Y - A[:, :6] @ found) ** 2) == pytest.approx(rss(X, Y), rel=1e-6)
-
-
-def test_what_the_base_explains_to_seven_digits_is_the_base():
-    """Of two columns, one nearly a combination of the base: one direction remains, not two."""
-    A = np.column_stack([X, X[:, 0] + 1e-5 * RNG.standard_normal(40), RNG.standard_normal(40), Y])
-    M = A.T @ A
-    S = eliminate(M, np.arange(5))
-    inverse, rank = linear.left(S[5:7, 5:7], np.diag(M)[5:7])
-
-    assert rank == 1
-    drop = S[5:7, -1] @ inverse @ S[5:7, -1]
-    assert drop == pytest.approx(rss(X, Y) - rss(A[:, [0, 1, 2, 3, 4, 6]], Y), rel=1e-6)
-
-
 def test_batches_are_their_members():
     """Many small problems at once give the same as each alone."""
     N = np.stack([x.T @ x for x in RNG.standard_normal((7, 9, 3))])
@@ -153,17 +129,6 @@ def test_a_rigid_motion_is_found_again():
 
     assert np.allclose(found, R)
     assert np.allclose(shift, t)
-
-
-def test_rows_are_numbered_within_their_block_in_any_order():
-    """Rows of a block need not be adjacent."""
-    blocks = Blocks.of(np.array([30, 10, 30, 20, 10, 30]))
-
-    assert blocks.index.tolist() == [2, 0, 2, 1, 0, 2]
-    assert blocks.place.tolist() == [0, 0, 1, 0, 1, 2]
-    assert blocks.count.tolist() == [2, 1, 3]
-    assert blocks.there.tolist() == [[True, True, False], [True, False, False], [True] * 3]
-    assert blocks.rows(blocks.padded(np.arange(6))).tolist() == list(range(6))
 
 
 APART = np.sqrt(0.5)
