@@ -78,7 +78,7 @@ def sheets(
     except CalamineError as problem:
         thing = f"the workbook cannot be read ({problem})"
         raise InputError(thing, "save it again, or as CSV") from problem
-    if not wanted:
+    if sheet and not wanted:
         raise InputError(
             f'the workbook has no sheet "{sheet}", only {listed(there)}',
             f"correct sheet in [{table}] of campaign.toml",
