@@ -238,8 +238,12 @@ CASES = {
     "joints for a routine": (
         "p.script", script(f"  go(q={SIX})", "  x.go([d2r(5),1,2,3,4,5])"), [2], [3, 4],
     ),
-    "joints in a value": ("p.script", script(f"  s=struct(q={SIX})", f"  return {SIX}"), [2], [3, 4]),
-    "six numbers of no place": ("p.script", script(f"  set_payload(1.5,[0,0,0],{SIX})"), [2], []),
+    "joints in a value": (
+        "p.script", script(f"  s=struct(q={SIX})", f"  return {SIX}"), [2], [3, 4],
+    ),
+    "six numbers of no place": (
+        "p.script", script(f"  set_payload(1.5,[0,0,0],{SIX})"), [2], [],
+    ),
     "handed over": ("p.script", script(f"  a={U}", "  movel(a)", "  weld(a)"), [2], [3]),
     "tool in an if": (
         "p.script", script("  if x:", f"    set_tcp({U})", "  end", f"  movel({U})"), [2], [6],
