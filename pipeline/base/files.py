@@ -5,11 +5,14 @@ from __future__ import annotations
 import contextlib
 import errno
 import hashlib
+import lzma
 import os
 import secrets
 import shutil
 import stat
 import tempfile
+import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -18,6 +21,11 @@ from pipeline.base.errors import CannotWrite, InputError
 from pipeline.base.shown import too_large
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
+UNREADABLE_ZIP = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError),
+    *(NotImplementedError, RuntimeError, ValueError),
+)
+"""What `zipfile` raises for an archive that is damaged, encrypted or packed in another way."""
 _BEGUN = ".*.????????"
 """Pattern of the names of unfinished files."""
 _CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)

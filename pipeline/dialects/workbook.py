@@ -10,7 +10,6 @@ import datetime
 import io
 import re
 import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -19,6 +18,7 @@ from typing import Any
 from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum
 
 from pipeline.base.errors import InputError, listed
+from pipeline.base.files import UNREADABLE_ZIP
 from pipeline.base.shown import too_large
 from pipeline.readers._text import LARGEST_WORKBOOK, Text, text
 
@@ -27,12 +27,14 @@ _UNPACKED = 1_000_000_000
 _PIECE = 1 << 20
 """Size of the pieces that are unpacked at a time [byte]."""
 _MOST_CELLS = 10_000_000
-"""Maximum number of cells of a sheet [1]: ten columns of Excel's million rows; each takes a
-microsecond or more."""
-_CELLS = (b"<c ", b"<c>", b"<c/>")
-_FAR = re.compile(rb"""\sr\s*=\s*["'](?:[A-Z]{4}|[A-Z]{0,3}\d{8})""")
+"""Maximum number of cells of a sheet, and of all that are read [1]: ten columns of Excel's million
+rows; each takes a microsecond or more."""
+_MOST_SHEETS = 500
+"""Maximum number of sheets among which one is sought [1]: each is read as far as a file is."""
+_CELLS, _ROWS = (re.compile(rb"<(?:[^\s<>/]+:)?%s[\s/>]" % name) for name in (b"c", b"row"))
+_FAR = re.compile(rb"""\sr\s*=\s*["'](?:[A-Za-z]{4}|[A-Za-z]{0,3}\d{8})""")
 """References beyond XFD1048576, the last cell of Excel."""
-_PLACE = re.compile(rb"""\sr\s*=\s*["']([A-Z]{0,3})(\d{1,7})["']""")
+_PLACE = re.compile(rb"""\sr\s*=\s*["']([A-Za-z]{0,3})(\d{1,7})["']""")
 """Reference of a cell, or number of a row."""
 _MOST_SPANNED = 2 * _MOST_CELLS
 """Maximum number of cells from the first to the last one, empty ones included [1]: the reader has
@@ -76,11 +78,20 @@ def sheets(
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
         there = [one.name for one in book.sheets_metadata if one.typ == SheetTypeEnum.WorkSheet]
         wanted = [one for one in there if sheet in (None, one)]
-        lines = {one: _lines([*book.get_sheet_by_name(one).iter_rows()], mark) for one in wanted}
+        if len(wanted) > _MOST_SHEETS:
+            thing = f"the workbook has {len(wanted)} sheets, more than the {_MOST_SHEETS}"
+            raise InputError(f"{thing} that are read", _which(table))
+        lines, left = {}, _MOST_CELLS
+        for one in wanted:
+            rows = [*book.get_sheet_by_name(one).iter_rows()]
+            left -= sum(map(len, rows))
+            if left < 0:
+                raise InputError(f"the sheets have more than {_MOST_CELLS} cells", _which(table))
+            lines[one] = _lines(rows, mark)
     except CalamineError as problem:
         thing = f"the workbook cannot be read ({problem})"
         raise InputError(thing, "save it again, or as CSV") from problem
-    if not wanted:
+    if sheet and not wanted:
         raise InputError(
             f'the workbook has no sheet "{sheet}", only {listed(there)}',
             f"correct sheet in [{table}] of campaign.toml",
@@ -104,11 +115,14 @@ def _chosen(sheets: Mapping[str, Text], fits: Callable[[Text], int], table: str 
     if len(fitting) == 1:
         return sheets[fitting[0]]
     which = listed(fitting or sheets)
+    thing = f"{len(fitting) or 'none'} of the workbook's {len(sheets)} sheets fit, of {which}"
+    raise InputError(thing, _which(table))
+
+
+def _which(table: str | None) -> str:
+    """What to do where one of several sheets is meant."""
     way_out = f'say which is meant with sheet = "..." in [{table}] of campaign.toml'
-    raise InputError(
-        f"{len(fitting) or 'none'} of the workbook's {len(sheets)} sheets fit, of {which}",
-        way_out if table else "keep one of them",
-    )
+    return way_out if table else "keep one of them"
 
 
 def _text(name: str, sheet: str, data: bytes) -> Text:
@@ -172,7 +186,7 @@ def _bounded(data: bytes) -> None:
                 raise InputError("the file is a ZIP archive and no workbook", "unpack it")
             for one in packed.infolist():
                 _as_said(packed, one)
-    except (zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError) as problem:
+    except UNREADABLE_ZIP as problem:
         thing = f"the workbook is damaged ({problem})"
         raise InputError(thing, "save it again, or as CSV") from problem
 
@@ -181,11 +195,10 @@ _SMALLER = "save the sheet as CSV, which may be larger"
 
 
 def _spanned(piece: bytes) -> tuple[int, int]:
-    """Number of columns and of rows up to the last cell of a piece of a sheet."""
+    """Number of columns and of rows up to the last cell of a piece of a sheet that has a name."""
     places = {*_PLACE.findall(piece)}
-    named = (sum((one - 64) * 26**k for k, one in enumerate(reversed(w))) for w, _ in places)
-    unnamed = (sum(map(row.count, _CELLS)) for row in piece.split(b"<row"))
-    return max(*named, *unnamed, 0, 0), max((int(row) for _, row in places), default=0)
+    named = (sum((one - 64) * 26**k for k, one in enumerate(w.upper()[::-1])) for w, _ in places)
+    return max(named, default=0), max((int(row) for _, row in places), default=0)
 
 
 def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> None:
@@ -193,18 +206,21 @@ def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> None:
     longer = copy.copy(one)
     longer.file_size += 1
     del longer.CRC  # which belongs to the stated length
-    found = cells = rows = columns = 0
+    found = cells = rows = columns = counted = unfinished = 0
     before = b""
     with packed.open(longer) as part:
         for piece in iter(lambda: part.read(_PIECE), b""):
-            found += len(piece)
-            cells += sum(map(piece.count, _CELLS))
-            if _FAR.search(before[-_REFERENCE:] + piece):
+            found, seen = found + len(piece), before[-_REFERENCE:] + piece
+            by_row = [len(_CELLS.findall(row)) for row in _ROWS.split(seen)]
+            cells, counted = cells + sum(by_row), counted + len(by_row) - 1
+            by_row[0] += unfinished
+            unfinished = by_row[-1]
+            if _FAR.search(seen):
                 raise zipfile.BadZipFile(f"{one.filename} has a cell where no sheet has one")
             if cells > _MOST_CELLS:
                 raise InputError(f"a sheet has more than {_MOST_CELLS} cells", _SMALLER)
-            wide, high = _spanned(before[-_REFERENCE:] + piece)
-            rows, columns = max(rows, high), max(columns, wide)
+            wide, high = _spanned(seen)
+            rows, columns = max(rows, high, counted), max(columns, wide, *by_row)
             if rows * columns > _MOST_SPANNED:
                 thing = f"a sheet spans {columns} columns and {rows} rows, most of them empty"
                 raise InputError(thing, _SMALLER)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import lzma
 import re
 import shutil
 import zipfile
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -188,10 +186,9 @@ def _unpacked(data: bytes) -> Iterator[tuple[str, bytes]]:
                 content = _read(archive, one, left)
                 left -= len(content)
                 yield name, content
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as problem:
-        raise UsageError(f"the archive cannot be unpacked ({problem}): unpack it first") from None
-    except (zlib.error, lzma.LZMAError, ValueError) as problem:
-        raise UsageError(f"the archive is damaged ({problem}): make it again") from None
+    except files.UNREADABLE_ZIP as problem:
+        way_out = "unpack it first, or make it again"
+        raise UsageError(f"the archive cannot be unpacked ({problem}): {way_out}") from None
 
 
 def _wanted(one: zipfile.ZipInfo) -> bool:

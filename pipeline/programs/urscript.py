@@ -58,12 +58,15 @@ _LEXICON = Lexicon(
         r"|freedrive_mode|teach_mode|path_offset_\w+|track_conveyor_\w+|screw_driving|jog\w*"
         r"|pathmove\w*|direct_torque)\s*\("
     ),
-    literal=re.compile(r"(?<!\w)(p)\s*\["),
+    literal=re.compile(  # of a pose, or of six values
+        r"((?<!\w)p\s*\[|(?<!\w)\[(?=[^\[\]]*\d)[^\[\],]*(?:,[^\[\],]*){5}\])"
+    ),
     reading=frozenset(
         {"pose_trans", "pose_inv", "pose_add", "pose_sub", "pose_dist", "point_dist",
          "interpolate_pose", "get_inverse_kin", "get_inverse_kin_has_solution", "get_forward_kin",
          "wrench_trans", "textmsg", "popup", "to_str", "str_cat", "norm", "length", "size",
-         "is_within_safety_limits", "set_tcp", "rtde_set_watchdog"}
+         "is_within_safety_limits", "set_tcp", "rtde_set_watchdog", "set_payload",
+         "set_target_payload", "tool_contact", "get_jacobian"}
     ),
     cased=True,
 )  # fmt: skip

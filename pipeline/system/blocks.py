@@ -55,14 +55,19 @@ class Blocks(Locked):
         return self.shape[1] > _SMALL
 
     @property
-    def alike(self) -> list[tuple[Ints, Blocks]]:
-        """Rows and blocks that are computed together: all, padded, or those of equal size.
+    def alike(self) -> list[Ints]:
+        """Blocks that are computed together: all, padded, or those of equal size.
 
         One large block among many small ones is then no padding to each of them.
         """
-        of_row = self.count[self.index]
-        sizes = [of_row == n for n in np.unique(of_row)] if self.large else [of_row > 0]
-        return [(rows, Blocks.of(self.index[rows])) for rows in map(np.flatnonzero, sizes)]
+        every = np.arange(len(self.count))
+        return [every[self.count == n] for n in np.unique(self.count)] if self.large else [every]
+
+    def only(self, some: Ints) -> tuple[Ints, Blocks]:
+        """Rows of some blocks, in their original order, and these blocks."""
+        rows = np.flatnonzero(np.isin(self.index, some))
+        index = np.searchsorted(some, self.index[rows])
+        return rows, Blocks(index, self.place[rows], self.count[some])
 
     def square(self, work: Callable[[Array], Array], padded: Array) -> Array:
         """Apply `work` to matrices (p, s, s), to each without its padding where blocks are large.

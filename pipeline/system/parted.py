@@ -37,30 +37,33 @@ class _PartProducts(Locked):
         count: Number of rows.
         log_det: Natural logarithm of the determinant of their covariance.
         ZZ: Z'Z, shape (k, k).
-        FZ: F'Z of each pose, shape (p, e, k).
-        FF: F'F of each pose, shape (p, e, e).
+        FZ: F'Z of each pose, shape (p, e, k), of poses that are computed together.
+        FF: F'F of each pose, shape (p, e, e), likewise.
     """
 
     count: int
     log_det: float
     ZZ: Array
-    FZ: Array
-    FF: Array
+    FZ: list[Array]
+    FF: list[Array]
 
     @classmethod
-    def of(cls, white: Whitener, rows: Array, e: int, size: Array) -> _PartProducts:
+    def of(cls, white: Whitener, rows: Array, errors: Blocks, size: Array) -> _PartProducts:
         """The products of rows [F, Z] (n, e + k), errors multiplied by `size` (n,)."""
-        both = white.blocks.padded(white.by_pose(rows / size[:, None]))
-        F, Z = np.swapaxes(both[..., :e], 1, 2), both[..., e:]
-        flat = Z.reshape(-1, Z.shape[2])
+        rows = white.by_pose(rows / size[:, None])
+        k = rows.shape[1] - errors.shape[1]
+        ZZ, FZ, FF = np.zeros((k, k)), list[Array](), list[Array]()
+        for poses in errors.alike:
+            mine, blocks = white.blocks.only(poses)
+            both = blocks.padded(rows[mine])
+            F, Z = both[..., : errors.count[poses].max()], both[..., errors.shape[1] :]
+            flat = Z.reshape(-1, Z.shape[2])
+            ZZ += flat.T @ flat
+            FZ.append(np.swapaxes(F, 1, 2) @ Z)
+            FF.append(np.swapaxes(F, 1, 2) @ F)
         inverse = np.einsum("pii->pi", white.inverse)
-        return cls(
-            count=len(rows),
-            log_det=2 * float(np.log(size).sum() - np.log(inverse).sum()),
-            ZZ=flat.T @ flat,
-            FZ=F @ Z,
-            FF=F @ both[..., :e],
-        )
+        log_det = 2 * float(np.log(size).sum() - np.log(inverse).sum())
+        return cls(len(rows), log_det, ZZ, FZ, FF)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +112,8 @@ class PartedRows(Locked):
         white = _whitener(G[along], pose[along]), _whitener(G[across], pose[across])
         rest = max(y @ y, linear.TINY) / max(G.power(2).sum(), linear.TINY)
         cut = rows[:, 0], rows[:, 1:].reshape(2 * len(u), -1)
-        e = F.shape[1]
         parts = [
-            _PartProducts.of(w, r, e, np.ones(len(r))) for w, r in zip(white, cut, strict=True)
+            _PartProducts.of(w, r, which, np.ones(len(r))) for w, r in zip(white, cut, strict=True)
         ]
         return cls(
             errors=which,
@@ -124,26 +126,23 @@ class PartedRows(Locked):
 
     def grown(self, size: Array) -> PartedRows:
         """The same with the part across multiplied by `size` (d,)."""
-        e = self.errors.shape[1]
-        across = _PartProducts.of(self.white[1], self.rows[1], e, np.repeat(size, 2))
+        across = _PartProducts.of(self.white[1], self.rows[1], self.errors, np.repeat(size, 2))
         return replace(self, parts=(self.parts[0], across))
 
     def loss(self, log_scale: Array) -> tuple[Array, float]:
         """Minus twice the restricted log likelihood: log|S_p|, shape (p,), and the rest."""
-        weights = np.exp(-2 * log_scale)
-        ZZ, W, S = (
-            weights[0] * getattr(self.parts[0], name) + weights[1] * getattr(self.parts[1], name)
-            for name in ("ZZ", "FZ", "FF")
-        )
-        S = S + np.eye(S.shape[1])
-        L = self.errors.square(lambda one: np.asarray(np.linalg.cholesky(one)), S)
-        H = self.errors.solve(L, W).reshape(-1, len(ZZ))
-        ZZ = ZZ - H.T @ H
-        own = 2 * np.log(np.einsum("pii->pi", L)).sum(axis=1)
+        (along, across), (a, b) = self.parts, np.exp(-2 * log_scale)
+        ZZ, own = a * along.ZZ + b * across.ZZ, list[Array]()
+        every = zip(self.errors.alike, along.FZ, across.FZ, along.FF, across.FF, strict=True)
+        for poses, FZ, more_FZ, FF, more_FF in every:
+            L = np.linalg.cholesky(a * FF + b * more_FF + np.eye(FF.shape[1]))
+            H = self.errors.only(poses)[1].solve(L, a * FZ + b * more_FZ).reshape(-1, len(ZZ))
+            ZZ -= H.T @ H
+            own.append(2 * np.log(np.einsum("pii->pi", L)).sum(axis=1))
         pairs = zip(self.parts, log_scale, strict=True)
         fixed = sum(part.log_det + 2 * part.count * t for part, t in pairs)
         N = ZZ[:-1, :-1] + np.diag(self.prior)
-        return own, float(fixed + ZZ[-1, -1] + of_fixed(N, ZZ[:-1, -1]))
+        return np.concatenate(own), float(fixed + ZZ[-1, -1] + of_fixed(N, ZZ[:-1, -1]))
 
     def whole(self, log_scale: Array) -> float:
         """Minus twice the restricted log likelihood, up to a constant."""

@@ -86,7 +86,8 @@ class PaddedRows(Locked):
         masks = [np.isin(source, group) for group in groups] + [rest]
         both, stated = np.column_stack([Q, A, y]), 0.0
         together: list[_Together] = []
-        for mine, some in Blocks.of(system.rows.pose).alike:
+        blocks = Blocks.of(system.rows.pose)
+        for mine, some in map(blocks.only, blocks.alike):
             G = errors.G[mine]
             parts = np.stack([some.covariance(G[:, mask & own]) for mask in masks]) / unit**2
             stated += float(np.einsum("kpii->", parts[:-1]))

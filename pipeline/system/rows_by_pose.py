@@ -66,7 +66,8 @@ class RowsByPose(Locked):
             Variances on its diagonal (M,), and y (M,) and X (M, k + r) in these rows.
         """
         A, both, found = self.white.by_pose(factor), np.column_stack([self.y, self.X]), []
-        for mine, some in self.white.blocks.alike:
+        blocks = self.white.blocks
+        for mine, some in map(blocks.only, blocks.alike):
             a = some.padded(A[mine])
             W = a @ np.swapaxes(a, 1, 2) + np.eye(some.shape[1]) * some.there[:, None, :]
             values, C = linear.directions(W)

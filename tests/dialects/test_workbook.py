@@ -128,9 +128,10 @@ def lying(said):
         (lambda: packed("a.txt"), "a ZIP archive and no workbook; unpack it"),
         (lambda: packed("xl/workbook.xml"), "cannot be read"),
         (lambda: workbook(A=[TITLES, *ROWS])[:-500], "damaged"),
+        (lambda: workbook(A=[TITLES, *ROWS])[:-6] + b"\xff" * 4 + b"\0" * 2, "damaged"),
         (lambda: workbook(A=[[]]), "the workbook is empty"),
     ],
-    ids=["bomb", "archive", "no sheets", "cut off", "empty"],
+    ids=["bomb", "archive", "no sheets", "cut off", "far directory", "empty"],
 )
 def test_what_is_no_workbook_is_refused(data, said):
     """In one sentence, before anything is kept in memory."""
@@ -153,7 +154,10 @@ def test_a_part_that_is_longer_than_it_says_is_refused():
         ('<c r="XFD1048576"><v>1</v></c>', 1, None, "spans 16384 columns and 1048576 rows"),
         ("<c r='ABC900000'><v>1</v></c>", 1, None, "spans 731 columns and 900000 rows"),
         ('</row><row r="1048576">' + "<c><v>1</v></c>" * 40, 1, None, "spans 40 columns and 10485"),
+        ('<c r="xfd1048576"><v>1</v></c>', 1, None, "spans 16384 columns and 1048576 rows"),
+        ("<c/>" * 2000 + "</row>" + "<row/>" * 10_500 + "<row>", 1, None, "spans 2000 columns and"),
         ("<c><v>1</v></c>", 1100, 1000, "a sheet has more than 1000 cells"),
+        ("<x:c/><c\t/>", 550, 1000, "a sheet has more than 1000 cells"),
         pytest.param(
             "<c><v>1</v></c>",
             10_000_100,
@@ -177,6 +181,17 @@ def test_a_sheet_without_end_is_refused(cell, times, most, said, monkeypatch):
 
     with pytest.raises(InputError, match=said):
         read(out.getvalue())
+
+
+@pytest.mark.parametrize(
+    ("limit", "most", "said"),
+    [("_MOST_SHEETS", 1, "2 sheets, more than the 1"), ("_MOST_CELLS", 30, "more than 30 cells")],
+)
+def test_sheets_without_end_are_refused(limit, most, said, monkeypatch):
+    """One part of the archive may be listed as any number of sheets."""
+    monkeypatch.setattr(f"pipeline.dialects.workbook.{limit}", most)
+    with pytest.raises(InputError, match=said):
+        read(workbook(A=[TITLES, *ROWS], B=[TITLES, *ROWS]))
 
 
 def test_a_workbook_that_is_too_large_is_not_read(tmp_path):

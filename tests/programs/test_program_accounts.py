@@ -22,6 +22,7 @@ FRAME = "{X 1,Y 2,Z 3,A 0,B 0,C 0}"
 SET = "$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[1]\n"
 R = "[[1200,0,800.5],[0,0,1,0],[0,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
 TOOL = "PERS tooldata t:=[TRUE,[[0,0,200],[1,0,0,0]],[1,[0,0,0],[1,0,0,0],0,0,0]];"
+SIX = "[0.1,-1.57,1.57,0.2,1.57,.3]"
 U = "p[0.4,0.2,0.3,0,3.14,0]"
 
 
@@ -234,6 +235,15 @@ CASES = {
     # UR
     "other move": ("p.script", script(f"  optimovel({U},0.5)"), [2], [3]),
     "force": ("p.script", script("  force_mode(f,[1],[1],2,[1])"), [2], [3]),
+    "joints for a routine": (
+        "p.script", script(f"  go(q={SIX})", "  x.go([d2r(5),1,2,3,4,5])"), [2], [3, 4],
+    ),
+    "joints in a value": (
+        "p.script", script(f"  s=struct(q={SIX})", f"  return {SIX}"), [2], [3, 4],
+    ),
+    "six numbers of no place": (
+        "p.script", script(f"  set_payload(1.5,[0,0,0],{SIX})"), [2], [],
+    ),
     "handed over": ("p.script", script(f"  a={U}", "  movel(a)", "  weld(a)"), [2], [3]),
     "tool in an if": (
         "p.script", script("  if x:", f"    set_tcp({U})", "  end", f"  movel({U})"), [2], [6],

@@ -86,12 +86,12 @@ def test_one_large_block_costs_no_padding_and_gives_the_same():
 
 def test_blocks_that_are_computed_together_are_alike():
     """All while none is large, then those of equal size; their rows are all rows, once."""
-    ((rows, whole),) = BLOCKS.alike
+    rows, whole = BLOCKS.only(*BLOCKS.alike)
     assert (rows == np.arange(8)).all()
     assert (whole.index == BLOCKS.index).all()
 
     blocks = Blocks.of(np.random.default_rng(5).permutation(np.repeat([0, 1, 2, 3], [3, 90, 3, 6])))
-    groups = blocks.alike
+    groups = [blocks.only(some) for some in blocks.alike]
     assert [some.count.tolist() for _, some in groups] == [[3, 3], [6], [90]]
     assert sorted(np.concatenate([rows for rows, _ in groups])) == list(range(102))
     for mine, some in groups:

@@ -21,15 +21,20 @@ U /= np.linalg.norm(U, axis=1)[:, None]
 SIZE = RNG.uniform(0.5, 2.0, D)
 
 
-def made(few=True):
-    """Three rows to a displacement: correlated readings, a shared zero, a force, one common."""
+def made(few=True, more=0):
+    """Three rows to a displacement: correlated readings, a shared zero, a force, one common.
+
+    One pose has `more` other errors.
+    """
     rows, M = np.repeat(POSE, 3), 3 * D
     own = np.kron(np.eye(D), np.ones((3, 3))) * RNG.normal(0, 2e-5, (M, M)) + 2e-5 * np.eye(M)
     zero = np.kron(POSE[:, None] == np.unique(POSE), np.eye(3)) * 1.5e-5
     here = (rows[:, None] == np.unique(POSE)[:3]) * few
     force, common = here * RNG.normal(0, 3e-5, (M, 3)), RNG.normal(0, 2e-5, (M, 1))
-    G = np.hstack([own, zero, force, common])
+    many = (rows[:, None] == POSE[0]) * RNG.normal(0, 3e-5, (M, more))
+    G = np.hstack([own, zero, force, common, many])
     source = ["tracker"] * M + ["zero"] * 12 + ["force_reading"] * 3 + ["registration"]
+    source += ["direction"] * more
     X = RNG.standard_normal((M, 4))
     return System(
         parameters=tuple(Parameter(f"c{k}", "m/N", 1.0) for k in range(4)),
@@ -60,11 +65,15 @@ def parted(system):
     return PartedRows.of(system, linear.orthonormal(system.B), U, own)
 
 
-@pytest.mark.parametrize("few", [True, False])
-def test_the_loss_is_that_of_the_whole_matrix(few):
-    """Up to one constant for all scales and all growths, also without other errors of a pose."""
-    system = made(few)
+@pytest.mark.parametrize(("few", "more"), [(True, 0), (False, 0), (True, 70)])
+def test_the_loss_is_that_of_the_whole_matrix(few, more):
+    """Up to one constant for all scales and all growths, also without other errors of a pose.
+
+    A pose with many of them costs no padding to the others.
+    """
+    system = made(few, more)
     rows, zero = parted(system), np.zeros(2)
+    assert sum(FF.size for FF in rows.parts[0].FF) == ((more + 1) ** 2 + 2 if more else 4 * few)
     start = rows.whole(zero) - textbook(system, zero, np.ones(D))
     grown = rows.grown(SIZE)
 
