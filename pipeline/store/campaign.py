@@ -415,7 +415,7 @@ def find(root: Path, name: str) -> CampaignFolder:
         )
     raw = root / "data" / "raw"
     for folder in (raw / name, Path(name)):
-        if os.path.isfile(folder / "campaign.toml"):
+        if _has_settings(folder):
             return _at(root, folder)
     if os.path.isdir(raw / name) or os.path.isdir(name):
         raise InputError(
@@ -466,10 +466,11 @@ def every(root: Path) -> list[CampaignFolder]:
 
 
 def _has_settings(folder: Path) -> bool:
-    """Whether a folder is a campaign's; an unreadable one counts, so that it is reported."""
+    """Whether a folder is a campaign's; one whose campaign.toml cannot be read counts, so that it
+    is reported."""
     try:
-        os.stat(folder / "campaign.toml")
-    except (FileNotFoundError, NotADirectoryError):
+        os.lstat(folder / "campaign.toml")
+    except (FileNotFoundError, NotADirectoryError, ValueError):  # which a NUL in a name is
         return False
     except OSError as problem:
         return problem.errno not in files.HOPELESS_ERRORS

@@ -13,7 +13,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.preferences import Preferences
 from pipeline.service import server, supervisor, watch
 from pipeline.service.status import FolderState, folder_statuses, now
-from pipeline.store.campaign import dump
+from pipeline.store.campaign import dump, find
 
 
 def states(root):
@@ -46,6 +46,24 @@ def test_every_folder_is_told(hall):
         "done": FolderState.DONE,
     }
     assert next(one.name for one in folder_statuses(hall)) == "wrong"
+
+
+def test_links_hide_nothing(hall):
+    """A link in a circle ends no list; one to a campaign is that one; a campaign.toml that is a
+    link to nowhere is one to be rejected, however the campaign is named."""
+    raw = hall / "data/raw"
+    (raw / "circle").symlink_to("circle")
+    (raw / "again").symlink_to("done")
+    (raw / "nowhere").mkdir()
+    (raw / "nowhere/campaign.toml").symlink_to("gone.toml")
+    found = states(hall)
+
+    assert found["half <b>"] == FolderState.INCOMPLETE
+    assert found["nowhere"] == FolderState.WAITING
+    assert not {"again", "circle"} & {*found}
+    with pytest.raises(InputError, match=r"campaign\.toml") as refused:
+        find(hall, "nowhere").read()
+    assert "init" not in str(refused.value)
 
 
 def test_the_page_says_why_and_when(hall):
