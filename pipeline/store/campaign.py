@@ -466,8 +466,7 @@ def every(root: Path) -> list[CampaignFolder]:
 
 
 def _has_settings(folder: Path) -> bool:
-    """Whether a folder is a campaign's; one whose campaign.toml cannot be read counts, so that it
-    is reported."""
+    """Whether a folder is a campaign's; an unreadable campaign.toml counts, to be reported."""
     try:
         os.lstat(folder / "campaign.toml")
     except (FileNotFoundError, NotADirectoryError, ValueError):  # which a NUL in a name is

@@ -49,8 +49,7 @@ def test_every_folder_is_told(hall):
 
 
 def test_links_hide_nothing(hall):
-    """A link in a circle ends no list; one to a campaign is that one; a campaign.toml that is a
-    link to nowhere is one to be rejected, however the campaign is named."""
+    """A circle ends no list; a link to a campaign is that one; one to nowhere is rejected."""
     raw = hall / "data/raw"
     (raw / "circle").symlink_to("circle")
     (raw / "again").symlink_to("done")
