@@ -17,6 +17,7 @@ from enum import StrEnum
 from pathlib import Path
 from urllib.parse import quote
 
+from pipeline.base.errors import InputError
 from pipeline.base.shown import printable
 from pipeline.report.record import (
     Cells,
@@ -76,7 +77,10 @@ class _FolderStatus:
 
 def folder_statuses(root: Path) -> list[_FolderStatus]:
     """All folders of data/raw, those that need attention first."""
-    look, every = service.LastScan.of(root), campaigns.every(root)
+    try:
+        look, every = service.LastScan.of(root), campaigns.every(root)
+    except InputError as problem:
+        return [_FolderStatus("data/raw", FolderState.FAILED, None, str(problem))]
     found = [_of(campaign, look) for campaign in every]
     found += _incomplete(root, {os.path.realpath(campaign.folder) for campaign in every})
     order = list(FolderState)

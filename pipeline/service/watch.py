@@ -198,11 +198,11 @@ def scan(
             wrong = work.pages()
             drawn = wrong is None and not elsewhere  # results from elsewhere: next scan
             trouble += [wrong] if wrong else []
+        for campaign in campaigns.every(root):
+            trouble += _wrong(campaign.name, partial(_tell, campaign, preferences.notify))
         trouble += sync.publish(root, preferences.storage)
     except Exception as problem:  # scanning continues, whatever the error
         trouble.append(failed(SERVICE, problem))
-    for campaign in campaigns.every(root):
-        trouble += _wrong(campaign.name, partial(_tell, campaign, preferences.notify))
     ended = look.model_copy(update={"ended": clock.now(), "drawn": drawn})
     trouble += _noted(root, ended)
     yield from reported_once(root, trouble)

@@ -454,12 +454,19 @@ def label(name: str) -> str:
 
 
 def every(root: Path) -> list[CampaignFolder]:
-    """All campaigns under data/raw, by name, without hidden folders."""
+    """All campaigns under data/raw, by name, without hidden folders.
+
+    Raises:
+        InputError: It is there and cannot be listed, as a share that is gone.
+    """
     raw = root / "data" / "raw"
     try:
         names = sorted(os.listdir(raw))
-    except OSError:
+    except (FileNotFoundError, NotADirectoryError):
         return []
+    except OSError as problem:
+        thing = f"{raw} cannot be listed ({problem.strerror})"
+        raise InputError(thing, "check the folder and its permissions", passing=True) from problem
     there = [raw / name for name in names if not name.startswith(".")]
     found = (_at(root, folder) for folder in there if _has_settings(folder))
     return list({campaign.folder: campaign for campaign in found}.values())

@@ -11,7 +11,7 @@ from test_watch import Runs, arrive, look
 from pipeline.base import files
 from pipeline.base.errors import InputError
 from pipeline.base.preferences import Preferences
-from pipeline.service import server, supervisor, watch
+from pipeline.service import doctor, server, supervisor, watch
 from pipeline.service.status import FolderState, folder_statuses, now
 from pipeline.store.campaign import dump, find
 
@@ -63,6 +63,25 @@ def test_links_hide_nothing(hall):
     with pytest.raises(InputError, match=r"campaign\.toml") as refused:
         find(hall, "nowhere").read()
     assert "init" not in str(refused.value)
+
+
+def test_what_cannot_be_listed_is_not_empty(hall):
+    """A share that is gone: told once, and on the page and by `doctor` as long as it is so."""
+    raw, away = hall / "data/raw", hall / "away"
+    raw.rename(away)
+    raw.symlink_to("raw")  # in a circle
+    told = [look(hall, Runs(), now=time.time()) for _ in range(2)]
+    known = {one.what: one for one in doctor.examine(hall)}["campaigns"]
+
+    assert [line.split(" (")[0] for one in told[0] for line in one.complaints] == [
+        f"service: {raw} cannot be listed"
+    ]
+    assert told[1] == []
+    assert (known.good, known.needed) == (False, True)
+    assert f"{raw} cannot be listed" in known.text
+    assert f"{raw} cannot be listed" in now(hall).decode()
+    with pytest.raises(InputError, match="cannot be listed"):
+        find(hall, "new")
 
 
 def test_the_page_says_why_and_when(hall):
