@@ -122,21 +122,29 @@ class LastScan(Strict):
 
 
 @contextlib.contextmanager
-def looking(root: Path) -> Iterator[bool]:
-    """Whether nobody else looks at data/raw for a team; within the block nobody does."""
-    processed = root / "data" / "processed"
-    with files.writing(processed):
-        processed.mkdir(parents=True, exist_ok=True)
-    lock = FileLock(processed / _LOOKING)
+def held(lock: Path, patience_s: float = -1.0) -> Iterator[bool]:
+    """Hold a lock within the block, which ends with its process; yield whether nobody else has it.
+
+    Args:
+        lock: Its file.
+        patience_s: How long others are waited for [s]; negative for ever.
+
+    Raises:
+        CannotWrite: The disk cannot be written.
+    """
+    own = FileLock(lock)
+    with files.writing(lock), contextlib.suppress(Timeout):
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        own.acquire(timeout=patience_s)
     try:
-        lock.acquire(timeout=0)
-    except Timeout:
-        yield False
-        return
-    try:
-        yield True
+        yield own.is_locked
     finally:
-        lock.release()
+        own.release()
+
+
+def looking(root: Path) -> contextlib.AbstractContextManager[bool]:
+    """Whether nobody else looks at data/raw for a team; within the block nobody does."""
+    return held(root / "data" / "processed" / _LOOKING, 0.0)
 
 
 _Note = TypeVar("_Note", bound=Strict)

@@ -20,8 +20,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from pipeline.base import files
 from pipeline.base.environment import NOBODYS
 from pipeline.base.errors import UsageError
@@ -246,23 +244,18 @@ def alone(root: Path, wanted: Service) -> Iterator[None]:
         CannotWrite: The disk cannot be written.
     """
     note = root / "data" / "processed" / service.RUNNING
-    with files.writing(note):
-        note.parent.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(note.with_name(service.LOCK))
-        try:
-            lock.acquire(timeout=0)
-        except Timeout:
-            running = service.Running.of(root)
+    with service.held(note.with_name(service.LOCK), 0.0) as first:
+        running = service.Running.of(root)
+        if not first:
             by = f" by process {running.process}" if running else ""
-            raise UsageError(f"{root.resolve()} is served already{by}: stop that first") from None
-    try:
-        running = service.Running(process=os.getpid(), every_s=wanted.every_s)
-        files.write(note, dump(running.model_dump()))
-        yield
-    finally:
-        with contextlib.suppress(OSError):
-            note.unlink(missing_ok=True)
-        lock.release()
+            raise UsageError(f"{root.resolve()} is served already{by}: stop that first")
+        try:
+            running = service.Running(process=os.getpid(), every_s=wanted.every_s)
+            files.write(note, dump(running.model_dump()))
+            yield
+        finally:
+            with contextlib.suppress(OSError):
+                note.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

@@ -255,9 +255,8 @@ def _see_kept(store: Store, note: _Note, sent: Mapping[str, str]) -> None:
     Raises:
         CannotWrite: It has lost some of it.
     """
-    there: _Marks = {}
     try:
-        there = store.marks() if sent else there
+        there = store.marks() if sent else {}
     except InputError:  # a key may write and not list
         return
     lost = [name for name in sent if there.get(name, ())[:1] != (note.put[sent[name]][0],)]

@@ -10,13 +10,12 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
 from pipeline.app.outcome import Outcome, failed
@@ -258,28 +257,15 @@ def attend(campaign: CampaignFolder, seen: str, work: _Work) -> Outcome | None:
         return made
 
 
-@contextmanager
-def _attending(campaign: CampaignFolder, patience_s: float = -1.0) -> Iterator[None]:
-    """Hold a campaign that was handed out during the whole of its run.
-
-    Raises:
-        Timeout: Another process holds it.
-        CannotWrite: The disk cannot be written.
-    """
-    lock = FileLock(campaign.processed / ".attended")
-    with files.writing(campaign.processed):
-        campaign.processed.mkdir(parents=True, exist_ok=True)
-    with lock.acquire(timeout=patience_s):
-        yield
+def _attending(campaign: CampaignFolder, patience_s: float = -1.0) -> AbstractContextManager[bool]:
+    """Hold a campaign that was handed out during the whole of its run."""
+    return service.held(campaign.processed / ".attended", patience_s)
 
 
 def attended(campaign: CampaignFolder) -> bool:
     """Whether a process works on a campaign that was handed out."""
-    try:
-        with _attending(campaign, 0.0):
-            return False
-    except Timeout:
-        return True
+    with _attending(campaign, 0.0) as free:
+        return not free
 
 
 def _wrong(name: str, work: Callable[[], object]) -> list[Outcome]:
