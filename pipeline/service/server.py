@@ -85,7 +85,7 @@ class Running(Strict):
     @classmethod
     def of(cls, root: Path) -> Running | None:
         """Read the service of a project; None if there is none."""
-        return _noted(cls, root / "data" / "processed" / RUNNING)
+        return noted(cls, root / "data" / "processed" / RUNNING)
 
 
 class LastScan(Strict):
@@ -118,7 +118,7 @@ class LastScan(Strict):
     @classmethod
     def of(cls, root: Path) -> LastScan | None:
         """Read the last scan of a project; None before the first."""
-        return _noted(cls, root / "data" / "processed" / LOOKED)
+        return noted(cls, root / "data" / "processed" / LOOKED)
 
 
 @contextlib.contextmanager
@@ -150,7 +150,8 @@ def looking(root: Path) -> contextlib.AbstractContextManager[bool]:
 _Note = TypeVar("_Note", bound=Strict)
 
 
-def _noted(kind: type[_Note], path: Path) -> _Note | None:
+def noted(kind: type[_Note], path: Path) -> _Note | None:
+    """A note of a service or on a campaign; None if it is missing or damaged."""
     try:
         return kind.model_validate(recalled(path))
     except ValidationError:

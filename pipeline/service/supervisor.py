@@ -165,7 +165,7 @@ def serve(root: Path, preferences: Preferences, tell: _Tell) -> None:
         try:
             _started(server, asked)
             schedule.start()
-            with _recorded(root, urls):
+            with _noted(root / service.HOME / service.SERVING, urls):
                 tell(f"{urls['page']}  Prefect's page: runs, results, logs")
                 tell(f"{root / service.HOME / service.PASSWORD}  what it asks for")
                 if sys.stdout.isatty():  # a journal may be read by others
@@ -249,13 +249,9 @@ def alone(root: Path, wanted: Service) -> Iterator[None]:
         if not first:
             by = f" by process {running.process}" if running else ""
             raise UsageError(f"{root.resolve()} is served already{by}: stop that first")
-        try:
-            running = service.Running(process=os.getpid(), every_s=wanted.every_s)
-            files.write(note, dump(running.model_dump()))
+        running = service.Running(process=os.getpid(), every_s=wanted.every_s)
+        with _noted(note, running.model_dump()):
             yield
-        finally:
-            with contextlib.suppress(OSError):
-                note.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
@@ -336,11 +332,11 @@ def _free(port: int, patience_s: float = 20.0) -> None:
 
 
 @contextlib.contextmanager
-def _recorded(root: Path, urls: dict[str, str]) -> Iterator[None]:
-    """Record where this project is served, for `run` and `doctor`."""
-    note = root / service.HOME / service.SERVING
-    files.write(note, dump(urls))
+def _noted(note: Path, content: object) -> Iterator[None]:
+    """Record something for other commands, as long as it holds."""
+    files.write(note, dump(content))
     try:
         yield
     finally:
-        note.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            note.unlink(missing_ok=True)
