@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import importlib.metadata as installed
 import os
-import shutil
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -27,6 +27,8 @@ _PYTHONS = ((3, 11), (3, 14))
 _ROOM_BYTES = 2**30
 """Disk space that is required [B]: a gibibyte, more than tables and reports of many campaigns
 take."""
+_ROOM_FILES = 1000
+"""Files for which there must be room: those of ten campaigns."""
 
 
 @dataclass(frozen=True)
@@ -106,14 +108,19 @@ def _writable(root: Path, name: str) -> CheckResult:
 
 
 def _room(root: Path) -> CheckResult:
-    free = shutil.disk_usage(root.absolute()).free
-    good = free > _ROOM_BYTES
-    text = f"{free / 2**30:.0f} GiB free"
+    disk = os.statvfs(root.absolute())
+    free = disk.f_bavail * disk.f_frsize
+    full = disk.f_files > 0 and disk.f_favail < _ROOM_FILES  # some file systems do not count them
+    text = f"{free / 2**30:.0f} GiB free" + full * f", for {disk.f_favail} files"
+    good = free > _ROOM_BYTES and not full
     return CheckResult("disk", good, text if good else f"{text}; make room")
 
 
 def _raw(root: Path) -> CheckResult:
-    found = len(campaigns.every(root))
+    try:
+        found = len(campaigns.every(root))
+    except InputError as problem:
+        return CheckResult("campaigns", False, str(problem))
     if found:
         return CheckResult("campaigns", True, f"{found} under {root / 'data' / 'raw'}")
     text = "none under data/raw; `pipeline init NAME`, `pipeline simulate`, or another --root"
@@ -177,15 +184,16 @@ def looks(root: Path, running: service.Running) -> CheckResult:
 
 def _waiting(root: Path, webhook: str | None) -> Iterator[CheckResult]:
     """Report campaigns that will be tried again, and verdicts that the webhook did not accept."""
-    for campaign in campaigns.every(root):
-        seen = watch.recall(campaign)
-        if seen.verdict == "failed":
-            again = datetime.fromtimestamp(seen.tried + seen.pause_s).isoformat(" ", "minutes")
-            text = f"tried {seen.attempts} times, again at {again}: {seen.said}"
-            yield CheckResult(campaign.name, False, text, needed=False)
-        elif webhook and seen.settled and seen.verdict != seen.told:
-            text = f"the webhook did not accept the message that it is {seen.verdict}; see [notify]"
-            yield CheckResult(campaign.name, False, text, needed=False)
+    with suppress(InputError):  # where none can be listed, `_raw` says so
+        for campaign in campaigns.every(root):
+            seen = watch.recall(campaign)
+            if seen.verdict == "failed":
+                again = datetime.fromtimestamp(seen.tried + seen.pause_s).isoformat(" ", "minutes")
+                text = f"tried {seen.attempts} times, again at {again}: {seen.said}"
+                yield CheckResult(campaign.name, False, text, needed=False)
+            elif webhook and seen.settled and seen.verdict != seen.told:
+                text = f"the webhook did not accept that it is {seen.verdict}; see [notify]"
+                yield CheckResult(campaign.name, False, text, needed=False)
 
 
 def _server(root: Path) -> CheckResult:

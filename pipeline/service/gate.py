@@ -114,7 +114,7 @@ class Door:
     def _entered(self, scope: Scope) -> Response:
         given, password = scope["path"].removeprefix(ENTER), known_password(self._root)
         if scope["method"] != "GET" or password is None or not self._taken(given):
-            why = f"this link is used up; Prefect's page asks for the line in {self._password}\n"
+            why = f"used up; Prefect's page asks for the line in {self._root / HOME / PASSWORD}\n"
             return PlainTextResponse(why, 403, _UNKEPT)
         mark = secrets.token_urlsafe(16)
         known = base64.b64encode(password.encode()).decode()  # encoded as Prefect's page stores it
@@ -123,10 +123,6 @@ class Door:
         policy = f"default-src 'none'; script-src 'nonce-{mark}'"
         kept = {**_UNKEPT, "content-security-policy": policy}
         return HTMLResponse(f"<!doctype html><title>Prefect</title>{script}", headers=kept)
-
-    @property
-    def _password(self) -> Path:
-        return self._root / HOME / PASSWORD
 
     def _taken(self, given: str) -> bool:
         """Whether this is the key; the file is removed, so that only one request succeeds."""

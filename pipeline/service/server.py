@@ -85,7 +85,7 @@ class Running(Strict):
     @classmethod
     def of(cls, root: Path) -> Running | None:
         """Read the service of a project; None if there is none."""
-        return _noted(cls, root / "data" / "processed" / RUNNING)
+        return noted(cls, root / "data" / "processed" / RUNNING)
 
 
 class LastScan(Strict):
@@ -118,31 +118,40 @@ class LastScan(Strict):
     @classmethod
     def of(cls, root: Path) -> LastScan | None:
         """Read the last scan of a project; None before the first."""
-        return _noted(cls, root / "data" / "processed" / LOOKED)
+        return noted(cls, root / "data" / "processed" / LOOKED)
 
 
 @contextlib.contextmanager
-def looking(root: Path) -> Iterator[bool]:
-    """Whether nobody else looks at data/raw for a team; within the block nobody does."""
-    processed = root / "data" / "processed"
-    with files.writing(processed):
-        processed.mkdir(parents=True, exist_ok=True)
-    lock = FileLock(processed / _LOOKING)
+def held(lock: Path, patience_s: float = -1.0) -> Iterator[bool]:
+    """Hold a lock within the block, which ends with its process; yield whether nobody else has it.
+
+    Args:
+        lock: Its file.
+        patience_s: How long others are waited for [s]; negative for ever.
+
+    Raises:
+        CannotWrite: The disk cannot be written.
+    """
+    own = FileLock(lock)
+    with files.writing(lock), contextlib.suppress(Timeout):
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        own.acquire(timeout=patience_s)
     try:
-        lock.acquire(timeout=0)
-    except Timeout:
-        yield False
-        return
-    try:
-        yield True
+        yield own.is_locked
     finally:
-        lock.release()
+        own.release()
+
+
+def looking(root: Path) -> contextlib.AbstractContextManager[bool]:
+    """Whether nobody else looks at data/raw for a team; within the block nobody does."""
+    return held(root / "data" / "processed" / _LOOKING, 0.0)
 
 
 _Note = TypeVar("_Note", bound=Strict)
 
 
-def _noted(kind: type[_Note], path: Path) -> _Note | None:
+def noted(kind: type[_Note], path: Path) -> _Note | None:
+    """A note of a service or on a campaign; None if it is missing or damaged."""
     try:
         return kind.model_validate(recalled(path))
     except ValidationError:

@@ -17,6 +17,7 @@ from enum import StrEnum
 from pathlib import Path
 from urllib.parse import quote
 
+from pipeline.base.errors import InputError
 from pipeline.base.shown import printable
 from pipeline.report.record import (
     Cells,
@@ -76,9 +77,12 @@ class _FolderStatus:
 
 def folder_statuses(root: Path) -> list[_FolderStatus]:
     """All folders of data/raw, those that need attention first."""
-    look, every = service.LastScan.of(root), campaigns.every(root)
+    try:
+        look, every = service.LastScan.of(root), campaigns.every(root)
+    except InputError as problem:
+        return [_FolderStatus("data/raw", FolderState.FAILED, None, str(problem))]
     found = [_of(campaign, look) for campaign in every]
-    found += _incomplete(root, {campaign.folder.name for campaign in every})
+    found += _incomplete(root, {os.path.realpath(campaign.folder) for campaign in every})
     order = list(FolderState)
     return sorted(found, key=lambda one: (order.index(one.state), one.name))
 
@@ -113,12 +117,13 @@ def _alive(look: service.LastScan | None, name: str) -> float | None:
 
 def _incomplete(root: Path, known: set[str]) -> Iterator[_FolderStatus]:
     """Folders that are not processed because they have no campaign.toml."""
+    raw = root / "data" / "raw"
     with suppress(OSError):
-        for entry in os.scandir(root / "data" / "raw"):
-            if entry.name not in known and entry.name[0] != "." and entry.is_dir():
-                name = printable(entry.name, 80)
+        for name in os.listdir(raw):
+            real = os.path.realpath(raw / name)  # a campaign may be there by other names, too
+            if name[0] != "." and real not in known and os.path.isdir(real):
                 text = "not taken before it has one: `pipeline init` writes it"
-                yield _FolderStatus(name, FolderState.INCOMPLETE, None, text)
+                yield _FolderStatus(printable(name, 80), FolderState.INCOMPLETE, None, text)
 
 
 def _clock(at: float | None) -> str:

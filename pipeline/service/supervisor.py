@@ -20,8 +20,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from pipeline.base import files
 from pipeline.base.environment import NOBODYS
 from pipeline.base.errors import UsageError
@@ -167,7 +165,7 @@ def serve(root: Path, preferences: Preferences, tell: _Tell) -> None:
         try:
             _started(server, asked)
             schedule.start()
-            with _recorded(root, urls):
+            with _noted(root / service.HOME / service.SERVING, urls):
                 tell(f"{urls['page']}  Prefect's page: runs, results, logs")
                 tell(f"{root / service.HOME / service.PASSWORD}  what it asks for")
                 if sys.stdout.isatty():  # a journal may be read by others
@@ -246,23 +244,14 @@ def alone(root: Path, wanted: Service) -> Iterator[None]:
         CannotWrite: The disk cannot be written.
     """
     note = root / "data" / "processed" / service.RUNNING
-    with files.writing(note):
-        note.parent.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(note.with_name(service.LOCK))
-        try:
-            lock.acquire(timeout=0)
-        except Timeout:
-            running = service.Running.of(root)
+    with service.held(note.with_name(service.LOCK), 0.0) as first:
+        running = service.Running.of(root)
+        if not first:
             by = f" by process {running.process}" if running else ""
-            raise UsageError(f"{root.resolve()} is served already{by}: stop that first") from None
-    try:
+            raise UsageError(f"{root.resolve()} is served already{by}: stop that first")
         running = service.Running(process=os.getpid(), every_s=wanted.every_s)
-        files.write(note, dump(running.model_dump()))
-        yield
-    finally:
-        with contextlib.suppress(OSError):
-            note.unlink(missing_ok=True)
-        lock.release()
+        with _noted(note, running.model_dump()):
+            yield
 
 
 @contextlib.contextmanager
@@ -343,11 +332,11 @@ def _free(port: int, patience_s: float = 20.0) -> None:
 
 
 @contextlib.contextmanager
-def _recorded(root: Path, urls: dict[str, str]) -> Iterator[None]:
-    """Record where this project is served, for `run` and `doctor`."""
-    note = root / service.HOME / service.SERVING
-    files.write(note, dump(urls))
+def _noted(note: Path, content: object) -> Iterator[None]:
+    """Record something for other commands, as long as it holds."""
+    files.write(note, dump(content))
     try:
         yield
     finally:
-        note.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            note.unlink(missing_ok=True)

@@ -235,14 +235,37 @@ def publish(root: Path, storage: Storage) -> list[Outcome]:
 
 
 def _put(root: Path, folder: Path, store: Store, note: _Note) -> None:
-    for path in sorted(folder.rglob("*")):
-        if not path.is_file() or not _public(path):
-            continue
-        stat, name = path.stat(), path.relative_to(root).as_posix()
-        mark = [stat.st_size, stat.st_mtime_ns]
-        if note.put.get(name) != mark:
-            store.write(path.relative_to(folder).as_posix(), path.read_bytes())
-            note.put[name] = mark
+    sent: dict[str, str] = {}  # names there, and here
+    try:
+        for path in sorted(folder.rglob("*")):
+            if not path.is_file() or not _public(path):
+                continue
+            stat, name = path.stat(), path.relative_to(root).as_posix()
+            mark, there = [stat.st_size, stat.st_mtime_ns], path.relative_to(folder).as_posix()
+            if note.put.get(name) != mark:
+                store.write(there, path.read_bytes())
+                note.put[name], sent[there] = mark, name
+    finally:
+        _see_kept(store, note, sent)
+
+
+def _see_kept(store: Store, note: _Note, sent: Mapping[str, str]) -> None:
+    """Have sent again what the storage does not list as it was sent.
+
+    Raises:
+        CannotWrite: It has lost some of it.
+    """
+    try:
+        there = store.marks() if sent else {}
+    except InputError:  # a key may write and not list
+        return
+    lost = [name for name in sent if there.get(name, ())[:1] != (note.put[sent[name]][0],)]
+    for name in lost:
+        del note.put[sent[name]]
+    if lost:
+        thing = f"it has lost {len(lost)} of {len(sent)} files that were sent"
+        words = f"{store.shown}/{lost[0]} cannot be written ({thing}); run it again in a moment."
+        raise CannotWrite(words)
 
 
 def _public(path: Path) -> bool:

@@ -9,15 +9,13 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol
-
-from filelock import FileLock, Timeout
-from pydantic import ValidationError
+from typing import Protocol
 
 from pipeline.app.outcome import Outcome, failed
 from pipeline.base import files
@@ -29,7 +27,7 @@ from pipeline.service import notify, sync
 from pipeline.service import server as service
 from pipeline.service.guard import Guard
 from pipeline.store import campaign as campaigns
-from pipeline.store.campaign import CampaignFolder, dump, recalled
+from pipeline.store.campaign import CampaignFolder, dump
 
 MEMORY = "seen.json"
 SERVICE = "service"
@@ -116,7 +114,7 @@ def _in(folder: Path) -> Iterator[tuple[str, int, int]]:
         here = waiting.pop()
         try:
             with os.scandir(here) as entries:
-                for entry in sorted(_some(entries, left), key=lambda one: one.name):
+                for entry in sorted(islice(entries, left), key=lambda one: one.name):
                     left -= 1
                     stat = entry.stat(follow_symlinks=False)
                     yield entry.path, stat.st_size, stat.st_mtime_ns
@@ -126,16 +124,9 @@ def _in(folder: Path) -> Iterator[tuple[str, int, int]]:
             yield here, -1, problem.errno or 0
 
 
-def _some(entries: Iterator[os.DirEntry[str]], most: int) -> list[os.DirEntry[str]]:
-    return [entry for _, entry in zip(range(most), entries, strict=False)]
-
-
 def recall(campaign: CampaignFolder) -> _LastOutcome:
     """Remembered outcome of a campaign."""
-    try:
-        return _LastOutcome.model_validate(recalled(campaign.processed / MEMORY))
-    except ValidationError:
-        return _LastOutcome()
+    return service.noted(_LastOutcome, campaign.processed / MEMORY) or _LastOutcome()
 
 
 def _remember(campaign: CampaignFolder, seen: _LastOutcome) -> None:
@@ -198,11 +189,11 @@ def scan(
             wrong = work.pages()
             drawn = wrong is None and not elsewhere  # results from elsewhere: next scan
             trouble += [wrong] if wrong else []
+        for campaign in campaigns.every(root):
+            trouble += _wrong(campaign.name, partial(_tell, campaign, preferences.notify))
         trouble += sync.publish(root, preferences.storage)
     except Exception as problem:  # scanning continues, whatever the error
         trouble.append(failed(SERVICE, problem))
-    for campaign in campaigns.every(root):
-        trouble += _wrong(campaign.name, partial(_tell, campaign, preferences.notify))
     ended = look.model_copy(update={"ended": clock.now(), "drawn": drawn})
     trouble += _noted(root, ended)
     yield from reported_once(root, trouble)
@@ -258,28 +249,15 @@ def attend(campaign: CampaignFolder, seen: str, work: _Work) -> Outcome | None:
         return made
 
 
-@contextmanager
-def _attending(campaign: CampaignFolder, patience_s: float = -1.0) -> Iterator[None]:
-    """Hold a campaign that was handed out during the whole of its run.
-
-    Raises:
-        Timeout: Another process holds it.
-        CannotWrite: The disk cannot be written.
-    """
-    lock = FileLock(campaign.processed / ".attended")
-    with files.writing(campaign.processed):
-        campaign.processed.mkdir(parents=True, exist_ok=True)
-    with lock.acquire(timeout=patience_s):
-        yield
+def _attending(campaign: CampaignFolder, patience_s: float = -1.0) -> AbstractContextManager[bool]:
+    """Hold a campaign that was handed out during the whole of its run."""
+    return service.held(campaign.processed / ".attended", patience_s)
 
 
 def attended(campaign: CampaignFolder) -> bool:
     """Whether a process works on a campaign that was handed out."""
-    try:
-        with _attending(campaign, 0.0):
-            return False
-    except Timeout:
-        return True
+    with _attending(campaign, 0.0) as free:
+        return not free
 
 
 def _wrong(name: str, work: Callable[[], object]) -> list[Outcome]:
@@ -320,14 +298,10 @@ def verdict_of(made: Outcome) -> str:
 
 
 def _sentence_of(made: Outcome) -> str:
-    """Verdict of a campaign in words, or why there is none."""
+    """The verdict and what to do, from the first screen, or why there is none."""
     error = made.content.get("error")
-    return str(error["message"]) if error else _brief(made.content)
-
-
-def _brief(content: Mapping[str, Any]) -> str:
-    """The verdict and what to do, from the sentences of the first screen."""
-    return " ".join(content.get("verdict_sentence", [])[:2])
+    sentences = made.content.get("verdict_sentence", [])[:2]
+    return str(error["message"]) if error else " ".join(sentences)
 
 
 def _tell(campaign: CampaignFolder, whom: Notify) -> None:

@@ -418,7 +418,7 @@ def find(root: Path, name: str) -> CampaignFolder:
         )
     raw = root / "data" / "raw"
     for folder in (raw / name, Path(name)):
-        if os.path.isfile(folder / "campaign.toml"):
+        if _has_settings(folder):
             return _at(root, folder)
     if os.path.isdir(raw / name) or os.path.isdir(name):
         raise InputError(
@@ -457,22 +457,29 @@ def label(name: str) -> str:
 
 
 def every(root: Path) -> list[CampaignFolder]:
-    """All campaigns under data/raw, by name, without hidden folders."""
+    """All campaigns under data/raw, by name, without hidden folders.
+
+    Raises:
+        InputError: It is there and cannot be listed, as a share that is gone.
+    """
     raw = root / "data" / "raw"
     try:
         names = sorted(os.listdir(raw))
-    except OSError:
+    except (FileNotFoundError, NotADirectoryError):
         return []
+    except OSError as problem:
+        thing = f"{raw} cannot be listed ({problem.strerror})"
+        raise InputError(thing, "check the folder and its permissions", passing=True) from problem
     there = [raw / name for name in names if not name.startswith(".")]
     found = (_at(root, folder) for folder in there if _has_settings(folder))
     return list({campaign.folder: campaign for campaign in found}.values())
 
 
 def _has_settings(folder: Path) -> bool:
-    """Whether a folder is a campaign's; an unreadable one counts, so that it is reported."""
+    """Whether a folder is a campaign's; an unreadable campaign.toml counts, to be reported."""
     try:
-        os.stat(folder / "campaign.toml")
-    except (FileNotFoundError, NotADirectoryError):
+        os.lstat(folder / "campaign.toml")
+    except (FileNotFoundError, NotADirectoryError, ValueError):  # which a NUL in a name is
         return False
     except OSError as problem:
         return problem.errno not in files.HOPELESS_ERRORS

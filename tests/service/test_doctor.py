@@ -33,6 +33,19 @@ def noted(tmp_path):
 HERE = {"process": os.getpid(), "every_s": 60.0}
 
 
+def test_a_disk_without_room_for_files_is_full(tmp_path):
+    """Gigabytes are free, and its table of files is full; mounting takes an administrator."""
+    disk = ["mount", "-t", "tmpfs", "-o", "size=3g,nr_inodes=50", "tmpfs", tmp_path]
+    if subprocess.run(disk, capture_output=True, check=False).returncode:
+        pytest.skip("this user may not mount a disk")
+    try:
+        found = {one.what: one for one in doctor.examine(tmp_path)}["disk"]
+    finally:
+        subprocess.run(["umount", "-l", tmp_path], check=True)
+
+    assert (found.good, found.text) == (False, "3 GiB free, for 49 files; make room")
+
+
 def test_a_service_that_is_gone_is_no_service(noted):
     """Its note stayed behind when it was killed."""
     ended = subprocess.Popen(["true"])

@@ -11,9 +11,9 @@ from test_watch import Runs, arrive, look
 from pipeline.base import files
 from pipeline.base.errors import InputError
 from pipeline.base.preferences import Preferences
-from pipeline.service import server, supervisor, watch
+from pipeline.service import doctor, server, supervisor, watch
 from pipeline.service.status import FolderState, folder_statuses, now
-from pipeline.store.campaign import dump
+from pipeline.store.campaign import dump, find
 
 
 def states(root):
@@ -46,6 +46,42 @@ def test_every_folder_is_told(hall):
         "done": FolderState.DONE,
     }
     assert next(one.name for one in folder_statuses(hall)) == "wrong"
+
+
+def test_links_hide_nothing(hall):
+    """A circle ends no list; a link to a campaign is that one; one to nowhere is rejected."""
+    raw = hall / "data/raw"
+    (raw / "circle").symlink_to("circle")
+    (raw / "again").symlink_to("done")
+    (raw / "nowhere").mkdir()
+    (raw / "nowhere/campaign.toml").symlink_to("gone.toml")
+    found = states(hall)
+
+    assert found["half <b>"] == FolderState.INCOMPLETE
+    assert found["nowhere"] == FolderState.WAITING
+    assert not {"again", "circle"} & {*found}
+    with pytest.raises(InputError, match=r"campaign\.toml") as refused:
+        find(hall, "nowhere").read()
+    assert "init" not in str(refused.value)
+
+
+def test_what_cannot_be_listed_is_not_empty(hall):
+    """A share that is gone: told once, and on the page and by `doctor` as long as it is so."""
+    raw, away = hall / "data/raw", hall / "away"
+    raw.rename(away)
+    raw.symlink_to("raw")  # in a circle
+    told = [look(hall, Runs(), now=time.time()) for _ in range(2)]
+    known = {one.what: one for one in doctor.examine(hall)}["campaigns"]
+
+    assert [line.split(" (")[0] for one in told[0] for line in one.complaints] == [
+        f"service: {raw} cannot be listed"
+    ]
+    assert told[1] == []
+    assert (known.good, known.needed) == (False, True)
+    assert f"{raw} cannot be listed" in known.text
+    assert f"{raw} cannot be listed" in now(hall).decode()
+    with pytest.raises(InputError, match="cannot be listed"):
+        find(hall, "new")
 
 
 def test_the_page_says_why_and_when(hall):

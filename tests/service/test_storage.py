@@ -169,6 +169,37 @@ def test_only_changed_answers_are_put_back(bucket, tmp_path):
     assert (bucket / "tables" / "c" / "40_estimate.parquet").read_bytes() == b"newer"
 
 
+def test_a_write_that_is_lost_is_told_and_done_again(tmp_path, monkeypatch):
+    """The storage says that it has it, and lists it not; what was kept is not put twice."""
+    put, lost = [], ["/robots/reports/c/report.pdf", "/robots/reports/c/report.pdf"]
+
+    class Losing(localbucket.S3Handler):
+        data_root = tmp_path / "server"
+
+        def _send(self, *args, **kwargs):
+            name, _, query = self.path.partition("?")
+            if self.command == "POST" and query.startswith("uploadId"):
+                put.append(name.rpartition("/")[2])
+                if name in lost:
+                    lost.remove(name)
+                    (self.data_root / name[1:]).unlink()
+            super()._send(*args, **kwargs)
+
+    for name in ("c/index.html", "c/report.pdf", "index.html"):
+        files.write(tmp_path / "reports" / name, name.encode())
+    with serving(Losing) as port:
+        at(monkeypatch, port)
+        (tmp_path / "server" / "robots").mkdir(parents=True)
+        first, second, third = (
+            mirror.publish(tmp_path, Storage(reports="s3://robots/reports")) for _ in range(3)
+        )
+
+    assert [outcome.exit_code for outcome in (*first, *second, *third)] == [3, 3]
+    assert "c/report.pdf cannot be written (it has lost 1 of 3" in said(first)[0]
+    assert sorted(put) == ["index.html", "index.html", *["report.pdf"] * 3]
+    assert (tmp_path / "server/robots/reports/c/report.pdf").read_bytes() == b"c/report.pdf"
+
+
 def test_only_what_changed_travels(bucket, asked, tmp_path):
     """One object is put again: it alone is fetched, and an equal one changes no file here."""
     folder = upload(bucket, "c")
