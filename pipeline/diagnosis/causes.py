@@ -249,8 +249,9 @@ def of_base(drift: Drift | None, causes: Sequence[FoundCause]) -> tuple[FoundCau
 
 
 def of_scatter(whole: tuple[Effect, ...], spread: ScatterRatio) -> tuple[FoundCause, ...]:
-    """Causes of scatter: a tracker that scatters significantly more than stated, or a scale without
-    whose larger scatter no model explains the pulls.
+    """Causes of scatter: a tracker worse than stated, or a scale where no model explains the pulls.
+
+    The tracker's excess is significant; a scale's is likelier than none, and makes the model fit.
     """
     force = spread.force * spread.tracker - 1, spread.force_std * spread.tracker, spread.force_p
     sizes = {
