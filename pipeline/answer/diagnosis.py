@@ -51,9 +51,7 @@ def diagnosis_entry(found: CampaignResults) -> contract.Diagnosis:
     noise = found.right.excess
     larger = np.flatnonzero(noise.larger).tolist()
     noisy = [_noisy(noise, i) for i in larger if NAMES[noise.name[i]] not in named]
-    if (
-        not noise.stated or found.right.scatter > 1
-    ):  # tails and a wander within the stated noise are no cause
+    if not noise.stated or found.right.scatter > 1:  # a cause is beyond what is stated
         noisy += _shaped(found.right.shape, timed(found.right.case.readings))
     causes = (*_data_causes(found), *entry.causes, *noisy)
     return entry.model_copy(update={"causes": causes, "next_poses_in": _cell(found)})
