@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.base.arrays import Array, compared
+from pipeline.base.bootstrap import interval
 from pipeline.base.linear import TINY
 from pipeline.base.tails import NORMAL_95, at_most
 from pipeline.diagnosis.amplitude import averaged, both_ways
@@ -59,7 +60,7 @@ def of_displacements(
     if not found.accepted:
         return ()
     held = sets if sets and sets[0].effects else (accepted(case, found),)
-    change, sizes = _change(found, where), averaged(case, found.plain, held)
+    sizes, own = averaged(case, found.plain, held), rng.spawn(1)[0]
     none: list[tuple[NamelessEqual, ...]] = [()] * len(found.accepted)
     alike = _alike(case, found, rng) if worth and found.strange else none
     out = []
@@ -68,6 +69,7 @@ def of_displacements(
         odds = _possible(case, found, place)
         mine = odds.pop(effect.label, None)
         either = _either(case, found, place)
+        others = tuple(one for one in found.accepted if one != suspect)
         out.append(
             FoundCause(
                 effect=_worded(case, effect, either),
@@ -78,12 +80,14 @@ def of_displacements(
                 unnamed=_unnamed(found, place),
                 as_good=alike[place],
                 twins=(*known.of(effect.label), *_of_all_springs(found.seen, suspect)),
-                gain=worth,
-                test_pose_change_m=change,
+                gain=_beside(found, others, own) if worth and others else worth,
+                test_pose_change_m=_change(case, found, others, where),
                 height=_height(effect, held[0]),
                 each_way=both_ways(effect, held),
                 either=either,
-                unproven=_unproven(found, suspect, rng) if worth and not effect.law else 0.0,
+                unproven=found.plain.unproven(found.plain.columns(others), rng)
+                if worth and not effect.law
+                else 0.0,
             )
         )
     return tuple(out)
@@ -96,10 +100,14 @@ def _possible(case: SearchProblem, found: SearchResult, place: int) -> dict[str,
     return {one.effect.label: one for one in each}
 
 
-def _unproven(found: SearchResult, suspect: int, rng: np.random.Generator) -> float:
-    """Share of bootstrap draws in which a cause beside the others predicts no better."""
-    others = [one for one in found.accepted if one != suspect]
-    return found.plain.unproven(found.plain.columns(others), rng)
+def _beside(
+    found: SearchResult, others: Sequence[int], rng: np.random.Generator
+) -> CrossValidation:
+    """What a cause gains beside the others: the model with all of them, and without it alone."""
+    view = found.plain
+    before = view.left_out(np.concatenate([np.arange(view.first), view.columns(others)]))
+    after, pose = view.left_out(view.base), view.pose[: len(view.rows)]
+    return CrossValidation(before, after, *interval(before, after, pose, rng), ())
 
 
 def _of_all_springs(seen: Linearised, suspect: int) -> tuple[str, ...]:
@@ -163,12 +171,15 @@ def _alike(
     return [as_good(wide, k, len(case.suspects), rng) for k in range(len(found.accepted))]
 
 
-def _change(found: SearchResult, where: PoseOfInterest) -> float:
-    """Change of the predicted deflection at the test pose by the causes, mean over targets [m]."""
-    pulls = Pulls.at(where.q, where.force, branch=1.0)
-    first, last = found.first.model, found.view.model
-    old = predict(first.cell, pulls, first.values).displacement
-    new = predict(last.cell, pulls, last.values).displacement
+def _change(
+    case: SearchProblem, found: SearchResult, others: tuple[int, ...], where: PoseOfInterest
+) -> float:
+    """Change of the deflection at the test pose by a cause beside others, mean over targets [m]."""
+    pulls, first = Pulls.at(where.q, where.force, branch=1.0), found.first.model
+    before = case.estimated(others, first.values) if others else first
+    old, new = (
+        predict(one.cell, pulls, one.values).displacement for one in (before, found.view.model)
+    )
     return float(np.mean(np.linalg.norm(new - old, axis=-1)))
 
 
