@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.base.arrays import Array, compared
-from pipeline.base.bootstrap import interval
 from pipeline.base.linear import TINY
 from pipeline.base.tails import NORMAL_95, at_most
 from pipeline.diagnosis.amplitude import averaged, both_ways
@@ -25,7 +24,7 @@ from pipeline.diagnosis.facts import (
     UnloadedFacts,
 )
 from pipeline.diagnosis.hypotheses import accepted
-from pipeline.diagnosis.improvement import as_good
+from pipeline.diagnosis.improvement import as_good, beside
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Noise, Pulls
@@ -80,7 +79,7 @@ def of_displacements(
                 unnamed=_unnamed(found, place),
                 as_good=alike[place],
                 twins=(*known.of(effect.label), *_of_all_springs(found.seen, suspect)),
-                gain=_beside(found, others, own) if worth and others else worth,
+                gain=beside(found.plain, others, own) if worth and others else worth,
                 test_pose_change_m=_change(case, found, others, where),
                 height=_height(effect, held[0]),
                 each_way=both_ways(effect, held),
@@ -98,16 +97,6 @@ def _possible(case: SearchProblem, found: SearchResult, place: int) -> dict[str,
     rivals = found.rivals[place]
     each = (PossibleCause(case.suspects[one.suspect], one.probability) for one in rivals)
     return {one.effect.label: one for one in each}
-
-
-def _beside(
-    found: SearchResult, others: Sequence[int], rng: np.random.Generator
-) -> CrossValidation:
-    """What a cause gains beside the others: the model with all of them, and without it alone."""
-    view = found.plain
-    before = view.left_out(np.concatenate([np.arange(view.first), view.columns(others)]))
-    after, pose = view.left_out(view.base), view.pose[: len(view.rows)]
-    return CrossValidation(before, after, *interval(before, after, pose, rng), ())
 
 
 def _of_all_springs(seen: Linearised, suspect: int) -> tuple[str, ...]:
