@@ -4,17 +4,12 @@ The carriage has a spring about or along each of the rail's three axes. A base t
 of F_b across that of joint 1, which stay where they are while the arm turns; its yaw is that of
 joint 1. What yields determines how deep below the foot they are: anchors under the robot, a column
 of height H that bends (H/2; its shear adds H^2/12 to squares of levers of metres), or one that
-rocks (H). One that shifts, too, tilts by phi about one axis and moves by u along the other,
-
-    (phi, u)' = [[c, k], [k, s]] (moment, force)'      (Maxwell and Betti),
-
-at any depth d: k = d c and s = d^2 c without a shift of its own.
+rocks (H).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -127,7 +122,7 @@ _SPRINGS = (
 _DEEP_M = {"at its foot": 0.0, "half a metre deep": 0.5, "a metre deep": 1.0}
 """Depth of the axes of a tilt below the robot's foot [m]: pedestals are 0.5 to 1 m high."""
 
-_LAW, _BETWEEN = 0.03, 0.1
+_BETWEEN = 0.1
 """Relative error of levers of 2.5 m if the axes are a quarter of a metre from those of a form
 [1]."""
 
@@ -136,78 +131,34 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     """All springs of the carriage, or all forms of a base that yields."""
     if rail(robot):
         return _SPRINGS
-    return (*(_tilting(robot, form, deep) for form, deep in _DEEP_M.items()), _shifting(robot))
-
-
-def _foot(robot: Robot) -> tuple[Array, Array, Array]:
-    """Axes of F_b across joint 1's, foot of its axis, unit vector along it: (2, 3), (3,), (3,)."""
-    here = configure(robot, np.zeros((1, robot.n)))
-    first, up = here.origin[0, 0], here.axes[0, 0, :, 2]
-    up = up * np.copysign(1.0, here.origin[0, -1] @ up)  # tables count z up or down
-    return np.delete(np.eye(3), np.argmax(np.abs(up)), axis=0), first - (first @ up) * up, up
+    return tuple(_tilting(robot, form, deep) for form, deep in _DEEP_M.items())
 
 
 def _tilting(robot: Robot, form: str, deep_m: float) -> Elastic:
-    across, foot, up = _foot(robot)
-    turns = rotation_about(np.broadcast_to(foot - deep_m * up, (2, 3)), across)
-    tilts, _, _ = _parameters(robot)
-    return _pedestal(form, tilts, turns)
-
-
-def _shifting(robot: Robot) -> Elastic:
-    across, foot, _ = _foot(robot)
-    turns = rotation_about(np.broadcast_to(foot, (2, 3)), across)
-    each = np.concatenate([turns, translation_along(across)])
-    return replace(
-        _pedestal("shifting", sum(_parameters(robot), ()), np.concatenate([each, each])),
-        response=lambda loaded, tau: np.concatenate([tau[:, :4], tau[:, 3::-1]], axis=1),
-        tolerance=_LAW,
-        shared=(0, 1, 2, 3, 4, 5, 5, 4),
-    )
-
-
-def _parameters(robot: Robot) -> tuple[tuple[Parameter, ...], ...]:
-    """Two each: tilts, shifts, and what couples the tilt about an axis to the shift along another.
-
-    A base is some ten times as stiff as joint 1.
-    """
-    c, names = compliance(robot, 1) / 10, ["xyz"[int(axis.argmax())] for axis in _foot(robot)[0]]
-    tilts, shifts, couplings = zip(
-        *(
-            (
-                Parameter(
-                    *(f"c_pedestal_{axis}", "rad/(N m)", c, 0.0, 50 * c),
-                    f"tilt compliance of the pedestal about {axis}",
-                ),
-                Parameter(
-                    *(f"s_pedestal_{axis}", "m/N", c, 0.0, 50 * c),
-                    f"lateral compliance of the pedestal along {axis}",
-                ),
-                Parameter(
-                    *(f"k_pedestal_{axis}", "rad/N", c / 2, -50 * c, 50 * c),
-                    f"coupling of the pedestal's tilt about {axis} and its shift across that",
-                ),
-            )
-            for axis in names
-        ),
-        strict=True,
-    )
-    return tilts, shifts, couplings
-
-
-def _pedestal(form: str, parameters: tuple[Parameter, ...], screws: Array) -> Elastic:
-    """An element in front of joint 1 with constant screws (v, 6)."""
+    """A base of some ten times the stiffness of joint 1, in front of it."""
+    c, here = compliance(robot, 1) / 10, configure(robot, np.zeros((1, robot.n)))
+    first, up = here.origin[0, 0], here.axes[0, 0, :, 2]
+    up = up * np.copysign(1.0, here.origin[0, -1] @ up)  # tables count z up or down
+    foot = first - (first @ up) * up  # of the axis of joint 1
+    across = np.delete(np.eye(3), np.argmax(np.abs(up)), axis=0)
+    screws = rotation_about(np.broadcast_to(foot - deep_m * up, (2, 3)), across)
     return Elastic(
         name="pedestal_tilt",
         noun="tilt of the pedestal or its foundation",
         place="base",
         form=form,
         tolerance=_BETWEEN,
-        parameters=parameters,
+        parameters=tuple(
+            Parameter(
+                *(f"c_pedestal_{axis}", "rad/(N m)", c, 0.0, 50 * c),
+                f"tilt compliance of the pedestal about {axis}",
+            )
+            for axis in ("xyz"[int(unit.argmax())] for unit in across)
+        ),
         signature="everything turns about axes fixed in the base, whatever the arm does; where "
         "joint 1 hardly turns, the same as a tilt of its bearing",
         needs="poses that differ in the first axis alone, or reflectors on the pedestal",
         source=_SOURCE["rad/(N m)"].replace("roller carriages", "pedestals"),
-        carrier=(0,) * len(screws),
-        twists=lambda loaded: np.broadcast_to(screws, (len(loaded.force), *screws.shape)),
+        carrier=(0, 0),
+        twists=lambda loaded: np.broadcast_to(screws, (len(loaded.force), 2, 6)),
     )
