@@ -447,11 +447,14 @@ class Unnamed(Fact):
 
 
 class Gain(Fact):
-    """Change of the cross-validation error by the causes."""
+    """Change of the cross-validation error by a cause beside all others, or by several together.
+
+    Those that have one gain have it together: corrected mistakes, causes of unloaded positions.
+    """
 
     held_out_rms_before_mm: _Number = Field(
-        description="without the causes, weighted as with them; joint_springs.validation is "
-        "weighted by their own noise"
+        description="without the cause, the others in the model, weighted as with it; "
+        "joint_springs.validation is weighted by their own noise"
     )
     held_out_rms_after_mm: _Number
     reduction: _Number = Field(description="fraction by which the error falls at one weighting")

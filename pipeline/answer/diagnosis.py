@@ -33,7 +33,6 @@ from pipeline.machine.robot import Robot
 from pipeline.reduction.register import timed
 from pipeline.system.estimate import left_out
 from pipeline.system.fit import Fitted
-from pipeline.system.noise_shape import NoiseShape
 from pipeline.system.system import ScatterRatio
 from pipeline.system.variance import NAMES, Components
 
@@ -51,7 +50,7 @@ def diagnosis_entry(found: CampaignResults) -> contract.Diagnosis:
     noise = found.right.excess
     larger = np.flatnonzero(noise.larger).tolist()
     noisy = [_noisy(noise, i) for i in larger if NAMES[noise.name[i]] not in named]
-    noisy += _shaped(found.right.shape, timed(found.right.case.readings))
+    noisy += _shaped(found.right, timed(found.right.case.readings))
     causes = (*_data_causes(found), *entry.causes, *noisy)
     return entry.model_copy(update={"causes": causes, "next_poses_in": _cell(found)})
 
@@ -372,12 +371,15 @@ def noise_entry(right: Fitted) -> contract.FoundNoise:
     )
 
 
-def _shaped(found: NoiseShape, has_times: bool) -> list[contract.Cause]:
+def _shaped(right: Fitted, has_times: bool) -> list[contract.Cause]:
     """Tails heavier than stated, and a wander of the instrument, beside a model that fits.
+
+    A wander by which the readings still scatter less than stated is within the statement.
 
     Without times the order of rows is the clock, and how long it wanders is not known.
     """
-    family, wander = found.family, found.wander
+    found, family, wander = right.shape, right.shape.family, right.shape.wander
+    beyond = not right.noise.stated or right.scatter > 1
     freedom = contract.Amplitude(
         name="degrees_of_freedom",
         value=family.freedom,
@@ -401,7 +403,7 @@ def _shaped(found: NoiseShape, has_times: bool) -> list[contract.Cause]:
     )
     seen = (
         (found.tailed, "heavy_tails", family.p_value, (freedom,)),
-        (found.wanders, "tracker_wander", wander.p_value, (size, time)),
+        (found.wanders and beyond, "tracker_wander", wander.p_value, (size, time)),
     )
     return [_noise_cause(name, p, parameters) for there, name, p, parameters in seen if there]
 

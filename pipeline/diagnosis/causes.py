@@ -24,7 +24,7 @@ from pipeline.diagnosis.facts import (
     UnloadedFacts,
 )
 from pipeline.diagnosis.hypotheses import accepted
-from pipeline.diagnosis.improvement import as_good
+from pipeline.diagnosis.improvement import as_good, beside
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Noise, Pulls
@@ -59,7 +59,7 @@ def of_displacements(
     if not found.accepted:
         return ()
     held = sets if sets and sets[0].effects else (accepted(case, found),)
-    change, sizes = _change(found, where), averaged(case, found.plain, held)
+    sizes, own = averaged(case, found.plain, held), rng.spawn(1)[0]
     none: list[tuple[NamelessEqual, ...]] = [()] * len(found.accepted)
     alike = _alike(case, found, rng) if worth and found.strange else none
     out = []
@@ -68,6 +68,7 @@ def of_displacements(
         odds = _possible(case, found, place)
         mine = odds.pop(effect.label, None)
         either = _either(case, found, place)
+        others = tuple(one for one in found.accepted if one != suspect)
         out.append(
             FoundCause(
                 effect=_worded(case, effect, either),
@@ -78,12 +79,14 @@ def of_displacements(
                 unnamed=_unnamed(found, place),
                 as_good=alike[place],
                 twins=(*known.of(effect.label), *_of_all_springs(found.seen, suspect)),
-                gain=worth,
-                test_pose_change_m=change,
+                gain=beside(found.plain, others, own) if worth and others else worth,
+                test_pose_change_m=_change(case, found, others, where),
                 height=_height(effect, held[0]),
                 each_way=both_ways(effect, held),
                 either=either,
-                unproven=_unproven(found, suspect, rng) if worth and not effect.law else 0.0,
+                unproven=found.plain.unproven(found.plain.columns(others), rng)
+                if worth and not effect.law
+                else 0.0,
             )
         )
     return tuple(out)
@@ -94,12 +97,6 @@ def _possible(case: SearchProblem, found: SearchResult, place: int) -> dict[str,
     rivals = found.rivals[place]
     each = (PossibleCause(case.suspects[one.suspect], one.probability) for one in rivals)
     return {one.effect.label: one for one in each}
-
-
-def _unproven(found: SearchResult, suspect: int, rng: np.random.Generator) -> float:
-    """Share of bootstrap draws in which a cause beside the others predicts no better."""
-    others = [one for one in found.accepted if one != suspect]
-    return found.plain.unproven(found.plain.columns(others), rng)
 
 
 def _of_all_springs(seen: Linearised, suspect: int) -> tuple[str, ...]:
@@ -163,12 +160,15 @@ def _alike(
     return [as_good(wide, k, len(case.suspects), rng) for k in range(len(found.accepted))]
 
 
-def _change(found: SearchResult, where: PoseOfInterest) -> float:
-    """Change of the predicted deflection at the test pose by the causes, mean over targets [m]."""
-    pulls = Pulls.at(where.q, where.force, branch=1.0)
-    first, last = found.first.model, found.view.model
-    old = predict(first.cell, pulls, first.values).displacement
-    new = predict(last.cell, pulls, last.values).displacement
+def _change(
+    case: SearchProblem, found: SearchResult, others: tuple[int, ...], where: PoseOfInterest
+) -> float:
+    """Change of the deflection at the test pose by a cause beside others, mean over targets [m]."""
+    pulls, first = Pulls.at(where.q, where.force, branch=1.0), found.first.model
+    before = case.estimated(others, first.values) if others else first
+    old, new = (
+        predict(one.cell, pulls, one.values).displacement for one in (before, found.view.model)
+    )
     return float(np.mean(np.linalg.norm(new - old, axis=-1)))
 
 
@@ -249,19 +249,19 @@ def of_base(drift: Drift | None, causes: Sequence[FoundCause]) -> tuple[FoundCau
 
 
 def of_scatter(whole: tuple[Effect, ...], spread: ScatterRatio) -> tuple[FoundCause, ...]:
-    """Causes of scatter: readings that scatter significantly more than the stated noise."""
+    """Causes of scatter: a tracker worse than stated, or a scale where no model explains the pulls.
+
+    The tracker's excess is significant; a scale's is likelier than none, and makes the model fit.
+    """
+    force = spread.force * spread.tracker - 1, spread.force_std * spread.tracker, spread.force_p
     sizes = {
-        "tracker_noise": (spread.tracker - 1, spread.tracker_std, spread.tracker_p),
-        "force_noise": (
-            spread.force * spread.tracker - 1,
-            spread.force_std * spread.tracker,
-            spread.force_p,
-        ),
+        "tracker_noise": (spread.tracker - 1, spread.tracker_std, spread.tracker_p, alarms.SCATTER),
+        "force_noise": (*force, 1.0),
     }
     out = []
     for effect in whole:
-        value, std, p = sizes.get(effect.name, (0.0, 0.0, 1.0))
-        if isinstance(effect, Noise) and p < alarms.SCATTER and spread.known_from == "contrasts":
+        value, std, p, least = sizes.get(effect.name, (0.0, 0.0, 1.0, 0.0))
+        if isinstance(effect, Noise) and p < least and spread.known_from == "contrasts":
             size = EffectSize.symmetric(effect.parameters[0], value, std)
             out.append(FoundCause(effect, at_most(p), (size,), p))
     return tuple(out)

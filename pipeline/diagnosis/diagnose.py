@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
@@ -313,7 +314,7 @@ def _searched(
     stated = replace(case, force_noise=1.0)
     asked, found = with_unlisted_laws(stated, search(stated, start, rng), start)
     if case.force_noise > 1 and found.detected and not found.explains:
-        other = search(case, start, rng)
+        other = search(case, start, deepcopy(rng))  # what follows keeps its draws
         if other.explains or not other.detected:
             case, other = with_unlisted_laws(case, other, start)
             return case, spread, other

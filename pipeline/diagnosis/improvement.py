@@ -44,6 +44,14 @@ def alone(
     return tuple(out)
 
 
+def beside(extended: Whitened, others: Sequence[int], rng: np.random.Generator) -> CrossValidation:
+    """What is lost without one cause: the model with all of them, and with the others alone."""
+    kept = np.concatenate([np.arange(extended.first), extended.columns(others)])
+    before, after = extended.left_out(kept), extended.left_out(extended.base)
+    pose = extended.pose[: len(extended.rows)]
+    return CrossValidation(before, after, *interval(before, after, pose, rng), ())
+
+
 def as_good(
     wide: Whitened, place: int, known: int, rng: np.random.Generator
 ) -> tuple[NamelessEqual, ...]:

@@ -8,7 +8,6 @@ from pipeline.base import linear
 from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.bounds import UNSTATED_M, Bounds
 from pipeline.machine import six
-from pipeline.system.family import FAR_OFF
 from pipeline.system.fit import Fitted
 from pipeline.system.outlying import OutlyingReadings
 from pipeline.system.system import Estimate, System
@@ -70,14 +69,10 @@ def _scale(right: Fitted, name: str) -> float:
 
 
 def _tracker(right: Fitted) -> float:
-    """Rms scatter by which the readings are weighted, over the stated uncertainty.
-
-    The variance of a single reading counts up to that of one at `FAR_OFF`.
-    """
-    variance, wander = np.minimum(right.shape.variance, FAR_OFF**2 / 3), right.shape.wander
-    wide = float(np.sqrt(np.mean(variance) + (wander.size / wander.unit) ** 2))
+    """Rms scatter by which the readings are weighted, over the stated uncertainty."""
     if right.noise.stated:
-        return _scale(right, "tracker") * wide
+        return right.scatter
+    wide = right.shape.wide_m / right.shape.wander.unit
     found_m = right.noise.of("tracker") if right.noise.replaced[0] else right.system.found_m
     return (found_m or 0.0) * wide / UNSTATED_M
 

@@ -23,8 +23,8 @@ from pipeline.machine.robot import Configuration, Robot
 from pipeline.machine.robot.rating import relative
 from pipeline.machine.robot.weight import link_moments, weighs, work
 
-_NAMES = {"rail_roll", "rail_pitch", "rail_yaw", "rail_lateral", "rail_vertical", "joint_tilt",
-          "link_bending"}  # fmt: skip
+_NAMES = {"rail_roll", "rail_pitch", "rail_yaw", "rail_lateral", "rail_vertical", "pedestal_tilt",
+          "joint_tilt", "link_bending"}  # fmt: skip
 """Linear springs other than those of the joints."""
 
 _BEARINGS = 3

@@ -214,7 +214,7 @@ _ADVICE = {
 """What to do at the robot, by cause or by finding of the diagnosis; of others it is said what would
 settle them, and causes in the robot itself need no action."""
 
-_OF_THE_ROBOT = ("rail", "joint", "link", "tool", "shoulder", "wrist")
+_OF_THE_ROBOT = ("rail", "base", "joint", "link", "tool", "shoulder", "wrist")
 """Places of causes in the robot itself."""
 
 

@@ -188,7 +188,7 @@ class Effect:
         name: Identifier of the cause, such as `rail_roll`.
         where: Joint number, `upper_arm`, `forearm`, ..., or None if only one place is possible.
         noun: Engineering term for it, as a noun that fits into any sentence.
-        place: Part of the cell it acts on: rail, joint, link, tool, shoulder, wrist, force,
+        place: Part of the cell it acts on: rail, base, joint, link, tool, shoulder, wrist, force,
             metrology or noise.
         parameters: Its unknowns; the effect is absent if all are zero.
         signature: Observable behaviour, and what separates it from similar effects.

@@ -27,6 +27,7 @@ from pipeline.system.noise_shape import NoiseShape, goodness, shape
 from pipeline.system.restricted import PaddedRows, maximum
 from pipeline.system.system import Errors, Estimate, System
 from pipeline.system.variance import UNDETERMINED, Components, noise, rescaled, resting_on
+from pipeline.system.wander import unit_m
 
 _SEED = 20261122
 """Seed of the random draws; another one changes results within their stated scatter."""
@@ -60,6 +61,11 @@ class Fitted:
     def excess(self) -> Components:
         """Noise in excess of the stated one, without counting tails as size."""
         return self.noise.beside(self.shape.family) if self.shape.tailed else self.noise
+
+    @property
+    def scatter(self) -> float:
+        """Rms scatter of the readings over the stated one, tails and wander included [1]."""
+        return self.shape.wide_m / unit_m(self.reduced.data)
 
     @property
     def used(self) -> float:

@@ -21,7 +21,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.assemble import ErrorBlock, inputs, with_readings
 from pipeline.system.beam import BeamNoise, beam
-from pipeline.system.family import PRESENT, Family, family, likelihood
+from pipeline.system.family import FAR_OFF, PRESENT, Family, family, likelihood
 from pipeline.system.linearised import Linearised
 from pipeline.system.odds import DECIDES
 from pipeline.system.rows_by_pose import ReadingsOfRows, RowsByPose, columns, estimates, free
@@ -86,6 +86,15 @@ class NoiseShape(Locked):
     def likely(self) -> bool:
         """Whether heavier tails, or a wander, are more likely than not."""
         return self.family.likely_heavy or self.wander.probability > PRESENT
+
+    @property
+    def wide_m(self) -> float:
+        """Scatter of a reading per axis, beam, tails and wander included, root mean square [m].
+
+        The variance of a single reading counts up to that of one at `FAR_OFF`.
+        """
+        core = float(np.sqrt(np.mean(np.minimum(self.variance, FAR_OFF**2 / 3))))
+        return float(np.hypot(core * self.wander.unit, self.wander.size))
 
     @property
     def tailed(self) -> bool:

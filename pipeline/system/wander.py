@@ -60,7 +60,7 @@ class Wander(Locked):
         probability: Posterior probability that there is any.
         process: Variance of the shift [m^2] and of the rotation [rad^2] for each of `TIMES_S`,
             (2, t).
-        unit: Standard uncertainty of a reading per axis, root mean square [m].
+        unit: `unit_m` of the measurements.
     """
 
     factor: Array
@@ -76,7 +76,7 @@ class Wander(Locked):
     def none(cls, data: Measured) -> Wander:
         """No wander."""
         factor, process = np.zeros((len(data.pull), 3, 1)), np.zeros((2, len(TIMES_S)))
-        return cls(factor, 0.0, 0.0, TIMES_S[0], 1.0, 0.0, process, _unit(data))
+        return cls(factor, 0.0, 0.0, TIMES_S[0], 1.0, 0.0, process, unit_m(data))
 
     @property
     def between_poses(self) -> float:
@@ -105,7 +105,8 @@ def _along(ways: Array, factor: Array) -> Array:
     return np.einsum("nia,nk->niak", ways, factor).reshape(len(ways), 3, -1)
 
 
-def _unit(data: Measured) -> float:
+def unit_m(data: Measured) -> float:
+    """Standard uncertainty of a loaded reading per axis, root mean square [m]."""
     return float(np.sqrt(np.einsum("dii->", data.loaded_cov) / (3 * len(data.pull))))
 
 
@@ -180,7 +181,7 @@ def wander(
         moves: Columns of the springs in their typical sizes, shape (M, n); without them nothing
             competes.
     """
-    unit = _unit(data)
+    unit = unit_m(data)
     kernels = [kernel(data, time_s) for time_s in TIMES_S]
     factors = np.stack([factor for factor, _ in kernels])
     nothing = Wander.none(data)
@@ -274,7 +275,7 @@ def _not_joints(
     """Probability of a wander or of nothing against `restless` joints; 1 where nothing competes."""
     if moves is None or weight[:, 1:].sum() <= _NONE:
         return 1.0
-    others = [_unit(data) * restless(data, moves, time_s) for time_s in TIMES_S]
+    others = [unit_m(data) * restless(data, moves, time_s) for time_s in TIMES_S]
     theirs = np.array([_losses(beyond, one, np.asarray(SIZES)) for one in others])
     ours = special.logsumexp(_BEFORE - 0.5 * losses) - np.log(len(losses))
     joints = special.logsumexp(_BEFORE[1:] - 0.5 * theirs) - np.log(len(theirs)) + np.log(NAMELESS)

@@ -8,7 +8,7 @@ from linear_campaign import EACH, FREE, POSES, SPRINGS, case_of, made, suspect
 from scipy import stats
 
 from pipeline.base.bootstrap import interval
-from pipeline.diagnosis.improvement import _choose, alone, as_good, gain
+from pipeline.diagnosis.improvement import _choose, alone, as_good, beside, gain
 
 SUSPECTS = (suspect("a", FREE), suspect("b", FREE, FREE), suspect("a", FREE), suspect("d", FREE))
 POSE = np.repeat(np.arange(POSES), EACH)
@@ -73,6 +73,17 @@ def test_the_gain_is_that_of_causes_chosen_without_each_pose(truth):
     assert found.rms_before_m == pytest.approx(np.sqrt(np.mean(found.before**2)))
     assert found.reduction == pytest.approx(1 - found.rms_after_m / found.rms_before_m)
     assert found.of == "displacements"
+
+
+def test_a_cause_beside_another_gains_what_refits_without_it_lose(truth):
+    """Not what both gain together: shares of the same error do not add up to more than all."""
+    rng = np.random.default_rng(5)
+
+    found = beside(truth.view((1, 3)), (1,), rng)
+
+    np.testing.assert_allclose(found.before, left_out(truth, 1), rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(found.after, left_out(truth, 1, 3), rtol=1e-6, atol=1e-12)
+    assert found.reduction == pytest.approx(1 - found.rms_after_m / found.rms_before_m)
 
 
 def test_each_cause_must_improve_predictions_beside_the_others():

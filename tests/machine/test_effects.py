@@ -55,6 +55,8 @@ NAMES = [
 
 KR500, FANUC = load("kr500_rail"), load("fanuc_r2000ic")
 EFFECTS = catalogue(KR500)
+BASES = [e for e in catalogue(FANUC) if e.name == "pedestal_tilt"]
+DEEP = {"at its foot": 0.0, "half a metre deep": 0.5, "a metre deep": 1.0}
 IDS = [f"{e.label}-{e.form}" for e in EFFECTS]
 LINEAR = [
     e
@@ -82,6 +84,7 @@ def test_a_robot_without_a_rail_has_no_rail_effects():
     effects = catalogue(FANUC)
 
     assert not [e for e in effects if e.name.startswith("rail_")]
+    assert ["pedestal_tilt", *NAMES[7:]] == list(dict.fromkeys(e.name for e in effects))
     assert sorted({e.where for e in effects if e.name == "joint_tilt"}) == [1, 2, 3, 4, 5, 6]
 
 
@@ -119,6 +122,33 @@ def test_a_bearing_that_is_soft_obliquely_moves_as_a_hinge_between_its_axes(benc
     largest = np.abs(made).max()
     np.testing.assert_allclose(moved - still, made, atol=1e-3 * largest)
     assert largest > 1e-7
+
+
+@pytest.mark.parametrize(("one", "deep"), [*zip(BASES, DEEP.values(), strict=True)], ids=DEEP)
+def test_a_base_tilts_as_hinges_below_the_foot_of_the_first_joint(one, deep):
+    """Two hinges in a machine of 4 x 4 matrices, whose axes stay while joint 1 turns."""
+    robot, soft = FANUC, {"x": 2e-9, "y": 3e-9}
+    rng = np.random.default_rng(3)
+    cell, pulls = forward.paper_cell(robot, rich_tool(rng)), rich_pulls(robot, rng)
+    first, below = robot.placement[0], deep + robot.placement[0][2, 3]
+    np.testing.assert_array_equal(first[:, 2], [0, 0, 1, 0])
+    axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}
+    moved, still = (
+        Machine(
+            robot,
+            [
+                Spring(a, 1, axes[a], False, lambda own, _, c=c: c * own, (0, 0, -below), True)
+                for a, c in springs.items()
+            ],
+        ).settle(pulls.q, cell.tool.points, cell.tool.load_point, pulls.force)[0]
+        for springs in (soft, dict.fromkeys(soft, 0.0))
+    )
+    columns = forward.sensitivity(cell, pulls, robot.nominal_compliance, [one])
+    made = columns @ np.array([*soft.values()])
+
+    largest = np.abs(made).max()
+    np.testing.assert_allclose(moved - still, made, atol=1e-3 * largest)
+    assert largest > 1e-5
 
 
 def test_play_about_the_last_axis_may_be_the_clamp():
@@ -447,7 +477,7 @@ def test_structural_twins_hold_to_rounding(bench):
     assert left(by["joint_tilt:5"]) > 1e-3
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=IDS)
+@pytest.mark.parametrize("effect", [*EFFECTS, *BASES], ids=[*IDS, *DEEP])
 def test_every_effect_tells_what_it_is(effect):
     """Each has a signature, what settles it, a source, bounds around zero, described parameters."""
     assert effect.signature

@@ -1,5 +1,6 @@
 """Shape of the noise in whole campaigns of another machine, and its effect on V."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -54,6 +55,19 @@ def test_noise_of_another_family_is_named_and_accuses_nobody(world, name):
     words = {"heavy_tails": "(heavy tails)", "tracker_wander": "The instrument wandered by"}
     assert words[name] in said[0]
     assert said[-1].startswith("Nothing else detectable")
+
+
+@pytest.mark.whole
+def test_a_wander_within_the_stated_noise_is_no_cause():
+    """The same wander of one sigma, where three times the noise is stated."""
+    files = dict(written("wander10")[3])
+    text, count = re.subn(rb"sigma_m *= 3e-5", b"sigma_m = 9e-5", files["campaign.toml"])
+    assert count == 1
+
+    answer = asked(files | {"campaign.toml": text}).answer
+
+    assert answer["diagnosis"]["verdict"] == "adequate"
+    assert "tracker_wander" not in [cause["name"] for cause in answer["diagnosis"]["causes"]]
 
 
 @pytest.mark.whole

@@ -55,13 +55,15 @@ _ALIKE = 3
 def diagnosis(answer: Answer, tables: Tables) -> Section | None:
     """The causes, their gain, what to measure next, and effects that may be present unnoticed."""
     found = answer.diagnosis
-    shared = _shared_gain(found.causes)
+    shared = _shared_gains(found.causes)
+    several = sum(one.evidence is None and one.gain is not None for one in found.causes) > 1
+    it = "it in the model beside the other causes" if several else "it in the model"
     blocks: list[Block | None] = [Paragraph(found.why)]
     for place, one in enumerate(found.causes, 1):
-        blocks += _cause(place, one, answer.axes, with_gain=not shared)
+        blocks += _cause(place, one, answer.axes, "" if one.gain in shared else it)
     blocks += [
         _alone(found.alone),
-        Paragraph(shared) if shared else None,
+        *(Paragraph(said) for said in shared.values() if said),
         *figures(("motion", "laws", "evidence", "separability"), answer, tables),
         *to_measure(answer),
         *blind_spots(found.blind_spots),
@@ -69,20 +71,26 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
     return section_of("diagnosis", _TITLES[found.verdict], blocks)
 
 
-def _shared_gain(causes: Sequence[Cause]) -> str:
-    """Common gain of several causes; empty if each has a gain of its own."""
-    worth = {(one.gain, one.evidence is None) for one in causes}
-    return _gain_sentences("all causes", causes[0]) if len(causes) > 1 and len(worth) == 1 else ""
+def _shared_gains(causes: Sequence[Cause]) -> dict[Gain, str]:
+    """Gains that several causes have together, each with its sentences."""
+    said = dict[Gain, str]()
+    for gain in {one.gain: None for one in causes if one.gain is not None}:
+        places = [place for place, one in enumerate(causes, 1) if one.gain == gain]
+        first = causes[places[0] - 1]
+        how = "corrected" if first.evidence else "in the model"
+        if len(places) > 1:
+            said[gain] = _gain_sentences(f"causes {listed(list(map(str, places)))} {how}", first)
+    return said
 
 
-def _cause(place: int, one: Cause, axes: Axes, with_gain: bool) -> list[Block | None]:
+def _cause(place: int, one: Cause, axes: Axes, gains: str) -> list[Block | None]:
     facts = [
         _evidence_sentences(one.evidence) if one.evidence else "",
         f"How it shows: {one.signature}." if one.signature else "",
         _probability_sentence(one),
         _unnamed_sentence(one.outside_catalogue, axes) if one.outside_catalogue else "",
         _size_sentence(one),
-        _gain_sentences("it", one) if with_gain else "",
+        _gain_sentences("it corrected" if one.evidence else gains, one) if gains else "",
         f"What would settle it: {one.needs}." if one.needs else "",
     ]
     return [
@@ -146,12 +154,13 @@ def _size_sentence(one: Cause) -> str:
     return f"{capital(text)}." if text else ""
 
 
-def _gain_sentences(what: str, one: Cause) -> str:
-    """Gain if `what` (one cause, or all causes) is in the model or, for a mistake, corrected."""
-    if one.gain is None:
-        return ""
-    how = f"{what} corrected" if one.evidence else f"{what} in the model"
-    return " ".join((*_error_falls(how, one.gain), *_test_pose_changes(one.gain)))
+def _gain_sentences(how: str, one: Cause) -> str:
+    """Gain with a cause in the model, a mistake corrected, or several of them."""
+    return (
+        ""
+        if one.gain is None
+        else " ".join((*_error_falls(how, one.gain), *_test_pose_changes(one.gain)))
+    )
 
 
 def _error_falls(how: str, gain: Gain) -> Iterator[str]:

@@ -1,14 +1,23 @@
-"""Compliance of the carriage on its rail: a spring about or along each of the rail's three axes."""
+"""Compliance of what carries the arm: of a carriage on its rail, or of a base without a rail.
+
+The carriage has a spring about or along each of the rail's three axes. A base tilts about the axes
+of F_b across that of joint 1, which stay where they are while the arm turns; its yaw is that of
+joint 1. What yields determines how deep below the foot they are: anchors under the robot, a column
+of height H that bends (H/2; its shear adds H^2/12 to squares of levers of metres), or one that
+rocks (H).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
 
+import numpy as np
+
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Elastic, Loaded
-from pipeline.machine.effects._anatomy import carriage, rail, rail_axes
-from pipeline.machine.robot import Robot
+from pipeline.machine.effects._anatomy import carriage, compliance, rail, rail_axes
+from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.configuration import rotation_about, translation_along
 
 ALONG, ACROSS, UP = range(3)
@@ -110,6 +119,46 @@ _SPRINGS = (
 """Springs that Eq. (3) omits; the yaw shares the axis of joint 2."""
 
 
+_DEEP_M = {"at its foot": 0.0, "half a metre deep": 0.5, "a metre deep": 1.0}
+"""Depth of the axes of a tilt below the robot's foot [m]: pedestals are 0.5 to 1 m high."""
+
+_BETWEEN = 0.1
+"""Relative error of levers of 2.5 m if the axes are a quarter of a metre from those of a form
+[1]."""
+
+
 def effects(robot: Robot) -> tuple[Elastic, ...]:
-    """All springs of the carriage; none on a robot without a rail."""
-    return _SPRINGS if rail(robot) else ()
+    """All springs of the carriage, or all forms of a base that yields."""
+    if rail(robot):
+        return _SPRINGS
+    return tuple(_tilting(robot, form, deep) for form, deep in _DEEP_M.items())
+
+
+def _tilting(robot: Robot, form: str, deep_m: float) -> Elastic:
+    """A base of some ten times the stiffness of joint 1, in front of it."""
+    c, here = compliance(robot, 1) / 10, configure(robot, np.zeros((1, robot.n)))
+    first, up = here.origin[0, 0], here.axes[0, 0, :, 2]
+    up = up * np.copysign(1.0, here.origin[0, -1] @ up)  # tables count z up or down
+    foot = first - (first @ up) * up  # of the axis of joint 1
+    across = np.delete(np.eye(3), np.argmax(np.abs(up)), axis=0)
+    screws = rotation_about(np.broadcast_to(foot - deep_m * up, (2, 3)), across)
+    return Elastic(
+        name="pedestal_tilt",
+        noun="tilt of the pedestal or its foundation",
+        place="base",
+        form=form,
+        tolerance=_BETWEEN,
+        parameters=tuple(
+            Parameter(
+                *(f"c_pedestal_{axis}", "rad/(N m)", c, 0.0, 50 * c),
+                f"tilt compliance of the pedestal about {axis}",
+            )
+            for axis in ("xyz"[int(unit.argmax())] for unit in across)
+        ),
+        signature="everything turns about axes fixed in the base, whatever the arm does; where "
+        "joint 1 hardly turns, the same as a tilt of its bearing",
+        needs="poses that differ in the first axis alone, or reflectors on the pedestal",
+        source=_SOURCE["rad/(N m)"].replace("roller carriages", "pedestals"),
+        carrier=(0, 0),
+        twists=lambda loaded: np.broadcast_to(screws, (len(loaded.force), 2, 6)),
+    )

@@ -117,7 +117,7 @@ class _DrawnArm:
         if cause.where is not None:
             named = rows[(rows["name"] == cause.where) & (rows["part"] != "joint")]
             return self(named[TO].to_numpy(float))[0] if len(named) else None
-        if location == "rail":
+        if location in ("rail", "base"):
             body = np.flatnonzero(rows["part"] == "carriage")
             return self(self.ends[body[0]].mean(axis=0)) if len(body) else joints.get(1)
         at = {"tool": TO, "force": TO, "wrist": FROM}.get(location or "")
