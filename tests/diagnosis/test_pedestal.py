@@ -74,7 +74,7 @@ def campaign(below, seed, first=140.0):
     )
 
 
-def base(size, c, height=0.8):
+def base(size, c, height):
     """A cantilever: its top turns about its middle, and shears by H^2 / 12 of that."""
     at, turn = (0.0, 0.0, -FANUC.placement[0][2, 3] - height / 2), 0.15 * size * c[0]
     softness = {"x": 1.4, "y": 1.0}  # in the plane across the axis
@@ -100,7 +100,19 @@ def causes(made):
 @pytest.mark.whole
 def test_a_column_that_bends_under_an_arm_is_the_pedestal():
     """Where joint 1 turns, it is the pedestal and nothing else."""
-    assert causes(campaign(base, 1)) == ("explained", [({"pedestal_tilt"}, set())])
+    made = campaign(partial(base, height=1.0), 1)
+
+    assert causes(made) == ("explained", [({"pedestal_tilt"}, set())])
+
+
+@pytest.mark.whole
+def test_axes_between_those_of_two_forms_make_no_other_cause_certain():
+    """A column of 0.8 m: the pedestal is certain, and what its form leaves is no name."""
+    answer = campaign_answer("pedestal", campaign(partial(base, height=0.8), 1)).answer
+    chance = {one.name: one.probability for one in answer.diagnosis.causes}
+
+    assert chance.pop("pedestal_tilt") > 0.99
+    assert all(other < 0.5 for other in chance.values())
 
 
 @pytest.mark.whole
