@@ -175,7 +175,7 @@ def mix(weights: Iterable[float], names: Iterable[str]) -> str:
     for weight, name in zip(weights, names, strict=True):
         sign = "-" if weight < 0 else "+" if text else ""
         size = plain(abs(weight))
-        size = "" if float(size) == 1 else f"{size} "
+        size = "" if float(f"{weight:.3g}") in (1, -1) else f"{size} "
         text += f" {sign} {size}{name}" if text else f"{sign}{size}{name}"
     return text
 
