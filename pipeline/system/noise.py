@@ -73,9 +73,9 @@ def _force(view: Whitened, system: System, tracker: float) -> tuple[float, float
     """The scale's scatter by restricted likelihood, with springs and all suspects estimated.
 
     L is minus twice the log likelihood of `restricted.PaddedRows`, t the log of the scale's factor
-    over the tracker's. Its weights are the prior's times exp(-L(t) / 2), the factor is the root
-    of the mean variance, and p = P[chi2(1) > L(0) - min L] / 2, as t is at the bound under the null
-    (Self and Liang, J. Am. Stat. Assoc. 82, 1987).
+    over the tracker's. Its weights are the prior's times exp(-L(t) / 2), the factor is their mean,
+    and p = P[chi2(1) > L(0) - min L] / 2, as t is at the bound under the null (Self and Liang, J.
+    Am. Stat. Assoc. 82, 1987).
 
     Returns:
         Factor on its stated scatter, relative to the tracker's, its standard uncertainty and its
@@ -97,8 +97,7 @@ def _force(view: Whitened, system: System, tracker: float) -> tuple[float, float
     weight = _BEFORE * np.exp(better - better.max())
     if special.logsumexp(better, b=_BEFORE) <= 0:
         return _AS_SAID
-    weight /= weight.sum()
-    factor = float(np.sqrt(weight @ np.exp(2 * _TRIED)))
-    std = float(np.sqrt(weight @ (np.exp(_TRIED) - factor) ** 2))
+    t = float(weight @ _TRIED / weight.sum())
+    std = float(np.sqrt(weight @ (_TRIED - t) ** 2 / weight.sum()))
     p = float(chi2_beyond(2 * better.max(), 1) / 2)
-    return factor, std, p
+    return float(np.exp(t)), float(np.exp(t)) * std, p

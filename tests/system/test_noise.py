@@ -96,11 +96,11 @@ def test_the_scale_has_the_scatter_that_the_whole_likelihood_gives_it(tracker):
     t = np.linspace(0.0, 3.0, 301)
     losses = np.array([loss(one) for one in t])
     weight = np.exp(-0.5 * (losses - losses.min())) * stats.norm.pdf(t, scale=np.log(2))
-    mean = np.sqrt(np.average(np.exp(2 * t), weights=weight))
-    std = np.sqrt(np.average((np.exp(t) - mean) ** 2, weights=weight))
+    mean = np.average(t, weights=weight)
+    std = np.sqrt(np.average((t - mean) ** 2, weights=weight))
 
-    assert got.force == pytest.approx(mean, rel=1e-3)
-    assert got.force_std == pytest.approx(std, rel=2e-2)
+    assert got.force == pytest.approx(np.exp(mean), rel=1e-3)
+    assert got.force_std == pytest.approx(np.exp(mean) * std, rel=2e-2)
     assert np.log(got.force_p) == pytest.approx(
         np.log(stats.chi2.sf(losses[0] - losses.min(), 1) / 2), rel=0.05
     )
@@ -113,8 +113,8 @@ def test_a_scale_as_good_as_stated_is_hardly_widened():
 
     assert min(one.force_p for one in said) > SCATTER
     wider = [one.force for one in said if one.force != 1.0]
-    assert 0 < len(wider) <= 3
-    assert max(wider) < 1.4
+    assert len(wider) < 15
+    assert max(wider) < 1.3
 
 
 def test_a_scale_far_worse_than_stated_is_always_found():
