@@ -249,19 +249,19 @@ def of_base(drift: Drift | None, causes: Sequence[FoundCause]) -> tuple[FoundCau
 
 
 def of_scatter(whole: tuple[Effect, ...], spread: ScatterRatio) -> tuple[FoundCause, ...]:
-    """Causes of scatter: a tracker worse than stated, or a scale where no model explains the pulls.
-
-    The tracker's excess is significant; a scale's is likelier than none, and makes the model fit.
-    """
-    force = spread.force * spread.tracker - 1, spread.force_std * spread.tracker, spread.force_p
+    """Causes of scatter: readings that scatter significantly more than the stated noise."""
     sizes = {
-        "tracker_noise": (spread.tracker - 1, spread.tracker_std, spread.tracker_p, alarms.SCATTER),
-        "force_noise": (*force, 1.0),
+        "tracker_noise": (spread.tracker - 1, spread.tracker_std, spread.tracker_p),
+        "force_noise": (
+            spread.force * spread.tracker - 1,
+            spread.force_std * spread.tracker,
+            spread.force_p,
+        ),
     }
     out = []
     for effect in whole:
-        value, std, p, least = sizes.get(effect.name, (0.0, 0.0, 1.0, 0.0))
-        if isinstance(effect, Noise) and p < least and spread.known_from == "contrasts":
+        value, std, p = sizes.get(effect.name, (0.0, 0.0, 1.0))
+        if isinstance(effect, Noise) and p < alarms.SCATTER and spread.known_from == "contrasts":
             size = EffectSize.symmetric(effect.parameters[0], value, std)
             out.append(FoundCause(effect, at_most(p), (size,), p))
     return tuple(out)

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse
-from scipy import special
 
 from pipeline.base.tails import chi2_beyond
+from pipeline.system import alarms
 from pipeline.system.restricted import PaddedRows
 from pipeline.system.score_tests import Base
 from pipeline.system.system import ScatterRatio, System
@@ -29,12 +29,11 @@ _EXACT = 1e-5
 _FEWEST = 10
 """Minimum degrees of freedom for the scatter of the scale to be estimated."""
 
-_TRIED = np.linspace(0.0, np.log(16.0), 17)
-"""Trial log ratios of the scatter of the scale to its stated one, relative to the tracker's [1]:
-ten times is a fault."""
+_TRIED = (1.0, 1.4, 2.0, 3.0, 5.0, 8.0, 13.0)
+"""Trial ratios of the scatter of the scale to its stated one, relative to the tracker's [1]."""
 
-_BEFORE = special.softmax(-0.5 * (_TRIED / np.log(2.0)) ** 2)
-"""Prior weight of each: log-normal, one standard deviation is a factor of 2, never smaller."""
+_BEND = 0.1
+"""Step in log scale for the curvature at the optimum [1]."""
 
 
 def scatter(view: Whitened, system: System, known: tuple[float, float]) -> ScatterRatio:
@@ -73,13 +72,12 @@ def _force(view: Whitened, system: System, tracker: float) -> tuple[float, float
     """The scale's scatter by restricted likelihood, with springs and all suspects estimated.
 
     L is minus twice the log likelihood of `restricted.PaddedRows`, t the log of the scale's factor
-    over the tracker's. Its weights are the prior's times exp(-L(t) / 2), the factor is their mean,
-    and p = P[chi2(1) > L(0) - min L] / 2, as t is at the bound under the null (Self and Liang, J.
-    Am. Stat. Assoc. 82, 1987).
+    over the tracker's: u(t) = sqrt(2 / L''), and p = P[chi2(1) > L(0) - min L] / 2, as t is at the
+    bound under the null (Self and Liang, J. Am. Stat. Assoc. 82, 1987).
 
     Returns:
         Factor on its stated scatter, relative to the tracker's, its standard uncertainty and its
-        p-value; 1, 0 and 1 unless a larger scatter is likelier than the stated one.
+        p-value; 1, 0 and 1 unless the factor is significant.
     """
     errors = system.errors
     typical = np.concatenate([view.typical[: view.springs], view.typical[view.first :]])
@@ -92,12 +90,15 @@ def _force(view: Whitened, system: System, tracker: float) -> tuple[float, float
     wide = replace(errors, G=scipy.sparse.csr_array(errors.G @ scipy.sparse.diags_array(own)))
     Q, scale = beyond.blocks.rows(beyond.Q), [("force_reading",)]
     loss = PaddedRows.beside(replace(system, errors=wide), Q, scale).whole
-    better = -0.5 * np.array([loss(np.array([t])) for t in _TRIED])
-    better -= better[0]
-    weight = _BEFORE * np.exp(better - better.max())
-    if special.logsumexp(better, b=_BEFORE) <= 0:
+    losses = [loss(np.array([t])) for t in np.log(_TRIED)]
+    p = float(chi2_beyond(losses[0] - min(losses), 1) / 2)
+    if p >= alarms.SCATTER:
         return _AS_SAID
-    t = float(weight @ _TRIED / weight.sum())
-    std = float(np.sqrt(weight @ (_TRIED - t) ** 2 / weight.sum()))
-    p = float(chi2_beyond(2 * better.max(), 1) / 2)
+    from scipy import optimize  # slow to import, and seldom needed
+
+    best = float(np.log(_TRIED)[int(np.argmin(losses))])
+    t = optimize.minimize_scalar(lambda t: loss(np.array([t])), bounds=(best - 0.5, best + 0.5)).x
+    bent = [loss(np.array([t + step])) for step in (_BEND, 0.0, -_BEND)]
+    curvature = (bent[0] - 2 * bent[1] + bent[2]) / _BEND**2
+    std = float(np.sqrt(2 / curvature)) if curvature > 0 else np.inf
     return float(np.exp(t)), float(np.exp(t)) * std, p
