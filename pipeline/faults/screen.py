@@ -117,15 +117,16 @@ def files_beside(case: Case, files: Screened, base: ScreeningBase) -> Screened:
     They were found one by one, given the joint springs alone, and what a cause does, or many bad
     readings, may look like rows in each other's place. What was found in the pulls has to make them
     likelier by odds of more than 100, and of as many more as there were places to look for it; what
-    was found elsewhere must not make them less likely by more than that. Both are compared from
-    the same number of rows.
+    was found elsewhere must not make them less likely by more than that, given causes. Both are
+    compared from the same number of rows.
 
     Args:
         case: The campaign as given.
         files: Its file mistakes.
         base: Springs and causes.
     """
-    for one in files.findings:
+    richer = len(base.cell.parameters) > len(case.cell.parameters)
+    for one in (one for one in files.findings if richer or one.places):
         kept = tuple(other for other in files.findings if other is not one)
         less = Screened(kept, _corrected_case(case, kept))
         (rows, loss), (as_many, without) = (

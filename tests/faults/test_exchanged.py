@@ -93,9 +93,13 @@ def put_right(found, given):
 
 
 def same(mine, right):
-    """Whether two campaigns are equal, readings matched by what was read at the same place."""
+    """Whether two campaigns are equal, readings matched by what was read at the same place.
+
+    The unit in which a log was written is no part of what it says.
+    """
     for name, key in (("joints", ["pose"]), ("loads", ["pose", "repeat"])):
-        a, b = (getattr(one, name).drop(columns=["line", "file"]) for one in (mine, right))
+        aside = ["line", "file", *(["unit_n"] if name == "loads" else [])]
+        a, b = (getattr(one, name).drop(columns=aside) for one in (mine, right))
         a, b = (one.sort_values(key).reset_index(drop=True) for one in (a, b))
         assert np.allclose(
             a.select_dtypes("number").to_numpy(float),
