@@ -354,11 +354,17 @@ _SUBSTITUTES = (
 effective stiffnesses, which absorb part of the cause."""
 
 
+_OF_THE_MEASUREMENT = ("force", "metrology", "noise")
+"""Locations of causes that falsify readings and deflect no robot: nothing makes up for them."""
+
+
 def _substituted(answer: Answer) -> bool:
     """Whether effective stiffnesses replace the values in a controller; only for pulls."""
     recommended = answer.recommended
+    aside = {c.name for c in answer.diagnosis.causes if c.location in _OF_THE_MEASUREMENT}
+    acting = {c.name for one in recommended.hypotheses for c in one.causes} - aside
     beside = recommended.reason in _SUBSTITUTES and recommended.model is not Which.JOINT_SPRINGS
-    return beside and not answer.of_positions
+    return beside and bool(acting) and not answer.of_positions
 
 
 def enterable(answer: Answer) -> bool:

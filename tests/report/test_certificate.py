@@ -146,6 +146,25 @@ def test_a_controller_gets_effective_values_beside_a_cause(sample):
     )
 
 
+@pytest.mark.parametrize("location", ["metrology", "force", "rail"])
+def test_a_cause_of_the_instrument_is_no_reason_for_effective_values(sample, location):
+    """Springs that were fitted to a tracker's drift would be wrong in the robot."""
+
+    def place(content):
+        for one in content["diagnosis"]["causes"]:
+            one |= {"location": location, "rivals": []}
+        names = {one["name"] for one in content["diagnosis"]["causes"]}
+        for each in content["recommended"]["hypotheses"]:
+            each["causes"] = [one for one in each["causes"] if one["name"] in names]
+
+    answer = report_sample.revised(sample[0], place)
+    taken = answer.joint_springs if location == "rail" else answer
+    made = certificate(answer, sample[1])
+
+    assert made.bars[1].enter == f"{taken.stiffness[1].value / 1e6:.3f}\N{NO-BREAK SPACE}MN·m/rad"
+    assert ("effective" in made.note) == (location == "rail")
+
+
 def test_what_to_measure_next_ends_with_a_sentence(sample):
     """The first page has its first sentences, and no pose that only begins."""
     answer, tables = sample
