@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from functools import cache, partial
 
 import pyarrow as pa
+from pydantic import ValidationError
 
 from pipeline.base.errors import InputError, at
 from pipeline.intake import _log_words
@@ -58,7 +59,10 @@ def _understood(name: str, data: bytes, table: str, meaning: _Meaning) -> LogFor
     with at(name):
         refuse_other_programs(name, data)
         columns = meant(as_text(name, data, None, None, table, lambda one: meant(one) is not None))
-    return None if columns is None else LogForm(columns=columns)
+    try:
+        return None if columns is None else LogForm(columns=columns)
+    except ValidationError:  # titles of letters that cannot be seen: of another encoding
+        return None
 
 
 def _below(file: Text, head: LogHeader) -> dict[str, list[str]]:

@@ -169,7 +169,11 @@ def _recoded(data: bytes, encoding: str) -> tuple[bytes, str]:
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError as problem:
-        if encoding == "cp1252":  # five bytes are undefined there, none in latin-1
+        if (
+            encoding == "cp1252"
+        ):  # five bytes are undefined there, and first ones of Japanese letters
+            return _recoded(data, "cp932")
+        if encoding == "cp932":  # none is in latin-1
             return _recoded(data, "latin-1")
         raise InputError(
             f"not valid {encoding} at byte {problem.start}", "export it again as UTF-8"

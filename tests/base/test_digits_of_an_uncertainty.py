@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.base.quantities import plain, with_std
+from pipeline.base.quantities import mix, plain, with_std
 
 
 @pytest.mark.parametrize(
@@ -24,3 +24,12 @@ def test_an_uncertainty_that_rounds_up_to_a_power_of_ten_loses_a_digit(std, text
 def test_the_power_of_ten_is_that_of_the_rounded_number(value, text):
     """One digit before the point, also of the smallest number that there is."""
     assert plain(value) == text
+
+
+def test_a_share_of_any_size_is_written_out():
+    """One and minus one are left out, also as rounded; so small a share has its power of ten."""
+    names = ["k_1", "k_2", "k_3", "k_4"]
+
+    said = mix([1.0004, -0.58, 8.81e-6, -1.0], names)
+
+    assert said == "k_1 - 0.580 k_2 + 8.81 × 10⁻⁶ k_3 - k_4"

@@ -229,3 +229,10 @@ def test_numbered_columns_of_a_point_are_no_axes(titles):
     """Three may be the coordinates of a point, and a quaternion is not of a robot."""
     rows = "\n".join([titles, ",".join("7.5" for _ in titles.split(","))])
     log_columns.refuse_without_poses("some.csv", rows.encode())
+
+
+def test_titles_of_letters_that_cannot_be_seen_are_no_log():
+    """A log of another encoding is no table of known titles, and no internal error."""
+    rows = "\x8ep\x90,force_n\n1,1200\n2,1300\n".encode("latin-1") + b"3\x81,1400\n"
+
+    assert log_columns.understood_loads("loads.csv", rows) is None

@@ -527,6 +527,15 @@ def test_bytes_that_windows_does_not_know_are_latin_1():
     assert (export.encoding, export.group.to_pylist()) == ("latin-1", ["a\x81"])
 
 
+def test_japanese_windows_is_read_where_western_windows_cannot_be():
+    """Letters with a byte that means nothing in cp1252; as UTF-8 the groups are the same."""
+    text = PLAIN.replace("a,", "姿勢3-無負荷,")
+    export, same = (readers.read("t", text.encode(code)) for code in ("cp932", "utf-8"))
+
+    assert (export.encoding, same.encoding) == ("cp932", "utf-8")
+    assert export.group.to_pylist() == same.group.to_pylist() == ["姿勢3-無負荷"]
+
+
 def test_rows_above_the_header_are_not_lost():
     """A data row above the header of a damaged export is listed."""
     text = "g;P9;1;2;3\nGroup;Name;X [mm];Y [mm];Z [mm]\ng;P1;1;2;3\n"
