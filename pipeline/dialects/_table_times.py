@@ -44,7 +44,7 @@ def form_of_times(text: Text, header: Header, comment: str | None) -> str:
 def form_of(moments: Sequence[str], titles: Sequence[Named]) -> str | None:
     """Format of times below these titles, None if none is a time; see `form_of_times`."""
     form = _time.first_form(moments)
-    if form is None or "%m/" not in form:
+    if form is None or not form.startswith("%m/"):  # a year that comes first settles it
         return form
     if _DAY_FIRST.isdisjoint(one.title.lower() for one in titles):
         return _time.form_of_all([one for one in moments if one], _MOST) or form

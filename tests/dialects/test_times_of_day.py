@@ -76,3 +76,10 @@ def test_a_bare_time_of_day_among_dates_is_damaged(cell):
     found = export("t", cell, *[f"2026-09-11 08:0{k}:00" for k in range(9)])
 
     assert found.line.tolist() == [*range(3, 12)]
+
+
+def test_a_year_that_comes_first_is_followed_by_its_month():
+    """Also below titles of a language that writes the day first: the seventh of October."""
+    found = export("a", "2026/10/7 09:04:11", "2026/10/7 09:05:00").time.to_pylist()
+
+    assert [one.isoformat() for one in found] == ["2026-10-07T09:04:11", "2026-10-07T09:05:00"]
