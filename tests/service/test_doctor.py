@@ -75,6 +75,24 @@ def test_looks_that_do_not_come_are_told(noted, looked, good, said):
     assert (found.good, said in found.text) == (good, True)
 
 
+def test_a_service_on_another_host_is_not_looked_for_here(noted, tmp_path):
+    """The number of its process and the address of its server mean others on this machine."""
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    (tmp_path / ".prefect").mkdir()
+    urls = {"page": "http://127.0.0.1:9", "api": "http://127.0.0.1:9/api", "reports": "x"}
+    (tmp_path / ".prefect" / "serving.json").write_text(json.dumps(urls))
+    afar = {"process": ended.pid, "every_s": 60.0, "host": "hall-7"}
+    found = noted(running=afar, looked={"began": time.time()})
+
+    said = f"runs as process {ended.pid} on hall-7, as it noted; ask there"
+    assert (found["service"].good, found["service"].text) == (True, said)
+    server = found["Prefect server"]
+    assert (server.good, server.text) == (True, "is that of the service on hall-7")
+    late = noted(running=afar, looked={"began": time.time() - 600, "ended": time.time() - 590})
+    assert not late["looks"].good
+
+
 def test_what_waits_is_told(noted):
     """A campaign that is tried again with its reason, and a verdict that nobody took."""
     failed = {"print": "x", "verdict": "failed", "said": "was away.", "attempts": 2, "tried": 1e9}
