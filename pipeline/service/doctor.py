@@ -204,14 +204,18 @@ def _server(root: Path, afar: str) -> CheckResult:
         good = service.answers(api)
         text = "answers" if good else "does not answer; start it or unset PREFECT_API_URL"
         return CheckResult("Prefect server", good, f"{api} {text}")
-    noted = recalled(root / service.HOME / service.SERVING)
+    home = root / service.HOME
+    if os.path.isdir(home) and not os.access(home, os.R_OK | os.X_OK):
+        text = f"not known: {home} is another user's, ask as who serves"
+        return CheckResult("Prefect server", True, text, needed=False)
+    noted = recalled(home / service.SERVING)
     urls = service.serving(root)
     if urls:
         return CheckResult("Prefect server", True, f"answers at {urls['page']}")
     if noted and afar:
         return CheckResult("Prefect server", True, f"is that of the service{afar}", needed=False)
     if noted:
-        log = root / service.HOME / "server.log"
+        log = home / "server.log"
         text = f"does not answer; a running `serve` starts it again, and {log} may say why"
         return CheckResult("Prefect server", False, text)
     return CheckResult("Prefect server", True, "not running (not required)", needed=False)

@@ -3,7 +3,9 @@
 import json
 import os
 import subprocess
+import tempfile
 import time
+from pathlib import Path
 
 import pytest
 
@@ -91,6 +93,23 @@ def test_a_service_on_another_host_is_not_looked_for_here(noted, tmp_path):
     assert (server.good, server.text) == (True, "is that of the service on hall-7")
     late = noted(running=afar, looked={"began": time.time() - 600, "ended": time.time() - 590})
     assert not late["looks"].good
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="becomes another user")
+def test_another_users_server_is_not_known():
+    """Its folder is closed: that it cannot be read does not mean that nothing is there."""
+    with tempfile.TemporaryDirectory() as name:
+        root, (taken, given) = Path(name), os.pipe()
+        root.chmod(0o755)
+        (root / ".prefect").mkdir(mode=0o700)
+        if (child := os.fork()) == 0:
+            os.setuid(65534)
+            os.write(given, doctor._server(root, "").text.encode())
+            os._exit(0)
+        os.waitpid(child, 0)
+        said = os.read(taken, 1000).decode()
+
+    assert said == f"not known: {root}/.prefect is another user's, ask as who serves"
 
 
 def test_what_waits_is_told(noted):
