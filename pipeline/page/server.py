@@ -250,7 +250,12 @@ async def _home(state: _State, request: Request) -> Response:
     """Page of all campaigns, with a form for a new one."""
     found = [Desk(state.root, name) for name in campaigns(state.root)]
     await state.asked(*found)
-    rows = [(one.name, state.reached(one)) for one in found]
+    rows = []
+    for one in found:
+        try:
+            rows.append((one.name, state.reached(one)))
+        except UsageError as problem:  # of one campaign, and no other
+            rows.append((one.name, dict.fromkeys(_STAGES, str(problem))))
     return await _page(request, state, "home", None, rows=rows)
 
 
