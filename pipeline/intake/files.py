@@ -201,7 +201,11 @@ def _proposed(
     """Interpret files none of which is a list of nominal places; arguments as for `propose`."""
     logged = propose_logs(files)
     found = _exports(files, logged)
-    found = _as_stated(files, found, hints) if found.exports else _offered(files, found, hints)
+    found = (
+        _as_stated(files, found, hints)
+        if found.exports
+        else _offered(files, found, hints, logged)
+    )
     found = _with_groups(files, found, hints, logged)
     exports = [*found.exports.values()]
     namings = _namings(exports, files, found.offer.hints if found.offer else hints)
@@ -303,12 +307,17 @@ def _export(
         return found, [1e3 * float(np.abs(found.position).max(initial=0.0))]
 
 
-def _offered(files: Mapping[str, bytes], found: _Exports, hints: ExportSettings) -> _Exports:
+def _offered(
+    files: Mapping[str, bytes], found: _Exports, hints: ExportSettings, logged: LogFiles
+) -> _Exports:
     """Add the one file that is an export with further statements, in its most likely reading.
 
-    Of several it is the one whose groups can be read.
+    Of several it is the one whose groups can be read, perhaps of other columns.
     """
     offers = _offers(files, found, hints)
+    if len(offers) > 1 and not any(_tells(export) for _, export in offers.values()):
+        grouped = {k: _regrouped(k, files, one, logged) for k, (one, _) in offers.items()}
+        offers |= {name: both for name, both in grouped.items() if both}
     entries = {name: one for name, one in offers.items() if _tells(one[1])}
     offers = entries if len(entries) == 1 else offers
     if len(offers) > 1:
@@ -364,12 +373,15 @@ def _offers(
 
 
 def _of_sheets(name: str, data: bytes, hints: ExportSettings) -> Iterator[tuple[Offer, Export]]:
-    """How the sheets of a workbook are read that leave nothing open but their unit."""
+    """How the sheets of a workbook are read that leave nothing open but their unit.
+
+    Titles x, y, z leave open whether they are the coordinates, as long as groups do not confirm it.
+    """
     for one in sheets(name, data):
         with contextlib.suppress(InputError):
             way = hints.model_copy(update={"sheet": one})
             said = offer(name, data, way) or _settled(way)
-            if said and all(question.about == "unit" for question in said.questions):
+            if said and all(one.about == "unit" for one in _named_by_groups(said).questions):
                 yield said, readers.read(name, data, said.hints)
 
 
@@ -407,28 +419,37 @@ def _with_groups(
         return found
     with contextlib.suppress(InputError):
         one = found.offer or as_table(name, files[name], hints)
-        if one is None or one.hints.mapping is None:
-            return found
-        for parts in _parts(one):
-            hints = _grouped_by(one.hints, one.hints.mapping, parts)
-            with contextlib.suppress(InputError):
-                tried = readers.read(name, files[name], hints)
-                if _sets_apart([tried], logged, files):
-                    stated = _named_by_groups(replace(one, hints=hints))
-                    return replace(found, exports={name: tried}, offer=stated)
+        if one and (both := _regrouped(name, files, one, logged)):
+            return replace(found, exports={name: both[1]}, offer=both[0])
     return found
+
+
+def _regrouped(
+    name: str, files: Mapping[str, bytes], one: Offer, logged: LogFiles
+) -> tuple[Offer, Export] | None:
+    """A table with the first of its columns as groups that make sense; None if none do."""
+    mapping = one.hints.mapping
+    for parts in _parts(one) if mapping else ():
+        hints = _grouped_by(one.hints, mapping, parts)
+        with contextlib.suppress(InputError):
+            tried = readers.read(name, files[name], hints)
+            if _sets_apart([tried], logged, files):
+                return _named_by_groups(replace(one, hints=hints)), tried
+    return None
 
 
 def _parts(one: Offer) -> list[dict[str, str]]:
     """Possible columns of the groups of a table: one column, or those of pose, state and pull.
 
-    A state is a word, the others are numbers; a pose column precedes that of the pulls.
+    A state is a word, the others are numbers; a pose column precedes that of the pulls. The number
+    of a pose may have a word before it, and a state a number behind it: `Pose-1`, `Load-2`.
     """
     left = _untaken(one)
     numbers = [c.title for c in left if c.counted]
     words = [c.title for c in left if c.title not in numbers]
     alone = [{"group": c.title} for c in left]
     pairs = [{"pose": pose, "state": state} for state in words for pose in numbers]
+    pairs += [{"pose": pose, "state": state} for pose, state in itertools.permutations(words, 2)]
     three = [{**two, "repeat": last} for two in pairs for last in numbers if last != two["pose"]]
     return [*alone, *three, *pairs]
 
