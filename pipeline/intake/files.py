@@ -24,7 +24,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.patterns import is_glob, natural
 from pipeline.dialects.taught import unnumbered
 from pipeline.dialects.workbook import sheets
-from pipeline.intake import log_columns, nominal
+from pipeline.intake import _log_words, log_columns, nominal
 from pipeline.intake._folder import ROBOT, of_robot
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._names_by_place import NEAR
@@ -218,7 +218,7 @@ def _proposed(
     stated = _stated_groups(logged, files, rows)
     named = _named(rows, stated.states, unloaded)
     anchors = {} if named.chain else _anchors(logged, files, named.base)
-    columns = logged.load_columns | stated.columns | dict.fromkeys(anchors, "anchor")
+    columns = logged.load_columns | stated.columns | _log_words.anchors(anchors)
     fixed = tuple(one for one in named.base if not any(one in own for own in anchors.values()))
     asked = {one.about for one in found.offer.questions} if found.offer else set[str]()
     sized = not found.reach and asked <= {"horizontal"}  # a mirror keeps distances
@@ -609,15 +609,19 @@ def _stated_groups(
 def _anchors(
     logged: LogFiles, files: Mapping[str, bytes], points: Sequence[str]
 ) -> dict[str, tuple[str, ...]]:
-    """The points to which a chain was hooked, by the title of the log's column that names them.
+    """The points to which a chain was hooked, by the titles of the log's columns that name them.
 
     All points of their kind are anchors: those that differ from them in their number only.
     """
     if logged.loads is None:
         return {}
-    for title, names in log_columns.naming(logged.loads, files[logged.loads], {*points}).items():
-        return {title: tuple(one for one in points if _kind(one) in {*map(_kind, names)})}
-    return {}
+    taken = {"pose", *map(str.lower, logged.load_columns)}
+    named = log_columns.naming(logged.loads, files[logged.loads], {*points})
+    left = {title: own for title, own in named.items() if title.lower() not in taken}
+    return {
+        title: tuple(one for one in points if _kind(one) in {*map(_kind, left[title])})
+        for title in _log_words.anchors(left)
+    }
 
 
 def _kind(name: str) -> str:
@@ -634,7 +638,7 @@ def _hooked_at_places(
     points = [name for one in lists.values() for name in one.numbers
               if name not in (*said.measured, *said.base)]  # fmt: skip
     anchors = _anchors(said, files, points)
-    columns = said.load_columns | dict.fromkeys(anchors, "anchor")
+    columns = said.load_columns | _log_words.anchors(anchors)
     return replace(said, anchors=anchors, load_columns=columns)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from unicodedata import normalize
 
 from pipeline.base.doors import found
@@ -174,16 +175,55 @@ def _header(file: Text, line: int) -> LogHeader:
     """A line as a header."""
     content = file.line(line)
     delimiter = delimiter_of(content, " ")
-    titles = _cut(content, delimiter)
+    titles = _apart(_cut(content, delimiter))
     none = ("",) * len(titles)
     below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
     if len(below) != len(titles):
         below = list(none)
+    if over := _of_two_lines(titles, below):
+        return LogHeader(line, line + 2, delimiter, tuple(over), none)
     units = tuple(map(_unit_below, below))
     of_units = any(units) and {unit.lower() for unit in units} <= _BELOW
     behind = none if of_units else tuple(map(_unit_behind, below))
     joined = map(_with_unit, titles, units if of_units else behind)
     return LogHeader(line, line + (2 if of_units else 1), delimiter, tuple(joined), behind)
+
+
+def _apart(titles: Sequence[str]) -> list[str]:
+    """The titles; one that comes again behind numbered ones with each of these before it.
+
+    `Pull 1 kg`, `Hook`, `Pull 2 kg`, `Hook` are what each pull was and where it was hooked.
+    """
+    again = {one for one in titles if one and titles.count(one) > 1 and not is_number(one)}
+    places = [k for k, one in enumerate(titles) if one in again]
+    before = [titles[k - 1] if k else "" for k in places]
+    if len({*before}) < len(places) or not all(re.search("[0-9]", one) for one in before):
+        return [*titles]
+    heads = dict(zip(places, before, strict=True))
+    return [f"{heads[k]} {one}" if k in heads else one for k, one in enumerate(titles)]
+
+
+def _of_two_lines(titles: Sequence[str], below: Sequence[str]) -> list[str]:
+    """Titles of a line, some of which head several below it: `Load-1` over `kg` and `Hook`.
+
+    Empty if the lines are no such titles: each below a gap differs from its neighbour.
+    """
+    heads = [*accumulate(titles, lambda before, own: own or before)]
+    gaps = [k for k, own in enumerate(titles) if k and below[k] and heads[k] and not own]
+    several = len({*filter(None, titles)}) > 1
+    if not (gaps and several) or any(map(is_number, below)):
+        return []
+    if any(below[k] == below[k - 1] for k in gaps):
+        return []
+    both = zip(titles, heads, below, strict=True)
+    return [_joined(head if own else title, own) for title, head, own in both]
+
+
+def _joined(title: str, below: str) -> str:
+    """A title and what stands below it: nothing, the same in merged cells, a unit or more words."""
+    if below in ("", title):
+        return title
+    return _with_unit(title, below) if below.lower() in _BELOW else f"{title} {below}".strip()
 
 
 def _with_unit(title: str, unit: str) -> str:
