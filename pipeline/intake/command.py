@@ -479,10 +479,11 @@ def _seen(proposal: FilesProposal) -> Iterator[str]:
     for what, found in (files | names).items():
         if found:
             yield f"{what}: {listed(found, most=40)}"
-    for title, anchors in proposal.anchors.items():
+    if proposal.anchors:
+        anchors = dict.fromkeys(one for own in proposal.anchors.values() for one in own)
         yield (
-            f"{listed(anchors, most=20)}: anchors, by the column {title} of {proposal.loads}; the "
-            "chain goes from load_point straight to the anchor of its row"
+            f"{listed(anchors, most=20)}: anchors, by the column {listed(proposal.anchors)} of "
+            f"{proposal.loads}; the chain goes from load_point straight to the anchor of its row"
         )
     if proposal.by_file:
         yield f"groups: named by {proposal.by_file}, of {len(proposal.exports)} files"

@@ -138,8 +138,11 @@ def propose(
         if len(said.names) > 1 and (way := _names_of_places(others, said.names, lists)):
             hints = (hints or ExportSettings()).model_copy(update={"names": way})
             said = _proposed(others, hints, unloaded)
-        fitting = {k: one for k, one in lists.items() if nominal.may_be_of(one, said.words)}
+        words = said.words | _in_log(others, said, lists)
+        own = {name: nominal.of_targets(one, words) for name, one in lists.items()}
+        fitting = {name: one for name, one in own.items() if one}
         if fitting.keys() == lists.keys():
+            lists = fitting
             apart_m = said.apart_m | said.base_apart_m
             said = _hooked_at_places(others, said, lists)
             anchors = (one for own in said.anchors.values() for one in own)
@@ -604,6 +607,17 @@ def _stated_groups(
             if found.keys() <= {*alike.values()} and _makes_sense(states, rows):
                 return _StatedGroups(columns, states)
     return _StatedGroups()
+
+
+def _in_log(
+    files: Mapping[str, bytes], logged: LogFiles, lists: Mapping[str, PlaceTable]
+) -> set[str]:
+    """The names of places of lists that columns of the log of loads consist of: its anchors."""
+    names = {name for one in lists.values() for name in one.numbers}
+    if logged.loads is None:
+        return set()
+    found = log_columns.naming(logged.loads, files[logged.loads], names)
+    return {one for title in _log_words.anchors(found) for one in found[title]}
 
 
 def _anchors(
