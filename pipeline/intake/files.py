@@ -29,7 +29,7 @@ from pipeline.intake._folder import ROBOT, of_robot
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._names_by_place import NEAR
 from pipeline.intake._prose import PROSE, is_prose
-from pipeline.intake._separators import LOOKED_AT, separators
+from pipeline.intake._separators import LOOKED_AT, in_some, separators
 from pipeline.intake.by_reflectors import settled
 from pipeline.intake.nominal import NominalPlaces, PlaceTable
 from pipeline.intake.offer import Offer, as_table, offer
@@ -287,7 +287,7 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
 def _as_stated(files: Mapping[str, bytes], found: _Exports, hints: ExportSettings) -> _Exports:
     """Add the files that only the statements explain to exports that need none."""
     if hints == _NO_HINTS:
-        return found
+        return _as_others(files, found)
     read, reach = {}, [*found.reach]
     asked = (k for k, why in found.refused.items() if not why.startswith((PROSE, ROBOT)))
     for name in asked:
@@ -297,6 +297,32 @@ def _as_stated(files: Mapping[str, bytes], found: _Exports, hints: ExportSetting
     refused = {name: why for name, why in found.refused.items() if name not in read}
     both = found.exports | read
     return _Exports(both, tuple(reach), refused, _settled(hints)) if read else found
+
+
+def _as_others(files: Mapping[str, bytes], found: _Exports) -> _Exports:
+    """Add the files that leave open what another of the same titles shows: one instrument.
+
+    Whether angles are from the zenith is seen only by some that are beyond a right angle.
+    """
+    asked = [k for k, why in found.refused.items() if not why.startswith((PROSE, ROBOT))]
+    tables = [name for name, one in found.exports.items() if one.dialect == readers.TABLE]
+    for name in tables[:_TRIED] if asked else ():
+        with contextlib.suppress(InputError):
+            one = as_table(name, files[name], _NO_HINTS)
+            read = dict(_read_as(one.hints, files, [*found.exports, *asked])) if one else {}
+            if one and len(found.exports) < len(read) and read.keys() >= found.exports.keys():
+                refused = {k: why for k, why in found.refused.items() if k not in read}
+                return _Exports(read, found.reach, refused, replace(one, questions=()))
+    return found
+
+
+def _read_as(
+    hints: ExportSettings, files: Mapping[str, bytes], names: Sequence[str]
+) -> Iterator[tuple[str, Export]]:
+    """Those of some files that can be read with some statements."""
+    for name in names:
+        with contextlib.suppress(InputError):
+            yield name, readers.read(name, files[name], hints)
 
 
 def _export(
@@ -341,10 +367,7 @@ def _of_one_form(
 ) -> _Exports:
     """Add the files that the statements for one of them explain, if these are most of them."""
     for one, _ in (offers[name] for name in [*offers][:_TRIED]):
-        read = {}
-        for name in offers:
-            with contextlib.suppress(InputError):
-                read[name] = readers.read(name, files[name], one.hints)
+        read = dict(_read_as(one.hints, files, [*offers]))
         if 2 * len(read) > len(offers):
             refused = {name: why for name, why in found.refused.items() if name not in read}
             unsaid = any(question.about == "unit" for question in one.questions)
@@ -505,6 +528,9 @@ def _of_levels_above(
         "groups": ("files", "folders/files"), None: ("files::groups",)}  # fmt: skip
     for way in ways.get(lacking, ()) if len(exports) > 1 else ():
         yield _Naming([named_by_file(one, way) for one in exports], (), way)
+    for pattern in in_some(exports) if lacking == "groups" and len(exports) > 1 else ():
+        both = [named_by_file(split(one, pattern), "files::groups") for one in exports]
+        yield _Naming(both, (pattern,), "files::groups")
 
 
 _WHOLE_NAMES = "(?P<group>.+)::(?P<target>.+)"

@@ -236,6 +236,8 @@ def _of(
         return NominalPlaces(), f"{begin}; {why}: fill in its places by hand"
     unit = unit if confirmed else str(table.unit)
     own = [name for name in table.numbers if name in (*measured, *base)]
+    if not own:
+        return NominalPlaces(), f"{begin}; none of its points was read"
     renamed = dict(zip(own, own, strict=True))
     if (load := _load_point(table, measured, base, LENGTH[unit])) is not None:
         renamed[load] = "load_point"
