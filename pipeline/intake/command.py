@@ -100,7 +100,9 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     hints = _stated(stated)
     files, passed = _looked_at(root, folder, hints)
     given, wrong = filled_in(files)
+    files, named = _as_named(root, folder, files, hints)
     proposal = _settled(files, hints) if ask else propose(files, hints)
+    proposal = replace(proposal, patterns=named or proposal.patterns)
     given = _with_places(given, proposal)
     for line in [*_seen(proposal), *in_workbooks(files), *passed, *wrong]:
         _tell(line)
@@ -129,8 +131,8 @@ def _before(
     if old := blank.open_text(folder):
         stated = stated or folder / "campaign.toml"
         robot = robot or _robot_before(root, folder, old)
-        _tell("campaign.toml is written again for the files that are there; what was filled in is "
-              "kept.")  # fmt: skip
+        _tell("campaign.toml is written again for the files that are there; what was filled in "
+              "beside the names of logs is kept.")  # fmt: skip
     return robot, stated
 
 
@@ -171,6 +173,33 @@ def _looked_at(
         f'looked at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'
         for inner, count in within.items()
     ]
+
+
+def _as_named(
+    root: Path, folder: Path, files: Mapping[str, bytes], hints: ExportSettings
+) -> tuple[Mapping[str, bytes], tuple[str, ...]]:
+    """The files without exports that an open campaign.toml leaves out, and how it names the others.
+
+    As they are where it names what `init` would write for some of them: others came later.
+    """
+    from pipeline.base import toml
+    from pipeline.base.patterns import fits
+    from pipeline.intake import blank
+    from pipeline.intake.files import patterns, propose
+    from pipeline.store.campaign import DEEPEST
+
+    tracker = toml.loads(blank.open_text(folder), "campaign.toml").get("tracker")
+    named = tuple(map(str, tracker.get("files", ()))) if isinstance(tracker, dict) else ()
+    every = {**blank.there(root, folder, DEEPEST), **files} if named else {}
+    mine = [name for name in every if any(fits(name, one) for one in named)]
+    if not mine:
+        return files, ()
+    found = {*propose(files, hints).exports}
+    if found.issuperset(mine) and patterns(mine, [*every]) == named:
+        return files, ()
+    kept = {name: data for name, data in every.items()
+            if name in mine or (name in files and name not in found)}  # fmt: skip
+    return (kept, named) if {*propose(kept, hints).exports} == {*mine} else (files, ())
 
 
 def _with_places(given: KnownData, proposal: FilesProposal) -> KnownData:

@@ -234,7 +234,7 @@ def _proposed(
         words=_words(exports),
         nameless=_lacking(exports),
         by_file=by_file,
-        patterns=_patterns([*found.exports], [*files]),
+        patterns=patterns([*found.exports], [*files]),
         offer=found.offer,
         names=names,
         exports=tuple(found.exports),
@@ -272,7 +272,8 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
         if name.endswith(".toml") or (name in known and not is_workbook(data)):
             continue
         if described := of_robot(name, data):
-            made = [k for k, of in files.items() if k.endswith(".toml") and name.encode() in of]
+            tables = (k for k in files if k.endswith(".toml") and k != "campaign.toml")
+            made = [k for k in tables if name.encode() in files[k]]
             refused[name] = f"{ROBOT}, that of {made[0]}" if made else described
             continue
         try:
@@ -331,9 +332,11 @@ def _export(
     """An export, and its largest number if it does not state its unit."""
     try:
         return readers.read(name, data, hints), []
-    except InputError:
-        found = readers.read(name, data, hints.model_copy(update={"unit": "mm"}))
-        return found, [1e3 * float(np.abs(found.position).max(initial=0.0))]
+    except InputError as open_unit:
+        with contextlib.suppress(InputError):  # nobody has said that it is in mm
+            found = readers.read(name, data, hints.model_copy(update={"unit": "mm"}))
+            return found, [1e3 * float(np.abs(found.position).max(initial=0.0))]
+        raise open_unit
 
 
 def _offered(
@@ -584,7 +587,7 @@ def _grouped_by(
     return hints.model_copy(update={"mapping": mapping})
 
 
-def _patterns(exports: Sequence[str], files: Sequence[str]) -> tuple[str, ...]:
+def patterns(exports: Sequence[str], files: Sequence[str]) -> tuple[str, ...]:
     """The exports in natural order, with one glob for each folder and suffix that has only such."""
     kinds = {one: join(dirname(one), f"*{splitext(one)[1]}") for one in files}
     count, used = Counter(kinds.values()), Counter(kinds[name] for name in exports)
