@@ -59,7 +59,7 @@ def of_robot(name: str, data: bytes) -> str | None:
     if options := _links(data):
         return f"{ROBOT}: {_command(name, options, output)}"
     is_table = found("pipeline.exchange.from_table:is_table")
-    if not (is_table and is_table(data)):
+    if not (is_table and is_table(name, data)):
         return None
     own = _command(name, "", output)
     return f"{ROBOT}: {own}; if it stands on a rail, with --rail, --turn and --foot"
