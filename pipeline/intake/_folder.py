@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from posixpath import basename, splitext
 
 from pipeline.base.doors import found
@@ -35,6 +35,27 @@ def in_workbooks(files: Mapping[str, bytes]) -> list[str]:
                 kinds = listed([f'"{one}" {_kind(text)}' for one, text in there.items()], most=20)
                 out.append(f"{name} has {len(there)} sheets: {kinds}.")
     return out
+
+
+def robots_in(files: Mapping[str, bytes], others: Collection[str]) -> list[str]:
+    """A sentence for each workbook, and for each file but some others, that describes a robot, too."""
+    left = {k: data for k, data in files.items() if is_workbook(data) or k not in others}
+    said = {name: of_robot(name, data) for name, data in left.items() if not _made(name, files)}
+    return [f"In {name} {one.replace(ROBOT, 'a robot is described', 1)}." for name, one in said.items() if one]
+
+
+def _made(name: str, files: Mapping[str, bytes]) -> list[str]:
+    """The robot files that name another file as their source."""
+    tables = (k for k in files if k.endswith(".toml") and k != "campaign.toml")
+    return [k for k in tables if name.encode() in files[k]]
+
+
+def described(name: str, files: Mapping[str, bytes]) -> str | None:
+    """Why a file that describes a robot, and nothing else, is not used; None for any other file."""
+    if is_workbook(files[name]) or not (own := of_robot(name, files[name])):
+        return None
+    made = _made(name, files)
+    return f"{ROBOT}, that of {made[0]}" if made else own
 
 
 def _kind(text: Text) -> str:

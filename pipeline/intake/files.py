@@ -25,7 +25,7 @@ from pipeline.base.patterns import is_glob, natural
 from pipeline.dialects.taught import unnumbered
 from pipeline.dialects.workbook import sheets
 from pipeline.intake import _log_words, log_columns, nominal
-from pipeline.intake._folder import ROBOT, of_robot
+from pipeline.intake._folder import ROBOT, described
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._names_by_place import NEAR
 from pipeline.intake._prose import PROSE, is_prose
@@ -271,10 +271,8 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
     for name, data in files.items():
         if name.endswith(".toml") or (name in known and not is_workbook(data)):
             continue
-        if described := of_robot(name, data):
-            tables = (k for k in files if k.endswith(".toml") and k != "campaign.toml")
-            made = [k for k in tables if name.encode() in files[k]]
-            refused[name] = f"{ROBOT}, that of {made[0]}" if made else described
+        if robot := described(name, files):
+            refused[name] = robot
             continue
         try:
             exports[name], largest = _export(name, data)
