@@ -173,7 +173,8 @@ def _code_page(data: bytes) -> str:
     """The code page in which all letters of a text are those of one language, else cp1252."""
     others = bytes({*data.translate(None, _ASCII)})
     for page, alphabets in _LETTERS.items():
-        letters = {*filter(str.isalpha, others.decode(page, "replace").lower())}
+        shown = others.decode(page, "replace").lower()
+        letters = {one for one in shown if one.isalpha() or one == "\ufffd"}
         signs = page == "cp1252" and _NO_LETTER.search(data)
         if not signs and any(letters <= {*one, "µ"} for one in alphabets):
             return page
