@@ -61,6 +61,9 @@ def described(name: str, files: Mapping[str, bytes]) -> str | None:
 def _kind(text: Text) -> str:
     """What a sheet is by its titles."""
     units = tuple(SCALE)
+    is_table = found("pipeline.exchange.from_table:is_table")
+    if is_table and is_table(text.name, text.data):
+        return "is of a robot"
     for head in headers(text):
         if axes := _log_words.called_axes(head.written, dict):
             first, *_, last = axes

@@ -80,8 +80,9 @@ def may_be_log(titles: Sequence[str], units: Sequence[str]) -> bool:
 
 
 def names_a_force(titles: Sequence[str], units: Sequence[str]) -> bool:
-    """Whether a title is a force, or has a unit that only forces have."""
-    return bool("force" in _first(titles, {"force": units}) or _by_unit(titles, units))
+    """Whether a title is a force, or has a unit that only forces have, or several are of pulls."""
+    named = "force" in _first(titles, {"force": units})
+    return bool(named or _by_unit(titles, units) or _of_pulls(titles, units))
 
 
 def called_axes(titles: Sequence[str], _: SampledCells) -> dict[str, str] | None:

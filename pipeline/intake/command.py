@@ -568,6 +568,9 @@ def inspect(
     coordinates: Annotated[
         str | None, Option(help="Coordinates if not stated: cartesian, spherical or cylindrical.")
     ] = None,
+    sheet: Annotated[
+        str | None, Option(help="Sheet of a workbook, if several may be meant.")
+    ] = None,
     mapping: Annotated[
         Path | None, Option(metavar="TOML", help="Try the [tracker.mapping] in this file.")
     ] = None,
@@ -590,6 +593,7 @@ def inspect(
         "vertical": _known("vertical angle", vertical, ("zenith", "elevation")),
         "horizontal": _known("sense of angles", horizontal, ("clockwise", "counter-clockwise")),
         "coordinates": _known("kind", coordinates, ("cartesian", "spherical", "cylindrical")),
+        "sheet": sheet,
     }
     answers = sys.stdin.isatty() and sys.stderr.isatty() and not as_json
     ask = partial(asking.ask, say=partial(typer.echo, err=True)) if answers else None
