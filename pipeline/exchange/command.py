@@ -95,8 +95,8 @@ def _arm(
         return _of_table(file, payload), ""
     if file is None or base is None or flange is None:
         raise UsageError(
-            "give a URDF with --base and --flange, or a table as .csv, .txt or .xlsx, or --list, or "
-            "--show NAME for a robot that ships, or NAME --rail AXIS"
+            "give a URDF with --base and --flange, or a table as .csv, .txt or .xlsx, or --list, "
+            "or --show NAME for a robot that ships, or NAME --rail AXIS"
         )
     text, found = made(file, base, flange, payload)
     return text, (

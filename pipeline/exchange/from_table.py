@@ -4,9 +4,10 @@ A DH table has the columns theta, d, a, alpha, by title, with a row for each joi
 is that of the order in which they stand: alpha and a before theta and d are the modified one,
 Rx(alpha) Tx(a) Rz(theta) Tz(d) (Craig 2005, ch. 3), else it is the classical one, Rz(theta) Tz(d)
 Tx(a) Rx(alpha) (Denavit and Hartenberg 1955). Theta, or d of an axis that slides, may be a number,
-or the axis with its sense and zero: `-A1`, `A2 - 90`, `90 - q3`, `θ4 + π/2`. A list of axes has rows `JT2  0 450 750  -X`: a point
-on the axis with all joints at zero, in F_b, and the direction about which it turns, also as a unit
-vector; a row of the flange has a point only, a row of a rail a direction only.
+or the axis with its sense and zero: `-A1`, `A2 - 90`, `90 - q3`, `θ4 + π/2`. What the file says
+of its convention precedes the order of the columns. A list of axes has rows `JT2  0 450 750  -X`:
+a point on the axis with all joints at zero, in F_b, and the direction about which it turns, also as
+a unit vector; a row of the flange has a point only, a row of a rail a direction only.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ _TERM = re.compile(
     r"|(?P<joint>[^\W\d]\w*))"
 )
 """A term of a cell of a DH table: a number, a part of π, or an axis."""
-_WRITTEN = str.maketrans({"−": "-", "–": "-", ",": ".", "°": "", "º": "", "*": "", " ": "", "\u00a0": ""})
+_WRITTEN = str.maketrans({"−": "-", "–": "-", ",": "."} | dict.fromkeys("°º* \u00a0", ""))
+"""Characters of a cell as people write them."""
 _AXIS = re.compile(
     rf"^\s*(?P<name>[^\W\d]\w*)\b(?P<point>(?:[;,\s]+{_NUMBER}){{3}})?(?P<rest>.*)$", re.MULTILINE
 )
@@ -154,13 +156,18 @@ def _of_dh(text: Text) -> tuple[dict[str, Any], list[str]] | None:
         for number, titles in enumerate(rows):
             at = _places(titles)
             if len({*at.values()}) == len(_COLUMNS):
-                below = enumerate(rows[number + 1 :], number + 2)
-                filled = dropwhile(lambda one: not any(one[1]), below)
-                whole = takewhile(lambda one: len(one[1]) == len(titles) and any(one[1]), filled)
-                if len(joints := [*whole]) >= _LEAST:
+                joints = _rows_below(rows, number)
+                if len(joints) >= _LEAST:
                     said = _convention("\n".join(line for _, line in text.lines()))
                     return _of_rows(text.name, titles, at, joints, said)
     return None
+
+
+def _rows_below(rows: Sequence[list[str]], titles: int) -> list[tuple[int, list[str]]]:
+    """Line and cells of the rows below titles, up to a blank one or one of another width."""
+    wide, below = len(rows[titles]), enumerate(rows[titles + 1 :], titles + 2)
+    filled = dropwhile(lambda one: not any(one[1]), below)
+    return [*takewhile(lambda one: len(one[1]) == wide and any(one[1]), filled)]
 
 
 def _cells(line: str, mark: str) -> list[str]:
@@ -171,7 +178,9 @@ def _places(titles: Sequence[str]) -> dict[str, int]:
     """Index of each column of a DH table."""
     plain = [*map(_plain_title, titles)]
     return {
-        role: min((plain.index(one) for one in plain if one in words), key=lambda k: plain[k] == "offset")
+        role: next(
+            k for own in ({*words} - {"offset"}, words) for k, one in enumerate(plain) if one in own
+        )
         for role, words in _COLUMNS.items()
         if not {*words}.isdisjoint(plain)
     }
@@ -187,9 +196,9 @@ _STEPS = re.compile(r"\bR(?:ot)?[ _(]*([xz])\b", re.IGNORECASE)
 
 
 def _convention(text: str) -> bool | None:
-    """Whether a file calls its table modified; None if it does not say it, or contradicts itself."""
-    steps = _STEPS.findall(text)[:2]
-    said = {[*map(str.lower, steps)] == ["x", "z"]} if len({*map(str.lower, steps)}) == 2 else set()
+    """Whether a file calls its table modified; None if it does not say, or contradicts itself."""
+    steps = [*map(str.lower, _STEPS.findall(text)[:2])]
+    said = {steps == ["x", "z"]} if len({*steps}) > 1 else set()
     said |= {True} if _MODIFIED.search(text) else set()
     said |= {False} if _CLASSICAL.search(text) else set()
     return said.pop() if len(said) == 1 else None
@@ -213,19 +222,18 @@ class _Row(NamedTuple):
 
 
 def _of_rows(
-    file: str, titles: Sequence[str], at: Mapping[str, int], rows: Sequence[tuple[int, list[str]]],
+    file: str,
+    titles: Sequence[str],
+    at: Mapping[str, int],
+    rows: Sequence[tuple[int, list[str]]],
     said: bool | None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Content of a robot file and what was assumed; `said` is whether the file calls it modified."""
+    """Content of a robot file, and what was assumed; `said` as for `_convention`."""
     joints = []
     for number, (line, cells) in enumerate(rows, 1):
         with locate(file, line=line):
             joints.append(_row(number, titles, cells, at))
-    longest = max(abs(one.values[role]) for one in joints for role in ("a", "d"))
-    factor = {role: _factor(titles[k], role, longest) for role, k in at.items()}
-    twists = np.array([one.values["alpha"] for one in joints]) / (np.pi / 2)
-    if factor["alpha"] == 1.0 and twists.any() and np.abs(twists - twists.round()).max() < _RADIANS:
-        factor |= {"alpha": _UNITS["rad"], "theta": _UNITS["rad"]}
+    factor = _factors(titles, at, joints)
     made = [
         _joint(one.name, one.slides)
         | {_KEYS[r]: round(factor[r] * x, 10) for r, x in one.values.items() if x}
@@ -237,6 +245,18 @@ def _of_rows(
     why = f"by {by} the table is {order}; if not, correct convention"
     content = {"convention": convention, "joint": made, "signs": [one.sign for one in joints]}
     return content, [why]
+
+
+def _factors(
+    titles: Sequence[str], at: Mapping[str, int], joints: Sequence[_Row]
+) -> dict[str, float]:
+    """Factor to metres or degrees of each role; angles are in radians if all twists show it."""
+    longest = max(abs(one.values[role]) for one in joints for role in ("a", "d"))
+    factor = {role: _factor(titles[k], role, longest) for role, k in at.items()}
+    twists = np.array([one.values["alpha"] for one in joints]) / (np.pi / 2)
+    if factor["alpha"] == 1.0 and twists.any() and np.abs(twists - twists.round()).max() < _RADIANS:
+        factor |= {"alpha": _UNITS["rad"], "theta": _UNITS["rad"]}
+    return factor
 
 
 _KEYS = {"theta": "theta_deg", "d": "d_m", "a": "a_m", "alpha": "alpha_deg"}
@@ -253,24 +273,35 @@ def _row(number: int, titles: Sequence[str], cells: Sequence[str], at: Mapping[s
         InputError: A cell is neither a number nor one axis, or sense or zero are stated twice.
     """
     entries = {role: _entry(cells[k], titles[k]) for role, k in at.items()}
-    slides = bool(entries["d"].joint)
-    moving = entries["d" if slides else "theta"]
+    role = "d" if entries["d"].joint else "theta"
+    moving = entries.pop(role)
+    if still := next((cells[at[one]] for one in entries if entries[one].joint), ""):
+        raise _stated_again(still)
+    sign, zero = _beside(titles, cells, at)
+    if (moving.sign < 0 and sign) or (moving.value and zero):
+        raise _stated_again(cells[at[role]])
+    values = {one: own.value for one, own in entries.items()} | {role: moving.value + zero}
+    names = (*([] if 0 in at.values() else cells[:1]), moving.joint)
+    named = next((one for one in names if re.match(r"[A-Za-z]", one)), "")
+    return _Row(named or f"J{number}", role == "d", moving.sign * (sign or 1), values)
+
+
+def _stated_again(cell: str) -> InputError:
+    return InputError(
+        f'the cell "{cell}" states what another column states, too, or a second axis',
+        "state sense and zero of an axis once, and all other cells as numbers",
+    )
+
+
+def _beside(
+    titles: Sequence[str], cells: Sequence[str], at: Mapping[str, int]
+) -> tuple[int, float]:
+    """Sense of an axis, 0 without a column for it, and its zero by columns of their own."""
     signs = [cells[k] for k, one in enumerate(titles) if one.lower() in _SIGNS]
     zeros = [_entry(cells[k], one).value for k, one in enumerate(titles)
              if _plain_title(one) == "offset" and k not in at.values()]  # fmt: skip
-    other = -1 if any("-" in one or "−" in one for one in signs) else 1
-    still = [cells[at[role]] for role, one in entries.items() if one is not moving and one.joint]
-    if still or (moving.sign < 0 and signs) or (moving.value and any(zeros)):
-        said = still[0] if still else cells[at["d" if slides else "theta"]]
-        raise InputError(
-            f'the cell "{said}" states what another column states, too, or a second axis',
-            "state sense and zero of an axis once, and all other cells as numbers",
-        )
-    values = {role: one.value for role, one in entries.items()}
-    values["d" if slides else "theta"] += sum(zeros)
-    named = next((one for one in (*cells[:1] * (0 not in at.values()), moving.joint)
-                  if re.match(r"[A-Za-z]", one)), "")  # fmt: skip
-    return _Row(named or f"J{number}", slides, moving.sign * other, values)
+    sense = {"-": -1}.get(signs[0].translate(_WRITTEN)[:1], 1) if signs else 0
+    return sense, sum(zeros)
 
 
 def _entry(cell: str, title: str) -> _Entry:
@@ -281,21 +312,28 @@ def _entry(cell: str, title: str) -> _Entry:
     """
     plain = cell.translate(_WRITTEN)
     inside = re.fullmatch(r"-\((.*)\)", plain)
-    terms, end = [], 0
-    body = inside[1] if inside else plain
-    while (one := _TERM.match(body, end)) and (end == 0 or one["sign"]):
-        terms.append(one)
-        end = one.end()
-    joints = [one for one in terms if one["joint"]]
-    if end < len(body) or len(joints) > 1:
+    terms = _terms(inside[1] if inside else plain)
+    joints = [one for one in terms or () if one["joint"]]
+    if terms is None or len(joints) > 1:
         raise InputError(
             f'the cell "{cell}" below "{title}" is neither a number nor one axis with its zero',
             "write it as A2, -A2 or A2 - 90",
         )
     half = np.pi if "rad" in title.lower() else 180.0
-    value, outer = sum(_number(one, half) for one in terms), -1 if inside else 1
-    sign = -outer if joints and joints[0]["sign"] == "-" else outer
-    return _Entry(joints[0]["joint"] if joints else "", sign if joints else 1, outer * value)
+    outer = -1 if inside else 1
+    value = outer * sum(_number(one, half) for one in terms)
+    if not joints:
+        return _Entry("", 1, value)
+    return _Entry(joints[0]["joint"], -outer if joints[0]["sign"] == "-" else outer, value)
+
+
+def _terms(text: str) -> list[re.Match[str]] | None:
+    """The terms of a sum, none of an empty cell; None if it is no sum of them."""
+    terms, end = list[re.Match[str]](), 0
+    while (one := _TERM.match(text, end)) and (end == 0 or one["sign"]):
+        terms.append(one)
+        end = one.end()
+    return terms if end == len(text) else None
 
 
 def _number(term: re.Match[str], half: float) -> float:
@@ -323,7 +361,7 @@ def _of_axes(text: str) -> tuple[dict[str, Any], list[str]] | None:
     """Content of a robot file by a list of axes, and what was assumed; None if it is none."""
     turning, rails, ends = _listed(text)
     turning = turning or _by_vectors(text)
-    ends = ends or [*map(_point, _ORIGIN.findall(text))]
+    ends = ends or [*filter(_is_point, map(_point, _ORIGIN.findall(text)))]
     if len(turning) < _LEAST or len(rails) > 1 or len(ends) != 1:
         return None
     points = np.array([*(at for _, at, _ in turning), *ends])
@@ -331,6 +369,22 @@ def _of_axes(text: str) -> tuple[dict[str, Any], list[str]] | None:
     flange, said = np.eye(4), _orientation(text)
     flange[:3, 3] = points[-1]
     flange[:3, :3] = np.eye(3) if said is None else said
+    way = "parallel to F_b" if said is None else "turned as the file says"
+    why = f"with all axes at 0 the flange frame is {way}; if not, correct [flange]"
+    return _along(turning, rails, points, flange), [why]
+
+
+def _is_point(at: Array | None) -> bool:
+    return at is not None
+
+
+def _along(
+    turning: Sequence[tuple[str, Array, Array]],
+    rails: Sequence[tuple[str, Array]],
+    points: Array,
+    flange: Array,
+) -> dict[str, Any]:
+    """Content of a robot file by its axes, points on them [m] and the flange in F_b, (4, 4)."""
     ways = [*(way for _, way in rails), *(way for *_, way in turning)]
     along = [*[points[0]] * len(rails), *points[:-1]]
     on_axes = frames(list(zip(along, ways, strict=True)), flange)
@@ -339,9 +393,7 @@ def _of_axes(text: str) -> tuple[dict[str, Any], list[str]] | None:
              *(_joint(name, False) for name, *_ in turning)]  # fmt: skip
     joints = [head | step for head, step in zip(heads, steps, strict=True)]
     content = {"convention": "craig", **fixed("base", on_axes[0]), "joint": joints}
-    content |= fixed("flange", linear.solve(on_axes[-1], flange))
-    way = "parallel to F_b" if said is None else "turned as the file says"
-    return content, [f"with all axes at 0 the flange frame is {way}; if not, correct [flange]"]
+    return content | fixed("flange", linear.solve(on_axes[-1], flange))
 
 
 _ORIGIN = re.compile(
@@ -354,14 +406,15 @@ _TURNED = re.compile(r"(?<!\w)([xyz])\b(?:(?!(?<!\w)[xyz]\b)[^;,\n])*?([-+][XYZ]
 
 def _orientation(text: str) -> Array | None:
     """Axes of the flange in F_b with all axes at 0, (3, 3); None if not two or three are stated."""
-    found = {axis: _way(way) for axis, way in _TURNED.findall(text)}
-    if len(found) < 2 or any(way is None for way in found.values()):
+    stated = [(axis, _way(way)) for axis, way in _TURNED.findall(text)]
+    found = {"xyz".index(axis): way for axis, way in stated if way is not None}
+    if len(found) < 2:
         return None
-    x, y, z = (found.get(one) for one in "xyz")
-    x = np.cross(y, z) if x is None else x
-    y = np.cross(z, x) if y is None else y
-    R = np.column_stack([x, y, np.cross(x, y) if z is None else z])
-    return R if np.allclose(R.T @ R, np.eye(3)) and np.allclose(np.cross(R[:, 0], R[:, 1]), R[:, 2]) else None
+    R = np.zeros((3, 3))
+    for k in range(3):
+        one, two = found.get((k + 1) % 3), found.get((k + 2) % 3)
+        R[:, k] = found[k] if k in found else np.cross(one, two)  # type: ignore[arg-type]
+    return R if np.allclose(np.cross(R[:, 0], R[:, 1]), R[:, 2]) and np.any(R) else None
 
 
 def _by_vectors(text: str) -> list[tuple[str, Array, Array]]:

@@ -201,15 +201,18 @@ def _by_one_length(case: Case) -> float:
     along = twists(configure(case.robot, case.q(poses)), lengths)[at, :, 3:]
     found = [np.inf]
     for axis in np.moveaxis(along, 1, 0):
-        value, step = 0.0, 1e-3
+        value = 0.0
         for _ in range(2):  # nearly linear: the frame turns a little with it
-            r, moved = (seen - _moved_onto(seen, expected + x * axis) for x in (value, value + step))
-            slope = (moved - r) / step
+            r, moved = (seen - _moved_onto(seen, expected + (value + step) * axis)
+                        for step in (0.0, _STEP_M))  # fmt: skip
+            slope = (moved - r) / _STEP_M
             value -= float((slope * r).sum() / max((slope**2).sum(), _FLAT))
         found.append(_off(seen, expected + value * axis, state))
     return min(found)
 
 
+_STEP_M = 1e-3
+"""Step by which the derivative along a length is taken [m]."""
 _FLAT = 1e-12
 """Sum of squares below which a length moves no point [1]."""
 

@@ -38,10 +38,10 @@ def in_workbooks(files: Mapping[str, bytes]) -> list[str]:
 
 
 def robots_in(files: Mapping[str, bytes], others: Collection[str]) -> list[str]:
-    """A sentence for each workbook, and for each file but some others, that describes a robot, too."""
+    """A sentence for each workbook, and each file but some others, that describes a robot, too."""
     left = {k: data for k, data in files.items() if is_workbook(data) or k not in others}
     said = {name: of_robot(name, data) for name, data in left.items() if not _made(name, files)}
-    return [f"In {name} {one.replace(ROBOT, 'a robot is described', 1)}." for name, one in said.items() if one]
+    return [f"{name}: {one.replace('it', 'it also', 1)}." for name, one in said.items() if one]
 
 
 def _made(name: str, files: Mapping[str, bytes]) -> list[str]:

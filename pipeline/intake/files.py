@@ -205,9 +205,7 @@ def _proposed(
     logged = propose_logs(files)
     found = _exports(files, logged)
     found = (
-        _as_stated(files, found, hints)
-        if found.exports
-        else _offered(files, found, hints, logged)
+        _as_stated(files, found, hints) if found.exports else _offered(files, found, hints, logged)
     )
     found = _with_groups(files, found, hints, logged)
     exports = [*found.exports.values()]

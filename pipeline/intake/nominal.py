@@ -229,7 +229,7 @@ def _of(
     off = {unit: _off(table, factor, apart_m) for unit, factor in LENGTH.items()}
     unit = min(off, key=off.__getitem__)
     confirmed = off[unit] < GROSS_DISTANCE_M
-    if not (confirmed or off[unit] == np.inf and table.unit):
+    if not (confirmed or (off[unit] == np.inf and table.unit)):
         why = f"its distances are {_mm(off[unit])} from those read" if off[unit] < np.inf else (
             "no distance can be compared with the readings yet, and it states no unit"
         )  # fmt: skip

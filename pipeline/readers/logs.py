@@ -107,9 +107,10 @@ def loads(name: str, data: bytes, stated: LogForm = OWN_LOG) -> Log:
     The load is `force` [N], read on a scale in a chain, `mass` [kg] of a weight at the load point
     with `mass_sigma` if known, or the name of a `payload`; a column may be missing if no row uses
     it. With `force_1`, `force_2` ... a row is a pose, each column one of its pulls, hooked to
-    `anchor_1`, `anchor_2` ..., and a cell may be empty. Without a column `repeat` the pulls of each pose are numbered from 1. A column `group`
-    names the group of tracker readings that belongs to a row. With it, a row without a load is the
-    unloaded state of a pose; so is a row of force 0, also without it if every pose has one.
+    `anchor_1`, `anchor_2` ..., and a cell may be empty. Without a column `repeat` the pulls of each
+    pose are numbered from 1. A column `group` names the group of tracker readings that belongs to a
+    row. With it, a row without a load is the unloaded state of a pose; so is a row of force 0, also
+    without it if every pose has one.
 
     Args:
         name: Name of the file.
