@@ -232,13 +232,16 @@ def said_units(line: str, of_coordinates: bool = False) -> set[str]:
     """
     found, counts = set(), True
     short = {one.start(1) for one in _SHORT.finditer(line)}
+    every = len(line)  # from where on it is about all readings: RUN 3 (all values in mm)
     for one in WORD.finditer(line):
         word = one[0].lower()
-        counts = counts or word in FOREIGN["all"]  # TRACKER READINGS (all in mm)
+        every = min(every, one.start()) if word in FOREIGN["all"] else every
         if word in _UNIT_WORDS and (word not in ("m", "in") or one.start() in short):
             found |= {_UNIT_WORDS[word]} if counts else set()
         elif of_coordinates and word not in _BETWEEN | _OF_THE_FILE:
-            counts = word in _OF_COORDINATES and not _of_other(line[: one.start()])
+            before = line[every : one.start()] or line[: one.start()]
+            counts = word in _OF_COORDINATES and not _of_other(before)
+        counts = counts or word in FOREIGN["all"]
     return found
 
 

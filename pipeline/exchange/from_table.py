@@ -43,6 +43,8 @@ _FLANGE = re.compile(
 _UNITS = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "rad": 180 / np.pi}
 """Factors to metres and degrees; other angles are in degrees."""
 _NUMBER = r"[-+]?\d+(?:[.,]\d+)?"
+_POINT_ONLY = r"[-+]?\d+(?:\.\d+)?"
+"""A number where commas separate the cells."""
 _TERM = re.compile(
     r"(?P<sign>[-+]?)(?:(?P<turn>\d*\.?\d*)(?:π|pi\b)(?:/(?P<over>\d+))?|(?P<number>\d+\.?\d*|\.\d+)"
     r"|(?P<joint>[^\W\d]\w*))"
@@ -419,9 +421,9 @@ def _orientation(text: str) -> Array | None:
 
 def _by_vectors(text: str) -> list[tuple[str, Array, Array]]:
     """Axes by name, point and a unit vector as direction, whichever of the two comes first."""
-    found = [(one["name"], np.array([*map(_decimal, re.findall(_NUMBER, one["six"]))]))
+    found = [(one["name"], re.findall(_POINT_ONLY if one["six"][0] == "," else _NUMBER, one["six"]))
              for one in _SIX.finditer(text)]  # fmt: skip
-    halves = np.array([six.reshape(2, 3) for _, six in found]).reshape(-1, 2, 3)
+    halves = np.array([[*map(_decimal, six)] for _, six in found]).reshape(-1, 2, 3)
     unit = [k for k in (0, 1) if np.allclose(np.linalg.norm(halves[:, k], axis=1), 1.0, atol=1e-6)]
     if len(unit) != 1 or len({name for name, _ in found}) < len(found):
         return []
@@ -430,7 +432,8 @@ def _by_vectors(text: str) -> list[tuple[str, Array, Array]]:
 
 
 _SIX = re.compile(
-    rf"^\s*(?P<name>[^\W\d]\w*)\b(?P<six>(?:[;\s]+{_NUMBER}){{6}}|(?:[,\s]+{_NUMBER}){{6}})[;,\s]*$",
+    rf"^\s*(?P<name>[^\W\d]\w*)"
+    rf"(?P<six>(?:[; \t]+{_NUMBER}){{6}}|(?:, *{_POINT_ONLY}){{6}})[;, \t]*$",
     re.MULTILINE,
 )
 

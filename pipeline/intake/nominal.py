@@ -212,7 +212,8 @@ def placed(
     places: dict[str, Place] = {}
     source: dict[str, str] = {}
     seen = []
-    for file, table in found.items():
+    each = [(file, part) for file, one in found.items() for part in _in_one_unit(one, apart_m)]
+    for file, table in each:
         mine, sentence = _of(table, file, measured, base, apart_m)
         new = {name: at for name, at in mine.places.items() if name not in places}
         places |= new
@@ -221,23 +222,36 @@ def placed(
     return NominalPlaces(places, source, tuple(seen))
 
 
+def _in_one_unit(table: PlaceTable, apart_m: Apart) -> list[PlaceTable]:
+    """The table, or each of its parts if distances show different units in them."""
+    blocks = dict.fromkeys(table.block[name] for name in table.numbers)
+    parts = [replace(table, numbers={name: at for name, at in table.numbers.items()
+                                     if table.block[name] == one}) for one in blocks]  # fmt: skip
+    units = {_unit(part, apart_m) for part in parts} - {None}
+    return parts if len(units) > 1 else [table]
+
+
+def _unit(table: PlaceTable, apart_m: Apart) -> str | None:
+    """The unit in which distances are those read, apart from those of one name; None if in none."""
+    off = {unit: _off(table, factor, apart_m) for unit, factor in LENGTH.items()}
+    unit = min(off, key=off.__getitem__)
+    near = off[unit] < GROSS_DISTANCE_M
+    return unit if near and _worst(table, LENGTH[unit], apart_m)[2] < GROSS_DISTANCE_M else None
+
+
 def _of(
     table: PlaceTable, file: str, measured: Sequence[str], base: Sequence[str], apart_m: Apart
 ) -> tuple[NominalPlaces, str]:
     """The places of one table, and the sentence on it."""
     begin = f"{file} is a list of nominal places, not an export"
-    off = {unit: _off(table, factor, apart_m) for unit, factor in LENGTH.items()}
-    unit = min(off, key=off.__getitem__)
-    confirmed = off[unit] < GROSS_DISTANCE_M
-    if not (confirmed or (off[unit] == np.inf and table.unit)):
-        why = f"its distances are {_mm(off[unit])} from those read" if off[unit] < np.inf else (
-            "no distance can be compared with the readings yet, and it states no unit"
+    off = min(_off(table, factor, apart_m) for factor in LENGTH.values())
+    unit = _unit(table, apart_m) or (table.unit if off == np.inf else None)
+    own = [name for name in table.numbers if name in (*measured, *base)]
+    if unit is None or not own:
+        why = f"its distances are {_mm(off)} or more from those read" if off < np.inf else (
+            "no distance can be compared with the readings yet"
         )  # fmt: skip
         return NominalPlaces(), f"{begin}; {why}: fill in its places by hand"
-    unit = unit if confirmed else str(table.unit)
-    own = [name for name in table.numbers if name in (*measured, *base)]
-    if not own:
-        return NominalPlaces(), f"{begin}; none of its points was read"
     renamed = dict(zip(own, own, strict=True))
     if (load := _load_point(table, measured, base, LENGTH[unit])) is not None:
         renamed[load] = "load_point"
@@ -257,18 +271,28 @@ def _compared(table: PlaceTable, factor: float, apart_m: Apart) -> str:
     """How far distances are from those read, and whose are clearly farther than all others."""
     off = _each_off(table, factor, apart_m)
     if not off:
-        return "as it states; none of their distances was read"
+        return "as it states; none of their distances can be compared with those read yet"
+    worst, most, rest = _worst(table, factor, apart_m)
+    if most <= CLEARLY_NEARER * rest:
+        return f"distances within {_mm(most)} of those read"
+    return (
+        f"distances within {_mm(rest)} of those read, but those of {worst} up to {_mm(most)} off: "
+        "measure or correct it"
+    )
+
+
+def _worst(table: PlaceTable, factor: float, apart_m: Apart) -> tuple[str, float, float]:
+    """The name without which distances agree best, the largest difference with and without it [m].
+
+    Three points do not show which of them is wrong.
+    """
+    off = _each_off(table, factor, apart_m)
     names = dict.fromkeys(name for pair in off for name in pair)
     most = max(off.values())
     rest = {name: max((d for pair, d in off.items() if name not in pair), default=most)
             for name in names}  # fmt: skip
     worst = min(rest, key=rest.__getitem__)
-    if len(names) <= _BODY or most <= CLEARLY_NEARER * rest[worst]:
-        return f"distances within {_mm(most)} of those read"
-    return (
-        f"distances within {_mm(rest[worst])} of those read, but those of {worst} up to "
-        f"{_mm(most)} off: measure or correct it"
-    )
+    return worst, most, rest[worst] if len(names) > _BODY else most
 
 
 def _off(table: PlaceTable, factor: float, apart_m: Apart) -> float:

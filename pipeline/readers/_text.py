@@ -165,7 +165,7 @@ _LETTERS = {
 }  # fmt: skip
 """Letters of a language beside ASCII, by the code page in which it is written; the first fits."""
 _ASCII = bytes(range(128))
-_NO_LETTER = re.compile(rb"[A-Za-z][\xa3\xa5\xaf\xb3\xb9\xbf][a-z]|[\xe0-\xff]\xb3|\x9c[^ui]")
+_NO_LETTER = re.compile(rb"[A-Za-z][\xa3\xa5\xaf\xb3\xb9\xbf]+[A-Za-z]|[\xe0-\xff]\xb3|\x9c[^ui]")
 """Signs as in `si³a`, `dó³` and `œruba` in cp1252, which are letters of Polish in cp1250."""
 
 
