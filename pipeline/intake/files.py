@@ -445,7 +445,9 @@ def _with_groups(
     with contextlib.suppress(InputError):
         one = found.offer or as_table(name, files[name], hints)
         if one and (both := _regrouped(name, files, one, logged)):
-            return replace(found, exports={name: both[1]}, offer=both[0])
+            unsaid = any(question.about == "unit" for question in both[0].questions)
+            reach = found.reach if unsaid else ()
+            return replace(found, exports={name: both[1]}, offer=both[0], reach=reach)
     return found
 
 
