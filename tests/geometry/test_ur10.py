@@ -98,7 +98,7 @@ def test_one_series_predicts_the_other(campaign):
 
 @pytest.mark.slow
 def test_residuals_with_flipped_signs_name_no_law(campaign):
-    """100 copies, estimated anew: the largest of all statistics is significant in one at most."""
+    """40 copies, estimated anew: the largest of all statistics is significant in one at most."""
     _, read = campaign
     found, _ = taught(campaign, read.readings.series == 0)
     springs = found.stages[2].found
@@ -107,7 +107,7 @@ def test_residuals_with_flipped_signs_name_no_law(campaign):
     laws = list(law_tests.candidates(springs.linear.inputs, slides))
     plain = law_tests.score(springs, np.zeros((0, len(springs.readings)))).copied
     named = 0
-    for turned in law_tests.flips(springs.readings, rng, 100):
+    for turned in law_tests.flips(springs.readings, rng, 40):
         rows = springs.rows
         again = replace(rows, y=rows.along(springs.solution.x) + turned[:, None] * plain)
         copy = replace(
