@@ -13,6 +13,7 @@ from importlib import resources
 
 from pipeline.dialects._titles import titled, triples
 from pipeline.readers._cells import IN_BRACKETS, is_number
+from pipeline.readers.logs import SI
 
 SampledCells = Callable[[], Mapping[str, Sequence[str]]]
 """Returns the cells of each column by title, of the rows that have one cell per title."""
@@ -409,7 +410,7 @@ def _first(
         for role, units in wanted.items():
             if role in ("force", "mass") and counts:
                 continue
-            if unit in units and _is(_stem(words[:-1]), role, axes):
+            if units and unit in (*units, SI) and _is(_stem(words[:-1]), role, axes):
                 if len(found.get(role, ("", ()))[1]) != 1:
                     found[role] = title, (unit,)
             elif _is(_stem(words), role, axes):

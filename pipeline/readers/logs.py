@@ -339,6 +339,8 @@ def joints(
 
 PULSES = "pulses"
 """Unit of joint values that an encoder counts."""
+SI = "si"
+"""Unit of joint values that are radians or metres, whichever the joint has."""
 
 
 def _two(pulses: float | tuple[float, float]) -> tuple[float, float]:
@@ -353,7 +355,8 @@ def _in_pulses(
     per = {q.stem: _two(pulses.get(q.stem, np.nan))[0] for q in axes}
     small = {q.stem: q.units["mm" if q.units is LENGTH else "deg"] for q in axes}
     return [
-        replace(q, units={**q.units, PULSES: small[q.stem] / (per[q.stem] or np.nan)}) for q in axes
+        replace(q, units={**q.units, SI: 1.0, PULSES: small[q.stem] / (per[q.stem] or np.nan)})
+        for q in axes
     ]
 
 
