@@ -170,28 +170,24 @@ def _by_remarks(text: str, points: Sequence[_Point]) -> dict[int, int]:
     """
     lines = {one.line: k for k, one in enumerate(points) if not one.called}
     called = {one.called.lower(): k for k, one in enumerate(points) if one.called}
-    families: dict[str, list[tuple[int, int | None]]] = {}
-    open_ones: list[tuple[str, int]] = []
+    families: dict[str, list[tuple[int, int]]] = {}
+    waiting: dict[str, int] = {}
     for number, line in enumerate(text.split("\n"), 1):
         remark = _REMARK.search(line)
         words = re.findall(r"\w+(?:\[\d+\])?", line[: remark.start()] if remark else line)
         at = lines.get(
             number, next((called[w] for w in map(str.lower, words) if w in called), None)
         )
-        new = [(" ".join(remark["stem"].lower().split()), int(remark["number"]))] if remark else []
-        if at is not None and not new:
-            new, open_ones = open_ones, []
-        elif at is None:
-            open_ones, new = new or open_ones, []
-        for stem, pose in new:
-            families.setdefault(stem, []).append((pose, at))
-    kept = [
-        dict(((at, pose) for pose, at in some))
-        for some in families.values()
-        if len({pose for pose, _ in some}) == len({at for _, at in some}) == len(some) > 1
-    ]
+        if remark:
+            waiting[" ".join(remark["stem"].lower().split())] = int(remark["number"])
+        if at is not None:
+            for stem, pose in waiting.items():
+                families.setdefault(stem, []).append((pose, at))
+            waiting = {}
+    kept = [{at: pose for pose, at in some} for some in families.values()
+            if len({*dict(some)}) == len({*dict(some).values()}) == len(some) > 1]  # fmt: skip
     most = [one for one in kept if len(one) == max(map(len, kept))]
-    return most[0] if all(one == most[0] for one in most) and most else {}
+    return most[0] if most and all(one == most[0] for one in most) else {}
 
 
 def _written(found: Sequence[_Point]) -> bytes:

@@ -13,7 +13,7 @@ from importlib import resources
 
 from pipeline.dialects._titles import titled, triples
 from pipeline.readers._cells import IN_BRACKETS, is_number
-from pipeline.readers.logs import SI
+from pipeline.readers.logs import SI, pose_and_repeat
 
 SampledCells = Callable[[], Mapping[str, Sequence[str]]]
 """Returns the cells of each column by title, of the rows that have one cell per title."""
@@ -64,20 +64,23 @@ def is_unloaded(word: str) -> bool:
     return letters in _known().unloaded
 
 
-def may_be_log(titles: Sequence[str], units: Sequence[str]) -> bool:
+def may_be_log(titles: Sequence[str], cells: SampledCells, units: Sequence[str]) -> bool:
     """Whether the titles may be those of a log.
 
     A column numbers poses or is a force, and none are coordinates; or there are many axes.
 
     Args:
         titles: As written.
+        cells: Cells below them.
         units: Those of forces.
     """
     if called_axes(titles, dict):
         return True
     found = _first(titles, {"pose": (), "force": units})
     forces = _by_unit(titles, units) or _of_pulls(titles, units)
-    return not _coordinates(titles) and bool(found or forces)
+    if _coordinates(titles):
+        return False
+    return bool(found or forces or _by_unit_column({}, cells, units, by_scale=True))
 
 
 def names_a_force(titles: Sequence[str], units: Sequence[str]) -> bool:
@@ -144,15 +147,62 @@ def of_loads(
     found = _first(titles, {role: units.get(role, ()) for role in roles})
     each = _of_pulls(titles, units["force"])
     found = {role: one for role, one in found.items() if one[0] not in dict(each.values())}
+    found |= _by_unit_column(found, cells, units["force"], by_scale)
     found |= {} if found.keys() & {"repeat", *units} else each
     if not found.keys() & {*units, *each}:
         found |= _by_unit(titles, units["force"]) or (_of_a_scale(titles) if by_scale else {})
     if not found.keys() & {*units, *each} or _coordinates(titles):
         return None
+    if not found.keys() & {"pose", "repeat"} and (tags := _tags(cells())):
+        return _ours({**found, "pose_repeat": (tags, ())})
     found = _numbered(found, cells)
     lacking = ("pose",) if {"repeat", *each} & {*found} else ("pose", "repeat")
     found |= _by_counts(found, cells) if "pose" in found else _counted(lacking, found, cells)
     return _ours(found) if "pose" in found else None
+
+
+def _by_unit_column(
+    found: Mapping[str, tuple[str, Sequence[str]]],
+    cells: SampledCells,
+    units: Sequence[str],
+    by_scale: bool,
+) -> dict[str, tuple[str, Sequence[str]]]:
+    """The force in the unit that all cells of a column of their own state.
+
+    Without a title of its own it is the column of numbers before that; kg are a force on a scale.
+    """
+    title, open_units = found.get("force", ("", units))
+    if len(open_units) < 2 or not cells():
+        return {}
+    said = {one: {_unit(cell.strip().lower()) for cell in own} for one, own in cells().items()}
+    of = {one: some for one, some in said.items() if some <= {*units} and len(some) == 1}
+    if len(of) != 1:
+        return {}
+    (column, (unit,)), titles = *of.items(), [*said]
+    if unit == "kg" and not by_scale:
+        return {}
+    before = titles[max(titles.index(column) - 1, 0)]
+    numbers = all(map(is_number, filter(None, cells()[before]))) and any(cells()[before])
+    return {"force": (title or before, (unit,))} if title or numbers else {}
+
+
+def _tags(cells: Mapping[str, Sequence[str]]) -> str | None:
+    """The column whose cells begin with the numbers of pose and pull, the pulls of each in order.
+
+    A cell without a number belongs to no pull.
+    """
+    found = []
+    for title, own in cells.items():
+        some = [pose_and_repeat(one) for one in own if any(map(str.isdecimal, one))]
+        pulls = defaultdict[int, list[int]](list)
+        for pose, repeat in filter(None, some):
+            pulls[pose].append(repeat)
+        runs = [*itertools.groupby(one[0] for one in some if one)]
+        counted = all(one == [*range(one[0], one[0] + len(one))] for one in pulls.values())
+        begun = {one[0] for one in pulls.values()} <= {0, 1}
+        if None not in some and counted and begun and 1 < len(pulls) == len(runs):
+            found.append(title)
+    return found[0] if len(found) == 1 else None
 
 
 def _by_counts(

@@ -83,8 +83,8 @@ def may_be_log(name: str, data: bytes) -> bool:
         InputError: It is not text, or several sheets have one.
     """
 
-    def log(titles: Sequence[str], _: _log_words.SampledCells) -> dict[str, str] | None:
-        return {} if _log_words.may_be_log(titles, tuple(SCALE)) else None
+    def log(titles: Sequence[str], cells: _log_words.SampledCells) -> dict[str, str] | None:
+        return {} if _log_words.may_be_log(titles, cells, tuple(SCALE)) else None
 
     return _understood(name, data, "scale", log) is not None
 

@@ -44,6 +44,7 @@ from pipeline.reduction.case import ExportTreatment
 from pipeline.reduction.digits import rounding
 from pipeline.reduction.register import read_apart
 from pipeline.reduction.set_aside import NamedAside
+from pipeline.reduction.rows_of_poses import rows_of_poses
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
 from pipeline.reduction.weights import PULL
 
@@ -133,8 +134,7 @@ def ingest(
     joints = _leaving(joints, why)
     if settings.displacements:
         return _reduced(settings, settings.displacements, robot, raw, joints, doubt, why)
-    found = _raw(settings, robot, raw, joints, plausible, doubt, why)
-    return replace(found, torques=_torques(logged, robot))
+    return _raw(settings, robot, raw, joints, logged, plausible, doubt, why)
 
 
 def _poses(log: logs.Log) -> Array:
@@ -208,6 +208,7 @@ def _raw(
     robot: Robot,
     raw: Mapping[str, bytes],
     joints: logs.Log,
+    logged: logs.Log,
     plausible: bool,
     doubt: InputError | None,
     left_out: Mapping[int, str],
@@ -221,10 +222,13 @@ def _raw(
         much=len(log) > WORTH_A_THREAD,
     )
     _some_reading(exports)
-    logged = np.concatenate([_poses(loads), _poses(joints)])
-    words = {*map(pose_names.letters_of, logged)} - {""}
+    every = np.concatenate([_poses(loads), _poses(joints)])
+    words = {*map(pose_names.letters_of, every)} - {""}
     everything = _raw_readings.gather(exports, settings, loads.states, words)
-    if own := pose_names.numbers([*everything.pose, *logged]):
+    rows = rows_of_poses(settings, robot, everything, joints, frozenset(left_out))
+    if rows:
+        joints, logged, left_out = rows.of(joints), rows.of(logged), {}
+    if own := pose_names.numbers([*everything.pose, *every]):
         everything = replace(everything, pose=_renumbered(everything.pose, own))
         loads, joints = (_with_own_numbers(one, own) for one in (loads, joints))
         joints, left_out = _stood_again(joints, left_out, own)
@@ -268,7 +272,9 @@ def _raw(
         lost=_raw_readings.lost(shots, whole),
         unused=_raw_readings.unused(everything, whole),
         aside=aside,
-        treated=_treated(exports, own),
+        treated=_treated(exports, own)
+        + tuple(ExportTreatment(joints.file, None, None, (one.said,)) for one in [rows] if one),
+        torques=_torques(logged, robot),
     )
 
 
