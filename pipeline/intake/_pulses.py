@@ -11,12 +11,16 @@ import numpy as np
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import Robot
 from pipeline.readers import logs
+from pipeline.readers._cells import is_number
+from pipeline.readers._text import text as decoded
 from pipeline.readers.export_settings import JointForm, LogForm
 
 _TURNS = 720.0
 """Largest angle that a controller shows [deg]: axes turn twice."""
 _LARGEST = 200_000
 """Maximum size of a file in which pulses per degree are looked for [byte]."""
+_BETWEEN = (";", "\t", r"\|", r"\s{2,}", ",", r"\s+")
+"""What separates the cells of a table in a text: the first that a line has."""
 _WORD = re.compile(r"pul[sz]|パルス", re.IGNORECASE)
 
 
@@ -41,13 +45,43 @@ def in_pulses(name: str, data: bytes, robot: Robot, form: LogForm) -> LogForm | 
 def per_degree(files: Mapping[str, bytes], axes: Sequence[str]) -> dict[str, float]:
     """Pulses per degree of all axes from a list that speaks of pulses; empty if none has them all.
 
-    A number follows the name of each axis, in a line of its own or one after the other.
+    A number follows the name of each axis, in a line of its own or one after the other, or stands in
+    a column whose title speaks of pulses.
     """
-    for data in files.values() if axes else ():
-        text = data.decode("utf-8", "replace") if len(data) <= _LARGEST else ""
+    for name, data in files.items() if axes else ():
+        text = _as_text(name, data)
+        if listed := _in_a_column(text, axes):
+            return listed
         ways = (re.findall(rf"(?<!\w){re.escape(a)}(?!\w)[^\n\w.+-]*([0-9]+[.,]?[0-9]*)", text)
                 for a in axes)  # fmt: skip
         found = dict(zip(axes, ways, strict=True))
         if _WORD.search(text) and all(len({*some}) == 1 for some in found.values()):
             return {axis: float(some[0].replace(",", ".")) for axis, some in found.items()}
     return {}
+
+
+def _as_text(name: str, data: bytes) -> str:
+    """A small file in its encoding; empty if it is none."""
+    with contextlib.suppress(InputError):
+        return decoded(name, data).data.decode() if len(data) <= _LARGEST else ""
+    return ""
+
+
+def _in_a_column(text: str, axes: Sequence[str]) -> dict[str, float]:
+    """Pulses per degree of all axes from a table with a row for each; empty if there is none.
+
+    Its titles are as many as the cells of each row that begins with the name of an axis.
+    """
+    titles: list[str] = []
+    found: dict[str, set[float]] = {}
+    for line in text.splitlines():
+        mark = next((one for one in _BETWEEN if re.search(one, line.strip())), ",")
+        cells = [one.strip() for one in re.split(mark, line.strip(" |\t"))]
+        if _WORD.search(line) and len(cells) > 1:
+            titles = cells
+        elif cells[0] in axes and len(cells) == len(titles):
+            own = [c for title, c in zip(titles, cells, strict=True) if _WORD.search(title)]
+            if len(own) == 1 and is_number(own[0]):
+                found.setdefault(cells[0], set()).add(float(own[0].replace(",", ".")))
+    whole = found.keys() == {*axes} and all(len(one) == 1 for one in found.values())
+    return {axis: found[axis].pop() for axis in axes} if whole else {}
