@@ -65,7 +65,8 @@ _ROW = re.compile(
 )
 _ROW_AXIS = re.compile(rf"\b(JT|[AJE])([1-9])[ \t]*[=:][ \t]*({_NUMBER})", re.IGNORECASE)
 _JNTP = re.compile(
-    rf"^[ \t]*(?P<name>\w+)[ \t]+JNTP\b[^\n]*\n(?P<axes>(?:\s*\b[1-9][0-9]?[ \t]*:[ \t]*{_NUMBER})+)",
+    rf"^[ \t]*(?P<name>\w+)[ \t]+JNTP\b[^\n]*\n"
+    rf"(?P<axes>(?:\s*\b[1-9][0-9]?[ \t]*:[ \t]*{_NUMBER})+)",
     re.MULTILINE | re.IGNORECASE,
 )
 _JNTP_AXIS = re.compile(rf"\b([1-9][0-9]?)[ \t]*:[ \t]*({_NUMBER})")
@@ -155,39 +156,52 @@ def _points(data: bytes) -> list[_Point]:
     """All points of a file."""
     ways = [way for way, mark in _FORMS if len(data) <= _LARGEST and mark.search(data)]
     text = decoded("", data).data.decode().replace("\r\n", "\n") if ways else ""
-    found = [one for way in ways for one in way(text) if one.axes]
-    said = _by_remarks(text, found) if found else {}
-    named = {id(one) for _, one in _by_names(found)}
-    if 2 * len(said) <= len(found) or len(said) < len(named):
-        return found
-    return [one._replace(name=f"pose{said[k]}" if k in said else "") for k, one in enumerate(found)]
+    return _as_remarked(text, [one for way in ways for one in way(text) if one.axes])
+
+
+def _as_remarked(text: str, points: list[_Point]) -> list[_Point]:
+    """Points under the numbers of remarks, if they number most, and as many as names do."""
+    said = _by_remarks(text, points) if points else {}
+    if 2 * len(said) <= len(points) or len(said) < len({id(one) for _, one in _by_names(points)}):
+        return points
+    called = {k: f"pose{number}" for k, number in said.items()}
+    return [one._replace(name=called.get(k, "")) for k, one in enumerate(points)]
 
 
 def _by_remarks(text: str, points: Sequence[_Point]) -> dict[int, int]:
-    """Numbers of points, by their index, from remarks above or behind the instructions that go there.
+    """Numbers of points, by their index, from remarks above or behind the instructions to go there.
 
     Each of the remarks that begin with the same words has a number of its own, and a point.
     """
-    lines = {one.line: k for k, one in enumerate(points) if not one.called}
-    called = {one.called.lower(): k for k, one in enumerate(points) if one.called}
     families: dict[str, list[tuple[int, int]]] = {}
     waiting: dict[str, int] = {}
-    for number, line in enumerate(text.split("\n"), 1):
-        remark = _REMARK.search(line)
-        words = re.findall(r"\w+(?:\[\d+\])?", line[: remark.start()] if remark else line)
-        at = lines.get(
-            number, next((called[w] for w in map(str.lower, words) if w in called), None)
-        )
+    for at, remark in _visits(text, points):
         if remark:
             waiting[" ".join(remark["stem"].lower().split())] = int(remark["number"])
         if at is not None:
             for stem, pose in waiting.items():
                 families.setdefault(stem, []).append((pose, at))
             waiting = {}
-    kept = [{at: pose for pose, at in some} for some in families.values()
-            if len({*dict(some)}) == len({*dict(some).values()}) == len(some) > 1]  # fmt: skip
+    kept = [{at: pose for pose, at in some} for some in families.values() if _one_to_one(some)]
     most = [one for one in kept if len(one) == max(map(len, kept))]
     return most[0] if most and all(one == most[0] for one in most) else {}
+
+
+def _one_to_one(pairs: Sequence[tuple[int, int]]) -> bool:
+    """Whether several pairs have no number in common with each other."""
+    return len({a for a, _ in pairs}) == len({b for _, b in pairs}) == len(pairs) > 1
+
+
+def _visits(
+    text: str, points: Sequence[_Point]
+) -> Iterator[tuple[int | None, re.Match[str] | None]]:
+    """The index of the point to which each line goes, None if to none; and its remark."""
+    lines = {one.line: k for k, one in enumerate(points) if not one.called}
+    called = {one.called.lower(): k for k, one in enumerate(points) if one.called}
+    for number, line in enumerate(text.split("\n"), 1):
+        remark = _REMARK.search(line)
+        words = re.findall(r"\w+(?:\[\d+\])?", line[: remark.start() if remark else None].lower())
+        yield lines.get(number, next((called[w] for w in words if w in called), None)), remark
 
 
 def _written(found: Sequence[_Point]) -> bytes:
@@ -303,16 +317,16 @@ def _blocks(text: str) -> Iterator[_Point]:
     if _INCREMENTS.search(text):
         return
     rows = [_WORD.findall(line.partition(";")[0].upper()) for line in text.split("\n")]
-    stems = {stem for row in rows for stem, number, _ in row if number == "4"}
-    turn = next((one for one in ("A", "J", "C", *sorted(stems)) if one in stems), "")
-    slides = dict.fromkeys(stem + k for row in rows for stem, k, _ in row if stem != turn)
+    words = dict.fromkeys((stem, k) for row in rows for stem, k, _ in row)
+    stems = sorted((stem for stem, k in words if k == "4"), key=lambda one: (one != "A", one))
     unit = "in" if _INCHES.search(text) else "mm"
-    called = {one: f"E{k} [{unit}]" for k, one in enumerate(slides, 1)}
+    slides = [word for word in words if word[0] not in stems[:1]]
+    title = {(stem, k): f"A{k} [deg]" for stem, k in words if stem in stems[:1]}
+    title |= {word: f"E{k} [{unit}]" for k, word in enumerate(slides, 1)}
     now: dict[str, float] = {}
-    every = {*called.values(), *(f"A{k} [deg]" for row in rows for s, k, _ in row if s == turn)}
     for line, row in enumerate(rows, 1):
-        now |= {called.get(stem + k, f"A{k} [deg]"): float(x) for stem, k, x in row}
-        if row and now.keys() == every:
+        now |= {title[stem, k]: float(x) for stem, k, x in row}
+        if row and len(now) == len(title):
             yield _Point(line, "", dict(now))
 
 

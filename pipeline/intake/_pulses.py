@@ -45,8 +45,8 @@ def in_pulses(name: str, data: bytes, robot: Robot, form: LogForm) -> LogForm | 
 def per_degree(files: Mapping[str, bytes], axes: Sequence[str]) -> dict[str, float]:
     """Pulses per degree of all axes from a list that speaks of pulses; empty if none has them all.
 
-    A number follows the name of each axis, in a line of its own or one after the other, or stands in
-    a column whose title speaks of pulses.
+    A number follows the name of each axis, in a line of its own or one after the other, or is in a
+    column whose title speaks of pulses.
     """
     for name, data in files.items() if axes else ():
         text = _as_text(name, data)
@@ -72,16 +72,18 @@ def _in_a_column(text: str, axes: Sequence[str]) -> dict[str, float]:
 
     Its titles are as many as the cells of each row that begins with the name of an axis.
     """
-    titles: list[str] = []
-    found: dict[str, set[float]] = {}
-    for line in text.splitlines():
-        mark = next((one for one in _BETWEEN if re.search(one, line.strip())), ",")
-        cells = [one.strip() for one in re.split(mark, line.strip(" |\t"))]
-        if _WORD.search(line) and len(cells) > 1:
-            titles = cells
-        elif cells[0] in axes and len(cells) == len(titles):
-            own = [c for title, c in zip(titles, cells, strict=True) if _WORD.search(title)]
-            if len(own) == 1 and is_number(own[0]):
-                found.setdefault(cells[0], set()).add(float(own[0].replace(",", ".")))
-    whole = found.keys() == {*axes} and all(len(one) == 1 for one in found.values())
-    return {axis: found[axis].pop() for axis in axes} if whole else {}
+    rows = [_cells(line.strip(" |\t")) for line in text.splitlines()]
+    found: dict[str, set[str]] = {axis: set() for axis in axes}
+    for k, row in enumerate(rows):
+        if row[0] in axes:
+            above = (one for one in rows[k::-1] if len(one) == len(row) and row[0] not in one[:1])
+            titles = next((one for one in above if any(map(_WORD.search, one))), [])
+            own = [cell for title, cell in zip(titles, row, strict=False) if _WORD.search(title)]
+            found[row[0]] |= {*own}
+    whole = all(len(one) == 1 and is_number(*one) for one in found.values())
+    return {k: float(one.pop().replace(",", ".")) for k, one in found.items()} if whole else {}
+
+
+def _cells(line: str) -> list[str]:
+    mark = next((one for one in _BETWEEN if re.search(one, line)), ",")
+    return [one.strip() for one in re.split(mark, line)]

@@ -237,7 +237,8 @@ def naming(name: str, data: bytes, names: set[str]) -> dict[str, set[str]]:
 
 def unknown(name: str, data: bytes, stated: LogForm) -> tuple[str, ...]:
     """Titles of a log of loads that are not ours, as written."""
-    ours = {one for q in (*of_loads(), POSE_REPEAT) for one in (*map(str.lower, names_of(q)), q.stem)}
+    every = *of_loads(), POSE_REPEAT
+    ours = {one for q in every for one in (*map(str.lower, names_of(q)), q.stem)}
     file = opened(name, data, stated, "scale", POSE.stem, has_load)
     both = zip(file.titles, file.written, strict=True)
     return tuple(written for title, written in both if title and title not in ours)

@@ -55,7 +55,7 @@ class LogFiles:
 
 
 def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
-    """Find the logs among some files; of several of one kind the first.
+    """Find the logs among some files; of several of one kind the first that can be read in full.
 
     A workbook may be both, and an export, too, with one sheet for each.
 
@@ -67,7 +67,7 @@ def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
     proposal = LogFiles()
     for name, data in files.items():
         if _may_be_log(name, data):
-            proposal = _with_log(proposal, name, data, robots, makers)
+            proposal = _with_log(proposal, name, files, robots, makers)
     found = pulses_among(files, proposal)
     return replace(proposal, decimal_commas=_with_commas(files, proposal), pulses=found)
 
@@ -80,20 +80,22 @@ def pulses_among(files: Mapping[str, bytes], logged: LogFiles) -> dict[str, floa
 def _with_log(
     proposal: LogFiles,
     name: str,
-    data: bytes,
+    files: Mapping[str, bytes],
     robots: Mapping[str, Robot],
     makers: frozenset[str],
 ) -> LogFiles:
     """The logs with a file that may be one, or both in a workbook; refused if no robot fits."""
+    data = files[name]
+    whole = partial(_read_in_full, files, robots)
     fits = _having(name, data, robots, makers)
     form = _loads(name, data) if not fits or is_workbook(data) else None
     if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
         columns = {robot: form.columns for robot, form in fits.items()}
         new = {"joints": name, "robots": tuple(fits), "joint_columns": columns}
-        proposal = _added(proposal, name, new, proposal.joints)
+        proposal = _added(proposal, name, new, "joints", whole)
     if form:
         new = {"loads": name, "load_columns": form.columns}
-        return _added(proposal, name, new, proposal.loads)
+        return _added(proposal, name, new, "loads", whole)
     if fits or not (axes := log_columns.titles_of_axes(name, data)):
         return proposal
     return replace(proposal, refused=proposal.refused | {name: _no_joint_log(name, data, axes)})
@@ -152,11 +154,38 @@ def _may_be_log(name: str, data: bytes) -> bool:
         return is_workbook(data)  # several of its sheets may qualify: each log looks for its own
 
 
-def _added(proposal: LogFiles, name: str, new: Mapping[str, Any], earlier: str | None) -> LogFiles:
-    """The logs with one more, which is refused if an earlier one is of the same kind."""
+def _added(
+    proposal: LogFiles,
+    name: str,
+    new: Mapping[str, Any],
+    kind: str,
+    whole: Callable[[str, Mapping[str, Any]], tuple[bool, bool]],
+) -> LogFiles:
+    """The logs with one more; of two of a kind the one that is read in full, else the earlier."""
+    earlier = vars(proposal)[kind]
     if earlier is None:
         return replace(proposal, **new)
-    return replace(proposal, refused=proposal.refused | {name: f"{earlier} is such a log, too"})
+    later = whole(kind, new) > whole(kind, vars(proposal))
+    used, spare = (name, earlier) if later else (earlier, name)
+    refused = proposal.refused | {spare: f"{used} is such a log, too"}
+    return replace(replace(proposal, **new) if later else proposal, refused=refused)
+
+
+def _read_in_full(
+    files: Mapping[str, bytes], robots: Mapping[str, Robot], kind: str, log: Mapping[str, Any]
+) -> tuple[bool, bool]:
+    """Whether a log can be read with no row rejected and no unit open, and has our titles."""
+    name = log[kind]
+    columns = log["load_columns"] if kind == "loads" else log["joint_columns"][log["robots"][0]]
+    with contextlib.suppress(InputError):
+        form = log_columns.settled(LogForm(columns=columns))
+        read = (
+            logs.loads(name, files[name], form)
+            if kind == "loads"
+            else logs.joints(name, files[name], robots[log["robots"][0]], form)
+        )
+        return not read.rejected and not any("|" in one for one in columns.values()), not columns
+    return False, not columns
 
 
 def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:

@@ -43,8 +43,8 @@ from pipeline.reduction._raw_readings import (
 from pipeline.reduction.case import ExportTreatment
 from pipeline.reduction.digits import rounding
 from pipeline.reduction.register import read_apart
-from pipeline.reduction.set_aside import NamedAside
 from pipeline.reduction.rows_of_poses import rows_of_poses
+from pipeline.reduction.set_aside import NamedAside
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
 from pipeline.reduction.weights import PULL
 
