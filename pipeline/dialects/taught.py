@@ -70,8 +70,12 @@ _JNTP = re.compile(
     re.MULTILINE | re.IGNORECASE,
 )
 _JNTP_AXIS = re.compile(rf"\b([1-9][0-9]?)[ \t]*:[ \t]*({_NUMBER})")
-_WORD = re.compile(rf"(?<![\w$])([A-Z]+)([1-9]?)[ \t]*=[ \t]*({_NUMBER})(?![\w.(])", re.IGNORECASE)
-"""A word of a block, `X=12.5` or `A1=3`."""
+_WORD = re.compile(
+    rf"(?<![\w$])(?:([A-Z]+)([1-9]?)[ \t]*=[ \t]*|([UVWXYZ])(?=[-+.\d]))({_NUMBER})(?![\w.(])"
+)
+"""A word of a block that may be an axis: `X=12.5`, `X12.5` or `A1=3`."""
+_NO_AXES = {*"DFGHIKLMNPRST", "CR", "AR", "RND", "CHF", "CHR", "ACC"}
+"""Other addresses of a block: number, feed, tool, parameter, radius."""
 _INCREMENTS, _INCHES = re.compile(r"\bG91\b"), re.compile(r"\bG70?0\b")
 _STATE = re.compile(rf"(?P<names>(?:[A-Z_][\w/]*,){{4,}})(?P<values>{_NUMBER}(?:,{_NUMBER})*)",
                     re.IGNORECASE)  # fmt: skip
@@ -174,17 +178,23 @@ def _by_remarks(text: str, points: Sequence[_Point]) -> dict[int, int]:
     Each of the remarks that begin with the same words has a number of its own, and a point.
     """
     families: dict[str, list[tuple[int, int]]] = {}
+    for stem, pose, at in _remarked(text, points):
+        families.setdefault(stem, []).append((pose, at))
+    kept = [{at: pose for pose, at in some} for some in families.values() if _one_to_one(some)]
+    kept.sort(key=len, reverse=True)
+    rivals = [one for one in kept[1:] if len(one) == len(kept[0])]
+    return {} if not kept or any(one != kept[0] for one in rivals) else kept[0]
+
+
+def _remarked(text: str, points: Sequence[_Point]) -> Iterator[tuple[str, int, int]]:
+    """Words and number of each remark, and the index of the point that comes next."""
     waiting: dict[str, int] = {}
     for at, remark in _visits(text, points):
         if remark:
             waiting[" ".join(remark["stem"].lower().split())] = int(remark["number"])
         if at is not None:
-            for stem, pose in waiting.items():
-                families.setdefault(stem, []).append((pose, at))
+            yield from ((stem, number, at) for stem, number in waiting.items())
             waiting = {}
-    kept = [{at: pose for pose, at in some} for some in families.values() if _one_to_one(some)]
-    most = [one for one in kept if len(one) == max(map(len, kept))]
-    return most[0] if most and all(one == most[0] for one in most) else {}
 
 
 def _one_to_one(pairs: Sequence[tuple[int, int]]) -> bool:
@@ -316,18 +326,34 @@ def _blocks(text: str) -> Iterator[_Point]:
     """
     if _INCREMENTS.search(text):
         return
-    rows = [_WORD.findall(line.partition(";")[0].upper()) for line in text.split("\n")]
-    words = dict.fromkeys((stem, k) for row in rows for stem, k, _ in row)
-    stems = sorted((stem for stem, k in words if k == "4"), key=lambda one: (one != "A", one))
-    unit = "in" if _INCHES.search(text) else "mm"
-    slides = [word for word in words if word[0] not in stems[:1]]
-    title = {(stem, k): f"A{k} [deg]" for stem, k in words if stem in stems[:1]}
-    title |= {word: f"E{k} [{unit}]" for k, word in enumerate(slides, 1)}
+    rows = [_words(line.partition(";")[0].upper()) for line in text.split("\n")]
+    title = _titles_of_words(rows, "in" if _INCHES.search(text) else "mm")
     now: dict[str, float] = {}
     for line, row in enumerate(rows, 1):
-        now |= {title[stem, k]: float(x) for stem, k, x in row}
-        if row and len(now) == len(title):
+        here = {title[word]: value for word, value in row.items() if word in title}
+        now |= here
+        if here and len(now) == len(title):
             yield _Point(line, "", dict(now))
+
+
+def _words(block: str) -> dict[tuple[str, str], float]:
+    """Values by name and number of the words of a block that may be axes."""
+    found = ((one[1] or one[3], one[2] or "", float(one[4])) for one in _WORD.finditer(block))
+    return {(stem, k): value for stem, k, value in found if stem not in _NO_AXES}
+
+
+def _titles_of_words(
+    rows: Sequence[Mapping[tuple[str, str], float]], unit: str
+) -> dict[tuple[str, str], str]:
+    """Our titles for words: axes that turn, and what moves in the same blocks."""
+    every = [*chain(*rows)]
+    stems = sorted({stem for stem, k in every if k == "4"} - {"E"})
+    turn = "A" if "A" in stems else "".join(stems[:1])
+    arm = sorted({(stem, k) for stem, k in every if k and stem == turn})
+    slides = dict.fromkeys(chain(*(row for row in rows if not row.keys().isdisjoint(arm))))
+    called = (word for word in slides if word not in arm)
+    titles = {word: f"A{word[1]} [deg]" for word in arm}
+    return titles | {word: f"E{k} [{unit}]" for k, word in enumerate(called, 1)}
 
 
 def _states(text: str) -> Iterator[_Point]:

@@ -6,10 +6,11 @@ import itertools
 import re
 import tomllib
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from operator import itemgetter
 
 from pipeline.dialects._titles import titled, triples
 from pipeline.readers._cells import IN_BRACKETS, is_number
@@ -153,6 +154,13 @@ def of_loads(
         found |= _by_unit(titles, units["force"]) or (_of_a_scale(titles) if by_scale else {})
     if not found.keys() & {*units, *each} or _coordinates(titles):
         return None
+    return _with_numbers(found, cells, each)
+
+
+def _with_numbers(
+    found: dict[str, tuple[str, Sequence[str]]], cells: SampledCells, each: Iterable[str]
+) -> dict[str, str] | None:
+    """Our names for the roles and for the columns that number poses and pulls."""
     if not found.keys() & {"pose", "repeat"} and (tags := _tags(cells())):
         return _ours({**found, "pose_repeat": (tags, ())})
     found = _numbered(found, cells)
@@ -172,37 +180,41 @@ def _by_unit_column(
     Without a title of its own it is the column of numbers before that; kg are a force on a scale.
     """
     title, open_units = found.get("force", ("", units))
-    if len(open_units) < 2 or not cells():
+    columns = cells() if len(open_units) > 1 else {}
+    of = _of_one_unit(columns, units)
+    if len(of) != 1 or (of[0][1] == "kg" and not by_scale):
         return {}
-    said = {one: {_unit(cell.strip().lower()) for cell in own} for one, own in cells().items()}
-    of = {one: some for one, some in said.items() if some <= {*units} and len(some) == 1}
-    if len(of) != 1:
-        return {}
-    (column, (unit,)), titles = *of.items(), [*said]
-    if unit == "kg" and not by_scale:
-        return {}
-    before = titles[max(titles.index(column) - 1, 0)]
-    numbers = all(map(is_number, filter(None, cells()[before]))) and any(cells()[before])
-    return {"force": (title or before, (unit,))} if title or numbers else {}
+    before = [*columns][max([*columns].index(of[0][0]) - 1, 0)]
+    numbers = [*map(is_number, filter(None, columns[before]))]
+    return {"force": (title or before, (of[0][1],))} if title or all(numbers or [False]) else {}
+
+
+def _of_one_unit(
+    columns: Mapping[str, Sequence[str]], units: Sequence[str]
+) -> list[tuple[str, str]]:
+    """The columns all of whose cells are the same unit, and this."""
+    said = {one: {_unit(cell.strip().lower()) for cell in own} for one, own in columns.items()}
+    return [(one, min(some)) for one, some in said.items() if len(some) == 1 and some <= {*units}]
 
 
 def _tags(cells: Mapping[str, Sequence[str]]) -> str | None:
-    """The column whose cells begin with the numbers of pose and pull, the pulls of each in order.
+    """The only column whose cells begin with the numbers of pose and pull; None if there is none.
 
     A cell without a number belongs to no pull.
     """
-    found = []
-    for title, own in cells.items():
-        some = [pose_and_repeat(one) for one in own if any(map(str.isdecimal, one))]
-        pulls = defaultdict[int, list[int]](list)
-        for pose, repeat in filter(None, some):
-            pulls[pose].append(repeat)
-        runs = [*itertools.groupby(one[0] for one in some if one)]
-        counted = all(one == [*range(one[0], one[0] + len(one))] for one in pulls.values())
-        begun = {one[0] for one in pulls.values()} <= {0, 1}
-        if None not in some and counted and begun and 1 < len(pulls) == len(runs):
-            found.append(title)
+    numbered = {
+        title: [one for one in own if re.search(r"\d", one)] for title, own in cells.items()
+    }
+    found = [title for title, own in numbered.items() if _count_on([*map(pose_and_repeat, own)])]
     return found[0] if len(found) == 1 else None
+
+
+def _count_on(pulls: Sequence[tuple[int, int] | None]) -> bool:
+    """Whether pose after pose, each numbers its pulls from 0 or 1 on."""
+    own = [one for one in pulls if one]
+    runs = [[pull for _, pull in some] for _, some in itertools.groupby(own, itemgetter(0))]
+    counted = all(one == [*range(one[0], one[0] + len(one))] and one[0] < 2 for one in runs)
+    return counted and len(own) == len(pulls) and 1 < len(runs) == len({pose for pose, _ in own})
 
 
 def _by_counts(

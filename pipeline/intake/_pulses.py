@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -73,15 +73,21 @@ def _in_a_column(text: str, axes: Sequence[str]) -> dict[str, float]:
     Its titles are as many as the cells of each row that begins with the name of an axis.
     """
     rows = [_cells(line.strip(" |\t")) for line in text.splitlines()]
-    found: dict[str, set[str]] = {axis: set() for axis in axes}
-    for k, row in enumerate(rows):
-        if row[0] in axes:
-            above = (one for one in rows[k::-1] if len(one) == len(row) and row[0] not in one[:1])
-            titles = next((one for one in above if any(map(_WORD.search, one))), [])
-            own = [cell for title, cell in zip(titles, row, strict=False) if _WORD.search(title)]
-            found[row[0]] |= {*own}
-    whole = all(len(one) == 1 and is_number(*one) for one in found.values())
+    found = {axis: {*_counts(rows, axis)} for axis in axes}
+    whole = all(len(one) == 1 for one in found.values())
     return {k: float(one.pop().replace(",", ".")) for k, one in found.items()} if whole else {}
+
+
+def _counts(rows: Sequence[Sequence[str]], axis: str) -> Iterator[str]:
+    """Numbers below a title of pulses in rows of an axis, the nearest of as many cells."""
+    for k, row in enumerate(rows):
+        titled = (
+            one for one in rows[k::-1] if len(one) == len(row) and any(map(_WORD.search, one))
+        )
+        titles = next(titled, ()) if row[0] == axis else ()
+        for title, cell in zip(titles, row, strict=False):
+            if _WORD.search(title) and is_number(cell):
+                yield cell
 
 
 def _cells(line: str) -> list[str]:

@@ -159,7 +159,7 @@ def _added(
     name: str,
     new: Mapping[str, Any],
     kind: str,
-    whole: Callable[[str, Mapping[str, Any]], tuple[bool, bool]],
+    whole: Callable[[str, Mapping[str, Any]], bool],
 ) -> LogFiles:
     """The logs with one more; of two of a kind the one that is read in full, else the earlier."""
     earlier = vars(proposal)[kind]
@@ -173,8 +173,8 @@ def _added(
 
 def _read_in_full(
     files: Mapping[str, bytes], robots: Mapping[str, Robot], kind: str, log: Mapping[str, Any]
-) -> tuple[bool, bool]:
-    """Whether a log can be read with no row rejected and no unit open, and has our titles."""
+) -> bool:
+    """Whether a log can be read with no row rejected and no unit open."""
     name = log[kind]
     columns = log["load_columns"] if kind == "loads" else log["joint_columns"][log["robots"][0]]
     with contextlib.suppress(InputError):
@@ -184,8 +184,8 @@ def _read_in_full(
             if kind == "loads"
             else logs.joints(name, files[name], robots[log["robots"][0]], form)
         )
-        return not read.rejected and not any("|" in one for one in columns.values()), not columns
-    return False, not columns
+        return not read.rejected and not any("|" in one for one in columns.values())
+    return False
 
 
 def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:

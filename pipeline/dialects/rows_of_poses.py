@@ -25,9 +25,6 @@ from pipeline.base.quantities import plain
 from pipeline.machine.robot import Robot, configure
 from pipeline.readers.logs import Log, joint_values
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
-from pipeline.reduction._raw_readings import RawReadings
-from pipeline.reduction.effector import tool
-from pipeline.reduction.settings import Settings
 
 _FEWEST, _MOST = 4, 200
 """Number of poses that an order can be seen from, and of rows that a person writes [1]."""
@@ -84,58 +81,62 @@ class _Sequences(Locked):
 
 
 def rows_of_poses(
-    settings: Settings, robot: Robot, shots: RawReadings, joints: Log, out: frozenset[int]
+    robot: Robot, tool: Array, unloaded: tuple[Ints, Array], joints: Log, out: frozenset[int]
 ) -> RowsOfPoses | None:
     """The rows of a joint log by their poses, None if their own numbers are right or undecidable.
 
     Args:
-        settings: campaign.toml.
         robot: The robot.
-        shots: All readings.
+        tool: Its reflectors in the flange frame [m], shape (t, 3).
+        unloaded: Poses, shape (p,), and the readings of their reflectors [m], shape (p, t, 3); NaN
+            where one was not read.
         joints: A row for each pose that the robot can take.
         out: Numbers of the other rows.
 
     Raises:
         InputError: Two rows may be those of one pose.
     """
-    own = joints.number["pose"].astype(int)
-    poses, seen = _unloaded(shots, len(settings.measured))
-    counted = np.array_equal(np.sort([*own, *out]), np.arange(1, len(own) + len(out) + 1))
-    if not counted or (np.diff(own) < 0).any() or {*own.tolist()} == {*poses.tolist()}:
+    (poses, seen), own = unloaded, joints.number["pose"].astype(int)
+    few, many = sorted([len(poses), len(own)])
+    if len(tool) < _TARGETS or few < _FEWEST or many > _MOST or not _counted(own, poses, out):
         return None
-    if len(settings.measured) < _TARGETS or not _FEWEST <= len(poses) <= _MOST >= len(own):
-        return None
-    both = _Sequences(
-        configure(robot, joint_values(joints, robot)).points(tool(settings).points), seen
-    )
+    both = _Sequences(configure(robot, joint_values(joints, robot)).points(tool), seen)
     _, at, of = np.intersect1d(own, poses, return_indices=True)
     if len(at) and both.off(*both.moved(at, of))[at, of].max() < GROSS_DISTANCE_M**2:
         return None
-    found = [_aligned(both, *start) for start in _starts(both)]
-    pairs, off = max(found, key=_fit, default=(np.zeros((0, 2), int), np.zeros((0, 0))))
-    by_number = np.sqrt(off[at, of]) if len(pairs) else np.zeros(0)
-    right, most = int(np.sum(by_number < GROSS_DISTANCE_M)), min(len(own), len(poses))
-    shifted = 2 * right < len(at) and 4 * len(pairs) >= 3 * most
-    if len(pairs) <= right or not (shifted or len(pairs) == most):
+    pairs, off = max((_aligned(both, *start) for start in _starts(both)), key=_fit, default=_NONE)
+    if len(pairs) < _FEWEST or not _better(pairs, off.shape, np.sqrt(off[at, of])):
         return None
     _certain(both, joints, pairs, off, poses)
-    return _taken(joints, poses, pairs, np.sqrt(off[tuple(pairs.T)]), by_number)
+    return _taken(joints, poses, pairs, np.sqrt(off[tuple(pairs.T)]), np.sqrt(off[at, of]))
+
+
+def _counted(own: Ints, poses: Ints, out: frozenset[int]) -> bool:
+    """Whether the rows are numbered from 1 on, and not as the poses are."""
+    numbers = np.sort([*own, *out])
+    plain = np.array_equal(numbers, np.arange(1, len(numbers) + 1)) and bool(
+        (np.diff(own) > 0).all()
+    )
+    return plain and not np.array_equal(own, poses)
+
+
+_NONE = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 0))
+
+
+def _better(pairs: Ints, shape: tuple[int, ...], by_number: Array) -> bool:
+    """Whether an alignment puts right what the rows' own numbers do not.
+
+    It pairs all rows or all poses, or three in four where most rows are far from their number.
+    """
+    right, most = int(np.sum(by_number < GROSS_DISTANCE_M)), min(shape)
+    shifted = 2 * right < len(by_number) and 4 * len(pairs) >= 3 * most
+    return len(pairs) > right and (shifted or len(pairs) == most)
 
 
 def _fit(one: tuple[Ints, Array]) -> tuple[int, float]:
     """Number of pairs, and the negative sum of their squared distances [m^2]."""
     pairs, off = one
     return len(pairs), -float(off[tuple(pairs.T)].sum())
-
-
-def _unloaded(shots: RawReadings, targets: int) -> tuple[Ints, Array]:
-    """Poses with all their reflectors unloaded, shape (p,), and these [m], shape (p, t, 3)."""
-    rows = np.flatnonzero((shots.slot >= 0) & (shots.role >= 0) & (shots.role < targets))
-    rows = rows[~shots.loaded[shots.slot[rows]]]
-    poses, of = np.unique(shots.pose[shots.slot[rows]], return_inverse=True)
-    seen = np.full((len(poses), targets, 3), np.nan)
-    seen[of[::-1], shots.role[rows][::-1]] = shots.position[rows][::-1]  # the first reading counts
-    return poses, seen
 
 
 def _starts(both: _Sequences) -> Iterator[tuple[Array, Array]]:
