@@ -175,31 +175,27 @@ def _as_remarked(text: str, points: list[_Point]) -> list[_Point]:
 def _by_remarks(text: str, points: Sequence[_Point]) -> dict[int, int]:
     """Numbers of points, by their index, from remarks above or behind the instructions to go there.
 
-    Each of the remarks that begin with the same words has a number of its own, and a point.
+    Each of the remarks that begin with the same words has a number of its own, and one point before
+    the next of them.
     """
-    families: dict[str, list[tuple[int, int]]] = {}
-    for stem, pose, at in _remarked(text, points):
-        families.setdefault(stem, []).append((pose, at))
-    kept = [{at: pose for pose, at in some} for some in families.values() if _one_to_one(some)]
-    kept.sort(key=len, reverse=True)
+    families: dict[str, dict[int, list[int]]] = {}
+    now: dict[str, int] = {}
+    for at, remark in _visits(text, points):
+        if remark:
+            now[" ".join(remark["stem"].lower().split())] = int(remark["number"])
+        for stem, number in now.items() if at is not None else ():
+            families.setdefault(stem, {}).setdefault(number, []).append(at or 0)
+    kept = sorted(map(_one_to_one, families.values()), key=len, reverse=True)
     rivals = [one for one in kept[1:] if len(one) == len(kept[0])]
     return {} if not kept or any(one != kept[0] for one in rivals) else kept[0]
 
 
-def _remarked(text: str, points: Sequence[_Point]) -> Iterator[tuple[str, int, int]]:
-    """Words and number of each remark, and the index of the point that comes next."""
-    waiting: dict[str, int] = {}
-    for at, remark in _visits(text, points):
-        if remark:
-            waiting[" ".join(remark["stem"].lower().split())] = int(remark["number"])
-        if at is not None:
-            yield from ((stem, number, at) for stem, number in waiting.items())
-            waiting = {}
-
-
-def _one_to_one(pairs: Sequence[tuple[int, int]]) -> bool:
-    """Whether several pairs have no number in common with each other."""
-    return len({a for a, _ in pairs}) == len({b for _, b in pairs}) == len(pairs) > 1
+def _one_to_one(points: Mapping[int, Sequence[int]]) -> dict[int, int]:
+    """The number of each point, if each number has one; that of the last is its first."""
+    *most, _ = points.values()
+    found = {some[0]: number for number, some in points.items()}
+    alone = all(len({*some}) == 1 for some in most)
+    return found if most and alone and len(found) == len(points) else {}
 
 
 def _visits(
@@ -361,12 +357,22 @@ def _states(text: str) -> Iterator[_Point]:
     rows = [(n, one) for n, line in enumerate(text.split("\n"), 1) if (one := _STATE.search(line))]
     if len({one["names"] for _, one in rows}) != 1 or len(rows) > _SNAPSHOTS:
         return
-    names = rows[0][1]["names"].split(",")[:-1]
+    words = rows[0][1]["names"].split(",")[:-1]
     for line, one in rows:
         values = [*map(float, one["values"].split(","))]
-        if len(values) >= len(names) == len({*names}):
+        names = words[len(words) - _joints(len(words), len(values)) :]
+        if names and len({*names}) == len(names):
             axes = zip(names, values, strict=False)
             yield _Point(line, "", {f"{name} [{SI}]": x for name, x in axes})
+
+
+def _joints(words: int, values: int) -> int:
+    """Number of joints: all have a position, and all or none a velocity and an effort.
+
+    Words before their names, as of a frame, are none.
+    """
+    fitting = (k for k in range(words, 3, -1) if values in (k, 2 * k, 3 * k))
+    return next(fitting, 0)
 
 
 _SNAPSHOTS = 500

@@ -69,5 +69,5 @@ def test_two_rows_that_may_be_one_pose_are_asked_about():
     """A second stop half a millimetre beside the pose may be where it was measured."""
     *first, turn, way = STOPS[5].split(",")
     near = ",".join([*first[:-1], str(float(first[-1]) + 0.05), turn, way])
-    with pytest.raises(InputError, match="lines [78] and [78] may both be the row of pose 6"):
+    with pytest.raises(InputError, match="lines 8 and 9 may both be the row of pose 6"):
         counted([HOME, *STOPS[:5], near, *STOPS[5:]])
