@@ -132,7 +132,9 @@ def unnumbered(data: bytes) -> dict[str, dict[str, float]]:
     """Points that are no poses, by name, as a home: axis values [deg] or [mm] by title."""
     found = _points(data)
     poses = {id(one) for _, one in _numbered(found)}
-    return {one.name: one.axes for one in found if id(one) not in poses}
+    others = [one for one in found if id(one) not in poses]
+    return {one.name or f"line {one.line}": one.axes for k, one in enumerate(others)
+            if one.name or one.axes not in [other.axes for other in others[:k]]}  # fmt: skip
 
 
 def gathered(files: Mapping[str, bytes]) -> dict[str, bytes]:
@@ -166,7 +168,11 @@ def _points(data: bytes) -> list[_Point]:
 def _as_remarked(text: str, points: list[_Point]) -> list[_Point]:
     """Points under the numbers of remarks, if they number most, and as many as names do."""
     said = _by_remarks(text, points) if points else {}
-    if 2 * len(said) <= len(points) or len(said) < len({id(one) for _, one in _by_names(points)}):
+    if (
+        not said
+        or 2 * len(said) < len(points)
+        or len(said) < len({id(one) for _, one in _by_names(points)})
+    ):
         return points
     called = {k: f"pose{number}" for k, number in said.items()}
     return [one._replace(name=called.get(k, "")) for k, one in enumerate(points)]
@@ -329,7 +335,7 @@ def _blocks(text: str) -> Iterator[_Point]:
         here = {title[word]: value for word, value in row.items() if word in title}
         now |= here
         if here and len(now) == len(title):
-            yield _Point(line, "", dict(now))
+            yield _Point(line, "", {one: now[one] for one in title.values()})
 
 
 def _words(block: str) -> dict[tuple[str, str], float]:

@@ -55,7 +55,7 @@ class LogFiles:
 
 
 def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
-    """Find the logs among some files; of several of one kind the first that can be read in full.
+    """Find the logs among some files; of several of one kind the first with most rows.
 
     A workbook may be both, and an export, too, with one sheet for each.
 
@@ -86,16 +86,15 @@ def _with_log(
 ) -> LogFiles:
     """The logs with a file that may be one, or both in a workbook; refused if no robot fits."""
     data = files[name]
-    whole = partial(_read_in_full, files, robots)
     fits = _having(name, data, robots, makers)
     form = _loads(name, data) if not fits or is_workbook(data) else None
     if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
         columns = {robot: form.columns for robot, form in fits.items()}
         new = {"joints": name, "robots": tuple(fits), "joint_columns": columns}
-        proposal = _added(proposal, name, new, "joints", whole)
+        proposal = _added(proposal, name, new, proposal.joints, partial(_rows, files, robots))
     if form:
         new = {"loads": name, "load_columns": form.columns}
-        return _added(proposal, name, new, "loads", whole)
+        return _added(proposal, name, new, proposal.loads, partial(_rows, files, robots))
     if fits or not (axes := log_columns.titles_of_axes(name, data)):
         return proposal
     return replace(proposal, refused=proposal.refused | {name: _no_joint_log(name, data, axes)})
@@ -158,34 +157,29 @@ def _added(
     proposal: LogFiles,
     name: str,
     new: Mapping[str, Any],
-    kind: str,
-    whole: Callable[[str, Mapping[str, Any]], bool],
+    earlier: str | None,
+    rows: Callable[[str, Mapping[str, Any]], int],
 ) -> LogFiles:
-    """The logs with one more; of two of a kind the one that is read in full, else the earlier."""
-    earlier = vars(proposal)[kind]
+    """The logs with one more; of two of a kind that with fewer rows is refused, else the later."""
     if earlier is None:
         return replace(proposal, **new)
-    later = whole(kind, new) > whole(kind, vars(proposal))
-    used, spare = (name, earlier) if later else (earlier, name)
-    refused = proposal.refused | {spare: f"{used} is such a log, too"}
-    return replace(replace(proposal, **new) if later else proposal, refused=refused)
+    if rows(name, new) > rows(earlier, vars(proposal)):
+        proposal, name, earlier = replace(proposal, **new), earlier, name
+    return replace(proposal, refused=proposal.refused | {name: f"{earlier} is such a log, too"})
 
 
-def _read_in_full(
-    files: Mapping[str, bytes], robots: Mapping[str, Robot], kind: str, log: Mapping[str, Any]
-) -> bool:
-    """Whether a log can be read with no row rejected and no unit open."""
-    name = log[kind]
-    columns = log["load_columns"] if kind == "loads" else log["joint_columns"][log["robots"][0]]
+def _rows(
+    files: Mapping[str, bytes], robots: Mapping[str, Robot], name: str, found: Mapping[str, Any]
+) -> int:
+    """Number of rows of a log that can be read, as some entries of `LogFiles` describe it."""
     with contextlib.suppress(InputError):
+        if name == found.get("loads"):
+            form = log_columns.settled(LogForm(columns=found["load_columns"]))
+            return len(logs.loads(name, files[name], form).line)
+        robot, columns = next(iter(found["joint_columns"].items()))
         form = log_columns.settled(LogForm(columns=columns))
-        read = (
-            logs.loads(name, files[name], form)
-            if kind == "loads"
-            else logs.joints(name, files[name], robots[log["robots"][0]], form)
-        )
-        return not read.rejected and not any("|" in one for one in columns.values())
-    return False
+        return len(logs.joints(name, files[name], robots[robot], form).line)
+    return 0
 
 
 def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:
