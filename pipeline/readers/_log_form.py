@@ -9,7 +9,7 @@ from unicodedata import normalize
 
 from pipeline.base.doors import found
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers._cells import IN_BRACKETS, MARKS, above, bare, is_number, is_plain
+from pipeline.readers._cells import IN_BRACKETS, MARKS, above, bare, is_number, is_plain, is_remark
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._text import (
     SAMPLE_LINES,
@@ -73,8 +73,8 @@ def opened(
 ) -> Titled:
     """Find the header of a log.
 
-    It is the first line that names the column `key`; if there is none, the first line that is
-    neither blank nor a comment.
+    It is the first line with all titles that campaign.toml states, else the first that names the
+    column `key`; if there is none, the first line that is neither blank nor a comment.
 
     Args:
         name: Name of the file, for messages.
@@ -156,8 +156,10 @@ class LogHeader:
 
 
 def _found(file: Text, own: Mapping[str, str], key: str) -> LogHeader | None:
-    """The first line that names the column `key`, as a header; None if there is none."""
-    return next((one for one in headers(file) if key in _ours(one.titles, own)), None)
+    """The first line with all stated titles, else the first that names the column `key`."""
+    some = [one for one in headers(file) if {*own.values(), key} & {*_ours(one.titles, own)}]
+    stated = (one for one in some if {*own.values()} <= {*_ours(one.titles, own)} and own)
+    return next(stated, next((one for one in some if key in _ours(one.titles, own)), None))
 
 
 def _no_remark(file: Text) -> int:
@@ -167,7 +169,17 @@ def _no_remark(file: Text) -> int:
 
 
 def headers(file: Text) -> Iterator[LogHeader]:
-    return (_header(file, number) for number, _ in file.lines(1, SAMPLE_LINES))
+    """The leading lines as headers, without rows of numbers."""
+    found = (_header(file, number) for number, _ in file.lines(1, SAMPLE_LINES))
+    return (one for one in found if not _of_numbers(one.written))
+
+
+def _of_numbers(cells: Sequence[str]) -> bool:
+    """Whether cells are those of a row: one has decimals, or more than half are numbers."""
+    numbers = [cell for cell in cells if is_number(cell)]
+    return 2 * len(numbers) > len([*filter(None, cells)]) or any(
+        not cell.strip("+-").isdecimal() for cell in numbers
+    )
 
 
 def _header(file: Text, line: int) -> LogHeader:
@@ -175,8 +187,12 @@ def _header(file: Text, line: int) -> LogHeader:
     content = file.line(line)
     delimiter = delimiter_of(content, " ")
     titles = _cut(content, delimiter)
-    none = ("",) * len(titles)
     below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
+    if is_remark(content, MARKS) and len(unmarked := _cut(_marked(content), delimiter)) == len(
+        below
+    ):
+        titles = unmarked
+    none = ("",) * len(titles)
     if len(below) != len(titles):
         below = list(none)
     units = tuple(map(_unit_below, below))
@@ -184,6 +200,11 @@ def _header(file: Text, line: int) -> LogHeader:
     behind = none if of_units else tuple(map(_unit_behind, below))
     joined = map(_with_unit, titles, units if of_units else behind)
     return LogHeader(line, line + (2 if of_units else 1), delimiter, tuple(joined), behind)
+
+
+def _marked(line: str) -> str:
+    """A line without the mark of a comment before it; unchanged if its first cell is the mark."""
+    return re.sub(r"^\s*(?:%|#|!|//)+[ \t]*(?=[^\W\d_])", "", line)
 
 
 def _with_unit(title: str, unit: str) -> str:
