@@ -6,13 +6,15 @@ import itertools
 import re
 import tomllib
 from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from operator import itemgetter
 
 from pipeline.dialects._titles import titled, triples
 from pipeline.readers._cells import IN_BRACKETS, is_number
+from pipeline.readers.logs import SI, pose_and_repeat
 
 SampledCells = Callable[[], Mapping[str, Sequence[str]]]
 """Returns the cells of each column by title, of the rows that have one cell per title."""
@@ -63,20 +65,23 @@ def is_unloaded(word: str) -> bool:
     return letters in _known().unloaded
 
 
-def may_be_log(titles: Sequence[str], units: Sequence[str]) -> bool:
+def may_be_log(titles: Sequence[str], cells: SampledCells, units: Sequence[str]) -> bool:
     """Whether the titles may be those of a log.
 
     A column numbers poses or is a force, and none are coordinates; or there are many axes.
 
     Args:
         titles: As written.
+        cells: Cells below them.
         units: Those of forces.
     """
     if called_axes(titles, dict):
         return True
     found = _first(titles, {"pose": (), "force": units})
     forces = _by_unit(titles, units) or _of_pulls(titles, units)
-    return not _coordinates(titles) and bool(found or forces)
+    if _coordinates(titles):
+        return False
+    return bool(found or forces or _by_unit_column({}, cells, units, by_scale=True))
 
 
 def names_a_force(titles: Sequence[str], units: Sequence[str]) -> bool:
@@ -144,15 +149,73 @@ def of_loads(
     found = _first(titles, {role: units.get(role, ()) for role in roles})
     each = _of_pulls(titles, units["force"])
     found = {role: one for role, one in found.items() if one[0] not in dict(each.values())}
+    found |= _by_unit_column(found, cells, units["force"], by_scale)
     found |= {} if found.keys() & {"repeat", *units} else each
     if not found.keys() & {*units, *each}:
         found |= _by_unit(titles, units["force"]) or (_of_a_scale(titles) if by_scale else {})
     if not found.keys() & {*units, *each} or _coordinates(titles):
         return None
+    return _with_numbers(found, cells, each)
+
+
+def _with_numbers(
+    found: dict[str, tuple[str, Sequence[str]]], cells: SampledCells, each: Iterable[str]
+) -> dict[str, str] | None:
+    """Our names for the roles and for the columns that number poses and pulls."""
+    if not found.keys() & {"pose", "repeat"} and (tags := _tags(cells())):
+        return _ours({**found, "pose_repeat": (tags, ())})
     found = _numbered(found, cells)
     lacking = ("pose",) if {"repeat", *each} & {*found} else ("pose", "repeat")
     found |= _by_counts(found, cells) if "pose" in found else _counted(lacking, found, cells)
     return _ours(found) if "pose" in found else None
+
+
+def _by_unit_column(
+    found: Mapping[str, tuple[str, Sequence[str]]],
+    cells: SampledCells,
+    units: Sequence[str],
+    by_scale: bool,
+) -> dict[str, tuple[str, Sequence[str]]]:
+    """The force in the unit that all cells of a column of their own state.
+
+    Without a title of its own it is the column of numbers before that; kg are a force on a scale.
+    """
+    title, open_units = found.get("force", ("", units))
+    columns = cells() if len(open_units) > 1 else {}
+    of = _of_one_unit(columns, units)
+    if len(of) != 1 or (of[0][1] == "kg" and not by_scale):
+        return {}
+    before = [*columns][max([*columns].index(of[0][0]) - 1, 0)]
+    numbers = [*map(is_number, filter(None, columns[before]))]
+    return {"force": (title or before, (of[0][1],))} if title or all(numbers or [False]) else {}
+
+
+def _of_one_unit(
+    columns: Mapping[str, Sequence[str]], units: Sequence[str]
+) -> list[tuple[str, str]]:
+    """The columns all of whose cells are the same unit, and this."""
+    said = {one: {_unit(cell.strip().lower()) for cell in own} for one, own in columns.items()}
+    return [(one, min(some)) for one, some in said.items() if len(some) == 1 and some <= {*units}]
+
+
+def _tags(cells: Mapping[str, Sequence[str]]) -> str | None:
+    """The only column whose cells begin with the numbers of pose and pull; None if there is none.
+
+    A cell without a number belongs to no pull.
+    """
+    numbered = {
+        title: [one for one in own if re.search(r"\d", one)] for title, own in cells.items()
+    }
+    found = [title for title, own in numbered.items() if _count_on([*map(pose_and_repeat, own)])]
+    return found[0] if len(found) == 1 else None
+
+
+def _count_on(pulls: Sequence[tuple[int, int] | None]) -> bool:
+    """Whether pose after pose, each numbers its pulls from 0 or 1 on."""
+    own = [one for one in pulls if one]
+    runs = [[pull for _, pull in some] for _, some in itertools.groupby(own, itemgetter(0))]
+    counted = all(one == [*range(one[0], one[0] + len(one))] and one[0] < 2 for one in runs)
+    return counted and len(own) == len(pulls) and 1 < len(runs) == len({pose for pose, _ in own})
 
 
 def _by_counts(
@@ -429,7 +492,7 @@ def _first(
         for role, units in wanted.items():
             if role in ("force", "mass") and counts:
                 continue
-            if unit in units and _is(_stem(words[:-1]), role, axes):
+            if units and unit in (*units, SI) and _is(_stem(words[:-1]), role, axes):
                 if len(found.get(role, ("", ()))[1]) != 1:
                     found[role] = title, (unit,)
             elif _is(_stem(words), role, axes):

@@ -34,7 +34,7 @@ from pipeline.intake.by_reflectors import settled
 from pipeline.intake.nominal import NominalPlaces, PlaceTable
 from pipeline.intake.offer import Offer, as_table, offer
 from pipeline.intake.question import ColumnRole
-from pipeline.intake.which_logs import LogFiles, called, propose_logs, unsure
+from pipeline.intake.which_logs import LogFiles, called, propose_logs, pulses_among, unsure
 from pipeline.readers import Columns, Export, ExportSettings, logs
 from pipeline.readers._reader import named_by_file, split
 from pipeline.readers._text import is_workbook
@@ -150,7 +150,8 @@ def propose(
             more = _settled_by_base(others, said, found, hints or ExportSettings())
             if more is not None:
                 return propose(files, more, unloaded)
-            return replace(said, nominal=found, called=called(files, said.robots))
+            pulses = pulses_among(files, said)
+            return replace(said, nominal=found, called=called(files, said.robots), pulses=pulses)
         lists = fitting
     said = _proposed(files, hints or ExportSettings(), unloaded)
     return replace(said, called=called(files, said.robots))

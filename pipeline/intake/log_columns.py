@@ -24,6 +24,7 @@ from pipeline.readers.logs import (
     LENGTH,
     MASS,
     POSE,
+    POSE_REPEAT,
     PULSES,
     REPEAT,
     SCALE,
@@ -83,8 +84,8 @@ def may_be_log(name: str, data: bytes) -> bool:
         InputError: It is not text, or several sheets have one.
     """
 
-    def log(titles: Sequence[str], _: _log_words.SampledCells) -> dict[str, str] | None:
-        return {} if _log_words.may_be_log(titles, tuple(SCALE)) else None
+    def log(titles: Sequence[str], cells: _log_words.SampledCells) -> dict[str, str] | None:
+        return {} if _log_words.may_be_log(titles, cells, tuple(SCALE)) else None
 
     return _understood(name, data, "scale", log) is not None
 
@@ -236,7 +237,8 @@ def naming(name: str, data: bytes, names: set[str]) -> dict[str, set[str]]:
 
 def unknown(name: str, data: bytes, stated: LogForm) -> tuple[str, ...]:
     """Titles of a log of loads that are not ours, as written."""
-    ours = {one for q in of_loads() for one in (*map(str.lower, names_of(q)), q.stem)}
+    every = *of_loads(), POSE_REPEAT
+    ours = {one for q in every for one in (*map(str.lower, names_of(q)), q.stem)}
     file = opened(name, data, stated, "scale", POSE.stem, has_load)
     both = zip(file.titles, file.written, strict=True)
     return tuple(written for title, written in both if title and title not in ours)

@@ -68,12 +68,13 @@ def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
     for name, data in files.items():
         if _may_be_log(name, data):
             proposal = _with_log(proposal, name, files, robots, makers)
-    counted = counted_axes(next(iter(proposal.joint_columns.values()), {}))
-    return replace(
-        proposal,
-        decimal_commas=_with_commas(files, proposal),
-        pulses=per_degree(files, counted),
-    )
+    found = pulses_among(files, proposal)
+    return replace(proposal, decimal_commas=_with_commas(files, proposal), pulses=found)
+
+
+def pulses_among(files: Mapping[str, bytes], logged: LogFiles) -> dict[str, float]:
+    """Pulses per degree of the axes of the joint log, from any of some files."""
+    return per_degree(files, counted_axes(next(iter(logged.joint_columns.values()), {})))
 
 
 def _with_log(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.base.arrays import Ints, Locked
+from pipeline.base.doors import found
 from pipeline.base.doors import opened as behind
 from pipeline.base.errors import InputError
 from pipeline.base.files import TYPE_BYTES
@@ -152,33 +153,9 @@ def _as_utf8(data: bytes) -> tuple[bytes, str]:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:
-        return _recoded(data, _code_page(data))
+        page = found("pipeline.dialects.code_pages:page")
+        return _recoded(data, page(data) if page else "cp1252")
     return data, "utf-8"
-
-
-_LETTERS = {
-    "cp1252": ("äöüß", "àâæçèéêëîïôœùûüÿ", "àèéìíîòóùú", "áéíñóúüªº", "àáâãçéêíóôõúüªº", "åæéòóôø",
-               "äåéö", "áèéêëïóöü"),
-    "cp1250": ("áčďéěíňóřšťúůýž", "ąćęłńóśźż", "áéíóöőúüű", "áäčďéíĺľňóôŕšťúýž", "čćđšž", "ăâîşţ"),
-    "cp1254": ("çğıöşüâîû",),
-    "cp1251": ("абвгдеёжзийклмнопрстуфхцчшщъыьэюяіїєґў",),
-}  # fmt: skip
-"""Letters of a language beside ASCII, by the code page in which it is written; the first fits."""
-_ASCII = bytes(range(128))
-_NO_LETTER = re.compile(rb"[A-Za-z][\xa3\xa5\xaf\xb3\xb9\xbf]+[A-Za-z]|[\xe0-\xff]\xb3|\x9c[^ui]")
-"""Signs as in `si³a`, `dó³` and `œruba` in cp1252, which are letters of Polish in cp1250."""
-
-
-def _code_page(data: bytes) -> str:
-    """The code page in which all letters of a text are those of one language, else cp1252."""
-    others = bytes({*data.translate(None, _ASCII)})
-    for page, alphabets in _LETTERS.items():
-        shown = others.decode(page, "replace").lower()
-        letters = {one for one in shown if one.isalpha() or one == "\ufffd"}
-        signs = page == "cp1252" and _NO_LETTER.search(data)
-        if not signs and any(letters <= {*one, "µ"} for one in alphabets):
-            return page
-    return "cp1252"
 
 
 def _unmarked(data: bytes) -> str | None:
