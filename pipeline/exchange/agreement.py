@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -65,7 +66,7 @@ def agreement(
     upper = np.where(np.isfinite(robot.upper), robot.upper, free)
     q = rng.uniform(lower, upper, (_CONFIGURATIONS, robot.n))
     here = configure(robot, q)
-    there = [_flange(model, robot, one, base, flange) for one in q]
+    there = list(_flanges(model, robot, q, base, flange))
     R = np.stack([one.rotation for one in there])
     at = np.stack([one.translation for one in there])
     return UrdfAgreement(
@@ -75,20 +76,25 @@ def agreement(
     )
 
 
-def _flange(model: pin.Model, robot: Robot, q: Array, base: str, flange: str) -> pin.SE3:
-    """Flange pose of the URDF relative to its base; joints outside the chain are at neutral."""
+def _flanges(model: pin.Model, robot: Robot, q: Array, base: str, flange: str) -> Iterator[pin.SE3]:
+    """Flange poses of the URDF relative to its base; joints outside the chain are at neutral.
+
+    One `Data` serves all of them: its size grows with the cube of the number of joints.
+    """
     import pinocchio as pin
 
     data, values = model.createData(), pin.neutral(model)
-    for name, value in zip(robot.controller, q, strict=True):
-        joint = model.joints[model.getJointId(name)]
-        turns = joint.nq == 2  # a continuous joint: cosine and sine
-        values[joint.idx_q : joint.idx_q + joint.nq] = (
-            [np.cos(value), np.sin(value)] if turns else value
-        )
-    pin.framesForwardKinematics(model, data, values)
-    first, last = (data.oMf[model.getFrameId(link, pin.BODY)] for link in (base, flange))
-    return first.actInv(last)
+    joints = [model.joints[model.getJointId(name)] for name in robot.controller]
+    ends = [model.getFrameId(link, pin.BODY) for link in (base, flange)]
+    for one in q:
+        for joint, value in zip(joints, one, strict=True):
+            turns = joint.nq == 2  # a continuous joint: cosine and sine
+            values[joint.idx_q : joint.idx_q + joint.nq] = (
+                [np.cos(value), np.sin(value)] if turns else value
+            )
+        pin.framesForwardKinematics(model, data, values)
+        first, last = (data.oMf[end] for end in ends)
+        yield first.actInv(last)
 
 
 def _angles(one: Array, other: Array) -> Array:

@@ -98,6 +98,13 @@ _MOST_JOINTS = 1000
 """Maximum number of joints [1]; a whole cell with its fixed links has some hundred. Pinocchio goes
 from link to link by recursion, and ends the process in a chain of 30 000."""
 
+_MOST_AXES = 100
+"""Maximum number of moving joints of an arm [1]; Pinocchio needs 2 GB for 300."""
+
+_MOST_ATTRIBUTES = 100
+"""Maximum number of attributes of an element [1], of which URDF has six at most: Pinocchio compares
+each with those before it, and takes two minutes for 300 000."""
+
 
 def read(text: str, file: str) -> Tree:
     """Read the links and joints of a URDF.
@@ -135,6 +142,10 @@ def _root(text: str, file: str) -> ET.Element:
         raise InputError(
             f"is no XML ({problem})", "give the URDF that the robot's package makes", file=file
         ) from problem
+    for element in root.iter():
+        if (n := len(element.attrib)) > _MOST_ATTRIBUTES:
+            thing = f"a <{element.tag}> has {n} attributes, more than the {_MOST_ATTRIBUTES} read"
+            raise InputError(thing, "give the URDF that the robot's package makes", file=file)
     if any("xacro" in str(element.tag) for element in root.iter()):
         way_out = "expand it first (`xacro FILE.xacro > FILE.urdf`)"
         raise InputError("contains xacro, which must be expanded to URDF first", way_out, file=file)
@@ -253,9 +264,10 @@ def chain(tree: Tree, base: str, flange: str, file: str) -> Chain:
         thing = f"no chain of joints leads from link {base} to link {flange}"
         before = listed([joint.parent for joint in _from_root(tree, flange)])
         raise InputError(thing, f"before {flange} lie {before}: choose one of them", file=file)
-    if not moving(up):
-        thing = f"nothing moves between link {base} and link {flange}"
-        raise InputError(thing, "choose links with joints between them", file=file)
+    if not 0 < (n := len(moving(up))) <= _MOST_AXES:
+        none, many = "nothing moves", f"{n} joints move, more than {_MOST_AXES},"
+        thing = f"{many if n else none} between link {base} and link {flange}"
+        raise InputError(thing, "choose links with the joints of an arm between them", file=file)
     step = reduce(np.matmul, (joint.origin for joint in down), np.eye(4))
     return Chain(linear.solve(step, np.eye(4)), tuple(up))
 

@@ -18,14 +18,17 @@ _LETTERS = 26 + 1
 """Base in which Latin letters are one number; 0 is none."""
 _OTHERS = 100_000
 """Number of codes of words with any other letter, behind those of four Latin ones."""
+_TRIED = 16
+"""Codes tried for such a word, each in place of one that another word has."""
 NAME = re.compile(r"0*(?P<number>[0-9]{1,3})[ _-]?(?P<letters>[^\W\d_]{1,4})")
 """The number of a pose and letters behind it."""
 _words: dict[int, str] = {}
-"""Words with other letters that were met, by their code: the same in every process."""
+"""Words with other letters that were met, by their code: the same in every process, unless another
+word was met that has it already, once in 100 000."""
 
 
 def coded(name: str) -> int | None:
-    """The code of a name such as `04bis`, in upper or lower case; None if it is none."""
+    """The code of a name such as `04bis`, in any case; None if it is none or no code is free."""
     found = NAME.fullmatch(name)
     if found is None:
         return None
@@ -33,8 +36,11 @@ def coded(name: str) -> int | None:
     for letter in word:
         letters = _LETTERS * letters + ord(letter) - ord("a") + 1
     if not word.isascii():
-        letters = _LETTERS**4 + crc32(word.encode()) % _OTHERS
-        _words[letters] = word
+        first = crc32(word.encode()) % _OTHERS
+        places = (_LETTERS**4 + (first + k) % _OTHERS for k in range(_TRIED))
+        letters = next((one for one in places if _words.setdefault(one, word) == word), 0)
+        if not letters:
+            return None
     return _FIRST + _PLAIN * letters + int(found["number"])
 
 

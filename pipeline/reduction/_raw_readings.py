@@ -390,10 +390,12 @@ def known(
     shots: RawReadings, settings: Settings, states: Mapping[str, GroupState] | None = None
 ) -> RawReadings:
     """Keep only readings of reflectors whose use is known."""
-    strange = (
-        "this target is neither in naming.measured nor in naming.chain nor in [base_frame]; "
-        "add it there or rename it"
-    )
+
+    def strange(k: int) -> str:
+        """Reason for a reading of a target that campaign.toml does not state."""
+        named = f"target {shortened(shots.target[k].as_py())} is neither in naming.measured"
+        return f"{named} nor in naming.chain nor in [base_frame]; add it there or rename it"
+
     nowhere = (
         f"{settings.loads_file} does not name the group" if states
         else "the group does not match naming.group"
@@ -404,7 +406,7 @@ def known(
     )
     unused = np.flatnonzero((shots.role == STRANGE) | ((shots.slot < 0) & (shots.role != BASE)))
     return shots.without(
-        {k: strange if shots.role[k] == STRANGE else lost for k in unused.tolist()}
+        {k: strange(k) if shots.role[k] == STRANGE else lost for k in unused.tolist()}
     )
 
 

@@ -143,12 +143,14 @@ def _preferences(root: Path) -> Iterator[CheckResult]:
 
 def _service(root: Path) -> Iterator[CheckResult]:
     """Check whether a service runs, its scans, and the campaigns it could not finish."""
-    yield _server(root)
     running = service.Running.of(root)
-    if running is None or not alive(running.process):
+    afar = "" if running is None else running.afar
+    yield _server(root, afar)
+    if running is None or not (afar or alive(running.process)):
         yield CheckResult("service", True, "not running; `pipeline serve` starts it", needed=False)
         return
-    yield CheckResult("service", True, f"runs as process {running.process}")
+    unseen = f"{afar}, as it noted; ask there" * bool(afar)
+    yield CheckResult("service", True, f"runs as process {running.process}{unseen}")
     yield looks(root, running)
     yield from _waiting(root, _wanted(root).notify.webhook)
 
@@ -196,18 +198,24 @@ def _waiting(root: Path, webhook: str | None) -> Iterator[CheckResult]:
                 yield CheckResult(campaign.name, False, text, needed=False)
 
 
-def _server(root: Path) -> CheckResult:
+def _server(root: Path, afar: str) -> CheckResult:
     api = os.environ.get("PREFECT_API_URL")
     if api:
         good = service.answers(api)
         text = "answers" if good else "does not answer; start it or unset PREFECT_API_URL"
         return CheckResult("Prefect server", good, f"{api} {text}")
-    noted = recalled(root / service.HOME / service.SERVING)
+    home = root / service.HOME
+    if os.path.isdir(home) and not os.access(home, os.R_OK | os.X_OK):
+        text = f"not known: {home} is another user's, ask as who serves"
+        return CheckResult("Prefect server", True, text, needed=False)
+    noted = recalled(home / service.SERVING)
     urls = service.serving(root)
     if urls:
         return CheckResult("Prefect server", True, f"answers at {urls['page']}")
+    if noted and afar:
+        return CheckResult("Prefect server", True, f"is that of the service{afar}", needed=False)
     if noted:
-        log = root / service.HOME / "server.log"
+        log = home / "server.log"
         text = f"does not answer; a running `serve` starts it again, and {log} may say why"
         return CheckResult("Prefect server", False, text)
     return CheckResult("Prefect server", True, "not running (not required)", needed=False)

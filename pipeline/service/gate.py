@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import errno
 import json
 import os
 import resource
@@ -147,9 +148,19 @@ def reports(folder: str) -> ASGIApp:
 
         return HTMLResponse(now(Path(folder).parent), headers={**_UNKEPT, "refresh": "10"})
 
-    return Starlette(
-        routes=[Route("/", first), Mount("/", StaticFiles(directory=folder, html=True))]
-    )
+    return Starlette(routes=[Route("/", first), Mount("/", _Found(directory=folder, html=True))])
+
+
+class _Found(StaticFiles):
+    """Files of a folder; what a link in a circle leads to is not there."""
+
+    def lookup_path(self, path: str) -> tuple[str, os.stat_result | None]:
+        try:
+            return super().lookup_path(path)
+        except OSError as problem:
+            if problem.errno == errno.ELOOP:
+                return "", None
+            raise
 
 
 def main(folder: str, port: str) -> None:

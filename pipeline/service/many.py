@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.app.outcome import Meant, Outcome, Several, failed, named, outcome
 from pipeline.base import files
-from pipeline.base.errors import Unfinished, UsageError
+from pipeline.base.errors import PipelineError, Unfinished, UsageError
+from pipeline.base.shown import printable
 from pipeline.service.executor import Executor, InProcesses, ItemResult
 from pipeline.service.sync import misnamed
 from pipeline.store.campaign import (
@@ -210,12 +211,30 @@ def _refused(problem: Exception, campaign: CampaignFolder) -> Answer:
 def _received(done: ItemResult[Parcel, _Made], campaign: CampaignFolder) -> Answer:
     """Write the results received and return the answer; the caller holds the lock."""
     with campaign.remembering(done.item.key):
-        made = done.result
+        made = _sent(done)
     answer, about, tables = _whole(made, done.item)
     for name, content in tables.items():
         files.write(campaign.processed / name, content)
     campaign.finish(done.item.key, made.reports, about)
     return answer
+
+
+def _sent(done: ItemResult[Parcel, _Made]) -> _Made:
+    """What a worker has made of a parcel.
+
+    Raises:
+        Unfinished: It failed for a reason that may be its machine's or ours, which shows here.
+    """
+    problem = done.problem
+    if (
+        problem is None
+        or isinstance(problem, PipelineError | MemoryError)
+        or files.refused(problem)
+    ):
+        return done.result
+    words = printable(f"{type(problem).__name__}: {problem}", 200)
+    way_out = "run it without --on: if that fails too, it leaves a report of the error to send"
+    raise Unfinished(f"its worker failed ({words})", way_out) from problem
 
 
 def _whole(made: _Made, parcel: Parcel) -> tuple[Answer, dict[str, Any], dict[str, bytes]]:

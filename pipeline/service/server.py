@@ -20,10 +20,11 @@ import urllib.request
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
+from platform import node
 from typing import Any, TypeVar
 
 from filelock import FileLock, Timeout
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from pipeline.base import files
 from pipeline.base.environment import elsewhere
@@ -77,10 +78,17 @@ class Running(Strict):
     Attributes:
         process: Process number of `pipeline serve` or `watch`.
         every_s: Interval between scans [s]; None if a cron line sets the times.
+        host: Name of its machine, where that number holds.
     """
 
     process: int
     every_s: float | None
+    host: str = Field(default_factory=node)
+
+    @property
+    def afar(self) -> str:
+        """` on HOST`, or empty if it is this machine."""
+        return "" if self.host == node() else f" on {printable(self.host, 80)}"
 
     @classmethod
     def of(cls, root: Path) -> Running | None:
@@ -358,7 +366,9 @@ def _damage(base: Path) -> str:
 
 def serving(root: Path) -> dict[str, str] | None:
     """Addresses at which this project is served now; None if it is not."""
-    urls = recalled(root / HOME / SERVING)
+    urls, running = recalled(root / HOME / SERVING), Running.of(root)
+    if running is not None and running.afar:  # its addresses are those of its machine
+        return None
     if not isinstance(urls, dict) or not {"page", "api", "reports"} <= {*urls}:
         return None
     return urls if answers(str(urls["api"])) else None

@@ -247,7 +247,7 @@ def alone(root: Path, wanted: Service) -> Iterator[None]:
     with service.held(note.with_name(service.LOCK), 0.0) as first:
         running = service.Running.of(root)
         if not first:
-            by = f" by process {running.process}" if running else ""
+            by = f" by process {running.process}{running.afar}" if running else ""
             raise UsageError(f"{root.resolve()} is served already{by}: stop that first")
         running = service.Running(process=os.getpid(), every_s=wanted.every_s)
         with _noted(note, running.model_dump()):

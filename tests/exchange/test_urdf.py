@@ -233,6 +233,27 @@ ARM = (
     joint("a", "revolute", "l0", "l1", more=limit(-1, 1)),
     joint("b", "revolute", "l1", "l2", "1 0 0", more=limit(-1, 1)),
 )
+BUSY = "<gazebo " + " ".join(f'a{k}="1"' for k in range(101)) + "/>"
+
+
+def long_arm(n):
+    """An arm of n joints, whose last link is l2."""
+    name = lambda k: "l2" if k == n else f"l{k}" if k < 2 else f"l{k + 1}"  # noqa: E731
+    turns = (
+        joint(f"j{k}", "revolute", name(k), name(k + 1), "1 0 0", more=limit(-1, 1))
+        for k in range(n)
+    )
+    return robot_of(*turns, links=n + 1)
+
+
+def test_the_comparison_takes_the_memory_of_one_arm(monkeypatch):
+    """Pinocchio's data of 100 joints, 20 MB, are made once, and not at each configuration."""
+    made_anew = []
+    create = pin.Model.createData
+    monkeypatch.setattr(pin.Model, "createData", lambda m: made_anew.append(m) or create(m))
+
+    assert difference(long_arm(20), flange="l2").position_m < 1e-9
+    assert len(made_anew) == 1
 
 
 @pytest.mark.parametrize(
@@ -264,6 +285,8 @@ ARM = (
         ),
         (robot_of(*ARM, links=4), "Pinocchio does not read it"),
         (robot_of(*ARM * 501, links=3), "has 1002 joints, more than the 1000 that are read"),
+        (long_arm(101), "101 joints move, more than 100, between link l0 and link l2"),
+        (robot_of(*ARM, BUSY, links=3), "a <gazebo> has 101 attributes, more than the 100 read"),
     ],
 )
 def test_what_is_no_chain_of_joints_is_refused_by_name(tmp_path, text, says):

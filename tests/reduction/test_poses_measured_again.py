@@ -95,3 +95,23 @@ def test_numbers_of_names_do_not_meet_others():
     assert len({*own.values()} | {4, 12, 1004, 2999}) == len(names) + 4
     assert np.all(np.array(codes) < 2**31)
     assert pose_names.coded("P4") is pose_names.coded("4toolong") is pose_names.coded("4") is None
+
+
+def test_no_two_words_have_one_code(monkeypatch):
+    """All of two letters between Cyrillic a and ya: 1024 words, of which several meet by chance."""
+    monkeypatch.setattr(pose_names, "_words", {})
+    words = [chr(0x430 + a) + chr(0x430 + b) for a in range(32) for b in range(32)]
+    codes = [pose_names.coded(f"7{word}") for word in words]
+
+    assert len({*codes}) == len(words)
+    assert [pose_names.letters_of(code) for code in codes] == words
+    assert [pose_names.coded(f"7{word}") for word in words] == codes
+
+
+def test_a_word_without_a_code_is_no_name(monkeypatch):
+    """Where a file has more words than there are codes; the search for one ends."""
+    monkeypatch.setattr(pose_names, "_words", {})
+    monkeypatch.setattr(pose_names, "_OTHERS", 5)
+    words = [chr(0x430 + k) for k in range(9)]
+
+    assert [pose_names.coded(f"7{word}") is None for word in words] == [False] * 5 + [True] * 4

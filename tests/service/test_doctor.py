@@ -3,7 +3,9 @@
 import json
 import os
 import subprocess
+import tempfile
 import time
+from pathlib import Path
 
 import pytest
 
@@ -73,6 +75,41 @@ def test_looks_that_do_not_come_are_told(noted, looked, good, said):
     found = noted(running=HERE, looked=moments)["looks"]
 
     assert (found.good, said in found.text) == (good, True)
+
+
+def test_a_service_on_another_host_is_not_looked_for_here(noted, tmp_path):
+    """The number of its process and the address of its server mean others on this machine."""
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    (tmp_path / ".prefect").mkdir()
+    urls = {"page": "http://127.0.0.1:9", "api": "http://127.0.0.1:9/api", "reports": "x"}
+    (tmp_path / ".prefect" / "serving.json").write_text(json.dumps(urls))
+    afar = {"process": ended.pid, "every_s": 60.0, "host": "hall-7"}
+    found = noted(running=afar, looked={"began": time.time()})
+
+    said = f"runs as process {ended.pid} on hall-7, as it noted; ask there"
+    assert (found["service"].good, found["service"].text) == (True, said)
+    server = found["Prefect server"]
+    assert (server.good, server.text) == (True, "is that of the service on hall-7")
+    late = noted(running=afar, looked={"began": time.time() - 600, "ended": time.time() - 590})
+    assert not late["looks"].good
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="becomes another user")
+def test_another_users_server_is_not_known():
+    """Its folder is closed: that it cannot be read does not mean that nothing is there."""
+    with tempfile.TemporaryDirectory() as name:
+        root, (taken, given) = Path(name), os.pipe()
+        root.chmod(0o755)
+        (root / ".prefect").mkdir(mode=0o700)
+        if (child := os.fork()) == 0:
+            os.setuid(65534)
+            os.write(given, doctor._server(root, "").text.encode())
+            os._exit(0)
+        os.waitpid(child, 0)
+        said = os.read(taken, 1000).decode()
+
+    assert said == f"not known: {root}/.prefect is another user's, ask as who serves"
 
 
 def test_what_waits_is_told(noted):

@@ -98,13 +98,16 @@ def test_a_form_of_a_foreign_page_is_no_link(tmp_path):
 
 
 def test_what_lies_elsewhere_stays_there(tmp_path):
-    """A link out of reports/, a path out of it, a zero byte: not found, and no traceback."""
+    """A link out of reports/ or in a circle, a path out of it, a zero byte: not found."""
     folder, secret = tmp_path / "reports", tmp_path / "secret.txt"
     folder.mkdir()
     secret.write_text("secret")
     (folder / "link").symlink_to(tmp_path)
     (folder / "file").symlink_to(secret)
-    for path in ("/link/secret.txt", "/file", "/../secret.txt", "/%2e%2e/secret.txt", "/%00"):
+    (folder / "round").symlink_to("about")
+    (folder / "about").symlink_to("round")
+    inside = ("/link/secret.txt", "/file", "/round", "/round/secret.txt", "/about/")
+    for path in (*inside, "/../secret.txt", "/%2e%2e/secret.txt", "/%00"):
         answer = asked(folder, path)
 
         assert (answer.status_code, "secret" in answer.text) == (404, False), path

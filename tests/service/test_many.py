@@ -1,5 +1,6 @@
 """Several campaigns at a time: the answers of one after another, whoever computes them."""
 
+import errno
 import json
 import os
 import shutil
@@ -19,6 +20,7 @@ from filelock import FileLock, Timeout
 
 from pipeline.app import cli
 from pipeline.app.shell import run_all
+from pipeline.base.errors import InputError
 from pipeline.fleet.states import states
 from pipeline.service import many
 from pipeline.service.executor import InProcesses, InThisProcess
@@ -239,6 +241,34 @@ def test_what_a_worker_has_not_made_of_it_is_not_kept(tmp_path, monkeypatch, hon
     assert ("not what is to be made" in "".join(done.complaints)) is bool(lie)
     assert (tmp_path / "reports").exists() is not bool(lie)
     assert not (tmp_path / "outside").exists()
+
+
+@pytest.mark.parametrize(
+    ("problem", "code", "said"),
+    [
+        (ValueError("three is odd"), 6, r"its worker failed (ValueError: three is odd); run it"),
+        (RecursionError("deep"), 6, "run it without --on"),
+        (OSError(errno.EIO, "no disk"), 6, "run it without --on"),
+        (OSError(errno.ENOSPC, "No space left"), 3, "No space left"),
+        (MemoryError(), 6, "needs more memory"),
+        (InputError("is odd", "correct it", file="x.csv"), 5, "x.csv: is odd; correct it"),
+    ],
+)
+def test_an_error_of_a_worker_is_no_error_of_this_machine(
+    tmp_path, monkeypatch, problem, code, said
+):
+    """Whether its machine or the program is to blame shows where the campaign is run here."""
+    shutil.copytree(KEPT, tmp_path / "data" / "raw" / "a")
+
+    def fails(_):
+        raise problem
+
+    monkeypatch.setattr(many, "computed", fails)
+    (done,) = many.outcomes(NearlyHere(), tmp_path, ["a"])
+
+    assert done.exit_code == code
+    assert said in done.complaints[0]
+    assert not (tmp_path / "reports").exists()
 
 
 def test_what_a_manifest_states_is_known_here(tmp_path, monkeypatch, honest):
