@@ -56,7 +56,7 @@ def late_files(monkeypatch):
     """A campaign with the blunder of the guide, recorded where the guide says."""
     head = "from datetime import timedelta\n\n"
     made = module(head + block("CONTRIBUTING.md", "def _late_pull"), **vars(blunders))
-    one = eval(block("CONTRIBUTING.md", "Blunder("), vars(made))
+    one = eval(block("CONTRIBUTING.md", "_Blunder("), vars(made))
     monkeypatch.setitem(blunders.BLUNDERS, one.name, one)
     return simulate(PLAN).files
 

@@ -45,7 +45,7 @@ from pipeline.prediction.tolerance import path_of
 from pipeline.readers import _log_table, opened_as_text
 from pipeline.readers._log_form import opened
 from pipeline.readers.export_settings import LogForm
-from pipeline.readers.logs import POSE, REMARK, REPEAT, has_joints, has_load
+from pipeline.readers.logs import POSE, POSE_REPEAT, REMARK, REPEAT, has_joints, has_load
 from pipeline.readers.pose_names import shown
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
@@ -295,13 +295,11 @@ def _next(name: str, wrong: list[WrongLine], others: list[str]) -> tuple[str, st
             f"correct campaign.toml, then: pipeline check {typed(name)}",
             f"pipeline check {typed(name)}",
         )
+    run = f"pipeline run {typed(name)}"
     if others:
-        return (
-            f"look into {'this' if len(others) == 1 else 'these'} while the robot still stands "
-            f"there, then: pipeline check {typed(name)}",
-            f"pipeline check {typed(name)}",
-        )
-    return f"pipeline run {typed(name)}", f"pipeline run {typed(name)}"
+        what = "this" if len(others) == 1 else "these"
+        return f"look into {what} while the robot still stands there; `run` judges it: {run}", run
+    return run, run
 
 
 def _logs(raw: Raw) -> dict[str, bytes]:
@@ -495,12 +493,15 @@ def _remarks_of(name: str, data: bytes, stated: LogForm, robot: Robot | None = N
     section = "scale" if robot is None else "joints"
     file = opened(name, data, stated, section, POSE.stem, holds)
     carried = robot is None and "group" not in file.titles
-    pose, repeat = replace(POSE, filled=False, carried=carried), replace(REPEAT, needed=False)
-    log = _log_table.typed(file, [pose, repeat, REMARK], stated, section)
+    needed = POSE_REPEAT.stem not in file.titles
+    pose = replace(POSE, filled=False, carried=carried, needed=needed)
+    repeat = replace(REPEAT, needed=False)
+    log = _log_table.typed(file, [pose, repeat, POSE_REPEAT, REMARK], stated, section)
     out = [*log.notes]
     for k in np.flatnonzero(log.word.get("remark", np.array([])) != ""):
         where = [f"{what} {shown(int(log.number[what][k]))}" for what in ("pose", "repeat")
                  if what in log.number and np.isfinite(log.number[what][k])]  # fmt: skip
+        where += [log.word[POSE_REPEAT.stem][k]] if POSE_REPEAT.stem in log.word else []
         said_of = f", {' '.join(where)}" if where else ""
         out.append(f"{name}, line {log.line[k]}{said_of}: {log.word['remark'][k]}")
     return out

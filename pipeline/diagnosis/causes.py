@@ -60,43 +60,56 @@ def of_displacements(
         return ()
     held = sets if sets and sets[0].effects else (accepted(case, found),)
     sizes, own = averaged(case, found.plain, held), rng.spawn(1)[0]
-    none: list[tuple[NamelessEqual, ...]] = [()] * len(found.accepted)
-    alike = _alike(case, found, rng) if worth and found.strange else none
+    alike = _alike(case, found, worth, rng)
     out = []
     for place, suspect in enumerate(found.accepted):
         effect = case.suspects[suspect]
-        odds = _possible(case, found, place)
-        mine = odds.pop(effect.label, None)
+        probability, rivals = _possible(case, found, place, effect)
         either = _either(case, found, place)
         others = tuple(one for one in found.accepted if one != suspect)
         out.append(
             FoundCause(
                 effect=_worded(case, effect, either),
-                probability=mine.probability if mine else 0.0,
+                probability=probability,
                 amplitudes=sizes[place],
                 p_value=found.p_values[place],
-                rivals=tuple(odds.values()),
+                rivals=rivals,
                 unnamed=_unnamed(found, place),
                 as_good=alike[place],
                 twins=(*known.of(effect.label), *_of_all_springs(found.seen, suspect)),
-                gain=beside(found.plain, others, own) if worth and others else worth,
+                gain=worth and _gain(found, others, worth, own),
                 test_pose_change_m=_change(case, found, others, where),
                 height=_height(effect, held[0]),
                 each_way=both_ways(effect, held),
                 either=either,
-                unproven=found.plain.unproven(found.plain.columns(others), rng)
-                if worth and not effect.law
-                else 0.0,
+                unproven=_unproven(found, others, rng) if worth and not effect.law else 0.0,
             )
         )
     return tuple(out)
 
 
-def _possible(case: SearchProblem, found: SearchResult, place: int) -> dict[str, PossibleCause]:
-    """What may be the cause at a place of the search, by label."""
-    rivals = found.rivals[place]
-    each = (PossibleCause(case.suspects[one.suspect], one.probability) for one in rivals)
-    return {one.effect.label: one for one in each}
+def _gain(
+    found: SearchResult, others: Sequence[int], worth: CrossValidation, rng: np.random.Generator
+) -> CrossValidation:
+    """Gain of one cause: beside the others, or that of all where it is the only one."""
+    return beside(found.plain, others, rng) if others else worth
+
+
+def _unproven(found: SearchResult, others: Sequence[int], rng: np.random.Generator) -> float:
+    """Probability that the model with the others alone predicts left-out poses as well."""
+    return found.plain.unproven(found.plain.columns(others), rng)
+
+
+def _possible(
+    case: SearchProblem, found: SearchResult, place: int, effect: Effect
+) -> tuple[float, tuple[PossibleCause, ...]]:
+    """Probability of the cause identified at a place of the search, and its rivals."""
+    each = (
+        PossibleCause(case.suspects[one.suspect], one.probability) for one in found.rivals[place]
+    )
+    odds = {one.effect.label: one for one in each}
+    mine = odds.pop(effect.label, None)
+    return mine.probability if mine else 0.0, tuple(odds.values())
 
 
 def _of_all_springs(seen: Linearised, suspect: int) -> tuple[str, ...]:
@@ -152,9 +165,17 @@ def _height(effect: Effect, first: Hypothesis) -> EffectSize | None:
 
 
 def _alike(
-    case: SearchProblem, found: SearchResult, rng: np.random.Generator
+    case: SearchProblem,
+    found: SearchResult,
+    worth: CrossValidation | None,
+    rng: np.random.Generator,
 ) -> list[tuple[NamelessEqual, ...]]:
-    """Effects, named or nameless, that predict as well in the place of each cause."""
+    """Effects, named or nameless, that predict as well in the place of each cause.
+
+    Empty where poses are not left out, and where nothing nameless was called for.
+    """
+    if not (worth and found.strange):
+        return [()] * len(found.accepted)
     more = (*case.nameless, *mounting(case.cell.robot))
     wide = case.whitened(found.seen.beside(more))
     return [as_good(wide, k, len(case.suspects), rng) for k in range(len(found.accepted))]

@@ -6,13 +6,15 @@ import itertools
 import re
 import tomllib
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from operator import itemgetter
 
 from pipeline.dialects._titles import titled, triples
 from pipeline.readers._cells import IN_BRACKETS, is_number
+from pipeline.readers.logs import SI, pose_and_repeat
 
 SampledCells = Callable[[], Mapping[str, Sequence[str]]]
 """Returns the cells of each column by title, of the rows that have one cell per title."""
@@ -63,25 +65,29 @@ def is_unloaded(word: str) -> bool:
     return letters in _known().unloaded
 
 
-def may_be_log(titles: Sequence[str], units: Sequence[str]) -> bool:
+def may_be_log(titles: Sequence[str], cells: SampledCells, units: Sequence[str]) -> bool:
     """Whether the titles may be those of a log.
 
     A column numbers poses or is a force, and none are coordinates; or there are many axes.
 
     Args:
         titles: As written.
+        cells: Cells below them.
         units: Those of forces.
     """
     if called_axes(titles, dict):
         return True
     found = _first(titles, {"pose": (), "force": units})
     forces = _by_unit(titles, units) or _of_pulls(titles, units)
-    return not _coordinates(titles) and bool(found or forces)
+    if _coordinates(titles):
+        return False
+    return bool(found or forces or _by_unit_column({}, cells, units, by_scale=True))
 
 
 def names_a_force(titles: Sequence[str], units: Sequence[str]) -> bool:
-    """Whether a title is a force, or has a unit that only forces have."""
-    return bool("force" in _first(titles, {"force": units}) or _by_unit(titles, units))
+    """Whether a title is a force, or has a unit that only forces have, or several are of pulls."""
+    named = "force" in _first(titles, {"force": units})
+    return bool(named or _by_unit(titles, units) or _of_pulls(titles, units))
 
 
 def called_axes(titles: Sequence[str], _: SampledCells) -> dict[str, str] | None:
@@ -143,15 +149,73 @@ def of_loads(
     found = _first(titles, {role: units.get(role, ()) for role in roles})
     each = _of_pulls(titles, units["force"])
     found = {role: one for role, one in found.items() if one[0] not in dict(each.values())}
+    found |= _by_unit_column(found, cells, units["force"], by_scale)
     found |= {} if found.keys() & {"repeat", *units} else each
     if not found.keys() & {*units, *each}:
         found |= _by_unit(titles, units["force"]) or (_of_a_scale(titles) if by_scale else {})
     if not found.keys() & {*units, *each} or _coordinates(titles):
         return None
+    return _with_numbers(found, cells, each)
+
+
+def _with_numbers(
+    found: dict[str, tuple[str, Sequence[str]]], cells: SampledCells, each: Iterable[str]
+) -> dict[str, str] | None:
+    """Our names for the roles and for the columns that number poses and pulls."""
+    if not found.keys() & {"pose", "repeat"} and (tags := _tags(cells())):
+        return _ours({**found, "pose_repeat": (tags, ())})
     found = _numbered(found, cells)
     lacking = ("pose",) if {"repeat", *each} & {*found} else ("pose", "repeat")
     found |= _by_counts(found, cells) if "pose" in found else _counted(lacking, found, cells)
     return _ours(found) if "pose" in found else None
+
+
+def _by_unit_column(
+    found: Mapping[str, tuple[str, Sequence[str]]],
+    cells: SampledCells,
+    units: Sequence[str],
+    by_scale: bool,
+) -> dict[str, tuple[str, Sequence[str]]]:
+    """The force in the unit that all cells of a column of their own state.
+
+    Without a title of its own it is the column of numbers before that; kg are a force on a scale.
+    """
+    title, open_units = found.get("force", ("", units))
+    columns = cells() if len(open_units) > 1 else {}
+    of = _of_one_unit(columns, units)
+    if len(of) != 1 or (of[0][1] == "kg" and not by_scale):
+        return {}
+    before = [*columns][max([*columns].index(of[0][0]) - 1, 0)]
+    numbers = [*map(is_number, filter(None, columns[before]))]
+    return {"force": (title or before, (of[0][1],))} if title or all(numbers or [False]) else {}
+
+
+def _of_one_unit(
+    columns: Mapping[str, Sequence[str]], units: Sequence[str]
+) -> list[tuple[str, str]]:
+    """The columns all of whose cells are the same unit, and this."""
+    said = {one: {_unit(cell.strip().lower()) for cell in own} for one, own in columns.items()}
+    return [(one, min(some)) for one, some in said.items() if len(some) == 1 and some <= {*units}]
+
+
+def _tags(cells: Mapping[str, Sequence[str]]) -> str | None:
+    """The only column whose cells begin with the numbers of pose and pull; None if there is none.
+
+    A cell without a number belongs to no pull.
+    """
+    numbered = {
+        title: [one for one in own if re.search(r"\d", one)] for title, own in cells.items()
+    }
+    found = [title for title, own in numbered.items() if _count_on([*map(pose_and_repeat, own)])]
+    return found[0] if len(found) == 1 else None
+
+
+def _count_on(pulls: Sequence[tuple[int, int] | None]) -> bool:
+    """Whether pose after pose, each numbers its pulls from 0 or 1 on."""
+    own = [one for one in pulls if one]
+    runs = [[pull for _, pull in some] for _, some in itertools.groupby(own, itemgetter(0))]
+    counted = all(one == [*range(one[0], one[0] + len(one))] and one[0] < 2 for one in runs)
+    return counted and len(own) == len(pulls) and 1 < len(runs) == len({pose for pose, _ in own})
 
 
 def _by_counts(
@@ -245,13 +309,13 @@ def _of_pulls(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[st
     words = _known().called["repeat"] | _known().called["force"]
     found: dict[str, dict[str, tuple[str, Sequence[str]]]] = defaultdict(dict)
     for title in titles:
-        unit = force_unit(title, units)
-        parts = _WORDS.findall(title.lower())[: -1 if unit else None]
+        unit, own = force_unit(title, units), stated_unit(title, units)
+        parts = _WORDS.findall(title.lower())[: -1 if len(own) == 1 else None]
         numbers = [*filter(str.isdecimal, parts)]
         stem = _stem([part for part in parts if part not in numbers])
         if len(numbers) == 1 and (unit or stem in words):
             name = f"force_{int(numbers[0])}"
-            found[f"{stem} {unit}"].setdefault(name, (title, (unit,) if unit else units))
+            found[f"{stem} {own}"].setdefault(name, (title, own))
     several = [one for one in found.values() if len(one) > 1]
     return several[0] if len(several) == 1 else {}
 
@@ -261,6 +325,25 @@ def force_unit(title: str, units: Sequence[str]) -> str:
     words = _WORDS.findall(title.lower())
     unit = _unit(words[-1]) if len(words) > 1 else ""
     return unit if unit in units and unit != "kg" else ""
+
+
+def anchors(columns: Mapping[str, Collection[str]]) -> dict[str, str]:
+    """Our names of the columns that name anchors: one, or one for each pull with its number.
+
+    Names that are numbers may be those of anything, unless the title is a word for an anchor.
+
+    Args:
+        columns: Cells of each column in which all are names of points, by title.
+    """
+    left = {
+        title: numbers
+        for title, own in columns.items()
+        for words in [_words(title)]
+        for numbers in [[*filter(str.isdecimal, words)]]
+        if not all(map(str.isdecimal, own)) or not _known().called["anchor"].isdisjoint(words)
+    }
+    several = {title: f"anchor_{int(own[0])}" for title, own in left.items() if len(own) == 1}
+    return several if 1 < len(several) == len(left) else dict.fromkeys([*left][:1], "anchor")
 
 
 def _counting(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> list[str]:
@@ -409,7 +492,7 @@ def _first(
         for role, units in wanted.items():
             if role in ("force", "mass") and counts:
                 continue
-            if unit in units and _is(_stem(words[:-1]), role, axes):
+            if units and unit in (*units, SI) and _is(_stem(words[:-1]), role, axes):
                 if len(found.get(role, ("", ()))[1]) != 1:
                     found[role] = title, (unit,)
             elif _is(_stem(words), role, axes):

@@ -24,6 +24,7 @@ from pipeline.readers.logs import (
     LENGTH,
     MASS,
     POSE,
+    POSE_REPEAT,
     PULSES,
     REPEAT,
     SCALE,
@@ -83,8 +84,8 @@ def may_be_log(name: str, data: bytes) -> bool:
         InputError: It is not text, or several sheets have one.
     """
 
-    def log(titles: Sequence[str], _: _log_words.SampledCells) -> dict[str, str] | None:
-        return {} if _log_words.may_be_log(titles, tuple(SCALE)) else None
+    def log(titles: Sequence[str], cells: _log_words.SampledCells) -> dict[str, str] | None:
+        return {} if _log_words.may_be_log(titles, cells, tuple(SCALE)) else None
 
     return _understood(name, data, "scale", log) is not None
 
@@ -155,6 +156,30 @@ def understood_joints(name: str, data: bytes, axes: Axes) -> LogForm | None:
     return _understood(name, data, "joints", _about_axes(_log_words.of_joints, axes))
 
 
+def cells_of_joints(name: str, data: bytes, axes: Axes) -> dict[str, Sequence[str]]:
+    """Cells of a joint log by title."""
+    return _cells_of(name, data, "joints", _about_axes(_log_words.of_joints, axes))
+
+
+def cells_of_loads(name: str, data: bytes) -> dict[str, Sequence[str]]:
+    """Cells of a log of loads by title."""
+    units = {"force": tuple(SCALE), "mass": tuple(MASS)}
+    return _cells_of(name, data, "scale", partial(_log_words.of_loads, units=units))
+
+
+def _cells_of(name: str, data: bytes, table: str, meaning: _Meaning) -> dict[str, Sequence[str]]:
+    """Cells of a log by title, as `_understood` finds it."""
+    found: dict[str, Sequence[str]] = {}
+
+    def kept(titles: Sequence[str], cells: _log_words.SampledCells) -> dict[str, str] | None:
+        columns = meaning(titles, cells)
+        found.update(cells() if columns is not None else {})
+        return columns
+
+    _understood(name, data, table, kept)
+    return found
+
+
 def has_other_axes(name: str, data: bytes, axes: Axes) -> bool:
     """Whether an axis moves in a joint log that a robot does not have, such as a rail."""
     with contextlib.suppress(InputError):  # a workbook in which no sheet has such a title
@@ -219,11 +244,11 @@ def _as_called(titles: Sequence[str], axes: Sequence[Quantity]) -> dict[str, str
 
 
 def naming(name: str, data: bytes, names: set[str]) -> dict[str, set[str]]:
-    """The column of a log whose cells are all some of these names, by its title; empty if none."""
+    """The columns of a log whose cells are all some of these names, by title; empty if none."""
     found: dict[str, set[str]] = {}
 
     def column(_: Sequence[str], cells: _log_words.SampledCells) -> dict[str, str] | None:
-        own = {title: {*some} for title, some in cells().items()}
+        own = {title: {*some} - {""} for title, some in cells().items()}
         found.update(
             {title: some for title, some in own.items() if len(some) > 1 and some <= names}
         )
@@ -236,7 +261,8 @@ def naming(name: str, data: bytes, names: set[str]) -> dict[str, set[str]]:
 
 def unknown(name: str, data: bytes, stated: LogForm) -> tuple[str, ...]:
     """Titles of a log of loads that are not ours, as written."""
-    ours = {one for q in of_loads() for one in (*map(str.lower, names_of(q)), q.stem)}
+    every = *of_loads(), POSE_REPEAT
+    ours = {one for q in every for one in (*map(str.lower, names_of(q)), q.stem)}
     file = opened(name, data, stated, "scale", POSE.stem, has_load)
     both = zip(file.titles, file.written, strict=True)
     return tuple(written for title, written in both if title and title not in ours)

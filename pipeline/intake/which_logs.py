@@ -55,7 +55,7 @@ class LogFiles:
 
 
 def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
-    """Find the logs among some files; of several of one kind the first.
+    """Find the logs among some files; of several of one kind the first with most rows.
 
     A workbook may be both, and an export, too, with one sheet for each.
 
@@ -67,32 +67,34 @@ def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
     proposal = LogFiles()
     for name, data in files.items():
         if _may_be_log(name, data):
-            proposal = _with_log(proposal, name, data, robots, makers)
-    counted = counted_axes(next(iter(proposal.joint_columns.values()), {}))
-    return replace(
-        proposal,
-        decimal_commas=_with_commas(files, proposal),
-        pulses=per_degree(files, counted),
-    )
+            proposal = _with_log(proposal, name, files, robots, makers)
+    found = pulses_among(files, proposal)
+    return replace(proposal, decimal_commas=_with_commas(files, proposal), pulses=found)
+
+
+def pulses_among(files: Mapping[str, bytes], logged: LogFiles) -> dict[str, float]:
+    """Pulses per degree of the axes of the joint log, from any of some files."""
+    return per_degree(files, counted_axes(next(iter(logged.joint_columns.values()), {})))
 
 
 def _with_log(
     proposal: LogFiles,
     name: str,
-    data: bytes,
+    files: Mapping[str, bytes],
     robots: Mapping[str, Robot],
     makers: frozenset[str],
 ) -> LogFiles:
     """The logs with a file that may be one, or both in a workbook; refused if no robot fits."""
+    data = files[name]
     fits = _having(name, data, robots, makers)
     form = _loads(name, data) if not fits or is_workbook(data) else None
     if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
         columns = {robot: form.columns for robot, form in fits.items()}
         new = {"joints": name, "robots": tuple(fits), "joint_columns": columns}
-        proposal = _added(proposal, name, new, proposal.joints)
+        proposal = _added(proposal, name, new, proposal.joints, partial(_rows, files, robots))
     if form:
         new = {"loads": name, "load_columns": form.columns}
-        return _added(proposal, name, new, proposal.loads)
+        return _added(proposal, name, new, proposal.loads, partial(_rows, files, robots))
     if fits or not (axes := log_columns.titles_of_axes(name, data)):
         return proposal
     return replace(proposal, refused=proposal.refused | {name: _no_joint_log(name, data, axes)})
@@ -151,11 +153,33 @@ def _may_be_log(name: str, data: bytes) -> bool:
         return is_workbook(data)  # several of its sheets may qualify: each log looks for its own
 
 
-def _added(proposal: LogFiles, name: str, new: Mapping[str, Any], earlier: str | None) -> LogFiles:
-    """The logs with one more, which is refused if an earlier one is of the same kind."""
+def _added(
+    proposal: LogFiles,
+    name: str,
+    new: Mapping[str, Any],
+    earlier: str | None,
+    rows: Callable[[str, Mapping[str, Any]], int],
+) -> LogFiles:
+    """The logs with one more; of two of a kind that with fewer rows is refused, else the later."""
     if earlier is None:
         return replace(proposal, **new)
+    if rows(name, new) > rows(earlier, vars(proposal)):
+        proposal, name, earlier = replace(proposal, **new), earlier, name
     return replace(proposal, refused=proposal.refused | {name: f"{earlier} is such a log, too"})
+
+
+def _rows(
+    files: Mapping[str, bytes], robots: Mapping[str, Robot], name: str, found: Mapping[str, Any]
+) -> int:
+    """Number of rows of a log that can be read, as some entries of `LogFiles` describe it."""
+    with contextlib.suppress(InputError):
+        if name == found.get("loads"):
+            form = log_columns.settled(LogForm(columns=found["load_columns"]))
+            return len(logs.loads(name, files[name], form).line)
+        robot, columns = next(iter(found["joint_columns"].items()))
+        form = log_columns.settled(LogForm(columns=columns))
+        return len(logs.joints(name, files[name], robots[robot], form).line)
+    return 0
 
 
 def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:

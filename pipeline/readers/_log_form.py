@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from unicodedata import normalize
 
 from pipeline.base.doors import found
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers._cells import IN_BRACKETS, MARKS, above, bare, is_number, is_plain
+from pipeline.readers._cells import IN_BRACKETS, MARKS, above, bare, is_number, is_plain, is_remark
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._text import (
     SAMPLE_LINES,
@@ -26,7 +27,7 @@ _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
 """Synonyms of units: a scale in kilograms shows kilogram-force."""
 _UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "in", "deg", "rad", "nm", "knm"}
 """Units that, in the brackets of a title, can contradict the name assigned to the column."""
-_BELOW = {*_UNITS, *_ALIKE, "degrees", "grad", "kp", ""}
+BELOW = {*_UNITS, *_ALIKE, "degrees", "grad", "kp", ""}
 """Words that may appear in a line of units below the titles."""
 
 
@@ -73,8 +74,8 @@ def opened(
 ) -> Titled:
     """Find the header of a log.
 
-    It is the first line that names the column `key`; if there is none, the first line that is
-    neither blank nor a comment.
+    It is the first line with all titles that campaign.toml states, else the first that names the
+    column `key`; if there is none, the first line that is neither blank nor a comment.
 
     Args:
         name: Name of the file, for messages.
@@ -156,8 +157,10 @@ class LogHeader:
 
 
 def _found(file: Text, own: Mapping[str, str], key: str) -> LogHeader | None:
-    """The first line that names the column `key`, as a header; None if there is none."""
-    return next((one for one in headers(file) if key in _ours(one.titles, own)), None)
+    """The first line with all stated titles, else the first that names the column `key`."""
+    some = [one for one in headers(file) if {*own.values(), key} & {*_ours(one.titles, own)}]
+    stated = (one for one in some if {*own.values()} <= {*_ours(one.titles, own)} and own)
+    return next(stated, next((one for one in some if key in _ours(one.titles, own)), None))
 
 
 def _no_remark(file: Text) -> int:
@@ -167,7 +170,17 @@ def _no_remark(file: Text) -> int:
 
 
 def headers(file: Text) -> Iterator[LogHeader]:
-    return (_header(file, number) for number, _ in file.lines(1, SAMPLE_LINES))
+    """The leading lines as headers, without rows of numbers."""
+    found = (_header(file, number) for number, _ in file.lines(1, SAMPLE_LINES))
+    return (one for one in found if not _of_numbers(one.written))
+
+
+def _of_numbers(cells: Sequence[str]) -> bool:
+    """Whether cells are those of a row: one has decimals, or more than half are numbers."""
+    numbers = [cell for cell in cells if is_number(cell)]
+    return 2 * len(numbers) > len([*filter(None, cells)]) or any(
+        not cell.strip("+-").isdecimal() for cell in numbers
+    )
 
 
 def _header(file: Text, line: int) -> LogHeader:
@@ -175,18 +188,37 @@ def _header(file: Text, line: int) -> LogHeader:
     content = file.line(line)
     delimiter = delimiter_of(content, " ")
     titles = _cut(content, delimiter)
-    none = ("",) * len(titles)
     below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
+    if is_remark(content, MARKS) and len(unmarked := _cut(_marked(content), delimiter)) == len(
+        below
+    ):
+        titles = unmarked
+    none = ("",) * len(titles)
     if len(below) != len(titles):
         below = list(none)
+    if of_others := _titles_of_others():
+        titles, lines = of_others(titles, below)
+        if lines > 1:
+            return LogHeader(line, line + lines, delimiter, tuple(titles), none)
     units = tuple(map(_unit_below, below))
-    of_units = any(units) and {unit.lower() for unit in units} <= _BELOW
+    of_units = any(units) and {unit.lower() for unit in units} <= BELOW
     behind = none if of_units else tuple(map(_unit_behind, below))
-    joined = map(_with_unit, titles, units if of_units else behind)
+    joined = map(with_unit, titles, units if of_units else behind)
     return LogHeader(line, line + (2 if of_units else 1), delimiter, tuple(joined), behind)
 
 
-def _with_unit(title: str, unit: str) -> str:
+@cache
+def _titles_of_others() -> Callable[[list[str], list[str]], tuple[list[str], int]] | None:
+    """Door to titles as people keep them, in two lines or the same for each pull."""
+    return found("pipeline.dialects.two_lines:titles")
+
+
+def _marked(line: str) -> str:
+    """A line without the mark of a comment before it; unchanged if its first cell is the mark."""
+    return re.sub(r"^\s*(?:%|#|!|//)+[ \t]*(?=[^\W\d_])", "", line)
+
+
+def with_unit(title: str, unit: str) -> str:
     """A title with the unit of its column appended, if it has none itself."""
     return f"{title} [{unit}]" if unit and not _parted(title)[1] else title
 
@@ -194,7 +226,7 @@ def _with_unit(title: str, unit: str) -> str:
 def _unit_behind(cell: str) -> str:
     """The unit after the number in a cell; empty if there is none."""
     found = _WITH_UNIT.fullmatch(cell.strip())
-    known = found and is_number(found[1]) and found[2].lower() in _BELOW
+    known = found and is_number(found[1]) and found[2].lower() in BELOW
     return found[2] if found and known else ""
 
 

@@ -339,13 +339,19 @@ def whole_numbers(log: Log) -> Log:
     return log
 
 
-def once(log: Log, key: Sequence[str]) -> Log:
-    """Remove duplicate keys: of equal rows one is kept, of contradicting ones none."""
+def once(log: Log, key: Sequence[str], still: float = 0.0) -> Log:
+    """Remove duplicate keys: of equal rows one is kept, of contradicting ones none.
+
+    Numbers that differ by no more than `still` [SI] are equal.
+    """
     rows = pd.DataFrame({**log.number, **log.word})
     twice = rows[rows.duplicated(list(key), keep=False)]
     why: dict[int, str] = {}
     for _, same in twice.groupby(list(key), sort=False):
-        agree = len(same.drop_duplicates()) == 1
+        number = same[[*log.number]].to_numpy(float)
+        spread = np.nan_to_num(np.ptp(number, axis=0))
+        alike = (np.isnan(number) == np.isnan(number[0])).all() and (spread <= still).all()
+        agree = bool(alike) and all(same[name].nunique() == 1 for name in log.word)
         line = log.line[same.index]
         reason = (
             f"repeats line {line[0]}; remove it"

@@ -33,6 +33,7 @@ from pipeline.readers._log_table import (
     whole_numbers,
 )
 from pipeline.readers.export_settings import OWN_LOG, JointForm, LogForm
+from pipeline.readers.pose_names import coded
 
 __all__ = [
     "AXES",
@@ -95,6 +96,8 @@ _BRANCH_OF = {word: ours for ours, words in _BRANCH.items() for word in words}
 
 POSE = Quantity("pose", {})
 REPEAT = Quantity("repeat", {})
+POSE_REPEAT = Quantity("pose_repeat", {}, "name", needed=False)
+"""Name of a row that begins with the numbers of its pose and pull: `P01/2 W7`."""
 _TIME = Quantity("time", {}, "name", needed=False)
 """Time at which a row was recorded; `check` compares it with the readings."""
 REMARK = Quantity("remark", {}, "name", needed=False)
@@ -106,10 +109,11 @@ def loads(name: str, data: bytes, stated: LogForm = OWN_LOG) -> Log:
 
     The load is `force` [N], read on a scale in a chain, `mass` [kg] of a weight at the load point
     with `mass_sigma` if known, or the name of a `payload`; a column may be missing if no row uses
-    it. With `force_1`, `force_2` ... a row is a pose, each column one of its pulls, and a cell may
-    be empty. Without a column `repeat` the pulls of each pose are numbered from 1. A column `group`
-    names the group of tracker readings that belongs to a row. With it, a row without a load is the
-    unloaded state of a pose; so is a row of force 0, also without it if every pose has one.
+    it. With `force_1`, `force_2` ... a row is a pose, each column one of its pulls, hooked to
+    `anchor_1`, `anchor_2` ..., and a cell may be empty. Without a column `repeat` the pulls of each
+    pose are numbered from 1. A column `group` names the group of tracker readings that belongs to a
+    row. With it, a row without a load is the unloaded state of a pose; so is a row of force 0, also
+    without it if every pose has one.
 
     Args:
         name: Name of the file.
@@ -127,8 +131,12 @@ def loads(name: str, data: bytes, stated: LogForm = OWN_LOG) -> Log:
     needed = not each and not any(suffixed(file.titles, q) for q in other[:3])
     wanted[0] = replace(POSE, filled=not named, carried=not (named or each))
     wanted[2] = replace(force, needed=needed, filled=not named)
-    known_columns(stated, "scale", [*wanted, *each, _TIME, REMARK])
-    log = typed(file, [*wanted, *each], stated, "scale")
+    tagged = suffixed(file.titles, POSE_REPEAT) is not None
+    wanted[0] = replace(wanted[0], needed=not tagged)
+    hooks = [Quantity(f"anchor{q.stem[5:]}", {}, "name", needed=False) for q in each]
+    wanted_all = [*wanted, *each, *hooks, POSE_REPEAT]
+    known_columns(stated, "scale", [*wanted_all, _TIME, REMARK])
+    log = _numbered(typed(file, wanted_all, stated, "scale"))
     log = _one_load(_pulls(_a_row_each(_with_units(log, [force, *each], file.titles), each)))
     if "branch" in log.word:
         own = np.array(
@@ -139,6 +147,34 @@ def loads(name: str, data: bytes, stated: LogForm = OWN_LOG) -> Log:
     reason = "branch is neither up nor down; correct it or leave it empty"
     log = log.where("branch", lambda words: np.isin(words, [*_BRANCH, ""]), reason)
     return once(log, ["pose", "repeat"])
+
+
+_TAG = re.compile(
+    r"(?:[^\W\d_]+[ _.-]*)?0*(?P<pose>[0-9]{1,4})(?P<letters>[^\W\d_]{0,4})[ /_:;,-]+"
+    r"(?:[^\W\d_]+[ _.-]*)?0*(?P<repeat>[0-9]{1,3})(?![0-9.,])[^0-9]?.*"
+)
+
+
+def pose_and_repeat(tag: str) -> tuple[int, int] | None:
+    """The numbers of pose and pull that a name begins with; None if it does not."""
+    found = _TAG.fullmatch(tag.strip())
+    pose = found and (coded(found["pose"] + found["letters"]) or int(found["pose"]))
+    return (pose, int(found["repeat"])) if found and pose is not None else None
+
+
+def _numbered(log: Log) -> Log:
+    """A log whose rows have pose and pull in their name; a row of force 0 needs none."""
+    if POSE_REPEAT.stem not in log.word:
+        return log
+    tags = log.word[POSE_REPEAT.stem]
+    found = [pose_and_repeat(tag) for tag in tags]
+    pose, repeat = np.array([one or (np.nan, np.nan) for one in found]).reshape(-1, 2).T
+    word = {name: column for name, column in log.word.items() if name != POSE_REPEAT.stem}
+    log = replace(log, number=log.number | {"pose": pose, "repeat": repeat}, word=word)
+    force = log.number.get("force", np.full(len(pose), np.nan))
+    zero = np.isnan(pose) & (force < LEAST_FORCE)
+    reason = 'does not begin with the numbers of a pose and a pull, as "P01/2"; correct it'
+    return log.kept(~zero).only(~np.isnan(pose[~zero]), reason)
 
 
 def group_name(name: str) -> str:
@@ -186,7 +222,11 @@ def _a_row_each(log: Log, each: Sequence[Quantity]) -> Log:
     stems = {name + q.stem[5:] for q in each for name in ("force", "unit")}
     number = {name: one[row] for name, one in log.number.items() if name not in stems}
     number |= {"force": force[row, pull], "unit": unit[row, pull], "repeat": repeat[pull]}
-    word = {name: one[row] for name, one in log.word.items()}
+    hooks = {f"anchor_{k:.0f}": repeat[pull] == k for k in repeat}
+    word = {name: one[row] for name, one in log.word.items() if name not in hooks}
+    for name in hooks.keys() & {*log.word}:
+        anchor = word.setdefault("anchor", np.full(len(row), "", dtype=object))
+        word["anchor"] = np.where(hooks[name], log.word[name][row], anchor)
     return replace(log, number=number, word=word, line=log.line[row])
 
 
@@ -333,12 +373,16 @@ def joints(
     log = _from_zero(log, file, wanted, pulses)
     reason = "approach is neither 1 nor -1; correct it or leave it empty"
     log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
-    log = once(log, ["pose", *({"repeat"} & {*log.number})])
+    log = once(log, ["pose", *({"repeat"} & {*log.number})], _STILL)
     return _of_joints(log, robot, [one.stem for one in torques]) if from_controller else log
 
 
+_STILL = 1e-5
+"""Largest motion of an axis between two logs of one standstill [rad] or [m]."""
 PULSES = "pulses"
 """Unit of joint values that an encoder counts."""
+SI = "si"
+"""Unit of joint values that are radians or metres, whichever the joint has."""
 
 
 def _two(pulses: float | tuple[float, float]) -> tuple[float, float]:
@@ -353,7 +397,8 @@ def _in_pulses(
     per = {q.stem: _two(pulses.get(q.stem, np.nan))[0] for q in axes}
     small = {q.stem: q.units["mm" if q.units is LENGTH else "deg"] for q in axes}
     return [
-        replace(q, units={**q.units, PULSES: small[q.stem] / (per[q.stem] or np.nan)}) for q in axes
+        replace(q, units={**q.units, SI: 1.0, PULSES: small[q.stem] / (per[q.stem] or np.nan)})
+        for q in axes
     ]
 
 

@@ -95,6 +95,15 @@ class RawReadings(Locked):
         rows = np.flatnonzero(np.isin(of, [*why])).tolist()
         return self.without({k: why[int(of[k])] for k in rows})
 
+    def unloaded(self, targets: int) -> tuple[Ints, Array]:
+        """Poses (p,), and the first unloaded reading of each target [m], (p, targets, 3)."""
+        rows = np.flatnonzero((self.slot >= 0) & (self.role >= 0) & (self.role < targets))
+        rows = rows[~self.loaded[self.slot[rows]]][::-1]
+        poses, of = np.unique(self.pose[self.slot[rows]], return_inverse=True)
+        seen = np.full((len(poses), targets, 3), np.nan)
+        seen[of, self.role[rows]] = self.position[rows]
+        return poses, seen
+
     def counted(self, width: int) -> Ints:
         """Number of readings of each target with a role in each slot, shape (s, width)."""
         place = (self.slot + 1) * (width + 1) + self.role + 1  # base readings come first
@@ -381,10 +390,12 @@ def known(
     shots: RawReadings, settings: Settings, states: Mapping[str, GroupState] | None = None
 ) -> RawReadings:
     """Keep only readings of reflectors whose use is known."""
-    strange = (
-        "this target is neither in naming.measured nor in naming.chain nor in [base_frame]; "
-        "add it there or rename it"
-    )
+
+    def strange(k: int) -> str:
+        """Reason for a reading of a target that campaign.toml does not state."""
+        named = f"target {shortened(shots.target[k].as_py())} is neither in naming.measured"
+        return f"{named} nor in naming.chain nor in [base_frame]; add it there or rename it"
+
     nowhere = (
         f"{settings.loads_file} does not name the group" if states
         else "the group does not match naming.group"
@@ -395,7 +406,7 @@ def known(
     )
     unused = np.flatnonzero((shots.role == STRANGE) | ((shots.slot < 0) & (shots.role != BASE)))
     return shots.without(
-        {k: strange if shots.role[k] == STRANGE else lost for k in unused.tolist()}
+        {k: strange(k) if shots.role[k] == STRANGE else lost for k in unused.tolist()}
     )
 
 

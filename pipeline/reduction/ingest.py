@@ -42,6 +42,7 @@ from pipeline.reduction._raw_readings import (
 )
 from pipeline.reduction.case import ExportTreatment
 from pipeline.reduction.digits import rounding
+from pipeline.reduction.effector import tool
 from pipeline.reduction.register import read_apart
 from pipeline.reduction.set_aside import NamedAside
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
@@ -51,6 +52,7 @@ _SIX = covariance_columns()
 
 _BY_ORDER = "pipeline.dialects.assignment:assigned"
 """Door to readings without names, identified by the order in which they were taken."""
+_ROWS = "pipeline.dialects.rows_of_poses:rows_of_poses"
 _ENDS = "pipeline.dialects.anchored:with_ends"
 """Door to chains without reflectors, which go from the load point to an anchor."""
 _OF_DAY = "pipeline.dialects.times_of_day:on_days"
@@ -133,8 +135,7 @@ def ingest(
     joints = _leaving(joints, why)
     if settings.displacements:
         return _reduced(settings, settings.displacements, robot, raw, joints, doubt, why)
-    found = _raw(settings, robot, raw, joints, plausible, doubt, why)
-    return replace(found, torques=_torques(logged, robot))
+    return _raw(settings, robot, raw, joints, logged, plausible, doubt, why)
 
 
 def _poses(log: logs.Log) -> Array:
@@ -208,6 +209,7 @@ def _raw(
     robot: Robot,
     raw: Mapping[str, bytes],
     joints: logs.Log,
+    logged: logs.Log,
     plausible: bool,
     doubt: InputError | None,
     left_out: Mapping[int, str],
@@ -221,10 +223,12 @@ def _raw(
         much=len(log) > WORTH_A_THREAD,
     )
     _some_reading(exports)
-    logged = np.concatenate([_poses(loads), _poses(joints)])
-    words = {*map(pose_names.letters_of, logged)} - {""}
+    every = np.concatenate([_poses(loads), _poses(joints)])
+    words = {*map(pose_names.letters_of, every)} - {""}
     everything = _raw_readings.gather(exports, settings, loads.states, words)
-    if own := pose_names.numbers([*everything.pose, *logged]):
+    unloaded = everything.unloaded(len(settings.measured))
+    joints, logged, left_out, taken = _own_rows(settings, robot, unloaded, joints, logged, left_out)
+    if own := pose_names.numbers([*everything.pose, *every]):
         everything = replace(everything, pose=_renumbered(everything.pose, own))
         loads, joints = (_with_own_numbers(one, own) for one in (loads, joints))
         joints, left_out = _stood_again(joints, left_out, own)
@@ -268,7 +272,8 @@ def _raw(
         lost=_raw_readings.lost(shots, whole),
         unused=_raw_readings.unused(everything, whole),
         aside=aside,
-        treated=_treated(exports, own),
+        treated=_treated(exports, own) + taken,
+        torques=_torques(logged, robot),
     )
 
 
@@ -279,6 +284,23 @@ def _treated(exports: Mapping[str, Export], own: Mapping[int, int]) -> tuple[Exp
         for name, one in exports.items()
         if one.faces or one.untimed or one.settled or own
     )
+
+
+def _own_rows(
+    settings: Settings,
+    robot: Robot,
+    unloaded: tuple[Ints, Array],
+    joints: logs.Log,
+    logged: logs.Log,
+    out: Mapping[int, str],
+) -> tuple[logs.Log, logs.Log, Mapping[int, str], tuple[ExportTreatment, ...]]:
+    """The joint log, whole and a row for each pose, by the poses where its rows only count."""
+    look = doors.found(_ROWS)
+    rows = look and look(robot, tool(settings).points, unloaded, joints, frozenset(out))
+    if not rows:
+        return joints, logged, out, ()
+    said = ExportTreatment(joints.file, None, None, (rows.said,))
+    return rows.of(joints), rows.of(logged), {}, (said,)
 
 
 def _numbering(own: Mapping[int, int]) -> Iterator[str]:

@@ -212,8 +212,27 @@ def fanuc_listings():
     return data
 
 
+def comau():
+    points = [("pntparkJ", PARKED), ("pnt01J", ROWS[0]), ("pnt02J", ROWS[1])]
+    lines = [f"{name} JNTP Arm: 1 AX: 7 Priv\n " + " ".join(
+             f"{k}: {x:.3f}" for k, x in enumerate([*row, 1250.0], 1))
+             for name, row in points]  # fmt: skip
+    return "\n".join(["PROGRAM pull", "  -- saved 18-AUG-26", *lines, ""]).encode()
+
+
+def sinumerik(stop="; MERENI {}\n{}"):
+    """The rail first, in a block of its own or not; home before, between and behind the poses."""
+    blocks = [" ".join(["X=1250.000", *(f"A{k}={x:.3f}" for k, x in enumerate(row, 1))])
+              for row in (PARKED, *ROWS)]  # fmt: skip
+    poses = [f"N{k}5 M0 ; {k} tahy" for k in (1, 2)]
+    lines = [f"N10 G90 G0 F=R1 {blocks[0]} ; domu", "R4=7", "POSNR=3", stop.format(1, blocks[1]),
+             poses[0], stop.format(2, blocks[2]), poses[1], f"N60 {blocks[0]}", "M30"]  # fmt: skip
+    return "\r\n".join(["%_N_TAHY_MPF", *lines]).encode()
+
+
 @pytest.mark.parametrize(("made", "rail"), [(hyundai, True), (kawasaki, True), (kuka_log, False),
-                                            (fanuc_listings, False)])  # fmt: skip
+                                            (fanuc_listings, False), (comau, True),
+                                            (sinumerik, True)])  # fmt: skip
 def test_points_of_other_makers_are_poses_by_their_names(made, rail):
     rows = [row.split("\t") for row in taught.table(made()).decode().splitlines() if row]
     titles = ["pose", *(f"A{k} [deg]" for k in range(1, 7)), *["E1 [mm]"] * rail]
@@ -224,6 +243,62 @@ def test_points_of_other_makers_are_poses_by_their_names(made, rail):
     ]
     parked = [list(axes.values())[:6] for axes in taught.unnumbered(made()).values()]
     assert parked == [PARKED] * rail
+
+
+def poses_of(data):
+    """Pose and values of each row of the table."""
+    rows = [row.split("\t") for row in taught.table(data).decode().splitlines() if row]
+    return rows[0], [[float(x) for x in row] for row in rows[1:]]
+
+
+@pytest.mark.parametrize(("above", "behind"), [("'姿勢{}\n", ""), ("", "   'Pose no. {} (up)")])
+def test_remarks_of_a_job_number_its_points(above, behind):
+    """C00000 is the home position; in the code of the controller, and in any order."""
+    points = [PARKED, *ROWS[::-1], PARKED]
+    lines = [f"C{k:05d}=" + ",".join(f"{100 * x:.0f}" for x in row)
+             for k, row in enumerate(points)]  # fmt: skip
+    moves = [f"{above.format(3 - k)}MOVJ C{k:05d} VJ=5.00{behind.format(3 - k)}\nPAUSE"
+             for k in (1, 2)]  # fmt: skip
+    job = [
+        "/JOB",
+        "//POS",
+        "///PULSE",
+        *lines,
+        "//INST",
+        "NOP",
+        "MOVJ C00000",
+        *moves,
+        "MOVJ C00003",
+    ]
+    titles, rows = poses_of("\n".join(job).encode("cp932"))
+
+    assert titles == ["pose", *(f"{axis} [pulses]" for axis in "SLURBT")]
+    assert sorted(rows) == [[k, *(100 * x for x in row)] for k, row in enumerate(ROWS, 1)]
+
+
+def test_remarks_with_two_points_each_number_none():
+    """Either may be the pose: the points are counted, and the readings tell."""
+    blocks = [f"N{k} A1={k} A2=0 A3=0 A4=0 A5=0 A6=0" for k in range(10, 50, 10)]
+    program = ["%_N_P_MPF", "; POSE 2", *blocks[:2], "; POSE 1", *blocks[2:]]
+    rows = poses_of("\n".join(program).encode())[1]
+
+    assert [row[:2] for row in rows] == [[1, 10], [2, 20], [3, 30], [4, 40]]
+
+
+@pytest.mark.parametrize("head", ["", "%time,field.header.seq,field.header.frame_id,field.name0\n"])
+@pytest.mark.parametrize("more", [[], [0.0] * 6])
+def test_joint_states_of_ros_are_read_by_their_names(head, more):
+    """In whatever order they come, with a frame before them and velocities behind or not."""
+    robot = load("ur10e")
+    order = [2, 0, 1, 5, 3, 4]
+    rows = [[*range(1, 7)], [0.5, -1.5, 1.25, 0.1, -0.2, 3.0]]
+    lines = [",".join(["1793173232", "5", "base", *(robot.joints[k].name for k in order),
+             *(repr(float(row[k])) for k in order), *map(str, more)]) for row in rows]  # fmt: skip
+    log = logs.joints("states.csv", (head + "\n".join(lines) + "\n").encode(), robot)
+
+    assert log.number["pose"].tolist() == [1, 2]
+    assert logs.joint_values(log, robot).tolist() == rows
+    assert not head or log.line.tolist() == [2, 3]
 
 
 def test_a_pose_recorded_twice_stays_twice():

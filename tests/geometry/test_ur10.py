@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.geometry import law_tests
+from pipeline.geometry.estimate import solved
 from pipeline.geometry.positioned import as_read, usable
 from pipeline.geometry.study import study
 from pipeline.library.target_model import predict
@@ -97,17 +98,22 @@ def test_one_series_predicts_the_other(campaign):
 
 @pytest.mark.slow
 def test_residuals_with_flipped_signs_name_no_law(campaign):
-    """200 copies: the largest of all statistics is significant in one or two at most."""
+    """40 copies, estimated anew: the largest of all statistics is significant in one at most."""
     _, read = campaign
     found, _ = taught(campaign, read.readings.series == 0)
     springs = found.stages[2].found
     rng = np.random.default_rng(3)
-    inputs, slides = springs.linear.inputs, springs.mechanism.table.prismatic
-    laws = list(law_tests.candidates(inputs, slides))
-    here = law_tests.score(springs, law_tests.flips(springs.readings, rng, 400))
+    slides = springs.mechanism.table.prismatic
+    laws = list(law_tests.candidates(springs.linear.inputs, slides))
+    plain = law_tests.score(springs, np.zeros((0, len(springs.readings)))).copied
     named = 0
-    for copy in range(200):
-        own = np.concatenate([[1 + copy], 201 + np.arange(200)])
-        first = law_tests.law_tests(replace(here, u=here.u[own]), inputs, laws, slides.tolist())
+    for turned in law_tests.flips(springs.readings, rng, 40):
+        rows = springs.rows
+        again = replace(rows, y=rows.along(springs.solution.x) + turned[:, None] * plain)
+        copy = replace(
+            springs, rows=again, solution=solved(again, springs.mechanism, springs.known)
+        )
+        signs = law_tests.flips(copy.readings, rng, 200)
+        first = law_tests.law_tests(copy, signs, laws, slides.tolist())
         named += min(clue.p for clue in first) < alarms.LAW
-    assert named <= 2
+    assert named <= 1

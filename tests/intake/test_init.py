@@ -226,14 +226,15 @@ RADIANS = "1;3988,357;0,9144;-0,8132;0,1275;-3,0198;-1,1076;-2,1211\n"
 
 
 def test_titles_of_others_are_proposed_for_the_logs(init):
-    """With the units that they state; only robots with as many axes fit."""
+    """With the units that they state; of two logs the one with more rows is used, in any order."""
     logs = {"kraft.csv": LOADS.encode("cp1252"), "achsen.csv": JOINTS.encode("cp1252")}
     files = {"tracker.csv": FILES["tracker.csv"], **logs}
-    said = propose(logs | FILES)
     text = init(files, "kr500_rail", *[""] * 12)
 
-    assert said.refused["loads.csv"] == "kraft.csv is such a log, too"
-    assert set(said.refused) == {"loads.csv", "joints.csv"}
+    for both in (logs | FILES, FILES | logs):
+        said = propose(both)
+        assert said.refused["kraft.csv"] == "loads.csv is such a log, too"
+        assert set(said.refused) == {"kraft.csv", "achsen.csv"}
     assert propose(files).robots == ("kr500_rail", "kr500_rail_kuka")
     assert tomllib.loads(text)["scale"]["columns"] == {
         "Pose Nr.": "pose", "Zug Nr.": "repeat", "Kraft [kg]": "force_kg",

@@ -3,7 +3,10 @@
 import pytest
 
 from pipeline.base.errors import InputError
+from pipeline.intake import log_columns
+from pipeline.machine.robot import load
 from pipeline.readers import logs
+from pipeline.readers.export_settings import OWN_LOG
 
 LBF = 4.4482216152605
 
@@ -117,3 +120,68 @@ def test_names_that_differ_are_no_poses():
     _, log = read("pose,repeat,force_n\nA1,1,700\nB1,2,800\n2,1,500\n")
 
     assert [n for _, n, _ in log.rejected] == [2, 3]
+
+
+TAGGED = (
+    "Dillon EDjunior log\nSerial;EDJ-2;Capacity;500 lbf\nRecord;Date;Value;Unit;Tag\n"
+    "1;28-10-2026;0.0;lbf;zero\n2;28-10-2026;46.6;lbf;P01/1 W1\n3;28-10-2026;82.1;lbf;P01/2 W7\n"
+    "4;28-10-2026;29.3;lbf;P02/1 W1\n5;28-10-2026;109.0;lbf;P02/2 W3\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("change", "columns"),
+    [
+        ({}, {"Value": "force_lbf", "Tag": "pose_repeat"}),
+        ({"Record;": "% Record;", "P0": "Pose "}, {"Value": "force_lbf", "Tag": "pose_repeat"}),
+        ({"/": " - pull ", "lbf;z": "N;z", "lbf;P": "N;P"}, {"Value": "force_n"}),
+    ],
+)
+def test_a_log_of_a_dynamometer_is_read_by_its_cells(change, columns):
+    """The unit and the numbers of pose and pull are in cells; a row of zero is no pull."""
+    text = TAGGED
+    for old, new in change.items():
+        text = text.replace(old, new)
+    form = log_columns.understood_loads("dillon.csv", text.encode())
+    log = logs.loads("dillon.csv", text.encode(), form)
+    factor = 1.0 if "N;P" in text else LBF
+
+    assert columns.items() <= form.columns.items()
+    assert log.number["pose"].tolist() == [1, 1, 2, 2]
+    assert log.number["repeat"].tolist() == [1, 2, 1, 2]
+    assert log.number["force"] == pytest.approx([factor * x for x in (46.6, 82.1, 29.3, 109.0)])
+    assert log.line.tolist() == [5, 6, 7, 8]
+    assert not log.rejected
+
+
+@pytest.mark.parametrize("tag", ["P02/3", "P1/2", "W7"])
+def test_names_that_do_not_count_on_are_no_numbers_of_pulls(tag):
+    text = TAGGED.replace("P02/1", tag)
+
+    assert "Tag" not in (log_columns.understood_loads("d.csv", text.encode()) or OWN_LOG).columns
+
+
+def test_rows_of_numbers_are_no_titles():
+    """Nor is the unit of a force among them its title."""
+    rows = "\n".join(TAGGED.splitlines()[4:])
+
+    assert not log_columns.may_be_log("d.csv", rows.encode())
+
+
+def test_rows_of_one_standstill_are_one():
+    """Two logs of a pose differ by what encoders show; by more they contradict each other."""
+    head = "pose,A1_deg,A2_deg,A3_deg,A4_deg,A5_deg,A6_deg\n"
+    row = "1,10,-90,90,20,30,40\n1,10.{}00001,-90,90,20,30,40\n2,15,-80,90,20,30,40\n"
+    robot = load("kr210_r2700_2")
+    why = [
+        [
+            reason
+            for *_, reason in logs.joints(
+                "j.csv", (head + row.format(one)).encode(), robot
+            ).rejected
+        ]
+        for one in ("0", "9")
+    ]
+
+    assert why[0] == ["repeats line 2; remove it"]
+    assert all("contradict each other" in one for one in why[1])

@@ -45,6 +45,16 @@ def test_pulses_are_known_by_their_size_and_asked_for(name, data):
         degrees(name, data, columns=columns)
 
 
+@pytest.mark.parametrize("between", ["   ", ";", "\t"])
+def test_pulses_are_found_in_a_column_of_a_table(between):
+    """Beside the dimensions of the robot."""
+    rows = [[axis, "-90", "325.0", f"{axis}-90", "0.0", str(k)] for axis, k in PER_DEGREE.items()]
+    lines = [between.join(row) for row in [["軸", "α", "a", "θ", "d", "パルス/度"], *rows]]
+    text = "\n".join(["パルス換算(6軸)", "", *lines, "", "S 3.0E6  L 2.5E6"])
+
+    assert propose({"log.csv": TABLE, "寸法.txt": text.encode()}).pulses == PER_DEGREE
+
+
 def test_a_list_of_pulses_per_degree_is_found_and_degrees_stay_degrees():
     """From the parameters of the robot, in a file beside the log."""
     words = "Pulses per degree:\n" + "\n".join(f"{axis}  {k}" for axis, k in PER_DEGREE.items())

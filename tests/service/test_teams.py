@@ -52,10 +52,12 @@ def process(*command, log, **environment):
         try:
             yield running
         finally:
-            running.send_signal(signal.SIGINT)
+            # `runuser` hands no signal on: PostgreSQL would keep its port
+            os.killpg(running.pid, signal.SIGINT)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 running.wait(30)
-            running.kill()
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(running.pid, signal.SIGKILL)
             running.wait()
 
 
