@@ -295,13 +295,11 @@ def _next(name: str, wrong: list[WrongLine], others: list[str]) -> tuple[str, st
             f"correct campaign.toml, then: pipeline check {typed(name)}",
             f"pipeline check {typed(name)}",
         )
+    run = f"pipeline run {typed(name)}"
     if others:
-        return (
-            f"look into {'this' if len(others) == 1 else 'these'} while the robot still stands "
-            f"there, then: pipeline check {typed(name)}",
-            f"pipeline check {typed(name)}",
-        )
-    return f"pipeline run {typed(name)}", f"pipeline run {typed(name)}"
+        what = "this" if len(others) == 1 else "these"
+        return f"look into {what} while the robot still stands there; `run` judges it: {run}", run
+    return run, run
 
 
 def _logs(raw: Raw) -> dict[str, bytes]:

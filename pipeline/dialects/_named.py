@@ -53,7 +53,7 @@ FOREIGN = tomllib.loads((resources.files(__package__) / "words.toml").read_text(
 """Words of other languages, those of `words.toml`."""
 _FOREIGN_UNITS = "|".join(FOREIGN["unit"])
 UNIT_LINE = re.compile(
-    rf"\b(units?|einheit(en)?|coordinates?|koordinaten|lengths?|längen|{_FOREIGN_UNITS}|"
+    rf"\b(units?|einheit(en)?|co-?ordinates?|{'|'.join(FOREIGN['all'])}|koordinaten|lengths?|längen|{_FOREIGN_UNITS}|"
     rf"{'|'.join(FOREIGN['coordinates'])})\b",
     re.IGNORECASE,
 )
@@ -66,7 +66,7 @@ _OF_COORDINATES = {
 """Words before a unit that are compatible with its being that of the coordinates."""
 _BETWEEN = {
     "in", "is", "are", "of", "the", "all", "and", "as", "m", "und", "sind", "alle",
-    *FOREIGN["between"],
+    *FOREIGN["between"], *FOREIGN["all"],
 }  # fmt: skip
 _OF_THE_FILE = {
     "job", "file", "export", "exported", "report", "measurement", "measurements", "measured",
@@ -232,12 +232,16 @@ def said_units(line: str, of_coordinates: bool = False) -> set[str]:
     """
     found, counts = set(), True
     short = {one.start(1) for one in _SHORT.finditer(line)}
+    every = len(line)  # from where on it is about all readings: RUN 3 (all values in mm)
     for one in WORD.finditer(line):
         word = one[0].lower()
+        every = min(every, one.start()) if word in FOREIGN["all"] else every
         if word in _UNIT_WORDS and (word not in ("m", "in") or one.start() in short):
             found |= {_UNIT_WORDS[word]} if counts else set()
         elif of_coordinates and word not in _BETWEEN | _OF_THE_FILE:
-            counts = word in _OF_COORDINATES and not _of_other(line[: one.start()])
+            before = line[every : one.start()] or line[: one.start()]
+            counts = word in _OF_COORDINATES and not _of_other(before)
+        counts = counts or word in FOREIGN["all"]
     return found
 
 

@@ -151,10 +151,11 @@ def _added(shots: Any, kept: Bools, ends: list[tuple[Any, ...]], loads: Log, set
     stated = settings.tool_uncertainty
     sigma = stated.sigma_m if stated.load_point_sigma_m is None else stated.load_point_sigma_m
     six = np.tile(max(sigma, _SIGMA_M) ** 2 * np.array([1.0, 0, 0, 1.0, 0, 1.0]), (len(ends), 1))
+    files = tuple(dict.fromkeys((*left.files, loads.file)))  # one workbook may hold both
     return replace(
         left,
-        files=(*left.files, loads.file),
-        file=np.r_[left.file, np.full(len(ends), len(left.files))],
+        files=files,
+        file=np.r_[left.file, np.full(len(ends), files.index(loads.file))],
         line=np.r_[left.line, loads.line[list(row)]],
         group=_joined(left.group, group),
         target=_joined(left.target, names),

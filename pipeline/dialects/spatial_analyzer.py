@@ -221,7 +221,7 @@ def _meaning(
     """
     head = [comment for comment in comments if is_remark(comment, _COMMENT)]
     text = "\n".join(line for line in head if not _named.of_other_quantity(line))
-    words = set(re.findall(r"[a-z°]+", text.lower()))
+    words = {*_named.WORD.findall(text.lower())}
     long = {word: unit for word, unit in UNIT_WORDS.items() if len(word) > 2}
     short = {one["said"] or one["below"] for one in _SHORT_UNIT.finditer(text)}
     unit = _only(_said(words, long) | set(map(str.lower, short)), "units of length")

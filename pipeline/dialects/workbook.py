@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum
+from python_calamine import CalamineError, CalamineSheet, CalamineWorkbook, SheetTypeEnum
 
 from pipeline.base.errors import InputError, listed
 from pipeline.base.files import UNREADABLE_ZIP
@@ -83,7 +83,7 @@ def sheets(
             raise InputError(f"{thing} that are read", _which(table))
         lines, left = {}, _MOST_CELLS
         for one in wanted:
-            rows = [*book.get_sheet_by_name(one).iter_rows()]
+            rows = _filled_down(book.get_sheet_by_name(one))
             left -= sum(map(len, rows))
             if left < 0:
                 raise InputError(f"the sheets have more than {_MOST_CELLS} cells", _which(table))
@@ -127,6 +127,15 @@ def _which(table: str | None) -> str:
 
 def _text(name: str, sheet: str, data: bytes) -> Text:
     return replace(text(name, data), encoding=f'workbook, sheet "{sheet}"')
+
+
+def _filled_down(sheet: CalamineSheet) -> list[list[Any]]:
+    """The rows of a sheet, with the content of cells merged over several rows in each of them."""
+    rows = [*sheet.iter_rows()]
+    for (top, at), (bottom, _) in sheet.merged_cell_ranges or ():
+        for row in rows[top + 1 : bottom + 1]:
+            row[at : at + 1] = rows[top][at : at + 1]
+    return rows
 
 
 def _lines(rows: Sequence[list[Any]], mark: str | None) -> bytes:

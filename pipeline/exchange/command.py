@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 _LARGEST = 2**24
 """Maximum size of a URDF [byte]; that of a humanoid has a hundredth of it."""
 
+_TABLES = (".csv", ".txt", ".xlsx", ".xlsm")
+"""Extensions of files that may hold the table of a robot."""
+
 _FAR_M = 1e-6
 """Largest difference between a robot file and its URDF [m]; beyond it the conversion is wrong, as
 the ten digits of a URDF are a nanometre on any robot."""
@@ -72,34 +75,34 @@ def robot(
         raise UsageError("--draw draws robots that ship: add --list, or --show NAME")
     _refuse(output, ".toml", "a robot file")
     text, said = _arm(file, base, flange, payload, rail is not None)
-    _given(text if rail is None else _with_rail(text, str(file), rail, turn, foot), output)
-    for line in said:
-        typer.secho(line, err=True)
+    text = text if rail is None else _with_rail(text, str(file), rail, turn, foot)
+    _given(text, output)
+    typer.secho(said or _flange(text, str(file)), err=True)
 
 
 def _arm(
     file: Path | None, base: str | None, flange: str | None, payload: float | None, railed: bool
-) -> tuple[str, list[str]]:
-    """The text of a robot file, and what is to be compared, in sentences.
+) -> tuple[str, str]:
+    """The text of a robot file, and how it agrees with its URDF, in a sentence; empty without one.
 
     Raises:
         UsageError: Neither a robot that ships, nor a file of one, nor a URDF with its links.
     """
     name = str(file or "")
-    if railed and not name.endswith((".urdf", ".csv", ".txt")):
-        return _with_payload(_shipped(name), payload), []
-    if file is not None and file.suffix.lower() in (".csv", ".txt"):
-        return _of_table(file, payload)
+    if railed and not name.lower().endswith((".urdf", *_TABLES)):
+        return _with_payload(_shipped(name), payload), ""
+    if file is not None and file.suffix.lower() in _TABLES:
+        return _of_table(file, payload), ""
     if file is None or base is None or flange is None:
         raise UsageError(
-            "give a URDF with --base and --flange, or a table as .csv or .txt, or --list, or "
-            "--show NAME for a robot that ships, or NAME --rail AXIS"
+            "give a URDF with --base and --flange, or a table as .csv, .txt or .xlsx, or --list, "
+            "or --show NAME for a robot that ships, or NAME --rail AXIS"
         )
     text, found = made(file, base, flange, payload)
-    return text, [
+    return text, (
         f"Largest difference from the URDF by Pinocchio at {found.configurations} configurations: "
         f"{found.position_m:.1e} m, {found.angle_rad:.1e} rad."
-    ]
+    )
 
 
 def _with_payload(text: str, payload_kg: float | None) -> str:
@@ -110,22 +113,26 @@ def _with_payload(text: str, payload_kg: float | None) -> str:
     return toml.dumps({**toml.loads(text, "robot"), "payload_kg": payload_kg})
 
 
-def _of_table(file: Path, payload: float | None) -> tuple[str, list[str]]:
-    """A robot file of a table, and where its flange is with all axes at 0."""
-    import numpy as np
-
+def _of_table(file: Path, payload: float | None) -> str:
+    """A robot file of a table."""
     from pipeline.exchange.from_table import robot_file
+
+    missing = InputError("there is no such file", "check the path", file=str(file))
+    return robot_file(files.read(file, file.name, _LARGEST, missing), file.name, payload)
+
+
+def _flange(text: str, name: str) -> str:
+    """Where the flange of a robot file is with all axes at 0, in a sentence."""
     from pipeline.machine.robot.configuration import configure
     from pipeline.machine.robot.mdh import parse
 
-    missing = InputError("there is no such file", "check the path", file=str(file))
-    text = robot_file(files.read(file, file.name, _LARGEST, missing), file.name, payload)
-    arm = parse(text, file.name)
-    x, y, z = (1e3 * configure(arm, np.zeros((1, arm.n))).flange_origin[0]).round(1) + 0.0
-    return text, [
+    arm = parse(text, name)
+    at_zero = arm.controller_offset if arm.controller else [0.0] * arm.n
+    x, y, z = (1e3 * configure(arm, [at_zero]).flange_origin[0]).round(1) + 0.0
+    return (
         f"With all axes at 0 the flange is at {x:g}, {y:g}, {z:g} mm in F_b: compare this and one "
         "more pose with the panel of the controller."
-    ]
+    )
 
 
 def _of_ours(name: str, every: bool, draw: Path | None) -> None:

@@ -3,24 +3,29 @@
 A DH table has the columns theta, d, a, alpha, by title, with a row for each joint; the convention
 is that of the order in which they stand: alpha and a before theta and d are the modified one,
 Rx(alpha) Tx(a) Rz(theta) Tz(d) (Craig 2005, ch. 3), else it is the classical one, Rz(theta) Tz(d)
-Tx(a) Rx(alpha) (Denavit and Hartenberg 1955). A list of axes has rows `JT2  0 450 750  -X`: a point
-on the axis with all joints at zero, in F_b, and the direction about which it turns; a row of the
-flange has a point only, a row of a rail a direction only.
+Tx(a) Rx(alpha) (Denavit and Hartenberg 1955). Theta, or d of an axis that slides, may be a number,
+or the axis with its sense and zero: `-A1`, `A2 - 90`, `90 - q3`, `θ4 + π/2`. What the file says
+of its convention precedes the order of the columns. A list of axes has rows `JT2  0 450 750  -X`:
+a point on the axis with all joints at zero, in F_b, and the direction about which it turns, also as
+a unit vector; a row of the flange has a point only, a row of a rail a direction only.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import dropwhile, pairwise, takewhile
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from pipeline.base import linear, toml
 from pipeline.base.arrays import Array
+from pipeline.base.doors import opened as behind
 from pipeline.base.errors import InputError
+from pipeline.base.errors import at as locate
 from pipeline.exchange.rows import fixed, frames, row
+from pipeline.readers._text import Text, is_workbook, text
 
 _COLUMNS = {
     "theta": ("theta", "θ", "th", "세타", "offset"),
@@ -38,11 +43,15 @@ _FLANGE = re.compile(
 _UNITS = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "rad": 180 / np.pi}
 """Factors to metres and degrees; other angles are in degrees."""
 _NUMBER = r"[-+]?\d+(?:[.,]\d+)?"
-_ENTRY = re.compile(
-    r"(?P<joint>[^\W\d_]\w*)?\s*\*?\s*(?P<plus>[-+]\s*\d+(?:[.,]\d+)?)?"
-    rf"|(?P<fixed>{_NUMBER})"
+_POINT_ONLY = r"[-+]?\d+(?:\.\d+)?"
+"""A number where commas separate the cells."""
+_TERM = re.compile(
+    r"(?P<sign>[-+]?)(?:(?P<turn>\d*\.?\d*)(?:π|pi\b)(?:/(?P<over>\d+))?|(?P<number>\d+\.?\d*|\.\d+)"
+    r"|(?P<joint>[^\W\d]\w*))"
 )
-"""A cell of a DH table: `q2`, `J1 - 90`, or a number."""
+"""A term of a cell of a DH table: a number, a part of π, or an axis."""
+_WRITTEN = str.maketrans({"−": "-", "–": "-", ",": "."} | dict.fromkeys("°º* \u00a0", ""))
+"""Characters of a cell as people write them."""
 _AXIS = re.compile(
     rf"^\s*(?P<name>[^\W\d]\w*)\b(?P<point>(?:[;,\s]+{_NUMBER}){{3}})?(?P<rest>.*)$", re.MULTILINE
 )
@@ -50,13 +59,16 @@ _WAY = re.compile(r"(?<!\w)(?P<sign>[-+]?)(?P<axis>[XYZ])(?!\w)")
 _UNIT = re.compile(r"[\[(](?:mm|m|in|deg|rad|°|grad)[^\])]*[\])]?.*")
 _INDEX = re.compile(r"[_ ({]*(?:\b|(?<=_)|(?<=[θα]))[ijn]?\s*(?:-\s*1)?[)} ]*$")
 """What is behind the letter of a title: its unit, an index as in a_i-1."""
-_MARKS = (";", "\t", "|", ",")
+_MARKS = (";", r"\t", r"\|", ",", r"\s{2,}|\t", r"\s+")
+"""What separates the cells of a table, as expressions."""
 _LARGE = 20.0
 """Length from which a table without units is in millimetres [1]: no link is longer in metres."""
 _SLIDES_M = 30.0
 """Largest position along a rail, of either sign, where nobody states its ends [m]."""
 _MOST = 20_000
 """Size from which a file is taken for something else [byte]; a robot has a dozen rows."""
+_RADIANS = 1e-3
+"""Largest difference of all twists from right angles in radians for them to be in radians [1]."""
 _LEAST = 4
 """Minimum number of joints of a table [1]."""
 
@@ -72,8 +84,7 @@ def robot_file(data: bytes, file: str, payload_kg: float | None = None) -> str:
     Raises:
         InputError: It is neither table.
     """
-    text = _decoded(data)
-    found = _of_dh(text) or _of_axes(text)
+    found = next(filter(None, map(_table, _texts(file, data))), None)
     if found is None:
         raise InputError(
             "there is no table of a robot in it",
@@ -105,17 +116,25 @@ def _plain(file: str) -> str:
     return plain or "robot"
 
 
-def is_table(data: bytes) -> bool:
-    """Whether a file is such a table."""
-    text = _decoded(data) if len(data) < _MOST else ""
-    return (_of_dh(text) or _of_axes(text)) is not None
-
-
-def _decoded(data: bytes) -> str:
+def is_table(file: str, data: bytes) -> bool:
+    """Whether a file is such a table, or holds one that only some of its cells stop."""
     try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("cp1252", "replace")
+        texts = [*_texts(file, data)] if len(data) < _MOST or is_workbook(data) else []
+        return any(map(_table, texts))
+    except InputError as stopped:
+        return stopped.line is not None
+
+
+def _table(text: Text) -> tuple[dict[str, Any], list[str]] | None:
+    return _of_dh(text) or _of_axes("\n".join(line for _, line in text.lines()))
+
+
+def _texts(file: str, data: bytes) -> Iterator[Text]:
+    """The file as text, sheet by sheet of a workbook."""
+    if is_workbook(data):
+        yield from behind("pipeline.dialects.workbook:sheets")(file, data).values()
+    else:
+        yield text(file, data)
 
 
 def _joint(name: str, slides: bool) -> dict[str, Any]:
@@ -128,55 +147,118 @@ def _joint(name: str, slides: bool) -> dict[str, Any]:
 # --- Denavit and Hartenberg -----------------------------------------------------------------------
 
 
-def _of_dh(text: str) -> tuple[dict[str, Any], list[str]] | None:
-    """Content of a robot file by a DH table, and what was assumed; None if there is none."""
+def _of_dh(text: Text) -> tuple[dict[str, Any], list[str]] | None:
+    """Content of a robot file by a DH table, and what was assumed; None if there is none.
+
+    Raises:
+        InputError: There are its titles, and a cell below them is neither a number nor an axis.
+    """
     for mark in _MARKS:
-        rows = [[cell.strip(' "') for cell in line.split(mark)] for line in text.splitlines()]
+        rows = [_cells(line, mark) for _, line in text.lines()]
         for number, titles in enumerate(rows):
             at = _places(titles)
             if len({*at.values()}) == len(_COLUMNS):
-                below = [one for one in rows[number + 1 :] if len(one) == len(titles) and any(one)]
-                return _of_rows(titles, at, below) if len(below) >= _LEAST else None
+                joints = _rows_below(rows, number)
+                if len(joints) >= _LEAST:
+                    said = _convention("\n".join(line for _, line in text.lines()))
+                    return _of_rows(text.name, titles, at, joints, said)
     return None
+
+
+def _rows_below(rows: Sequence[list[str]], titles: int) -> list[tuple[int, list[str]]]:
+    """Line and cells of the rows below titles, up to a blank one or one of another width."""
+    wide, below = len(rows[titles]), enumerate(rows[titles + 1 :], titles + 2)
+    filled = dropwhile(lambda one: not any(one[1]), below)
+    return [*takewhile(lambda one: len(one[1]) == wide and any(one[1]), filled)]
+
+
+def _cells(line: str, mark: str) -> list[str]:
+    return [cell.strip(' "') for cell in re.split(mark, line.strip(" \r\n"))]
 
 
 def _places(titles: Sequence[str]) -> dict[str, int]:
     """Index of each column of a DH table."""
-    plain = [_INDEX.sub("", _UNIT.sub("", one.lower()).strip()).strip() for one in titles]
+    plain = [*map(_plain_title, titles)]
     return {
-        role: next(k for k, one in enumerate(plain) if one in words)
+        role: next(
+            k for own in ({*words} - {"offset"}, words) for k, one in enumerate(plain) if one in own
+        )
         for role, words in _COLUMNS.items()
         if not {*words}.isdisjoint(plain)
     }
 
 
+def _plain_title(title: str) -> str:
+    return _INDEX.sub("", _UNIT.sub("", title.lower()).strip()).strip()
+
+
+_MODIFIED = re.compile(r"modif|craig|proximal|zmodyf|修正|khalil", re.IGNORECASE)
+_CLASSICAL = re.compile(r"standard|classi|klassi|distal|標準|标准|estándar|padrão", re.IGNORECASE)
+_STEPS = re.compile(r"\bR(?:ot)?[ _(]*([xz])\b", re.IGNORECASE)
+
+
+def _convention(text: str) -> bool | None:
+    """Whether a file calls its table modified; None if it does not say, or contradicts itself."""
+    steps = [*map(str.lower, _STEPS.findall(text)[:2])]
+    said = {steps == ["x", "z"]} if len({*steps}) > 1 else set()
+    said |= {True} if _MODIFIED.search(text) else set()
+    said |= {False} if _CLASSICAL.search(text) else set()
+    return said.pop() if len(said) == 1 else None
+
+
+class _Entry(NamedTuple):
+    """A cell of a DH table: the axis, empty for a number; its sense, and its zero or the number."""
+
+    joint: str
+    sign: int
+    value: float
+
+
 class _Row(NamedTuple):
-    """A row of a DH table: the axis, whether it slides, and its numbers by role as written."""
+    """A row of a DH table: the axis, whether it slides, its sense, and its numbers by role."""
 
     name: str
     slides: bool
+    sign: int
     values: dict[str, float]
 
 
 def _of_rows(
-    titles: Sequence[str], at: Mapping[str, int], rows: Sequence[Sequence[str]]
-) -> tuple[dict[str, Any], list[str]] | None:
-    found = [_row(number, cells, at) for number, cells in enumerate(rows, 1)]
-    joints = [one for one in found if one is not None]
-    if len(joints) < len(found):
-        return None
-    longest = max(abs(one.values[role]) for one in joints for role in ("a", "d"))
-    factor = {role: _factor(titles[k], role, longest) for role, k in at.items()}
+    file: str,
+    titles: Sequence[str],
+    at: Mapping[str, int],
+    rows: Sequence[tuple[int, list[str]]],
+    said: bool | None,
+) -> tuple[dict[str, Any], list[str]]:
+    """Content of a robot file, and what was assumed; `said` as for `_convention`."""
+    joints = []
+    for number, (line, cells) in enumerate(rows, 1):
+        with locate(file, line=line):
+            joints.append(_row(number, titles, cells, at))
+    factor = _factors(titles, at, joints)
     made = [
         _joint(one.name, one.slides)
         | {_KEYS[r]: round(factor[r] * x, 10) for r, x in one.values.items() if x}
         for one in joints
     ]
-    modified = max(at["alpha"], at["a"]) < min(at["theta"], at["d"])
-    convention, order = _CONVENTIONS[modified]
-    why = f"by the order of its columns the table is {order}; if not, correct convention"
-    content = {"convention": convention, "joint": made, "signs": _signs(titles, rows)}
+    ordered = max(at["alpha"], at["a"]) < min(at["theta"], at["d"])
+    convention, order = _CONVENTIONS[ordered if said is None else said]
+    by = "the order of its columns" if said is None else "what the file says"
+    why = f"by {by} the table is {order}; if not, correct convention"
+    content = {"convention": convention, "joint": made, "signs": [one.sign for one in joints]}
     return content, [why]
+
+
+def _factors(
+    titles: Sequence[str], at: Mapping[str, int], joints: Sequence[_Row]
+) -> dict[str, float]:
+    """Factor to metres or degrees of each role; angles are in radians if all twists show it."""
+    longest = max(abs(one.values[role]) for one in joints for role in ("a", "d"))
+    factor = {role: _factor(titles[k], role, longest) for role, k in at.items()}
+    twists = np.array([one.values["alpha"] for one in joints]) / (np.pi / 2)
+    if factor["alpha"] == 1.0 and twists.any() and np.abs(twists - twists.round()).max() < _RADIANS:
+        factor |= {"alpha": _UNITS["rad"], "theta": _UNITS["rad"]}
+    return factor
 
 
 _KEYS = {"theta": "theta_deg", "d": "d_m", "a": "a_m", "alpha": "alpha_deg"}
@@ -186,26 +268,83 @@ _CONVENTIONS = (
 )
 
 
-def _row(number: int, cells: Sequence[str], at: Mapping[str, int]) -> _Row | None:
-    """A row of a DH table; None if a cell is neither a number nor names a joint."""
-    entries = {role: _ENTRY.fullmatch(cells[k]) for role, k in at.items()}
-    if not all(entries.values()):
-        return None
-    slides = bool(entries["d"] and entries["d"]["joint"])
-    moving = entries["d" if slides else "theta"]
-    name = cells[0] if 0 not in at.values() else moving and moving["joint"]
-    return _Row(name or f"J{number}", slides, {r: _value(one) for r, one in entries.items()})
+def _row(number: int, titles: Sequence[str], cells: Sequence[str], at: Mapping[str, int]) -> _Row:
+    """A row of a DH table.
+
+    Raises:
+        InputError: A cell is neither a number nor one axis, or sense or zero are stated twice.
+    """
+    entries = {role: _entry(cells[k], titles[k]) for role, k in at.items()}
+    role = "d" if entries["d"].joint else "theta"
+    moving = entries.pop(role)
+    if still := next((cells[at[one]] for one in entries if entries[one].joint), ""):
+        raise _stated_again(still)
+    sign, zero = _beside(titles, cells, at)
+    if (moving.sign < 0 and sign) or (moving.value and zero):
+        raise _stated_again(cells[at[role]])
+    values = {one: own.value for one, own in entries.items()} | {role: moving.value + zero}
+    names = (*([] if 0 in at.values() else cells[:1]), moving.joint)
+    named = next((one for one in names if re.match(r"[A-Za-z]", one)), "")
+    return _Row(named or f"J{number}", role == "d", moving.sign * (sign or 1), values)
 
 
-def _signs(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
-    """The sense of each axis."""
-    place = next((k for k, one in enumerate(titles) if one.lower() in _SIGNS), None)
-    return [-1 if place is not None and "-" in cells[place] else 1 for cells in rows]
+def _stated_again(cell: str) -> InputError:
+    return InputError(
+        f'the cell "{cell}" states what another column states, too, or a second axis',
+        "state sense and zero of an axis once, and all other cells as numbers",
+    )
 
 
-def _value(entry: re.Match[str] | None) -> float:
-    text = entry and (entry["fixed"] or entry["plus"])
-    return float(text.replace(",", ".").replace(" ", "")) if text else 0.0
+def _beside(
+    titles: Sequence[str], cells: Sequence[str], at: Mapping[str, int]
+) -> tuple[int, float]:
+    """Sense of an axis, 0 without a column for it, and its zero by columns of their own."""
+    signs = [cells[k] for k, one in enumerate(titles) if one.lower() in _SIGNS]
+    zeros = [_entry(cells[k], one).value for k, one in enumerate(titles)
+             if _plain_title(one) == "offset" and k not in at.values()]  # fmt: skip
+    sense = {"-": -1}.get(signs[0].translate(_WRITTEN)[:1], 1) if signs else 0
+    return sense, sum(zeros)
+
+
+def _entry(cell: str, title: str) -> _Entry:
+    """A cell of a DH table.
+
+    Raises:
+        InputError: It is neither a number nor one axis with its sense and zero.
+    """
+    plain = cell.translate(_WRITTEN)
+    inside = re.fullmatch(r"-\((.*)\)", plain)
+    terms = _terms(inside[1] if inside else plain)
+    joints = [one for one in terms or () if one["joint"]]
+    if terms is None or len(joints) > 1:
+        raise InputError(
+            f'the cell "{cell}" below "{title}" is neither a number nor one axis with its zero',
+            "write it as A2, -A2 or A2 - 90",
+        )
+    half = np.pi if "rad" in title.lower() else 180.0
+    outer = -1 if inside else 1
+    value = outer * sum(_number(one, half) for one in terms)
+    if not joints:
+        return _Entry("", 1, value)
+    return _Entry(joints[0]["joint"], -outer if joints[0]["sign"] == "-" else outer, value)
+
+
+def _terms(text: str) -> list[re.Match[str]] | None:
+    """The terms of a sum, none of an empty cell; None if it is no sum of them."""
+    terms, end = list[re.Match[str]](), 0
+    while (one := _TERM.match(text, end)) and (end == 0 or one["sign"]):
+        terms.append(one)
+        end = one.end()
+    return terms if end == len(text) else None
+
+
+def _number(term: re.Match[str], half: float) -> float:
+    """The value of a term, 0 for an axis; `half` is half a turn in the unit of its column."""
+    sign = -1.0 if term["sign"] == "-" else 1.0
+    if term["number"]:
+        return sign * float(term["number"])
+    turn = 0.0 if term["joint"] else half * float(term["turn"] or 1)
+    return sign * turn / float(term["over"] or 1)
 
 
 def _factor(title: str, role: str, longest: float) -> float:
@@ -223,12 +362,31 @@ def _factor(title: str, role: str, longest: float) -> float:
 def _of_axes(text: str) -> tuple[dict[str, Any], list[str]] | None:
     """Content of a robot file by a list of axes, and what was assumed; None if it is none."""
     turning, rails, ends = _listed(text)
+    turning = turning or _by_vectors(text)
+    ends = ends or [*filter(_is_point, map(_point, _ORIGIN.findall(text)))]
     if len(turning) < _LEAST or len(rails) > 1 or len(ends) != 1:
         return None
     points = np.array([*(at for _, at, _ in turning), *ends])
     points = points * (1e-3 if np.abs(points).max() > _LARGE else 1.0)
-    flange = np.eye(4)
+    flange, said = np.eye(4), _orientation(text)
     flange[:3, 3] = points[-1]
+    flange[:3, :3] = np.eye(3) if said is None else said
+    way = "parallel to F_b" if said is None else "turned as the file says"
+    why = f"with all axes at 0 the flange frame is {way}; if not, correct [flange]"
+    return _along(turning, rails, points, flange), [why]
+
+
+def _is_point(at: Array | None) -> bool:
+    return at is not None
+
+
+def _along(
+    turning: Sequence[tuple[str, Array, Array]],
+    rails: Sequence[tuple[str, Array]],
+    points: Array,
+    flange: Array,
+) -> dict[str, Any]:
+    """Content of a robot file by its axes, points on them [m] and the flange in F_b, (4, 4)."""
     ways = [*(way for _, way in rails), *(way for *_, way in turning)]
     along = [*[points[0]] * len(rails), *points[:-1]]
     on_axes = frames(list(zip(along, ways, strict=True)), flange)
@@ -237,9 +395,47 @@ def _of_axes(text: str) -> tuple[dict[str, Any], list[str]] | None:
              *(_joint(name, False) for name, *_ in turning)]  # fmt: skip
     joints = [head | step for head, step in zip(heads, steps, strict=True)]
     content = {"convention": "craig", **fixed("base", on_axes[0]), "joint": joints}
-    content |= fixed("flange", linear.solve(on_axes[-1], flange))
-    why = "with all axes at 0 the flange frame is parallel to F_b; if not, correct [flange]"
-    return content, [why]
+    return content | fixed("flange", linear.solve(on_axes[-1], flange))
+
+
+_ORIGIN = re.compile(
+    rf"\b(?:tool ?0|{_FLANGE.pattern})\b[^\n]*?\borigin\b\D*?((?:{_NUMBER}[;,\s]+){{2}}{_NUMBER})",
+    re.IGNORECASE,
+)
+_TURNED = re.compile(r"(?<!\w)([xyz])\b(?:(?!(?<!\w)[xyz]\b)[^;,\n])*?([-+][XYZ])\b")
+"""An axis of the flange and the direction of F_b in which it points: `z forward (base +X)`."""
+
+
+def _orientation(text: str) -> Array | None:
+    """Axes of the flange in F_b with all axes at 0, (3, 3); None if not two or three are stated."""
+    stated = [(axis, _way(way)) for axis, way in _TURNED.findall(text)]
+    found = {"xyz".index(axis): way for axis, way in stated if way is not None}
+    if len(found) < 2:
+        return None
+    R = np.zeros((3, 3))
+    for k in range(3):
+        one, two = found.get((k + 1) % 3), found.get((k + 2) % 3)
+        R[:, k] = found[k] if k in found else np.cross(one, two)  # type: ignore[arg-type]
+    return R if np.allclose(np.cross(R[:, 0], R[:, 1]), R[:, 2]) and np.any(R) else None
+
+
+def _by_vectors(text: str) -> list[tuple[str, Array, Array]]:
+    """Axes by name, point and a unit vector as direction, whichever of the two comes first."""
+    found = [(one["name"], re.findall(_POINT_ONLY if one["six"][0] == "," else _NUMBER, one["six"]))
+             for one in _SIX.finditer(text)]  # fmt: skip
+    halves = np.array([[*map(_decimal, six)] for _, six in found]).reshape(-1, 2, 3)
+    unit = [k for k in (0, 1) if np.allclose(np.linalg.norm(halves[:, k], axis=1), 1.0, atol=1e-6)]
+    if len(unit) != 1 or len({name for name, _ in found}) < len(found):
+        return []
+    (k,) = unit
+    return [(name, six[1 - k], six[k]) for (name, _), six in zip(found, halves, strict=True)]
+
+
+_SIX = re.compile(
+    rf"^\s*(?P<name>[^\W\d]\w*)"
+    rf"(?P<six>(?:[; \t]+{_NUMBER}){{6}}|(?:, *{_POINT_ONLY}){{6}})[;, \t]*$",
+    re.MULTILINE,
+)
 
 
 def _listed(
@@ -261,11 +457,17 @@ def _listed(
 
 def _point(text: str | None) -> Array | None:
     numbers = re.findall(_NUMBER, text or "")
-    return np.array([float(one.replace(",", ".")) for one in numbers]) if numbers else None
+    return np.array([*map(_decimal, numbers)]) if numbers else None
+
+
+def _decimal(text: str) -> float:
+    return float(text.replace(",", "."))
 
 
 def _way(text: str) -> Array | None:
-    """The first direction in a text, a unit vector (3,)."""
-    if (found := _WAY.search(text)) is None:
+    """The only direction in a text, a unit vector (3,)."""
+    every = [*_WAY.finditer(text)]
+    if len(every) != 1:
         return None
+    (found,) = every
     return (-1.0 if found["sign"] == "-" else 1.0) * np.eye(3)["XYZ".index(found["axis"])]

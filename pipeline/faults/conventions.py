@@ -25,6 +25,7 @@ from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import SHIPPED, Robot, configure, load
+from pipeline.machine.robot.dh_parameters import dh_parameters, twists
 from pipeline.machine.robot.variants import alike, differing, variants
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
@@ -122,6 +123,9 @@ def _search(
         ]
         best = int(np.argmin([*misses, np.inf]))
         if best < len(tried) and misses[best] < gross and CLEARLY_NEARER * misses[best] < before:
+            other = tried[best][0].where in SHIPPED and how is miss
+            if other and CLEARLY_NEARER * _by_one_length(case) < misses[best]:
+                return []  # this robot with another length, which the table is asked about later
             return [_finding(case, h, before, misses[best]) for h in tried[best]]
     return []
 
@@ -178,10 +182,39 @@ def miss(case: Case) -> float | None:
     zeros = unloaded(case)
     if zeros["pose"].nunique() < FEWEST_POSES:
         return None
-    seen, expected, state = pairs(case, zeros)
+    return _off(*pairs(case, zeros))
+
+
+def _off(seen: Array, expected: Array, state: Ints) -> float:
+    """Median over groups of the distance from where points are expected, moved rigidly [m]."""
     residual = seen - _moved_onto(seen, expected)
     square = np.bincount(state, (residual**2).sum(axis=1)) / np.maximum(np.bincount(state), 1)
     return float(np.sqrt(np.median(square)))
+
+
+def _by_one_length(case: Case) -> float:
+    """The smallest deviation as in `miss` that any other value of one length leaves [m]."""
+    zeros = unloaded(case)
+    seen, expected, state = pairs(case, zeros)
+    poses, at = np.unique(zeros["pose"].to_numpy(int), return_inverse=True)
+    lengths = [one for one in dh_parameters(case.robot) if not one.turns]
+    along = twists(configure(case.robot, case.q(poses)), lengths)[at, :, 3:]
+    found = [np.inf]
+    for axis in np.moveaxis(along, 1, 0):
+        value = 0.0
+        for _ in range(2):  # nearly linear: the frame turns a little with it
+            r, moved = (seen - _moved_onto(seen, expected + (value + step) * axis)
+                        for step in (0.0, _STEP_M))  # fmt: skip
+            slope = (moved - r) / _STEP_M
+            value -= float((slope * r).sum() / max((slope**2).sum(), _FLAT))
+        found.append(_off(seen, expected + value * axis, state))
+    return min(found)
+
+
+_STEP_M = 1e-3
+"""Step by which the derivative along a length is taken [m]."""
+_FLAT = 1e-12
+"""Sum of squares below which a length moves no point [1]."""
 
 
 def anchored_miss(case: Case) -> float | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from posixpath import basename, splitext
 
 from pipeline.base.doors import found
@@ -37,9 +37,33 @@ def in_workbooks(files: Mapping[str, bytes]) -> list[str]:
     return out
 
 
+def robots_in(files: Mapping[str, bytes], others: Collection[str]) -> list[str]:
+    """A sentence for each workbook, and each file but some others, that describes a robot, too."""
+    left = {k: data for k, data in files.items() if is_workbook(data) or k not in others}
+    said = {name: of_robot(name, data) for name, data in left.items() if not _made(name, files)}
+    return [f"{name}: {one.replace('it', 'it also', 1)}." for name, one in said.items() if one]
+
+
+def _made(name: str, files: Mapping[str, bytes]) -> list[str]:
+    """The robot files that name another file as their source."""
+    tables = (k for k in files if k.endswith(".toml") and k != "campaign.toml")
+    return [k for k in tables if name.encode() in files[k]]
+
+
+def described(name: str, files: Mapping[str, bytes]) -> str | None:
+    """Why a file that describes a robot, and nothing else, is not used; None for any other file."""
+    if is_workbook(files[name]) or not (own := of_robot(name, files[name])):
+        return None
+    made = _made(name, files)
+    return f"{ROBOT}, that of {made[0]}" if made else own
+
+
 def _kind(text: Text) -> str:
     """What a sheet is by its titles."""
     units = tuple(SCALE)
+    is_table = found("pipeline.exchange.from_table:is_table")
+    if is_table and is_table(text.name, text.data):
+        return "is of a robot"
     for head in headers(text):
         if axes := _log_words.called_axes(head.written, dict):
             first, *_, last = axes
@@ -59,7 +83,7 @@ def of_robot(name: str, data: bytes) -> str | None:
     if options := _links(data):
         return f"{ROBOT}: {_command(name, options, output)}"
     is_table = found("pipeline.exchange.from_table:is_table")
-    if not (is_table and is_table(data)):
+    if not (is_table and is_table(name, data)):
         return None
     own = _command(name, "", output)
     return f"{ROBOT}: {own}; if it stands on a rail, with --rail, --turn and --foot"

@@ -116,7 +116,8 @@ def _ways(rows: Mapping[str, Mapping[str, Array]], token: re.Pattern[str]) -> tu
                 Group(_pattern(longest, numbers, k, words, least, bool(again)), words, rest)
                 for words, rest in orders
             ]
-            return tuple(one for one in found if _apart_from_each_other(list(rows), one))
+            whole = [one for one in found if states_of([*entries], one).keys() >= entries.keys()]
+            return tuple(one for one in whole if _apart_from_each_other(list(rows), one))
     return ()
 
 

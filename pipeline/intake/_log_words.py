@@ -6,7 +6,7 @@ import itertools
 import re
 import tomllib
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -85,8 +85,9 @@ def may_be_log(titles: Sequence[str], cells: SampledCells, units: Sequence[str])
 
 
 def names_a_force(titles: Sequence[str], units: Sequence[str]) -> bool:
-    """Whether a title is a force, or has a unit that only forces have."""
-    return bool("force" in _first(titles, {"force": units}) or _by_unit(titles, units))
+    """Whether a title is a force, or has a unit that only forces have, or several are of pulls."""
+    named = "force" in _first(titles, {"force": units})
+    return bool(named or _by_unit(titles, units) or _of_pulls(titles, units))
 
 
 def called_axes(titles: Sequence[str], _: SampledCells) -> dict[str, str] | None:
@@ -308,13 +309,13 @@ def _of_pulls(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[st
     words = _known().called["repeat"] | _known().called["force"]
     found: dict[str, dict[str, tuple[str, Sequence[str]]]] = defaultdict(dict)
     for title in titles:
-        unit = force_unit(title, units)
-        parts = _WORDS.findall(title.lower())[: -1 if unit else None]
+        unit, own = force_unit(title, units), stated_unit(title, units)
+        parts = _WORDS.findall(title.lower())[: -1 if len(own) == 1 else None]
         numbers = [*filter(str.isdecimal, parts)]
         stem = _stem([part for part in parts if part not in numbers])
         if len(numbers) == 1 and (unit or stem in words):
             name = f"force_{int(numbers[0])}"
-            found[f"{stem} {unit}"].setdefault(name, (title, (unit,) if unit else units))
+            found[f"{stem} {own}"].setdefault(name, (title, own))
     several = [one for one in found.values() if len(one) > 1]
     return several[0] if len(several) == 1 else {}
 
@@ -324,6 +325,25 @@ def force_unit(title: str, units: Sequence[str]) -> str:
     words = _WORDS.findall(title.lower())
     unit = _unit(words[-1]) if len(words) > 1 else ""
     return unit if unit in units and unit != "kg" else ""
+
+
+def anchors(columns: Mapping[str, Collection[str]]) -> dict[str, str]:
+    """Our names of the columns that name anchors: one, or one for each pull with its number.
+
+    Names that are numbers may be those of anything, unless the title is a word for an anchor.
+
+    Args:
+        columns: Cells of each column in which all are names of points, by title.
+    """
+    left = {
+        title: numbers
+        for title, own in columns.items()
+        for words in [_words(title)]
+        for numbers in [[*filter(str.isdecimal, words)]]
+        if not all(map(str.isdecimal, own)) or not _known().called["anchor"].isdisjoint(words)
+    }
+    several = {title: f"anchor_{int(own[0])}" for title, own in left.items() if len(own) == 1}
+    return several if 1 < len(several) == len(left) else dict.fromkeys([*left][:1], "anchor")
 
 
 def _counting(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> list[str]:

@@ -51,7 +51,7 @@ def _places(rows: Rows) -> dict[str, int]:
     for name, own in rows.items():
         for k, other in enumerate(first):
             both = own.keys() & other.keys()
-            if both and all(
+            if any(  # the names of two may have been exchanged
                 np.linalg.norm(np.subtract(own[one], other[one])) < near for one in both
             ):
                 found[name] = k

@@ -42,6 +42,19 @@ def separators(exports: Sequence[Export]) -> list[str]:
     return [_with_turned(way, rows[way]) for way in found]
 
 
+def in_some(exports: Sequence[Export]) -> list[str]:
+    """Patterns for names of which some have a separator; the others are targets of no group."""
+    names = {*_joined(exports)[0]}
+    signs = dict.fromkeys(sign for name in names for sign in _SEPARATOR.findall(name))
+    other = "(?P<group{0}>)(?P<target{0}>[^{1}]+)"
+    return [
+        f"{way}|{other.format(patterns.OTHERWISE, re.escape(sign))}"
+        for sign in signs
+        if len(sign) == 1
+        for way in _ways(sign)
+    ]
+
+
 def _joined(exports: Sequence[Export]) -> tuple[list[str], list[Array]]:
     """Names that have no group, and where each was read."""
     names, places = list[str](), list[Array]()

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
+from itertools import chain
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, TypeVar
 
@@ -118,7 +119,7 @@ def _words(folder: Path, proposal: FilesProposal, known: KnownData) -> dict[str,
         "base": _points(proposal.base or _BASE * proposal.nothing, known),
         "anchors": [
             one
-            for one in _points([a for own in proposal.anchors.values() for a in own], known)
+            for one in _points([*dict.fromkeys(chain(*proposal.anchors.values()))], known)
             if one[1]
         ],
         "tool": _points(["load_point", *(proposal.measured or proposal.often or _TARGETS)], known),

@@ -92,7 +92,7 @@ def _all_known(
 def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, ask: bool) -> None:
     """Write campaign.toml for the files in the folder, with known or asked data."""
     from pipeline.intake import blank
-    from pipeline.intake._folder import in_workbooks
+    from pipeline.intake._folder import in_workbooks, robots_in
     from pipeline.intake._slides import MADE, with_slides
     from pipeline.intake.files import propose
     from pipeline.intake.filled import filled_in
@@ -105,9 +105,13 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     if slides.made:
         (folder / MADE).write_bytes(slides.made)
     given, wrong = filled_in(files)
+    files, named = _as_named(root, folder, files, hints)
     proposal = _settled(files, hints) if ask else propose(files, hints)
+    proposal = replace(proposal, patterns=named or proposal.patterns)
     given = _with_places(given, proposal)
-    for line in [*_seen(proposal), *in_workbooks(files), *passed, *wrong]:
+    others = {*proposal.exports, proposal.loads, proposal.joints, *proposal.refused}
+    robots = [] if robot else robots_in(files, others)
+    for line in [*_seen(proposal), *in_workbooks(files), *robots, *passed, *wrong]:
         _tell(line)
     if robot is None:
         robot = _named(root, folder, given) or _robot(root, folder, proposal, ask)
@@ -134,8 +138,8 @@ def _before(
     if old := blank.open_text(folder):
         stated = stated or folder / "campaign.toml"
         robot = robot or _robot_before(root, folder, old)
-        _tell("campaign.toml is written again for the files that are there; what was filled in is "
-              "kept.")  # fmt: skip
+        _tell("campaign.toml is written again for the files that are there; what was filled in "
+              "beside the names of logs is kept.")  # fmt: skip
     return robot, stated
 
 
@@ -176,6 +180,33 @@ def _looked_at(
         f'looked at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'
         for inner, count in within.items()
     ]
+
+
+def _as_named(
+    root: Path, folder: Path, files: Mapping[str, bytes], hints: ExportSettings
+) -> tuple[Mapping[str, bytes], tuple[str, ...]]:
+    """The files without exports that an open campaign.toml leaves out, and how it names the others.
+
+    As they are where it names what `init` would write for some of them: others came later.
+    """
+    from pipeline.base import toml
+    from pipeline.base.patterns import fits
+    from pipeline.intake import blank
+    from pipeline.intake.files import patterns, propose
+    from pipeline.store.campaign import DEEPEST
+
+    tracker = toml.loads(blank.open_text(folder), "campaign.toml").get("tracker")
+    named = tuple(map(str, tracker.get("files", ()))) if isinstance(tracker, dict) else ()
+    every = {**blank.there(root, folder, DEEPEST), **files} if named else {}
+    mine = [name for name in every if any(fits(name, one) for one in named)]
+    if not mine:
+        return files, ()
+    found = {*propose(files, hints).exports}
+    if found.issuperset(mine) and patterns(mine, [*every]) == named:
+        return files, ()
+    kept = {name: data for name, data in every.items()
+            if name in mine or (name in files and name not in found)}  # fmt: skip
+    return (kept, named) if {*propose(kept, hints).exports} == {*mine} else (files, ())
 
 
 def _with_places(given: KnownData, proposal: FilesProposal) -> KnownData:
@@ -484,10 +515,11 @@ def _seen(proposal: FilesProposal) -> Iterator[str]:
     for what, found in (files | names).items():
         if found:
             yield f"{what}: {listed(found, most=40)}"
-    for title, anchors in proposal.anchors.items():
+    if proposal.anchors:
+        anchors = dict.fromkeys(one for own in proposal.anchors.values() for one in own)
         yield (
-            f"{listed(anchors, most=20)}: anchors, by the column {title} of {proposal.loads}; the "
-            "chain goes from load_point straight to the anchor of its row"
+            f"{listed(anchors, most=20)}: anchors, by the column {listed(proposal.anchors)} of "
+            f"{proposal.loads}; the chain goes from load_point straight to the anchor of its row"
         )
     if proposal.by_file:
         yield f"groups: named by {proposal.by_file}, of {len(proposal.exports)} files"
@@ -541,6 +573,9 @@ def inspect(
     coordinates: Annotated[
         str | None, Option(help="Coordinates if not stated: cartesian, spherical or cylindrical.")
     ] = None,
+    sheet: Annotated[
+        str | None, Option(help="Sheet of a workbook, if several may be meant.")
+    ] = None,
     mapping: Annotated[
         Path | None, Option(metavar="TOML", help="Try the [tracker.mapping] in this file.")
     ] = None,
@@ -563,6 +598,7 @@ def inspect(
         "vertical": _known("vertical angle", vertical, ("zenith", "elevation")),
         "horizontal": _known("sense of angles", horizontal, ("clockwise", "counter-clockwise")),
         "coordinates": _known("kind", coordinates, ("cartesian", "spherical", "cylindrical")),
+        "sheet": sheet,
     }
     answers = sys.stdin.isatty() and sys.stderr.isatty() and not as_json
     ask = partial(asking.ask, say=partial(typer.echo, err=True)) if answers else None

@@ -12,7 +12,8 @@ from typing import Any
 
 from pipeline.app.outcome import Outcome, failed, sentences
 from pipeline.base import files
-from pipeline.base.errors import InputError, PipelineError
+from pipeline.base.errors import InputError, PipelineError, listed
+from pipeline.base.shown import in_toml as quoted
 from pipeline.store.campaign import CampaignFolder
 
 
@@ -49,11 +50,13 @@ def inspect(
         _no_folder(path)
         data = files.read(path, path.name, largest(path.name), none, begins)
         folder = CampaignFolder(path.parent, path.parent)
-        if not (csv or mapping or any(stated.values())):
+        sheet = stated.get("sheet")
+        if not (csv or mapping or any(one for key, one in stated.items() if key != "sheet")):
             _no_prose(path.name, data)
-            if log := _log(path, data, folder):
-                return log
-            refuse_without_poses(path.name, data)
+            alone = _sheet_alone(path.name, data, sheet)
+            if log := _log(path, alone, folder, sheet):
+                return replace(log, text=_with_sheets(path.name, data, log.text, sheet))
+            refuse_without_poses(path.name, alone)
         hints, bodies = _hints(folder, stated, mapping)
         hints, why = settled(path.name, data, hints, bodies)
         hints = _answered(path.name, data, hints, ask)
@@ -105,10 +108,31 @@ def _no_prose(name: str, data: bytes) -> None:
         )
 
 
-def _log(path: Path, data: bytes, folder: CampaignFolder) -> Outcome | None:
+def _sheet_alone(name: str, data: bytes, sheet: str | None) -> bytes:
+    """One sheet of a workbook as text; the file itself if none is named.
+
+    Raises:
+        InputError: There is no such sheet.
+    """
+    from pipeline.dialects.workbook import sheets
+
+    return data if sheet is None else sheets(name, data, sheet, None, "tracker")[sheet].data
+
+
+def _with_sheets(name: str, data: bytes, text: str, sheet: str | None) -> str:
+    """The description of a log, and what the other sheets of its workbook are."""
+    from pipeline.intake._folder import in_workbooks
+
+    others = in_workbooks({name: data}) if sheet is None else []
+    return "\n".join([text, *(f"\n{one} Another with --sheet NAME." for one in others)])
+
+
+def _log(path: Path, data: bytes, folder: CampaignFolder, sheet: str | None) -> Outcome | None:
     """Description of a file that is a log, None if it is not one."""
+    from pipeline.intake import log_columns
     from pipeline.intake.blank import log_lines
     from pipeline.intake.which_logs import propose_logs
+    from pipeline.readers.export_settings import LogForm
 
     robots = {}
     for one in sorted(path.parent.glob("*.toml")):
@@ -119,8 +143,14 @@ def _log(path: Path, data: bytes, folder: CampaignFolder) -> Outcome | None:
         return None
     what = "log of loads" if said.loads else "joint log"
     facts = {"dialect": what} | ({"robots": ", ".join(said.robots)} if said.joints else {})
+    if said.loads:
+        form = log_columns.settled(LogForm(columns=said.load_columns))
+        unknown = log_columns.unknown(path.name, data, form)
+        facts["not used"] = listed(one for one in unknown if one not in form.columns) or "nothing"
     lines = [path.name, *(f"  {name:12} {fact}" for name, fact in facts.items())]
-    proposal = "\n".join(log_lines(said, _named_robot(robots.get("campaign.toml", b""))))
+    head, *rest = log_lines(said, _named_robot(robots.get("campaign.toml", b"")))
+    named = [] if sheet is None else [f"sheet = {quoted(sheet)}"]
+    proposal = "\n".join([head, *rest[:1], *named, *rest[1:]])
     content = {"file": path.name, **facts, "proposal": proposal}
     return Outcome(path.name, content, "\n".join([*lines, "", proposal]))
 

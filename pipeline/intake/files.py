@@ -24,12 +24,12 @@ from pipeline.base.errors import InputError
 from pipeline.base.patterns import is_glob, natural
 from pipeline.dialects.taught import unnumbered
 from pipeline.dialects.workbook import sheets
-from pipeline.intake import log_columns, nominal
-from pipeline.intake._folder import ROBOT, of_robot
+from pipeline.intake import _log_words, log_columns, nominal
+from pipeline.intake._folder import ROBOT, described
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._names_by_place import NEAR
 from pipeline.intake._prose import PROSE, is_prose
-from pipeline.intake._separators import LOOKED_AT, separators
+from pipeline.intake._separators import LOOKED_AT, in_some, separators
 from pipeline.intake.by_reflectors import settled
 from pipeline.intake.nominal import NominalPlaces, PlaceTable
 from pipeline.intake.offer import Offer, as_table, offer
@@ -138,8 +138,11 @@ def propose(
         if len(said.names) > 1 and (way := _names_of_places(others, said.names, lists)):
             hints = (hints or ExportSettings()).model_copy(update={"names": way})
             said = _proposed(others, hints, unloaded)
-        fitting = {k: one for k, one in lists.items() if nominal.may_be_of(one, said.words)}
+        words = said.words | _in_log(others, said, lists)
+        own = {name: nominal.of_targets(one, words) for name, one in lists.items()}
+        fitting = {name: one for name, one in own.items() if one}
         if fitting.keys() == lists.keys():
+            lists = fitting
             apart_m = said.apart_m | said.base_apart_m
             said = _hooked_at_places(others, said, lists)
             anchors = (one for own in said.anchors.values() for one in own)
@@ -202,7 +205,9 @@ def _proposed(
     """Interpret files none of which is a list of nominal places; arguments as for `propose`."""
     logged = propose_logs(files)
     found = _exports(files, logged)
-    found = _as_stated(files, found, hints) if found.exports else _offered(files, found, hints)
+    found = (
+        _as_stated(files, found, hints) if found.exports else _offered(files, found, hints, logged)
+    )
     found = _with_groups(files, found, hints, logged)
     exports = [*found.exports.values()]
     namings = _namings(exports, files, found.offer.hints if found.offer else hints)
@@ -215,7 +220,7 @@ def _proposed(
     stated = _stated_groups(logged, files, rows)
     named = _named(rows, stated.states, unloaded)
     anchors = {} if named.chain else _anchors(logged, files, named.base)
-    columns = logged.load_columns | stated.columns | dict.fromkeys(anchors, "anchor")
+    columns = logged.load_columns | stated.columns | _log_words.anchors(anchors)
     fixed = tuple(one for one in named.base if not any(one in own for own in anchors.values()))
     asked = {one.about for one in found.offer.questions} if found.offer else set[str]()
     sized = not found.reach and asked <= {"horizontal"}  # a mirror keeps distances
@@ -228,7 +233,7 @@ def _proposed(
         words=_words(exports),
         nameless=_lacking(exports),
         by_file=by_file,
-        patterns=_patterns([*found.exports], [*files]),
+        patterns=patterns([*found.exports], [*files]),
         offer=found.offer,
         names=names,
         exports=tuple(found.exports),
@@ -265,9 +270,8 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
     for name, data in files.items():
         if name.endswith(".toml") or (name in known and not is_workbook(data)):
             continue
-        if described := of_robot(name, data):
-            made = [k for k, of in files.items() if k.endswith(".toml") and name.encode() in of]
-            refused[name] = f"{ROBOT}, that of {made[0]}" if made else described
+        if robot := described(name, files):
+            refused[name] = robot
             continue
         try:
             exports[name], largest = _export(name, data)
@@ -281,7 +285,7 @@ def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
 def _as_stated(files: Mapping[str, bytes], found: _Exports, hints: ExportSettings) -> _Exports:
     """Add the files that only the statements explain to exports that need none."""
     if hints == _NO_HINTS:
-        return found
+        return _as_others(files, found)
     read, reach = {}, [*found.reach]
     asked = (k for k, why in found.refused.items() if not why.startswith((PROSE, ROBOT)))
     for name in asked:
@@ -293,23 +297,56 @@ def _as_stated(files: Mapping[str, bytes], found: _Exports, hints: ExportSetting
     return _Exports(both, tuple(reach), refused, _settled(hints)) if read else found
 
 
+def _as_others(files: Mapping[str, bytes], found: _Exports) -> _Exports:
+    """Add the files that leave open what another of the same titles shows: one instrument.
+
+    Whether angles are from the zenith is seen only by some that are beyond a right angle.
+    """
+    asked = [k for k, why in found.refused.items() if not why.startswith((PROSE, ROBOT))]
+    tables = [name for name, one in found.exports.items() if one.dialect == readers.TABLE]
+    for name in tables[:_TRIED] if asked else ():
+        with contextlib.suppress(InputError):
+            one = as_table(name, files[name], _NO_HINTS)
+            read = dict(_read_as(one.hints, files, [*found.exports, *asked])) if one else {}
+            if one and len(found.exports) < len(read) and read.keys() >= found.exports.keys():
+                refused = {k: why for k, why in found.refused.items() if k not in read}
+                return _Exports(read, found.reach, refused, replace(one, questions=()))
+    return found
+
+
+def _read_as(
+    hints: ExportSettings, files: Mapping[str, bytes], names: Sequence[str]
+) -> Iterator[tuple[str, Export]]:
+    """Those of some files that can be read with some statements."""
+    for name in names:
+        with contextlib.suppress(InputError):
+            yield name, readers.read(name, files[name], hints)
+
+
 def _export(
     name: str, data: bytes, hints: ExportSettings = _NO_HINTS
 ) -> tuple[Export, list[float]]:
     """An export, and its largest number if it does not state its unit."""
     try:
         return readers.read(name, data, hints), []
-    except InputError:
-        found = readers.read(name, data, hints.model_copy(update={"unit": "mm"}))
-        return found, [1e3 * float(np.abs(found.position).max(initial=0.0))]
+    except InputError as open_unit:
+        with contextlib.suppress(InputError):  # nobody has said that it is in mm
+            found = readers.read(name, data, hints.model_copy(update={"unit": "mm"}))
+            return found, [1e3 * float(np.abs(found.position).max(initial=0.0))]
+        raise open_unit
 
 
-def _offered(files: Mapping[str, bytes], found: _Exports, hints: ExportSettings) -> _Exports:
+def _offered(
+    files: Mapping[str, bytes], found: _Exports, hints: ExportSettings, logged: LogFiles
+) -> _Exports:
     """Add the one file that is an export with further statements, in its most likely reading.
 
-    Of several it is the one whose groups can be read.
+    Of several it is the one whose groups can be read, perhaps of other columns.
     """
     offers = _offers(files, found, hints)
+    if len(offers) > 1 and not any(_tells(export) for _, export in offers.values()):
+        grouped = {k: _regrouped(k, files, one, logged) for k, (one, _) in offers.items()}
+        offers |= {name: both for name, both in grouped.items() if both}
     entries = {name: one for name, one in offers.items() if _tells(one[1])}
     offers = entries if len(entries) == 1 else offers
     if len(offers) > 1:
@@ -330,10 +367,7 @@ def _of_one_form(
 ) -> _Exports:
     """Add the files that the statements for one of them explain, if these are most of them."""
     for one, _ in (offers[name] for name in [*offers][:_TRIED]):
-        read = {}
-        for name in offers:
-            with contextlib.suppress(InputError):
-                read[name] = readers.read(name, files[name], one.hints)
+        read = dict(_read_as(one.hints, files, [*offers]))
         if 2 * len(read) > len(offers):
             refused = {name: why for name, why in found.refused.items() if name not in read}
             unsaid = any(question.about == "unit" for question in one.questions)
@@ -365,12 +399,15 @@ def _offers(
 
 
 def _of_sheets(name: str, data: bytes, hints: ExportSettings) -> Iterator[tuple[Offer, Export]]:
-    """How the sheets of a workbook are read that leave nothing open but their unit."""
+    """How the sheets of a workbook are read that leave nothing open but their unit.
+
+    Titles x, y, z leave open whether they are the coordinates, as long as groups do not confirm it.
+    """
     for one in sheets(name, data):
         with contextlib.suppress(InputError):
             way = hints.model_copy(update={"sheet": one})
             said = offer(name, data, way) or _settled(way)
-            if said and all(question.about == "unit" for question in said.questions):
+            if said and all(one.about == "unit" for one in _named_by_groups(said).questions):
                 yield said, readers.read(name, data, said.hints)
 
 
@@ -408,28 +445,39 @@ def _with_groups(
         return found
     with contextlib.suppress(InputError):
         one = found.offer or as_table(name, files[name], hints)
-        if one is None or one.hints.mapping is None:
-            return found
-        for parts in _parts(one):
-            hints = _grouped_by(one.hints, one.hints.mapping, parts)
-            with contextlib.suppress(InputError):
-                tried = readers.read(name, files[name], hints)
-                if _sets_apart([tried], logged, files):
-                    stated = _named_by_groups(replace(one, hints=hints))
-                    return replace(found, exports={name: tried}, offer=stated)
+        if one and (both := _regrouped(name, files, one, logged)):
+            unsaid = any(question.about == "unit" for question in both[0].questions)
+            reach = found.reach if unsaid else ()
+            return replace(found, exports={name: both[1]}, offer=both[0], reach=reach)
     return found
+
+
+def _regrouped(
+    name: str, files: Mapping[str, bytes], one: Offer, logged: LogFiles
+) -> tuple[Offer, Export] | None:
+    """A table with the first of its columns as groups that make sense; None if none do."""
+    mapping = one.hints.mapping
+    for parts in _parts(one) if mapping else ():
+        hints = _grouped_by(one.hints, mapping, parts)
+        with contextlib.suppress(InputError):
+            tried = readers.read(name, files[name], hints)
+            if _sets_apart([tried], logged, files):
+                return _named_by_groups(replace(one, hints=hints)), tried
+    return None
 
 
 def _parts(one: Offer) -> list[dict[str, str]]:
     """Possible columns of the groups of a table: one column, or those of pose, state and pull.
 
-    A state is a word, the others are numbers; a pose column precedes that of the pulls.
+    A state is a word, the others are numbers; a pose column precedes that of the pulls. The number
+    of a pose may have a word before it, and a state a number behind it: `Pose-1`, `Load-2`.
     """
     left = _untaken(one)
     numbers = [c.title for c in left if c.counted]
     words = [c.title for c in left if c.title not in numbers]
     alone = [{"group": c.title} for c in left]
     pairs = [{"pose": pose, "state": state} for state in words for pose in numbers]
+    pairs += [{"pose": pose, "state": state} for pose, state in itertools.permutations(words, 2)]
     three = [{**two, "repeat": last} for two in pairs for last in numbers if last != two["pose"]]
     return [*alone, *three, *pairs]
 
@@ -482,6 +530,9 @@ def _of_levels_above(
         "groups": ("files", "folders/files"), None: ("files::groups",)}  # fmt: skip
     for way in ways.get(lacking, ()) if len(exports) > 1 else ():
         yield _Naming([named_by_file(one, way) for one in exports], (), way)
+    for pattern in in_some(exports) if lacking == "groups" and len(exports) > 1 else ():
+        both = [named_by_file(split(one, pattern), "files::groups") for one in exports]
+        yield _Naming(both, (pattern,), "files::groups")
 
 
 _WHOLE_NAMES = "(?P<group>.+)::(?P<target>.+)"
@@ -535,7 +586,7 @@ def _grouped_by(
     return hints.model_copy(update={"mapping": mapping})
 
 
-def _patterns(exports: Sequence[str], files: Sequence[str]) -> tuple[str, ...]:
+def patterns(exports: Sequence[str], files: Sequence[str]) -> tuple[str, ...]:
     """The exports in natural order, with one glob for each folder and suffix that has only such."""
     kinds = {one: join(dirname(one), f"*{splitext(one)[1]}") for one in files}
     count, used = Counter(kinds.values()), Counter(kinds[name] for name in exports)
@@ -586,18 +637,33 @@ def _stated_groups(
     return _StatedGroups()
 
 
+def _in_log(
+    files: Mapping[str, bytes], logged: LogFiles, lists: Mapping[str, PlaceTable]
+) -> set[str]:
+    """The names of places of lists that columns of the log of loads consist of: its anchors."""
+    names = {name for one in lists.values() for name in one.numbers}
+    if logged.loads is None:
+        return set()
+    found = log_columns.naming(logged.loads, files[logged.loads], names)
+    return {one for title in _log_words.anchors(found) for one in found[title]}
+
+
 def _anchors(
     logged: LogFiles, files: Mapping[str, bytes], points: Sequence[str]
 ) -> dict[str, tuple[str, ...]]:
-    """The points to which a chain was hooked, by the title of the log's column that names them.
+    """The points to which a chain was hooked, by the titles of the log's columns that name them.
 
     All points of their kind are anchors: those that differ from them in their number only.
     """
     if logged.loads is None:
         return {}
-    for title, names in log_columns.naming(logged.loads, files[logged.loads], {*points}).items():
-        return {title: tuple(one for one in points if _kind(one) in {*map(_kind, names)})}
-    return {}
+    taken = {"pose", *map(str.lower, logged.load_columns)}
+    named = log_columns.naming(logged.loads, files[logged.loads], {*points})
+    left = {title: own for title, own in named.items() if title.lower() not in taken}
+    return {
+        title: tuple(one for one in points if _kind(one) in {*map(_kind, left[title])})
+        for title in _log_words.anchors(left)
+    }
 
 
 def _kind(name: str) -> str:
@@ -614,7 +680,7 @@ def _hooked_at_places(
     points = [name for one in lists.values() for name in one.numbers
               if name not in (*said.measured, *said.base)]  # fmt: skip
     anchors = _anchors(said, files, points)
-    columns = said.load_columns | dict.fromkeys(anchors, "anchor")
+    columns = said.load_columns | _log_words.anchors(anchors)
     return replace(said, anchors=anchors, load_columns=columns)
 
 

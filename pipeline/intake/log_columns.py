@@ -244,11 +244,11 @@ def _as_called(titles: Sequence[str], axes: Sequence[Quantity]) -> dict[str, str
 
 
 def naming(name: str, data: bytes, names: set[str]) -> dict[str, set[str]]:
-    """The column of a log whose cells are all some of these names, by its title; empty if none."""
+    """The columns of a log whose cells are all some of these names, by title; empty if none."""
     found: dict[str, set[str]] = {}
 
     def column(_: Sequence[str], cells: _log_words.SampledCells) -> dict[str, str] | None:
-        own = {title: {*some} for title, some in cells().items()}
+        own = {title: {*some} - {""} for title, some in cells().items()}
         found.update(
             {title: some for title, some in own.items() if len(some) > 1 and some <= names}
         )

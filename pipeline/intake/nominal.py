@@ -12,22 +12,27 @@ import itertools
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain
+from pipeline.dialects._named import WORD
 from pipeline.dialects.workbook import sheets
 from pipeline.readers._layout import JOINT
 from pipeline.readers._text import Text, is_workbook, opened
+from pipeline.readers._units import UNIT_WORDS
 from pipeline.readers.logs import LENGTH
-from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
+from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.settings import REACH_M
 
 Place = tuple[float, float, float]
 Apart = Mapping[tuple[str, str], float]
 """Distances between targets as read [m], by both names."""
+_Row = tuple[str, Place, tuple[Any, ...]]
+"""Name, three numbers, and form of a row."""
 
 _NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d*)?(?:[eE][-+]?\d+)?")
 _DELIMITERS = (";", "\t", None, ",")
@@ -39,6 +44,11 @@ _MOST_LINES = 1000
 """Maximum number of lines of such a table, with its drawing and remarks."""
 _MOST_WORDS = 4
 """Maximum number of words in the name of a place [1]."""
+_QUANTITY = re.compile(r"[0-9]\s*(?:[^\W\d_]+|\")")
+_SHORT_UNIT = re.compile(r"[\[(]\s*(m|in)\s*[\]),;]")
+"""Units that are also ordinary words, where only a unit can be."""
+_BODY = 3
+"""Number of points whose three distances do not show which of them is wrong [1]."""
 _WIDE_GAP = re.compile(r"\t+| {2,}")
 _FEWEST = 2
 """Minimum number of reflectors of the export in a table of places; fewer have no distance."""
@@ -51,10 +61,14 @@ class PlaceTable:
     Attributes:
         numbers: x, y, z by name, in the unit of the file.
         form: Form of its rows: separator, number of cells, decimals.
+        block: Number of the part of the file between other lines that has the row, by name.
+        unit: The only unit of length that other lines name; None if they name none or several.
     """
 
     numbers: Mapping[str, Place]
     form: tuple[object, ...]
+    block: Mapping[str, int] = field(default_factory=dict)
+    unit: str | None = None
 
 
 @dataclass(frozen=True)
@@ -92,36 +106,48 @@ def _texts(file: str, data: bytes) -> Iterator[tuple[str, Text]]:
     """A file, or each of the several sheets of a workbook, by name."""
     there = sheets(file, data) if is_workbook(data) else {}
     if len(there) < 2:
-        yield file, opened(file, data, None, None, None, lambda text: len(_rows(text)))
+        yield file, opened(file, data, None, None, None, lambda text: len(_rows(text)[0]))
     for name, text in there.items() if len(there) > 1 else ():
         yield f'{file}, sheet "{name}"', text
 
 
 def _table(text: Text) -> PlaceTable | None:
-    rows = _rows(text)
+    rows, others = _rows(text)
     numbers = {name: at for name, at, _ in rows}
     if not _FEWEST <= len(numbers) == len(rows) <= _MOST:
         return None
-    return PlaceTable(numbers, rows[0][2])
+    block = {name: form[-1] for name, _, form in rows}
+    units = {one for line in others for one in _units(line)} & LENGTH.keys()
+    return PlaceTable(numbers, rows[0][2][:-1], block, min(units) if len(units) == 1 else None)
 
 
-def _rows(text: Text) -> list[tuple[str, Place, tuple[object, ...]]]:
-    """Name, three numbers and form of every line that consists of these."""
-    found: list[tuple[str, Place, tuple[object, ...]]] = []
+def _units(line: str) -> set[str]:
+    """Units of length that a line names, not behind a number: that of a nest, or of a travel."""
+    bare = _QUANTITY.sub(" ", line)
+    words = {word for word in WORD.findall(bare.lower()) if word not in ("m", "in")}
+    return {UNIT_WORDS[word] for word in words | {*_SHORT_UNIT.findall(bare)} if word in UNIT_WORDS}
+
+
+def _rows(text: Text) -> tuple[list[_Row], list[str]]:
+    """Name, three numbers and form of every line that consists of these, and the other lines."""
+    found: list[_Row] = []
+    others: list[str] = []
     for _, line in text.lines() if len(text) < _MOST_LINES else ():
         row = _row(line)
-        found += [row] if row else filter(None, map(_row, _WIDE_GAP.split(line)))
+        here = [row] if row else [*filter(None, map(_row, _WIDE_GAP.split(line)))]
+        others += [line] if line.strip() and not here else []
+        found += [(name, at, (*form, len(others))) for name, at, form in here]
         if len(found) > _MOST:
             break
-    return found
+    return found, others
 
 
-def _row(line: str) -> tuple[str, Place, tuple[object, ...]] | None:
+def _row(line: str) -> _Row | None:
     """Name, three numbers and form of a line, by the first delimiter that yields them."""
     return next(filter(None, (_cut(line, delimiter) for delimiter in _DELIMITERS)), None)
 
 
-def _cut(line: str, delimiter: str | None) -> tuple[str, Place, tuple[object, ...]] | None:
+def _cut(line: str, delimiter: str | None) -> _Row | None:
     """The same by one delimiter; a number of the row may precede the name.
 
     The name may be a whole number, and of several words where blanks separate the cells.
@@ -161,6 +187,17 @@ def may_be_of(table: PlaceTable, targets: Collection[str]) -> bool:
     return known >= _FEWEST and known > len(table.numbers) - known
 
 
+def of_targets(table: PlaceTable, targets: Collection[str]) -> PlaceTable | None:
+    """The parts of a table that name targets, if these are most of their names; else None.
+
+    Other parts are of something else, as the rows of a robot's geometry.
+    """
+    blocks = {table.block[name] for name in table.numbers if name in targets}
+    numbers = {name: at for name, at in table.numbers.items() if table.block[name] in blocks}
+    found = replace(table, numbers=numbers)
+    return found if may_be_of(found, targets) else None
+
+
 def placed(
     found: Mapping[str, PlaceTable], measured: Sequence[str], base: Sequence[str], apart_m: Apart
 ) -> NominalPlaces:
@@ -175,7 +212,8 @@ def placed(
     places: dict[str, Place] = {}
     source: dict[str, str] = {}
     seen = []
-    for file, table in found.items():
+    each = [(file, part) for file, one in found.items() for part in _in_one_unit(one, apart_m)]
+    for file, table in each:
         mine, sentence = _of(table, file, measured, base, apart_m)
         new = {name: at for name, at in mine.places.items() if name not in places}
         places |= new
@@ -184,19 +222,36 @@ def placed(
     return NominalPlaces(places, source, tuple(seen))
 
 
+def _in_one_unit(table: PlaceTable, apart_m: Apart) -> list[PlaceTable]:
+    """The table, or each of its parts if distances show different units in them."""
+    blocks = dict.fromkeys(table.block[name] for name in table.numbers)
+    parts = [replace(table, numbers={name: at for name, at in table.numbers.items()
+                                     if table.block[name] == one}) for one in blocks]  # fmt: skip
+    units = {_unit(part, apart_m) for part in parts} - {None}
+    return parts if len(units) > 1 else [table]
+
+
+def _unit(table: PlaceTable, apart_m: Apart) -> str | None:
+    """The unit in which distances are those read, apart from those of one name; None if in none."""
+    off = {unit: _off(table, factor, apart_m) for unit, factor in LENGTH.items()}
+    unit = min(off, key=off.__getitem__)
+    near = off[unit] < GROSS_DISTANCE_M
+    return unit if near and _worst(table, LENGTH[unit], apart_m)[2] < GROSS_DISTANCE_M else None
+
+
 def _of(
     table: PlaceTable, file: str, measured: Sequence[str], base: Sequence[str], apart_m: Apart
 ) -> tuple[NominalPlaces, str]:
     """The places of one table, and the sentence on it."""
     begin = f"{file} is a list of nominal places, not an export"
-    off = {unit: _off(table, factor, apart_m) for unit, factor in LENGTH.items()}
-    unit = min(off, key=off.__getitem__)
-    if not off[unit] < GROSS_DISTANCE_M:
-        why = f"its distances are {_mm(off[unit])} from those read" if off[unit] < np.inf else (
+    off = min(_off(table, factor, apart_m) for factor in LENGTH.values())
+    unit = _unit(table, apart_m) or (table.unit if off == np.inf else None)
+    own = [name for name in table.numbers if name in (*measured, *base)]
+    if unit is None or not own:
+        why = f"its distances are {_mm(off)} or more from those read" if off < np.inf else (
             "no distance can be compared with the readings yet"
         )  # fmt: skip
         return NominalPlaces(), f"{begin}; {why}: fill in its places by hand"
-    own = [name for name in table.numbers if name in (*measured, *base)]
     renamed = dict(zip(own, own, strict=True))
     if (load := _load_point(table, measured, base, LENGTH[unit])) is not None:
         renamed[load] = "load_point"
@@ -207,19 +262,52 @@ def _of(
     }
     also = f", and {load} as load_point" if load else ""
     return NominalPlaces(places, source), (
-        f"{begin}: {listed(own, most=12)}{also} in {_UNITS[unit]}, distances within "
-        f"{_mm(off[unit])} of those read; confirm them in campaign.toml"
+        f"{begin}: {listed(own, most=12)}{also} in {_UNITS[unit]}, "
+        f"{_compared(table, LENGTH[unit], apart_m)}; confirm them in campaign.toml"
     )
+
+
+def _compared(table: PlaceTable, factor: float, apart_m: Apart) -> str:
+    """How far distances are from those read, and whose are clearly farther than all others."""
+    off = _each_off(table, factor, apart_m)
+    if not off:
+        return "as it states; none of their distances can be compared with those read yet"
+    worst, most, rest = _worst(table, factor, apart_m)
+    if most <= CLEARLY_NEARER * rest:
+        return f"distances within {_mm(most)} of those read"
+    return (
+        f"distances within {_mm(rest)} of those read, but those of {worst} up to {_mm(most)} off: "
+        "measure or correct it"
+    )
+
+
+def _worst(table: PlaceTable, factor: float, apart_m: Apart) -> tuple[str, float, float]:
+    """The name without which distances agree best, the largest difference with and without it [m].
+
+    Three points do not show which of them is wrong.
+    """
+    off = _each_off(table, factor, apart_m)
+    names = dict.fromkeys(name for pair in off for name in pair)
+    most = max(off.values())
+    rest = {name: max((d for pair, d in off.items() if name not in pair), default=most)
+            for name in names}  # fmt: skip
+    worst = min(rest, key=rest.__getitem__)
+    return worst, most, rest[worst] if len(names) > _BODY else most
 
 
 def _off(table: PlaceTable, factor: float, apart_m: Apart) -> float:
     """Median difference of distances stated and read [m]; infinite if none is in both."""
-    off = [
-        abs(factor * math.dist(table.numbers[one], table.numbers[other]) - read)
+    off = _each_off(table, factor, apart_m)
+    return float(np.median([*off.values()])) if off else np.inf
+
+
+def _each_off(table: PlaceTable, factor: float, apart_m: Apart) -> dict[tuple[str, str], float]:
+    """Differences of distances stated and read [m], of pairs in both."""
+    return {
+        (one, other): abs(factor * math.dist(table.numbers[one], table.numbers[other]) - read)
         for (one, other), read in apart_m.items()
         if {one, other} <= table.numbers.keys()
-    ]
-    return float(np.median(off)) if off else np.inf
+    }
 
 
 def _load_point(

@@ -328,7 +328,7 @@ def _notes(old: str, new: str) -> list[str]:
         for number, line in enumerate(old.splitlines(), 1)
         if line.startswith("#")
         and number not in asked
-        and not (_MORE.match(line) or _TABLE.match(line) or line == _BEFORE)
+        and not (_MORE.match(line) or _TABLE.match(line) or _UNUSED.match(line) or line == _BEFORE)
         and line not in new
     ]
 
@@ -368,6 +368,7 @@ def _set_aside(old: str, lost: Sequence[FormEntry], notes: Sequence[str]) -> str
     return "\n".join([*out, ""])
 
 
+_UNUSED = re.compile(r"# .+ (is|are) not used\b")
 _BEFORE = "# from the campaign.toml before, which have no place above:"
 
 _OF_FILES = (("", "format"), ("tracker", "files"), ("scale", "file"), ("joints", "file"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from unicodedata import normalize
 
 from pipeline.base.doors import found
@@ -26,7 +27,7 @@ _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
 """Synonyms of units: a scale in kilograms shows kilogram-force."""
 _UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "in", "deg", "rad", "nm", "knm"}
 """Units that, in the brackets of a title, can contradict the name assigned to the column."""
-_BELOW = {*_UNITS, *_ALIKE, "degrees", "grad", "kp", ""}
+BELOW = {*_UNITS, *_ALIKE, "degrees", "grad", "kp", ""}
 """Words that may appear in a line of units below the titles."""
 
 
@@ -195,11 +196,21 @@ def _header(file: Text, line: int) -> LogHeader:
     none = ("",) * len(titles)
     if len(below) != len(titles):
         below = list(none)
+    if of_others := _titles_of_others():
+        titles, lines = of_others(titles, below)
+        if lines > 1:
+            return LogHeader(line, line + lines, delimiter, tuple(titles), none)
     units = tuple(map(_unit_below, below))
-    of_units = any(units) and {unit.lower() for unit in units} <= _BELOW
+    of_units = any(units) and {unit.lower() for unit in units} <= BELOW
     behind = none if of_units else tuple(map(_unit_behind, below))
-    joined = map(_with_unit, titles, units if of_units else behind)
+    joined = map(with_unit, titles, units if of_units else behind)
     return LogHeader(line, line + (2 if of_units else 1), delimiter, tuple(joined), behind)
+
+
+@cache
+def _titles_of_others() -> Callable[[list[str], list[str]], tuple[list[str], int]] | None:
+    """Door to titles as people keep them, in two lines or the same for each pull."""
+    return found("pipeline.dialects.two_lines:titles")
 
 
 def _marked(line: str) -> str:
@@ -207,7 +218,7 @@ def _marked(line: str) -> str:
     return re.sub(r"^\s*(?:%|#|!|//)+[ \t]*(?=[^\W\d_])", "", line)
 
 
-def _with_unit(title: str, unit: str) -> str:
+def with_unit(title: str, unit: str) -> str:
     """A title with the unit of its column appended, if it has none itself."""
     return f"{title} [{unit}]" if unit and not _parted(title)[1] else title
 
@@ -215,7 +226,7 @@ def _with_unit(title: str, unit: str) -> str:
 def _unit_behind(cell: str) -> str:
     """The unit after the number in a cell; empty if there is none."""
     found = _WITH_UNIT.fullmatch(cell.strip())
-    known = found and is_number(found[1]) and found[2].lower() in _BELOW
+    known = found and is_number(found[1]) and found[2].lower() in BELOW
     return found[2] if found and known else ""
 
 

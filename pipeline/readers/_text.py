@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.base.arrays import Ints, Locked
+from pipeline.base.doors import found
 from pipeline.base.doors import opened as behind
 from pipeline.base.errors import InputError
 from pipeline.base.files import TYPE_BYTES
@@ -152,7 +153,8 @@ def _as_utf8(data: bytes) -> tuple[bytes, str]:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:
-        return _recoded(data, "cp1252")
+        page = found("pipeline.dialects.code_pages:page")
+        return _recoded(data, page(data) if page else "cp1252")
     return data, "utf-8"
 
 

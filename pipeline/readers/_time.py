@@ -33,10 +33,11 @@ _FORMS = {
     "%Y/%m/%d %H:%M:%S": rf"[0-9]{{4}}/[0-9]{{1,2}}/[0-9]{{1,2}} {_CLOCK}",
     "%H:%M:%S": _CLOCK,
     "%I:%M:%S %p": rf"{_CLOCK} [AP]M",
+    **{f"%I{mark}%M %p": rf"[0-9]{{1,2}}{re.escape(mark)}[0-9]{{2}} [AaPp][Mm]" for mark in ":."},
 }
 """Known formats; SpatialAnalyzer writes month/day/year, Leica's programs day.month.year; slashes
 are taken as American."""
-OF_DAY = ("%H:%M:%S", "%I:%M:%S %p")
+OF_DAY = ("%H:%M:%S", "%I:%M:%S %p", "%I:%M %p", "%I.%M %p")
 """Formats without a date."""
 NO_YEAR = 1900
 """Year in which times without a date are kept: the default of `strptime`, before any tracker."""

@@ -17,6 +17,10 @@ UNIT_WORDS = {
     "ft": "ft", "foot": "ft", "feet": "ft", "cm": "cm", "centimeter": "cm", "centimeters": "cm",
     "centimetre": "cm", "centimetres": "cm",
     "ftus": "ftUS", "usft": "ftUS", "us ft": "ftUS", "ft us": "ftUS", "ft-us": "ftUS",
+    **dict.fromkeys(
+        ("millimetri", "millimetro", "millimètre", "millimètres", "milímetros", "milimetros",
+         "milimetr", "milimetry", "milimetre", "миллиметры", "мм", "毫米", "밀리미터"), "mm"),
+    **dict.fromkeys(("metri", "metro", "metros", "mètre", "mètres", "metry", "метры", "米"), "m"),
     "us-ft": "ftUS", "sft": "ftUS", "us survey foot": "ftUS", "us survey feet": "ftUS",
     "survey feet": "ftUS", "us feet": "ftUS",
 }  # fmt: skip

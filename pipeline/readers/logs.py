@@ -109,10 +109,11 @@ def loads(name: str, data: bytes, stated: LogForm = OWN_LOG) -> Log:
 
     The load is `force` [N], read on a scale in a chain, `mass` [kg] of a weight at the load point
     with `mass_sigma` if known, or the name of a `payload`; a column may be missing if no row uses
-    it. With `force_1`, `force_2` ... a row is a pose, each column one of its pulls, and a cell may
-    be empty. Without a column `repeat` the pulls of each pose are numbered from 1. A column `group`
-    names the group of tracker readings that belongs to a row. With it, a row without a load is the
-    unloaded state of a pose; so is a row of force 0, also without it if every pose has one.
+    it. With `force_1`, `force_2` ... a row is a pose, each column one of its pulls, hooked to
+    `anchor_1`, `anchor_2` ..., and a cell may be empty. Without a column `repeat` the pulls of each
+    pose are numbered from 1. A column `group` names the group of tracker readings that belongs to a
+    row. With it, a row without a load is the unloaded state of a pose; so is a row of force 0, also
+    without it if every pose has one.
 
     Args:
         name: Name of the file.
@@ -132,8 +133,10 @@ def loads(name: str, data: bytes, stated: LogForm = OWN_LOG) -> Log:
     wanted[2] = replace(force, needed=needed, filled=not named)
     tagged = suffixed(file.titles, POSE_REPEAT) is not None
     wanted[0] = replace(wanted[0], needed=not tagged)
-    known_columns(stated, "scale", [*wanted, *each, POSE_REPEAT, _TIME, REMARK])
-    log = _numbered(typed(file, [*wanted, *each, POSE_REPEAT], stated, "scale"))
+    hooks = [Quantity(f"anchor{q.stem[5:]}", {}, "name", needed=False) for q in each]
+    wanted_all = [*wanted, *each, *hooks, POSE_REPEAT]
+    known_columns(stated, "scale", [*wanted_all, _TIME, REMARK])
+    log = _numbered(typed(file, wanted_all, stated, "scale"))
     log = _one_load(_pulls(_a_row_each(_with_units(log, [force, *each], file.titles), each)))
     if "branch" in log.word:
         own = np.array(
@@ -219,7 +222,11 @@ def _a_row_each(log: Log, each: Sequence[Quantity]) -> Log:
     stems = {name + q.stem[5:] for q in each for name in ("force", "unit")}
     number = {name: one[row] for name, one in log.number.items() if name not in stems}
     number |= {"force": force[row, pull], "unit": unit[row, pull], "repeat": repeat[pull]}
-    word = {name: one[row] for name, one in log.word.items()}
+    hooks = {f"anchor_{k:.0f}": repeat[pull] == k for k in repeat}
+    word = {name: one[row] for name, one in log.word.items() if name not in hooks}
+    for name in hooks.keys() & {*log.word}:
+        anchor = word.setdefault("anchor", np.full(len(row), "", dtype=object))
+        word["anchor"] = np.where(hooks[name], log.word[name][row], anchor)
     return replace(log, number=number, word=word, line=log.line[row])
 
 

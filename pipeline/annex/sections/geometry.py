@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.answer.contract import Answer, Cause, PositionStep, TableCombination, TableLetter
-from pipeline.base.quantities import mix, p_value, percent, plain
+from pipeline.base.quantities import MISSING, mix, p_value, percent
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import (
     Cells,
@@ -108,7 +108,7 @@ def _letters(answer: Answer) -> ReportTable | None:
     columns: list[Cells[TableLetter]] = [
         word_column("Joint", lambda one: one.where),
         word_column("Parameter", lambda one: _NAMES.get(one.name, one.name)),
-        number_column("Nominal [mm or deg]", lambda one: _scaled(one, one.nominal), plain),
+        number_column("Nominal [mm or deg]", lambda one: _scaled(one, one.nominal), _as_stated),
         measured_column(
             "Identified minus nominal [mm or mrad]",
             lambda one: (1e3 * (one.value - one.nominal), 1e3 * one.std),
@@ -123,6 +123,11 @@ def _letters(answer: Answer) -> ReportTable | None:
         "A parameter that is not determined moves the targets as others do, or hardly at all; it "
         "keeps the prior uncertainty of the nominal DH parameters.",
     )
+
+
+def _as_stated(value: float | None) -> str:
+    """A nominal length or angle with all digits of the robot file, to a nanometre."""
+    return MISSING if value is None else f"{round(value, 6):.10g}"
 
 
 def _together(answer: Answer) -> ReportTable | None:

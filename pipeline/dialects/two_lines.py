@@ -1,0 +1,50 @@
+"""Titles of logs as people keep them: two lines of them, or one that comes again for each pull."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from itertools import accumulate
+
+from pipeline.readers._cells import is_number
+from pipeline.readers._log_form import BELOW, with_unit
+
+
+def titles(first: list[str], below: list[str]) -> tuple[list[str], int]:
+    """The titles of a line with those of the line below it, and how many of the two they are."""
+    own = _apart(first)
+    both = _in_two_lines(own, below)
+    return ([*map(_joined, *zip(*both, strict=True))], 2) if both else (own, 1)
+
+
+def _joined(head: str, below: str) -> str:
+    return with_unit(head, below) if below.lower() in BELOW else f"{head} {below}"
+
+
+def _apart(titles: Sequence[str]) -> list[str]:
+    """The titles; one that comes again behind numbered ones with each of these before it.
+
+    `Pull 1 kg`, `Hook`, `Pull 2 kg`, `Hook` are what each pull was and where it was hooked.
+    """
+    again = {one for one in titles if one and titles.count(one) > 1 and not is_number(one)}
+    heads = {k: titles[k - 1] if k else "" for k, one in enumerate(titles) if one in again}
+    numbered = all(re.search("[0-9]", one) for one in heads.values())
+    if not numbered or len({*heads.values()}) < len(heads):
+        return [*titles]
+    return [f"{heads[k]} {one}" if k in heads else one for k, one in enumerate(titles)]
+
+
+def _in_two_lines(titles: Sequence[str], below: Sequence[str]) -> list[tuple[str, str]]:
+    """Title of each column, and what a second line says below it; empty where it says the same.
+
+    Some of a first line head several of the second, `Load-1` those of `kg` and `Hook`. None at all
+    if the lines are no such titles: each below a gap differs from its neighbour.
+    """
+    heads: list[str] = [*accumulate(titles, lambda before, own: own or before)]
+    gaps = [k for k, own in enumerate(titles) if k and not own and below[k] and heads[k]]
+    same = [k for k in gaps if below[k] == below[k - 1]]
+    several = len({*filter(None, titles)}) > 1
+    if not gaps or same or not several or any(map(is_number, below)):
+        return []
+    both = zip(titles, heads, below, strict=True)
+    return [(head, own) if own not in ("", title) else (title, "") for title, head, own in both]
