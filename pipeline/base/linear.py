@@ -208,6 +208,24 @@ def regular_inverse(N: Array) -> Array:
         return np.where(singular[:, None, None], np.nan, np.linalg.inv(safe))
 
 
+def definite_inverse(N: Array) -> tuple[Array, Array]:
+    """Inverse and log det of positive definite N (n, k, k), from one Cholesky factor of each.
+
+    N = U'U, in less than half of the time of an LU decomposition; NaN where N is not definite.
+    """
+    found, roots = np.empty_like(N), np.full(N.shape[:2], np.nan)
+    for k, one in enumerate(N):  # while it is in the processor's cache
+        U, failed = lapack.dpotrf(one.T, clean=1)
+        if failed:
+            found[k] = np.nan
+            continue
+        roots[k] = U.diagonal()
+        half, _ = lapack.dpotri(U, overwrite_c=1)  # its upper triangle; the diagonal counts twice
+        np.add(half, half.T, out=found[k])
+    np.einsum("nkk->nk", found)[...] *= 0.5
+    return found, 2 * np.log(roots).sum(axis=1)
+
+
 def covariance(N: Array) -> Array:
     """Inverse of products (k, k), with infinite variance for undetermined parameters."""
     scaled, size = unit(N)

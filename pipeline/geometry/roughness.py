@@ -334,17 +334,17 @@ def _estimated(
     """Estimates in units of the prior standard deviations, for numerical stability."""
     b = sums.b[which]
     M = sums.A[which]  # a copy of a hundred megabytes at most: no more of them than needed
-    M *= std[:, :, None]
-    M *= std[:, None, :]
     diagonal = np.einsum("cii->ci", M)
-    diagonal += 1.0
-    size = np.sqrt(diagonal)
-    M /= size[:, :, None] * size[:, None, :]
-    cov, unit = linear.regular_inverse(M), std / size
+    size = np.sqrt(1.0 + diagonal * std**2)
+    unit = std / size
+    M *= unit[:, :, None]
+    M *= unit[:, None, :]
+    diagonal += size**-2
+    cov, log_det = linear.definite_inverse(M)
     cov *= unit[:, :, None]
     cov *= unit[:, None, :]
     x = np.einsum("cij,cj->ci", cov, b)
-    log_det = linear.log_det(M) + 2 * np.log(size).sum(axis=1)
+    log_det += 2 * np.log(size).sum(axis=1)
     log = -0.5 * (sums.square[which] - np.einsum("ci,ci->c", b, x) + log_det)
     dark = ~np.isfinite(log)  # where the table is unobservable, as from one pose repeated
     x[dark], cov[dark], log[dark] = 0.0, 0.0, -1e300

@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
+import threading
+import unicodedata
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,6 +15,7 @@ from pathlib import Path, PurePosixPath
 from pipeline.base import files
 from pipeline.base.errors import UsageError
 from pipeline.base.shown import printable
+from pipeline.base.toml import LARGEST_TEXT
 
 TOML = "campaign.toml"
 
@@ -79,9 +82,16 @@ class Desk:
         return self.folder / name
 
     def text(self) -> str | None:
-        """Text of campaign.toml; None if there is none yet."""
+        """Text of campaign.toml; None if there is none yet.
+
+        Raises:
+            UsageError: It is too large to be read.
+        """
+        if TOML not in self.names():
+            return None
         path = self.folder / TOML
-        return path.read_text("utf-8", "replace") if TOML in self.names() else None
+        _see_small(TOML, path.stat().st_size)
+        return path.read_text("utf-8", "replace")
 
     def written(self, text: str, seen: str) -> None:
         """Replace campaign.toml, unless it has been changed since it was read.
@@ -114,21 +124,17 @@ class Desk:
         Raises:
             UsageError: It is too large, has an invalid name, or another file of that name exists.
         """
-        if name.lower().endswith(".zip"):
-            inside = list(_unpacked(data))
+        inside = list(_unpacked(data)) if name.lower().endswith(".zip") else [(name, data)]
+        with _ALONE:  # another tab may drop a file of this name
             new = [one for one, content in inside if self._is_new(one, content, instead)]
             for one, content in inside:
-                files.write(self.folder / one, content)
-            return new
-        if not self._is_new(name, data, instead):
-            return []
-        files.write(self.folder / name, data)
-        return [name]
+                if one in new:
+                    files.write(self.folder / one, content)
+        return new
 
     def _is_new(self, name: str, data: bytes, instead: bool) -> bool:
-        if len(data) > MOST_BYTES:
-            raise UsageError(f"{named(name)} has more than {MOST_BYTES // 2**20} MB: split it")
-        there = {one.casefold(): one for one in self.names()}.get(named(name).casefold())
+        _see_small(named(name), len(data))
+        there = {_alike(one): one for one in self.names()}.get(_alike(name))
         if there is None:
             return True
         same = (self.folder / there).read_bytes() == data
@@ -153,15 +159,33 @@ class Desk:
         self.file(name).unlink()
 
 
+_ALONE = threading.Lock()
+"""Held while files are compared with those of a folder and written."""
+
+
+def _alike(name: str) -> str:
+    """The same for names that some system takes for one: in capitals, or with accents apart."""
+    return unicodedata.normalize("NFC", name.casefold())
+
+
+def _see_small(name: str, size: int) -> None:
+    """Raise UsageError if a file of that name has more bytes than are read."""
+    toml = name.lower().endswith(".toml")
+    if size > (most := LARGEST_TEXT if toml else MOST_BYTES):
+        raise UsageError(f"{name} has more than {most // 2**20} MB: split it")
+
+
 def _files(folder: Path) -> Iterator[Path]:
     """Files of a folder and of those below it; links and hidden ones are not followed."""
-    for one in folder.iterdir() if folder.is_dir() else ():
-        if one.is_symlink() or not _NAME.fullmatch(one.name):
-            continue
-        if one.is_dir():
-            yield from _files(one)
-        elif one.is_file():
-            yield one
+    left = [folder] if folder.is_dir() else []
+    while left:  # without calling itself: however deep
+        for one in left.pop().iterdir():
+            if one.is_symlink() or not _NAME.fullmatch(one.name):
+                continue
+            if one.is_dir():
+                left.append(one)
+            elif one.is_file():
+                yield one
 
 
 def _unpacked(data: bytes) -> Iterator[tuple[str, bytes]]:
@@ -180,9 +204,9 @@ def _unpacked(data: bytes) -> Iterator[tuple[str, bytes]]:
                 raise UsageError(f"the archive holds more than {_MOST_FILES} files: drop some only")
             for one in inside:
                 name = named(PurePosixPath(one.filename.replace("\\", "/")).name)
-                if name.casefold() in seen:
+                if _alike(name) in seen:
                     raise UsageError(f"the archive holds two files {name}: rename one of them")
-                seen.add(name.casefold())
+                seen.add(_alike(name))
                 content = _read(archive, one, left)
                 left -= len(content)
                 yield name, content

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import hmac
+import os
 import secrets
 import socket
 import sys
@@ -193,7 +194,7 @@ class _State:
         """Content of result.json; None if there is none."""
         import json
 
-        with contextlib.suppress(OSError, ValueError):
+        with contextlib.suppress(OSError, ValueError, RecursionError):
             found = json.loads((desk.reports / "result.json").read_bytes())
             return found if isinstance(found, dict) else None
         return None
@@ -250,7 +251,12 @@ async def _home(state: _State, request: Request) -> Response:
     """Page of all campaigns, with a form for a new one."""
     found = [Desk(state.root, name) for name in campaigns(state.root)]
     await state.asked(*found)
-    rows = [(one.name, state.reached(one)) for one in found]
+    rows = []
+    for one in found:
+        try:
+            rows.append((one.name, state.reached(one)))
+        except UsageError as problem:  # of one campaign, and no other
+            rows.append((one.name, dict.fromkeys(_STAGES, str(problem))))
     return await _page(request, state, "home", None, rows=rows)
 
 
@@ -602,7 +608,7 @@ async def _report(state: _State, request: Request) -> Response:
     """A file of the report."""
     desk = state.desk(request)
     top = desk.reports.resolve()
-    path = (top / request.path_params["path"]).resolve()
+    path = Path(os.path.realpath(top / request.path_params["path"]))  # a circle is no error
     if not path.is_relative_to(top) or not path.is_file():
         raise UsageError("there is no such file in the report")
     return FileResponse(path, headers={**_HEADERS, "content-security-policy": _OF_REPORTS})

@@ -121,6 +121,21 @@ def test_one_member_that_is_none_spoils_no_other():
     assert np.isnan(found[1:]).all()
 
 
+def test_a_definite_matrix_has_its_inverse_and_determinant_and_another_has_none():
+    """As numpy's, of those that are positive definite; the others are told by NaN."""
+    X = np.random.default_rng(4).normal(size=(4, 30, 9))
+    good = np.swapaxes(X, 1, 2) @ X
+    turned, missing = good[1] - 50.0 * np.eye(9), np.where(np.eye(9) > 0, np.nan, good[2])
+    inverse, log_det = linear.definite_inverse(np.stack([good[0], turned, good[2], missing]))
+
+    for k in (0, 2):
+        assert inverse[k] == pytest.approx(np.linalg.inv(good[k]), rel=1e-12, abs=1e-14)
+        assert (inverse[k] == inverse[k].T).all()
+        assert log_det[k] == pytest.approx(np.log(np.linalg.eigvalsh(good[k])).sum(), rel=1e-12)
+    assert np.isnan(inverse[[1, 3]]).all()
+    assert np.isnan(log_det[[1, 3]]).all()
+
+
 def test_a_rigid_motion_is_found_again():
     """Also for points in one plane, where a reflection would fit equally well."""
     a = RNG.standard_normal((6, 3)) * [1, 1, 0]

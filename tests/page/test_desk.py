@@ -1,7 +1,10 @@
 """The folder of a campaign as a page fills it: names, archives, what has changed."""
 
 import io
+import os
+import subprocess
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -60,13 +63,49 @@ def test_a_file_that_is_dropped_twice_is_there_once(desk):
     """The same bytes are nothing new; others of that name are asked about."""
     assert desk.taken("a.csv", b"1") == ["a.csv"]
     assert desk.taken("a.csv", b"1") == []
-    for name in ("a.csv", "A.CSV"):
+    assert desk.taken("m\u00e4.csv", b"1") == ["m\u00e4.csv"]
+    for name in ("a.csv", "A.CSV", "ma\u0308.csv"):  # a, with dots of its own
         with pytest.raises(UsageError, match="replace it"):
             desk.taken(name, b"2")
+    desk.removed("m\u00e4.csv")
     assert desk.taken("a.csv", b"2", instead=True) == ["a.csv"]
 
     assert (desk.folder / "a.csv").read_bytes() == b"2"
     assert desk.names() == ["a.csv"]
+
+
+def test_two_tabs_do_not_replace_each_others_file(desk):
+    """Both drop one name at once: one is taken, the other is asked, ten times."""
+    with ThreadPoolExecutor(2) as tabs:
+        for k in range(10):
+            both = [tabs.submit(desk.taken, f"{k}.csv", bytes([n]) * 10**6) for n in range(2)]
+            asked = [isinstance(one.exception(), UsageError) for one in both]
+
+            assert sorted(asked) == [False, True]
+
+
+def test_files_lie_however_deep(desk):
+    """Below 1200 folders, more than a function of Python may call itself."""
+    at = os.open(desk.folder, os.O_RDONLY)
+    for _ in range(1200):
+        os.mkdir("d", dir_fd=at)
+        at, above = os.open("d", os.O_RDONLY, dir_fd=at), at
+        os.close(above)
+    os.close(at)
+    try:
+        assert desk.taken("a.csv", b"1") == ["a.csv"]
+        assert desk.names() == ["a.csv"]
+    finally:
+        subprocess.run(["rm", "-rf", desk.folder / "d"], check=True)  # Python's own calls itself
+
+
+def test_a_campaign_toml_of_megabytes_is_neither_taken_nor_read(desk):
+    """A page of it would keep all others waiting."""
+    with pytest.raises(UsageError, match="more than 1 MB"):
+        desk.taken("campaign.toml", b"#" * (2**20 + 1))
+    (desk.folder / "campaign.toml").write_bytes(b"#" * (2**20 + 1))
+    with pytest.raises(UsageError, match="more than 1 MB"):
+        desk.text()
 
 
 def test_an_archive_is_its_files(desk):

@@ -412,3 +412,15 @@ def test_what_a_column_is_can_be_chosen(untitled, tmp_path):
     assert "# columns = ?" not in text
     assert stated["naming"]["measured"] == ["P1", "P2", "P3"]
     assert "-2361.79" in untitled.get("/c/hall/look/odd.csv").text
+
+
+def test_a_link_in_a_circle_is_no_file_of_the_report(client, tmp_path):
+    """A sentence, as for any name that is not there."""
+    client.post("/campaigns", content='{"name": "hall"}')
+    (tmp_path / "reports" / "hall").mkdir(parents=True)
+    (tmp_path / "reports" / "hall" / "round").symlink_to("round")
+    for path in ("round", "round/index.html", "none"):
+        answer = client.get(f"/c/hall/report/{path}")
+
+        assert answer.status_code == 400
+        assert "there is no such file in the report" in answer.json()["problem"]
