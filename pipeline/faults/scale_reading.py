@@ -384,6 +384,7 @@ def _finding(case: Case, data: Measured, pull: int, fits: float, std: float, p: 
         size=abs(given - fits) / one,
         size_unit=unit,
         p_value=p,
+        axes=1,
         correct=partial(without_pulls, pulls={(pose, repeat)}),
         at=at,
     )
