@@ -108,13 +108,13 @@ class PullMoves(Locked):
     def solved(self, force: Array) -> Array:
         """Compliances on which most pulls agree with these forces, by least sums of norms.
 
-        Each norm is relative to the mean of the displacement and of that by the force: a force that
-        is ten times too large would otherwise outweigh all others.
+        Each norm is relative to the geometric mean of the displacement and of that by the force: one
+        that is ten times too large would otherwise outweigh all others.
         """
         x, size = np.ones(self.G.shape[2]), np.linalg.norm(self.y, axis=1)
         for k in range(_ROUNDS + 1):
             moves = force[:, None] * (self.G @ x)
-            scale = 0.5 * (size + np.linalg.norm(moves, axis=1)) + self.noise
+            scale = np.sqrt(size * np.linalg.norm(moves, axis=1)) + self.noise
             left = np.linalg.norm(self.y - moves, axis=1) if k else scale
             weight = 1 / np.sqrt(scale * np.maximum(left, _MODEL * scale))
             A = (weight * force)[:, None, None] * self.G
