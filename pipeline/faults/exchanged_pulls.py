@@ -108,8 +108,8 @@ class PullMoves(Locked):
     def solved(self, force: Array) -> Array:
         """Compliances on which most pulls agree with these forces, by least sums of norms.
 
-        Each norm is relative to the geometric mean of the displacement and of that by the force: one
-        that is ten times too large would otherwise outweigh all others.
+        Each norm is relative to the geometric mean of the displacement and of that by the force:
+        one that is ten times too large would otherwise outweigh all others.
         """
         x, size = np.ones(self.G.shape[2]), np.linalg.norm(self.y, axis=1)
         for k in range(_ROUNDS + 1):
