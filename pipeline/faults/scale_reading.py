@@ -12,6 +12,7 @@ Procedures for the identification of multiple outliers in linear models, J. Am. 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -25,7 +26,7 @@ from pipeline.faults.mistake import Mistake, outlying, without_pulls
 from pipeline.faults.typing_errors import intended
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import HUNG, MOUNTED
-from pipeline.readers.logs import SCALE
+from pipeline.readers.logs import FORCE, SCALE
 from pipeline.reduction.case import Case
 from pipeline.reduction.forces import reading_std
 from pipeline.reduction.measured import Measured
@@ -367,18 +368,20 @@ def _finding(case: Case, data: Measured, pull: int, fits: float, std: float, p: 
     sigmas = abs(given - fits) / std
     hung = data.pulls.by[pull] == HUNG
     one, unit = (case.settings.gravity.m_s2, "kg") if hung else (1.0, "N")
+    units = dict[str, float]()
     shown, agreed, within, as_shown = given / one, fits / one, std / one, unit
     if not hung:
         log = case.settings.loads_log
         shown, agreed = (log.gain * force + log.zero_n for force in (given, fits))
         per, as_shown = _unit(float(row["unit_n"]))
         shown, agreed, within = shown / per, agreed / per, log.gain * std / per
+        units = {symbol(name): size / per for name, size in FORCE.items() if size != per}
     text = f"{row['payload']}, " if data.pulls.by[pull] == MOUNTED else ""
     return outlying(
         where,
         f"the reading {where} (line {row['line']}) says {text}{shown:.6g} {as_shown}, and "
         f"all other pulls agree with {agreed:.6g} +- {within:.2g} {as_shown}, "
-        f"{sigmas:.0f} standard deviations away{_meant(shown, agreed, within, as_shown)}",
+        f"{sigmas:.0f} standard deviations away{_meant(shown, agreed, within, as_shown, units)}",
         "recomputed without this pull",
         before=sigmas,
         size=abs(given - fits) / one,
@@ -397,9 +400,9 @@ def _unit(size_n: float) -> tuple[float, str]:
     return (size_n, symbol(name)) if name else (1.0, "N")
 
 
-def _meant(given: float, fits: float, std: float, unit: str) -> str:
-    """The number that was probably meant, in words."""
-    found = intended(given, fits, std)
+def _meant(given: float, fits: float, std: float, unit: str, units: Mapping[str, float]) -> str:
+    """The number that was probably meant, in words; `units` as of `intended`."""
+    found = intended(given, fits, std, units)
     return "" if found is None else f"; {found[1]}, {found[0]:.6g} {unit} may have been meant"
 
 
