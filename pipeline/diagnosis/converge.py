@@ -14,18 +14,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.diagnosis.diagnose import diagnose
-from pipeline.diagnosis.drift import drift
+from pipeline.diagnosis.drift import motion
 from pipeline.diagnosis.facts import Diagnosed
 from pipeline.diagnosis.noise_bounds import bounds
 from pipeline.faults.base_reading import astray
 from pipeline.faults.screen import Screened, ScreeningBase, files_beside, files_of, singles_of
-from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.reduction.bring import Reduced, Step, bring
 from pipeline.reduction.case import Case
-from pipeline.reduction.expected import expected
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import PoseOfInterest, place_of_interest
-from pipeline.reduction.register import timed
 from pipeline.system import alarms
 from pipeline.system.family import FAR_OFF, Family
 from pipeline.system.fit import Fitted, fit
@@ -180,11 +177,7 @@ def _diagnosed(right: Fitted, where: PoseOfInterest, step: Step) -> Diagnosed:
     """The diagnosis; every one uses the same draws."""
     rng = np.random.default_rng(_SEED)
     cell, data = right.case.cell, right.data
-    scale, effects = float(right.noise.scale[0]), expected(right.case, data)
-    if not timed(right.case.readings):
-        effects = by_order(effects)
-    wander = right.shape.wander
-    moved = drift(right.reduced.registration, scale, data.unloaded, effects, wander)
+    effects, moved = motion(right)
     noted = right.noise, right.shape, right.case.settings
     return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *noted)
 

@@ -104,7 +104,7 @@ def diagnose(
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
-    wander, stiff = _between_poses(shape, drift), as_stiff(cell, estimate)
+    wander, stiff = between_poses(shape, drift), as_stiff(cell, estimate)
     stood = from_unloaded(stiff, data, case.certain_noise, whole, wander)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
@@ -168,7 +168,7 @@ def _held(facts: Facts) -> tuple[FoundCause, ...]:
     return (facts.causes if facts.helps else ()) + facts.scatter
 
 
-def _between_poses(shape: NoiseShape | None, drift: Drift | None) -> float:
+def between_poses(shape: NoiseShape | None, drift: Drift | None) -> float:
     """Standard deviation of what moves from pose to pose beside the robot [m].
 
     The tracker wanders; a base frame that grows with the hall takes the robot with it.
