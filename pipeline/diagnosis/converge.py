@@ -100,9 +100,11 @@ def _supposed(case: Case, files: Screened, end: _Converged) -> tuple[Screened, .
     sought with it, then beside the two likeliest, and so on.
     """
     model, found = end.diagnosis.as_stated, dict[object, Screened]()
-    springs, effects = files.case.cell, () if model is None else model.cell.effects
-    for count in range(len(springs.effects), len(effects) + 1 if model else 0):
-        cell = springs.with_effects(*effects[len(springs.effects) : count])
+    if model is None:
+        return ()
+    springs, own = files.case.cell, len(files.case.cell.effects)
+    for count in range(own, len(model.cell.effects) + 1):
+        cell = springs.with_effects(*model.cell.effects[own:count])
         start = model.values[: len(cell.parameters)]
         base = ScreeningBase(cell, start, _tails(files, end), end.diagnosis.seen.suspects)
         one = singles_of(files_beside(case, files, base), None, base)

@@ -78,8 +78,8 @@ def _ends(asked: Screening, moved: PullMoves) -> tuple[Array, Ints, Array]:
     if stated := asked.case.settings.anchors:
         at = np.array([*stated.values()])
         return near, _towards(near, far, at), at
-    where = anchors(asked.case)
-    where = where["place"].where(where["anchor"], -1).reindex(ends["group"]).fillna(-1)
+    read = anchors(asked.case)
+    where = read["place"].where(read["anchor"], -1).reindex(ends["group"]).fillna(-1)
     known, place = np.unique(where[where >= 0]), where.to_numpy(int)
     at = np.array([np.median(far[place == one], axis=0) for one in known])
     return near, np.where(place < 0, -1, np.searchsorted(known, place)), at
