@@ -26,7 +26,7 @@ from pipeline.faults.scale_reading import scale_outliers
 from pipeline.faults.screen import files_of
 from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
-from pipeline.system.fit import Fitted, fit
+from pipeline.system.fit import fit
 
 _OF_THE_TABLE = (
     Finding.STANDS_ELSEWHERE,
@@ -68,7 +68,7 @@ def _estimated(case: Case, reduced: Reduced | None) -> Iterator[str]:
         given = fit(case, reduced or bring(case))
     except PipelineError:  # `run` reports it
         return
-    yield from _forces(given)
+    yield from _forces(given.case, given.reduced)
     if case.settings.positions is not None:  # the table is estimated from these
         return
     cell, data = given.case.cell, given.data
@@ -80,8 +80,7 @@ def _estimated(case: Case, reduced: Reduced | None) -> Iterator[str]:
     yield from told_of(facts, _OF_THE_TABLE)
 
 
-def _forces(given: Fitted) -> Iterator[str]:
+def _forces(case: Case, reduced: Reduced) -> Iterator[str]:
     """Forces that contradict all other pulls, unless a cause may do as much."""
-    cell, start = given.case.cell, given.case.robot.nominal_compliance
-    asked = Screening(given.case, cell, start, given.reduced)
+    asked = Screening(case, case.cell, case.robot.nominal_compliance, reduced)
     yield from (one.evidence for one in scale_outliers(asked) if asked.sure(one))
