@@ -9,7 +9,7 @@ from types import MappingProxyType
 _TENS = (10.0, 0.1, 100.0, 0.01, 1000.0, 0.001)
 """Factors of a missing or misplaced decimal point [1]."""
 
-_WITHIN = 3.0
+WITHIN = 3.0
 """Standard uncertainties within which a number agrees with the pulls [1]."""
 
 
@@ -36,7 +36,7 @@ def intended(
         ((one, "one digit lost") for one in _inserted(given)),
         ((one, "one digit too many") for one in _dropped(given)),
     ):
-        near = [one for one in numbers if abs(one[0] - fits) <= _WITHIN * std and one[0] != given]
+        near = [one for one in numbers if abs(one[0] - fits) <= WITHIN * std and one[0] != given]
         if near:
             return min(near, key=lambda one: abs(one[0] - fits))
     return None
