@@ -27,11 +27,9 @@ def intended(
         std: Its standard uncertainty.
         units: Units in which it may have been read, each over that of the log [1].
     """
-    scaled = [(given * ten, "the decimal point in the wrong place") for ten in _TENS]
-    scaled += [(given * size, f"read in {unit}") for unit, size in units.items()]
     for numbers in (
         ((one, "two digits exchanged") for one in _exchanged(given)),
-        scaled,
+        _scaled(given, units),
         ((one, "one digit wrong") for one in _replaced(given)),
         ((one, "one digit lost") for one in _inserted(given)),
         ((one, "one digit too many") for one in _dropped(given)),
@@ -40,6 +38,11 @@ def intended(
         if near:
             return min(near, key=lambda one: abs(one[0] - fits))
     return None
+
+
+def _scaled(given: float, units: Mapping[str, float]) -> Iterator[tuple[float, str]]:
+    yield from ((given * ten, "the decimal point in the wrong place") for ten in _TENS)
+    yield from ((given * size, f"read in {unit}") for unit, size in units.items())
 
 
 def _exchanged(given: float) -> Iterator[float]:

@@ -104,10 +104,7 @@ def found(answer: Answer, say: Say = str) -> str:
     """One sentence on what is wrong: mistakes in the data, else the causes, else the verdict."""
     mistakes = [one.evidence.sentence for one in answer.diagnosis.causes if one.evidence]
     if mistakes:
-        each = [_cut(say(_LINES.sub(_FIRST, one))) for one in mistakes[:_MOST_MISTAKES]]
-        left = len(mistakes) - len(each)
-        more = say(f" (and {left} more)") if left else ""
-        return f"{_begun('; '.join(each))}{more}."
+        return _mistaken(mistakes, say)
     causes, fits = answer.diagnosis.causes, answer.diagnosis.verdict == "adequate"
     for reason in answer.diagnosis.reasons if not causes else ():
         if reason in _OF_UNLOADED and (fits or reason is not Finding.ROUGH_TABLE):
@@ -115,6 +112,14 @@ def found(answer: Answer, say: Say = str) -> str:
     if not causes:
         return say(_NOTHING.get(str(answer.diagnosis.verdict), ""))
     return f"{capital(say(_listed(causes)))}{say(_gain(answer))}."
+
+
+def _mistaken(sentences: Sequence[str], say: Say) -> str:
+    """The first `_MOST_MISTAKES` errors in the data, and the number of further ones."""
+    each = [_cut(say(_LINES.sub(_FIRST, one))) for one in sentences[:_MOST_MISTAKES]]
+    left = len(sentences) - len(each)
+    more = say(f" (and {left} more)") if left else ""
+    return f"{_begun('; '.join(each))}{more}."
 
 
 _OF_UNLOADED = {
