@@ -47,7 +47,7 @@ from pipeline.system import alarms
 from pipeline.system.contrasts import Zeros, pure_error
 from pipeline.system.elimination import eliminate
 from pipeline.system.estimate import is_plausible
-from pipeline.system.linearised import Linearised
+from pipeline.system.linearised import CurrentModel, Linearised
 from pipeline.system.noise import scatter
 from pipeline.system.noise_shape import NoiseShape
 from pipeline.system.system import Estimate, ScatterRatio, System
@@ -104,14 +104,14 @@ def diagnose(
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
-    wander, stiff = _between_poses(shape, drift), as_stiff(cell, estimate)
+    wander, stiff = between_poses(shape, drift), as_stiff(cell, estimate)
     stood = from_unloaded(stiff, data, case.certain_noise, whole, wander)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
     refuted = _refuted(stood, drift)
     case = replace(case, refuted=refuted, shape=shape, surroundings=surroundings)
-    case, spread, found = _searched(case, spread, estimate.value, rng)
+    case, spread, found, stated = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
     facts = replace(_facts(case, found, spread), gain=worth)
     sets = hypotheses(case, found, stood.believed, facts.helps)
@@ -152,6 +152,7 @@ def diagnose(
         **_left_out(found, worth, facts.helps),
         stood_off_m=(stood.miss_m, stood.left_m),
         too_small=() if sets else too_small(case, found),
+        as_stated=stated,
     )
 
 
@@ -167,7 +168,7 @@ def _held(facts: Facts) -> tuple[FoundCause, ...]:
     return (facts.causes if facts.helps else ()) + facts.scatter
 
 
-def _between_poses(shape: NoiseShape | None, drift: Drift | None) -> float:
+def between_poses(shape: NoiseShape | None, drift: Drift | None) -> float:
     """Standard deviation of what moves from pose to pose beside the robot [m].
 
     The tracker wanders; a base frame that grows with the hall takes the robot with it.
@@ -305,11 +306,14 @@ def _refused(case: SearchProblem, found: SearchResult) -> tuple[Effect, ...]:
 
 def _searched(
     case: SearchProblem, spread: ScatterRatio, start: Array, rng: np.random.Generator
-) -> tuple[SearchProblem, ScatterRatio, SearchResult]:
+) -> tuple[SearchProblem, ScatterRatio, SearchResult, CurrentModel | None]:
     """Search with the scale's stated scatter; with a larger one only if no cause explains the data.
 
     A cause not yet identified looks like scatter of the scale from pull to pull; therefore only
     what neither a cause nor a law outside the catalogue explains may be scatter.
+
+    Returns:
+        The suspects, the scatter, the result, and `Diagnosed.as_stated`.
     """
     stated = replace(case, force_noise=1.0)
     asked, found = with_unlisted_laws(stated, search(stated, start, rng), start)
@@ -317,8 +321,8 @@ def _searched(
         other = search(case, start, deepcopy(rng))  # what follows keeps its draws
         if other.explains or not other.detected:
             case, other = with_unlisted_laws(case, other, start)
-            return case, spread, other
-    return asked, replace(spread, force=1.0, force_std=0.0, force_p=1.0), found
+            return case, spread, other, found.seen.model
+    return asked, replace(spread, force=1.0, force_std=0.0, force_p=1.0), found, None
 
 
 def case_of(

@@ -37,6 +37,9 @@ from pipeline.store.campaign import dump
 _MOST_FOUND = 24
 """Maximum number of words about an error in the data here; the page below has the full text."""
 
+_MOST_MISTAKES = 4
+"""Maximum number of errors in the data that are told, each with its line and what fits instead."""
+
 _MOST_CAUSES = 2
 """Maximum number of causes listed."""
 
@@ -98,11 +101,10 @@ def digest(answer: Answer) -> str:
 
 
 def found(answer: Answer, say: Say = str) -> str:
-    """One sentence on what is wrong: a mistake in the data, else the causes, else the verdict."""
+    """One sentence on what is wrong: mistakes in the data, else the causes, else the verdict."""
     mistakes = [one.evidence.sentence for one in answer.diagnosis.causes if one.evidence]
     if mistakes:
-        more = say(f" (and {len(mistakes) - 1} more)") if len(mistakes) > 1 else ""
-        return f"{_begun(_cut(say(_LINES.sub(_FIRST, mistakes[0]))))}{more}."
+        return _mistaken(mistakes, say)
     causes, fits = answer.diagnosis.causes, answer.diagnosis.verdict == "adequate"
     for reason in answer.diagnosis.reasons if not causes else ():
         if reason in _OF_UNLOADED and (fits or reason is not Finding.ROUGH_TABLE):
@@ -110,6 +112,14 @@ def found(answer: Answer, say: Say = str) -> str:
     if not causes:
         return say(_NOTHING.get(str(answer.diagnosis.verdict), ""))
     return f"{capital(say(_listed(causes)))}{say(_gain(answer))}."
+
+
+def _mistaken(sentences: Sequence[str], say: Say) -> str:
+    """The first `_MOST_MISTAKES` errors in the data, and the number of further ones."""
+    each = [_cut(say(_LINES.sub(_FIRST, one))) for one in sentences[:_MOST_MISTAKES]]
+    left = len(sentences) - len(each)
+    more = say(f" (and {left} more)") if left else ""
+    return f"{_begun('; '.join(each))}{more}."
 
 
 _OF_UNLOADED = {

@@ -6,16 +6,19 @@ import io
 import json
 import re
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from small_case import PLAN
+from small_case import PLAN, small
 
 from bench.bench_check import KINDS, named
 from pipeline.app import cli
+from pipeline.check import proven
 from pipeline.check.wrong_lines import wrong_lines
 from pipeline.machine.robot import load
+from pipeline.reduction.bring import bring
 from pipeline.run import campaign_answer
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
@@ -416,3 +419,16 @@ def test_times_that_a_mapping_leaves_out_are_told_with_their_titles(said):
     assert f"write {write} into it" in out + err
     _, out, err = said(FILES | {"tracker.csv": export, "campaign.toml": whole.encode()})
     assert "has times" not in out + err
+
+
+def test_a_force_that_contradicts_all_others_is_told_before_any_run():
+    """Half as large again in one pull of eighteen: with its line; none in the right ones."""
+    case = small(4, poses={"count": 9})
+    rows, mine = case.loads, (case.loads["pose"] == 5) & (case.loads["repeat"] == 2)
+    typed = rows["force_n"].where(~mine, 1.5 * rows["force_n"])
+    wrong = replace(case, loads=rows.assign(force_n=typed))
+
+    (told,) = proven._forces(wrong, bring(wrong))
+
+    assert f"(line {rows['line'][mine].item()}) says " in told
+    assert not [*proven._forces(case, bring(case))]
