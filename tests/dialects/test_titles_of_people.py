@@ -8,6 +8,7 @@ import pytest
 from pipeline.dialects import code_pages, two_lines
 from pipeline.dialects.workbook import sheets
 from pipeline.intake import nominal
+from pipeline.readers import Columns, ExportSettings, read
 from pipeline.readers.export_settings import LogForm
 from pipeline.readers.logs import loads
 
@@ -122,3 +123,27 @@ def test_the_point_of_a_list_that_is_off_is_named():
     found = placed(written(B3=(-0.6, 18.473, -0.28)))
 
     assert "those of B3 up to 27 mm off" in found.seen[0]
+
+
+def readings(rows):
+    text = "\n".join(["Posa,Stato,Punto,x_mm,y_mm,z_mm", *rows])
+    stated = ExportSettings(
+        mapping=Columns(
+            columns={"pose": "Posa", "state": "Stato", "target": "Punto",
+                     "x": "x_mm", "y": "y_mm", "z": "z_mm"},
+            delimiter=",",
+            header=1,
+        )
+    )  # fmt: skip
+    return read("a.csv", text.encode(), stated)
+
+
+def test_blank_names_of_a_block_are_those_of_its_first_row():
+    """A state under a pose has that pose; below a row that cannot be read nothing is known."""
+    rows = ["1,scarico,P1,1,2,3", ",,P2,1,2,4", ",tiro,P1,1,2,3", ",,P2,1,2,4",
+            "2,scarico,P1,x,2,3", ",,P2,1,2,4"]  # fmt: skip
+    export = readings(rows)
+
+    assert export.group.to_pylist() == ["1 scarico", "1 scarico", "1 tiro", "1 tiro"]
+    assert [line for line, _ in export.rejected] == [6, 7]
+    assert readings(rows[:2] + rows[1:2]).group.to_pylist() == ["1 scarico", "", ""]
