@@ -58,11 +58,11 @@ class Content:
 
     @property
     def counts(self) -> bool:
-        """Whether it numbers the rows: whole numbers, each larger than the previous."""
+        """Whether it numbers the rows: whole numbers, each one more than the previous."""
         filled = [cell for cell in self.cells if cell]
         if len(filled) < _FEW or not all(map(str.isdecimal, filled)):
             return False
-        return all(int(b) > int(a) for a, b in itertools.pairwise(filled))
+        return all(int(b) - int(a) == 1 for a, b in itertools.pairwise(filled))
 
     @property
     def counted(self) -> bool:

@@ -478,9 +478,9 @@ def _parts(one: Offer) -> list[dict[str, str]]:
     words = [c.title for c in left if c.title not in numbers]
     alone = [{"group": c.title} for c in left]
     pairs = [{"pose": pose, "state": state} for state in words for pose in numbers]
-    pairs += [{"pose": pose, "state": state} for pose, state in itertools.permutations(words, 2)]
     three = [{**two, "repeat": last} for two in pairs for last in numbers if last != two["pose"]]
-    return [*alone, *three, *pairs]
+    named = [{"pose": pose, "state": state} for pose, state in itertools.permutations(words, 2)]
+    return [*alone, *named, *three, *pairs]
 
 
 def _untaken(one: Offer) -> list[ColumnRole]:
