@@ -1,10 +1,9 @@
-"""Rows of a joint log that number more, or others, than the poses that were measured.
+"""Rows of a joint log that number more stops than the poses that were measured.
 
-A row at home, a second one at the same pose, a trial or a missing row shifts the numbers of all
-rows behind it. Rows and poses keep their order, and the unloaded reflectors show which belong
-together: with R, t the rigid motion of the readings onto the robot's table, the alignment of both
-sequences (Needleman and Wunsch, Journal of Molecular Biology 48, 1970) of most pairs, and of these
-that of least
+A row at home, a second one at the same pose or a trial shifts the numbers of all rows behind it.
+Rows and poses keep their order, and the unloaded reflectors show which belong together: with R, t
+the rigid motion of the readings onto the robot's table, the alignment of both sequences (Needleman
+and Wunsch, Journal of Molecular Biology 48, 1970) of most pairs, and of these that of least
 
     sum of |R x + t - table(q)|^2.
 
@@ -112,12 +111,12 @@ def rows_of_poses(
 
 
 def _counted(own: Ints, poses: Ints, out: frozenset[int]) -> bool:
-    """Whether the rows are numbered from 1 on, and not as the poses are."""
+    """Whether the rows are numbered from 1 on, and are more than the poses."""
     numbers = np.sort([*own, *out])
     plain = np.array_equal(numbers, np.arange(1, len(numbers) + 1)) and bool(
         (np.diff(own) > 0).all()
     )
-    return plain and not np.array_equal(own, poses)
+    return plain and len(numbers) > len(poses)
 
 
 _NONE = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 0))

@@ -93,12 +93,17 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     """Write campaign.toml for the files in the folder, with known or asked data."""
     from pipeline.intake import blank
     from pipeline.intake._folder import in_workbooks, robots_in
+    from pipeline.intake._slides import MADE, with_slides
     from pipeline.intake.files import propose
     from pipeline.intake.filled import filled_in
 
     robot, stated = _before(root, folder, robot, stated)
     hints = _stated(stated)
     files, passed = _looked_at(root, folder, hints)
+    slides = with_slides(files)
+    files, passed = slides.files, [*passed, *slides.said]
+    if slides.made:
+        (folder / MADE).write_bytes(slides.made)
     given, wrong = filled_in(files)
     files, named = _as_named(root, folder, files, hints)
     proposal = _settled(files, hints) if ask else propose(files, hints)

@@ -156,6 +156,30 @@ def understood_joints(name: str, data: bytes, axes: Axes) -> LogForm | None:
     return _understood(name, data, "joints", _about_axes(_log_words.of_joints, axes))
 
 
+def cells_of_joints(name: str, data: bytes, axes: Axes) -> dict[str, Sequence[str]]:
+    """Cells of a joint log by title."""
+    return _cells_of(name, data, "joints", _about_axes(_log_words.of_joints, axes))
+
+
+def cells_of_loads(name: str, data: bytes) -> dict[str, Sequence[str]]:
+    """Cells of a log of loads by title."""
+    units = {"force": tuple(SCALE), "mass": tuple(MASS)}
+    return _cells_of(name, data, "scale", partial(_log_words.of_loads, units=units))
+
+
+def _cells_of(name: str, data: bytes, table: str, meaning: _Meaning) -> dict[str, Sequence[str]]:
+    """Cells of a log by title, as `_understood` finds it."""
+    found: dict[str, Sequence[str]] = {}
+
+    def kept(titles: Sequence[str], cells: _log_words.SampledCells) -> dict[str, str] | None:
+        columns = meaning(titles, cells)
+        found.update(cells() if columns is not None else {})
+        return columns
+
+    _understood(name, data, table, kept)
+    return found
+
+
 def has_other_axes(name: str, data: bytes, axes: Axes) -> bool:
     """Whether an axis moves in a joint log that a robot does not have, such as a rail."""
     with contextlib.suppress(InputError):  # a workbook in which no sheet has such a title

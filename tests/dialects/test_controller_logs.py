@@ -278,9 +278,11 @@ def test_remarks_of_a_job_number_its_points(above, behind):
 
 def test_remarks_with_two_points_each_number_none():
     """Either may be the pose: the points are counted, and the readings tell."""
-    rows = poses_of(sinumerik("; MERENI {}\n" + "X=1000.\n{}"))[1]
+    blocks = [f"N{k} A1={k} A2=0 A3=0 A4=0 A5=0 A6=0" for k in range(10, 50, 10)]
+    program = ["%_N_P_MPF", "; POSE 2", *blocks[:2], "; POSE 1", *blocks[2:]]
+    rows = poses_of("\n".join(program).encode())[1]
 
-    assert [row[0] for row in rows] == [1, 2, 3, 4, 5, 6]
+    assert [row[:2] for row in rows] == [[1, 10], [2, 20], [3, 30], [4, 40]]
 
 
 @pytest.mark.parametrize("head", ["", "%time,field.header.seq,field.header.frame_id,field.name0\n"])
