@@ -27,6 +27,7 @@ from pipeline.answer.contract import (
     Which,
 )
 from pipeline.answer.inputs import lost_told
+from pipeline.answer.pose_budget import lowered_by_pulls
 from pipeline.answer.recommended import left_out_mm
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import (
@@ -41,6 +42,7 @@ from pipeline.answer.words import (
     loads,
     mistaken,
     noise_told,
+    not_found,
     worst_known,
     wrong,
 )
@@ -117,6 +119,7 @@ def first_screen(found: CampaignResults, stated: FirstScreen) -> tuple[Line, ...
         (About.NUMBERS, " ".join((_for_controller(found, stated), *_uncalibrated(found, stated)))),
         (About.TEST_POSE, " ".join(_test_pose(found, stated))),
         *((About.WRONG, one) for one in _wrong(found, stated)),
+        (About.NOT_FOUND, not_found(found.diagnosis.not_found) if _holds(found) else ""),
         (About.NEXT, _next(found, stated)),
     ]
     return tuple(Line(about=about, text=text) for about, text in lines if text)
@@ -283,10 +286,14 @@ def _out(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
             f"{_to_force(stated)}, choose other poses, or compensate the path."
         )
     elif worst is Decision.UNDECIDED:
-        yield (
-            "Conformity with the tolerance is undecided: reduce the force"
-            f"{_to_force(stated)}, compensate the path, or measure more."
-        )
+        way = f"Conformity with the tolerance is undecided: reduce the force{_to_force(stated)}"
+        if lowered_by_pulls(stated.pose):
+            yield f"{way}, compensate the path, or measure more."
+        else:
+            yield (
+                f"{way} or compensate the path; more pulls would not lower U, which is the "
+                "cross-validation error."
+            )
 
 
 def _to_force(stated: FirstScreen) -> str:
@@ -586,7 +593,9 @@ def _next(found: CampaignResults, stated: FirstScreen) -> str:
     worst = joint_to_pull(found, stated.diagnosis, stated.mine.stiffness)
     if worst is None:
         return "Nothing can be proposed: no stiffness is known."
+    asked = None if stated.tolerance is None else stated.tolerance.worst
     settled = stated.diagnosis.verdict in (Verdict.ADEQUATE, Verdict.EXPLAINED)
+    settled = settled and asked is not Decision.UNDECIDED
     return f"{f'{_NONE_OPEN} ' * settled}{_least_certain(stated, worst)}"
 
 

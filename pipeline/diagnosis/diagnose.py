@@ -13,7 +13,7 @@ from scipy import special
 from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
-from pipeline.diagnosis.blindspots import blind_spots
+from pipeline.diagnosis.blindspots import blind_spots, not_found
 from pipeline.diagnosis.cause_search import SearchProblem, SearchResult, by_label, search
 from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_motion, of_scatter
 from pipeline.diagnosis.facts import (
@@ -141,7 +141,7 @@ def diagnose(
         facts=facts,
         causes=facts.moved + drifts + held,
         alone=single,
-        blind_spots=_blind_spots(whole, found, facts, known),
+        **_unnoticed(whole, found, facts, known),
         next_poses=proposed,
         determining=joints,
         scatter=spread,
@@ -247,19 +247,22 @@ def _alone(
     return tuple(one for one in every if one.reduction > 0)
 
 
-def _blind_spots(
+def _unnoticed(
     whole: tuple[Effect, ...], found: SearchResult, facts: Facts, known: Twins
-) -> tuple[Unnoticed, ...]:
-    """Blind spots, except causes that are listed as found or as rivals."""
+) -> dict[str, tuple[Unnoticed, ...]]:
+    """Causes that may be present, or would have shown, except those that are found or rivals."""
     visible = dict(facts.unloaded.visible)
     if facts.base is not None:
         visible[facts.base.effect.label] = facts.base.visible
     final = found.view if facts.helps else found.first
-    spots = blind_spots(whole, final, final.base, found.threshold.p, known, visible)
-    held = _held(facts)
+    held = (*_held(facts), *facts.moved)
     names = {cause.effect.label for cause in held}
     names |= {rival.effect.label for cause in held for rival in cause.rivals}
-    return tuple(spot for spot in spots if spot.effect.label not in names)
+    names |= {facts.drift.effect.label} if facts.drift else set()
+    names |= {"gravity_sag"} if facts.unloaded.weighs else set()
+    asked = tuple(effect for effect in whole if effect.label not in names)
+    of = asked, final, final.base, found.threshold.p, known, visible
+    return {"blind_spots": blind_spots(*of), "not_found": not_found(*of)}
 
 
 def _left_out(found: SearchResult, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.answer.amounts import amount
 from pipeline.answer.contract import About, Answer, Cause, Data, Placed, Reason, Stiffness, Which
+from pipeline.answer.pose_budget import lowered_by_pulls
 from pipeline.answer.words import DO, capital
 from pipeline.base.appearance import PLAIN, Appearance
 from pipeline.base.files import sha256
@@ -251,10 +252,10 @@ def _by_tolerance(answer: Answer) -> Iterator[str]:
     """What to do if the tolerance is not kept or undecided."""
     holds = answer.recommended.reason.holds_for_its_readings
     worst = answer.tolerance.worst if answer.tolerance and holds else None
-    if worst is Decision.FAIL:
-        yield "For the tolerance: reduce the force or compensate the path."
-    elif worst is Decision.UNDECIDED:
+    if worst is Decision.UNDECIDED and lowered_by_pulls(answer.test_pose):
         yield "For the tolerance: reduce the force or measure more."
+    elif worst in (Decision.FAIL, Decision.UNDECIDED):
+        yield "For the tolerance: reduce the force or compensate the path."
 
 
 # --- the stiffnesses ------------------------------------------------------------------------------
