@@ -63,6 +63,7 @@ SPOKEN: dict[str, tuple[str, ...]] = {
         "_KINDS",
         "rows",
         "_when",
+        "_scatter",
         "_unit",
         "_instrument",
         "_counts",

@@ -65,9 +65,9 @@ def pose_budget(
     )
 
 
-def lowered_by_pulls(pose: TestPose) -> bool:
+def lowered_by_pulls(pose: TestPose | None) -> bool:
     """Whether more pulls lower the uncertainty; it is never below the cross-validation error."""
-    return all(part.source != HELD_OUT for part in pose.budget)
+    return pose is None or all(part.source != HELD_OUT for part in pose.budget)
 
 
 _ROUNDING = 1e-9

@@ -370,11 +370,21 @@ def _model(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
         Which.AVERAGED: f"The average over {count} models by their probability",
     }[found.row.model]
     yield f"{whose}, from the {'corrected data' if found.mistakes else 'data as given'}."
+    yield from _without(found)
     yield from _table(found.facts)
     yield from filter(None, map(remarks.both_stiffnesses, stated.mine.stiffness))
     if other := _other(found, _SPRINGS_ALONE, _AS_GIVEN, _ON_DELIVERED):
         for move in _moved(stated.mine.stiffness, stated.springs.stiffness):
             yield f"Compared with {' and '.join(other)}, {move}."
+
+
+def _without(found: CampaignResults) -> Iterator[str]:
+    """That a wrong reading is left out, so that its true value still moves the values."""
+    if any(one.name == "outlier" for one in found.mistakes):
+        yield (
+            "A reading that is an error is left out of the corrected data, not replaced: once the "
+            "file has its true value, the values will move within their uncertainty."
+        )
 
 
 def _table(facts: Facts) -> Iterator[str]:
@@ -593,10 +603,14 @@ def _next(found: CampaignResults, stated: FirstScreen) -> str:
     worst = joint_to_pull(found, stated.diagnosis, stated.mine.stiffness)
     if worst is None:
         return "Nothing can be proposed: no stiffness is known."
+    return f"{f'{_NONE_OPEN} ' * _settled_all(stated)}{_least_certain(stated, worst)}"
+
+
+def _settled_all(stated: FirstScreen) -> bool:
+    """Whether neither the verdict nor a tolerance leaves a question open."""
     asked = None if stated.tolerance is None else stated.tolerance.worst
-    settled = stated.diagnosis.verdict in (Verdict.ADEQUATE, Verdict.EXPLAINED)
-    settled = settled and asked is not Decision.UNDECIDED
-    return f"{f'{_NONE_OPEN} ' * settled}{_least_certain(stated, worst)}"
+    sure = stated.diagnosis.verdict in (Verdict.ADEQUATE, Verdict.EXPLAINED)
+    return sure and asked is not Decision.UNDECIDED
 
 
 def _again(found: CampaignResults) -> str:

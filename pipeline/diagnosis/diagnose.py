@@ -136,12 +136,14 @@ def diagnose(
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
     single = _alone(found, worth, rng)
+    blind, absent = _unnoticed(whole, found, facts, known)
     proposed, joints = _to_measure(case, found, causes, worth, known, rng)
     return Diagnosed(
         facts=facts,
         causes=facts.moved + drifts + held,
         alone=single,
-        **_unnoticed(whole, found, facts, known),
+        blind_spots=blind,
+        not_found=absent,
         next_poses=proposed,
         determining=joints,
         scatter=spread,
@@ -249,7 +251,7 @@ def _alone(
 
 def _unnoticed(
     whole: tuple[Effect, ...], found: SearchResult, facts: Facts, known: Twins
-) -> dict[str, tuple[Unnoticed, ...]]:
+) -> tuple[tuple[Unnoticed, ...], tuple[Unnoticed, ...]]:
     """Causes that may be present, or would have shown, except those that are found or rivals."""
     visible = dict(facts.unloaded.visible)
     if facts.base is not None:
@@ -262,7 +264,7 @@ def _unnoticed(
     names |= {"gravity_sag"} if facts.unloaded.weighs else set()
     asked = tuple(effect for effect in whole if effect.label not in names)
     of = asked, final, final.base, found.threshold.p, known, visible
-    return {"blind_spots": blind_spots(*of), "not_found": not_found(*of)}
+    return blind_spots(*of), not_found(*of)
 
 
 def _left_out(found: SearchResult, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:
