@@ -32,6 +32,7 @@ from pipeline.answer.recommended import left_out_mm
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import (
     DO,
+    DO_DESPITE,
     HOLDS,
     at_axis,
     capital,
@@ -337,7 +338,9 @@ def _do(found: CampaignResults) -> str:
             f"{DO[Reason.ADEQUATE]} Where absolute positions matter, correct the robot's geometry, "
             f"too: model.toml holds its DH parameters{_SAG * stood.weighs}."
         )
-    sentence = DO[found.row.reason]
+    first = found.told.model.hypotheses[0]
+    despite = found.row.reason == Reason.CAUSE_IDENTIFIED and not first.beside_springs
+    sentence = DO_DESPITE if despite else DO[found.row.reason]
     if _open(found) and found.row.reason == Reason.SPRINGS_UNTOUCHED:
         sentence = f"{sentence} {_UNTOUCHED}"
     return f"{correct(found.facts)} {sentence}" if found.mistakes else sentence

@@ -176,8 +176,8 @@ def not_found(spots: Sequence[Unnoticed]) -> str:
     if not shown:
         return ""
     return (
-        f"{capital(listed(shown))}. In brackets: the size from which it would have been found in 4 "
-        "of 5 cases."
+        "In brackets the size from which each would have been found in 4 of 5 cases: "
+        f"{listed(shown)}."
     )
 
 
@@ -903,6 +903,11 @@ DO: Mapping[Reason, str] = {
     ),
 }
 """What to do with the values; with a mistake in the data, after `correct`."""
+
+DO_DESPITE = (
+    "Use these stiffnesses: they allow for the identified cause, which is in the measurement."
+)
+"""The same where the identified cause falsifies readings and deflects no robot."""
 
 ABOUT: Mapping[About, str] = {
     About.VERDICT: "Verdict",

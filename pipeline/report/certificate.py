@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.answer.amounts import amount
 from pipeline.answer.contract import About, Answer, Cause, Data, Placed, Reason, Stiffness, Which
 from pipeline.answer.pose_budget import lowered_by_pulls
-from pipeline.answer.words import DO, capital
+from pipeline.answer.words import DO, DO_DESPITE, capital
 from pipeline.base.appearance import PLAIN, Appearance
 from pipeline.base.files import sha256
 from pipeline.base.language import Say, translated
@@ -196,6 +196,8 @@ def to_do(answer: Answer) -> str:
     if answer.diagnosis.verdict == Verdict.AMBIGUOUS and reason == Reason.WEIGHED_ANEW:
         reason = Reason.CAUSE_DOUBTFUL
     sentence = _OPEN.get(reason, DO[reason])
+    if reason is Reason.CAUSE_IDENTIFIED and not _acting(answer):
+        sentence = DO_DESPITE
     if answer.of_positions:
         every = (one.text for one in answer.first_screen if one.about == About.TO_DO)
         sentence = _NO_VALUE if corrected else next(every, sentence)
@@ -359,11 +361,15 @@ _OF_THE_MEASUREMENT = ("force", "metrology", "noise")
 """Locations of causes that falsify readings and deflect no robot: nothing makes up for them."""
 
 
+def _acting(answer: Answer) -> set[str]:
+    """Causes of the answer's model that deflect the robot."""
+    aside = {c.name for c in answer.diagnosis.causes if c.location in _OF_THE_MEASUREMENT}
+    return {c.name for one in answer.recommended.hypotheses for c in one.causes} - aside
+
+
 def _substituted(answer: Answer) -> bool:
     """Whether effective stiffnesses replace the values in a controller; only for pulls."""
-    recommended = answer.recommended
-    aside = {c.name for c in answer.diagnosis.causes if c.location in _OF_THE_MEASUREMENT}
-    acting = {c.name for one in recommended.hypotheses for c in one.causes} - aside
+    recommended, acting = answer.recommended, _acting(answer)
     beside = recommended.reason in _SUBSTITUTES and recommended.model is not Which.JOINT_SPRINGS
     return beside and bool(acting) and not answer.of_positions
 

@@ -113,7 +113,7 @@ def test_no_decision_is_printed_of_a_model_that_does_not_explain_the_readings():
 
 @pytest.mark.parametrize("source", ["tracker", "held_out"])
 def test_more_pulls_are_advised_only_where_they_lower_the_uncertainty(source):
-    """u is never below the cross-validation error, on the first screen and on the certificate."""
+    """U is never below the cross-validation error, on the first screen and on the certificate."""
     asked = Tolerance(deflection_mm=0.25, test_pose=Decision.UNDECIDED, path=None)
     found = SimpleNamespace(row=SimpleNamespace(reason=Reason.ADEQUATE))
     pose = TestPose(
