@@ -227,7 +227,7 @@ def _unjudged(answer: Answer) -> str:
 def _measure(answer: Answer, say: Say = str) -> str:
     """What to measure next: the first sentences of that line of the first screen."""
     line = next((one.text for one in answer.first_screen if one.about == About.NEXT), "")
-    every = say(" ".join(one for one in _ENDS.split(line) if "standard uncertainty" not in one))
+    every = say(" ".join(one for one in _ENDS.split(line) if not _UNCERTAINTY.search(one)))
     kept: list[str] = []
     for sentence in _ENDS.split(every):
         room = _MOST_NEXT - sum(len(one.split()) for one in kept)
@@ -239,6 +239,9 @@ def _measure(answer: Answer, say: Say = str) -> str:
         kept.append(sentence)
     return " ".join(kept)
 
+
+_UNCERTAINTY = re.compile(r"standard uncertainty|it is expected to be")
+"""Sentences on the uncertainty of the joint, which is in the table below."""
 
 _ENDS = re.compile(r"(?<=\.) (?=[A-ZÀÉÜ])")
 """The space between two sentences."""
