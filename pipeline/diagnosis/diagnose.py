@@ -38,7 +38,7 @@ from pipeline.diagnosis.unlisted import with_unlisted_laws
 from pipeline.diagnosis.unloaded_geometry import as_stiff, beside_springs, corrected, from_unloaded
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect, Noise
-from pipeline.machine.effects import catalogue
+from pipeline.machine.effects import catalogue, table
 from pipeline.machine.effects.nameless import competing
 from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.measured import Measured
@@ -263,8 +263,10 @@ def _unnoticed(
     names |= {facts.drift.effect.label} if facts.drift else set()
     names |= {"gravity_sag"} if facts.unloaded.weighs else set()
     asked = tuple(effect for effect in whole if effect.label not in names)
-    of = asked, final, final.base, found.threshold.p, known, visible
-    return blind_spots(*of), not_found(*of)
+    of = final, final.base, found.threshold.p, known, visible
+    rough = facts.unloaded.rough  # the entries of a rough table are estimated
+    absent = [one for one in asked if not (rough and one.name in (*table.NOUNS, "joint_offset"))]
+    return blind_spots(asked, *of), not_found(tuple(absent), *of)
 
 
 def _left_out(found: SearchResult, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.base.errors import InputError, listed
 from pipeline.machine.effect import Effect
-from pipeline.machine.effects import catalogue, table, tracker_drift
+from pipeline.machine.effects import catalogue, joint_hardening, scale, table, tracker_drift
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import timed
@@ -55,7 +55,12 @@ def _asking_more(effects: Iterable[Effect], case: Case, data: Measured) -> Itera
     base = readings[readings["target"].isin(case.settings.base_frame)]
     rounds = base["group"].nunique() > 1 and timed(base)
     unloaded = bool(case.settings.tool) and bool(np.isfinite(data.unloaded).all(axis=1).any())
-    done = {tracker_drift.NEEDS: rounds, table.NEEDS: unloaded}
-    more = {tracker_drift.NEEDS: tracker_drift.FURTHER, table.NEEDS: table.FURTHER}
-    for one in effects:
-        yield replace(one, needs=more[one.needs]) if done.get(one.needs) else one
+    levels = bool(np.unique(data.pulls.pose, return_counts=True)[1].max(initial=0) >= _LEVELS)
+    done = ((tracker_drift, rounds), (table, unloaded), (scale, levels), (joint_hardening, levels))
+    more = {one.NEEDS: one.FURTHER for one, followed in done if followed}
+    for effect in effects:
+        yield replace(effect, needs=more[effect.needs]) if effect.needs in more else effect
+
+
+_LEVELS = 3
+"""Pulls of a pose that show a curve or an offset of the force [1]."""

@@ -226,6 +226,12 @@ def test_an_arm_that_sags_is_not_said_to_hide_its_sag(weighs):
     blind, absent = _unnoticed((CAUSES["gravity_sag"],), found, facts, NONE)
     assert bool(blind) != weighs
     assert not absent
+    # nor is an entry of a rough table, which is estimated, said not to be found
+    shown = replace(facts.unloaded, visible={"joint_offset:3": 1.0}, rough=weighs)
+    zero = (CAUSES["joint_offset:3"],)
+    blind, absent = _unnoticed(zero, found, replace(facts, unloaded=shown), NONE)
+    assert not blind
+    assert bool(absent) != weighs
 
 
 def test_what_shows_elsewhere_is_blind_only_where_it_shows_in_neither():

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.annex.reliability import _names
 from pipeline.base.errors import InputError
-from pipeline.machine.effects import table, tracker_drift
+from pipeline.machine.effects import scale, table, tracker_drift
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.expected import expected
 from pipeline.run import ingested
@@ -86,9 +86,13 @@ def test_reflectors_that_no_chain_has_are_neither_suspected_nor_told(hall):
         told[chain] = needs
     assert told[True]["tracker_drift"] == tracker_drift.FURTHER
     assert told[True]["joint_offset"] == table.FURTHER
+    assert told[True]["scale_zero"] == scale.FURTHER
     once = replace(case, readings=case.readings[case.readings["group"] != "base_end"])
     assert case.readings["group"].eq("base_end").any()
-    asked = {one.name: one.needs for one in expected(once, found.data)}
+    pulls = found.data.pulls
+    pulls = replace(pulls, pose=np.arange(len(pulls.pose)))
+    asked = {one.name: one.needs for one in expected(once, replace(found.data, pulls=pulls))}
+    assert asked["scale_zero"] == scale.NEEDS
     assert asked["tracker_drift"] == tracker_drift.NEEDS
 
 
