@@ -257,16 +257,21 @@ def _unnoticed(
     if facts.base is not None:
         visible[facts.base.effect.label] = facts.base.visible
     final = found.view if facts.helps else found.first
-    held = (*_held(facts), *facts.moved)
-    names = {cause.effect.label for cause in held}
-    names |= {rival.effect.label for cause in held for rival in cause.rivals}
-    names |= {facts.drift.effect.label} if facts.drift else set()
-    names |= {"gravity_sag"} if facts.unloaded.weighs else set()
+    names = _listed(facts)
     asked = tuple(effect for effect in whole if effect.label not in names)
     of = final, final.base, found.threshold.p, known, visible
     rough = facts.unloaded.rough  # the entries of a rough table are estimated
     absent = [one for one in asked if not (rough and one.name in (*table.NOUNS, "joint_offset"))]
     return blind_spots(asked, *of), not_found(tuple(absent), *of)
+
+
+def _listed(facts: Facts) -> set[str]:
+    """Labels of causes that are found, or rivals of one that is."""
+    held = (*_held(facts), *facts.moved)
+    drift = {facts.drift.effect.label} if facts.drift else set()
+    sag = {"gravity_sag"} if facts.unloaded.weighs else set()
+    rivals = {rival.effect.label for cause in held for rival in cause.rivals}
+    return {cause.effect.label for cause in held} | rivals | drift | sag
 
 
 def _left_out(found: SearchResult, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:
