@@ -13,7 +13,7 @@ from scipy import special
 from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
-from pipeline.diagnosis.blindspots import blind_spots
+from pipeline.diagnosis.blindspots import blind_spots, not_found
 from pipeline.diagnosis.cause_search import SearchProblem, SearchResult, by_label, search
 from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_motion, of_scatter
 from pipeline.diagnosis.facts import (
@@ -38,7 +38,7 @@ from pipeline.diagnosis.unlisted import with_unlisted_laws
 from pipeline.diagnosis.unloaded_geometry import as_stiff, beside_springs, corrected, from_unloaded
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect, Noise
-from pipeline.machine.effects import catalogue
+from pipeline.machine.effects import catalogue, table
 from pipeline.machine.effects.nameless import competing
 from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.measured import Measured
@@ -136,12 +136,14 @@ def diagnose(
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
     single = _alone(found, worth, rng)
+    blind, absent = _unnoticed(whole, found, facts, known)
     proposed, joints = _to_measure(case, found, causes, worth, known, rng)
     return Diagnosed(
         facts=facts,
         causes=facts.moved + drifts + held,
         alone=single,
-        blind_spots=_blind_spots(whole, found, facts, known),
+        blind_spots=blind,
+        not_found=absent,
         next_poses=proposed,
         determining=joints,
         scatter=spread,
@@ -248,19 +250,29 @@ def _alone(
     return tuple(one for one in every if one.reduction > 0)
 
 
-def _blind_spots(
+def _unnoticed(
     whole: tuple[Effect, ...], found: SearchResult, facts: Facts, known: Twins
-) -> tuple[Unnoticed, ...]:
-    """Blind spots, except causes that are listed as found or as rivals."""
+) -> tuple[tuple[Unnoticed, ...], tuple[Unnoticed, ...]]:
+    """Causes that may be present, or would have shown, except those that are found or rivals."""
     visible = dict(facts.unloaded.visible)
     if facts.base is not None:
         visible[facts.base.effect.label] = facts.base.visible
     final = found.view if facts.helps else found.first
-    spots = blind_spots(whole, final, final.base, found.threshold.p, known, visible)
-    held = _held(facts)
-    names = {cause.effect.label for cause in held}
-    names |= {rival.effect.label for cause in held for rival in cause.rivals}
-    return tuple(spot for spot in spots if spot.effect.label not in names)
+    names = _listed(facts)
+    asked = tuple(effect for effect in whole if effect.label not in names)
+    of = final, final.base, found.threshold.p, known, visible
+    rough = facts.unloaded.rough  # the entries of a rough table are estimated
+    absent = [one for one in asked if not (rough and one.name in (*table.NOUNS, "joint_offset"))]
+    return blind_spots(asked, *of), not_found(tuple(absent), *of)
+
+
+def _listed(facts: Facts) -> set[str]:
+    """Labels of causes that are found, or rivals of one that is."""
+    held = (*_held(facts), *facts.moved)
+    drift = {facts.drift.effect.label} if facts.drift else set()
+    sag = {"gravity_sag"} if facts.unloaded.weighs else set()
+    rivals = {rival.effect.label for cause in held for rival in cause.rivals}
+    return {cause.effect.label for cause in held} | rivals | drift | sag
 
 
 def _left_out(found: SearchResult, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:

@@ -596,6 +596,7 @@ class Diagnosed(Locked):
         causes: The identified causes.
         alone: Effect of each of the likeliest causes by itself.
         blind_spots: Causes that would have gone unnoticed.
+        not_found: Causes that were not found and would have shown at their typical magnitude.
         next_poses: Poses to measure next, where a cause is in question.
         determining: The best pose for each joint, where no cause is in question; empty where none
             was found.
@@ -631,6 +632,7 @@ class Diagnosed(Locked):
     causes: tuple[FoundCause, ...]
     alone: tuple[SoleCause, ...]
     blind_spots: tuple[Unnoticed, ...]
+    not_found: tuple[Unnoticed, ...]
     next_poses: tuple[SeparatingPose, ...]
     determining: tuple[Determining, ...]
     refused: tuple[str, ...]

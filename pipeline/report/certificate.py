@@ -9,7 +9,8 @@ import numpy as np
 
 from pipeline.answer.amounts import amount
 from pipeline.answer.contract import About, Answer, Cause, Data, Placed, Reason, Stiffness, Which
-from pipeline.answer.words import DO, capital
+from pipeline.answer.pose_budget import lowered_by_pulls
+from pipeline.answer.words import DO, DO_DESPITE, capital
 from pipeline.base.appearance import PLAIN, Appearance
 from pipeline.base.files import sha256
 from pipeline.base.language import Say, translated
@@ -205,6 +206,8 @@ def to_do(answer: Answer) -> str:
     if answer.diagnosis.verdict == Verdict.AMBIGUOUS and reason == Reason.WEIGHED_ANEW:
         reason = Reason.CAUSE_DOUBTFUL
     sentence = _OPEN.get(reason, DO[reason])
+    if reason is Reason.CAUSE_IDENTIFIED and not _acting(answer):
+        sentence = DO_DESPITE
     if answer.of_positions:
         every = (one.text for one in answer.first_screen if one.about == About.TO_DO)
         sentence = _NO_VALUE if corrected else next(every, sentence)
@@ -234,7 +237,7 @@ def _unjudged(answer: Answer) -> str:
 def _measure(answer: Answer, say: Say = str) -> str:
     """What to measure next: the first sentences of that line of the first screen."""
     line = next((one.text for one in answer.first_screen if one.about == About.NEXT), "")
-    every = say(" ".join(one for one in _ENDS.split(line) if "standard uncertainty" not in one))
+    every = say(" ".join(one for one in _ENDS.split(line) if not _UNCERTAINTY.search(one)))
     kept: list[str] = []
     for sentence in _ENDS.split(every):
         room = _MOST_NEXT - sum(len(one.split()) for one in kept)
@@ -246,6 +249,9 @@ def _measure(answer: Answer, say: Say = str) -> str:
         kept.append(sentence)
     return " ".join(kept)
 
+
+_UNCERTAINTY = re.compile(r"standard uncertainty|it is expected to be")
+"""Sentences on the uncertainty of the joint, which is in the table below."""
 
 _ENDS = re.compile(r"(?<=\.) (?=[A-ZÀÉÜ])")
 """The space between two sentences."""
@@ -261,10 +267,10 @@ def _by_tolerance(answer: Answer) -> Iterator[str]:
     """What to do if the tolerance is not kept or undecided."""
     holds = answer.recommended.reason.holds_for_its_readings
     worst = answer.tolerance.worst if answer.tolerance and holds else None
-    if worst is Decision.FAIL:
-        yield "For the tolerance: reduce the force or compensate the path."
-    elif worst is Decision.UNDECIDED:
+    if worst is Decision.UNDECIDED and lowered_by_pulls(answer.test_pose):
         yield "For the tolerance: reduce the force or measure more."
+    elif worst in (Decision.FAIL, Decision.UNDECIDED):
+        yield "For the tolerance: reduce the force or compensate the path."
 
 
 # --- the stiffnesses ------------------------------------------------------------------------------
@@ -368,11 +374,15 @@ _OF_THE_MEASUREMENT = ("force", "metrology", "noise")
 """Locations of causes that falsify readings and deflect no robot: nothing makes up for them."""
 
 
+def _acting(answer: Answer) -> set[str]:
+    """Causes of the answer's model that deflect the robot."""
+    aside = {c.name for c in answer.diagnosis.causes if c.location in _OF_THE_MEASUREMENT}
+    return {c.name for one in answer.recommended.hypotheses for c in one.causes} - aside
+
+
 def _substituted(answer: Answer) -> bool:
     """Whether effective stiffnesses replace the values in a controller; only for pulls."""
-    recommended = answer.recommended
-    aside = {c.name for c in answer.diagnosis.causes if c.location in _OF_THE_MEASUREMENT}
-    acting = {c.name for one in recommended.hypotheses for c in one.causes} - aside
+    recommended, acting = answer.recommended, _acting(answer)
     beside = recommended.reason in _SUBSTITUTES and recommended.model is not Which.JOINT_SPRINGS
     return beside and bool(acting) and not answer.of_positions
 

@@ -5,6 +5,7 @@ import functools
 import io
 import json
 import re
+import tomllib
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -16,10 +17,11 @@ from small_case import PLAN, small
 from bench.bench_check import KINDS, named
 from pipeline.app import cli
 from pipeline.check import proven
+from pipeline.check.report import _Seen
 from pipeline.check.wrong_lines import wrong_lines
 from pipeline.machine.robot import load
-from pipeline.reduction.bring import bring
-from pipeline.run import campaign_answer
+from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
 
@@ -340,6 +342,33 @@ def test_a_reflector_in_millimetres_is_refused_with_its_line(said):
 
     assert code == 5
     assert f"campaign.toml:{line}: [tool] P1: a coordinate of 210 m is on no effector" in err
+
+
+@pytest.mark.parametrize(
+    ("file", "column", "row", "off", "says"),
+    [
+        ("joints.csv", 1, 3, 900.0, ""),
+        ("campaign.toml", None, None, 0.005, ": the robot stands about 5.0 mm from where its file"),
+    ],
+)
+def test_where_the_robot_stands_is_no_worse_at_best(file, column, row, off, says):
+    """One carriage value typed wrong spoils a fit by least squares; a base frame is elsewhere."""
+    text = FILES[file].decode()
+    if column is None:
+        frame = tomllib.loads(text)["base_frame"]
+        for name, (x, y, z) in frame.items():
+            was = next(one for one in text.splitlines() if one.startswith(f"{name} = ["))
+            text = text.replace(was, f"{name} = {[x + off, y, z]}")
+    else:
+        rows = [one.split(",") for one in text.splitlines()]
+        rows[row][column] = str(float(rows[row][column]) + off)
+        text = "\n".join(map(",".join, rows))
+    files = in_memory(FILES | {file: text.encode()})
+    seen = _Seen(ingested(files, conformed, plain, plausible=False), [], None, None, [])
+
+    assert seen.unloaded["at best"] <= seen.unloaded["in the base frame"]
+    assert seen._stands().startswith(says)
+    assert bool(seen._stands()) == bool(says)
 
 
 def wrong_link():

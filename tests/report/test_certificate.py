@@ -184,18 +184,22 @@ def test_a_cause_of_the_instrument_is_no_reason_for_effective_values(sample, loc
 
     assert made.bars[1].enter == f"{taken.stiffness[1].value / 1e6:.3f}\N{NO-BREAK SPACE}MN·m/rad"
     assert ("effective" in made.note) == (location == "rail")
+    assert ("they allow for the identified cause" in to_do(answer)) == (location != "rail")
 
 
 def test_what_to_measure_next_ends_with_a_sentence(sample):
     """The first page has its first sentences, and no pose that only begins."""
     answer, tables = sample
     first = "No question is open. Optional: pulls along the rail would improve E1 most."
-    rest = f"Its standard uncertainty is 43 %. One more pose: {', '.join(['A1 -77.63°'] * 9)}."
-    line = Line(about=About.NEXT, text=f"{first} {rest}")
-    screen = (*answer.first_screen, line)
-
-    said = certificate(answer.model_copy(update={"first_screen": screen}), tables).measure
-    assert plainly(said) == first
+    one_more = f"Its standard uncertainty is 43 %. One more pose: {', '.join(['A1 -77.63°'] * 9)}."
+    both = (
+        "Its standard uncertainty is 3.3 %. With the pose that the report proposes it is expected"
+    )
+    for rest in (one_more, f"{both} to be 2.9 %."):
+        line = Line(about=About.NEXT, text=f"{first} {rest}")
+        screen = (*answer.first_screen, line)
+        said = certificate(answer.model_copy(update={"first_screen": screen}), tables).measure
+        assert plainly(said) == first
 
 
 def test_the_drawing_marks_where_the_cause_sits(sample):
