@@ -245,6 +245,7 @@ OUTBUILDINGS = {
         "answer.words": _PAGES,
         "report": _PAGES,
         "prediction.model": "the identified springs are what simulators are given",
+        "readers._text": "tables of robots come in any encoding, and in workbooks",
     },
     "fleet": {
         "app.commands._shared": _COMMAND,

@@ -284,9 +284,10 @@ def _names(case: Case, placed: pd.DataFrame) -> _Names:
     """Names, files and lines of the readings of a campaign.
 
     The zeros of a target in a pose count as one reading, with the line of the first; the direction
-    of a chain has the line of its first end.
+    of a chain has the line of its first end, or of the log that names the anchor it goes to.
     """
     ends, loads = case.settings.naming.chain, case.loads
+    logs = set(loads["file"])
     out: dict[tuple[str, int, int, str], tuple[str, str, int]] = {}
     zeros: dict[tuple[str, int, int, str], list[str]] = {}
     columns = ("pose", "repeat", "target", "state", "group", "file", "line")
@@ -295,7 +296,7 @@ def _names(case: Case, placed: pd.DataFrame) -> _Names:
     ):
         if target in ends:
             if state == "loaded":
-                name = f"{group}/{'-'.join(ends)}"
+                name = f"{group}/{'direction to its anchor' if file in logs else '-'.join(ends)}"
                 out.setdefault(("direction", pose, repeat, ""), (name, file, line))
         elif state == "loaded":
             out["tracker", pose, repeat, target] = f"{group}/{target}", file, line

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pipeline.answer.contract import Amplitude, Cause
-from pipeline.base.quantities import MISSING, common_prefix, known, prefixed, scaled, with_std
+from pipeline.base.quantities import (
+    MISSING,
+    common_prefix,
+    known,
+    plain,
+    prefixed,
+    scaled,
+    with_std,
+)
 
 _UNITS = {"m/s": (1e-6 / 3600, "µm/h"), "rad/s": (1e-6 / 3600, "µrad/h"), "1": (0.01, "%")}
 """Size in SI and name of the unit shown, for units that are not shown as computed."""
@@ -23,6 +31,12 @@ def amount(one: Amplitude) -> str:
         return MISSING
     factor, unit = _shown_in(one)
     return f"{with_std(one.value / factor, scaled(one.std, factor))} {unit}".rstrip()
+
+
+def roughly(one: Amplitude) -> str:
+    """A magnitude without an uncertainty, `52 nrad/(N·m)`."""
+    factor, unit = _shown_in(one)
+    return f"{plain(scaled(one.value, factor), 2)} {unit}".rstrip()
 
 
 def _shown_in(one: Amplitude) -> tuple[float, str]:

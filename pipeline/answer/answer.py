@@ -142,7 +142,7 @@ def _of_springs(found: CampaignResults, values: contract.Values) -> Iterator[str
     yield from (joint.finding for joint in values.stiffness if joint.finding)
     yield from sheet_findings(found.raw.settings)
     yield from scale_findings(found.raw.settings)
-    yield from along_the_beam(found.right.shape.beam)
+    yield from along_the_beam(found.raw.settings, found.right.shape.beam)
 
 
 def _of_causes(found: CampaignResults, carried: Sequence[contract.Carried]) -> Iterator[str]:

@@ -695,6 +695,10 @@ class Diagnosis(Fact):
         "table as estimated from them"
     )
     blind_spots: tuple[BlindSpot, ...]
+    not_found: tuple[BlindSpot, ...] = Field(
+        default=(),
+        description="examined and not found, and the size that would have been found",
+    )
     next_poses: tuple[NextPose, ...]
     best_pose: BestPose | None = Field(
         default=None,
@@ -728,6 +732,9 @@ class FoundNoise(Fact):
     """Noise found in the data beside the stated one."""
 
     from_: NoiseFrom = Field(validation_alias="from", serialization_alias="from")
+    used_over_stated: _Number = Field(
+        default=None, description="scatter of the readings that the uncertainties rest on"
+    )
     contrasts: int
     components: tuple[NoiseComponent, ...]
 
@@ -1068,6 +1075,7 @@ class About(StrEnum):
     TOLERANCE = "tolerance"
     TEST_POSE = "test_pose"
     WRONG = "wrong"
+    NOT_FOUND = "not_found"
     NEXT = "next"
 
 

@@ -12,6 +12,7 @@ from pipeline.base.quantities import plain
 from pipeline.base.toml import line_of
 from pipeline.faults.entries import DoubtfulEntry, wrong_entries
 from pipeline.machine.effect import Pulls
+from pipeline.machine.instrument import sheet
 from pipeline.machine.robot import Robot, rating
 from pipeline.reduction.case import Case
 from pipeline.reduction.settings import Settings
@@ -173,17 +174,30 @@ def _force(settings: Settings, scale: float) -> str:
 _TOLD: dict[str, Callable[[Settings, float], str]] = {"tracker": _tracker, "force_reading": _force}
 
 
-def along_the_beam(found: BeamNoise) -> list[str]:
+def along_the_beam(settings: Settings, found: BeamNoise) -> list[str]:
     """A sentence if the scatter along the beam is less than the one value stated for all axes."""
     if not found.better:
         return []
-    across = found.across.mean()
+    along, across = found.found
     angles = f"{plain(across, 2)} times as much" if abs(across - 1) >= _SOME else "as stated"
     return [
-        f"Along the beam the tracker scatters {plain(1 / found.along, 2)} times less than stated, "
-        f"across it {angles}: every reading is weighed by both. To state them yourself, give its "
-        "type as [instrument] model, or both parts as [tracker] noise."
+        f"Along the beam the tracker scatters {plain(1 / along, 2)} times less than stated, "
+        f"across it {angles}: every reading is weighed by both.{_both_parts(settings)}"
     ]
+
+
+def _both_parts(settings: Settings) -> str:
+    """How to state both parts, where one value is stated for all axes."""
+    model = settings.instrument.model
+    if settings.reading_noise is not None:
+        return ""
+    if model is None:
+        way = "give its type as [instrument] model, or both parts as [tracker] noise"
+    elif sheet(model) is None:
+        way = "give both parts as [tracker] noise"
+    else:
+        way = "leave out [tracker] sigma_m: the data sheet of the [instrument] model has both"
+    return f" To state them yourself, {way}."
 
 
 _SOME = 0.05

@@ -83,6 +83,7 @@ def diagnosis_of_good_data(
         alone=tuple(map(_alone, diagnosis.alone)),
         unloaded_off_mm=(1e3 * before_m, 1e3 * after_m),
         blind_spots=tuple(map(_blind, diagnosis.blind_spots)),
+        not_found=tuple(map(_blind, diagnosis.not_found)),
         next_poses=tuple(_pose(proposal, robot) for proposal in diagnosis.next_poses),
         refused=diagnosis.refused,
         misfit_sits_at=tuple(contract.MisfitPlace(**asdict(one)) for one in diagnosis.misfits),
@@ -348,6 +349,7 @@ def noise_entry(right: Fitted) -> contract.FoundNoise:
     parts = zip(("along_beam", "across_beam"), beam.found, beam.std, strict=True)
     return contract.FoundNoise(
         from_=NoiseFrom(right.estimate.noise_from),
+        used_over_stated=right.scatter if found.stated else None,
         contrasts=found.dof,
         components=(
             *(

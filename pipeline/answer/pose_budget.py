@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.answer.contract import PosePart
+from pipeline.answer.contract import PosePart, TestPose
 from pipeline.answer.recommended import ModelValues
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.average import Hypothesis
@@ -63,6 +63,11 @@ def pose_budget(
         for source, variance in sorted(found.items(), key=lambda item: -item[1])
         if variance > _ROUNDING * u**2
     )
+
+
+def lowered_by_pulls(pose: TestPose | None) -> bool:
+    """Whether more pulls lower the uncertainty; it is never below the cross-validation error."""
+    return pose is None or all(part.source != HELD_OUT for part in pose.budget)
 
 
 _ROUNDING = 1e-9

@@ -27,10 +27,12 @@ from pipeline.answer.contract import (
     Which,
 )
 from pipeline.answer.inputs import lost_told
+from pipeline.answer.pose_budget import lowered_by_pulls
 from pipeline.answer.recommended import left_out_mm
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import (
     DO,
+    DO_DESPITE,
     HOLDS,
     at_axis,
     capital,
@@ -41,6 +43,7 @@ from pipeline.answer.words import (
     loads,
     mistaken,
     noise_told,
+    not_found,
     worst_known,
     wrong,
 )
@@ -117,6 +120,7 @@ def first_screen(found: CampaignResults, stated: FirstScreen) -> tuple[Line, ...
         (About.NUMBERS, " ".join((_for_controller(found, stated), *_uncalibrated(found, stated)))),
         (About.TEST_POSE, " ".join(_test_pose(found, stated))),
         *((About.WRONG, one) for one in _wrong(found, stated)),
+        (About.NOT_FOUND, not_found(found.diagnosis.not_found) if _holds(found) else ""),
         (About.NEXT, _next(found, stated)),
     ]
     return tuple(Line(about=about, text=text) for about, text in lines if text)
@@ -283,10 +287,14 @@ def _out(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
             f"{_to_force(stated)}, choose other poses, or compensate the path."
         )
     elif worst is Decision.UNDECIDED:
-        yield (
-            "Conformity with the tolerance is undecided: reduce the force"
-            f"{_to_force(stated)}, compensate the path, or measure more."
-        )
+        way = f"Conformity with the tolerance is undecided: reduce the force{_to_force(stated)}"
+        if lowered_by_pulls(stated.pose):
+            yield f"{way}, compensate the path, or measure more."
+        else:
+            yield (
+                f"{way} or compensate the path; more pulls would not lower U, which is the "
+                "cross-validation error."
+            )
 
 
 def _to_force(stated: FirstScreen) -> str:
@@ -330,7 +338,9 @@ def _do(found: CampaignResults) -> str:
             f"{DO[Reason.ADEQUATE]} Where absolute positions matter, correct the robot's geometry, "
             f"too: model.toml holds its DH parameters{_SAG * stood.weighs}."
         )
-    sentence = DO[found.row.reason]
+    first = found.told.model.hypotheses[0]
+    despite = found.row.reason == Reason.CAUSE_IDENTIFIED and not first.beside_springs
+    sentence = DO_DESPITE if despite else DO[found.row.reason]
     if _open(found) and found.row.reason == Reason.SPRINGS_UNTOUCHED:
         sentence = f"{sentence} {_UNTOUCHED}"
     return f"{correct(found.facts)} {sentence}" if found.mistakes else sentence
@@ -363,11 +373,21 @@ def _model(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
         Which.AVERAGED: f"The average over {count} models by their probability",
     }[found.row.model]
     yield f"{whose}, from the {'corrected data' if found.mistakes else 'data as given'}."
+    yield from _without(found)
     yield from _table(found.facts)
     yield from filter(None, map(remarks.both_stiffnesses, stated.mine.stiffness))
     if other := _other(found, _SPRINGS_ALONE, _AS_GIVEN, _ON_DELIVERED):
         for move in _moved(stated.mine.stiffness, stated.springs.stiffness):
             yield f"Compared with {' and '.join(other)}, {move}."
+
+
+def _without(found: CampaignResults) -> Iterator[str]:
+    """That a wrong reading is left out, so that its true value still moves the values."""
+    if any(one.name == "outlier" for one in found.mistakes):
+        yield (
+            "A reading that is an error is left out of the corrected data, not replaced: once the "
+            "file has its true value, the values will move within their uncertainty."
+        )
 
 
 def _table(facts: Facts) -> Iterator[str]:
@@ -586,8 +606,14 @@ def _next(found: CampaignResults, stated: FirstScreen) -> str:
     worst = joint_to_pull(found, stated.diagnosis, stated.mine.stiffness)
     if worst is None:
         return "Nothing can be proposed: no stiffness is known."
-    settled = stated.diagnosis.verdict in (Verdict.ADEQUATE, Verdict.EXPLAINED)
-    return f"{f'{_NONE_OPEN} ' * settled}{_least_certain(stated, worst)}"
+    return f"{f'{_NONE_OPEN} ' * _settled_all(stated)}{_least_certain(stated, worst)}"
+
+
+def _settled_all(stated: FirstScreen) -> bool:
+    """Whether neither the verdict nor a tolerance leaves a question open."""
+    asked = None if stated.tolerance is None else stated.tolerance.worst
+    sure = stated.diagnosis.verdict in (Verdict.ADEQUATE, Verdict.EXPLAINED)
+    return sure and asked is not Decision.UNDECIDED
 
 
 def _again(found: CampaignResults) -> str:

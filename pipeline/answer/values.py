@@ -14,6 +14,7 @@ from pipeline.answer.results import ReportedModel
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.base import linear
 from pipeline.base.arrays import Array
+from pipeline.base.quantities import plain
 from pipeline.machine.cell import Cell
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.validate import by_payload
@@ -21,6 +22,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.assemble import second_order
 from pipeline.system.estimate import is_plausible
+from pipeline.system.fit import Fitted
 from pipeline.system.system import Estimate
 
 
@@ -29,7 +31,7 @@ def stated(values: ModelValues, model: IdentifiedModel, where: PoseOfInterest) -
     fitted = values.fitted
     return {
         "stiffness": stiffness_entries(fitted.case.cell, values.hypotheses, where),
-        "fit": _fit_entry(fitted.case.cell, fitted.data, values.first.estimate),
+        "fit": _fit_entry(fitted, values.first.estimate),
         "test_pose_deflection": _deflection_entries(model, where),
     }
 
@@ -43,8 +45,9 @@ def values_entry(reported: ReportedModel, where: PoseOfInterest) -> contract.Val
     return contract.Values(validation=validation, **stated(reported.values, reported.model, where))
 
 
-def _fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
-    """Residuals of the model, and the test of its fit."""
+def _fit_entry(fitted: Fitted, estimate: Estimate) -> Fit:
+    """Residuals of a model of a campaign, and the test of its fit."""
+    cell, data = fitted.case.cell, fitted.data
     return Fit(
         rms_mm=1e3 * linear.rms(estimate.residual),
         chi2=estimate.chi2,
@@ -53,7 +56,7 @@ def _fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
         noise_from=NoiseFrom(estimate.noise_from),
         residual_std_mm=1e3 * estimate.residual_std_m,
         second_order_rms_mm=_second_order_mm(cell, data, estimate),
-        noise_statement=_noise_statement(estimate, data.tracked),
+        noise_statement=_noise_statement(fitted, estimate),
     )
 
 
@@ -65,13 +68,27 @@ def _second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
     return 1e3 * linear.rms(second_order(cell, data, x))
 
 
-_RESTS_ON = "Uncertainties, chi-squared and its p-value rest on the noise"
+_TEST = "chi-squared and its p-value rest on the noise"
 
-_STATEMENTS = {
-    "stated": f"{_RESTS_ON} stated for the readings.",
-    "replicates": f"{_RESTS_ON} found in the data: repeated zeros and pulls, and the effector's "
-    "own triangle.",
-}
+
+def _rests_on(fitted: Fitted, noise_from: str) -> str:
+    """What uncertainties and test rest on, where the noise is not that of the residuals.
+
+    Once readings have variances of their own, these hold the scatter found, whatever is stated.
+    """
+    times = f"{plain(fitted.scatter, 2)} times the noise stated"
+    if noise_from == "replicates":
+        stated = f", {times} for the readings" if fitted.noise.stated else ""
+        return (
+            f"Uncertainties, {_TEST} found in the data{stated}: repeated zeros and pulls, and the "
+            "effector's own triangle."
+        )
+    if fitted.shape.weighed:
+        return (
+            f"Uncertainties rest on the scatter found in the readings, {times}; {_TEST} stated for "
+            "the readings."
+        )
+    return f"Uncertainties, {_TEST} stated for the readings."
 
 
 def _of_the_test(estimate: Estimate) -> str:
@@ -83,15 +100,15 @@ def _of_the_test(estimate: Estimate) -> str:
     return ""
 
 
-def _noise_statement(estimate: Estimate, tracked: bool) -> str:
+def _noise_statement(fitted: Fitted, estimate: Estimate) -> str:
     """Sentences on the origin of the noise and on what depends on it."""
-    if estimate.noise_from in _STATEMENTS:
-        return _STATEMENTS[estimate.noise_from] + _of_the_test(estimate)
+    if estimate.noise_from != "residuals":
+        return _rests_on(fitted, estimate.noise_from) + _of_the_test(estimate)
     std = 1e3 * estimate.residual_std_m
     more = (
         "; a laser tracker measures better than that, so the model does not fit as well as a "
         "tracker measures"
-        if not is_plausible(estimate, tracked)
+        if not is_plausible(estimate, fitted.data.tracked)
         else ""
     )
     return (

@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from pipeline.answer import contract
+from pipeline.answer.amounts import roughly
 from pipeline.answer.contract import About, Carried, Combination, Reason, Stiffness, ToMeasure
 from pipeline.base.quantities import (
     common_prefix,
@@ -22,11 +23,21 @@ from pipeline.base.quantities import (
 )
 from pipeline.diagnosis.average import POSSIBLE
 from pipeline.diagnosis.combined import ChiSquare
-from pipeline.diagnosis.facts import ALL_SPRINGS, Drift, Facts, FoundCause, PossibleCause
+from pipeline.diagnosis.facts import (
+    ALL_SPRINGS,
+    Drift,
+    Facts,
+    FoundCause,
+    PossibleCause,
+    UnloadedFacts,
+    Unnoticed,
+)
 from pipeline.diagnosis.finding import WRONG_LAW, Finding, Verdict
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.machine.effect import Effect, Table, in_place
-from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP
+from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP, amount
+from pipeline.machine.robot import Robot, axes
+from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.system.family import FAR_OFF
 
 _NOTICED = 1.15
@@ -158,6 +169,26 @@ def unnoticed(count: int) -> str:
     return f"{causes} could be present at typical magnitude without being detected"
 
 
+def not_found(spots: Sequence[Unnoticed]) -> str:
+    """What of the whole cell was examined and not found, with the size that would have shown."""
+    whole = [one for one in spots if not isinstance(one.effect.where, int)]
+    shown = [f"{one.effect.called} ({_from(one)})" for one in whole]
+    if not shown:
+        return ""
+    return (
+        "In brackets the size from which each would have been found in 4 of 5 cases: "
+        f"{listed(shown)}."
+    )
+
+
+def _from(spot: Unnoticed) -> str:
+    """`52 nrad/(N·m)`, of its first parameter."""
+    first = spot.effect.parameters[0]
+    return roughly(
+        contract.Amplitude(name=first.name, value=spot.smallest_visible, std=None, unit=first.unit)
+    )
+
+
 def _told(facts: Facts) -> str:
     """Every finding but mistakes and "nothing", in sentences."""
     found: list[Finding] = [row.finding for row in findings(facts)]
@@ -196,7 +227,7 @@ def _named(effects: Sequence[Effect]) -> str:
 
 def _identified(facts: Facts) -> str:
     names, left = _names(facts.causes), facts.remainder
-    first = f"Identified in addition to the joint springs: {_likely(facts.causes)}"
+    first = f"Identified in addition to the joint springs: {_likely(facts.causes, facts.base)}"
     if any(row.verdict is Verdict.UNEXPLAINED for row in findings(facts)):
         return f"{first}."
     if left is None or left < _NOTICED:
@@ -405,17 +436,61 @@ def _rough_table(facts: Facts) -> str:
     assert gain is not None
     before, after = 1e3 * gain.rms_before_m, 1e3 * gain.rms_after_m
     rough, weighs = facts.unloaded.rough, facts.unloaded.weighs
-    many = (
-        "many of the robot's DH parameters deviate a little from nominal, none far more than the "
-        "others"
-    )
-    both = [*[many] * rough, *["the arm sags under its weight"] * weighs]
+    both = [*[_deviating(facts.unloaded)] * rough, *["the arm sags under its weight"] * weighs]
     return (
         f"{capital(', and '.join(both))}: in cross-validation "
         f"the unloaded reflectors are {plain(before, 2)} mm rms per coordinate from where "
         f"the nominal DH parameters place them, and {plain(after, 2)} mm from where the identified "
         f"ones {'and the sag do' if weighs else 'do'}."
     )
+
+
+LETTERS = {
+    "link_length": "length",
+    "link_offset": "offset",
+    "link_twist": "twist",
+    "link_turn": "turn",
+    "axis_tilt": "tilt of the axis",
+    "joint_offset": "zero",
+}
+"""Entries of a robot's table in words."""
+
+_SURE = 3.0
+"""Standard uncertainties beyond which one entry of a table deviates by itself [1]."""
+
+_FEW = 6
+"""So many entries that deviate are named; of more it is said that they are many."""
+
+
+def _deviating(stood: UnloadedFacts) -> str:
+    """Which entries of a rough table deviate: those that do so by themselves, if these are few."""
+    assert stood.cells is not None
+    found, at = stood.cells, stood.cells.zeros.columns.table
+    off, std = found.mean[at], np.sqrt(np.diag(found.covariance)[at])
+    every = dh_parameters(found.zeros.robot)
+    sure = np.flatnonzero(np.abs(off) > _SURE * std).tolist()
+    if len(sure) > _FEW:
+        return (
+            "many of the robot's DH parameters deviate a little from nominal, none far more than "
+            "the others"
+        )
+    if not sure:
+        return "the robot's DH parameters deviate a little from nominal, none certainly by itself"
+    units = {False: "mm", True: "mrad"}
+    named = [
+        f"the {LETTERS[every[k].name]} of {_joint_of(found.zeros.robot, every[k].joint)} "
+        f"({plain(1e3 * off[k], 2)} {units[every[k].turns]})"
+        for k in sure
+    ]
+    return (
+        f"of the robot's DH parameters {listed(named)} deviate{'s' * (len(sure) == 1)} from "
+        "nominal, the others by no more than their uncertainty explains"
+    )
+
+
+def _joint_of(robot: Robot, joint: int) -> str:
+    """`joint 3 (A2)`."""
+    return in_place(joint, axis=axes.alone(robot)[joint - 1]).removeprefix(" in ")
 
 
 _THOUSANDTHS = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
@@ -489,14 +564,26 @@ def _names(causes: Sequence[FoundCause]) -> str:
     return listed([cause.effect.called for cause in causes])
 
 
-def _likely(causes: Sequence[FoundCause]) -> str:
-    """The same with their probabilities."""
+def _likely(causes: Sequence[FoundCause], base: Drift | None) -> str:
+    """The same with their probabilities, and how far a drift went."""
     return listed(
         [
-            f"{one.effect.called} (probability {probability(one.stated(one.probability))})"
+            f"{one.effect.called} ({drifted(one, base)}probability "
+            f"{probability(one.stated(one.probability))})"
             for one in causes
         ]
     )
+
+
+def drifted(cause: FoundCause, base: Drift | None) -> str:
+    """`1.1 mm in 6.5 h, settling with a time constant of 1 h; `, for a drift in time only."""
+    effect, per = cause.effect, cause.effect.parameters[0].unit
+    if base is None or effect.name != base.effect.name or per == PER_GROUP:
+        return ""
+    far = np.linalg.norm([one.value for one in cause.amplitudes])
+    far_mm = 1e3 * float(far * amount(effect, np.array(base.hours * HOUR_S)))
+    how = "steadily" if per == "m/s" else "settling with a time constant of 1 h"
+    return f"{plain(far_mm, 2)} mm in {plain(base.hours, 2)} h, {how}; "
 
 
 def _ending(facts: Facts) -> str:
@@ -817,6 +904,11 @@ DO: Mapping[Reason, str] = {
 }
 """What to do with the values; with a mistake in the data, after `correct`."""
 
+DO_DESPITE = (
+    "Use these stiffnesses: they allow for the identified cause, which is in the measurement."
+)
+"""The same where the identified cause falsifies readings and deflects no robot."""
+
 ABOUT: Mapping[About, str] = {
     About.VERDICT: "Verdict",
     About.TO_DO: "What to do",
@@ -825,6 +917,7 @@ ABOUT: Mapping[About, str] = {
     About.TOLERANCE: "Tolerance",
     About.TEST_POSE: "Test pose",
     About.WRONG: "What is wrong",
+    About.NOT_FOUND: "Examined and not found",
     About.NEXT: "What to measure next",
 }
 """What a line of the first screen is about."""

@@ -1,8 +1,9 @@
 """Errors that the files prove by themselves, as `run` finds them, while the robot is still set up.
 
 These are mistakes that spoil whole files, base reflectors that no position of the tracker makes
-agree with [base_frame], and evidence of unloaded reflectors against the robot's table. Causes and
-single readings, which only a full search can separate, are left to `run`.
+agree with [base_frame], single forces that contradict all other pulls, and evidence of unloaded
+reflectors against the robot's table, beside a drift of the tracker. Causes and other single
+readings, which only a full search can separate, are left to `run`.
 """
 
 from __future__ import annotations
@@ -13,14 +14,16 @@ from pipeline.answer.words import told_of
 from pipeline.base.errors import PipelineError
 from pipeline.base.quantities import plain
 from pipeline.check.survey import distances
-from pipeline.diagnosis.causes import of_unloaded
-from pipeline.diagnosis.diagnose import case_of
+from pipeline.diagnosis.causes import of_motion
+from pipeline.diagnosis.diagnose import between_poses, case_of
+from pipeline.diagnosis.drift import motion
 from pipeline.diagnosis.facts import Facts
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.unloaded_geometry import as_stiff, from_unloaded
 from pipeline.faults.base_names import not_rigid
+from pipeline.faults.fault import Screening
+from pipeline.faults.scale_reading import scale_outliers
 from pipeline.faults.screen import files_of
-from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
 from pipeline.system.fit import fit
@@ -42,9 +45,7 @@ def proven(case: Case, reduced: Reduced) -> list[str]:
     files = files_of(case, reduced)
     selected = [one.evidence for one in files.findings]
     kept = reduced if files.case is case else None
-    by_positions = case.settings.positions is not None  # the table is estimated from these
-    table = () if by_positions else _table(files.case, kept)
-    return [*selected, *_not_rigid(files.case), *table]
+    return [*selected, *_not_rigid(files.case), *_estimated(files.case, kept)]
 
 
 def _not_rigid(case: Case) -> Iterator[str]:
@@ -61,14 +62,25 @@ def _not_rigid(case: Case) -> Iterator[str]:
     )
 
 
-def _table(case: Case, reduced: Reduced | None) -> Iterator[str]:
-    """Evidence of the unloaded reflectors against the robot's table; none if too few were read."""
+def _estimated(case: Case, reduced: Reduced | None) -> Iterator[str]:
+    """Evidence of pulls and of unloaded reflectors against it; none if too few were read."""
     try:
         given = fit(case, reduced or bring(case))
     except PipelineError:  # `run` reports it
         return
+    yield from _forces(given.case, given.reduced)
+    if case.settings.positions is not None:  # the table is estimated from these
+        return
     cell, data = given.case.cell, given.data
+    effects, moves = motion(given)
     certain = case_of(cell, data, given.estimate)[0].certain_noise
-    whole = catalogue(cell.robot, data.pulls)
-    stood = from_unloaded(as_stiff(cell, given.estimate), data, certain, whole)
-    yield from told_of(Facts(unloaded=stood, moved=of_unloaded(stood)), _OF_THE_TABLE)
+    wander, stiff = between_poses(given.shape, moves), as_stiff(cell, given.estimate)
+    stood = from_unloaded(stiff, data, certain, effects, wander)
+    facts = Facts(unloaded=stood, moved=of_motion(stood, moves)[0])
+    yield from told_of(facts, _OF_THE_TABLE)
+
+
+def _forces(case: Case, reduced: Reduced) -> Iterator[str]:
+    """Forces that contradict all other pulls, unless a cause may do as much."""
+    asked = Screening(case, case.cell, case.robot.nominal_compliance, reduced)
+    yield from (one.evidence for one in scale_outliers(asked) if asked.sure(one))

@@ -322,6 +322,10 @@ def _remarks(raw: Raw, robot: Robot) -> list[str]:
     ]
 
 
+_ELSEWHERE = 2.0
+"""Distance in the base frame over that at best from which the robot stands elsewhere in F_b [1]."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Seen:
     """Findings, as text and as JSON."""
@@ -341,9 +345,12 @@ class _Seen:
     def unloaded(self) -> dict[str, float]:
         """Distance of unloaded reflectors from where the robot file places them, median [m].
 
-        After the rigid motion that fits best, and in the base frame, as far as these are known.
+        After the rigid motion that fits best, and in the base frame, as far as these are known. A
+        single wrong pose spoils a fit by least squares: the base frame's motion may then be better.
         """
-        by = {"at best": miss(self.case), "in the base frame": anchored_miss(self.case)}
+        best, base = miss(self.case), anchored_miss(self.case)
+        by = {"at best": best if base is None or best is None else min(best, base)}
+        by |= {"in the base frame": base}
         return {how: off for how, off in by.items() if off is not None}
 
     @property
@@ -400,7 +407,7 @@ class _Seen:
             yield f"  times        {_span(self.clock)}"
         if self.unloaded:
             off = [f"{in_digits(1e3 * off, 2)} mm {how}" for how, off in self.unloaded.items()]
-            yield f"  robot file   unloaded reflectors are off by {', '.join(off)}"
+            yield f"  robot file   unloaded reflectors are off by {', '.join(off)}{self._stands()}"
         yield from (f"  remark       {one}" for one in self.remarks)
         for one in self.case.aside:
             yield f"  set aside    {one.name} (readings: {one.readings}): {one.reason}"
@@ -409,6 +416,17 @@ class _Seen:
         yield from self._distances(text_of(raw))
         yield from self._asked_about()
         yield from _table(self.case.robot, self.stands)
+
+    def _stands(self) -> str:
+        """What follows where the robot stands elsewhere in F_b than its file says."""
+        best, base = (self.unloaded.get(how) for how in ("at best", "in the base frame"))
+        if best is None or base is None or base < _ELSEWHERE * best:
+            return ""
+        away = in_digits(1e3 * float(np.sqrt(base**2 - best**2)), 2)
+        return (
+            f": the robot stands about {away} mm from where its file places it in F_b, which "
+            "absolute positions show and displacements under load hardly do"
+        )
 
     def _distances(self, text: str) -> Iterator[str]:
         """Distances measured and nominal, with the lines of campaign.toml, whose text this is."""

@@ -74,16 +74,12 @@ def blind_spots(
         elsewhere: Multiples of the typical magnitude that are visible outside the displacements, by
             label.
     """
-    times = smallest_visible(view, base, p)
-    best = dict(elsewhere)
-    for effect, size in zip(view.suspects, times, strict=True):
-        best[effect.label] = np.fmin(best.get(effect.label, np.nan), size)
-    out = []
+    best, out = _least(view, base, p, elsewhere), []
     for effect in {e.label: e for e in effects}.values():
         if effect.label in twins.of_stiffness:
             out.append(Unnoticed(effect, _hidden(effect), None, np.inf))
         elif effect.label in best and best[effect.label] > 1:
-            size = float(best[effect.label])
+            size = best[effect.label]
             far = not np.isfinite(size) or size * effect.parameters[0].typical > 1e3
             visible = None if far else size * effect.parameters[0].typical
             why = (
@@ -93,6 +89,34 @@ def blind_spots(
             )
             out.append(Unnoticed(effect, why, visible, size))
     return tuple(sorted(out, key=lambda spot: -compared(spot.times)))
+
+
+def not_found(
+    effects: tuple[Effect, ...],
+    view: Whitened,
+    base: Ints,
+    p: float,
+    twins: Twins,
+    elsewhere: Mapping[str, float],
+) -> tuple[Unnoticed, ...]:
+    """Causes that a typical magnitude would have shown; arguments as for `blind_spots`."""
+    best = _least(view, base, p, elsewhere)
+    seen = {e.label: e for e in effects if e.label not in twins.of_stiffness}.values()
+    return tuple(
+        Unnoticed(one, "", size * one.parameters[0].typical, size)
+        for one in seen
+        if (size := float(best.get(one.label, np.inf))) <= 1
+    )
+
+
+def _least(
+    view: Whitened, base: Ints, p: float, elsewhere: Mapping[str, float]
+) -> dict[str, float]:
+    """Multiple of the typical magnitude from which each cause shows somewhere, by label."""
+    best = dict(elsewhere)
+    for effect, size in zip(view.suspects, smallest_visible(view, base, p), strict=True):
+        best[effect.label] = float(np.fmin(best.get(effect.label, np.nan), size))
+    return best
 
 
 def _hidden(effect: Effect) -> str:

@@ -13,7 +13,7 @@ from scipy import special
 from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
-from pipeline.diagnosis.blindspots import blind_spots
+from pipeline.diagnosis.blindspots import blind_spots, not_found
 from pipeline.diagnosis.cause_search import SearchProblem, SearchResult, by_label, search
 from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_motion, of_scatter
 from pipeline.diagnosis.facts import (
@@ -38,7 +38,7 @@ from pipeline.diagnosis.unlisted import with_unlisted_laws
 from pipeline.diagnosis.unloaded_geometry import as_stiff, beside_springs, corrected, from_unloaded
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect, Noise
-from pipeline.machine.effects import catalogue
+from pipeline.machine.effects import catalogue, table
 from pipeline.machine.effects.nameless import competing
 from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.measured import Measured
@@ -47,7 +47,7 @@ from pipeline.system import alarms
 from pipeline.system.contrasts import Zeros, pure_error
 from pipeline.system.elimination import eliminate
 from pipeline.system.estimate import is_plausible
-from pipeline.system.linearised import Linearised
+from pipeline.system.linearised import CurrentModel, Linearised
 from pipeline.system.noise import scatter
 from pipeline.system.noise_shape import NoiseShape
 from pipeline.system.system import Estimate, ScatterRatio, System
@@ -104,14 +104,14 @@ def diagnose(
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
-    wander, stiff = _between_poses(shape, drift), as_stiff(cell, estimate)
+    wander, stiff = between_poses(shape, drift), as_stiff(cell, estimate)
     stood = from_unloaded(stiff, data, case.certain_noise, whole, wander)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
     refuted = _refuted(stood, drift)
     case = replace(case, refuted=refuted, shape=shape, surroundings=surroundings)
-    case, spread, found = _searched(case, spread, estimate.value, rng)
+    case, spread, found, stated = _searched(case, spread, estimate.value, rng)
     worth = _gain(case, found, rng)
     facts = replace(_facts(case, found, spread), gain=worth)
     sets = hypotheses(case, found, stood.believed, facts.helps)
@@ -136,12 +136,14 @@ def diagnose(
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
     single = _alone(found, worth, rng)
+    blind, absent = _unnoticed(whole, found, facts, known)
     proposed, joints = _to_measure(case, found, causes, worth, known, rng)
     return Diagnosed(
         facts=facts,
         causes=facts.moved + drifts + held,
         alone=single,
-        blind_spots=_blind_spots(whole, found, facts, known),
+        blind_spots=blind,
+        not_found=absent,
         next_poses=proposed,
         determining=joints,
         scatter=spread,
@@ -152,6 +154,7 @@ def diagnose(
         **_left_out(found, worth, facts.helps),
         stood_off_m=(stood.miss_m, stood.left_m),
         too_small=() if sets else too_small(case, found),
+        as_stated=stated,
     )
 
 
@@ -167,7 +170,7 @@ def _held(facts: Facts) -> tuple[FoundCause, ...]:
     return (facts.causes if facts.helps else ()) + facts.scatter
 
 
-def _between_poses(shape: NoiseShape | None, drift: Drift | None) -> float:
+def between_poses(shape: NoiseShape | None, drift: Drift | None) -> float:
     """Standard deviation of what moves from pose to pose beside the robot [m].
 
     The tracker wanders; a base frame that grows with the hall takes the robot with it.
@@ -247,19 +250,29 @@ def _alone(
     return tuple(one for one in every if one.reduction > 0)
 
 
-def _blind_spots(
+def _unnoticed(
     whole: tuple[Effect, ...], found: SearchResult, facts: Facts, known: Twins
-) -> tuple[Unnoticed, ...]:
-    """Blind spots, except causes that are listed as found or as rivals."""
+) -> tuple[tuple[Unnoticed, ...], tuple[Unnoticed, ...]]:
+    """Causes that may be present, or would have shown, except those that are found or rivals."""
     visible = dict(facts.unloaded.visible)
     if facts.base is not None:
         visible[facts.base.effect.label] = facts.base.visible
     final = found.view if facts.helps else found.first
-    spots = blind_spots(whole, final, final.base, found.threshold.p, known, visible)
-    held = _held(facts)
-    names = {cause.effect.label for cause in held}
-    names |= {rival.effect.label for cause in held for rival in cause.rivals}
-    return tuple(spot for spot in spots if spot.effect.label not in names)
+    names = _listed(facts)
+    asked = tuple(effect for effect in whole if effect.label not in names)
+    of = final, final.base, found.threshold.p, known, visible
+    rough = facts.unloaded.rough  # the entries of a rough table are estimated
+    absent = [one for one in asked if not (rough and one.name in (*table.NOUNS, "joint_offset"))]
+    return blind_spots(asked, *of), not_found(tuple(absent), *of)
+
+
+def _listed(facts: Facts) -> set[str]:
+    """Labels of causes that are found, or rivals of one that is."""
+    held = (*_held(facts), *facts.moved)
+    drift = {facts.drift.effect.label} if facts.drift else set()
+    sag = {"gravity_sag"} if facts.unloaded.weighs else set()
+    rivals = {rival.effect.label for cause in held for rival in cause.rivals}
+    return {cause.effect.label for cause in held} | rivals | drift | sag
 
 
 def _left_out(found: SearchResult, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:
@@ -305,11 +318,14 @@ def _refused(case: SearchProblem, found: SearchResult) -> tuple[Effect, ...]:
 
 def _searched(
     case: SearchProblem, spread: ScatterRatio, start: Array, rng: np.random.Generator
-) -> tuple[SearchProblem, ScatterRatio, SearchResult]:
+) -> tuple[SearchProblem, ScatterRatio, SearchResult, CurrentModel | None]:
     """Search with the scale's stated scatter; with a larger one only if no cause explains the data.
 
     A cause not yet identified looks like scatter of the scale from pull to pull; therefore only
     what neither a cause nor a law outside the catalogue explains may be scatter.
+
+    Returns:
+        The suspects, the scatter, the result, and `Diagnosed.as_stated`.
     """
     stated = replace(case, force_noise=1.0)
     asked, found = with_unlisted_laws(stated, search(stated, start, rng), start)
@@ -317,8 +333,8 @@ def _searched(
         other = search(case, start, deepcopy(rng))  # what follows keeps its draws
         if other.explains or not other.detected:
             case, other = with_unlisted_laws(case, other, start)
-            return case, spread, other
-    return asked, replace(spread, force=1.0, force_std=0.0, force_p=1.0), found
+            return case, spread, other, found.seen.model
+    return asked, replace(spread, force=1.0, force_std=0.0, force_p=1.0), found, None
 
 
 def case_of(

@@ -20,10 +20,12 @@ from pipeline.diagnosis.blindspots import needed
 from pipeline.diagnosis.facts import Drift
 from pipeline.diagnosis.rounds import in_rounds
 from pipeline.machine.effect import Effect, Observation
-from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS, PER_GROUP, amount
-from pipeline.reduction.register import XYZ, Registration, seconds
+from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS, PER_GROUP, amount, by_order
+from pipeline.reduction.expected import expected
+from pipeline.reduction.register import XYZ, Registration, seconds, timed
 from pipeline.system import alarms, odds
 from pipeline.system.family import FAR_OFF
+from pipeline.system.fit import Fitted
 from pipeline.system.noise import TOLERATED_FACTOR
 from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.wander import Wander
@@ -39,6 +41,15 @@ _LEVER_M = 10.0
 def _forms(effects: Sequence[Effect]) -> list[Observation]:
     """The laws of a drift."""
     return [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
+
+
+def motion(of: Fitted) -> tuple[tuple[Effect, ...], Drift | None]:
+    """The catalogue of a campaign, and the motion of its tracker that the base reflectors show."""
+    effects, readings = expected(of.case, of.data), of.reduced.registration
+    if not timed(of.case.readings):
+        effects = by_order(effects)
+    scale = float(of.noise.scale[0])
+    return effects, drift(readings, scale, of.data.unloaded, effects, of.shape.wander)
 
 
 def drift(

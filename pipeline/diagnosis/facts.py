@@ -17,7 +17,7 @@ from pipeline.faults.mistake import Mistake
 from pipeline.geometry.roughness import ScaleGrid
 from pipeline.machine.effect import Effect, Elastic, Observation
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
-from pipeline.system.linearised import Linearised
+from pipeline.system.linearised import CurrentModel, Linearised
 from pipeline.system.system import Estimate, ScatterRatio
 
 SEPARATED = 4.6
@@ -596,6 +596,7 @@ class Diagnosed(Locked):
         causes: The identified causes.
         alone: Effect of each of the likeliest causes by itself.
         blind_spots: Causes that would have gone unnoticed.
+        not_found: Causes that were not found and would have shown at their typical magnitude.
         next_poses: Poses to measure next, where a cause is in question.
         determining: The best pose for each joint, where no cause is in question; empty where none
             was found.
@@ -624,12 +625,14 @@ class Diagnosed(Locked):
         settled: Whether the model leaves nothing but scatter, so that the noise can be estimated.
         stood_off_m: Deviation of the unloaded reflectors from the table, rms [m], and the same with
             the identified causes; NaN where unknown.
+        as_stated: What comes nearest with the scale's stated scatter, where a larger one is used.
     """
 
     facts: Facts
     causes: tuple[FoundCause, ...]
     alone: tuple[SoleCause, ...]
     blind_spots: tuple[Unnoticed, ...]
+    not_found: tuple[Unnoticed, ...]
     next_poses: tuple[SeparatingPose, ...]
     determining: tuple[Determining, ...]
     refused: tuple[str, ...]
@@ -652,6 +655,7 @@ class Diagnosed(Locked):
     settled: bool
     stood_off_m: tuple[float, float]
     too_small: tuple[Hypothesis, ...] = ()
+    as_stated: CurrentModel | None = None
 
     @property
     def estimate(self) -> Estimate | None:

@@ -12,6 +12,7 @@ import pyarrow as pa
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
 from pipeline.dialects import _kinds
+from pipeline.dialects._blocks import filled_down
 from pipeline.dialects._circle import within_a_circle
 from pipeline.dialects._coordinates import (
     ANGULAR,
@@ -408,7 +409,8 @@ def _counting(table: TypedRows, hints: ExportSettings) -> TypedRows:
 
 
 def _grouped(table: TypedRows) -> TypedRows:
-    """Add the group formed by pose, state and number of the pull."""
+    """Add the group formed by pose, state and number of the pull, where it is blank from above."""
+    table = filled_down(table, ["group"] if "group" in table.columns else _PARTS)
     parts = [table.columns[one].to_pylist() for one in _PARTS if one in table.columns]
     if not parts or "group" in table.columns:
         return table

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -80,22 +81,21 @@ class _Sequences(Locked):
 
 
 def rows_of_poses(
-    robot: Robot, tool: Array, unloaded: tuple[Ints, Array], joints: Log, out: frozenset[int]
+    robot: Robot, tool: Array, shots: Any, joints: Log, out: frozenset[int]
 ) -> RowsOfPoses | None:
     """The rows of a joint log by their poses, None if their own numbers are right or undecidable.
 
     Args:
         robot: The robot.
         tool: Its reflectors in the flange frame [m], shape (t, 3).
-        unloaded: Poses, shape (p,), and the readings of their reflectors [m], shape (p, t, 3); NaN
-            where one was not read.
+        shots: All readings, `RawReadings`; their first t roles are the reflectors.
         joints: A row for each pose that the robot can take.
         out: Numbers of the other rows.
 
     Raises:
         InputError: Two rows may be those of one pose.
     """
-    (poses, seen), own = unloaded, joints.number["pose"].astype(int)
+    (poses, seen), own = _unloaded(shots, len(tool)), joints.number["pose"].astype(int)
     few, many = sorted([len(poses), len(own)])
     if len(tool) < _TARGETS or few < _FEWEST or many > _MOST or not _counted(own, poses, out):
         return None
@@ -108,6 +108,16 @@ def rows_of_poses(
         return None
     _certain(both, joints, pairs, off, poses)
     return _taken(joints, poses, pairs, np.sqrt(off[tuple(pairs.T)]), np.sqrt(off[at, of]))
+
+
+def _unloaded(shots: Any, targets: int) -> tuple[Ints, Array]:
+    """Poses (p,), and the first unloaded reading of each target [m], (p, targets, 3)."""
+    rows = np.flatnonzero((shots.slot >= 0) & (shots.role >= 0) & (shots.role < targets))
+    rows = rows[~shots.loaded[shots.slot[rows]]][::-1]
+    poses, of = np.unique(shots.pose[shots.slot[rows]], return_inverse=True)
+    seen = np.full((len(poses), targets, 3), np.nan)
+    seen[of, shots.role[rows]] = shots.position[rows]
+    return poses, seen
 
 
 def _counted(own: Ints, poses: Ints, out: frozenset[int]) -> bool:

@@ -17,6 +17,10 @@ def titles(first: list[str], below: list[str]) -> tuple[list[str], int]:
     return ([*map(_joined, *zip(*both, strict=True))], 2) if both else (own, 1)
 
 
+def _or_before(before: str, own: str) -> str:
+    return own or before
+
+
 def _joined(head: str, below: str) -> str:
     return with_unit(head, below) if below.lower() in BELOW else f"{head} {below}"
 
@@ -40,7 +44,7 @@ def _in_two_lines(titles: Sequence[str], below: Sequence[str]) -> list[tuple[str
     Some of a first line head several of the second, `Load-1` those of `kg` and `Hook`. None at all
     if the lines are no such titles: each below a gap differs from its neighbour.
     """
-    heads: list[str] = [*accumulate(titles, lambda before, own: own or before)]
+    heads = [*accumulate(titles, _or_before)]
     gaps = [k for k, own in enumerate(titles) if k and not own and below[k] and heads[k]]
     same = [k for k in gaps if below[k] == below[k - 1]]
     several = len({*filter(None, titles)}) > 1

@@ -123,12 +123,14 @@ def _of_table(file: Path, payload: float | None) -> str:
 
 def _flange(text: str, name: str) -> str:
     """Where the flange of a robot file is with all axes at 0, in a sentence."""
+    import numpy as np
+
     from pipeline.machine.robot.configuration import configure
     from pipeline.machine.robot.mdh import parse
 
     arm = parse(text, name)
-    at_zero = arm.controller_offset if arm.controller else [0.0] * arm.n
-    x, y, z = (1e3 * configure(arm, [at_zero]).flange_origin[0]).round(1) + 0.0
+    at_zero = arm.controller_offset if arm.controller else np.zeros(arm.n)
+    x, y, z = (1e3 * configure(arm, at_zero[None]).flange_origin[0]).round(1) + 0.0
     return (
         f"With all axes at 0 the flange is at {x:g}, {y:g}, {z:g} mm in F_b: compare this and one "
         "more pose with the panel of the controller."

@@ -50,7 +50,7 @@ _TERM = re.compile(
     r"|(?P<joint>[^\W\d]\w*))"
 )
 """A term of a cell of a DH table: a number, a part of π, or an axis."""
-_WRITTEN = str.maketrans({"−": "-", "–": "-", ",": "."} | dict.fromkeys("°º* \u00a0", ""))
+_WRITTEN = str.maketrans({"−": "-", "–": "-", ",": "."} | dict.fromkeys("°º*", ""))
 """Characters of a cell as people write them."""
 _AXIS = re.compile(
     rf"^\s*(?P<name>[^\W\d]\w*)\b(?P<point>(?:[;,\s]+{_NUMBER}){{3}})?(?P<rest>.*)$", re.MULTILINE
@@ -283,9 +283,13 @@ def _row(number: int, titles: Sequence[str], cells: Sequence[str], at: Mapping[s
     if (moving.sign < 0 and sign) or (moving.value and zero):
         raise _stated_again(cells[at[role]])
     values = {one: own.value for one, own in entries.items()} | {role: moving.value + zero}
-    names = (*([] if 0 in at.values() else cells[:1]), moving.joint)
-    named = next((one for one in names if re.match(r"[A-Za-z]", one)), "")
-    return _Row(named or f"J{number}", role == "d", moving.sign * (sign or 1), values)
+    name = _called([moving.joint] if 0 in at.values() else [cells[0], moving.joint], number)
+    return _Row(name, role == "d", moving.sign * (sign or 1), values)
+
+
+def _called(names: Sequence[str], number: int) -> str:
+    """The first name with a letter at its begin, else by the number of the row."""
+    return next((one for one in names if re.match(r"[A-Za-z]", one)), f"J{number}")
 
 
 def _stated_again(cell: str) -> InputError:
@@ -312,7 +316,7 @@ def _entry(cell: str, title: str) -> _Entry:
     Raises:
         InputError: It is neither a number nor one axis with its sense and zero.
     """
-    plain = cell.translate(_WRITTEN)
+    plain = re.sub(r"\s*([-+/()])\s*", r"\1", cell.translate(_WRITTEN)).strip()
     inside = re.fullmatch(r"-\((.*)\)", plain)
     terms = _terms(inside[1] if inside else plain)
     joints = [one for one in terms or () if one["joint"]]
@@ -363,7 +367,7 @@ def _of_axes(text: str) -> tuple[dict[str, Any], list[str]] | None:
     """Content of a robot file by a list of axes, and what was assumed; None if it is none."""
     turning, rails, ends = _listed(text)
     turning = turning or _by_vectors(text)
-    ends = ends or [*filter(_is_point, map(_point, _ORIGIN.findall(text)))]
+    ends = ends or [at for one in _ORIGIN.findall(text) if (at := _point(one)) is not None]
     if len(turning) < _LEAST or len(rails) > 1 or len(ends) != 1:
         return None
     points = np.array([*(at for _, at, _ in turning), *ends])
@@ -374,10 +378,6 @@ def _of_axes(text: str) -> tuple[dict[str, Any], list[str]] | None:
     way = "parallel to F_b" if said is None else "turned as the file says"
     why = f"with all axes at 0 the flange frame is {way}; if not, correct [flange]"
     return _along(turning, rails, points, flange), [why]
-
-
-def _is_point(at: Array | None) -> bool:
-    return at is not None
 
 
 def _along(

@@ -7,7 +7,8 @@ that leaves the least of
 
     |y_i - f_i G_i(u_a) x|^2,    u_a = (p_a - near_i) / |p_a - near_i|,
 
-of the places p_a at which the chain ended in pulls of two or more poses.
+of the places p_a at which the chain ended in pulls of two or more poses, or of those that
+campaign.toml states.
 """
 
 from __future__ import annotations
@@ -18,14 +19,15 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import listed
 from pipeline.faults.assignment import OUTSTANDING_MISFIT
 from pipeline.faults.exchanged_pulls import PullMoves, response, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.labels import anchors
 from pipeline.faults.mistake import Mistake, lines_of
-from pipeline.readers.reflector_sets import CLEARLY_NEARER
+from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
@@ -35,23 +37,27 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
 
     A reading of the scale does not explain them as well.
     """
-    if not anchors(asked.case)["anchor"].any() or (moved := PullMoves.of(asked)) is None:
+    stated = asked.case.settings.anchors
+    known = bool(stated) or anchors(asked.case)["anchor"].any()
+    if not known or (moved := PullMoves.of(asked)) is None:
         return []
-    near, far, place, anchored = _ends(asked, moved)
+    near, place, at = _ends(asked, moved)
     x = moved.solved(moved.force)
     along = moved.G @ x
     given, scaled = (_left(moved.y, f, along) for f in (moved.force, moved.due(x)[0]))
     usual, found = moved.usual(given), list[Mistake]()
-    for i in np.flatnonzero(anchored & (given > OUTSTANDING_MISFIT**2 * usual)).tolist():
-        others = np.unique(place[(place >= 0) & (place != place[i])])
-        u = np.array([np.median(far[place == one], axis=0) for one in others]) - near[i]
+    for i in np.flatnonzero((place >= 0) & (given > OUTSTANDING_MISFIT**2 * usual)).tolist():
+        others = np.delete(np.arange(len(at)), place[i])
+        u = at[others] - near[i]
         u = u / np.linalg.norm(u, axis=1, keepdims=True)
         each = response(asked, np.full(len(u), moved.pull[i]), u) @ x
         left = np.append(_left(moved.y[i], moved.force[i, None], each), scaled[i])
         best, second = np.argsort(left)[:2]
         fits = left[best] <= CLEARLY_NEARER**2 * usual[i]
         if fits and CLEARLY_NEARER**2 * left[best] < left[second] and best < len(others):
-            found += [_finding(asked, moved, i, int(others[best]), given[i], left[best])]
+            there = int(others[best])
+            says = _stated(asked, int(place[i]), there) if stated else _read(asked.case, there)
+            found += [_finding(asked, moved, i, says, at[there], given[i], left[best])]
     return found
 
 
@@ -60,45 +66,78 @@ def _left(y: Array, force: Array, each: Array) -> Array:
     return np.asarray(np.mean((y - force[:, None] * each) ** 2, axis=-1))
 
 
-def _ends(asked: Screening, moved: PullMoves) -> tuple[Array, Array, Ints, Bools]:
-    """Both ends of each chain in F_b [m], the place of the far one, and whether it is an anchor."""
+def _ends(asked: Screening, moved: PullMoves) -> tuple[Array, Ints, Array]:
+    """Near end of each chain in F_b [m], its anchor, -1 for none, and the places of all anchors."""
     rows = asked.reduced.placed
     rows = rows[rows["state"] == "loaded"].drop_duplicates(["group", "target"])
-    pulls, (near, far) = asked.reduced.data.pulls, asked.case.settings.naming.chain
+    pulls, chain = asked.reduced.data.pulls, asked.case.settings.naming.chain
     key = pd.MultiIndex.from_arrays([pulls.pose[moved.pull], pulls.repeat[moved.pull]])
-    ends = rows.set_index(["target", "pose", "repeat"]).sort_index()
-    at = [ends.loc[name].reindex(key) for name in (near, far)]
-    where = anchors(asked.case).reindex(at[1]["group"])
-    return (
-        at[0][XYZ].to_numpy(float),
-        at[1][XYZ].to_numpy(float),
-        where["place"].fillna(-1).to_numpy(int),
-        where["anchor"].eq(True).to_numpy(bool),
-    )
+    of_pulls = rows.set_index(["target", "pose", "repeat"]).sort_index()
+    begins, ends = (of_pulls.loc[name].reindex(key) for name in chain)
+    near, far = (one[XYZ].to_numpy(float) for one in (begins, ends))
+    if stated := asked.case.settings.anchors:
+        at = np.array([*stated.values()])
+        return near, _towards(near, far, at), at
+    read = anchors(asked.case)
+    where = read["place"].where(read["anchor"], -1).reindex(ends["group"]).fillna(-1)
+    known, place = np.unique(where[where >= 0]), where.to_numpy(int)
+    at = np.array([np.median(far[place == one], axis=0) for one in known])
+    return near, np.where(place < 0, -1, np.searchsorted(known, place)), at
+
+
+def _towards(near: Array, far: Array, at: Array) -> Ints:
+    """The anchor on the straight line of each chain, -1 for none, shape (m,)."""
+    u = (far - near) / np.linalg.norm(far - near, axis=1, keepdims=True)
+    to = at - near[:, None]
+    off = np.linalg.norm(to - np.sum(to * u[:, None], axis=2)[..., None] * u[:, None], axis=2)
+    off = np.where(np.sum(to * u[:, None], axis=2) > 0, off, np.inf)
+    return np.where(off.min(axis=1) < GROSS_DISTANCE_M, off.argmin(axis=1), -1)
+
+
+def _stated(asked: Screening, own: int, there: int) -> str:
+    """The anchor that a row of the log names, and the one that fits, in words."""
+    names = [*asked.case.settings.anchors]
+    return f"{names[own]}, as its row says, probably {names[there]}"
+
+
+def _read(case: Case, place: int) -> str:
+    """The place at which a chain was read to end, and pulls that end at the one that fits."""
+    end, where = case.settings.naming.chain[1], anchors(case)
+    known = np.unique(where["place"][where["anchor"]])
+    rows = case.readings[(case.readings["state"] == "loaded") & (case.readings["target"] == end)]
+    there = rows[rows["group"].isin(where.index[where["place"] == known[place]])]
+    others = listed(there["group"].astype(str), 3)
+    return f"its {end} says, that of {others} ({lines_of(there)[0]})"
 
 
 def _finding(
-    asked: Screening, moved: PullMoves, i: int, place: int, before: float, after: float
+    asked: Screening, moved: PullMoves, i: int, says: str, there: Array, before: float, after: float
 ) -> Mistake:
-    case, end = asked.case, asked.case.settings.naming.chain[1]
+    case, chain = asked.case, asked.case.settings.naming.chain
     row = case.loads.iloc[rows_of(case, asked.reduced.data, moved)[[i]]]
-    rows = case.readings[(case.readings["state"] == "loaded") & (case.readings["target"] == end)]
-    mine = rows[(rows["pose"] == row["pose"].item()) & (rows["repeat"] == row["repeat"].item())]
-    where = anchors(case)["place"]
-    there = rows[rows["group"].isin(where.index[where == place])]
-    group, at = str(mine["group"].iloc[0]), (*lines_of(row), *lines_of(mine.iloc[:1]))
-    others = listed(there["group"].astype(str), 3)
+    key = ["pose", "repeat"]
+    rows, placed = (
+        one[(one["state"] == "loaded") & (one[key] == row[key].iloc[0]).all(axis=1)]
+        for one in (case.readings, asked.reduced.placed)
+    )
+    far = rows[rows["target"] == chain[1]].iloc[:1]
+    group, at = str(far["group"].iloc[0]), tuple(dict.fromkeys((*lines_of(row), *lines_of(far))))
+    both = rows.merge(placed, on="target")
+    R, t = linear.rigid(*(both[[f"{c}_{k}" for c in XYZ]].to_numpy(float) for k in ("y", "x")))
+    if case.settings.anchors:  # all chains of a log are of one length
+        near, ends = (placed.loc[placed["target"] == one, XYZ].to_numpy(float)[0] for one in chain)
+        there = near + (there - near) * np.linalg.norm(ends - near) / np.linalg.norm(there - near)
     mm = [1e3 * float(np.sqrt(square)) for square in (before, after)]
     return Mistake(
         name="label_swap",
         where=group,
-        evidence=f"{group} ({', '.join(at)}) was pulled towards another anchor than its {end} "
-        f"says, that of {others} ({lines_of(there)[0]}): towards that one the joint springs leave "
-        f"{mm[1]:.2g} mm rms of its displacements instead of {mm[0]:.2g} mm",
-        correction=f"recomputed with {end} of {group} at that anchor",
+        evidence=f"{group} ({', '.join(at)}) was pulled towards another anchor than {says}: "
+        f"towards that one the joint springs leave {mm[1]:.2g} mm rms of its displacements instead "
+        f"of {mm[0]:.2g} mm",
+        correction=f"recomputed with {chain[1]} of {group} at that anchor",
         before=mm[0],
         after=mm[1],
-        correct=partial(_anchored, group=group, at=tuple(there[XYZ].median().tolist())),
+        correct=partial(_anchored, group=group, at=tuple((R @ there + t).tolist())),
         at=at,
     )
 

@@ -123,11 +123,18 @@ def _search(
         ]
         best = int(np.argmin([*misses, np.inf]))
         if best < len(tried) and misses[best] < gross and CLEARLY_NEARER * misses[best] < before:
-            other = tried[best][0].where in SHIPPED and how is miss
-            if other and CLEARLY_NEARER * _by_one_length(case) < misses[best]:
-                return []  # this robot with another length, which the table is asked about later
+            if _is_this_robot(case, tried[best][0], how, misses[best]):
+                return []  # with another length, which the table is asked about later
             return [_finding(case, h, before, misses[best]) for h in tried[best]]
     return []
+
+
+def _is_this_robot(
+    case: Case, chosen: _SupposedMistake, how: Callable[[Case], float | None], after: float
+) -> bool:
+    """Whether one length of the robot explains the reflectors clearly better than another robot."""
+    other = chosen.where in SHIPPED and how is miss
+    return other and CLEARLY_NEARER * _by_one_length(case) < after
 
 
 def _pairs(singles: Sequence[_SupposedMistake]) -> list[tuple[_SupposedMistake, ...]]:

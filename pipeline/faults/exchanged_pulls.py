@@ -106,15 +106,19 @@ class PullMoves(Locked):
         )
 
     def solved(self, force: Array) -> Array:
-        """Compliances on which most pulls agree with these forces, by least sums of norms."""
-        weight = 1 / np.maximum(np.linalg.norm(self.y, axis=1), STILL_M)
-        x = np.zeros(self.G.shape[2])
-        for _ in range(_ROUNDS):
+        """Compliances on which most pulls agree with these forces, by least sums of norms.
+
+        Each norm is relative to the geometric mean of the displacement and of that by the force:
+        one that is ten times too large would otherwise outweigh all others.
+        """
+        x, size = np.ones(self.G.shape[2]), np.linalg.norm(self.y, axis=1)
+        for k in range(_ROUNDS + 1):
+            moves = force[:, None] * (self.G @ x)
+            scale = np.sqrt(size * np.linalg.norm(moves, axis=1)) + self.noise
+            left = np.linalg.norm(self.y - moves, axis=1) if k else scale
+            weight = 1 / np.sqrt(scale * np.maximum(left, _MODEL * scale))
             A = (weight * force)[:, None, None] * self.G
             new = linear.least_squares(A.reshape(-1, len(x)), (weight[:, None] * self.y).ravel())
-            left = np.linalg.norm(self.y - force[:, None] * (self.G @ new), axis=1)
-            scale = np.linalg.norm(self.y, axis=1) + self.noise
-            weight = 1 / np.sqrt(scale * np.maximum(left, _MODEL * scale))
             if np.abs(new - x).max() < 1e-6 * np.abs(new).max():
                 break
             x = new

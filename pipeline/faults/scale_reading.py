@@ -12,20 +12,23 @@ Procedures for the identification of multiple outliers in linear models, J. Am. 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.tails import chi2_beyond
 from pipeline.faults.conventions import symbol
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, outlying, without_pulls
-from pipeline.faults.typing_errors import intended
+from pipeline.faults.typing_errors import WITHIN, intended
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import HUNG, MOUNTED
-from pipeline.readers.logs import SCALE
+from pipeline.readers.logs import FORCE, SCALE
 from pipeline.reduction.case import Case
 from pipeline.reduction.forces import reading_std
 from pipeline.reduction.measured import Measured
@@ -239,7 +242,8 @@ def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
     if not sure or (rivalled and _by_law(asked, righted)):
         return []
     each = zip(righted.pulls, righted.fits, righted.std, righted.p, strict=True)
-    found = (_finding(asked.case, data, int(pull), *map(float, rest)) for pull, *rest in each)
+    known = asked.case, data, righted.pulls
+    found = (_finding(*known, int(pull), *map(float, rest)) for pull, *rest in each)
     return [replace(one, rivalled=rivalled) for one in found]
 
 
@@ -358,32 +362,38 @@ def _reading(data: Measured, pulls: Ints, force: Array, scale: Scale) -> Measure
     return replace(data, pulls=replace(data.pulls, force=forces), reading_std=std)
 
 
-def _finding(case: Case, data: Measured, pull: int, fits: float, std: float, p: float) -> Mistake:
+def _finding(
+    case: Case, data: Measured, wrong: Ints, pull: int, fits: float, std: float, p: float
+) -> Mistake:
     given = float(np.linalg.norm(data.pulls.force[pull]))
     pose, repeat = int(data.pulls.pose[pull]), int(data.pulls.repeat[pull])
-    loads = case.loads
-    row = loads[(loads["pose"] == pose) & (loads["repeat"] == repeat)].iloc[0]
+    row = _row(case, data, pull)
     where, at = f"{row['file']} pose{pose:02d} rep{repeat}", (f"{row['file']}:{row['line']}",)
     sigmas = abs(given - fits) / std
     hung = data.pulls.by[pull] == HUNG
     one, unit = (case.settings.gravity.m_s2, "kg") if hung else (1.0, "N")
+    units = dict[str, float]()
     shown, agreed, within, as_shown = given / one, fits / one, std / one, unit
     if not hung:
         log = case.settings.loads_log
         shown, agreed = (log.gain * force + log.zero_n for force in (given, fits))
         per, as_shown = _unit(float(row["unit_n"]))
         shown, agreed, within = shown / per, agreed / per, log.gain * std / per
+        units = {symbol(name): size / per for name, size in FORCE.items() if size != per}
     text = f"{row['payload']}, " if data.pulls.by[pull] == MOUNTED else ""
+    meant = _another(case, data, wrong, fits, std)
+    meant = meant or _meant(shown, agreed, within, as_shown, units)
     return outlying(
         where,
         f"the reading {where} (line {row['line']}) says {text}{shown:.6g} {as_shown}, and "
         f"all other pulls agree with {agreed:.6g} +- {within:.2g} {as_shown}, "
-        f"{sigmas:.0f} standard deviations away{_meant(shown, agreed, within, as_shown)}",
+        f"{sigmas:.0f} standard deviations away{meant}",
         "recomputed without this pull",
         before=sigmas,
         size=abs(given - fits) / one,
         size_unit=unit,
         p_value=p,
+        axes=1,
         correct=partial(without_pulls, pulls={(pose, repeat)}),
         at=at,
     )
@@ -396,9 +406,24 @@ def _unit(size_n: float) -> tuple[float, str]:
     return (size_n, symbol(name)) if name else (1.0, "N")
 
 
-def _meant(given: float, fits: float, std: float, unit: str) -> str:
-    """The number that was probably meant, in words."""
-    found = intended(given, fits, std)
+def _row(case: Case, data: Measured, pull: int) -> pd.Series[Any]:
+    """The row of the log of a pull."""
+    at = data.pulls.pose[pull], data.pulls.repeat[pull]
+    return case.loads[(case.loads["pose"] == at[0]) & (case.loads["repeat"] == at[1])].iloc[0]
+
+
+def _another(case: Case, data: Measured, wrong: Ints, fits: float, std: float) -> str:
+    """Another wrong row with the number that fits, in words, as of two in each other's place."""
+    off = np.abs(np.linalg.norm(data.pulls.force[wrong], axis=1) - fits)
+    if off.min() > WITHIN * std:
+        return ""
+    line = _row(case, data, int(wrong[np.argmin(off)]))["line"]
+    return f"; the number of line {line} may have been meant"
+
+
+def _meant(given: float, fits: float, std: float, unit: str, units: Mapping[str, float]) -> str:
+    """The number that was probably meant, in words; `units` as of `intended`."""
+    found = intended(given, fits, std, units)
     return "" if found is None else f"; {found[1]}, {found[0]:.6g} {unit} may have been meant"
 
 

@@ -2,35 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
+from types import MappingProxyType
 
 _TENS = (10.0, 0.1, 100.0, 0.01, 1000.0, 0.001)
 """Factors of a missing or misplaced decimal point [1]."""
 
-_WITHIN = 3.0
+WITHIN = 3.0
 """Standard uncertainties within which a number agrees with the pulls [1]."""
 
 
-def intended(given: float, fits: float, std: float) -> tuple[float, str] | None:
+def intended(
+    given: float, fits: float, std: float, units: Mapping[str, float] = MappingProxyType({})
+) -> tuple[float, str] | None:
     """The number that fits, one typing error away from the given one, and the error, if any does.
+
+    Of a misplaced decimal point and another unit, which are as usual and nearly alike (9.81 and
+    10), the nearer one.
 
     Args:
         given: Number as logged.
         fits: Number according to all other data.
         std: Its standard uncertainty.
+        units: Units in which it may have been read, each over that of the log [1].
     """
-    for slip, numbers in (
-        ("two digits exchanged", _exchanged(given)),
-        ("the decimal point in the wrong place", (given * ten for ten in _TENS)),
-        ("one digit wrong", _replaced(given)),
-        ("one digit lost", _inserted(given)),
-        ("one digit too many", _dropped(given)),
+    for numbers in (
+        ((one, "two digits exchanged") for one in _exchanged(given)),
+        _scaled(given, units),
+        ((one, "one digit wrong") for one in _replaced(given)),
+        ((one, "one digit lost") for one in _inserted(given)),
+        ((one, "one digit too many") for one in _dropped(given)),
     ):
-        near = [one for one in numbers if abs(one - fits) <= _WITHIN * std and one != given]
+        near = [one for one in numbers if abs(one[0] - fits) <= WITHIN * std and one[0] != given]
         if near:
-            return min(near, key=lambda one: abs(one - fits)), slip
+            return min(near, key=lambda one: abs(one[0] - fits))
     return None
+
+
+def _scaled(given: float, units: Mapping[str, float]) -> Iterator[tuple[float, str]]:
+    yield from ((given * ten, "the decimal point in the wrong place") for ten in _TENS)
+    yield from ((given * size, f"read in {unit}") for unit, size in units.items())
 
 
 def _exchanged(given: float) -> Iterator[float]:

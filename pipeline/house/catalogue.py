@@ -27,7 +27,7 @@ _PARTS = (r"; ", r"(?<=[.!?]) (?=[A-Z])", r", ")
 
 _NUMBER = r"(?<!\w)[-−+]?\d+(?:\.\d+)?"
 _FIGURES = re.compile(
-    rf"{_NUMBER}|[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+|°C|[±×→%°σ(),;=\s]|U\b|k\b|\b[AEJS]\d\b"
+    rf"{_NUMBER}|[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+|°C|[±×→%°σ(),;=\s]|k\b|\b(?:[A-Z]|[A-Za-z]\w*[\d_]\w*)\b"
     r"|\b[pnµmkMG]?(?:N|m|rad|g|deg|s|h|min)\b(?:[·/][\w()·/]*)?"
 )
 """Components of a text of numbers: numbers, units, names of axes, signs between them."""

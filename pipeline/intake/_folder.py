@@ -37,7 +37,7 @@ def in_workbooks(files: Mapping[str, bytes]) -> list[str]:
     return out
 
 
-def robots_in(files: Mapping[str, bytes], others: Collection[str]) -> list[str]:
+def robots_in(files: Mapping[str, bytes], others: Collection[str | None]) -> list[str]:
     """A sentence for each workbook, and each file but some others, that describes a robot, too."""
     left = {k: data for k, data in files.items() if is_workbook(data) or k not in others}
     said = {name: of_robot(name, data) for name, data in left.items() if not _made(name, files)}

@@ -183,8 +183,8 @@ def _looked_at(
 
 
 def _as_named(
-    root: Path, folder: Path, files: Mapping[str, bytes], hints: ExportSettings
-) -> tuple[Mapping[str, bytes], tuple[str, ...]]:
+    root: Path, folder: Path, files: dict[str, bytes], hints: ExportSettings
+) -> tuple[dict[str, bytes], tuple[str, ...]]:
     """The files without exports that an open campaign.toml leaves out, and how it names the others.
 
     As they are where it names what `init` would write for some of them: others came later.

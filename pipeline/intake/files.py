@@ -344,10 +344,10 @@ def _offered(
     Of several it is the one whose groups can be read, perhaps of other columns.
     """
     offers = _offers(files, found, hints)
-    if len(offers) > 1 and not any(_tells(export) for _, export in offers.values()):
-        grouped = {k: _regrouped(k, files, one, logged) for k, (one, _) in offers.items()}
-        offers |= {name: both for name, both in grouped.items() if both}
     entries = {name: one for name, one in offers.items() if _tells(one[1])}
+    if len(offers) > 1 and not entries:
+        grouped = {k: _regrouped(k, files, one, logged) for k, (one, _) in offers.items()}
+        entries = {name: both for name, both in grouped.items() if both}
     offers = entries if len(entries) == 1 else offers
     if len(offers) > 1:
         return _of_one_form(files, found, offers)
@@ -456,8 +456,9 @@ def _regrouped(
     name: str, files: Mapping[str, bytes], one: Offer, logged: LogFiles
 ) -> tuple[Offer, Export] | None:
     """A table with the first of its columns as groups that make sense; None if none do."""
-    mapping = one.hints.mapping
-    for parts in _parts(one) if mapping else ():
+    if (mapping := one.hints.mapping) is None:
+        return None
+    for parts in _parts(one):
         hints = _grouped_by(one.hints, mapping, parts)
         with contextlib.suppress(InputError):
             tried = readers.read(name, files[name], hints)
@@ -477,9 +478,9 @@ def _parts(one: Offer) -> list[dict[str, str]]:
     words = [c.title for c in left if c.title not in numbers]
     alone = [{"group": c.title} for c in left]
     pairs = [{"pose": pose, "state": state} for state in words for pose in numbers]
-    pairs += [{"pose": pose, "state": state} for pose, state in itertools.permutations(words, 2)]
     three = [{**two, "repeat": last} for two in pairs for last in numbers if last != two["pose"]]
-    return [*alone, *three, *pairs]
+    named = [{"pose": pose, "state": state} for pose, state in itertools.permutations(words, 2)]
+    return [*alone, *named, *three, *pairs]
 
 
 def _untaken(one: Offer) -> list[ColumnRole]:

@@ -55,7 +55,7 @@ class LogFiles:
 
 
 def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
-    """Find the logs among some files; of several of one kind the first with most rows.
+    """Find the logs among some files; of several of loads the one with most rows.
 
     A workbook may be both, and an export, too, with one sheet for each.
 
@@ -171,14 +171,14 @@ def _added(
 def _rows(
     files: Mapping[str, bytes], robots: Mapping[str, Robot], name: str, found: Mapping[str, Any]
 ) -> int:
-    """Number of rows of a log that can be read, as some entries of `LogFiles` describe it."""
+    """Number of rows of a log of loads that can be read; 1 for a joint log if it can be."""
     with contextlib.suppress(InputError):
         if name == found.get("loads"):
             form = log_columns.settled(LogForm(columns=found["load_columns"]))
             return len(logs.loads(name, files[name], form).line)
         robot, columns = next(iter(found["joint_columns"].items()))
         form = log_columns.settled(LogForm(columns=columns))
-        return len(logs.joints(name, files[name], robots[robot], form).line)
+        return min(len(logs.joints(name, files[name], robots[robot], form).line), 1)
     return 0
 
 

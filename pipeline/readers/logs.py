@@ -222,11 +222,11 @@ def _a_row_each(log: Log, each: Sequence[Quantity]) -> Log:
     stems = {name + q.stem[5:] for q in each for name in ("force", "unit")}
     number = {name: one[row] for name, one in log.number.items() if name not in stems}
     number |= {"force": force[row, pull], "unit": unit[row, pull], "repeat": repeat[pull]}
-    hooks = {f"anchor_{k:.0f}": repeat[pull] == k for k in repeat}
-    word = {name: one[row] for name, one in log.word.items() if name not in hooks}
-    for name in hooks.keys() & {*log.word}:
-        anchor = word.setdefault("anchor", np.full(len(row), "", dtype=object))
-        word["anchor"] = np.where(hooks[name], log.word[name][row], anchor)
+    word = {k: one[row] for k, one in log.word.items() if not k.startswith("anchor_")}
+    none = np.full(len(log.line), "", dtype=object)
+    hooks = [log.word.get(f"anchor{q.stem[5:]}", none) for q in each]
+    if len(word) < len(log.word):
+        word["anchor"] = np.column_stack(hooks)[row, pull]
     return replace(log, number=number, word=word, line=log.line[row])
 
 

@@ -95,15 +95,6 @@ class RawReadings(Locked):
         rows = np.flatnonzero(np.isin(of, [*why])).tolist()
         return self.without({k: why[int(of[k])] for k in rows})
 
-    def unloaded(self, targets: int) -> tuple[Ints, Array]:
-        """Poses (p,), and the first unloaded reading of each target [m], (p, targets, 3)."""
-        rows = np.flatnonzero((self.slot >= 0) & (self.role >= 0) & (self.role < targets))
-        rows = rows[~self.loaded[self.slot[rows]]][::-1]
-        poses, of = np.unique(self.pose[self.slot[rows]], return_inverse=True)
-        seen = np.full((len(poses), targets, 3), np.nan)
-        seen[of, self.role[rows]] = self.position[rows]
-        return poses, seen
-
     def counted(self, width: int) -> Ints:
         """Number of readings of each target with a role in each slot, shape (s, width)."""
         place = (self.slot + 1) * (width + 1) + self.role + 1  # base readings come first

@@ -226,8 +226,9 @@ def _raw(
     every = np.concatenate([_poses(loads), _poses(joints)])
     words = {*map(pose_names.letters_of, every)} - {""}
     everything = _raw_readings.gather(exports, settings, loads.states, words)
-    unloaded = everything.unloaded(len(settings.measured))
-    joints, logged, left_out, taken = _own_rows(settings, robot, unloaded, joints, logged, left_out)
+    joints, logged, left_out, taken = _own_rows(
+        settings, robot, everything, joints, logged, left_out
+    )
     if own := pose_names.numbers([*everything.pose, *every]):
         everything = replace(everything, pose=_renumbered(everything.pose, own))
         loads, joints = (_with_own_numbers(one, own) for one in (loads, joints))
@@ -289,14 +290,14 @@ def _treated(exports: Mapping[str, Export], own: Mapping[int, int]) -> tuple[Exp
 def _own_rows(
     settings: Settings,
     robot: Robot,
-    unloaded: tuple[Ints, Array],
+    shots: RawReadings,
     joints: logs.Log,
     logged: logs.Log,
     out: Mapping[int, str],
 ) -> tuple[logs.Log, logs.Log, Mapping[int, str], tuple[ExportTreatment, ...]]:
     """The joint log, whole and a row for each pose, by the poses where its rows only count."""
     look = doors.found(_ROWS)
-    rows = look and look(robot, tool(settings).points, unloaded, joints, frozenset(out))
+    rows = look and look(robot, tool(settings).points, shots, joints, frozenset(out))
     if not rows:
         return joints, logged, out, ()
     said = ExportTreatment(joints.file, None, None, (rows.said,))

@@ -9,7 +9,8 @@ import numpy as np
 
 from pipeline.answer.amounts import amount
 from pipeline.answer.contract import About, Answer, Cause, Data, Placed, Reason, Stiffness, Which
-from pipeline.answer.words import DO, capital
+from pipeline.answer.pose_budget import lowered_by_pulls
+from pipeline.answer.words import DO, DO_DESPITE, capital
 from pipeline.base.appearance import PLAIN, Appearance
 from pipeline.base.files import sha256
 from pipeline.base.language import Say, translated
@@ -36,6 +37,9 @@ from pipeline.store.campaign import dump
 
 _MOST_FOUND = 24
 """Maximum number of words about an error in the data here; the page below has the full text."""
+
+_MOST_MISTAKES = 4
+"""Maximum number of errors in the data that are told, each with its line and what fits instead."""
 
 _MOST_CAUSES = 2
 """Maximum number of causes listed."""
@@ -98,11 +102,10 @@ def digest(answer: Answer) -> str:
 
 
 def found(answer: Answer, say: Say = str) -> str:
-    """One sentence on what is wrong: a mistake in the data, else the causes, else the verdict."""
+    """One sentence on what is wrong: mistakes in the data, else the causes, else the verdict."""
     mistakes = [one.evidence.sentence for one in answer.diagnosis.causes if one.evidence]
     if mistakes:
-        more = say(f" (and {len(mistakes) - 1} more)") if len(mistakes) > 1 else ""
-        return f"{_begun(_cut(say(_LINES.sub(_FIRST, mistakes[0]))))}{more}."
+        return _mistaken(mistakes, say)
     causes, fits = answer.diagnosis.causes, answer.diagnosis.verdict == "adequate"
     for reason in answer.diagnosis.reasons if not causes else ():
         if reason in _OF_UNLOADED and (fits or reason is not Finding.ROUGH_TABLE):
@@ -110,6 +113,14 @@ def found(answer: Answer, say: Say = str) -> str:
     if not causes:
         return say(_NOTHING.get(str(answer.diagnosis.verdict), ""))
     return f"{capital(say(_listed(causes)))}{say(_gain(answer))}."
+
+
+def _mistaken(sentences: Sequence[str], say: Say) -> str:
+    """The first `_MOST_MISTAKES` errors in the data, and the number of further ones."""
+    each = [_cut(say(_LINES.sub(_FIRST, one))) for one in sentences[:_MOST_MISTAKES]]
+    left = len(sentences) - len(each)
+    more = say(f" (and {left} more)") if left else ""
+    return f"{_begun('; '.join(each))}{more}."
 
 
 _OF_UNLOADED = {
@@ -195,6 +206,8 @@ def to_do(answer: Answer) -> str:
     if answer.diagnosis.verdict == Verdict.AMBIGUOUS and reason == Reason.WEIGHED_ANEW:
         reason = Reason.CAUSE_DOUBTFUL
     sentence = _OPEN.get(reason, DO[reason])
+    if reason is Reason.CAUSE_IDENTIFIED and not _acting(answer):
+        sentence = DO_DESPITE
     if answer.of_positions:
         every = (one.text for one in answer.first_screen if one.about == About.TO_DO)
         sentence = _NO_VALUE if corrected else next(every, sentence)
@@ -224,7 +237,7 @@ def _unjudged(answer: Answer) -> str:
 def _measure(answer: Answer, say: Say = str) -> str:
     """What to measure next: the first sentences of that line of the first screen."""
     line = next((one.text for one in answer.first_screen if one.about == About.NEXT), "")
-    every = say(" ".join(one for one in _ENDS.split(line) if "standard uncertainty" not in one))
+    every = say(" ".join(one for one in _ENDS.split(line) if not _UNCERTAINTY.search(one)))
     kept: list[str] = []
     for sentence in _ENDS.split(every):
         room = _MOST_NEXT - sum(len(one.split()) for one in kept)
@@ -236,6 +249,9 @@ def _measure(answer: Answer, say: Say = str) -> str:
         kept.append(sentence)
     return " ".join(kept)
 
+
+_UNCERTAINTY = re.compile(r"standard uncertainty|it is expected to be")
+"""Sentences on the uncertainty of the joint, which is in the table below."""
 
 _ENDS = re.compile(r"(?<=\.) (?=[A-ZÀÉÜ])")
 """The space between two sentences."""
@@ -251,10 +267,10 @@ def _by_tolerance(answer: Answer) -> Iterator[str]:
     """What to do if the tolerance is not kept or undecided."""
     holds = answer.recommended.reason.holds_for_its_readings
     worst = answer.tolerance.worst if answer.tolerance and holds else None
-    if worst is Decision.FAIL:
-        yield "For the tolerance: reduce the force or compensate the path."
-    elif worst is Decision.UNDECIDED:
+    if worst is Decision.UNDECIDED and lowered_by_pulls(answer.test_pose):
         yield "For the tolerance: reduce the force or measure more."
+    elif worst in (Decision.FAIL, Decision.UNDECIDED):
+        yield "For the tolerance: reduce the force or compensate the path."
 
 
 # --- the stiffnesses ------------------------------------------------------------------------------
@@ -358,11 +374,15 @@ _OF_THE_MEASUREMENT = ("force", "metrology", "noise")
 """Locations of causes that falsify readings and deflect no robot: nothing makes up for them."""
 
 
+def _acting(answer: Answer) -> set[str]:
+    """Causes of the answer's model that deflect the robot."""
+    aside = {c.name for c in answer.diagnosis.causes if c.location in _OF_THE_MEASUREMENT}
+    return {c.name for one in answer.recommended.hypotheses for c in one.causes} - aside
+
+
 def _substituted(answer: Answer) -> bool:
     """Whether effective stiffnesses replace the values in a controller; only for pulls."""
-    recommended = answer.recommended
-    aside = {c.name for c in answer.diagnosis.causes if c.location in _OF_THE_MEASUREMENT}
-    acting = {c.name for one in recommended.hypotheses for c in one.causes} - aside
+    recommended, acting = answer.recommended, _acting(answer)
     beside = recommended.reason in _SUBSTITUTES and recommended.model is not Which.JOINT_SPRINGS
     return beside and bool(acting) and not answer.of_positions
 

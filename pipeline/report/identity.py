@@ -25,6 +25,7 @@ def rows(answer: Answer) -> Iterator[LabelledText]:
         ("Operator", found.operator),
         ("Robot", _list(answer.robot, _unit(answer.robot_unit))),
         ("Instrument", _instrument(answer.instrument)),
+        ("Scatter of the readings", _scatter(answer.noise.used_over_stated)),
         ("Scale", "" if found.force_n is None else _unit(found.scale)),
         (f"Temperature of {'rail and base' if _slides(answer) else 'base'}", _warm(found)),
         ("Poses and pulls", _counts(found)),
@@ -72,6 +73,10 @@ def _instrument(one: Measuring | None) -> str:
     model = f"model {one.model}" if one.model else ""
     sheet = f"; noise by its data sheet ({one.data_sheet})" if one.data_sheet else ""
     return f"{_list(_KINDS.get(one.kind, one.kind), model, _unit(one))}{sheet}"
+
+
+def _scatter(over_stated: float | None) -> str:
+    return "" if over_stated is None else f"{plain(over_stated, 2)} times the noise stated"
 
 
 def _counts(found: Identity) -> str:

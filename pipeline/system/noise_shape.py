@@ -201,8 +201,11 @@ def _seen(
     if told[1].heavy < _HEAVY and np.abs(np.log(told[2])).max() < _STILL:
         return parts, told
     # where most readings are off the model is wrong, which makes no part of the noise smaller
-    weighed = told[0].scaled(data, told[2] / max(float(np.median(told[2])), 1.0))
+    middle = float(np.median(told[2]))
+    weighed = told[0].scaled(data, told[2] / max(middle, 1.0))
     parts = _beam(seen, Q, dof, weighed, others)
+    along, across = np.sqrt(min(middle, 1.0)) * np.array(parts.found)
+    parts = replace(parts, found=(float(along), float(across)))
     return parts, _tails(seen, Q, data, others, parts, rounds)
 
 

@@ -8,6 +8,8 @@ import pytest
 import report_sample
 
 from pipeline.annex.position_tables import _held_out
+from pipeline.annex.sections.geometry import _letters
+from pipeline.answer.contract import TableLetter
 from pipeline.geometry.cross_validation import Partition
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.study import ModelStage, StageResult, Study
@@ -192,3 +194,21 @@ def test_every_target_of_every_left_out_pose_has_its_own_row():
     assert distance[first, "a", 2, "P3"] == 5.0
     assert distance[first, "b", 1, "P2"] == 7.0
     assert distance[second, "b", 3, "P1"] == 10.0
+
+
+def test_a_nominal_entry_is_shown_in_full():
+    """A robot file is exact, and no uncertainty rounds it."""
+    rows = [
+        TableLetter(
+            name=name, where=3, nominal=nominal, value=nominal, std=1e-5, prior_std=1e-4, unit=unit,
+            identifiable=True,
+        )
+        for name, nominal, unit in (
+            ("link_length", 1.075, "m"),
+            ("link_offset", 1.1425, "m"),
+            ("link_twist", np.pi / 2, "rad"),
+        )
+    ]  # fmt: skip
+    table = _letters(SimpleNamespace(geometry=rows))
+
+    assert [row[2].text for row in table.rows] == ["1075", "1142.5", "90"]

@@ -13,6 +13,7 @@ from pipeline.answer.conformity import expanded, largest_force, tolerated
 from pipeline.answer.contract import (
     JudgedPath,
     Odd,
+    PosePart,
     Reason,
     Remark,
     Stretch,
@@ -26,15 +27,26 @@ from pipeline.answer.sentences import (
     _of_robot,
     _out,
     _uncalibrated,
+    _without,
     _wrong,
     joint_to_pull,
 )
-from pipeline.answer.words import correct, mistaken, noise_told, wrong
+from pipeline.answer.words import correct, drifted, mistaken, noise_told, wrong
 from pipeline.diagnosis.bounds import Bounds
-from pipeline.diagnosis.facts import Facts, UnloadedFacts
+from pipeline.diagnosis.facts import (
+    CrossValidation,
+    EffectSize,
+    Facts,
+    FoundCause,
+    UnloadedFacts,
+)
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.mistake import outlying
+from pipeline.machine.effects import tracker_drift
+from pipeline.machine.robot import load
+from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.prediction.decision import Decision
+from pipeline.report.certificate import _by_tolerance
 
 
 def path(*parts):
@@ -99,6 +111,32 @@ def test_no_decision_is_printed_of_a_model_that_does_not_explain_the_readings():
     assert next(_out(found, stated)).startswith("Conformity with the tolerance is undecided")
 
 
+@pytest.mark.parametrize("source", ["tracker", "held_out"])
+def test_more_pulls_are_advised_only_where_they_lower_the_uncertainty(source):
+    """U is never below the cross-validation error, on the first screen and on the certificate."""
+    asked = Tolerance(deflection_mm=0.25, test_pose=Decision.UNDECIDED, path=None)
+    found = SimpleNamespace(row=SimpleNamespace(reason=Reason.ADEQUATE))
+    pose = TestPose(
+        deflection_mm=0.24, std_mm=0.1, axes=(), force_n=(0, 0, 1.0), stated=True,
+        budget=(PosePart(source=source, std_mm=0.1),),
+    )  # fmt: skip
+    said = " ".join(_out(found, SimpleNamespace(tolerance=asked, pose=pose)))
+    answer = report_sample.answer().model_copy(update={"tolerance": asked, "test_pose": pose})
+
+    assert ("measure more" in said) == (source == "tracker")
+    assert ("more pulls would not lower U" in said) == (source == "held_out")
+    assert ("measure more" in " ".join(_by_tolerance(answer))) == (source == "tracker")
+
+
+def test_a_reading_that_is_left_out_is_said_to_be():
+    """Its true value, once in the file, still moves the values; exchanged rows are corrected."""
+    left = outlying("", "", "", name="outlier", before=0.0, correct=same)
+    swapped = outlying("", "", "", name="exchanged", before=0.0, correct=same)
+
+    assert "not replaced" in " ".join(_without(SimpleNamespace(mistakes=(swapped, left))))
+    assert not [*_without(SimpleNamespace(mistakes=(swapped,)))]
+
+
 @pytest.mark.parametrize(
     ("deflection", "decision", "force"),
     [(2.0, Decision.FAIL, 0.8 / 2.0 * 1000), (0.85, Decision.UNDECIDED, 0.8 / 0.85 * 1000)],
@@ -156,15 +194,19 @@ def test_further_mistakes_are_told_with_file_and_line():
 
 
 @pytest.mark.parametrize(
-    ("moved", "data", "model", "said"),
+    ("moved", "data", "model", "decision", "said"),
     [
-        (0.76, "as_given", "extended", "What would tell which cause it is: the base again."),
-        (1.0, "as_given", "extended", "No question is open. Optional: "),
-        (1.0, "corrected", "joint_springs", "Optional: "),
+        (0.76, "as_given", "extended", None, "What would tell which cause it is: the base again."),
+        (1.0, "as_given", "extended", Decision.PASS, "No question is open. Optional: "),
+        (1.0, "as_given", "extended", Decision.UNDECIDED, "Optional: "),
+        (1.0, "corrected", "joint_springs", None, "Optional: "),
     ],
 )
-def test_no_question_is_open_only_where_the_verdict_has_none(moved, data, model, said):
-    """A cause of the unloaded reflectors is uncertain; it is certain; a file is to be corrected."""
+def test_no_question_is_open_only_where_the_verdict_has_none(moved, data, model, decision, said):
+    """A cause of the unloaded reflectors is uncertain; it is certain; a file is to be corrected.
+
+    And a tolerance that is undecided is a question.
+    """
     cause = SimpleNamespace(
         probability=moved, twins=(), effect=SimpleNamespace(since=True, called="it"), rivals=()
     )
@@ -179,7 +221,9 @@ def test_no_question_is_open_only_where_the_verdict_has_none(moved, data, model,
         row=SimpleNamespace(reason=Reason.WEIGHED_ANEW, model=model),
     )
     diagnosis.verdict = verdict(facts)
-    stated = SimpleNamespace(diagnosis=diagnosis, mine=SimpleNamespace(stiffness=[joint]))
+    asked = decision and Tolerance(deflection_mm=0.25, test_pose=decision, path=None)
+    own = SimpleNamespace(stiffness=[joint])
+    stated = SimpleNamespace(diagnosis=diagnosis, mine=own, tolerance=asked)
 
     assert _next(found, stated).startswith(said)
     assert (_of_robot(found).do.startswith("Find out first")) == (moved < 0.95)
@@ -312,3 +356,54 @@ def test_joints_share_a_remark_only_if_all_of_its_words_hold_for_each():
     assert "torque on the joint" in both
     each = said(Odd.MAY_BE_ZERO, first, second)
     assert [one.partition(" has")[0] for one in each] == [first.called, second.called]
+
+
+@pytest.mark.parametrize(
+    ("off", "said"),
+    [
+        ({}, "The robot's DH parameters deviate a little from nominal, none certainly by itself:"),
+        (
+            {"joint_offset:4": 2e-4},
+            "Of the robot's DH parameters the zero of joint 4 (A3) (0.20 mrad) deviates from "
+            "nominal, the others by no more than their uncertainty explains:",
+        ),
+        (
+            {"link_length:3": -1e-3, "joint_offset:4": 2e-4},
+            "Of the robot's DH parameters the length of joint 3 (A2) (-1.0 mm) and the zero of "
+            "joint 4 (A3) (0.20 mrad) deviate from nominal,",
+        ),
+        (None, "Many of the robot's DH parameters deviate a little from nominal, none far more"),
+    ],
+)
+def test_what_deviates_in_a_rough_table_is_named(off, said):
+    """Entries beyond three standard uncertainties, if these are few; std is 0.02 mm or mrad."""
+    robot = load("kr500_rail")
+    every = dh_parameters(robot)
+    mean = np.array([3e-4 if off is None else off.get(one.label, 4e-5) for one in every])
+    at = SimpleNamespace(table=slice(0, len(every)))
+    zeros = SimpleNamespace(robot=robot, columns=at, weighs=False)
+    cells = SimpleNamespace(zeros=zeros, mean=mean, covariance=np.eye(len(every)) * 2e-5**2)
+    gain = CrossValidation(np.full(3, 1e-3), np.full(3, 1e-5), 0.99, (0.9, 1.0), ())
+    facts = Facts(unloaded=UnloadedFacts(1e-3, 1e-5, {}, cells=cells, gain=gain, rough=True))
+
+    assert wrong(facts, 0).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("form", "values", "said"),
+    [
+        ("warm-up", (3e-4, 0.0, -4e-4), "0.43 mm in 2.0 h, settling with a time constant of 1 h; "),
+        ("steady", (3e-9, 0.0, 4e-9), "0.036 mm in 2.0 h, steadily; "),
+    ],
+)
+def test_a_drift_is_told_with_its_size_and_its_hours(form, values, said):
+    """0.5 mm (1 - e^-2), and 5 nm/s for two hours; none without times."""
+    drifts = [one for one in tracker_drift.effects(load("kr500_rail")) if one.form == form]
+    sizes = tuple(
+        EffectSize.symmetric(p, v, 1e-6) for p, v in zip(drifts[0].parameters, values, strict=True)
+    )
+    base = SimpleNamespace(effect=drifts[0], hours=2.0)
+
+    assert drifted(FoundCause(drifts[0], 1.0, sizes, 0.0), base) == said
+    by_order = tracker_drift.by_order(drifts)
+    assert not any(drifted(FoundCause(one, 1.0, sizes, 0.0), base) for one in by_order)

@@ -5,18 +5,23 @@ import functools
 import io
 import json
 import re
+import tomllib
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from small_case import PLAN
+from small_case import PLAN, small
 
 from bench.bench_check import KINDS, named
 from pipeline.app import cli
+from pipeline.check import proven
+from pipeline.check.report import _Seen
 from pipeline.check.wrong_lines import wrong_lines
 from pipeline.machine.robot import load
-from pipeline.run import campaign_answer
+from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
 
@@ -339,6 +344,33 @@ def test_a_reflector_in_millimetres_is_refused_with_its_line(said):
     assert f"campaign.toml:{line}: [tool] P1: a coordinate of 210 m is on no effector" in err
 
 
+@pytest.mark.parametrize(
+    ("file", "column", "row", "off", "says"),
+    [
+        ("joints.csv", 1, 3, 900.0, ""),
+        ("campaign.toml", None, None, 0.005, ": the robot stands about 5.0 mm from where its file"),
+    ],
+)
+def test_where_the_robot_stands_is_no_worse_at_best(file, column, row, off, says):
+    """One carriage value typed wrong spoils a fit by least squares; a base frame is elsewhere."""
+    text = FILES[file].decode()
+    if column is None:
+        frame = tomllib.loads(text)["base_frame"]
+        for name, (x, y, z) in frame.items():
+            was = next(one for one in text.splitlines() if one.startswith(f"{name} = ["))
+            text = text.replace(was, f"{name} = {[x + off, y, z]}")
+    else:
+        rows = [one.split(",") for one in text.splitlines()]
+        rows[row][column] = str(float(rows[row][column]) + off)
+        text = "\n".join(map(",".join, rows))
+    files = in_memory(FILES | {file: text.encode()})
+    seen = _Seen(ingested(files, conformed, plain, plausible=False), [], None, None, [])
+
+    assert seen.unloaded["at best"] <= seen.unloaded["in the base frame"]
+    assert seen._stands().startswith(says)
+    assert bool(seen._stands()) == bool(says)
+
+
 def wrong_link():
     """The campaign with a robot file that is wrong by 34 mm in one link."""
     robot = load("kr500_rail").text.replace("d_m = 1.3", "d_m = 1.266")
@@ -416,3 +448,16 @@ def test_times_that_a_mapping_leaves_out_are_told_with_their_titles(said):
     assert f"write {write} into it" in out + err
     _, out, err = said(FILES | {"tracker.csv": export, "campaign.toml": whole.encode()})
     assert "has times" not in out + err
+
+
+def test_a_force_that_contradicts_all_others_is_told_before_any_run():
+    """Half as large again in one pull of eighteen: with its line; none in the right ones."""
+    case = small(4, poses={"count": 9})
+    rows, mine = case.loads, (case.loads["pose"] == 5) & (case.loads["repeat"] == 2)
+    typed = rows["force_n"].where(~mine, 1.5 * rows["force_n"])
+    wrong = replace(case, loads=rows.assign(force_n=typed))
+
+    (told,) = proven._forces(wrong, bring(wrong))
+
+    assert f"(line {rows['line'][mine].item()}) says " in told
+    assert not [*proven._forces(case, bring(case))]

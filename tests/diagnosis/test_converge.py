@@ -218,6 +218,7 @@ def test_ends_that_follow_each_other_for_ever_are_as_good(monkeypatch):
     monkeypatch.setattr(module, "_stand", lambda held, *_: SimpleNamespace(screened=held))
     monkeypatch.setattr(module, "_screened", lambda *of: made[follows[of[-1].screened.key]])
     monkeypatch.setattr(module, "_bounded", lambda end: end)
+    monkeypatch.setattr(module, "_supposed", lambda *_: ())
 
     assert converge(None, None, None, plain).screened.key == 5
 
@@ -232,5 +233,38 @@ def test_a_mistake_is_stated_by_the_last_model(monkeypatch):
     )
     monkeypatch.setattr(module, "_screened", lambda *_: beside)
     monkeypatch.setattr(module, "_bounded", lambda end: end)
+    monkeypatch.setattr(module, "_supposed", lambda *_: ())
 
     assert converge(None, None, None, plain).screened.findings == ("causes",)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "pulls", "scatter", "named"),
+    [
+        (2, 40, 20.0, True),  # hardly any instrument
+        (10, 40, 2.5, False),  # a scale is worse than stated more often than that
+        (3, 40, 1.2, False),  # a scatter that is usual
+        (2, 40, 1.0, False),  # nothing in their place
+    ],
+)
+def test_few_wrong_forces_are_likelier_than_a_scale_out_of_order(
+    monkeypatch, wrong, pulls, scatter, named
+):
+    """They are named where they, and no scatter, explain the readings, and only if likelier."""
+    off = SimpleNamespace(before=6.0, axes=1)
+    ends = [
+        SimpleNamespace(
+            screened=SimpleNamespace(key=count, findings=(off,) * count),
+            diagnosis=SimpleNamespace(settled=True, scatter=SimpleNamespace(scale=scale)),
+            right=SimpleNamespace(data=SimpleNamespace(pulls=range(pulls - count))),
+        )
+        for count, scale in ((0, scatter), (wrong, 1.0))
+    ]
+    files = SimpleNamespace(findings=())
+    monkeypatch.setattr(module, "files_of", lambda *_: files)
+    monkeypatch.setattr(module, "singles_of", lambda *_: ends[0].screened)
+    monkeypatch.setattr(module, "_ended", lambda _, __, held, *_rest: ends[held.key > 0])
+    monkeypatch.setattr(module, "_supposed", lambda *_: (ends[1].screened,))
+    monkeypatch.setattr(module, "_bounded", lambda end: end)
+
+    assert (converge(None, None, None, plain) is ends[1]) == named

@@ -9,8 +9,10 @@ from linear_campaign import FREE, left, made, suspect
 from scipy import stats
 
 from bench.league.visible import identifiable
-from pipeline.diagnosis.blindspots import blind_spots, needed, smallest_visible, visible
-from pipeline.diagnosis.facts import DETECTED, SEPARATED
+from pipeline.answer import words
+from pipeline.diagnosis.blindspots import blind_spots, needed, not_found, smallest_visible, visible
+from pipeline.diagnosis.diagnose import _unnoticed
+from pipeline.diagnosis.facts import DETECTED, SEPARATED, Facts, UnloadedFacts
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.separability import separation, separation_found
 from pipeline.diagnosis.suspect_statistics import misfits, suspect_statistics
@@ -158,7 +160,7 @@ for one in catalogue(ROBOT):
     CAUSES.setdefault(one.label, one)
 
 
-def spots(times, elsewhere=None, twins=NONE, forms=()):
+def spots(times, elsewhere=None, twins=NONE, forms=(), which=blind_spots):
     """Blind spots of causes that are detected from these multiples of typical size."""
     labels = [*times]
     effects = tuple(CAUSES[label] for label in labels)
@@ -178,7 +180,7 @@ def spots(times, elsewhere=None, twins=NONE, forms=()):
     view = replace(view, A=A, M=A.T @ A)
     return {
         spot.effect.label: spot
-        for spot in blind_spots(effects, view, view.base, 1e-3, twins, elsewhere or {})
+        for spot in which(effects, view, view.base, 1e-3, twins, elsewhere or {})
     }
 
 
@@ -193,6 +195,43 @@ def test_causes_that_a_typical_size_would_not_show_are_blind_spots():
     assert "0.33 of what" in found["rail_roll"].why
     assert found["joint_tilt:4"].smallest_visible is None
     assert "no pull" in found["joint_tilt:4"].why
+
+
+def test_what_a_typical_size_would_have_shown_is_not_found():
+    """With the size that would have been detected, by the best of both ways; twins never are."""
+    times = {"rail_roll": 0.25, "joint_tilt:3": 3.0, "compensator": 2.0, "scale_gain": 0.1}
+    twins = Twins(("scale_gain",), (), ())
+
+    found = spots(times, {"compensator": 0.5}, twins, which=not_found)
+
+    assert {label: one.times for label, one in found.items()} == pytest.approx(
+        {"rail_roll": 0.25, "compensator": 0.5}, rel=1e-6
+    )
+    said = words.not_found([*found.values()])
+    assert "cases: roll of the carriage about the rail (2.5 nrad/(N·m)) and gravity comp" in said
+    assert words.not_found([]) == ""
+
+
+@pytest.mark.parametrize("weighs", [False, True])
+def test_an_arm_that_sags_is_not_said_to_hide_its_sag(weighs):
+    """Where links weigh in the estimated table, the sag is found, whatever a pull would show."""
+    view = made(np.random.default_rng(2), (suspect("gravity_sag", FREE),), {}).view()
+    A = view.A.copy()
+    A[:, view.first : -1] *= 1e-6
+    view = replace(view, A=A, M=A.T @ A)
+    found = SimpleNamespace(view=view, first=view, threshold=SimpleNamespace(p=1e-3))
+    cells = SimpleNamespace(zeros=SimpleNamespace(weighs=weighs))
+    facts = Facts(unloaded=UnloadedFacts(1e-3, 1e-5, {"gravity_sag": 9.0}, cells=cells))
+
+    blind, absent = _unnoticed((CAUSES["gravity_sag"],), found, facts, NONE)
+    assert bool(blind) != weighs
+    assert not absent
+    # nor is an entry of a rough table, which is estimated, said not to be found
+    shown = replace(facts.unloaded, visible={"joint_offset:3": 1.0}, rough=weighs)
+    zero = (CAUSES["joint_offset:3"],)
+    blind, absent = _unnoticed(zero, found, replace(facts, unloaded=shown), NONE)
+    assert not blind
+    assert bool(absent) != weighs
 
 
 def test_what_shows_elsewhere_is_blind_only_where_it_shows_in_neither():

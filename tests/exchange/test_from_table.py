@@ -1,6 +1,7 @@
 """Robot files of tables, compared with a chain of steps computed here."""
 
 import numpy as np
+import openpyxl
 import pytest
 
 from pipeline.app import cli
@@ -110,6 +111,63 @@ def test_the_sense_and_the_zero_of_each_axis(capsys, tmp_path):
         T = T @ turn((0, 0, 1), q - np.pi / 2 * (k == 1)) @ shift(0, 0, d)
 
     at, turned = flange(made(capsys, tmp_path, text), SHOWN)
+
+    assert at == pytest.approx(T[:3, 3], abs=1e-9)
+    assert turned == pytest.approx(T[:3, :3], abs=1e-9)
+
+
+FORMULAS = ["-q1", "90 - q2", "-(q3 + 30)", "θ4 + π/2", "−J5", "A6*"]
+"""Sense and zero [deg] of each axis: -1 0, -1 90, -1 -30, 1 90, -1 0, 1 0."""
+
+
+@pytest.mark.parametrize("mark", [";", "\t", "   "])
+@pytest.mark.parametrize("titles", ["asse;theta;d;a;alfa", "軸;θ;d;a;α"])
+def test_sense_and_zero_in_the_cells_of_theta(capsys, tmp_path, titles, mark):
+    """With other lists and remarks around the table, which says that it is the classical one."""
+    both = enumerate(zip(FORMULAS, ROWS, strict=True), 1)
+    rows = [f"{k};{cell};{1e3 * d:g};{1e3 * a:g};{alpha}" for k, (cell, (_, d, a, alpha)) in both]
+    table = [one.replace(";", mark) for one in (titles, *rows)]
+    lines = ["Rz(theta) Tz(d) Tx(a) Rx(alfa), mm", "", *table]
+    text = "\n".join([*lines, "", "TOOL", "R1  210,4  31,7  145,0", "R2  -128,6  184,2  117,8"])
+    signs, zeros = [-1, -1, -1, 1, -1, 1], np.deg2rad([0, 90, -30, 90, 0, 0])
+    T = np.eye(4)
+    for q, (_, d, a, alpha) in zip(signs * SHOWN + zeros, ROWS, strict=True):
+        T = T @ turn((0, 0, 1), q) @ shift(a, 0, d) @ turn((1, 0, 0), np.deg2rad(alpha))
+
+    at, turned = flange(made(capsys, tmp_path, text), SHOWN)
+
+    assert at == pytest.approx(T[:3, 3], abs=1e-9)
+    assert turned == pytest.approx(T[:3, :3], abs=1e-9)
+
+
+@pytest.mark.parametrize("cell", ["A2 + A3", "2 A2", "A2 / 3", "-A2 90"])
+def test_a_cell_that_is_no_axis_is_named_with_its_line(capsys, tmp_path, cell):
+    rows = [f"{k};{cell if k == 2 else f'A{k}'};100;0;90" for k in range(1, 7)]
+    (tmp_path / "t.csv").write_text("\n".join(["# mm", "axis;theta;d;a;alpha", *rows]))
+
+    assert cli._exit_code(["robot", str(tmp_path / "t.csv")]) == 5
+    assert f't.csv:4: the cell "{cell}" below "theta"' in capsys.readouterr().err
+
+
+def test_axes_by_unit_vectors_in_a_sheet_of_a_workbook(capsys, tmp_path):
+    """The flange is turned as the sheet says; another sheet is no table."""
+    lines = [((0, 0, 1), (0, 0, 780)), ((0, 1, 0), (320, 0, 780)), ((0, 1, 0), (320, 0, 1855)),
+             ((1, 0, 0), (320, 0, 2055)), ((0, 1, 0), (1462.5, 0, 2055))]  # fmt: skip
+    book = openpyxl.Workbook()
+    book.active.append(["Points", 1, 2, 3])
+    sheet = book.create_sheet("dims")
+    sheet.append(["Joint", "direction X", "Y", "Z", "through X", "Y", "Z"])
+    for k, (way, at) in enumerate(lines, 1):
+        sheet.append([f"J{k}", *way, *at])
+    sheet.append(["tool0: origin at 1662.5, 0, 2055; z forward (base +X), x down (base -Z)"])
+    book.save(tmp_path / "all.xlsx")
+    T = np.eye(4)
+    for q, (way, at) in zip(SHOWN, lines, strict=False):
+        T = T @ turn(way, q, np.array(at) / 1e3)
+    T = T @ shift(1.6625, 0, 2.055) @ turn((0, 1, 0), np.pi / 2)
+
+    assert cli._exit_code(["robot", str(tmp_path / "all.xlsx")]) == 0
+    at, turned = flange(parse(capsys.readouterr().out, "t"), SHOWN[:5])
 
     assert at == pytest.approx(T[:3, 3], abs=1e-9)
     assert turned == pytest.approx(T[:3, :3], abs=1e-9)

@@ -63,6 +63,33 @@ def test_a_pull_towards_another_anchor_is_named_with_that_anchor(hall):
     assert right.readings.loc[mine, XYZ].to_numpy(float)[0] == pytest.approx(at[1], abs=1e-3)
 
 
+def test_a_pull_towards_another_stated_anchor_is_named_with_both(hall):
+    """Chains from the load point straight to an anchor that the log names, all of one length."""
+    case, at = hall
+    rows, group, turn = case.readings.copy(), "pose05_rep2_loaded", np.array([0, 1, 2])
+    near, far = (rows[(rows["state"] == "loaded") & (rows["target"] == n)] for n in ("Pl1", "Pl2"))
+    begin, own = near[XYZ].to_numpy(float), turn[(far["pose"].to_numpy(int) - 1) % 3]
+    own[far["group"] == group] = 2  # pulled towards the second
+    u = at[own] - begin
+    rows.loc[far.index, XYZ] = begin + 1.5 * u / np.linalg.norm(u, axis=1, keepdims=True)
+    placed = asked(case).reduced.placed.set_index(["pose", "target", "state"]).sort_index()
+    ends = [placed.loc[(k + 1, "Pl2", "loaded"), XYZ].mean() for k in range(3)]
+    stated = {f"H{k + 1}": tuple(end.tolist()) for k, end in enumerate(ends)}
+    settings = case.settings.model_copy(update={"anchors": stated})
+    wrong = replace(case, readings=rows, settings=settings)
+
+    (found,) = wrong_anchors(asked(wrong))
+
+    assert found.where == group
+    assert "another anchor than H3, as its row says, probably H2:" in found.evidence
+    mine = where(case, group, "Pl2")
+    v = at[1] - begin[far["group"] == group][0]
+    right = begin[far["group"] == group][0] + 1.5 * v / np.linalg.norm(v)
+    assert found.correct(wrong).readings.loc[mine, XYZ].to_numpy(float)[0] == pytest.approx(
+        right, abs=1e-3
+    )
+
+
 def test_a_force_that_is_wrong_leaves_the_anchor(hall):
     case, _ = hall
     wrong = case.loads["force_n"].where(case.loads["pose"] != 5, case.loads["force_n"] * 0.4)

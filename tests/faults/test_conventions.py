@@ -16,6 +16,7 @@ from pipeline.faults.conventions import (
     anchored_miss,
     conventions,
     miss,
+    pairs,
     renamed,
     scaled,
     supposed_mistakes,
@@ -24,6 +25,7 @@ from pipeline.faults.conventions import (
 from pipeline.faults.placement import placement
 from pipeline.machine.instrument import InstrumentNoise, beam_covariance
 from pipeline.machine.robot import load
+from pipeline.machine.robot.dh_parameters import changed, dh_parameters
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
@@ -346,6 +348,20 @@ def test_the_robot_of_another_table_is_called_by_its_name():
     assert found.where == "irb6640"
     assert found.evidence.startswith("the robot is irb6640, not kr210_r2700_2: as given ")
     assert conventions(measured) == []
+
+
+def test_one_length_of_the_same_robot_precedes_another_robot():
+    """Left to the evidence against the table: a forearm shorter by 0.25 m is nearly an IRB 6700."""
+    plan = PLAN.model_copy(update={"robot": "irb6640", "pulls": Plan().pulls})
+    measured = ingested(in_memory(simulate(plan).files), conformed, plain, plausible=False)
+    (d,) = (one for one in dh_parameters(measured.robot) if one.label == "link_offset:4")
+    short = changed(measured.robot, [d], np.array([-0.2495]))
+    zeros = unloaded(measured)
+    _, places, _ = pairs(replace(measured, robot=short), zeros)
+    rows = measured.readings.copy()
+    rows.loc[zeros.index, ["x_m", "y_m", "z_m"]] = places
+
+    assert conventions(replace(measured, readings=rows)) == []
 
 
 ABOUT_Z = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])

@@ -210,6 +210,9 @@ def test_two_lines_of_the_log_exchanged_are_found(case):
     found = scale_reading.FAULT.find(asked(wrong))
 
     assert places(found) == sorted(ends)
+    one, other = found
+    line = other.at[0].rpartition(":")[2]
+    assert one.evidence.endswith(f"; the number of line {line} may have been meant")
 
 
 def test_what_all_pulls_share_is_no_mistyped_reading(case):

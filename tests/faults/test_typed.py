@@ -26,6 +26,17 @@ def test_the_number_that_was_meant(given, meant, slip):
     assert found[1] == slip
 
 
+@pytest.mark.parametrize(
+    ("fits", "meant", "slip"),
+    [(91.3, 893 / 9.80665, "read in N"), (89.1, 89.3, "the decimal point in the wrong place")],
+)
+def test_a_unit_competes_with_a_decimal_point(fits, meant, slip):
+    """893 below a title in kgf, known to 2 kgf: 91.1 kgf or 89.3 kgf, whichever is nearer."""
+    found = intended(893.0, fits, 2.0, {"N": 1 / 9.80665, "lbf": 0.45359237})
+
+    assert found == (pytest.approx(meant), slip)
+
+
 def test_a_number_that_no_slip_explains_has_no_other_meaning():
     """Between the numbers that one typing error can produce, nothing is proposed."""
     assert intended(2984.6, 2451.0, 2.0) is None

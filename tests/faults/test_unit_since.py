@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_case import asked
+from small_case import asked, small
 from test_exchanged import PULLS, case, files, same, table, written
 
 from pipeline.answer.diagnosis import mistake_entry
 from pipeline.faults.exchanged import misplaced
+from pipeline.faults.mistake import lines_of
 from pipeline.faults.unit_since import unit_since
 
 NEWTONS = {"kgf": 9.80665, "lbf": 4.4482216152605, "kn": 1000.0, "dan": 10.0}
@@ -77,6 +78,19 @@ def test_forces_of_some_rows_in_another_unit(unit):
         same(found.correct(case(made)), case(files(2)))
     else:
         assert len(found.correct(case(made)).loads) == PULLS - 3
+
+
+@pytest.mark.parametrize("pose", [2, 5, 8])
+def test_forces_of_one_pose_that_are_ten_times_too_large(pose):
+    """Newtons below a title in kilograms: they outweigh no other pull."""
+    right = small(4, poses={"count": 15})
+    force, mine = right.loads["force_n"], right.loads["pose"] == pose
+    loads = right.loads.assign(force_n=force.where(~mine, force * NEWTONS["kgf"]))
+
+    (found,) = unit_since(asked(replace(right, loads=loads)))
+
+    assert (found.where, found.since, found.at) == ("n", None, lines_of(right.loads[mine]))
+    assert np.allclose(found.correct(replace(right, loads=loads)).loads["force_n"], force)
 
 
 @pytest.mark.parametrize("base", [False, True])

@@ -234,7 +234,7 @@ def test_titles_of_others_are_proposed_for_the_logs(init):
     for both in (logs | FILES, FILES | logs):
         said = propose(both)
         assert said.refused["kraft.csv"] == "loads.csv is such a log, too"
-        assert set(said.refused) == {"kraft.csv", "achsen.csv"}
+        assert "loads.csv" not in said.refused
     assert propose(files).robots == ("kr500_rail", "kr500_rail_kuka")
     assert tomllib.loads(text)["scale"]["columns"] == {
         "Pose Nr.": "pose", "Zug Nr.": "repeat", "Kraft [kg]": "force_kg",

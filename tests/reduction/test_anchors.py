@@ -2,13 +2,17 @@
 
 import csv
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pipeline.annex.reliability import _names
 from pipeline.base.errors import InputError
+from pipeline.machine.effects import scale, table, tracker_drift
 from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.expected import expected
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 
@@ -63,6 +67,33 @@ def test_the_force_points_to_the_anchor(hall):
     assert len(force) == len(true)
     off = np.linalg.norm(force - true, axis=1) / np.linalg.norm(true, axis=1)
     assert np.max(off) < 2e-3
+
+
+def test_reflectors_that_no_chain_has_are_neither_suspected_nor_told(hall):
+    """Where the log names anchors; advice that the campaign has followed is not given again."""
+    files, toml, anchors, _ = hall
+    with_chain = {path.name: path.read_bytes() for path in DEMO.iterdir()}
+    told = {}
+    for chain, those in ((False, files | {"campaign.toml": with_anchors(toml, anchors)}),
+                         (True, with_chain)):  # fmt: skip
+        case = ingested(in_memory(those), conformed, plain, plausible=False)
+        found = bring(case)
+        names = {name for name, *_ in _names(case, found.placed).values()}
+        needs = {one.name: one.needs for one in expected(case, found.data)}
+        assert ("chain_offset" in needs) == chain
+        assert any("Pl1-Pl2" in name for name in names) == chain
+        assert any("direction to its anchor" in name for name in names) != chain
+        told[chain] = needs
+    assert told[True]["tracker_drift"] == tracker_drift.FURTHER
+    assert told[True]["joint_offset"] == table.FURTHER
+    assert told[True]["scale_zero"] == scale.FURTHER
+    once = replace(case, readings=case.readings[case.readings["group"] != "base_end"])
+    assert case.readings["group"].eq("base_end").any()
+    pulls = found.data.pulls
+    pulls = replace(pulls, pose=np.arange(len(pulls.pose)))
+    asked = {one.name: one.needs for one in expected(once, replace(found.data, pulls=pulls))}
+    assert asked["scale_zero"] == scale.NEEDS
+    assert asked["tracker_drift"] == tracker_drift.NEEDS
 
 
 def test_an_anchor_without_a_place_is_named(hall):

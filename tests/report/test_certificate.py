@@ -114,6 +114,27 @@ def test_a_long_finding_ends_with_a_clause(sample):
     assert said == "In pose 4 P1 is off: " + " ".join(f"word{k}" for k in range(12)) + "."
 
 
+def test_every_error_is_told_with_its_line(sample):
+    """Two readings of the scale, each with what all others agree with; of many the first four."""
+
+    def spoil(content, count):
+        one = content["diagnosis"]["causes"][0]
+        text = "the reading pose{0} (line {0}) says 201 lbf, and all others agree with 16{0} lbf"
+        known = {"correction": "", "before": 1, "after": 0, "unit": "sigma"}
+        content["diagnosis"]["causes"] = [
+            one | {"evidence": {"sentence": text.format(k), **known}} for k in range(count)
+        ]
+
+    few, many = (
+        found(report_sample.revised(sample[0], partial(spoil, count=count))) for count in (2, 7)
+    )
+
+    assert few.startswith("The reading pose0 (line 0) says 201 lbf")
+    second = "the reading pose1 (line 1) says 201 lbf, and all others agree with 161 lbf."
+    assert few.endswith(f"with 160 lbf; {second}")
+    assert many.endswith("agree with 163 lbf (and 3 more).")
+
+
 def test_a_cause_is_named_with_its_size_and_its_gain(sample):
     """The noun, the amount in a prefix that people read, and the error before and after."""
 
@@ -163,18 +184,22 @@ def test_a_cause_of_the_instrument_is_no_reason_for_effective_values(sample, loc
 
     assert made.bars[1].enter == f"{taken.stiffness[1].value / 1e6:.3f}\N{NO-BREAK SPACE}MN·m/rad"
     assert ("effective" in made.note) == (location == "rail")
+    assert ("they allow for the identified cause" in to_do(answer)) == (location != "rail")
 
 
 def test_what_to_measure_next_ends_with_a_sentence(sample):
     """The first page has its first sentences, and no pose that only begins."""
     answer, tables = sample
     first = "No question is open. Optional: pulls along the rail would improve E1 most."
-    rest = f"Its standard uncertainty is 43 %. One more pose: {', '.join(['A1 -77.63°'] * 9)}."
-    line = Line(about=About.NEXT, text=f"{first} {rest}")
-    screen = (*answer.first_screen, line)
-
-    said = certificate(answer.model_copy(update={"first_screen": screen}), tables).measure
-    assert plainly(said) == first
+    one_more = f"Its standard uncertainty is 43 %. One more pose: {', '.join(['A1 -77.63°'] * 9)}."
+    both = (
+        "Its standard uncertainty is 3.3 %. With the pose that the report proposes it is expected"
+    )
+    for rest in (one_more, f"{both} to be 2.9 %."):
+        line = Line(about=About.NEXT, text=f"{first} {rest}")
+        screen = (*answer.first_screen, line)
+        said = certificate(answer.model_copy(update={"first_screen": screen}), tables).measure
+        assert plainly(said) == first
 
 
 def test_the_drawing_marks_where_the_cause_sits(sample):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from pipeline.annex.sections.to_measure import to_measure
-from pipeline.annex.sections.unseen import blind_spots
+from pipeline.annex.sections.unseen import blind_spots, not_found
 from pipeline.annex.words import Axes, at, label
 from pipeline.answer.amounts import sizes
 from pipeline.answer.contract import (
@@ -66,6 +66,7 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
         *(Paragraph(said) for said in shared.values() if said),
         *figures(("motion", "laws", "evidence", "separability"), answer, tables),
         *to_measure(answer),
+        not_found(found.not_found),
         *blind_spots(found.blind_spots),
     ]
     return section_of("diagnosis", _TITLES[found.verdict], blocks)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pipeline.answer.contract import Answer, Cause, PositionStep, TableCombination, TableLetter
+from pipeline.answer.words import LETTERS
 from pipeline.base.quantities import MISSING, mix, p_value, percent
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import (
@@ -18,15 +19,6 @@ from pipeline.report.record import (
     word_column,
 )
 from pipeline.report.summaries import Tables
-
-_NAMES = {
-    "link_length": "length",
-    "link_offset": "offset",
-    "link_twist": "twist",
-    "link_turn": "turn",
-    "axis_tilt": "tilt of the axis",
-    "joint_offset": "zero",
-}
 
 
 def geometry(answer: Answer, tables: Tables) -> Section | None:
@@ -107,7 +99,7 @@ def _gain(one: Cause) -> str:
 def _letters(answer: Answer) -> ReportTable | None:
     columns: list[Cells[TableLetter]] = [
         word_column("Joint", lambda one: one.where),
-        word_column("Parameter", lambda one: _NAMES.get(one.name, one.name)),
+        word_column("Parameter", lambda one: LETTERS.get(one.name, one.name)),
         number_column("Nominal [mm or deg]", lambda one: _scaled(one, one.nominal), _as_stated),
         measured_column(
             "Identified minus nominal [mm or mrad]",
@@ -149,7 +141,7 @@ def _together(answer: Answer) -> ReportTable | None:
 
 
 def _sum(one: TableCombination) -> str:
-    names = [f"{_NAMES.get(entry.name, entry.name)} {entry.where}" for entry in one.of]
+    names = [f"{LETTERS.get(entry.name, entry.name)} {entry.where}" for entry in one.of]
     return mix([entry.weight for entry in one.of], names)
 
 

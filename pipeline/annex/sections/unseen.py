@@ -26,6 +26,21 @@ _WIDE = 300.0
 """Largest ratio of two magnitudes that share a prefix of their unit [1]."""
 
 
+def not_found(spots: Sequence[BlindSpot]) -> ReportTable | None:
+    """Table of the effects that would have shown, those of one kind in one row."""
+    columns: list[Cells[_Group]] = [
+        *_who(),
+        _sizes("Typical magnitude", lambda spot: spot.typical),
+        _sizes(_LEAST, lambda spot: spot.smallest_visible),
+    ]
+    title = "Effects that were examined and not found"
+    return table_of("not-found", title, columns, _alike(spots), _DETECTED)
+
+
+_LEAST = "Minimal detectable magnitude"
+_DETECTED = "An effect of the minimal detectable magnitude is detected in 80 % of the cases."
+
+
 def blind_spots(spots: Sequence[BlindSpot]) -> list[Block]:
     """Effects that may be present unnoticed, those of one kind in one row; empty without any.
 
@@ -55,12 +70,11 @@ def _small(spots: Sequence[BlindSpot]) -> ReportTable | None:
     columns: list[Cells[_Group]] = [
         *_who(),
         _sizes("Typical magnitude", lambda spot: spot.typical),
-        _sizes("Minimal detectable magnitude", lambda spot: spot.smallest_visible),
+        _sizes(_LEAST, lambda spot: spot.smallest_visible),
         word_column("What would reveal it", lambda group: group[0].needs),
     ]
     title = "Effects that these readings detect only above their typical magnitude"
-    note = "An effect of the minimal detectable magnitude is detected in 80 % of the cases."
-    return table_of("blind-spots", title, columns, _alike(spots), note)
+    return table_of("blind-spots", title, columns, _alike(spots), _DETECTED)
 
 
 def _alike(spots: Sequence[BlindSpot]) -> Iterable[_Group]:

@@ -12,6 +12,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Compound, Elastic, Geometry, Loaded, Pulls
 from pipeline.machine.effects._anatomy import arm, turning
+from pipeline.machine.effects.table import NEEDS
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque
 from pipeline.machine.robot.rating import relative
@@ -76,7 +77,7 @@ def _said(size: float) -> dict[str, Any]:
         ),
         "signature": "the unloaded reflectors hang millimetres lower the further the arm reaches; "
         "the displacements hardly show it",
-        "needs": "the unloaded absolute positions, in F_b, with the tool's coordinates known",
+        "needs": NEEDS,
         "source": "stiffness of a loaded chain, K_C = d tau_g / dq; masses of the links are "
         "estimates",
     }

@@ -19,6 +19,10 @@ _EXPONENT = {"cubic": 2, "quadratic": 1}
 _KNEE = {"low knee": 0.2, "high knee": 0.5}
 _FORMS = (*_EXPONENT, *_KNEE)
 
+NEEDS = "three load levels at one pose that turns this joint"
+FURTHER = "larger loads at a pose that turns this joint"
+"""What would settle it, and what would where three levels were pulled."""
+
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """One effect for each revolute joint, in each form."""
@@ -50,7 +54,7 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         ),
         signature=f"displacement over force at joint {joint} changes with the force: "
         "odd in the load, no jump at zero",
-        needs="three load levels at one pose that turns this joint",
+        needs=NEEDS,
         source="the torsion curve of a strain-wave or cycloidal gear steepens with torque; "
         "15 % at rated torque is an estimate, rated torque taken as 1 mrad of twist",
         carrier=(joint,),

@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Geometry, Pulls
+from pipeline.machine.effects.table import NEEDS
 from pipeline.machine.robot import Robot
 
 
@@ -35,7 +36,7 @@ def _effect(robot: Robot, joint: int) -> Geometry:
         signature=f"the unloaded reflectors stand millimetres off as joint {joint} would move "
         "them; "
         "the displacements hardly show it",
-        needs="the unloaded absolute positions, in F_b, with the tool's coordinates known",
+        needs=NEEDS,
         source="derivative of Eqs. (2), (4) by q_j; 1 mrad, 1 mm before a geometric calibration",
         geometry=geometry,
     )

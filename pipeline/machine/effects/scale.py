@@ -9,6 +9,10 @@ from pipeline.machine.effect import PULLED, Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
 from pipeline.machine.robot import Robot
 
+NEEDS = "three load levels, or the scale read with nothing on it"
+FURTHER = "the scale read with nothing on it"
+"""What would settle its zero, and what would where three levels were pulled."""
+
 
 def _gain(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     """Acting load point and force: f (1 + g)."""
@@ -65,7 +69,7 @@ _ALL = (
         Parameter("f_zero", "N", 20.0, -300.0, 300.0, "correction of the scale's zero"),
         _zero,
         signature="displacement over force has an offset at zero force, the same at every pose",
-        needs="three load levels, or the scale read with nothing on it",
+        needs=NEEDS,
         source="equals a preload that is there when the zero is measured; 20 N is an estimate",
     ),
     _scale(

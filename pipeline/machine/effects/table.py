@@ -18,6 +18,10 @@ NOUNS = {
     "link_turn": "wrong turn of the link",
 }
 
+NEEDS = "the unloaded absolute positions, in F_b, with the tool's coordinates known"
+FURTHER = "a campaign of positions, or more unloaded poses that turn each joint far"
+"""What would settle an error of the geometry, and what would where those are in the files."""
+
 _TYPICAL = 1e-3
 """Typical error of a table that was never calibrated: a millimetre, a milliradian."""
 
@@ -51,7 +55,7 @@ def _effect(letter: DhParameter, value: float, axis: str | None) -> Table:
         ),
         signature=f"the unloaded reflectors are off by as much as the DH parameter {symbol} of "
         f"joint {letter.joint} would move them; the displacements hardly show it",
-        needs="the unloaded absolute positions, in F_b, with the tool's coordinates known",
+        needs=NEEDS,
         source="derivative of Eqs. (2), (4) by the entry; Hayati and Mirmirani, J. Robotic Systems "
         "2 (1985), for parallel axes",
         letter=letter,

@@ -15,6 +15,10 @@ from pipeline.machine.robot import Robot
 
 _NAME = "tracker_drift"
 
+NEEDS = "times in the export, and base reflectors measured again and again"
+FURTHER = "the same pulls with a tracker that has been warm for two hours"
+"""What would settle it, and what would where that is in the files."""
+
 HOUR_S = 3600.0
 """Seconds in an hour: time constant of a tracker's warm-up, and the unit of time for drift
 rates."""
@@ -84,7 +88,7 @@ def _effect(form: str, letter: str, unit: str, typical: float, most: float) -> O
             for axis in "xyz"
         ),
         signature="what is read late after its zero is off more; base_start and base_end disagree",
-        needs="times in the export, and base reflectors measured again and again",
+        needs=NEEDS,
         source="20 to 60 um/h; a cold tracker settles over two hours",
         observe=observe,
         instrument=True,
