@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from itertools import accumulate
+from itertools import accumulate, pairwise
 
 from pipeline.readers._cells import is_number
 from pipeline.readers._log_form import BELOW, with_unit
@@ -31,7 +31,8 @@ def _apart(titles: Sequence[str]) -> list[str]:
     `Pull 1 kg`, `Hook`, `Pull 2 kg`, `Hook` are what each pull was and where it was hooked.
     """
     again = {one for one in titles if one and titles.count(one) > 1 and not is_number(one)}
-    heads = {k: titles[k - 1] if k else "" for k, one in enumerate(titles) if one in again}
+    both = enumerate(pairwise(["", *titles]))
+    heads = {k: before for k, (before, one) in both if one in again}
     numbered = all(re.search("[0-9]", one) for one in heads.values())
     if not numbered or len({*heads.values()}) < len(heads):
         return [*titles]
@@ -45,7 +46,7 @@ def _in_two_lines(titles: Sequence[str], below: Sequence[str]) -> list[tuple[str
     if the lines are no such titles: each below a gap differs from its neighbour.
     """
     heads = [*accumulate(titles, _or_before)]
-    gaps = [k for k, own in enumerate(titles) if k and not own and below[k] and heads[k]]
+    gaps = [k for k, own in enumerate(titles) if own != heads[k] and below[k]]
     same = [k for k in gaps if below[k] == below[k - 1]]
     several = len({*filter(None, titles)}) > 1
     if not gaps or same or not several or any(map(is_number, below)):
