@@ -224,12 +224,11 @@ def _by_counts(
     """The pulls, if one other column that is called a load counts 1, 2, 3 in each pose."""
     if "repeat" in found or any(role.startswith("force_") for role in found) or not cells():
         return {}
-    columns, taken = cells(), [title for title, _ in found.values()]
+    columns = cells()
+    left = columns.keys() - {title for title, _ in found.values()}
     poses = [*itertools.accumulate(columns[found["pose"][0]], _filled_down)]
-    left = [
-        title for title in columns if title not in taken and _is(_stem(_words(title)), "force", {})
-    ]
-    own = [title for title in left if _counts(poses, columns[title])]
+    loads = [title for title in left if _is(_stem(_words(title)), "force", {})]
+    own = [title for title in loads if _counts(poses, columns[title])]
     several = len({*poses}) < len(poses)
     return {"repeat": (own[0], ())} if several and len(own) == 1 else {}
 
@@ -487,7 +486,7 @@ def _first(
     found: dict[str, tuple[str, Sequence[str]]] = {}
     for title in titles:
         words = _words(title)
-        unit = _unit(words[-1]) if words else ""
+        unit = _unit("".join(words[-1:]))
         counts = len(words) < len(_WORDS.findall(title))  # load no 3 is not a load
         for role, units in wanted.items():
             if role in ("force", "mass") and counts:
