@@ -154,11 +154,9 @@ def _log(path: Path, data: bytes, folder: CampaignFolder, sheet: str | None) -> 
 def _not_used(name: str, data: bytes, columns: dict[str, str]) -> str:
     """The titles of a log of loads that mean nothing."""
     from pipeline.intake import log_columns
-    from pipeline.readers.export_settings import LogForm
 
-    form = log_columns.settled(LogForm(columns=columns))
-    unknown = log_columns.unknown(name, data, form)
-    return listed(one for one in unknown if one not in form.columns) or "nothing"
+    unknown = log_columns.unknown(name, data, log_columns.settled(columns))
+    return listed(one for one in unknown if one not in columns) or "nothing"
 
 
 def _named_robot(data: bytes) -> str | None:

@@ -38,7 +38,7 @@ from pipeline.intake.which_logs import LogFiles, called, propose_logs, pulses_am
 from pipeline.readers import Columns, Export, ExportSettings, logs
 from pipeline.readers._reader import named_by_file, split
 from pipeline.readers._text import is_workbook
-from pipeline.readers.export_settings import GroupNames, LogForm
+from pipeline.readers.export_settings import GroupNames
 from pipeline.readers.reflector_sets import ReflectorSet
 
 _NO_HINTS = ExportSettings()
@@ -282,7 +282,7 @@ class _Exports:
     def read_as(self, one: Offer, exports: dict[str, Export]) -> _Exports:
         """With these instead, which can be read with the statements of an offer."""
         unsaid = any(question.about == "unit" for question in one.questions)
-        metres = {"mm": 1e-3, "in": 0.0254}.get(str(one.hints.unit), 1.0)
+        metres = logs.LENGTH.get(str(one.hints.unit), 1.0)
         far = [float(np.abs(e.position).max(initial=0.0)) / metres for e in exports.values()]
         refused = {name: why for name, why in self.refused.items() if name not in exports}
         return _Exports(exports, tuple(far) if unsaid else (), refused, one)
@@ -328,15 +328,14 @@ def _as_others(files: Mapping[str, bytes], found: _Exports) -> _Exports:
 
     Whether angles are from the zenith is seen only by some that are beyond a right angle.
     """
-    asked = found.asked
     tables = [name for name, one in found.exports.items() if one.dialect == readers.TABLE]
-    for name in tables[:_TRIED] if asked else ():
+    for name in tables[:_TRIED] if found.asked else ():
         with contextlib.suppress(InputError):
             one = as_table(name, files[name], _NO_HINTS)
-            read = dict(_read_as(one.hints, files, [*found.exports, *asked])) if one else {}
+            read = dict(_read_as(one.hints, files, [*found.exports, *found.asked])) if one else {}
             if one and len(found.exports) < len(read) and read.keys() >= found.exports.keys():
-                refused = {k: why for k, why in found.refused.items() if k not in read}
-                return _Exports(read, found.reach, refused, replace(one, questions=()))
+                sure = replace(one, questions=())
+                return replace(found.read_as(sure, read), reach=found.reach)
     return found
 
 
@@ -427,7 +426,7 @@ def _of_sheets(name: str, data: bytes, hints: ExportSettings) -> Iterator[tuple[
 
 def _settled(hints: ExportSettings) -> Offer | None:
     """The statements alone, where they leave nothing open; None if there are none."""
-    return None if hints == ExportSettings() else Offer("", (), (), "", (), hints)
+    return None if hints == _NO_HINTS else Offer("", (), (), "", (), hints)
 
 
 def _tells(export: Export) -> bool:
@@ -584,24 +583,23 @@ def _sets_apart(exports: Sequence[Export], logged: LogFiles, files: Mapping[str,
     if stated or not ways:
         return bool(stated)
     states = states_of(list(rows), ways[0])
-    pairs = [
-        pair
-        for one in exports
-        if one.group is not None and one.target is not None
-        for pair in zip(one.group.to_pylist(), one.target.to_pylist(), strict=True)
-        if states.get(pair[0]) == STATES[1]
-    ]
+    pairs = [pair for pair, _ in _named_readings(exports) if states.get(pair[0]) == STATES[1]]
     return len({*pairs}) == len(pairs)
+
+
+def _named_readings(exports: Sequence[Export]) -> Iterator[tuple[tuple[str, str], Array]]:
+    """Group and target of each reading that has both, and its position."""
+    for one in exports:
+        if one.group is not None and one.target is not None:
+            names = zip(one.group.to_pylist(), one.target.to_pylist(), strict=True)
+            yield from zip(names, one.position, strict=True)
 
 
 def _in_several_places(exports: Sequence[Export]) -> bool:
     """Whether most readings that have the name of an earlier one were made elsewhere."""
     rows: dict[tuple[str, str], list[Array]] = {}
-    for one in exports:
-        if one.group is not None and one.target is not None:
-            names = zip(one.group.to_pylist(), one.target.to_pylist(), strict=True)
-            for key, at in zip(names, one.position, strict=True):
-                rows.setdefault(key, []).append(at)
+    for key, at in _named_readings(exports):
+        rows.setdefault(key, []).append(at)
     every = np.array([at for some in rows.values() for at in some])
     near = NEAR * float(np.ptp(every)) if len(every) else 0.0
     again = [some for some in rows.values() if len(some) > 1]
@@ -655,11 +653,9 @@ def _stated_groups(
     if logged.loads is None or not rows or len(ways_to_read(rows)) == 1:
         return _StatedGroups()
     data = files[logged.loads]
-    form = log_columns.settled(LogForm(columns=logged.load_columns))
-    for columns in (
-        {},
-        *({title: "group"} for title in log_columns.unknown(logged.loads, data, form)),
-    ):
+    form = log_columns.settled(logged.load_columns)
+    titles = log_columns.unknown(logged.loads, data, form)
+    for columns in ({}, *({title: "group"} for title in titles)):
         tried = form.model_copy(update={"columns": form.columns | columns})
         with contextlib.suppress(InputError):
             found = logs.loads(logged.loads, data, tried).states
@@ -795,13 +791,12 @@ def _lacking(exports: Sequence[Export]) -> Literal["names", "groups"] | None:
 
 def _words(exports: Sequence[Export]) -> frozenset[str]:
     """Names of all targets of some exports, and what is between the signs in all names."""
-    columns = [(one.target, one.group) for one in exports]
-    targets, names = (
+    targets, groups = (
         {str(name) for column in some if column is not None
          for name in column.cast(pa.string()).unique().to_pylist()}
-        for some in ([target for target, _ in columns], [one for both in columns for one in both])
+        for some in ([one.target for one in exports], [one.group for one in exports])
     )  # fmt: skip
-    return frozenset(targets.union(*map(_PARTS.split, names)))
+    return frozenset(targets.union(*map(_PARTS.split, targets | groups)))
 
 
 def _by_group(exports: Sequence[Export]) -> dict[str, dict[str, Array]] | None:
@@ -843,9 +838,8 @@ def _apart(
 ) -> dict[tuple[str, str], float]:
     """Median distances between targets over states [m]."""
     out = {}
-    for k, one in enumerate(names):
-        for other in names[k + 1 :]:
-            seen = [np.linalg.norm(at[one] - at[other]) for at in states if {one, other} <= {*at}]
-            if seen:
-                out[one, other] = float(np.median(seen))
+    for one, other in itertools.combinations(names, 2):
+        seen = [np.linalg.norm(at[one] - at[other]) for at in states if {one, other} <= {*at}]
+        if seen:
+            out[one, other] = float(np.median(seen))
     return out
