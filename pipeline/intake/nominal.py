@@ -21,6 +21,7 @@ from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain
 from pipeline.dialects._named import WORD
 from pipeline.dialects.workbook import sheets
+from pipeline.intake._sheet import WIDE_GAP
 from pipeline.readers._layout import JOINT
 from pipeline.readers._text import Text, is_workbook, opened
 from pipeline.readers._units import UNIT_WORDS
@@ -49,7 +50,6 @@ _SHORT_UNIT = re.compile(r"[\[(]\s*(m|in)\s*[\]),;]")
 """Units that are also ordinary words, where only a unit can be."""
 _BODY = 3
 """Number of points whose three distances do not show which of them is wrong [1]."""
-_WIDE_GAP = re.compile(r"\t+| {2,}")
 _FEWEST = 2
 """Minimum number of reflectors of the export in a table of places; fewer have no distance."""
 
@@ -134,7 +134,7 @@ def _rows(text: Text) -> tuple[list[_Row], list[str]]:
     others: list[str] = []
     for _, line in text.lines() if len(text) < _MOST_LINES else ():
         row = _row(line)
-        here = [row] if row else [*filter(None, map(_row, _WIDE_GAP.split(line)))]
+        here = [row] if row else [*filter(None, map(_row, WIDE_GAP.split(line)))]
         others += [line] if line.strip() and not here else []
         found += [(name, at, (*form, len(others))) for name, at, form in here]
         if len(found) > _MOST:
