@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from itertools import accumulate, pairwise
+from itertools import pairwise
 
-from pipeline.readers._cells import is_number
+from pipeline.readers._cells import from_above, is_number
 from pipeline.readers._log_form import BELOW, with_unit
 
 
@@ -15,10 +15,6 @@ def titles(first: list[str], below: list[str]) -> tuple[list[str], int]:
     own = _apart(first)
     both = _in_two_lines(own, below)
     return ([*map(_joined, *zip(*both, strict=True))], 2) if both else (own, 1)
-
-
-def _or_before(before: str, own: str) -> str:
-    return own or before
 
 
 def _joined(head: str, below: str) -> str:
@@ -45,7 +41,7 @@ def _in_two_lines(titles: Sequence[str], below: Sequence[str]) -> list[tuple[str
     Some of a first line head several of the second, `Load-1` those of `kg` and `Hook`. None at all
     if the lines are no such titles: each below a gap differs from its neighbour.
     """
-    heads = [*accumulate(titles, _or_before)]
+    heads = from_above(titles)
     gaps = [k for k, own in enumerate(titles) if own != heads[k] and below[k]]
     same = [k for k in gaps if below[k] == below[k - 1]]
     several = len({*filter(None, titles)}) > 1

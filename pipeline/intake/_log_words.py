@@ -13,7 +13,7 @@ from importlib import resources
 from operator import itemgetter
 
 from pipeline.dialects._titles import titled, triples
-from pipeline.readers._cells import IN_BRACKETS, is_number
+from pipeline.readers._cells import IN_BRACKETS, from_above, is_number
 from pipeline.readers.logs import SI, pose_and_repeat
 
 SampledCells = Callable[[], Mapping[str, Sequence[str]]]
@@ -203,10 +203,9 @@ def _tags(cells: Mapping[str, Sequence[str]]) -> str | None:
 
     A cell without a number belongs to no pull.
     """
-    numbered = {
-        title: [one for one in own if re.search(r"\d", one)] for title, own in cells.items()
-    }
-    found = [title for title, own in numbered.items() if _count_on([*map(pose_and_repeat, own)])]
+    number = re.compile(r"\d").search
+    found = [title for title, own in cells.items()
+             if _count_on([*map(pose_and_repeat, filter(number, own))])]  # fmt: skip
     return found[0] if len(found) == 1 else None
 
 
@@ -226,16 +225,11 @@ def _by_counts(
         return {}
     columns = cells()
     left = columns.keys() - {title for title, _ in found.values()}
-    poses = [*itertools.accumulate(columns[found["pose"][0]], _filled_down)]
+    poses = from_above(columns[found["pose"][0]])
     loads = [title for title in left if _is(_stem(_words(title)), "force", {})]
     own = [title for title in loads if _counts(poses, columns[title])]
     several = len({*poses}) < len(poses)
     return {"repeat": (own[0], ())} if several and len(own) == 1 else {}
-
-
-def _filled_down(above: str, own: str) -> str:
-    """The cell, or the one above if it is empty."""
-    return own or above
 
 
 def _counted(
