@@ -305,9 +305,8 @@ def _settled(files: Mapping[str, bytes], hints: ExportSettings) -> FilesProposal
         proposal = propose(files, hints)
     if proposal.either:
         words = tuple(one.states[0] for one in proposal.either)
-        proposal = propose(
-            files, hints, _one_of("Word of the unloaded state in group names", words)
-        )
+        word = _one_of("Word of the unloaded state in group names", words)
+        proposal = propose(files, hints, word)
     return proposal
 
 
