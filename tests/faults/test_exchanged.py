@@ -505,10 +505,11 @@ def test_a_chain_that_is_turned_in_a_pose_exchanges_no_states(seed, pose, late, 
     assert misfit(got.case) == misfit(case(files(seed)))
 
 
-def test_a_chain_that_is_turned_in_one_pull_exchanges_no_states():
+@pytest.mark.parametrize("pose", range(1, POSES + 1))
+def test_a_chain_that_is_turned_in_one_pull_exchanges_no_states(pose):
     """As if its pull and the unloaded state were exchanged, but the other pulls say otherwise."""
-    head, rows = table(files(2), "tracker.csv")
-    ends = {"Pl1": "Pl2", "Pl2": "Pl1"}
-    turned = [[a, ends.get(b, b) if a == "pose04_rep3_loaded" else b, *c] for a, b, *c in rows]
+    head, rows = table(files(3), "tracker.csv")
+    ends, group = {"Pl1": "Pl2", "Pl2": "Pl1"}, f"pose{pose:02d}_rep1_loaded"
+    turned = [[a, ends.get(b, b) if a == group else b, *c] for a, b, *c in rows]
     assert turned != rows
-    assert exchanged_pulls(asked(case(written(files(2), "tracker.csv", head, turned)))) == []
+    assert exchanged_pulls(asked(case(written(files(3), "tracker.csv", head, turned)))) == []
