@@ -2,6 +2,7 @@
 
 import math
 import re
+import tomllib
 
 import pytest
 from workbooks import workbook
@@ -498,6 +499,22 @@ def test_what_is_stated_holds_for_exports_beside_those_that_need_nothing():
     assert found.offer.hints == stated
     assert (found.measured, found.base) == (tuple(FLANGE), tuple(FLOOR))
     assert found.apart_m["R1", "R2"] == pytest.approx(0.39026, abs=2e-5)
+
+
+@pytest.mark.parametrize(("own", "robot"), [(["mine"], "mine.toml"), (["mine", "other"], None),
+                                            ([], None)])  # fmt: skip
+def test_a_robot_is_written_only_if_the_folder_shows_it(tmp_path, capsys, own, robot):
+    """With a log of forces alone; the default robot is for a campaign without files."""
+    folder = tmp_path / "data/raw/hall"
+    folder.mkdir(parents=True)
+    (folder / "loads.csv").write_text("pose;repeat;force_n\n1;1;800\n1;2;900\n")
+    assert cli._exit_code(["robot", "--show", "kr210_r2700_2"]) == 0
+    shown = capsys.readouterr().out
+    for name in own:
+        (folder / f"{name}.toml").write_text(shown, encoding="utf-8")
+
+    assert cli._exit_code(["init", "hall", "--root", str(tmp_path)]) == 0
+    assert tomllib.loads((folder / "campaign.toml").read_text("utf-8")).get("robot") == robot
 
 
 def test_points_that_are_no_poses_are_offered_for_the_test_pose(tmp_path, capsys):
