@@ -219,6 +219,21 @@ def comau():
     return "\n".join(["PROGRAM pull", "  -- saved 18-AUG-26", *lines, ""]).encode()
 
 
+def nachi():
+    """The remarks above the motions number them, in another order."""
+    move = "MOVEX A=1P,AC=0,SM=0,M1J,P,({}),M2J,P,(1250.0),S=15.0,H=1,MS"
+    lines = [f'REM "POSE {k}"\n{move.format(words(ROWS[k - 1], ",  "))}\nSTOP' for k in (2, 1)]
+    return "\r\n".join(["' PROGRAM 051", *lines, "END"]).encode()
+
+
+def estun():
+    points = [("HOME", PARKED), ("P1", ROWS[0]), ("P2", ROWS[1])]
+    lines = [name + '={_type="APOS",' + ",".join(
+             f"a{k}={x:.3f}" for k, x in enumerate([*row, 1250.0, 0.0, 0.0, 0.0], 1)) + "}"
+             for name, row in points]  # fmt: skip
+    return "\n".join([*lines, ""]).encode()
+
+
 def sinumerik(stop="; MERENI {}\n{}"):
     """The rail first, in a block of its own or not; home before, between and behind the poses."""
     blocks = [" ".join(["X=1250.000", *(f"A{k}={x:.3f}" for k, x in enumerate(row, 1))])
@@ -231,17 +246,18 @@ def sinumerik(stop="; MERENI {}\n{}"):
 
 @pytest.mark.parametrize(("made", "rail"), [(hyundai, True), (kawasaki, True), (kuka_log, False),
                                             (fanuc_listings, False), (comau, True),
-                                            (sinumerik, True)])  # fmt: skip
+                                            (sinumerik, True), (nachi, True),
+                                            (estun, True)])  # fmt: skip
 def test_points_of_other_makers_are_poses_by_their_names(made, rail):
     rows = [row.split("\t") for row in taught.table(made()).decode().splitlines() if row]
     titles = ["pose", *(f"A{k} [deg]" for k in range(1, 7)), *["E1 [mm]"] * rail]
 
     assert rows[0] == titles
-    assert [[float(x) for x in row] for row in rows[1:]] == [
+    assert sorted([float(x) for x in row] for row in rows[1:]) == [
         [k, *row, *[1250.0] * rail] for k, row in enumerate(ROWS, 1)
     ]
     parked = [list(axes.values())[:6] for axes in taught.unnumbered(made()).values()]
-    assert parked == [PARKED] * rail
+    assert parked == [PARKED] * (rail and made is not nachi)
 
 
 def poses_of(data):
