@@ -149,6 +149,8 @@ def of_loads(
     found = _first(titles, {role: units.get(role, ()) for role in roles})
     each = _of_pulls(titles, units["force"])
     found = {role: one for role, one in found.items() if one[0] not in dict(each.values())}
+    if "force" in found and _counts_on_slowly(cells().get(found["force"][0], ())):
+        del found["force"]
     found |= _by_unit_column(found, cells, units["force"], by_scale)
     found |= {} if found.keys() & {"repeat", *units} else each
     if not found.keys() & {*units, *each}:
@@ -156,6 +158,17 @@ def of_loads(
     if not found.keys() & {*units, *each} or _coordinates(titles):
         return None
     return _with_numbers(found, cells, each)
+
+
+def _counts_on_slowly(own: Sequence[str]) -> bool:
+    """Whether numbers are those of records, whole and rising by few: `lectura n` is no force."""
+    numbers = [int(one) for one in own if one.isdecimal()]
+    steps = [b - a for a, b in itertools.pairwise(numbers)]
+    return len(numbers) == len(own) > _FEW and all(0 < one <= _FEW for one in steps)
+
+
+_FEW = 3
+"""Number of records that may be left out between two pulls [1]."""
 
 
 def _with_numbers(
