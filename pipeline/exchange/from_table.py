@@ -12,6 +12,7 @@ a unit vector; a row of the flange has a point only, a row of a rail a direction
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import dropwhile, pairwise, takewhile
@@ -123,6 +124,14 @@ def is_table(file: str, data: bytes) -> bool:
         return any(map(_table, texts))
     except InputError as stopped:
         return stopped.line is not None
+
+
+def has_rail(file: str, data: bytes) -> bool:
+    """Whether a table of a robot has an axis that slides."""
+    with contextlib.suppress(InputError):
+        tables = [one for one in map(_table, _texts(file, data)) if one]
+        return any(joint["type"] == "prismatic" for made, _ in tables for joint in made["joint"])
+    return False
 
 
 def _table(text: Text) -> tuple[dict[str, Any], list[str]] | None:

@@ -86,7 +86,11 @@ def of_robot(name: str, data: bytes) -> str | None:
     if not (is_table and is_table(name, data)):
         return None
     own = _command(name, "", output)
-    return f"{ROBOT}: {own}; if it stands on a rail, with --rail, --turn and --foot"
+    has_rail = found("pipeline.exchange.from_table:has_rail")
+    more = (
+        "" if has_rail(name, data) else "; if it stands on a rail, with --rail, --turn and --foot"
+    )
+    return f"{ROBOT}: {own}{more}"
 
 
 def _command(name: str, options: str, output: str) -> str:

@@ -465,6 +465,17 @@ def test_a_table_of_a_robot_is_answered_with_its_command(tmp_path):
     assert made.refused["DH.csv"] == "it describes a robot, that of arm.toml"
 
 
+@pytest.mark.parametrize("rail", ["E1  rail  along +Y\n", ""])
+def test_a_rail_is_advised_only_for_a_table_without_one(rail):
+    axes = "".join(f"J{k}  {200 * k}.0  0.0  {500 + 90 * k}.0  about +{'ZYYXYX'[k - 1]}\n"
+                   for k in range(1, 7))  # fmt: skip
+    table = f"axis X Y Z direction (mm)\n{axes}{rail}flange  1500.0  0.0  1000.0\n".encode()
+    refused = propose({"axes.txt": table, "points.txt": _inches()}).refused["axes.txt"]
+
+    assert "pipeline robot axes.txt --output axes.toml" in refused
+    assert ("--rail" in refused) == (not rail)
+
+
 def test_positions_listed_one_file_each_in_a_folder_are_one_joint_log(tmp_path, capsys):
     """FANUC's CURPOS beside an export: `init` names all of them by their pattern."""
     folder = tmp_path / "data/raw/hall"
