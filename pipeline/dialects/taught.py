@@ -174,19 +174,25 @@ def _points(data: bytes) -> list[_Point]:
 
 
 def _as_remarked(text: str, points: list[_Point]) -> list[_Point]:
-    """Points under the numbers of remarks, if they number most, and as many as names do."""
-    said = _by_remarks(text, points) if points else {}
-    if (
-        not said
-        or 2 * len(said) < len(points)
-        or len(said) < len({id(one) for _, one in _by_names(points)})
-    ):
+    """Points under the numbers of remarks, if they number most, and as many as names do.
+
+    Remarks that repeat the numbers of the names behind the motions say nothing else.
+    """
+    visits = [*_visits(text, points)] if points else []
+    said = _by_remarks(visits)
+    named = {id(one): number for number, one in _by_names(points)}
+    if not said or 2 * len(said) < len(points) or len(said) < len(named):
+        return points
+    behind = _by_remarks(visits[::-1])
+    if behind and all(named.get(id(points[k])) == number for k, number in behind.items()):
         return points
     called = {k: f"pose{number}" for k, number in said.items()}
     return [one._replace(name=called.get(k, "")) for k, one in enumerate(points)]
 
 
-def _by_remarks(text: str, points: Sequence[_Point]) -> dict[int, int]:
+def _by_remarks(
+    visits: Sequence[tuple[int | None, re.Match[str] | None]],
+) -> dict[int, int]:
     """Numbers of points, by their index, from remarks above or behind the instructions to go there.
 
     Each of the remarks that begin with the same words has a number of its own, and one point before
@@ -194,7 +200,7 @@ def _by_remarks(text: str, points: Sequence[_Point]) -> dict[int, int]:
     """
     families: dict[str, dict[int, list[int]]] = {}
     now: dict[str, int] = {}
-    for at, remark in _visits(text, points):
+    for at, remark in visits:
         if remark:
             now[" ".join(remark["stem"].lower().split())] = int(remark["number"])
         for stem, number in now.items() if at is not None else ():

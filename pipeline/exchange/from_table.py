@@ -38,7 +38,7 @@ _COLUMNS = {
 _SIGNS = ("sign", "sense", "segno", "signe", "sens", "signo", "vorzeichen", "znak")
 """Titles of the sense of each axis, +1 or -1: theta = sign q + offset."""
 _FLANGE = re.compile(
-    r"flange?\b|flansch|bride|brida|flangia|flanş|flans\b|kołnierz|příruba|фланец|플랜지|法兰|フランジ",
+    r"flange?\b|flansch|bride|brida|flangia|flanş|flans\b|ko[łl]nierz|p[řr][íi]ruba|фланец|플랜지|法兰|フランジ",
     re.IGNORECASE,
 )
 _UNITS = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "rad": 180 / np.pi}
@@ -54,7 +54,9 @@ _TERM = re.compile(
 _WRITTEN = str.maketrans({"−": "-", "–": "-", ",": "."} | dict.fromkeys("°º*", ""))
 """Characters of a cell as people write them."""
 _AXIS = re.compile(
-    rf"^\s*(?P<name>[^\W\d]\w*)\b(?P<point>(?:[;,\s]+{_NUMBER}){{3}})?(?P<rest>.*)$", re.MULTILINE
+    rf"^\s*(?P<name>[^\W\d]\w*)\b(?:: *[^\W\d]\w*)?(?P<point>(?:[;,\s]+{_NUMBER}){{3}})?"
+    r"(?P<rest>.*)$",
+    re.MULTILINE,
 )
 _WAY = re.compile(r"(?<!\w)(?P<sign>[-+]?)(?P<axis>[XYZ])(?!\w)")
 _UNIT = re.compile(r"[\[(](?:mm|m|in|deg|rad|°|grad)[^\])]*[\])]?.*")

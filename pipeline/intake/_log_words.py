@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from operator import itemgetter
+from unicodedata import combining, normalize
 
 from pipeline.dialects._titles import titled, triples
 from pipeline.readers._cells import IN_BRACKETS, from_above, is_number
@@ -47,7 +48,7 @@ def _known() -> _Known:
     content = tomllib.loads((resources.files(__package__) / "titles.toml").read_text("utf-8"))
     axes = content["axes"]
     return _Known(
-        called={role: frozenset(words) for role, words in content["words"].items()},
+        called={role: _with_plain(words) for role, words in content["words"].items()},
         numbered=re.compile(f"(?:{'|'.join(axes['numbered'])}) ?0*([1-9])"),
         named=tuple(tuple(one["of"]) for one in axes["named"]),
         number=frozenset(content["number"]),
@@ -55,8 +56,18 @@ def _known() -> _Known:
         between=frozenset(content["between"]),
         unit=content["unit"],
         unloaded=tuple(content["states"]["unloaded"]),
-        scales=frozenset(content["scales"]),
+        scales=_with_plain(content["scales"]),
     )
+
+
+def _with_plain(words: Sequence[str]) -> frozenset[str]:
+    """Words with and without their accents, as people type them."""
+    parted = (normalize("NFKD", word.translate(_NO_PARTS)) for word in words)
+    return frozenset(words) | {"".join(c for c in one if not combining(c)) for one in parted}
+
+
+_NO_PARTS = str.maketrans("łøđı", "lodi")
+"""Letters whose accent is no sign of its own."""
 
 
 def is_unloaded(word: str) -> bool:

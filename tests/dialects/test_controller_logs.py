@@ -291,6 +291,16 @@ def test_remarks_of_a_job_number_its_points(above, behind):
     assert sorted(rows) == [[k, *(100 * x for x in row)] for k, row in enumerate(ROWS, 1)]
 
 
+def test_remarks_below_the_motions_do_not_shift_numbered_points():
+    """`PAUSE ; pozycja 1` comes after the motion to poz1, and above that to poz2."""
+    rows = {f"poz{k}": [k, 2, 3, 4, 5, 6] for k in range(1, 5)}
+    moves = [f"  JMOVE #{name}\n  PAUSE ; pozycja {row[0]}" for name, row in rows.items()]
+    lines = [f"#{name} {words(row, ' ')}" for name, row in rows.items()]
+    text = "\n".join([".PROGRAM p()", *moves, ".END", ".JOINTS", *lines, ".END"])
+
+    assert [row[:2] for row in poses_of(text.encode())[1]] == [[k, k] for k in range(1, 5)]
+
+
 def test_remarks_with_two_points_each_number_none():
     """Either may be the pose: the points are counted, and the readings tell."""
     blocks = [f"N{k} A1={k} A2=0 A3=0 A4=0 A5=0 A6=0" for k in range(10, 50, 10)]

@@ -170,6 +170,14 @@ def test_a_recorder_numbers_poses_and_pulls_in_its_records():
     assert form.columns["valor"].startswith("force_n|")
 
 
+def test_titles_without_their_accents_are_those_with_them():
+    """And a dynamometer in the heading says that kg are a force."""
+    text = "Dynamometr DSE;;\nPozycja;Obciazenie;Sila [kG]\n1;1;145,0\n1;2;77,0\n"
+    form = log_columns.understood_loads("p.csv", text.encode())
+
+    assert form.columns == {"Pozycja": "pose", "Obciazenie": "repeat", "Sila [kG]": "force_kg"}
+
+
 @pytest.mark.parametrize(("last", "force"), [("5", None), ("905", "force_n")])
 def test_numbers_of_readings_are_no_forces(last, force):
     """`lectura n` may be the force in newtons; records count on."""
