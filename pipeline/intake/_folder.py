@@ -88,7 +88,9 @@ def of_robot(name: str, data: bytes) -> str | None:
     own = _command(name, "", output)
     has_rail = found("pipeline.exchange.from_table:has_rail")
     more = (
-        "" if has_rail(name, data) else "; if it stands on a rail, with --rail, --turn and --foot"
+        ""
+        if has_rail and has_rail(name, data)
+        else "; if it stands on a rail, with --rail, --turn and --foot"
     )
     return f"{ROBOT}: {own}{more}"
 
