@@ -58,15 +58,23 @@ def _of_two_bytes(data: bytes) -> str | None:
     """The page in which a text is valid and nearly all its letters are frequent; None if none."""
     lines = [one for one in data[:_BEGIN].splitlines() if not one.isascii()]
     begin = b"\n".join(lines[:-1] or lines)
-    fitting = {}
-    for name, (frequent, known) in _FREQUENT.items() if not _CAPITALS.fullmatch(begin) else ():
-        with suppress(UnicodeDecodeError):
-            letters = [one for one in begin.decode(name) if not one.isascii()]
-            coded = [one.encode(name).decode("latin-1") for one in letters]
-            if sum(re.fullmatch(frequent, one) is not None for one in coded) >= 0.9 * len(coded):
-                data.decode(name)
-                fitting[name] = len({*letters} & {*known}) or len({*letters}) >= _MANY
-    return max((one for one in fitting if fitting[one]), key=fitting.__getitem__, default=None)
+    names = () if _CAPITALS.fullmatch(begin) else _FREQUENT
+    fitting = {name: _letters(begin, data, name) for name in names}
+    most = max(fitting, key=fitting.__getitem__, default="")
+    return most if most and fitting[most] else None
+
+
+def _letters(begin: bytes, data: bytes, name: str) -> int:
+    """Number of letters of the field in a page, 1 for many others; 0 if a text is not of it."""
+    frequent, known = _FREQUENT[name]
+    with suppress(UnicodeDecodeError):
+        letters = [one for one in begin.decode(name) if not one.isascii()]
+        coded = (one.encode(name).decode("latin-1") for one in letters)
+        usual = sum(re.fullmatch(frequent, one) is not None for one in coded)
+        data.decode(name)
+        if usual >= 0.9 * len(letters):
+            return len({*letters} & {*known}) or int(len({*letters}) >= _MANY)
+    return 0
 
 
 def _of_one_byte(data: bytes) -> str:

@@ -183,11 +183,15 @@ def _as_remarked(text: str, points: list[_Point]) -> list[_Point]:
     named = {id(one): number for number, one in _by_names(points)}
     if not said or 2 * len(said) < len(points) or len(said) < len(named):
         return points
-    behind = _by_remarks(visits[::-1])
-    if behind and all(named.get(id(points[k])) == number for k, number in behind.items()):
+    if _repeat_names({id(points[k]): n for k, n in _by_remarks(visits[::-1]).items()}, named):
         return points
     called = {k: f"pose{number}" for k, number in said.items()}
     return [one._replace(name=called.get(k, "")) for k, one in enumerate(points)]
+
+
+def _repeat_names(behind: Mapping[int, int], named: Mapping[int, int]) -> bool:
+    """Whether the numbers of remarks behind the motions are those of the names of their points."""
+    return bool(behind) and behind.items() <= named.items()
 
 
 def _by_remarks(

@@ -160,8 +160,7 @@ def of_loads(
     found = _first(titles, {role: units.get(role, ()) for role in roles})
     each = _of_pulls(titles, units["force"])
     found = {role: one for role, one in found.items() if one[0] not in dict(each.values())}
-    if "force" in found and _counts_on_slowly(cells().get(found["force"][0], ())):
-        del found["force"]
+    found = _without_records(found, cells)
     found |= _by_unit_column(found, cells, units["force"], by_scale)
     found |= {} if found.keys() & {"repeat", *units} else each
     if not found.keys() & {*units, *each}:
@@ -169,6 +168,15 @@ def of_loads(
     if not found.keys() & {*units, *each} or _coordinates(titles):
         return None
     return _with_numbers(found, cells, each)
+
+
+def _without_records(
+    found: dict[str, tuple[str, Sequence[str]]], cells: SampledCells
+) -> dict[str, tuple[str, Sequence[str]]]:
+    """The roles without a force that numbers records."""
+    title, _ = found.get("force", ("", ()))
+    records = bool(title) and _counts_on_slowly(cells().get(title, ()))
+    return {role: one for role, one in found.items() if role != "force" or not records}
 
 
 def _counts_on_slowly(own: Sequence[str]) -> bool:
