@@ -57,7 +57,7 @@ def page(data: bytes) -> str:
 def _of_two_bytes(data: bytes) -> str | None:
     """The page in which a text is valid and nearly all its letters are frequent; None if none."""
     lines = [one for one in data[:_BEGIN].splitlines() if not one.isascii()]
-    begin = b"\n".join(lines[:-1] or lines)
+    begin = b"\n".join(lines[:-1] if len(data) > _BEGIN else lines)
     names = () if _CAPITALS.fullmatch(begin) else _FREQUENT
     fitting = {name: _letters(begin, data, name) for name in names}
     most = max(fitting, key=fitting.__getitem__, default="")

@@ -92,7 +92,7 @@ def _all_known(
 def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, ask: bool) -> None:
     """Write campaign.toml for the files in the folder, with known or asked data."""
     from pipeline.intake import blank
-    from pipeline.intake._folder import in_workbooks, robots_in
+    from pipeline.intake._folder import in_workbooks, pages, robots_in
     from pipeline.intake._slides import MADE, with_slides
     from pipeline.intake.files import propose
     from pipeline.intake.filled import filled_in
@@ -111,7 +111,7 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     given = _with_places(given, proposal)
     others = {*proposal.exports, proposal.loads, proposal.joints, *proposal.refused}
     robots = [] if robot else robots_in(files, others)
-    for line in [*_seen(proposal), *in_workbooks(files), *robots, *passed, *wrong]:
+    for line in [*_seen(proposal), *pages(files), *in_workbooks(files), *robots, *passed, *wrong]:
         _tell(line)
     if robot is None:
         robot = _named(root, folder, given) or _robot(root, folder, proposal, files, ask)

@@ -518,7 +518,8 @@ def test_a_robot_is_written_only_if_the_folder_shows_it(tmp_path, capsys, own, r
     """With a log of forces alone; the default robot is for a campaign without files."""
     folder = tmp_path / "data/raw/hall"
     folder.mkdir(parents=True)
-    (folder / "loads.csv").write_text("pose;repeat;force_n\n1;1;800\n1;2;900\n")
+    log = "pose;repeat;force_n;备注\n1;1;800;点\n1;2;900;\n"
+    (folder / "loads.csv").write_text(log, encoding="gb18030")
     assert cli._exit_code(["robot", "--show", "kr210_r2700_2"]) == 0
     shown = capsys.readouterr().out
     for name in own:
@@ -526,6 +527,7 @@ def test_a_robot_is_written_only_if_the_folder_shows_it(tmp_path, capsys, own, r
 
     assert cli._exit_code(["init", "hall", "--root", str(tmp_path)]) == 0
     assert tomllib.loads((folder / "campaign.toml").read_text("utf-8")).get("robot") == robot
+    assert "loads.csv: read as gb18030" in capsys.readouterr().err
 
 
 def test_points_that_are_no_poses_are_offered_for_the_test_pose(tmp_path, capsys):
