@@ -1145,6 +1145,12 @@ class Answer(Values, _Heading):
     )
     diagnosis: Diagnosis
     joint_springs: Values = Field(description="the paper's model on the data as given, always")
+    effective: tuple[Stiffness, ...] = Field(
+        default=(),
+        exclude_if=_nothing,
+        description="joint springs alone on the corrected data, which a controller takes beside a "
+        "cause; absent without an error in the data",
+    )
     extended: Extended | None = Field(description="the identified causes' own fit; null without")
     budget: tuple[dict[str, str | float], ...] = Field(
         description="shares of the variance by source [%]"

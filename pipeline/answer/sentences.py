@@ -84,6 +84,7 @@ class FirstScreen:
     Attributes:
         mine: The values that the answer stands for.
         springs: Those of the joint springs on the data as given.
+        effective: Joint springs on the data on which the answer rests, for a controller.
         together: Combinations of compliances that are determined.
         diagnosis: What is wrong, and what to measure next.
         pose: The test pose.
@@ -93,6 +94,7 @@ class FirstScreen:
 
     mine: Values
     springs: Values
+    effective: Sequence[Stiffness]
     together: Sequence[Combination]
     diagnosis: Diagnosis
     pose: TestPose
@@ -324,7 +326,7 @@ def _to_do(found: CampaignResults, stiffness: Sequence[Stiffness]) -> str:
     return (
         f"{text} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
         f"correct paths and programs with `pipeline compensate {typed(found.campaign)} PATH`, or "
-        "enter the effective values."
+        "enter all effective values of the first page."
     )
 
 
@@ -431,12 +433,11 @@ def _for_controller(found: CampaignResults, stated: FirstScreen) -> str:
 
     Values that were estimated beside a cause are too stiff without it.
     """
-    holds = _holds(found) and not found.mistakes
-    if not holds or not found.told.model.hypotheses[0].beside_springs:
+    if not _holds(found) or not found.told.model.hypotheses[0].beside_springs:
         return _numbers(found, stated.mine.stiffness, stated.together)
-    error = left_out_mm(found.springs.values.left_out_m)
+    error = left_out_mm(found.effective.left_out_m)
     left = "" if error is None else f" {_WITH_THEM} {plain(error)} mm rms per coordinate."
-    said = entered(stated.springs.stiffness, (), known=False)
+    said = entered(stated.effective, (), known=False)
     return (
         f"Effective values, for a table of joint stiffnesses and nothing else: {said}{left} They "
         "are fitted substitutes, and no uncertainty can be stated for them: joint springs alone do "
