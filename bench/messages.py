@@ -20,7 +20,7 @@ SPOKEN: dict[str, tuple[str, ...]] = {
         *("_next", "_again", "_proposed", "_unchecked", "_pulled", "_joints"),
         *("_least_certain", "_NONE_OPEN", "_settled"),
     ),
-    "answer/conformity.py": ("DECIDED",),
+    "answer/conformity.py": ("DECIDED", "compared"),
     "answer/words.py": ("DO", "DO_DESPITE", "listed", "loads"),
     "design/discriminate.py": ("_never",),
     "design/criteria.py": ("prediction",),

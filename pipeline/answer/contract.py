@@ -1049,6 +1049,11 @@ class JudgedPath(Fact):
     decision: Decision = Field(description="pass where every point does, fail where one fails")
     stretches: tuple[Stretch, ...]
 
+    @property
+    def largest(self) -> Stretch:
+        """The stretch with the largest deflection."""
+        return max(self.stretches, key=lambda one: one.deflection_mm or 0.0)
+
 
 class Tolerance(Fact):
     """What [tolerance] of campaign.toml asks, decided by ISO 14253-1 with a guard band 1.65 u."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.answer import remarks
-from pipeline.answer.conformity import expanded, largest_force, tolerated
+from pipeline.answer.conformity import causes_differ, expanded, largest_force, tolerated
 from pipeline.answer.contract import (
     About,
     BestPose,
@@ -289,8 +289,14 @@ def _out(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
             f"{_to_force(stated)}, choose other poses, or compensate the path."
         )
     elif worst is Decision.UNDECIDED:
-        way = f"Conformity with the tolerance is undecided: reduce the force{_to_force(stated)}"
-        if lowered_by_pulls(stated.pose):
+        assert asked is not None
+        differ = causes_differ(asked, stated.pose)
+        why = ", since the possible causes decide differently" if differ else ""
+        force = _to_force(stated)
+        way = f"Conformity with the tolerance is undecided{why}: reduce the force{force}"
+        if differ:
+            yield f"{way}, compensate the path, or find out first which cause it is."
+        elif lowered_by_pulls(stated.pose):
             yield f"{way}, compensate the path, or measure more."
         else:
             yield (

@@ -270,6 +270,9 @@ def test_the_gauge_says_what_is_decided(sample):
     assert "Test pose: pass" in told
     assert "part.csv, pose 6: fail" in told
     assert "tolerance 0.5 mm" in told
+    assert "By ISO 14253-1: 0.610 - 1.65 × 0.033 = 0.556 mm is above 0.5 mm." in plainly(
+        certificate(*sample).gauge.caption
+    )
 
 
 def test_models_are_judged_at_poses_that_took_no_part(sample):
