@@ -564,6 +564,15 @@ def _names(causes: Sequence[FoundCause]) -> str:
     return listed([cause.effect.called for cause in causes])
 
 
+def _gain_uncertain(facts: Facts) -> str:
+    """Of which causes it is uncertain that they reduce the error: all, if none by itself is."""
+    unproven = [one for one in facts.causes if one.unproven > 0]
+    sure = [one for one in facts.causes if unproven and one.unproven <= 0]
+    open_, beside = unproven or facts.causes, f" beside {_names(sure)}" if sure else ""
+    fits = "fits, but does" if len(open_) == 1 else "fit, but do"
+    return f"{_names(open_)} {fits} not certainly reduce the cross-validation error{beside}."
+
+
 def _likely(causes: Sequence[FoundCause], base: Drift | None) -> str:
     """The same with their probabilities, and how far a drift went."""
     return listed(
@@ -699,10 +708,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     Finding.OUTSIDE_CATALOGUE: lambda facts: (
         f"{_names(facts.causes)} fit{_ending(facts)} best, but {_looks_like(facts)}"
     ),
-    Finding.GAIN_UNCERTAIN: lambda facts: (
-        f"{_names(facts.causes)} {'fits, but does' if len(facts.causes) == 1 else 'fit, but do'} "
-        "not certainly reduce the cross-validation error."
-    ),
+    Finding.GAIN_UNCERTAIN: _gain_uncertain,
     Finding.TWO_LAWS: lambda facts: (
         f"{_joint(facts, two_laws(facts))} has a law of its own: {_names(facts.causes)} describe "
         "it only together."
