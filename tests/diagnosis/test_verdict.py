@@ -62,7 +62,7 @@ def test_only_causes_whose_gain_is_uncertain_are_said_to_have_none_for_certain()
 
     assert wrong(facts, 0) == (
         "Pitch of the carriage fits, but does not certainly reduce the cross-validation error "
-        "beside roll of the carriage."
+        "beside roll of the carriage about the rail."
     )
 
 
