@@ -464,8 +464,10 @@ _FEW = 6
 
 def _deviating(stood: UnloadedFacts) -> str:
     """Which entries of a rough table deviate: those that do so by themselves, if these are few."""
-    assert stood.cells is not None
-    found, at = stood.cells, stood.cells.zeros.columns.table
+    unsure = "the robot's DH parameters deviate a little from nominal, none certainly by itself"
+    if (found := stood.cells) is None:
+        return unsure
+    at = found.zeros.columns.table
     off, std = found.mean[at], np.sqrt(np.diag(found.covariance)[at])
     every = dh_parameters(found.zeros.robot)
     sure = np.flatnonzero(np.abs(off) > _SURE * std).tolist()
@@ -475,7 +477,7 @@ def _deviating(stood: UnloadedFacts) -> str:
             "the others"
         )
     if not sure:
-        return "the robot's DH parameters deviate a little from nominal, none certainly by itself"
+        return unsure
     units = {False: "mm", True: "mrad"}
     named = [
         f"the {LETTERS[every[k].name]} of {_joint_of(found.zeros.robot, every[k].joint)} "

@@ -82,5 +82,7 @@ def _estimated(case: Case, reduced: Reduced | None) -> Iterator[str]:
 
 def _forces(case: Case, reduced: Reduced) -> Iterator[str]:
     """Forces that contradict all other pulls, unless a cause may do as much."""
+    if case.loads.empty:  # of a campaign that arrives reduced no line is known
+        return
     asked = Screening(case, case.cell, case.robot.nominal_compliance, reduced)
     yield from (one.evidence for one in scale_outliers(asked) if asked.sure(one))

@@ -22,12 +22,11 @@ def filled_down(table: TypedRows, roles: Sequence[str]) -> TypedRows:
         table: The rows.
         roles: The columns that form a group, the first of which leads the others.
     """
-    there = [role for role in roles if role in table.columns]
+    there = [*filter(table.columns.__contains__, roles)]
     cells = [np.array(table.columns[role].to_pylist(), dtype=object) for role in there]
     if not cells or not len(table.line) or not cells[0][0]:
         return table
-    empty = int((cells[0] == "").sum())
-    if 2 * empty < len(cells[0]) - empty or not empty:
+    if 3 * int((cells[0] == "").sum()) < len(cells[0]):
         return table
     sources = _sources(np.array(cells) != "")
     lost = np.array(sorted(number for number, _ in table.rejected), dtype=np.int64)

@@ -231,18 +231,26 @@ def said_units(line: str, of_coordinates: bool = False) -> set[str]:
             radius, a temperature or an unknown quantity has a unit of its own.
     """
     found, counts = set(), True
-    short = {one.start(1) for one in _SHORT.finditer(line)}
+    units = _units_at(line)
     every = len(line)  # from where on it is about all readings: RUN 3 (all values in mm)
     for one in WORD.finditer(line):
         word = one[0].lower()
-        every = min(every, one.start()) if word in FOREIGN["all"] else every
-        if word in _UNIT_WORDS and (word not in ("m", "in") or one.start() in short):
-            found |= {_UNIT_WORDS[word]} if counts else set()
+        if word in FOREIGN["all"]:
+            every, counts = min(every, one.start()), True
+        elif one.start() in units:
+            found |= {units[one.start()]} if counts else set()
         elif of_coordinates and word not in _BETWEEN | _OF_THE_FILE:
             before = line[every : one.start()] or line[: one.start()]
             counts = word in _OF_COORDINATES and not _of_other(before)
-        counts = counts or word in FOREIGN["all"]
     return found
+
+
+def _units_at(line: str) -> dict[int, str]:
+    """The units in a line by where their words begin."""
+    short = {one.start(1) for one in _SHORT.finditer(line)}
+    words = {one.start(): one[0].lower() for one in WORD.finditer(line)}
+    return {at: _UNIT_WORDS[word] for at, word in words.items()
+            if word in _UNIT_WORDS and (word not in ("m", "in") or at in short)}  # fmt: skip
 
 
 def _of_other(before: str) -> bool:

@@ -23,6 +23,7 @@ import pyarrow as pa
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, listed
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 
 if TYPE_CHECKING:
     from pipeline.readers.logs import Log
@@ -78,13 +79,39 @@ def _hooked(shots: Any, loads: Log) -> Iterator[tuple[int, int]]:
 
 
 def _load_point(shots: Any, names: Any, here: Any, settings: Any) -> Array | None:
-    """The load point by the effector's reflectors among some readings; None if these are few."""
+    """The load point by the effector's reflectors among some readings; None if these are few.
+
+    Where names of reflectors are exchanged, it is where it is with their own: the exchange is found
+    later, and corrects names alone.
+    """
     seen = [k for k in here.tolist() if names[k] in settings.measured]
     if len({names[k] for k in seen}) < _LEAST:
         return None
-    nominal = np.array([settings.tool[names[k]] for k in seen])
-    R, t = linear.rigid(nominal, shots.position[seen])
+    at, given = shots.position[seen], names[seen].tolist()
+    nominal = [np.array([settings.tool[one] for one in each])
+               for each in (given, _by_place(shots, names, here, at, given))]  # fmt: skip
+    (R, t), _ = min((_placed(each, at) for each in nominal), key=lambda one: one[1])
     return np.asarray(R @ np.array(settings.tool["load_point"]) + t)
+
+
+def _by_place(shots: Any, names: Any, here: Any, at: Array, given: list[str]) -> list[str]:
+    """Names of readings by the other states of their pose, where those have others close by."""
+    pose = shots.pose[np.maximum(shots.slot, 0)] == shots.pose[shots.slot[here[0]]]
+    rest = pose & (shots.slot >= 0) & (shots.slot != shots.slot[here[0]])
+    known = [one for one in dict.fromkeys(given) if (rest & (names == one)).any()]
+    if not known:
+        return given
+    centre = [np.median(shots.position[rest & (names == one)], axis=0) for one in known]
+    away = np.linalg.norm(at[:, None] - np.array(centre), axis=2)
+    there = [known[k] for k in away.argmin(axis=1)]
+    close = away.min(axis=1) < GROSS_DISTANCE_M
+    return [new if near else old for new, old, near in zip(there, given, close, strict=True)]
+
+
+def _placed(nominal: Array, at: Array) -> tuple[tuple[Array, Array], float]:
+    """R, t of a body by its points, and the largest distance that is left [m]."""
+    R, t = linear.rigid(nominal, at)
+    return (R, t), float(np.linalg.norm(at - nominal @ R.T - t, axis=1).max())
 
 
 def _names(column: pa.DictionaryArray) -> Any:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from itertools import accumulate
+from itertools import pairwise
 
-from pipeline.readers._cells import is_number
+from pipeline.readers._cells import from_above, is_number
 from pipeline.readers._log_form import BELOW, with_unit
 
 
@@ -15,10 +15,6 @@ def titles(first: list[str], below: list[str]) -> tuple[list[str], int]:
     own = _apart(first)
     both = _in_two_lines(own, below)
     return ([*map(_joined, *zip(*both, strict=True))], 2) if both else (own, 1)
-
-
-def _or_before(before: str, own: str) -> str:
-    return own or before
 
 
 def _joined(head: str, below: str) -> str:
@@ -31,7 +27,8 @@ def _apart(titles: Sequence[str]) -> list[str]:
     `Pull 1 kg`, `Hook`, `Pull 2 kg`, `Hook` are what each pull was and where it was hooked.
     """
     again = {one for one in titles if one and titles.count(one) > 1 and not is_number(one)}
-    heads = {k: titles[k - 1] if k else "" for k, one in enumerate(titles) if one in again}
+    both = enumerate(pairwise(["", *titles]))
+    heads = {k: before for k, (before, one) in both if one in again}
     numbered = all(re.search("[0-9]", one) for one in heads.values())
     if not numbered or len({*heads.values()}) < len(heads):
         return [*titles]
@@ -44,8 +41,8 @@ def _in_two_lines(titles: Sequence[str], below: Sequence[str]) -> list[tuple[str
     Some of a first line head several of the second, `Load-1` those of `kg` and `Hook`. None at all
     if the lines are no such titles: each below a gap differs from its neighbour.
     """
-    heads = [*accumulate(titles, _or_before)]
-    gaps = [k for k, own in enumerate(titles) if k and not own and below[k] and heads[k]]
+    heads = from_above(titles)
+    gaps = [k for k, own in enumerate(titles) if own != heads[k] and below[k]]
     same = [k for k in gaps if below[k] == below[k - 1]]
     several = len({*filter(None, titles)}) > 1
     if not gaps or same or not several or any(map(is_number, below)):

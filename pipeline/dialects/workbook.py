@@ -78,16 +78,7 @@ def sheets(
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
         there = [one.name for one in book.sheets_metadata if one.typ == SheetTypeEnum.WorkSheet]
         wanted = [one for one in there if sheet in (None, one)]
-        if len(wanted) > _MOST_SHEETS:
-            thing = f"the workbook has {len(wanted)} sheets, more than the {_MOST_SHEETS}"
-            raise InputError(f"{thing} that are read", _which(table))
-        lines, left = {}, _MOST_CELLS
-        for one in wanted:
-            rows = _filled_down(book.get_sheet_by_name(one))
-            left -= sum(map(len, rows))
-            if left < 0:
-                raise InputError(f"the sheets have more than {_MOST_CELLS} cells", _which(table))
-            lines[one] = _lines(rows, mark)
+        lines = _lines_of(book, wanted, mark, table)
     except CalamineError as problem:
         thing = f"the workbook cannot be read ({problem})"
         raise InputError(thing, "save it again, or as CSV") from problem
@@ -100,6 +91,27 @@ def sheets(
     if not filled:
         raise InputError("the workbook is empty", "export it again")
     return filled
+
+
+def _lines_of(
+    book: CalamineWorkbook, wanted: Sequence[str], mark: str | None, table: str | None
+) -> dict[str, bytes]:
+    """The lines of some sheets.
+
+    Raises:
+        InputError: They are too many, or have too many cells.
+    """
+    if len(wanted) > _MOST_SHEETS:
+        thing = f"the workbook has {len(wanted)} sheets, more than the {_MOST_SHEETS}"
+        raise InputError(f"{thing} that are read", _which(table))
+    lines, left = {}, _MOST_CELLS
+    for one in wanted:
+        rows = _filled_down(book.get_sheet_by_name(one))
+        left -= sum(map(len, rows))
+        if left < 0:
+            raise InputError(f"the sheets have more than {_MOST_CELLS} cells", _which(table))
+        lines[one] = _lines(rows, mark)
+    return lines
 
 
 def _chosen(sheets: Mapping[str, Text], fits: Callable[[Text], int], table: str | None) -> Text:

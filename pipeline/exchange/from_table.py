@@ -279,12 +279,22 @@ def _row(number: int, titles: Sequence[str], cells: Sequence[str], at: Mapping[s
     moving = entries.pop(role)
     if still := next((cells[at[one]] for one in entries if entries[one].joint), ""):
         raise _stated_again(still)
-    sign, zero = _beside(titles, cells, at)
-    if (moving.sign < 0 and sign) or (moving.value and zero):
-        raise _stated_again(cells[at[role]])
-    values = {one: own.value for one, own in entries.items()} | {role: moving.value + zero}
+    sign, zero = _with_beside(moving, cells[at[role]], _beside(titles, cells, at))
+    values = {one: own.value for one, own in entries.items()} | {role: zero}
     name = _called([moving.joint] if 0 in at.values() else [cells[0], moving.joint], number)
-    return _Row(name, role == "d", moving.sign * (sign or 1), values)
+    return _Row(name, role == "d", sign, values)
+
+
+def _with_beside(own: _Entry, cell: str, beside: tuple[int, float]) -> tuple[int, float]:
+    """Sense and zero of an axis, by its cell or the columns beside it.
+
+    Raises:
+        InputError: Both state the same.
+    """
+    sign, zero = beside
+    if (own.sign < 0 and sign) or (own.value and zero):
+        raise _stated_again(cell)
+    return own.sign * (sign or 1), own.value + zero
 
 
 def _called(names: Sequence[str], number: int) -> str:
@@ -330,7 +340,7 @@ def _entry(cell: str, title: str) -> _Entry:
     value = outer * sum(_number(one, half) for one in terms)
     if not joints:
         return _Entry("", 1, value)
-    return _Entry(joints[0]["joint"], -outer if joints[0]["sign"] == "-" else outer, value)
+    return _Entry(joints[0]["joint"], outer * {"-": -1}.get(joints[0]["sign"], 1), value)
 
 
 def _terms(text: str) -> list[re.Match[str]] | None:
@@ -372,10 +382,10 @@ def _of_axes(text: str) -> tuple[dict[str, Any], list[str]] | None:
         return None
     points = np.array([*(at for _, at, _ in turning), *ends])
     points = points * (1e-3 if np.abs(points).max() > _LARGE else 1.0)
-    flange, said = np.eye(4), _orientation(text)
+    flange, way = np.eye(4), "parallel to F_b"
     flange[:3, 3] = points[-1]
-    flange[:3, :3] = np.eye(3) if said is None else said
-    way = "parallel to F_b" if said is None else "turned as the file says"
+    if (said := _orientation(text)) is not None:
+        flange[:3, :3], way = said, "turned as the file says"
     why = f"with all axes at 0 the flange frame is {way}; if not, correct [flange]"
     return _along(turning, rails, points, flange), [why]
 

@@ -65,7 +65,8 @@ class _Chain(Locked):
         stated: Whether one is stated.
         give: Motion of the effector in the pose according to its targets [m], NaN where unknown,
             shape (m,).
-        free: Whether the far end is no anchor, so that the length is one of the chain, shape (m,).
+        free: Whether the length is one of the chain: the far end is no anchor, and in no pull were
+            the ends fixed elsewhere along it, shape (m,).
     """
 
     group: Strings
@@ -172,7 +173,7 @@ def chain_gross(case: Case) -> list[Mistake]:
     Tested before the scale's readings are judged, since such a pull points anywhere.
     """
     chain = _read(case)
-    if chain.free.sum() < _FEWEST:
+    if len(chain.group) < _FEWEST:
         return []
     lengths = unlike(case).reindex(chain.group)
     away, gross = lengths["away"].to_numpy(float), lengths["gross"].to_numpy(bool)
@@ -216,7 +217,7 @@ def _read(case: Case) -> _Chain:
         std=std if stated else np.ones(len(std)),
         stated=stated,
         give=_give(case, both.to_numpy(object), ends[0]["pose"].to_numpy(np.int64)),
-        free=~anchors(case)["anchor"][both].to_numpy(bool),
+        free=~(anchors(case)["anchor"][both].to_numpy(bool) | unlike(case)["elsewhere"].any()),
     )
 
 

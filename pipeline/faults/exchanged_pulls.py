@@ -523,8 +523,10 @@ def _whole_states(
     return Y, np.array(due), zero, [(str(name), int(k)) for name, k in at.index[known]]
 
 
-def _cheapest(Y: Array, due: Array, zero: Bools, usual: Array) -> Array:
+def _cheapest(Y: Array, due: Array, zero: Bools, usual: Array) -> tuple[Array, int]:
     """Misfit of every content in every place [1], for the reference state with the best assignment.
+
+    Beside it the number of states that are off as recorded, for the reference with the fewest.
 
     Args:
         Y: Positions as read [m], shape (s, 3 t).
@@ -533,12 +535,14 @@ def _cheapest(Y: Array, due: Array, zero: Bools, usual: Array) -> Array:
         usual: Variance of each state [m^2], shape (s,).
     """
     some = int(np.flatnonzero(zero)[0])
-    costs = []
+    costs, off = [], len(Y)
     for j in range(len(Y)):
         for k in {j, some}:  # all contents in all places, if content j is in place k
             square = np.mean((Y[:, None] - (Y[j] - due[k]) - due) ** 2, axis=2)
             costs.append(np.asarray(square / (usual + usual[k])))
-    return min(costs, key=_total)
+            if j == k:
+                off = min(off, int((np.diag(costs[-1]) > _APART**2).sum()))
+    return min(costs, key=_total), off
 
 
 def _in_pose(
@@ -549,7 +553,9 @@ def _in_pose(
     if states is None:
         return
     Y, due, zero, names = states
-    best = _cheapest(Y, due, zero, noise**2 + model**2 * np.mean(due**2, axis=1))
+    best, off = _cheapest(Y, due, zero, noise**2 + model**2 * np.mean(due**2, axis=1))
+    if (_assigned(best)[1] > _APART**2).sum() >= off:  # a pull the other way is no exchange
+        return
     for ring in rings(best, _APART**2, _APART**2):
         kinds = zero[list(ring.members)]
         if kinds.any() and not kinds.all() and not ring.ended:
@@ -560,10 +566,15 @@ def _in_pose(
 
 def _total(cost: Array) -> float:
     """Cost of the best assignment, its moves included."""
-    found = rings(cost, _APART**2, np.inf)
-    order = _order(found, len(cost))
+    order, own = _assigned(cost)
     moves = int((order != np.arange(len(cost))).sum())
-    return float(cost[order, np.arange(len(cost))].sum()) + _APART**2 * moves
+    return float(own.sum()) + _APART**2 * moves
+
+
+def _assigned(cost: Array) -> tuple[Ints, Array]:
+    """Content of each place by the best assignment, and its misfit there [1]."""
+    order = _order(rings(cost, _APART**2, np.inf), len(cost))
+    return order, np.asarray(cost[order, np.arange(len(cost))])
 
 
 def _of_states(

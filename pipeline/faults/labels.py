@@ -170,6 +170,13 @@ def _exchanged(case: Case, groups: list[str], true: dict[str, str]) -> Case:
 
 def chain_distances(case: Case, R: Array, t: Array) -> pd.DataFrame:
     """Distance of both ends of the chain from the load point [m]: group, pose, near, far."""
+    table = _ends(case, R, t)
+    ends = {end: [float(np.linalg.norm(one)) for one in table[end]] for end in ("near", "far")}
+    return table.assign(**ends)
+
+
+def _ends(case: Case, R: Array, t: Array) -> pd.DataFrame:
+    """Both ends of the chain, seen from the load point [m]: group, pose, near, far, of (3,)."""
     near, far = case.settings.naming.chain
     rows = case.readings
     rows = rows[rows["pose"].isin(case.joints["pose"]) & rows["target"].isin([near, far])]
@@ -177,9 +184,11 @@ def chain_distances(case: Case, R: Array, t: Array) -> pd.DataFrame:
     if not len(poses):
         return pd.DataFrame({"group": [], "pose": [], "near": [], "far": []})
     points = configure(case.robot, case.q(poses)).points(case.tool.load_point[None])[at, 0]
-    away = np.linalg.norm(rows[XYZ].to_numpy(float) - points @ R.T - t, axis=1)
-    rows = rows.assign(away=away)
-    table = rows.pivot_table(index=["group", "pose"], columns="target", values="away")
+    rows = rows.assign(away=[*(rows[XYZ].to_numpy(float) - points @ R.T - t)])
+    table = rows.drop_duplicates(["group", "pose", "target"])
+    table = table.pivot_table(
+        index=["group", "pose"], columns="target", values="away", aggfunc="first"
+    )
     table = table.reindex(columns=[near, far]).dropna().set_axis(["near", "far"], axis=1)
     return table.reset_index()
 
@@ -205,11 +214,13 @@ def anchors(case: Case) -> pd.DataFrame:
 
 @lru_cache(maxsize=1)
 def unlike(case: Case) -> pd.DataFrame:
-    """Deviation of the chain's length from the usual one, by group: away, gross.
+    """Deviation of the chain's length from the usual one, by group: away, gross, elsewhere.
 
     `away` [m] is the deviation from the median of all pulls, or from that of the others of the pose
     if it has three pulls and this is smaller. It is gross beyond `GROSS_DISTANCE_M` and ten times
-    the median deviation: no chain stretches or is hung like that. Towards an anchor it is 0.
+    the median deviation: no chain stretches or is hung like that. Towards an anchor it is 0, and
+    where both ends are on one straight line with the load point, as no wrong reading is: they were
+    fixed elsewhere along the chain.
     """
     rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
     ends = [rows[rows["target"] == name].set_index("group") for name in case.settings.naming.chain]
@@ -220,8 +231,26 @@ def unlike(case: Case) -> pd.DataFrame:
     own = (free - of_pose.transform(_of_others)).abs().where(of_pose.transform("count") >= _PULLS)
     away = own.fillna(np.inf).clip(upper=(free - free.median()).abs())
     gross = away > max(GROSS_DISTANCE_M, _USUAL * away.median())
-    table = pd.DataFrame({"away": away, "gross": gross.astype(bool)}).reindex(length.index)
-    return table.assign(away=table["away"].fillna(0.0), gross=table["gross"].eq(True))
+    elsewhere = gross & _straight(case, free.index)
+    away, gross = away.where(~elsewhere, 0.0), gross & ~elsewhere
+    table = pd.DataFrame({"away": away, "gross": gross, "elsewhere": elsewhere})
+    table = table.reindex(length.index)
+    return table.eq(True).assign(away=table["away"].fillna(0.0))
+
+
+def _straight(case: Case, groups: pd.Index[str]) -> Bools:
+    """Whether the line through both ends passes the load point as it does in the other pulls.
+
+    That is by no more than ten times the median, and by less than `GROSS_DISTANCE_M`.
+    """
+    if (base := aligned(case)) is None:
+        return np.zeros(len(groups), dtype=bool)
+    table = _ends(case, *base)
+    near, far = (np.stack(table[one].to_list()) for one in ("near", "far"))
+    u = (far - near) / np.maximum(np.linalg.norm(far - near, axis=1, keepdims=True), 1e-12)
+    off = np.linalg.norm(near - np.sum(near * u, axis=1, keepdims=True) * u, axis=1)
+    by = pd.Series(off, table["group"])[lambda one: ~one.index.duplicated()].reindex(groups)
+    return np.asarray(by < min(GROSS_DISTANCE_M, _USUAL * np.median(off)))
 
 
 def _of_others(length: pd.Series[float]) -> Array:
@@ -233,8 +262,9 @@ def _of_others(length: pd.Series[float]) -> Array:
 def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
     """Exchanged names of the chain's ends.
 
-    An exchange leaves the chain's length, and how it is hung, as in the other pulls; a bad reading
-    does not.
+    An exchange leaves the chain's length, and how it is hung, as in the other pulls, or, where the
+    ends of some pulls were fixed elsewhere along the chain, one straight line; a bad reading does
+    not.
     """
     table = chain_distances(case, R, t)
     if not len(table):
@@ -243,7 +273,11 @@ def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
     if not reversed_.any() or reversed_.mean() > 0.5:
         return
     reversed_ = reversed_ & ~unlike(case)["gross"].reindex(table["group"]).to_numpy(bool)
-    reversed_ = reversed_ & _hung_alike(table, reversed_)
+    elsewhere = unlike(case)["elsewhere"].reindex(table["group"]).eq(True).to_numpy(bool)
+    hung = _hung_alike(table, reversed_)
+    if elsewhere[~reversed_].any():
+        hung = hung | _straight(case, pd.Index(table["group"]))
+    reversed_ = reversed_ & hung
     near, far = case.settings.naming.chain
     wrong = table.loc[reversed_, ["group", "near", "far"]]
     for group, a, b in wrong.itertuples(index=False, name=None):

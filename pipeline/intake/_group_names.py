@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import pyarrow as pa
@@ -100,10 +100,7 @@ def _found(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
 
 def _ways(rows: Mapping[str, Mapping[str, Array]], token: re.Pattern[str]) -> tuple[Group, ...]:
     """The ways for names that consist of such parts."""
-    tokens = {name: token.findall(name) for name in rows if re.search("[0-9]", name)}
-    again = {name: own for name in tokens if (own := _without_letters(tokens[name]))}
-    again = again if 2 * len(again) < len(tokens) else {}
-    tokens |= again
+    tokens, lettered = _parts(rows, token)
     longest = max(tokens.values(), key=len, default=[])
     alike = {name: own for name, own in tokens.items() if _fits(own, longest)}
     numbers = [k for k, token in enumerate(longest) if token.isdigit()]
@@ -113,12 +110,23 @@ def _ways(rows: Mapping[str, Mapping[str, Array]], token: re.Pattern[str]) -> tu
             orders = _orders(entries, rows)
             least = min(map(len, map(alike.__getitem__, entries)))
             found = [
-                Group(_pattern(longest, numbers, k, words, least, bool(again)), words, rest)
+                Group(_pattern(longest, numbers, k, words, least, lettered), words, rest)
                 for words, rest in orders
             ]
             whole = [one for one in found if states_of([*entries], one).keys() >= entries.keys()]
             return tuple(one for one in whole if _apart_from_each_other(list(rows), one))
     return ()
+
+
+def _parts(names: Iterable[str], token: re.Pattern[str]) -> tuple[dict[str, list[str]], bool]:
+    """The parts of each name with a number, and whether letters behind that are left out in a few.
+
+    They are part of all names if of half of them.
+    """
+    parts = {name: token.findall(name) for name in names if re.search("[0-9]", name)}
+    without = {name: own for name in parts if (own := _without_letters(parts[name]))}
+    few = 0 < 2 * len(without) < len(parts)
+    return (parts | without if few else parts), few
 
 
 def _without_letters(own: Sequence[str]) -> list[str]:

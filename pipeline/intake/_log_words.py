@@ -13,7 +13,7 @@ from importlib import resources
 from operator import itemgetter
 
 from pipeline.dialects._titles import titled, triples
-from pipeline.readers._cells import IN_BRACKETS, is_number
+from pipeline.readers._cells import IN_BRACKETS, from_above, is_number
 from pipeline.readers.logs import SI, pose_and_repeat
 
 SampledCells = Callable[[], Mapping[str, Sequence[str]]]
@@ -203,10 +203,9 @@ def _tags(cells: Mapping[str, Sequence[str]]) -> str | None:
 
     A cell without a number belongs to no pull.
     """
-    numbered = {
-        title: [one for one in own if re.search(r"\d", one)] for title, own in cells.items()
-    }
-    found = [title for title, own in numbered.items() if _count_on([*map(pose_and_repeat, own)])]
+    number = re.compile(r"\d").search
+    found = [title for title, own in cells.items()
+             if _count_on([*map(pose_and_repeat, filter(number, own))])]  # fmt: skip
     return found[0] if len(found) == 1 else None
 
 
@@ -224,19 +223,13 @@ def _by_counts(
     """The pulls, if one other column that is called a load counts 1, 2, 3 in each pose."""
     if "repeat" in found or any(role.startswith("force_") for role in found) or not cells():
         return {}
-    columns, taken = cells(), [title for title, _ in found.values()]
-    poses = [*itertools.accumulate(columns[found["pose"][0]], _filled_down)]
-    left = [
-        title for title in columns if title not in taken and _is(_stem(_words(title)), "force", {})
-    ]
-    own = [title for title in left if _counts(poses, columns[title])]
+    columns = cells()
+    left = columns.keys() - {title for title, _ in found.values()}
+    poses = from_above(columns[found["pose"][0]])
+    loads = [title for title in left if _is(_stem(_words(title)), "force", {})]
+    own = [title for title in loads if _counts(poses, columns[title])]
     several = len({*poses}) < len(poses)
     return {"repeat": (own[0], ())} if several and len(own) == 1 else {}
-
-
-def _filled_down(above: str, own: str) -> str:
-    """The cell, or the one above if it is empty."""
-    return own or above
 
 
 def _counted(
@@ -487,7 +480,7 @@ def _first(
     found: dict[str, tuple[str, Sequence[str]]] = {}
     for title in titles:
         words = _words(title)
-        unit = _unit(words[-1]) if words else ""
+        unit = _unit("".join(words[-1:]))
         counts = len(words) < len(_WORDS.findall(title))  # load no 3 is not a load
         for role, units in wanted.items():
             if role in ("force", "mass") and counts:

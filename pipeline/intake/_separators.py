@@ -139,8 +139,8 @@ def _rounds(rows: Mapping[str, Mapping[str, Array]]) -> set[str]:
     every = np.array([at for own in rows.values() for at in own.values()])
     near = _ONE_PLACE * float(np.ptp(every, axis=0).max())
     still = _still(rows, near)
-    often = Counter(target for own in rows.values() for target in own)
-    alone = Counter(target for name in still for target in rows[name])
+    often = Counter(itertools.chain(*rows.values()))
+    alone = Counter(itertools.chain(*(rows[name] for name in still)))
     words = {target for target, count in alone.items() if 2 * count > often[target]}
     at = [place for name, place in still.items() if words >= rows[name].keys()]
     apart = all(np.linalg.norm(a - b) > near for a, b in itertools.combinations(at, 2))

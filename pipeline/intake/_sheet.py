@@ -28,7 +28,7 @@ _SAMPLED = 400
 has 10 rows."""
 _LEAST = 3
 """Minimum number of numbers in a row: a point."""
-_WIDE_GAP = re.compile(r"\t+| {2,}")
+WIDE_GAP = re.compile(r"\t+| {2,}")
 _ABOVE = 3
 """Number of lines above the first row in which titles are looked for: titles, units and a rule."""
 _RULE = re.compile(r"[-=_+|\s;,]+")
@@ -233,15 +233,11 @@ def _fitting(line: str, found: _Rows, mark: str | None) -> list[str] | None:
     for begin in {mark, *MARKS} - {None}:
         line = line.removeprefix(str(begin))
     ways = [cells_of(line, found.delimiter)]
-    if found.delimiter == " ":
-        ways.append([cell.strip() for cell in _WIDE_GAP.split(line.strip())])
-    else:  # a remark on the columns, as SpatialAnalyzer writes above rows that commas separate
-        ways += [gaps for gaps in [_WIDE_GAP.split(line.strip())] if name_a_place(gaps)]
-    for cells in filter(None, ways):
-        fits = _padded(cells, found)
-        if fits is not None:
-            return fits
-    return None
+    gaps = [cell.strip() for cell in WIDE_GAP.split(line.strip())]
+    if found.delimiter == " " or name_a_place(gaps):  # as SpatialAnalyzer writes above commas
+        ways.append(gaps)
+    fitting = (_padded(cells, found) for cells in ways if cells)
+    return next((fits for fits in fitting if fits is not None), None)
 
 
 def _padded(cells: list[str], found: _Rows) -> list[str] | None:

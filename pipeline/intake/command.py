@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from posixpath import dirname
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer import Argument, Option
@@ -167,19 +167,23 @@ def _looked_at(
     from pipeline.store.campaign import DEEPEST
 
     files, within = gathered(blank.there(root, folder)), blank.inner(folder)
-    own = propose(files, hints) if within else None
-    if own and not (own.measured and own.joints):
+    if not within:
+        return files, []
+    own = propose(files, hints)
+    if not (own.measured and own.joints):
         every = gathered(blank.there(root, folder, DEEPEST))
         if not own.measured and (not own.exports or propose(every, hints).measured):
             return every, []
         files |= {name: every[name] for name in every if is_glob(name)}
-        looked_at = {dirname(name) for name in files}
-        within = Counter({one: n for one, n in within.items() if one not in looked_at})
-    return files, [
+        within -= Counter({dirname(name): within[dirname(name)] for name in files})
+    return files, [_passed(inner, count) for inner, count in within.items()]
+
+
+def _passed(inner: str, count: int) -> str:
+    return (
         f"{inner}: {count} {'file is' if count == 1 else 'files are'} in this folder and not "
         f'looked at; campaign.toml may name them, as in files = ["{inner}/*.csv"].'
-        for inner, count in within.items()
-    ]
+    )
 
 
 def _as_named(
@@ -189,14 +193,13 @@ def _as_named(
 
     As they are where it names what `init` would write for some of them: others came later.
     """
-    from pipeline.base import toml
     from pipeline.base.patterns import fits
     from pipeline.intake import blank
     from pipeline.intake.files import patterns, propose
     from pipeline.store.campaign import DEEPEST
 
-    tracker = toml.loads(blank.open_text(folder), "campaign.toml").get("tracker")
-    named = tuple(map(str, tracker.get("files", ()))) if isinstance(tracker, dict) else ()
+    tracker = _tracker(blank.open_text(folder), "campaign.toml")
+    named = tuple(map(str, tracker.get("files", ())))
     every = {**blank.there(root, folder, DEEPEST), **files} if named else {}
     mine = [name for name in every if any(fits(name, one) for one in named)]
     if not mine:
@@ -204,8 +207,8 @@ def _as_named(
     found = {*propose(files, hints).exports}
     if found.issuperset(mine) and patterns(mine, [*every]) == named:
         return files, ()
-    kept = {name: data for name, data in every.items()
-            if name in mine or (name in files and name not in found)}  # fmt: skip
+    wanted = {*mine} | (files.keys() - found)
+    kept = {name: data for name, data in every.items() if name in wanted}
     return (kept, named) if {*propose(kept, hints).exports} == {*mine} else (files, ())
 
 
@@ -270,12 +273,19 @@ def _stated(path: Path | None) -> ExportSettings:
     if path is None:
         return ExportSettings()
     text = files.words(path, path.name, toml.LARGEST_TEXT)
-    tracker = toml.loads(text, path.name).get("tracker")
+    known = _tracker(text, path.name)
     guessed = {"mapping"} if "columns" in unfilled(text).values() else set()
-    known = tracker if isinstance(tracker, dict) else {}
     keys = (ExportSettings.model_fields.keys() & known) - guessed
     content = {key: known[key] for key in keys}
     return strict.checked(ExportSettings, content, path.name, "[tracker]", "correct it", text)
+
+
+def _tracker(text: str, name: str) -> dict[str, Any]:
+    """The [tracker] of a campaign.toml, empty if there is no such table."""
+    from pipeline.base import toml
+
+    tracker = toml.loads(text, name).get("tracker")
+    return tracker if isinstance(tracker, dict) else {}
 
 
 def _settled(files: Mapping[str, bytes], hints: ExportSettings) -> FilesProposal:
@@ -295,9 +305,8 @@ def _settled(files: Mapping[str, bytes], hints: ExportSettings) -> FilesProposal
         proposal = propose(files, hints)
     if proposal.either:
         words = tuple(one.states[0] for one in proposal.either)
-        proposal = propose(
-            files, hints, _one_of("Word of the unloaded state in group names", words)
-        )
+        word = _one_of("Word of the unloaded state in group names", words)
+        proposal = propose(files, hints, word)
     return proposal
 
 
@@ -509,12 +518,12 @@ def _seen(proposal: FilesProposal) -> Iterator[str]:
     """Interpretation of the files, shown before anything is asked."""
     from pipeline.intake import blank
 
-    logs = {"loads": proposal.loads, "joints": proposal.joints}
-    files = {"exports": proposal.patterns} | {what: [one] for what, one in logs.items() if one}
-    names = {"measured targets": proposal.measured, "chain": proposal.chain, "base": proposal.base}
-    for what, found in (files | names).items():
-        if found:
-            yield f"{what}: {listed(found, most=40)}"
+    known = {"exports": proposal.patterns, "loads": [proposal.loads], "joints": [proposal.joints],
+             "measured targets": proposal.measured, "chain": proposal.chain,
+             "base": proposal.base}  # fmt: skip
+    for what, found in known.items():
+        if any(found):
+            yield f"{what}: {listed(map(str, found), most=40)}"
     if proposal.anchors:
         anchors = dict.fromkeys(one for own in proposal.anchors.values() for one in own)
         yield (
@@ -525,8 +534,7 @@ def _seen(proposal: FilesProposal) -> Iterator[str]:
         yield f"groups: named by {proposal.by_file}, of {len(proposal.exports)} files"
     if proposal.measured and not proposal.base:
         yield "base: no reflector is known; without [base_frame] readings are taken to be in F_b"
-    yield from (f"{one}." for one in proposal.nominal.seen)
-    yield from (f"{one}." for one in blank.not_used(proposal.refused))
+    yield from (f"{one}." for one in (*proposal.nominal.seen, *blank.not_used(proposal.refused)))
 
 
 def _place(

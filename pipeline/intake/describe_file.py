@@ -129,10 +129,8 @@ def _with_sheets(name: str, data: bytes, text: str, sheet: str | None) -> str:
 
 def _log(path: Path, data: bytes, folder: CampaignFolder, sheet: str | None) -> Outcome | None:
     """Description of a file that is a log, None if it is not one."""
-    from pipeline.intake import log_columns
     from pipeline.intake.blank import log_lines
     from pipeline.intake.which_logs import propose_logs
-    from pipeline.readers.export_settings import LogForm
 
     robots = {}
     for one in sorted(path.parent.glob("*.toml")):
@@ -144,15 +142,21 @@ def _log(path: Path, data: bytes, folder: CampaignFolder, sheet: str | None) -> 
     what = "log of loads" if said.loads else "joint log"
     facts = {"dialect": what} | ({"robots": ", ".join(said.robots)} if said.joints else {})
     if said.loads:
-        form = log_columns.settled(LogForm(columns=said.load_columns))
-        unknown = log_columns.unknown(path.name, data, form)
-        facts["not used"] = listed(one for one in unknown if one not in form.columns) or "nothing"
+        facts["not used"] = _not_used(path.name, data, said.load_columns)
     lines = [path.name, *(f"  {name:12} {fact}" for name, fact in facts.items())]
     head, *rest = log_lines(said, _named_robot(robots.get("campaign.toml", b"")))
     named = [] if sheet is None else [f"sheet = {quoted(sheet)}"]
     proposal = "\n".join([head, *rest[:1], *named, *rest[1:]])
     content = {"file": path.name, **facts, "proposal": proposal}
     return Outcome(path.name, content, "\n".join([*lines, "", proposal]))
+
+
+def _not_used(name: str, data: bytes, columns: dict[str, str]) -> str:
+    """The titles of a log of loads that mean nothing."""
+    from pipeline.intake import log_columns
+
+    unknown = log_columns.unknown(name, data, log_columns.settled(columns))
+    return listed(one for one in unknown if one not in columns) or "nothing"
 
 
 def _named_robot(data: bytes) -> str | None:

@@ -38,7 +38,7 @@ from pipeline.intake.which_logs import LogFiles, called, propose_logs, pulses_am
 from pipeline.readers import Columns, Export, ExportSettings, logs
 from pipeline.readers._reader import named_by_file, split
 from pipeline.readers._text import is_workbook
-from pipeline.readers.export_settings import GroupNames, LogForm
+from pipeline.readers.export_settings import GroupNames
 from pipeline.readers.reflector_sets import ReflectorSet
 
 _NO_HINTS = ExportSettings()
@@ -122,7 +122,7 @@ class FilesProposal(LogFiles):
 
 
 def propose(
-    files: Mapping[str, bytes], hints: ExportSettings | None = None, unloaded: str | None = None
+    files: Mapping[str, bytes], hints: ExportSettings = _NO_HINTS, unloaded: str | None = None
 ) -> FilesProposal:
     """Interpret the files of a campaign's folder.
 
@@ -134,27 +134,42 @@ def propose(
     lists = _no_exports(nominal.tables(files))
     while lists:  # beside an export of the same targets
         others = {name: data for name, data in files.items() if name not in lists}
-        said = _proposed(others, hints or ExportSettings(), unloaded)
-        if len(said.names) > 1 and (way := _names_of_places(others, said.names, lists)):
-            hints = (hints or ExportSettings()).model_copy(update={"names": way})
-            said = _proposed(others, hints, unloaded)
+        hints, said = _cut_by_places(others, hints, unloaded, lists)
         words = said.words | _in_log(others, said, lists)
         own = {name: nominal.of_targets(one, words) for name, one in lists.items()}
         fitting = {name: one for name, one in own.items() if one}
         if fitting.keys() == lists.keys():
-            lists = fitting
-            apart_m = said.apart_m | said.base_apart_m
-            said = _hooked_at_places(others, said, lists)
-            anchors = (one for own in said.anchors.values() for one in own)
-            found = nominal.placed(lists, said.measured, (*said.base, *anchors), apart_m)
-            more = _settled_by_base(others, said, found, hints or ExportSettings())
-            if more is not None:
-                return propose(files, more, unloaded)
-            pulses = pulses_among(files, said)
-            return replace(said, nominal=found, called=called(files, said.robots), pulses=pulses)
+            said = _with_places(files, _hooked_at_places(others, said, fitting), fitting)
+            more = _settled_by_base(others, said, hints)
+            return said if more is None else propose(files, more, unloaded)
         lists = fitting
-    said = _proposed(files, hints or ExportSettings(), unloaded)
+    said = _proposed(files, hints, unloaded)
     return replace(said, called=called(files, said.robots))
+
+
+def _cut_by_places(
+    files: Mapping[str, bytes],
+    hints: ExportSettings,
+    unloaded: str | None,
+    lists: Mapping[str, PlaceTable],
+) -> tuple[ExportSettings, FilesProposal]:
+    """What files say, and the statements with how names are cut if only lists of places show it."""
+    said = _proposed(files, hints, unloaded)
+    way = _names_of_places(files, said.names, lists) if len(said.names) > 1 else None
+    if way is None:
+        return hints, said
+    hints = hints.model_copy(update={"names": way})
+    return hints, _proposed(files, hints, unloaded)
+
+
+def _with_places(
+    files: Mapping[str, bytes], said: FilesProposal, lists: Mapping[str, PlaceTable]
+) -> FilesProposal:
+    """What files say with the nominal places of lists among them."""
+    points = itertools.chain(said.base, *said.anchors.values())
+    found = nominal.placed(lists, said.measured, [*points], said.apart_m | said.base_apart_m)
+    pulses = pulses_among(files, said)
+    return replace(said, nominal=found, called=called(files, said.robots), pulses=pulses)
 
 
 def _names_of_places(
@@ -173,10 +188,11 @@ def _names_of_places(
 
 
 def _settled_by_base(
-    files: Mapping[str, bytes], said: FilesProposal, found: NominalPlaces, hints: ExportSettings
+    files: Mapping[str, bytes], said: FilesProposal, hints: ExportSettings
 ) -> ExportSettings | None:
     """The statements with what the listed places of base reflectors settle; None if nothing."""
-    base = {name: found.places[name] for name in said.base if name in found.places}
+    places = said.nominal.places
+    base = {name: places[name] for name in said.base if name in places}
     if said.offer is None or not said.offer.questions or not base:
         return None
     for name in said.exports:
@@ -209,33 +225,25 @@ def _proposed(
         _as_stated(files, found, hints) if found.exports else _offered(files, found, hints, logged)
     )
     found = _with_groups(files, found, hints, logged)
-    exports = [*found.exports.values()]
-    namings = _namings(exports, files, found.offer.hints if found.offer else hints)
-    plain = next(namings)
-    each = itertools.chain([plain], namings)
-    fitting = (one for one in each if _sets_apart(one.exports, logged, files))
-    naming = plain if hints.groups else next(fitting, plain)
-    exports, names, by_file = naming.exports, naming.names, naming.by_file
-    rows = _by_group(exports)
+    naming = _naming(files, found, hints, logged)
+    rows = _by_group(naming.exports)
     stated = _stated_groups(logged, files, rows)
     named = _named(rows, stated.states, unloaded)
     anchors = {} if named.chain else _anchors(logged, files, named.base)
     columns = logged.load_columns | stated.columns | _log_words.anchors(anchors)
     fixed = tuple(one for one in named.base if not any(one in own for own in anchors.values()))
-    asked = {one.about for one in found.offer.questions} if found.offer else set[str]()
-    sized = not found.reach and asked <= {"horizontal"}  # a mirror keeps distances
     return replace(
         named,
         base=fixed,
         anchors=anchors,
-        apart_m=named.apart_m if sized else {},
-        base_apart_m=named.base_apart_m if sized else {},
-        words=_words(exports),
-        nameless=_lacking(exports),
-        by_file=by_file,
+        apart_m=named.apart_m if found.sized else {},
+        base_apart_m=named.base_apart_m if found.sized else {},
+        words=_words(naming.exports),
+        nameless=_lacking(naming.exports),
+        by_file=naming.by_file,
         patterns=patterns([*found.exports], [*files]),
         offer=found.offer,
-        names=names,
+        names=naming.names,
         exports=tuple(found.exports),
         reach=max(found.reach, default=None),
         unsure=unsure(logged.loads, files, columns),
@@ -259,6 +267,25 @@ class _Exports:
     reach: tuple[float, ...]
     refused: dict[str, str]
     offer: Offer | None = None
+
+    @property
+    def asked(self) -> list[str]:
+        """The others that further statements may explain."""
+        return [k for k, why in self.refused.items() if not why.startswith((PROSE, ROBOT))]
+
+    @property
+    def sized(self) -> bool:
+        """Whether distances are known: no unit or angle is open; a mirror keeps them."""
+        open_now = self.offer.questions if self.offer else ()
+        return not self.reach and all(one.about == "horizontal" for one in open_now)
+
+    def read_as(self, one: Offer, exports: dict[str, Export]) -> _Exports:
+        """With these instead, which can be read with the statements of an offer."""
+        unsaid = any(question.about == "unit" for question in one.questions)
+        metres = logs.LENGTH.get(str(one.hints.unit), 1.0)
+        far = [float(np.abs(e.position).max(initial=0.0)) / metres for e in exports.values()]
+        refused = {name: why for name, why in self.refused.items() if name not in exports}
+        return _Exports(exports, tuple(far) if unsaid else (), refused, one)
 
 
 def _exports(files: Mapping[str, bytes], logged: LogFiles) -> _Exports:
@@ -287,8 +314,7 @@ def _as_stated(files: Mapping[str, bytes], found: _Exports, hints: ExportSetting
     if hints == _NO_HINTS:
         return _as_others(files, found)
     read, reach = {}, [*found.reach]
-    asked = (k for k, why in found.refused.items() if not why.startswith((PROSE, ROBOT)))
-    for name in asked:
+    for name in found.asked:
         with contextlib.suppress(InputError):
             read[name], largest = _export(name, files[name], hints)
             reach += largest
@@ -302,15 +328,14 @@ def _as_others(files: Mapping[str, bytes], found: _Exports) -> _Exports:
 
     Whether angles are from the zenith is seen only by some that are beyond a right angle.
     """
-    asked = [k for k, why in found.refused.items() if not why.startswith((PROSE, ROBOT))]
     tables = [name for name, one in found.exports.items() if one.dialect == readers.TABLE]
-    for name in tables[:_TRIED] if asked else ():
+    for name in tables[:_TRIED] if found.asked else ():
         with contextlib.suppress(InputError):
             one = as_table(name, files[name], _NO_HINTS)
-            read = dict(_read_as(one.hints, files, [*found.exports, *asked])) if one else {}
+            read = dict(_read_as(one.hints, files, [*found.exports, *found.asked])) if one else {}
             if one and len(found.exports) < len(read) and read.keys() >= found.exports.keys():
-                refused = {k: why for k, why in found.refused.items() if k not in read}
-                return _Exports(read, found.reach, refused, replace(one, questions=()))
+                sure = replace(one, questions=())
+                return replace(found.read_as(sure, read), reach=found.reach)
     return found
 
 
@@ -349,17 +374,10 @@ def _offered(
         grouped = {k: _regrouped(k, files, one, logged) for k, (one, _) in offers.items()}
         entries = {name: both for name, both in grouped.items() if both}
     offers = entries if len(entries) == 1 else offers
-    if len(offers) > 1:
+    if len(offers) != 1:
         return _of_one_form(files, found, offers)
-    if not offers:
-        return found
     ((name, (one, export)),) = offers.items()
-    one = _named_by_groups(one) if entries else one
-    metres = {"mm": 1e-3, "in": 0.0254}.get(str(one.hints.unit), 1.0)
-    largest = float(np.abs(export.position).max(initial=0.0)) / metres
-    unsaid = any(question.about == "unit" for question in one.questions)
-    refused = {other: why for other, why in found.refused.items() if other != name}
-    return _Exports({name: export}, (largest,) if unsaid else (), refused, one)
+    return found.read_as(_named_by_groups(one) if entries else one, {name: export})
 
 
 def _of_one_form(
@@ -369,11 +387,7 @@ def _of_one_form(
     for one, _ in (offers[name] for name in [*offers][:_TRIED]):
         read = dict(_read_as(one.hints, files, [*offers]))
         if 2 * len(read) > len(offers):
-            refused = {name: why for name, why in found.refused.items() if name not in read}
-            unsaid = any(question.about == "unit" for question in one.questions)
-            factor = {"mm": 1e-3, "in": 0.0254}.get(str(one.hints.unit), 1.0)
-            far = [float(np.abs(e.position).max(initial=0.0)) / factor for e in read.values()]
-            return _Exports(read, tuple(far) if unsaid else (), refused, one)
+            return found.read_as(one, read)
     return found
 
 
@@ -387,8 +401,7 @@ def _offers(
     """What is to be said of files that are refused, or of workbooks, and how they are read then."""
     offers: dict[str, tuple[Offer, Export]] = {}
     books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
-    asked = (k for k, why in found.refused.items() if not why.startswith((PROSE, ROBOT)))
-    for name in (*asked, *books):
+    for name in (*found.asked, *books):
         with contextlib.suppress(InputError):
             if one := offer(name, files[name], hints) or _settled(hints):
                 offers[name] = one, readers.read(name, files[name], one.hints)
@@ -413,7 +426,7 @@ def _of_sheets(name: str, data: bytes, hints: ExportSettings) -> Iterator[tuple[
 
 def _settled(hints: ExportSettings) -> Offer | None:
     """The statements alone, where they leave nothing open; None if there are none."""
-    return None if hints == ExportSettings() else Offer("", (), (), "", (), hints)
+    return None if hints == _NO_HINTS else Offer("", (), (), "", (), hints)
 
 
 def _tells(export: Export) -> bool:
@@ -505,6 +518,18 @@ class _Naming:
     by_file: GroupNames | None = None
 
 
+def _naming(
+    files: Mapping[str, bytes], found: _Exports, hints: ExportSettings, logged: LogFiles
+) -> _Naming:
+    """What names groups: the exports, or the first way in which these are states of poses."""
+    exports = [*found.exports.values()]
+    namings = _namings(exports, files, found.offer.hints if found.offer else hints)
+    plain = next(namings)
+    each = itertools.chain([plain], namings)
+    fitting = (one for one in each if _sets_apart(one.exports, logged, files))
+    return plain if hints.groups else next(fitting, plain)
+
+
 def _namings(
     exports: list[Export], files: Mapping[str, bytes], hints: ExportSettings
 ) -> Iterator[_Naming]:
@@ -527,11 +552,17 @@ def _of_levels_above(
     if lacking is None and all(_TWO_LEVELS.search(files[one.file]) for one in exports):
         joined = hints.model_copy(update={"names": _WHOLE_NAMES})
         yield _Naming([_export(e.file, files[e.file], joined)[0] for e in exports], (_WHOLE_NAMES,))
+    if len(exports) > 1:
+        yield from _by_files(exports, lacking)
+
+
+def _by_files(exports: list[Export], lacking: str | None) -> Iterator[_Naming]:
+    """Groups by the files of several exports and their folders."""
     ways: dict[str | None, tuple[GroupNames, ...]] = {
         "groups": ("files", "folders/files"), None: ("files::groups",)}  # fmt: skip
-    for way in ways.get(lacking, ()) if len(exports) > 1 else ():
+    for way in ways.get(lacking, ()):
         yield _Naming([named_by_file(one, way) for one in exports], (), way)
-    for pattern in in_some(exports) if lacking == "groups" and len(exports) > 1 else ():
+    for pattern in in_some(exports) if lacking == "groups" else ():
         both = [named_by_file(split(one, pattern), "files::groups") for one in exports]
         yield _Naming(both, (pattern,), "files::groups")
 
@@ -552,24 +583,23 @@ def _sets_apart(exports: Sequence[Export], logged: LogFiles, files: Mapping[str,
     if stated or not ways:
         return bool(stated)
     states = states_of(list(rows), ways[0])
-    pairs = [
-        pair
-        for one in exports
-        if one.group is not None and one.target is not None
-        for pair in zip(one.group.to_pylist(), one.target.to_pylist(), strict=True)
-        if states.get(pair[0]) == STATES[1]
-    ]
+    pairs = [pair for pair, _ in _named_readings(exports) if states.get(pair[0]) == STATES[1]]
     return len({*pairs}) == len(pairs)
+
+
+def _named_readings(exports: Sequence[Export]) -> Iterator[tuple[tuple[str, str], Array]]:
+    """Group and target of each reading that has both, and its position."""
+    for one in exports:
+        if one.group is not None and one.target is not None:
+            names = zip(one.group.to_pylist(), one.target.to_pylist(), strict=True)
+            yield from zip(names, one.position, strict=True)
 
 
 def _in_several_places(exports: Sequence[Export]) -> bool:
     """Whether most readings that have the name of an earlier one were made elsewhere."""
     rows: dict[tuple[str, str], list[Array]] = {}
-    for one in exports:
-        if one.group is not None and one.target is not None:
-            names = zip(one.group.to_pylist(), one.target.to_pylist(), strict=True)
-            for key, at in zip(names, one.position, strict=True):
-                rows.setdefault(key, []).append(at)
+    for key, at in _named_readings(exports):
+        rows.setdefault(key, []).append(at)
     every = np.array([at for some in rows.values() for at in some])
     near = NEAR * float(np.ptp(every)) if len(every) else 0.0
     again = [some for some in rows.values() if len(some) > 1]
@@ -623,11 +653,9 @@ def _stated_groups(
     if logged.loads is None or not rows or len(ways_to_read(rows)) == 1:
         return _StatedGroups()
     data = files[logged.loads]
-    form = log_columns.settled(LogForm(columns=logged.load_columns))
-    for columns in (
-        {},
-        *({title: "group"} for title in log_columns.unknown(logged.loads, data, form)),
-    ):
+    form = log_columns.settled(logged.load_columns)
+    titles = log_columns.unknown(logged.loads, data, form)
+    for columns in ({}, *({title: "group"} for title in titles)):
         tried = form.model_copy(update={"columns": form.columns | columns})
         with contextlib.suppress(InputError):
             found = logs.loads(logged.loads, data, tried).states
@@ -727,11 +755,9 @@ def _by_state(rows: Mapping[str, Mapping[str, Array]], state: Mapping[str, str])
     unloaded, loaded, others = (
         [at for name, at in rows.items() if state.get(name) == one] for one in (*STATES, None)
     )
-    both = [Counter(target for at in some for target in at) for some in (unloaded, loaded)]
-    share = [{t: n / len(some) for t, n in count.items()}
-             for count, some in zip(both, (unloaded, loaded), strict=True)]  # fmt: skip
-    ends = [name for name, often in share[1].items() if 2 * share[0].get(name, 0) < often]
-    measured = [name for name in _targets(unloaded) if name in share[1] and name not in ends]
+    before, under = _share(unloaded), _share(loaded)
+    ends = [name for name, often in under.items() if 2 * before.get(name, 0) < often]
+    measured = [name for name in before if name in under and name not in ends]
     base = tuple(name for name in _targets(others) if name not in (*measured, *ends))
     return FilesProposal(
         measured=tuple(measured),
@@ -740,6 +766,12 @@ def _by_state(rows: Mapping[str, Mapping[str, Array]], state: Mapping[str, str])
         apart_m=_apart(measured, unloaded),
         base_apart_m=_apart(base, others),
     )
+
+
+def _share(states: Sequence[Mapping[str, Array]]) -> dict[str, float]:
+    """In what share of some states each target was read."""
+    often = Counter(target for at in states for target in at)
+    return {name: n / len(states) for name, n in often.items()}
 
 
 def _ways(
@@ -759,13 +791,12 @@ def _lacking(exports: Sequence[Export]) -> Literal["names", "groups"] | None:
 
 def _words(exports: Sequence[Export]) -> frozenset[str]:
     """Names of all targets of some exports, and what is between the signs in all names."""
-    columns = [(one.target, one.group) for one in exports]
-    targets, names = (
+    targets, groups = (
         {str(name) for column in some if column is not None
          for name in column.cast(pa.string()).unique().to_pylist()}
-        for some in ([target for target, _ in columns], [one for both in columns for one in both])
+        for some in ([one.target for one in exports], [one.group for one in exports])
     )  # fmt: skip
-    return frozenset(targets.union(*map(_PARTS.split, names)))
+    return frozenset(targets.union(*map(_PARTS.split, targets | groups)))
 
 
 def _by_group(exports: Sequence[Export]) -> dict[str, dict[str, Array]] | None:
@@ -807,9 +838,8 @@ def _apart(
 ) -> dict[tuple[str, str], float]:
     """Median distances between targets over states [m]."""
     out = {}
-    for k, one in enumerate(names):
-        for other in names[k + 1 :]:
-            seen = [np.linalg.norm(at[one] - at[other]) for at in states if {one, other} <= {*at}]
-            if seen:
-                out[one, other] = float(np.median(seen))
+    for one, other in itertools.combinations(names, 2):
+        seen = [np.linalg.norm(at[one] - at[other]) for at in states if {one, other} <= {*at}]
+        if seen:
+            out[one, other] = float(np.median(seen))
     return out

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 
 import pyarrow as pa
@@ -37,6 +37,7 @@ from pipeline.readers.logs import (
 
 _HEADING = 1000
 """Number of bytes that may name the instrument of a log."""
+_UNITS = {"force": tuple(SCALE), "mass": tuple(MASS)}
 _Meaning = Callable[[Sequence[str], _log_words.SampledCells], dict[str, str] | None]
 
 
@@ -52,9 +53,7 @@ def _understood(name: str, data: bytes, table: str, meaning: _Meaning) -> LogFor
     """
 
     def meant(file: Text) -> dict[str, str] | None:
-        found = (
-            meaning(head.written, cache(partial(_below, file, head))) for head in headers(file)
-        )
+        found = (meaning(one.written, cache(partial(_below, file, one))) for one in headers(file))
         return next((columns for columns in found if columns is not None), None)
 
     with at(name):
@@ -120,25 +119,23 @@ def refuse_without_poses(name: str, data: bytes) -> None:
 
 def understood_loads(name: str, data: bytes) -> LogForm | None:
     """Entries of [scale] for a log of loads with foreign titles; None if it is not one."""
-    units = {"force": tuple(SCALE), "mass": tuple(MASS)}
     heading = f"{name} {data[:_HEADING].decode('utf-8', 'replace')}"
-    meant = partial(_log_words.of_loads, units=units, by_scale=_log_words.names_a_scale(heading))
+    meant = partial(_log_words.of_loads, units=_UNITS, by_scale=_log_words.names_a_scale(heading))
     form = _understood(name, data, "scale", meant)
     if form is None or "branch" not in form.columns.values():
         return form
     left = {title: ours for title, ours in form.columns.items() if ours != "branch"}
-    without = LogForm(columns=left)
     try:
-        lost = [len(loads(name, data, settled(one)).rejected) for one in (form, without)]
+        both = (form.columns, left)
+        lost = [len(loads(name, data, settled(one)).rejected) for one in both]
     except InputError:  # e.g. an open decimal mark: rows cannot be compared yet
         return form
-    return form if lost[0] == lost[1] else without
+    return form if lost[0] == lost[1] else LogForm(columns=left)
 
 
-def settled(form: LogForm) -> LogForm:
+def settled(columns: Mapping[str, str]) -> LogForm:
     """A form that can be read: of several names for a title, which differ by unit, the first."""
-    columns = {title: ours.partition("|")[0] for title, ours in form.columns.items()}
-    return form.model_copy(update={"columns": columns})
+    return LogForm(columns={title: ours.partition("|")[0] for title, ours in columns.items()})
 
 
 Axes = tuple[tuple[str, ...], tuple[bool, ...]]
@@ -163,8 +160,7 @@ def cells_of_joints(name: str, data: bytes, axes: Axes) -> dict[str, Sequence[st
 
 def cells_of_loads(name: str, data: bytes) -> dict[str, Sequence[str]]:
     """Cells of a log of loads by title."""
-    units = {"force": tuple(SCALE), "mass": tuple(MASS)}
-    return _cells_of(name, data, "scale", partial(_log_words.of_loads, units=units))
+    return _cells_of(name, data, "scale", partial(_log_words.of_loads, units=_UNITS))
 
 
 def _cells_of(name: str, data: bytes, table: str, meaning: _Meaning) -> dict[str, Sequence[str]]:
@@ -217,10 +213,8 @@ def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
         return []
     behind = sorted(axes, key=lambda q: q.units is LENGTH)
     orders = [axes] if behind == axes else [axes, behind]
-    return [
-        form.model_copy(update={"columns": form.columns | _as_called(titles, one)})
-        for one in orders
-    ]
+    columns = (form.columns | _as_called(titles, one) for one in orders)
+    return [form.model_copy(update={"columns": one}) for one in columns]
 
 
 def _of_numbers(file: Titled) -> list[str]:
@@ -249,9 +243,7 @@ def naming(name: str, data: bytes, names: set[str]) -> dict[str, set[str]]:
 
     def column(_: Sequence[str], cells: _log_words.SampledCells) -> dict[str, str] | None:
         own = {title: {*some} - {""} for title, some in cells().items()}
-        found.update(
-            {title: some for title, some in own.items() if len(some) > 1 and some <= names}
-        )
+        found.update({k: some for k, some in own.items() if len(some) > 1 and some <= names})
         return {title: title for title in found} or None
 
     with contextlib.suppress(InputError):  # a workbook in which no sheet has such a column

@@ -21,6 +21,7 @@ from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain
 from pipeline.dialects._named import WORD
 from pipeline.dialects.workbook import sheets
+from pipeline.intake._sheet import WIDE_GAP
 from pipeline.readers._layout import JOINT
 from pipeline.readers._text import Text, is_workbook, opened
 from pipeline.readers._units import UNIT_WORDS
@@ -49,7 +50,6 @@ _SHORT_UNIT = re.compile(r"[\[(]\s*(m|in)\s*[\]),;]")
 """Units that are also ordinary words, where only a unit can be."""
 _BODY = 3
 """Number of points whose three distances do not show which of them is wrong [1]."""
-_WIDE_GAP = re.compile(r"\t+| {2,}")
 _FEWEST = 2
 """Minimum number of reflectors of the export in a table of places; fewer have no distance."""
 
@@ -134,7 +134,7 @@ def _rows(text: Text) -> tuple[list[_Row], list[str]]:
     others: list[str] = []
     for _, line in text.lines() if len(text) < _MOST_LINES else ():
         row = _row(line)
-        here = [row] if row else [*filter(None, map(_row, _WIDE_GAP.split(line)))]
+        here = [row] if row else [*filter(None, map(_row, WIDE_GAP.split(line)))]
         others += [line] if line.strip() and not here else []
         found += [(name, at, (*form, len(others))) for name, at, form in here]
         if len(found) > _MOST:
@@ -155,12 +155,9 @@ def _cut(line: str, delimiter: str | None) -> _Row | None:
     cells = _with_whole_name(
         [cell.strip(" \"'") for cell in line.strip().split(delimiter)], delimiter
     )
-    counted = cells[:1] != [] and cells[0].isdecimal() and len(cells) > _FEWEST + 1
-    numbers = [bool(_NUMBER.fullmatch(cell)) for cell in cells]
-    at = _of_three([False, *numbers[1:]] if counted else numbers)
-    if at is None or at > 2 or JOINT in cells[at - 1]:
-        return None
-    if not _WORD.search(cells[at - 1]) and at > counted:
+    counted = len(cells) > _FEWEST + 1 and cells[0].isdecimal()
+    at = _of_three([False] * counted + [bool(_NUMBER.fullmatch(one)) for one in cells[counted:]])
+    if at is None or JOINT in cells[at - 1] or (at > counted and not _WORD.search(cells[at - 1])):
         return None
     three = [cell.replace(",", ".") for cell in cells[at : at + 3]]
     x, y, z = map(float, three)
@@ -176,8 +173,8 @@ def _with_whole_name(cells: list[str], delimiter: str | None) -> list[str]:
 
 
 def _of_three(number: Sequence[bool]) -> int | None:
-    """The first of three numbers behind a cell that is none, None if others follow."""
-    at = next((k for k in range(1, len(number) - 2) if all(number[k : k + 3])), None)
+    """The first of three numbers behind one cell that is none, or two; None if others follow."""
+    at = next((k for k in range(1, min(3, len(number) - 2)) if all(number[k : k + 3])), None)
     return None if at is None or any(number[at + 3 :]) or number[at - 1] else at
 
 
@@ -255,16 +252,23 @@ def _of(
     renamed = dict(zip(own, own, strict=True))
     if (load := _load_point(table, measured, base, LENGTH[unit])) is not None:
         renamed[load] = "load_point"
+    also = f", and {load} as load_point" if load else ""
+    return _in_metres(table, file, unit, renamed), (
+        f"{begin}: {listed(own, most=12)}{also} in {_UNITS[unit]}, "
+        f"{_compared(table, LENGTH[unit], apart_m)}; confirm them in campaign.toml"
+    )
+
+
+def _in_metres(
+    table: PlaceTable, file: str, unit: str, renamed: Mapping[str, str]
+) -> NominalPlaces:
+    """The places of a table in one of its units, by our names for those in it."""
     places = {ours: _metres(table.numbers[name], LENGTH[unit]) for name, ours in renamed.items()}
     source = {
         ours: f"{file}, {_UNITS[unit]}{'' if ours == name else f', {name}'}: confirm it"
         for name, ours in renamed.items()
     }
-    also = f", and {load} as load_point" if load else ""
-    return NominalPlaces(places, source), (
-        f"{begin}: {listed(own, most=12)}{also} in {_UNITS[unit]}, "
-        f"{_compared(table, LENGTH[unit], apart_m)}; confirm them in campaign.toml"
-    )
+    return NominalPlaces(places, source)
 
 
 def _compared(table: PlaceTable, factor: float, apart_m: Apart) -> str:

@@ -209,8 +209,8 @@ def _mapping(table: SheetTable, reading: RoleAssignment) -> Columns:
     """[tracker.mapping] of a reading."""
     found = table.sheet
     roles = {place: one.role for place, one in sorted(reading.roles.items()) if one.role}
-    titles = found.titles if _readable(found) else ("",) * len(found.titles)
-    header = found.header if _readable(found) else 0
+    none = ("",) * len(found.titles), 0
+    titles, header = (found.titles, found.header) if _readable(found) else none
     dated = reading.place("date") is not None  # the format is then that of both together
     form = None if dated else next((table.content[k].form for k in reading.places("time")), None)
     mapping = {

@@ -85,16 +85,16 @@ def _with_log(
     makers: frozenset[str],
 ) -> LogFiles:
     """The logs with a file that may be one, or both in a workbook; refused if no robot fits."""
-    data = files[name]
+    data, rows = files[name], partial(_rows, files, robots)
     fits = _having(name, data, robots, makers)
     form = _loads(name, data) if not fits or is_workbook(data) else None
     if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
         columns = {robot: form.columns for robot, form in fits.items()}
         new = {"joints": name, "robots": tuple(fits), "joint_columns": columns}
-        proposal = _added(proposal, name, new, proposal.joints, partial(_rows, files, robots))
+        proposal = _added(proposal, name, new, proposal.joints, rows)
     if form:
         new = {"loads": name, "load_columns": form.columns}
-        return _added(proposal, name, new, proposal.loads, partial(_rows, files, robots))
+        return _added(proposal, name, new, proposal.loads, rows)
     if fits or not (axes := log_columns.titles_of_axes(name, data)):
         return proposal
     return replace(proposal, refused=proposal.refused | {name: _no_joint_log(name, data, axes)})
@@ -136,9 +136,8 @@ def _mark(name: str, data: bytes) -> str:
         found = None if is_workbook(data) else sheet(text(name, data))
         if found is not None and found.delimiter != ",":
             try:
-                return mark_of(
-                    [one for one in contents(found) if one.kind == "number"], found.lines
-                )
+                numbers = [one for one in contents(found) if one.kind == "number"]
+                return mark_of(numbers, found.lines)
             except InputError:
                 return "?"
     return ""
@@ -174,10 +173,10 @@ def _rows(
     """Number of rows of a log of loads that can be read; 1 for a joint log if it can be."""
     with contextlib.suppress(InputError):
         if name == found.get("loads"):
-            form = log_columns.settled(LogForm(columns=found["load_columns"]))
+            form = log_columns.settled(found["load_columns"])
             return len(logs.loads(name, files[name], form).line)
         robot, columns = next(iter(found["joint_columns"].items()))
-        form = log_columns.settled(LogForm(columns=columns))
+        form = log_columns.settled(columns)
         return min(len(logs.joints(name, files[name], robots[robot], form).line), 1)
     return 0
 
@@ -186,10 +185,8 @@ def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:
     """Robots in the folder, then those that ship."""
     for name, data in files.items():
         if name.endswith(".toml"):
-            try:
+            with contextlib.suppress(InputError):
                 yield name, parse_robot(data.decode("utf-8", "replace"), name)
-            except InputError:
-                continue
     for name in SHIPPED:
         yield name, load(name)
 
@@ -328,8 +325,7 @@ def unsure(
     Force, if nothing can be read.
     """
     with contextlib.suppress(InputError):
-        form = log_columns.settled(LogForm(columns=dict(columns)))
-        log = logs.loads(name, files[name], form) if name else None
+        log = logs.loads(name, files[name], log_columns.settled(columns)) if name else None
         if log is not None and len(log.line):
             given = {kind: ~np.isnan(log.number[kind]) for kind in ("force", "mass")}
             given["mass"] &= np.isnan(log.number["mass_sigma"])

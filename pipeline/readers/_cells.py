@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from pipeline.base.arrays import Array, Ints
 from pipeline.readers._layout import Layout
@@ -93,6 +93,12 @@ def above(text: Text, header: int, delimiter: str, numbers: Sequence[int]) -> li
         for number, row in rows
         if max(numbers) < len(row) and all(is_number(row[k]) for k in numbers)
     ]
+
+
+def from_above(cells: Iterable[str]) -> list[str]:
+    """The cells with empty ones filled from above, or from the left in a line."""
+    last = ""
+    return [last := cell or last for cell in cells]
 
 
 def bare(title: str) -> str:

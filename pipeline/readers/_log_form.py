@@ -185,17 +185,9 @@ def _of_numbers(cells: Sequence[str]) -> bool:
 
 def _header(file: Text, line: int) -> LogHeader:
     """A line as a header."""
-    content = file.line(line)
-    delimiter = delimiter_of(content, " ")
-    titles = _cut(content, delimiter)
-    below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
-    if is_remark(content, MARKS) and len(unmarked := _cut(_marked(content), delimiter)) == len(
-        below
-    ):
-        titles = unmarked
+    delimiter = delimiter_of(file.line(line), " ")
+    titles, below = _with_below(file, line, delimiter)
     none = ("",) * len(titles)
-    if len(below) != len(titles):
-        below = list(none)
     if of_others := _titles_of_others():
         titles, lines = of_others(titles, below)
         if lines > 1:
@@ -205,6 +197,19 @@ def _header(file: Text, line: int) -> LogHeader:
     behind = none if of_units else tuple(map(_unit_behind, below))
     joined = map(with_unit, titles, units if of_units else behind)
     return LogHeader(line, line + (2 if of_units else 1), delimiter, tuple(joined), behind)
+
+
+def _with_below(file: Text, line: int, delimiter: str) -> tuple[list[str], list[str]]:
+    """The cells of a line, with no mark of a comment before them if it is none, and those below it.
+
+    Those are empty if they are not as many.
+    """
+    content = file.line(line)
+    titles = _cut(content, delimiter)
+    below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
+    unmarked = _cut(_marked(content), delimiter) if is_remark(content, MARKS) else titles
+    titles = unmarked if len(unmarked) == len(below) else titles
+    return titles, below if len(below) == len(titles) else [""] * len(titles)
 
 
 @cache

@@ -212,19 +212,19 @@ def _a_row_each(log: Log, each: Sequence[Quantity]) -> Log:
     for name in {"force", "repeat"} & {*log.number}:
         twice = f"has a {name} beside one column a pull; keep one of the two"
         log = log.where(name, np.isnan, twice)
-    force, unit = (
-        np.column_stack([log.number[name + q.stem[5:]] for q in each]) for name in ("force", "unit")
-    )
+    pulls = [q.stem.removeprefix("force_") for q in each]
+    force = np.column_stack([log.number[f"force_{k}"] for k in pulls])
+    unit = np.column_stack([log.number[f"unit_{k}"] for k in pulls])
     there = ~np.isnan(force)
     there[~there.any(axis=1), 0] = True  # a row without any is rejected, not lost
     row, pull = np.nonzero(there)
-    repeat = np.array([float(q.stem.rpartition("_")[2]) for q in each])
-    stems = {name + q.stem[5:] for q in each for name in ("force", "unit")}
-    number = {name: one[row] for name, one in log.number.items() if name not in stems}
+    repeat = np.array(pulls, dtype=np.float64)
+    number = {k: one[row] for k, one in log.number.items()
+              if not k.startswith(("force_", "unit_"))}  # fmt: skip
     number |= {"force": force[row, pull], "unit": unit[row, pull], "repeat": repeat[pull]}
     word = {k: one[row] for k, one in log.word.items() if not k.startswith("anchor_")}
     none = np.full(len(log.line), "", dtype=object)
-    hooks = [log.word.get(f"anchor{q.stem[5:]}", none) for q in each]
+    hooks = [log.word.get(f"anchor_{k}", none) for k in pulls]
     if len(word) < len(log.word):
         word["anchor"] = np.column_stack(hooks)[row, pull]
     return replace(log, number=number, word=word, line=log.line[row])

@@ -11,7 +11,6 @@ from pipeline.intake.which_logs import propose_logs
 from pipeline.machine.robot import axes, load
 from pipeline.programs.for_plan import drive, programs
 from pipeline.readers import logs
-from pipeline.readers.export_settings import LogForm
 
 SEED = 20261125
 SUFFIX = {"kuka": ".dat", "abb": ".mod", "fanuc": ".ls"}
@@ -31,7 +30,7 @@ def read_as_init(name, data, whose):
     assert said.joints == name
     assert whose in said.robots
     robot = load(whose)
-    form = log_columns.settled(LogForm(columns=said.joint_columns[whose]))
+    form = log_columns.settled(said.joint_columns[whose])
     log = logs.joints(name, data, robot, form)
     assert not log.rejected
     return log, logs.joint_values(log, robot)

@@ -503,3 +503,13 @@ def test_a_chain_that_is_turned_in_a_pose_exchanges_no_states(seed, pose, late, 
     right = case(files(seed)).readings
     assert (got.case.readings["target"].astype(str) == right["target"].astype(str)).all()
     assert misfit(got.case) == misfit(case(files(seed)))
+
+
+@pytest.mark.parametrize("pose", range(1, POSES + 1))
+def test_a_chain_that_is_turned_in_one_pull_exchanges_no_states(pose):
+    """As if its pull and the unloaded state were exchanged, but the other pulls say otherwise."""
+    head, rows = table(files(3), "tracker.csv")
+    ends, group = {"Pl1": "Pl2", "Pl2": "Pl1"}, f"pose{pose:02d}_rep1_loaded"
+    turned = [[a, ends.get(b, b) if a == group else b, *c] for a, b, *c in rows]
+    assert turned != rows
+    assert exchanged_pulls(asked(case(written(files(3), "tracker.csv", head, turned)))) == []

@@ -9,6 +9,7 @@ import pytest
 from small_case import asked
 
 from bench.fuzz.catalogue import case as spoilt
+from pipeline.faults.chain import chain_gross, chain_outlier
 from pipeline.faults.conventions import aligned
 from pipeline.faults.labels import CHAIN, FAULT, chain_distances
 from pipeline.reduction.bring import conformed, plain
@@ -141,6 +142,45 @@ def test_an_exchange_leaves_the_ends_as_far_apart_as_they_are():
     assert labels(moved(group, "Pl1", (2 * gap + 0.02) * along)) == []
     (found,) = labels(written([group], {"Pl1": "Pl2", "Pl2": "Pl1"}))
     assert found.before > found.after
+
+
+@pytest.fixture
+def at_several_places():
+    """The campaign with the far end of four pulls fixed nearer by, along the straight chain."""
+    rows = good().readings.copy()
+    groups = [f"pose0{k}_rep1_loaded" for k in (1, 2, 3, 5)]
+    for group, share in zip(groups, (0.4, 0.6, 0.75, 0.5), strict=True):
+        near, far = (
+            rows.index[(rows["group"] == group) & (rows["target"] == one)][0] for one in ENDS
+        )
+        a, b = (rows.loc[k, XYZ].to_numpy(float) for k in (near, far))
+        rows.loc[far, XYZ] = a + share * (b - a)
+    return replace(good(), readings=rows), groups
+
+
+ENDS = ("Pl1", "Pl2")
+
+
+def test_ends_that_are_fixed_elsewhere_along_the_chain_are_no_mistake(at_several_places):
+    """Their line passes the load point as all do; a reading off that line is still named."""
+    case, groups = at_several_places
+    assert [*labels(case), *chain_gross(case), *chain_outlier(case)] == []
+
+    rows = case.readings.copy()
+    rows.loc[(rows["group"] == groups[1]) & (rows["target"] == "Pl2"), XYZ] += [0.0, 0.4, 0.5]
+    (found,) = chain_gross(replace(case, readings=rows))
+    assert found.where.startswith(groups[1])
+
+
+def test_ends_that_are_fixed_elsewhere_may_be_exchanged(at_several_places):
+    """Their distance is unlike the others, but they are on one line with the load point."""
+    case, groups = at_several_places
+    rows = case.readings
+    other = dict(zip(ENDS, ENDS[::-1], strict=True))
+    names = rows["target"].where(rows["group"] != groups[2], rows["target"].replace(other))
+    (found,) = labels(replace(case, readings=rows.assign(target=names)))
+    assert found.where == groups[2]
+    assert "the names Pl1 and Pl2" in found.evidence
 
 
 def test_an_exchange_puts_every_reading_that_it_renames_in_its_place():

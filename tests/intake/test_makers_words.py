@@ -9,7 +9,6 @@ from pipeline.intake.files import propose
 from pipeline.intake.log_columns import settled
 from pipeline.machine.robot import axes, load
 from pipeline.readers import logs
-from pipeline.readers.export_settings import LogForm
 
 NEWTON = {"N": 1.0, "kN": 1e3, "daN": 10.0, "kgf": 9.80665, "kp": 9.80665, "lbf": 4.4482216152605}
 """Units by ISO 80000-4; kilopond and pound-force by standard gravity."""
@@ -57,9 +56,7 @@ def test_axes_of_a_maker_are_known_beside_other_columns(hall, maker):
     own = files | {"joints.csv": joint_log(degrees, MAKERS[maker], more=more)}
     said = propose(own)
     columns = said.joint_columns["gp180"]
-    form = settled(
-        LogForm(columns={t: ours.replace("_rad", "_deg") for t, ours in columns.items()})
-    )
+    form = settled({t: ours.replace("_rad", "_deg") for t, ours in columns.items()})
     log = logs.joints("joints.csv", own["joints.csv"], load("gp180"), form)
 
     assert said.joints == "joints.csv"
@@ -105,7 +102,7 @@ def test_a_force_has_its_unit_in_the_title_or_in_every_cell(hall, unit, form):
     own = {name: files[name] for name in files if name != "joints.csv"}
     own |= {"loads.csv": "\n".join([*lines, ""]).encode()}
     said = propose(own)
-    log = logs.loads("loads.csv", own["loads.csv"], settled(LogForm(columns=said.load_columns)))
+    log = logs.loads("loads.csv", own["loads.csv"], settled(said.load_columns))
 
     assert said.loads == "loads.csv"
     np.testing.assert_allclose(log.number["force"], [float(f) for *_, f in rows], atol=1e-4)

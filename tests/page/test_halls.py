@@ -250,7 +250,7 @@ def test_a_server_that_is_killed_in_a_run_is_said_and_begun_again(chromium, tmp_
     tab.get_by_role("button", name="Run").click()
     tab.get_by_text("computing").wait_for()
     first.send_signal(signal.SIGKILL)
-    first.wait(20)
+    first.communicate(timeout=20)
     tab.get_by_text("the program behind this page does not answer").wait_for()
 
     assert contents(folder) == before
@@ -267,7 +267,7 @@ def test_a_server_that_is_killed_in_a_run_is_said_and_begun_again(chromium, tmp_
     tab.get_by_role("link", name="To the answer").click()
     tab.get_by_role("link", name="Open the report").wait_for()
     second.send_signal(signal.SIGINT)
-    second.wait(20)
+    second.communicate(timeout=20)
     tab.close()
 
     assert result(tmp_path, "hall")["diagnosis"]["verdict"] == "adequate"

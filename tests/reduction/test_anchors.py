@@ -69,6 +69,24 @@ def test_the_force_points_to_the_anchor(hall):
     assert np.max(off) < 2e-3
 
 
+def test_exchanged_names_turn_no_chain(hall):
+    """Ends from the load point are where they are with the reflectors' own names."""
+    files, toml, anchors, true = hall
+    case = ingested(in_memory(files | {"campaign.toml": with_anchors(toml, anchors)}), conformed,
+                    plain, plausible=False)  # fmt: skip
+    first, second = case.settings.measured[:2]
+    other = {first: second, second: first}
+    rows = [row.split(",") for row in files["tracker.csv"].decode().splitlines()]
+    group = next(row[0] for row in rows if "rep1_loaded" in row[0])
+    turned = [[a, other.get(b, b) if a == group else b, *c] for a, b, *c in rows]
+    assert turned != rows
+    spoilt = files | {"tracker.csv": "\n".join(map(",".join, turned)).encode()}
+    force = in_newton(reduced(spoilt | {"campaign.toml": with_anchors(toml, anchors)}))
+
+    off = np.linalg.norm(force - true, axis=1) / np.linalg.norm(true, axis=1)
+    assert np.max(off) < 2e-3
+
+
 def test_reflectors_that_no_chain_has_are_neither_suspected_nor_told(hall):
     """Where the log names anchors; advice that the campaign has followed is not given again."""
     files, toml, anchors, _ = hall
