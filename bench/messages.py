@@ -21,7 +21,7 @@ SPOKEN: dict[str, tuple[str, ...]] = {
         *("_least_certain", "_NONE_OPEN", "_settled"),
     ),
     "answer/conformity.py": ("DECIDED", "compared"),
-    "answer/words.py": ("DO", "DO_DESPITE", "listed", "loads"),
+    "answer/words.py": ("MISTAKES", "DO", "DO_DESPITE", "listed", "loads"),
     "design/discriminate.py": ("_never",),
     "design/criteria.py": ("prediction",),
     "design/finished.py": ("worth_unpulled", "_unchecked", "cell_lines"),
@@ -71,7 +71,6 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     ),
     "report/words.py": (
         "nouns",
-        "_MISTAKES",
         "VERDICTS",
         "UNUSABLE",
         "CORRECTED",

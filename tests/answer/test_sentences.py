@@ -209,19 +209,20 @@ def test_what_nobody_knows_has_no_expanded_uncertainty():
 
 
 def test_further_mistakes_are_told_with_file_and_line():
-    """Up to four rows one by one, the others counted."""
+    """What and where of three, the others counted."""
 
     def same(case):
         return case
 
     mistakes = tuple(
-        outlying("", f"row {k} is off", "", before=0.0, correct=same, at=(f"t:{k}",))
+        outlying(f"g{k}/P1", f"row {k} is off", "", before=0.0, correct=same, at=(f"t:{k}",))
         for k in range(7)
     )
 
     told = mistaken(Facts(mistakes=mistakes))
 
-    assert "row 0 is off, and 6 more errors were found (t:1, t:2, t:3, t:4 and 2 more)." in told
+    each = ", ".join(f"outlying reading at g{k}/P1 (t:{k})" for k in (1, 2, 3))
+    assert f"row 0 is off; 6 more errors were found: {each} and 3 more." in told
 
 
 @pytest.mark.parametrize(
