@@ -210,7 +210,8 @@ def _recommended(found: CampaignResults) -> contract.Recommended:
 def _identity(found: CampaignResults) -> contract.Identity:
     """What the report is filed by."""
     readings, data = found.given.reduced.shown["readings"], found.right.data
-    alone = 0 if data.idle is None else len(np.setdiff1d(data.idle.pulls.pose, data.pulls.pose))
+    pulled = np.union1d(data.pulls.pose, found.given.case.loads["pose"].dropna())
+    alone = 0 if data.idle is None else len(np.setdiff1d(data.idle.pulls.pose, pulled))
     return identity_entry(
         found.raw.settings, readings["time"], data.pulls.pose, data.pulls.force, alone
     )
