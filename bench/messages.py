@@ -15,13 +15,13 @@ ROOT = Path(__file__).parents[1] / "pipeline"
 
 SPOKEN: dict[str, tuple[str, ...]] = {
     "answer/positions.py": ("_to_do", "_ALONE", "_next", "_AGAIN"),
-    "answer/remarks.py": ("WORK",),
+    "answer/remarks.py": ("WORK", "other_way", "_size"),
     "answer/sentences.py": (
         *("_next", "_again", "_proposed", "_unchecked", "_pulled", "_joints"),
         *("_least_certain", "_NONE_OPEN", "_settled"),
     ),
-    "answer/conformity.py": ("DECIDED",),
-    "answer/words.py": ("DO", "DO_DESPITE", "listed", "loads"),
+    "answer/conformity.py": ("DECIDED", "compared"),
+    "answer/words.py": ("MISTAKES", "DO", "DO_DESPITE", "listed", "loads"),
     "design/discriminate.py": ("_never",),
     "design/criteria.py": ("prediction",),
     "design/finished.py": ("worth_unpulled", "_unchecked", "cell_lines"),
@@ -71,7 +71,6 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     ),
     "report/words.py": (
         "nouns",
-        "_MISTAKES",
         "VERDICTS",
         "UNUSABLE",
         "CORRECTED",

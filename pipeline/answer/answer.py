@@ -53,7 +53,12 @@ from pipeline.answer.recommended import ModelValues
 from pipeline.answer.remarks import contradicted
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.sentences import FirstScreen, first_screen, joint_to_pull
-from pipeline.answer.stiffness import budget_entries, combination_entries, combination_sentences
+from pipeline.answer.stiffness import (
+    budget_entries,
+    combination_entries,
+    combination_sentences,
+    stiffness_entries,
+)
 from pipeline.answer.values import stated, values_entry
 from pipeline.answer.words import BECAUSE, enormous, hangs_on
 from pipeline.machine.effect import Observation
@@ -78,7 +83,15 @@ def answer(found: CampaignResults) -> Answer:
     parts = pose_budget(found.told.values, found.told.model, where.q, where.force, found.judged.at)
     pose = pose_entry(raw.robot, where, found.judged).model_copy(update={"budget": parts})
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
-    told_first = FirstScreen(values, springs, together, diagnosis, pose, tolerance, stated)
+    effective = (
+        stiffness_entries(found.right.case.cell, found.effective.hypotheses)
+        if found.mistakes
+        else ()
+    )
+    told_first = FirstScreen(
+        *(values, springs, effective or springs.stiffness, together, diagnosis, pose, tolerance),
+        stated,
+    )
     lines = first_screen(found, told_first)
     carried = found.control.most if found.control else ()
     sentences = [*_of_springs(found, values), *stated, *_of_causes(found, carried)]
@@ -100,6 +113,7 @@ def answer(found: CampaignResults) -> Answer:
         day_to_day=_day_to_day(found),
         diagnosis=diagnosis,
         joint_springs=springs,
+        effective=effective,
         extended=_extended_entry(found),
         budget=budget_entries(values.stiffness),
         noise=noise_entry(found.right),
@@ -196,7 +210,8 @@ def _recommended(found: CampaignResults) -> contract.Recommended:
 def _identity(found: CampaignResults) -> contract.Identity:
     """What the report is filed by."""
     readings, data = found.given.reduced.shown["readings"], found.right.data
-    alone = 0 if data.idle is None else len(np.setdiff1d(data.idle.pulls.pose, data.pulls.pose))
+    pulled = np.union1d(data.pulls.pose, found.given.case.loads["pose"].dropna())
+    alone = 0 if data.idle is None else len(np.setdiff1d(data.idle.pulls.pose, pulled))
     return identity_entry(
         found.raw.settings, readings["time"], data.pulls.pose, data.pulls.force, alone
     )

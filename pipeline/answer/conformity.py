@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
@@ -14,7 +15,7 @@ from pipeline.answer.words import listed
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import MM, plain, with_uncertainty
 from pipeline.machine.robot import Robot, axes
-from pipeline.prediction.decision import GUARD, Decision
+from pipeline.prediction.decision import GUARD, Decision, decide
 from pipeline.prediction.path import against_pulls
 from pipeline.prediction.tolerance import JudgedTolerance, stretches
 from pipeline.reduction import settings
@@ -144,7 +145,74 @@ def tolerated(asked: Tolerance, pose: TestPose | None = None, *, holds: bool = T
     most = f"campaign.toml allows a deflection of {asked.deflection_mm:g} mm"
     if not holds:
         return f"{most}; conformity is undecided, since the model does not explain the readings."
-    return f"{most}; decision rule of ISO 14253-1. {' '.join(_decided(asked, pose))}"
+    decided = " ".join(_decided(asked, pose))
+    return f"{most}; decision rule of ISO 14253-1, guard band {GUARD} u. {decided}"
+
+
+def compared(one: Tip, decision: Decision, most_mm: float, *, holds: bool = True) -> str:
+    """`2.2204 - 1.65 × 0.0606 = 2.1204 mm is above 2.12 mm`: how d and u lead to a decision.
+
+    With as many digits as the decision needs. Otherwise why it does not follow from d and u, see
+    `TipDeflection.decisions`; empty where d or u is unknown.
+
+    Args:
+        one: Deflection d and its standard uncertainty u [mm].
+        decision: Decision on it.
+        most_mm: The tolerance T [mm].
+        holds: Whether the model explains the readings.
+    """
+    d, u = one.deflection_mm, one.std_mm
+    if not holds:
+        return "the model does not explain the readings"
+    if d is None or not u:
+        return ""
+    if differently(one, decision, most_mm):
+        return "the possible causes decide differently"
+    places = max(1 - math.floor(math.log10(u)), 0)
+    while not _shows(d, u, most_mm, places) and places < _PLACES:
+        places += 1
+    low, high = (f"{_limit(d, u, sign, places):.{places}f} mm" for sign in (-1, 1))
+    value, band = f"{d:.{places}f}", f"{GUARD} × {u:.{places}f}"
+    return {
+        Decision.PASS: f"{value} + {band} = {high} is at most {most_mm:g} mm",
+        Decision.FAIL: f"{value} - {band} = {low} is above {most_mm:g} mm",
+        Decision.UNDECIDED: f"{value} ± {band} is {low} to {high}, on both sides of {most_mm:g} mm",
+    }[decision]
+
+
+def differently(one: Tip, decision: Decision, most_mm: float) -> bool:
+    """Whether a decision is open although d and u decide, because possible causes disagree."""
+    d, u = one.deflection_mm, one.std_mm
+    return d is not None and u is not None and decide(d, u, most_mm) is not decision
+
+
+def causes_differ(asked: Tolerance, pose: Tip) -> bool:
+    """Whether a decision is open because possible causes disagree."""
+    stretches = asked.path.stretches if asked.path else ()
+    every = [(pose, asked.test_pose), *((one, one.decision) for one in stretches)]
+    return any(
+        differently(one, decision, asked.deflection_mm)
+        for one, decision in every
+        if decision is Decision.UNDECIDED
+    )
+
+
+_PLACES = 9
+"""Maximum number of decimal places of a deflection [mm]."""
+
+
+def _limit(d: float, u: float, sign: int, places: int) -> float:
+    """Limit d + 1.65 u or d - 1.65 u from d and u as they are printed."""
+    return round(round(d, places) + sign * GUARD * round(u, places), places)
+
+
+def _shows(d: float, u: float, most: float, places: int) -> bool:
+    """Whether d, u and the limits agree with each other and with the decision as printed."""
+    pairs = [(_limit(d, u, sign, places), d + sign * GUARD * u) for sign in (-1, 1)]
+    return all(
+        (shown > most) == (exact > most) and abs(shown - exact) <= 10.0**-places
+        for shown, exact in pairs
+    )
 
 
 def largest_force(asked: Tolerance, pose: Tip, force_n: float) -> float | None:
@@ -167,10 +235,17 @@ def largest_force(asked: Tolerance, pose: Tip, force_n: float) -> float | None:
 
 def _decided(asked: Tolerance, pose: TestPose | None) -> Iterator[str]:
     if asked.test_pose is not None:
-        by = "" if pose is None else f" with {expanded(pose)}"
+        by = "" if pose is None else f" with {_by(pose, asked.test_pose, asked)}"
         yield f"Test pose: {DECIDED[asked.test_pose]}{by}."
     if asked.path is not None:
-        yield f"{asked.path.file}: {_along(asked.path)}; {_largest(asked.path)}."
+        worst = asked.path.largest
+        up_to = _by(worst, worst.decision, asked)
+        yield f"{asked.path.file}: {_along(asked.path)}; at pose {worst.at} up to {up_to}."
+
+
+def _by(one: Tip, decision: Decision, asked: Tolerance) -> str:
+    """The deflection, and how it leads to the decision."""
+    return ": ".join(filter(None, (expanded(one), compared(one, decision, asked.deflection_mm))))
 
 
 def _along(path: JudgedPath) -> str:
@@ -189,8 +264,3 @@ def _along(path: JudgedPath) -> str:
 def _stretch_said(one: Stretch) -> str:
     points = f"pose {one.first}" if one.points == 1 else f"poses {one.first} to {one.last}"
     return f"{DECIDED[one.decision]} at {points}"
-
-
-def _largest(path: JudgedPath) -> str:
-    worst = max(path.stretches, key=lambda one: one.deflection_mm or 0.0)
-    return f"up to {expanded(worst)}, at pose {worst.at}"

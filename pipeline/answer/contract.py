@@ -1049,6 +1049,11 @@ class JudgedPath(Fact):
     decision: Decision = Field(description="pass where every point does, fail where one fails")
     stretches: tuple[Stretch, ...]
 
+    @property
+    def largest(self) -> Stretch:
+        """The stretch with the largest deflection."""
+        return max(self.stretches, key=lambda one: one.deflection_mm or 0.0)
+
 
 class Tolerance(Fact):
     """What [tolerance] of campaign.toml asks, decided by ISO 14253-1 with a guard band 1.65 u."""
@@ -1145,6 +1150,12 @@ class Answer(Values, _Heading):
     )
     diagnosis: Diagnosis
     joint_springs: Values = Field(description="the paper's model on the data as given, always")
+    effective: tuple[Stiffness, ...] = Field(
+        default=(),
+        exclude_if=_nothing,
+        description="joint springs alone on the corrected data, which a controller takes beside a "
+        "cause; absent without an error in the data",
+    )
     extended: Extended | None = Field(description="the identified causes' own fit; null without")
     budget: tuple[dict[str, str | float], ...] = Field(
         description="shares of the variance by source [%]"

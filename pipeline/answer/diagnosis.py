@@ -331,7 +331,7 @@ def mistake_entry(one: Mistake, gain: contract.Gain | None) -> contract.Cause:
             contract.Rival(name=one.name, where=other, probability=share) for other in one.instead
         ),
         gain=gain,
-        readings=one.at,
+        readings=tuple(dict.fromkeys(one.at)),
         since=one.since,
         evidence=contract.Evidence(
             sentence=one.evidence,

@@ -131,21 +131,24 @@ def both_stiffnesses(joint: Stiffness) -> str:
     )
 
 
-def other_way(joint: Stiffness) -> str:
-    """`; 1.500 ± 0.010 MN·m/rad the other way`, to follow the stiffness at the test pose."""
+def other_way(joint: Stiffness, k: float = 1.0) -> str:
+    """`; 1.500 ± 0.010 MN·m/rad the other way`, to follow the stiffness at the test pose.
+
+    ± is k standard uncertainties.
+    """
     both = joint.by_sign
     if both is None:
         return ""
     other = both.negative if both.value_of == "positive" else both.positive
-    return f"; {_size(other, joint)} the other way"
+    return f"; {_size(other, joint, k)} the other way"
 
 
-def _size(one: OneWay, joint: Stiffness) -> str:
-    """`2.400 ± 0.020 MN·m/rad`, or `not determined`."""
+def _size(one: OneWay, joint: Stiffness, k: float = 1.0) -> str:
+    """`2.400 ± 0.020 MN·m/rad`, or `not determined`; ± is k standard uncertainties."""
     if one.value is None:
         return "not determined"
     factor, letter = common_prefix([one.value])
-    shown = with_std(scaled(one.value, factor), scaled(one.std, factor))
+    shown = with_std(scaled(one.value, factor), scaled(one.std, factor / k))
     return f"{shown} {prefixed(joint.unit, letter)}"
 
 

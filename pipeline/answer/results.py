@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import pandas as pd
 
 from pipeline.answer.contract import Answer, Carried, Controlled
-from pipeline.answer.recommended import DecisionRow, ModelValues
+from pipeline.answer.recommended import DecisionRow, ModelValues, joint_springs
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.verdict import verdict
@@ -113,6 +114,11 @@ class CampaignResults:
     def mistakes(self) -> tuple[Mistake, ...]:
         """The mistakes in the data."""
         return self.facts.mistakes
+
+    @cached_property
+    def effective(self) -> ModelValues:
+        """Joint springs alone from the data on which the answer rests, for a controller."""
+        return joint_springs(self.right) if self.mistakes else self.springs.values
 
     @property
     def verdict(self) -> Verdict:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.answer import remarks
-from pipeline.answer.conformity import expanded, largest_force, tolerated
+from pipeline.answer.conformity import causes_differ, expanded, largest_force, tolerated
 from pipeline.answer.contract import (
     About,
     BestPose,
@@ -84,6 +84,7 @@ class FirstScreen:
     Attributes:
         mine: The values that the answer stands for.
         springs: Those of the joint springs on the data as given.
+        effective: Joint springs on the data on which the answer rests, for a controller.
         together: Combinations of compliances that are determined.
         diagnosis: What is wrong, and what to measure next.
         pose: The test pose.
@@ -93,6 +94,7 @@ class FirstScreen:
 
     mine: Values
     springs: Values
+    effective: Sequence[Stiffness]
     together: Sequence[Combination]
     diagnosis: Diagnosis
     pose: TestPose
@@ -287,8 +289,14 @@ def _out(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
             f"{_to_force(stated)}, choose other poses, or compensate the path."
         )
     elif worst is Decision.UNDECIDED:
-        way = f"Conformity with the tolerance is undecided: reduce the force{_to_force(stated)}"
-        if lowered_by_pulls(stated.pose):
+        assert asked is not None
+        differ = causes_differ(asked, stated.pose)
+        why = ", since the possible causes decide differently" if differ else ""
+        force = _to_force(stated)
+        way = f"Conformity with the tolerance is undecided{why}: reduce the force{force}"
+        if differ:
+            yield f"{way}, compensate the path, or find out first which cause it is."
+        elif lowered_by_pulls(stated.pose):
             yield f"{way}, compensate the path, or measure more."
         else:
             yield (
@@ -324,7 +332,7 @@ def _to_do(found: CampaignResults, stiffness: Sequence[Stiffness]) -> str:
     return (
         f"{text} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
         f"correct paths and programs with `pipeline compensate {typed(found.campaign)} PATH`, or "
-        "enter the effective values."
+        "enter all effective values of the first page."
     )
 
 
@@ -431,12 +439,11 @@ def _for_controller(found: CampaignResults, stated: FirstScreen) -> str:
 
     Values that were estimated beside a cause are too stiff without it.
     """
-    holds = _holds(found) and not found.mistakes
-    if not holds or not found.told.model.hypotheses[0].beside_springs:
+    if not _holds(found) or not found.told.model.hypotheses[0].beside_springs:
         return _numbers(found, stated.mine.stiffness, stated.together)
-    error = left_out_mm(found.springs.values.left_out_m)
+    error = left_out_mm(found.effective.left_out_m)
     left = "" if error is None else f" {_WITH_THEM} {plain(error)} mm rms per coordinate."
-    said = entered(stated.springs.stiffness, (), known=False)
+    said = entered(stated.effective, (), known=False)
     return (
         f"Effective values, for a table of joint stiffnesses and nothing else: {said}{left} They "
         "are fitted substitutes, and no uncertainty can be stated for them: joint springs alone do "

@@ -34,6 +34,7 @@ from pipeline.diagnosis.facts import (
 )
 from pipeline.diagnosis.finding import WRONG_LAW, Finding, Verdict
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
+from pipeline.faults.mistake import Mistake
 from pipeline.machine.effect import Effect, Table, in_place
 from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP, amount
 from pipeline.machine.robot import Robot, axes
@@ -52,8 +53,8 @@ _RIVALS = 3
 """So many rivals of one cause are listed in a sentence."""
 
 
-_PLACES = 4
-"""So many further wrong rows are told by file and line in a sentence."""
+_PLACES, _FURTHER = 4, 3
+"""So many places, and further errors with what and where, are told in a sentence."""
 
 
 def why(facts: Facts) -> str:
@@ -82,21 +83,39 @@ def counted(combinations: Sequence[Combination]) -> str:
     return f"{len(combinations)} combination{'s' * (len(combinations) > 1)}"
 
 
+MISTAKES = {
+    "outlier": "outlying reading",
+    "unit_mixup": "mixed-up unit",
+    "label_swap": "swapped names of targets",
+    "exchanged": "exchanged groups or rows",
+    "dead_sensor": "column that no sensor wrote",
+    "copied_column": "force that was copied down its column",
+    "tool_point": "wrong tool point",
+    "tracker_moved": "tracker that was moved",
+    "sign_or_convention": "wrong sign or axis convention",
+}
+"""Mistakes in the data as nouns, by their names in result.json."""
+
+
 def mistaken(facts: Facts) -> str:
-    """The first mistake in the data, and how many more there are."""
+    """The first mistake in the data, a few more by name and place, and how many more there are."""
     first, *more = facts.mistakes
     were = "1 more error was" if len(more) == 1 else f"{len(more)} more errors were"
-    at = [place for one in more for place in one.at]
-    where = f" ({_some(at)})" if at else ""
-    others = f", and {were} found{where}" if more else ""
+    others = f"; {were} found: {_some([*dict.fromkeys(map(_shortly, more))])}" if more else ""
     return f"The data contain an error: {first.evidence}{others}. Your files are unchanged."
+
+
+def _shortly(one: Mistake) -> str:
+    """`outlying reading at pose03/P2 (tracker.csv:18)`."""
+    line = f" ({one.at[0]})" if one.at else ""
+    return f"{MISTAKES.get(one.name, one.name)} at {one.where}{line}"
 
 
 def _some(places: Sequence[str]) -> str:
     """The first of them, and how many more there are."""
-    more = len(places) - _PLACES
+    more = len(places) - _FURTHER
     rest = [f"{more} more"] if more > 0 else []
-    return listed([*places[:_PLACES], *rest])
+    return listed([*places[:_FURTHER], *rest])
 
 
 def wrong(facts: Facts, unseen: int, besides: Sequence[str] = ()) -> str:
@@ -566,6 +585,15 @@ def _names(causes: Sequence[FoundCause]) -> str:
     return listed([cause.effect.called for cause in causes])
 
 
+def _gain_uncertain(facts: Facts) -> str:
+    """Of which causes it is uncertain that they reduce the error: all, if none by itself is."""
+    unproven = [one for one in facts.causes if one.unproven > 0]
+    sure = [one for one in facts.causes if unproven and one.unproven <= 0]
+    open_, beside = unproven or facts.causes, f" beside {_names(sure)}" if sure else ""
+    fits = "fits, but does" if len(open_) == 1 else "fit, but do"
+    return f"{_names(open_)} {fits} not certainly reduce the cross-validation error{beside}."
+
+
 def _likely(causes: Sequence[FoundCause], base: Drift | None) -> str:
     """The same with their probabilities, and how far a drift went."""
     return listed(
@@ -701,10 +729,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     Finding.OUTSIDE_CATALOGUE: lambda facts: (
         f"{_names(facts.causes)} fit{_ending(facts)} best, but {_looks_like(facts)}"
     ),
-    Finding.GAIN_UNCERTAIN: lambda facts: (
-        f"{_names(facts.causes)} {'fits, but does' if len(facts.causes) == 1 else 'fit, but do'} "
-        "not certainly reduce the cross-validation error."
-    ),
+    Finding.GAIN_UNCERTAIN: _gain_uncertain,
     Finding.TWO_LAWS: lambda facts: (
         f"{_joint(facts, two_laws(facts))} has a law of its own: {_names(facts.causes)} describe "
         "it only together."

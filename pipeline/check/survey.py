@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -187,6 +188,25 @@ def _between(table: str, places: Mapping[str, Point], rows: pd.DataFrame) -> Ite
                 seen = float(np.median(np.linalg.norm(both[:, :3] - both[:, 3:], axis=1)))
                 stated = float(np.linalg.norm(_array(places[first]) - _array(places[second])))
                 yield Distance(table, first, second, seen, stated, len(both))
+
+
+def misshapen(case: Case, most_m: float) -> list[str]:
+    """Unloaded states, if less than half, whose reflectors are not as far apart as [tool] states.
+
+    Args:
+        case: The campaign.
+        most_m: Deviation of a distance from which on it is wrong [m].
+    """
+    rows, out = unloaded(case), set[str]()
+    at = {name: _by_group(rows, name) for name in case.settings.measured}
+    for first, second in combinations(at, 2):
+        both = pd.concat([at[first], at[second]], axis=1, join="inner")
+        seen = np.linalg.norm(both.to_numpy(float) @ np.vstack([np.eye(3), -np.eye(3)]), axis=1)
+        stated = np.linalg.norm(
+            _array(case.settings.tool[first]) - _array(case.settings.tool[second])
+        )
+        out |= set(both.index[np.abs(seen - stated) > most_m])
+    return sorted(out) if 2 * len(out) < rows["group"].nunique() else []
 
 
 def _by_group(rows: pd.DataFrame, name: str) -> pd.DataFrame:

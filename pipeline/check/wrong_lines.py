@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.answer.contradictions import contradicted, in_mm
 from pipeline.base.errors import InputError, place
 from pipeline.base.toml import line_of
-from pipeline.check.survey import distances
+from pipeline.check.survey import distances, misshapen
 from pipeline.faults.conventions import conventions, miss
 from pipeline.faults.entries import DoubtfulEntry, wrong_entries
 from pipeline.readers import ExportSettings
@@ -208,5 +208,6 @@ def _with(settings: Settings, key: str, value: str | None) -> Settings:
 def _misfit(case: Case) -> float | None:
     """Largest error of distances and places of unloaded reflectors [m]; None if none is known."""
     off = [one.off_m for one in distances(case)]
-    away = miss(case)
+    strange = misshapen(case, GROSS_DISTANCE_M)  # as a file of another unit has them
+    away = miss(replace(case, readings=case.readings[~case.readings["group"].isin(strange)]))
     return max([*off, *([] if away is None else [away])], default=None)

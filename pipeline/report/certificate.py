@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.answer.amounts import amount
 from pipeline.answer.contract import About, Answer, Cause, Data, Placed, Reason, Stiffness, Which
 from pipeline.answer.pose_budget import lowered_by_pulls
+from pipeline.answer.remarks import other_way
 from pipeline.answer.words import DO, DO_DESPITE, capital
 from pipeline.base.appearance import PLAIN, Appearance
 from pipeline.base.files import sha256
@@ -219,8 +220,10 @@ def to_do(answer: Answer) -> str:
 _OPEN = {
     Reason.RIVALS: "Until the cause is known, predict with averaged values.",
     Reason.CAUSE_DOUBTFUL: "Until the cause is certain, predict with the likeliest one.",
+    Reason.MISTAKE_AND_CAUSE: "predict with the model from the corrected data.",
+    Reason.MISTAKE_AND_RIVALS: "predict with the model from the corrected data.",
 }
-"""What to do while a cause is undecided, in fewer words than on the page below."""
+"""What to do, in fewer words than on the page below."""
 
 _NO_VALUE = "enter none of these values into a controller."
 
@@ -260,7 +263,7 @@ _ENDS = re.compile(r"(?<=\.) (?=[A-ZÀÉÜ])")
 def _to_controller(answer: Answer) -> Iterator[str]:
     """Instruction to enter effective values, if a controller cannot represent the model."""
     if _substituted(answer):
-        yield "Enter the whole last column."
+        yield "Enter all values of the last column."
 
 
 def _by_tolerance(answer: Answer) -> Iterator[str]:
@@ -365,6 +368,8 @@ _SUBSTITUTES = (
     Reason.CAUSE_IDENTIFIED,
     Reason.CAUSE_DOUBTFUL,
     Reason.RIVALS,
+    Reason.MISTAKE_AND_CAUSE,
+    Reason.MISTAKE_AND_RIVALS,
 )
 """Reasons of a recommendation for which a controller is given the values of joint springs alone:
 effective stiffnesses, which absorb part of the cause."""
@@ -397,7 +402,10 @@ def _taken(answer: Answer) -> Sequence[Stiffness]:
     """Stiffnesses to enter into a controller; none if no value may be used."""
     if not enterable(answer):
         return ()
-    return (answer.joint_springs if _substituted(answer) else answer).stiffness
+    if not _substituted(answer):
+        return answer.stiffness
+    corrected = answer.recommended.data is Data.CORRECTED
+    return answer.effective if corrected else answer.joint_springs.stiffness
 
 
 def _entered(answer: Answer, units: _Units) -> dict[str, str]:
@@ -424,8 +432,17 @@ def _note(answer: Answer, compared: bool) -> str:
     if not compared:
         widest = max((one.relative_std or 0.0 for one in answer.stiffness), default=0.0)
         bar = f"Bars: relative U, the longest {percent(2 * widest)}." if widest else ""
+    both = (
+        f"{_name(one)}: {_value(one, _units(answer))}{other_way(one, _COVERAGE)}."
+        for one in answer.stiffness
+        if one.by_sign
+    )
     enter = _EFFECTIVE if _substituted(answer) else ()
-    return " ".join(filter(None, (_PLUS_MINUS, bar, *enter)))
+    return " ".join(filter(None, (_PLUS_MINUS, bar, *both, *enter)))
+
+
+_COVERAGE = 2.0
+"""Standard uncertainties in U [1]."""
 
 
 _PLUS_MINUS = "± is the expanded uncertainty U everywhere on this page (k = 2, about 95 %)."

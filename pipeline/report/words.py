@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from pipeline.answer.contract import Answer, Data, Placed
+from pipeline.answer.words import MISTAKES
 from pipeline.base.language import Say
 from pipeline.machine.effect import in_place
 from pipeline.prediction.decision import Decision
@@ -19,21 +20,8 @@ def nouns() -> dict[str, str]:
     kinds = {tuple(j.prismatic for j in robot.joints): robot for robot in map(load, SHIPPED)}
     known = {e.name: e.noun for robot in kinds.values() for e in catalogue(robot)}
     known |= payload.NOUNS | table.NOUNS | {unlisted.NAME: "law outside the catalogue"}
-    return known | _MISTAKES
+    return known | MISTAKES
 
-
-_MISTAKES = {
-    "outlier": "outlying reading",
-    "unit_mixup": "mixed-up unit",
-    "label_swap": "swapped names of targets",
-    "exchanged": "exchanged groups or rows",
-    "dead_sensor": "column that no sensor wrote",
-    "copied_column": "force that was copied down its column",
-    "tool_point": "wrong tool point",
-    "tracker_moved": "tracker that was moved",
-    "sign_or_convention": "wrong sign or axis convention",
-}
-"""Mistakes in the data as nouns, by their names in result.json."""
 
 VERDICTS = {
     "adequate": ("The model fits", "good"),

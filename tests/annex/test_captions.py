@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import report_sample
 
+from pipeline.annex.figures.stiffness import _extremes
 from pipeline.annex.position_tables import _held_out
 from pipeline.annex.sections.geometry import _letters
 from pipeline.answer.contract import TableLetter
@@ -194,6 +195,13 @@ def test_every_target_of_every_left_out_pose_has_its_own_row():
     assert distance[first, "a", 2, "P3"] == 5.0
     assert distance[first, "b", 1, "P2"] == 7.0
     assert distance[second, "b", 3, "P1"] == 10.0
+
+
+def test_a_single_nominal_value_is_compared_once():
+    """Neither as softest and stiffest nor as the least certain."""
+    joint = report_sample.answer().stiffness[1].model_copy(update={"value": 4.0e6, "std": 1e4})
+
+    assert _extremes([joint]) == "k_theta2 is at 105 % of its nominal value."
 
 
 def test_a_nominal_entry_is_shown_in_full():

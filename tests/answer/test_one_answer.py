@@ -125,6 +125,10 @@ def test_each_campaign_stands_for_the_model_that_holds(told):
     truth = answers["explained"]["stiffness"]
     for mine, right in zip(answers["bad_data"]["stiffness"], truth, strict=True):
         assert mine["value"] == pytest.approx(right["value"], rel=0.03)
+    clean = answers["explained"]["joint_springs"]["stiffness"]  # what a controller takes
+    for mine, right in zip(answers["bad_data"]["effective"], clean, strict=True):
+        assert mine["value"] == pytest.approx(right["value"], rel=0.03)
+    assert all("effective" not in one for name, one in answers.items() if name != "bad_data")
 
 
 def test_a_p_value_is_that_of_the_chi_square_beside_it(campaign):
@@ -334,8 +338,8 @@ def test_the_first_screen_says_what_to_do(campaign):
         assert "none of these stiffnesses" in said["to_do"]
     else:
         # a controller knows no cause: its numbers are those that compensate for one
-        alone = found.name in ("explained", "ambiguous")
-        mine = (answer["joint_springs"] if alone else answer)["stiffness"]
+        alone = found.name != "adequate"
+        mine = answer.get("effective") or answer["joint_springs"]["stiffness"]
         known = {e["axis"]: e["value"] for e in mine if e["value"] and e["ci95"][1]}
         assert numbers.keys() == known.keys()
         assert ("Effective values" in said["numbers"]) == alone

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 import report_sample
 
-from pipeline.answer.conformity import expanded, largest_force, tolerated
+from pipeline.answer.conformity import (
+    causes_differ,
+    compared,
+    expanded,
+    largest_force,
+    tolerated,
+)
 from pipeline.answer.contract import (
     JudgedPath,
     Odd,
@@ -81,13 +87,38 @@ def test_few_stretches_are_told_and_many_are_counted():
 
     said = tolerated(Tolerance(deflection_mm=0.25, test_pose=good, path=few))
     assert said == (
-        "campaign.toml allows a deflection of 0.25 mm; decision rule of ISO 14253-1. "
-        "Test pose: pass. part.csv: pass at poses 1 to 4 "
-        "and fail at pose 5; up to 0.410 mm, U = 0.040 mm (k = 2), at pose 5."
+        "campaign.toml allows a deflection of 0.25 mm; decision rule of ISO 14253-1, guard "
+        "band 1.65 u. Test pose: pass. part.csv: pass at poses 1 to 4 and fail at pose 5; at pose "
+        "5 up to 0.410 mm, U = 0.040 mm (k = 2): 0.410 - 1.65 × 0.020 = 0.377 mm is above 0.25 mm."
     )
     said = tolerated(Tolerance(deflection_mm=0.25, test_pose=None, path=many))
     assert "Test pose" not in said
     assert "of 12 points 6 pass and 6 fail" in said
+
+
+@pytest.mark.parametrize(
+    ("d", "u", "decision", "said"),
+    [
+        (2.22043, 0.06061, "fail", "2.2204 - 1.65 × 0.0606 = 2.1204 mm is above 2.12 mm"),
+        (2.0, 0.05, "pass", "2.000 + 1.65 × 0.050 = 2.083 mm is at most 2.12 mm"),
+        (
+            2.1,
+            0.0612,
+            "undecided",
+            "2.100 ± 1.65 × 0.061 is 1.999 mm to 2.201 mm, on both sides of 2.12 mm",
+        ),
+        (2.5, 0.0612, "undecided", "the possible causes decide differently"),
+        (2.5, None, "undecided", ""),
+    ],
+)
+def test_a_decision_is_stated_with_its_guard_band(d, u, decision, said):
+    """In digits that show it: 2.220 - 1.65 × 0.061 would be 2.119 mm, and no failure."""
+    one, asked = Tip(deflection_mm=d, std_mm=u), Decision(decision)
+    tolerance = Tolerance(deflection_mm=2.12, test_pose=asked, path=None)
+
+    assert compared(one, asked, 2.12) == said
+    assert causes_differ(tolerance, one) == ("causes" in said)
+    assert "does not explain" in compared(one, asked, 2.12, holds=False)
 
 
 def test_no_decision_is_printed_of_a_model_that_does_not_explain_the_readings():
@@ -178,19 +209,20 @@ def test_what_nobody_knows_has_no_expanded_uncertainty():
 
 
 def test_further_mistakes_are_told_with_file_and_line():
-    """Up to four rows one by one, the others counted."""
+    """What and where of three, the others counted."""
 
     def same(case):
         return case
 
     mistakes = tuple(
-        outlying("", f"row {k} is off", "", before=0.0, correct=same, at=(f"t:{k}",))
+        outlying(f"g{k}/P1", f"row {k} is off", "", before=0.0, correct=same, at=(f"t:{k}",))
         for k in range(7)
     )
 
     told = mistaken(Facts(mistakes=mistakes))
 
-    assert "row 0 is off, and 6 more errors were found (t:1, t:2, t:3, t:4 and 2 more)." in told
+    each = ", ".join(f"outlying reading at g{k}/P1 (t:{k})" for k in (1, 2, 3))
+    assert f"row 0 is off; 6 more errors were found: {each} and 3 more." in told
 
 
 @pytest.mark.parametrize(

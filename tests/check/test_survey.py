@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.check.survey import clock, stands
+from pipeline.check.survey import clock, misshapen, stands
 from pipeline.machine.effect import Pulls
 
 
@@ -33,6 +33,33 @@ def test_a_reading_is_backwards_within_its_own_file_only():
     """A second export that begins earlier is no fault of its clock."""
     assert clock(case([0, 5, 2, 7], "aabb"), {}).backwards == 0
     assert clock(case([0, 5, 2, 7], "aaaa"), {}).backwards == 1
+
+
+class Campaign(SimpleNamespace):
+    """Tables of a campaign, of which results are cached."""
+
+    __hash__ = object.__hash__
+
+
+@pytest.mark.parametrize(("wrong", "found"), [([2], ["z2"]), ([0, 1, 2], [])])
+def test_one_state_of_another_unit_is_set_apart_and_not_most_of_them(wrong, found):
+    """A file in metres among four, its reflectors a thousandth as far apart as stated."""
+    tool = {"P1": (0.2, 0.0, 0.1), "P2": (-0.1, 0.2, 0.1), "P3": (-0.1, -0.2, 0.2)}
+    rows = [
+        {"group": f"z{k}", "pose": k + 1.0, "target": name, "state": "unloaded"}
+        | dict(
+            zip(("x_m", "y_m", "z_m"), (1e-3 if k in wrong else 1.0) * np.array(at), strict=True)
+        )
+        for k in range(4)
+        for name, at in tool.items()
+    ]
+    one = Campaign(
+        readings=pd.DataFrame(rows),
+        settings=SimpleNamespace(tool=tool, measured=tuple(tool)),
+        joints=pd.DataFrame({"pose": [1, 2, 3, 4]}),
+    )
+
+    assert misshapen(one, 0.02) == found
 
 
 @pytest.mark.parametrize(("hours", "told"), [(0, {}), (1, {"loads.csv": pd.Timedelta(hours=1)})])

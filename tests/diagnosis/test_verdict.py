@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.answer.diagnosis import cause_entry
-from pipeline.answer.words import enormous, why
+from pipeline.answer.words import enormous, why, wrong
 from pipeline.diagnosis.bounds import Bounds
 from pipeline.diagnosis.cause_search import Replacement
 from pipeline.diagnosis.causes import missing
@@ -53,6 +53,17 @@ def test_a_cause_has_what_neither_a_stranger_nor_a_misfit_takes():
     left = cause_entry(replace(one, missing=0.9)).outside_catalogue
     assert (left.probability, left.looks_like) == (0.9, None)
     assert cause_entry(one).outside_catalogue is None
+
+
+def test_only_causes_whose_gain_is_uncertain_are_said_to_have_none_for_certain():
+    """Each of those that may not reduce the error, beside the one that does."""
+    both = (cause("rail_roll"), replace(cause("rail_pitch"), unproven=0.2))
+    facts = Facts(detected=True, causes=both, gain=gain(0.6, 0.5), explains=True)
+
+    assert wrong(facts, 0) == (
+        "Pitch of the carriage fits, but does not certainly reduce the cross-validation error "
+        "beside roll of the carriage about the rail."
+    )
 
 
 @pytest.mark.parametrize(

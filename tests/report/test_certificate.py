@@ -167,6 +167,47 @@ def test_a_controller_gets_effective_values_beside_a_cause(sample):
     )
 
 
+def test_a_controller_gets_effective_values_of_the_corrected_data(sample):
+    """Beside an error in the data those without it; an answer without such has none to enter."""
+
+    def spoil(content, known):
+        content["diagnosis"]["verdict"] = "bad_data"
+        content["recommended"] |= {"reason": str(Reason.MISTAKE_AND_CAUSE), "data": "corrected"}
+        if known:
+            springs = content["joint_springs"]["stiffness"]
+            content["effective"] = [
+                one | {"value": one["value"] and 1.1 * one["value"]} for one in springs
+            ]
+
+    for known in (True, False):
+        answer = report_sample.revised(sample[0], partial(spoil, known=known))
+        made = certificate(answer, sample[1])
+        right = f"{1.1 * answer.joint_springs.stiffness[1].value / 1e6:.3f} MN·m/rad"
+
+        assert plainly(made.bars[1].enter) == (right if known else "do not enter")
+        assert "effective values" in made.note
+
+
+def test_both_stiffnesses_of_a_joint_are_on_the_first_page(sample):
+    """That at the test pose and that the other way, with U."""
+
+    def stiffer_one_way(content):
+        joint = content["stiffness"][3]
+        joint |= {"value": 2.4e6, "std": 2e4}
+        one = {"ci95": [None, None], "compliance": None, "compliance_std": None, "axis_turns": None}
+        joint["by_sign"] = {
+            "positive": {"value": 2.4e6, "std": 2e4} | one,
+            "negative": {"value": 1.5e6, "std": 1e4} | one,
+            "of": "pull",
+            "correlation": None,
+            "value_of": "positive",
+        }
+
+    note = certificate(report_sample.revised(sample[0], stiffer_one_way), sample[1]).note
+
+    assert "4: 2.400 ± 0.040 MN·m/rad; 1.500 ± 0.020 MN·m/rad the other way." in plainly(note)
+
+
 @pytest.mark.parametrize("location", ["metrology", "force", "rail"])
 def test_a_cause_of_the_instrument_is_no_reason_for_effective_values(sample, location):
     """Springs that were fitted to a tracker's drift would be wrong in the robot."""
@@ -229,6 +270,9 @@ def test_the_gauge_says_what_is_decided(sample):
     assert "Test pose: pass" in told
     assert "part.csv, pose 6: fail" in told
     assert "tolerance 0.5 mm" in told
+    assert "By ISO 14253-1: 0.610 - 1.65 × 0.033 = 0.556 mm is above 0.5 mm." in plainly(
+        certificate(*sample).gauge.caption
+    )
 
 
 def test_models_are_judged_at_poses_that_took_no_part(sample):

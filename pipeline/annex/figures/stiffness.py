@@ -158,6 +158,8 @@ def _extremes(joints: Sequence[Stiffness]) -> str:
     compared = [name for name in off if name not in endless] or list(off)
     softest, stiffest = min(compared, key=off.__getitem__), max(compared, key=off.__getitem__)
     widest = max(compared, key=std.__getitem__)
+    if len(off) == 1:
+        return f"{softest} is at {percent(off[softest], 3)} of its nominal value."
     return (
         f"{softest} is at {percent(off[softest], 3)} and {stiffest} at {percent(off[stiffest], 3)} "
         f"of its nominal value; {widest} has the widest interval"

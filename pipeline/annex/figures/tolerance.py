@@ -91,7 +91,7 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
         return None
     count = {one: sum(s.points for s in asked.stretches if s.decision is one) for one in Decision}
     parts = ", ".join(f"{n} {DECIDED[one]}" for one, n in count.items() if n)
-    worst = max(asked.stretches, key=lambda one: one.deflection_mm or 0.0)
+    worst = asked.largest
     text = (
         f"Of {asked.points} points {parts}; the load point deflects by up to "
         f"{plain(worst.deflection_mm)} mm, at pose {worst.at}."

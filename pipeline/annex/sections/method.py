@@ -48,7 +48,8 @@ _OF_POSITIONS = (
 _PULLED = {
     "load": "the force reading that moves all coordinates of a pull together, the direction of "
     "the chain",
-    "force": "The force acts along the chain, between its two reflectors.",
+    "force": "The force acts along the chain: the line through its two reflectors, or from the "
+    "load point to the stated anchor.",
 }
 _WEIGHED = {
     "load": "the mass that moves all coordinates of a pull together, its centre",

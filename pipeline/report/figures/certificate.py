@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.answer.conformity import DECIDED
-from pipeline.answer.contract import Answer, Placed, Stiffness, TestPose
+from pipeline.answer.conformity import DECIDED, compared
+from pipeline.answer.contract import Answer, Placed, Stiffness, TestPose, Tip
 from pipeline.answer.words import at_axis, listed
 from pipeline.base.arrays import Array
 from pipeline.base.language import Say
@@ -363,12 +363,13 @@ CERTIFICATE = Plot("certificate", ("posture",), _write, spoken=_draw)
 
 @dataclass(frozen=True)
 class _JudgedDeflection:
-    """A deflection with its expanded uncertainty [mm] and the decision on its conformity."""
+    """A deflection with its expanded uncertainty [mm], the decision on it, and how it follows."""
 
     name: str
     size: float
     u: float | None
     decision: Decision | None
+    why: str
 
     @property
     def end(self) -> float:
@@ -391,15 +392,23 @@ class _JudgedDeflection:
 def _judged_deflections(answer: Answer) -> Iterator[_JudgedDeflection]:
     """The deflection at the test pose, and the largest on the path."""
     pose, asked = answer.test_pose, answer.tolerance
+    holds = answer.recommended.reason.holds_for_its_readings
+
+    def why(one: Tip, decision: Decision | None) -> str:
+        told = asked and decision and compared(one, decision, asked.deflection_mm, holds=holds)
+        return told or ""
+
     if pose is not None and pose.deflection_mm is not None:
         decision = asked.test_pose if asked else None
         name = "Test pose" if pose.stated else "Strongest pull"
-        yield _JudgedDeflection(name, pose.deflection_mm, pose.expanded_mm, decision)
+        because = why(pose, decision)
+        yield _JudgedDeflection(name, pose.deflection_mm, pose.expanded_mm, decision, because)
     if asked is not None and asked.path is not None:
-        worst = max(asked.path.stretches, key=lambda one: one.deflection_mm or 0.0)
+        worst = asked.path.largest
         name = f"{asked.path.file}, pose {worst.at}"
         if worst.deflection_mm is not None:
-            yield _JudgedDeflection(name, worst.deflection_mm, worst.expanded_mm, worst.decision)
+            size, u = worst.deflection_mm, worst.expanded_mm
+            yield _JudgedDeflection(name, size, u, worst.decision, why(worst, worst.decision))
 
 
 _GAUGE = {Decision.PASS: GREEN, Decision.UNDECIDED: BLUE, Decision.FAIL: RED, None: BLUE}
@@ -453,10 +462,12 @@ def _write_gauge(answer: Answer, tables: Tables) -> Figure | None:
     most = answer.tolerance.deflection_mm if answer.tolerance else None
     limit = "" if most is None else f", beside a tolerance of {most:g} mm"
     text = "; ".join(parts)
+    worst = answer.tolerance.worst if answer.tolerance else None
+    told = [f"By ISO 14253-1: {one.why}." for one in judged if one.why and one.decision == worst]
     return Figure(
         "gauge",
         "Deflection of the load point",
-        _only(answer),
+        " ".join((_only(answer), *told)),
         f"Gauge of the deflection of the load point{limit}, with its expanded uncertainty: {text}.",
     )
 
