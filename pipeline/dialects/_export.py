@@ -30,8 +30,8 @@ changes of the air. rms is also a scatter, one number for three axes: it is used
 campaign.toml asks for it."""
 _VAGUEST_M2 = 1e6
 """Largest variance accepted in an axis [m^2]: a standard uncertainty of 1 km."""
-_OF_FILES = ("files", "folders/files")
-"""`groups` of [tracker] by which a file is one group, which a moment above its rows dates."""
+_OF_FILES = ("files", "folders/files", "files::groups")
+"""`groups` of [tracker] by which a file is one group or pose, dated by a moment above its rows."""
 _ROUNDED = 1.05
 """Largest squared correlation accepted [1]; rounding in a file may bring it above 1."""
 _NO_UNCERTAINTY = (

@@ -3,7 +3,8 @@
 KUKA (.dat, .src: `E6AXIS`, `AXIS`), ABB (.mod: `jointtarget`), FANUC (.ls: `/POS` in joints; the
 listing of the current position, CURPOS, one file a pose), Yaskawa (.jbi: positions in pulses),
 Kawasaki (.as: `.JOINTS`), Hyundai (.JOB: steps with axis values), Comau (.lsv: `JNTP`), Sinumerik
-(.mpf: blocks `N100 X=.. A1=..`), joint states of ROS with names and positions in each row, and rows
+(.mpf: blocks `N100 X=.. A1=..`), Nachi (motions with `M1J`), Estun (.erd: `APOS`), joint states
+of ROS with names and positions in each row, and rows
 `POS 3 A1= 12.5 A2= ...` that a program wrote at each pose. A file is converted to a table with the
 columns `pose` and one for each axis, each row in the line of its point, so that messages name the
 line of the file.
@@ -77,11 +78,18 @@ _WORD = re.compile(
 _NO_AXES = {*"DFGHIKLMNPRST", "CR", "AR", "RND", "CHF", "CHR", "ACC"}
 """Other addresses of a block: number, feed, tool, parameter, radius."""
 _INCREMENTS, _INCHES = re.compile(r"\bG91\b"), re.compile(r"\bG70?0\b")
+_NACHI = re.compile(
+    r"^[^'\n]*?\bM1J,[^(\n]*(?P<axes>\([^)\n]*\)(?:,M\dJ,[^(\n]*\([^)\n]*\))*)", re.MULTILINE
+)
+_APOS = re.compile(
+    r'^[ \t]*(?P<name>\w+)[ \t]*=[ \t]*\{[^}\n]*"APOS"(?P<axes>[^}\n]*)\}', re.MULTILINE
+)
+_APOS_AXIS = re.compile(rf"\ba([1-9][0-9]?)[ \t]*=[ \t]*({_NUMBER})")
 _STATE = re.compile(rf"(?P<names>(?:[A-Z_][\w/]*,){{4,}})(?P<values>{_NUMBER}(?:,{_NUMBER})*)",
                     re.IGNORECASE)  # fmt: skip
 """Names of joints in a row, each followed by a comma, and as many positions or more."""
 _REMARK = re.compile(
-    r"(?:^|(?<=[\s;]))(?:['!;]|--|//|MSG\(\")[ \t]*(?P<stem>[^\W\d_][^\d\n]*?)[ _.:#-]*"
+    r"(?:^|(?<=[\s;]))(?:['!;]|--|//|MSG\(\"|REM[ \t]+\")[ \t]*(?P<stem>[^\W\d_][^\d\n]*?)[ _.:#-]*"
     r"(?P<number>\d{1,4})(?![.,]?\d)(?P<rest>[^\n]*)",
     re.MULTILINE,
 )
@@ -166,19 +174,29 @@ def _points(data: bytes) -> list[_Point]:
 
 
 def _as_remarked(text: str, points: list[_Point]) -> list[_Point]:
-    """Points under the numbers of remarks, if they number most, and as many as names do."""
-    said = _by_remarks(text, points) if points else {}
-    if (
-        not said
-        or 2 * len(said) < len(points)
-        or len(said) < len({id(one) for _, one in _by_names(points)})
-    ):
+    """Points under the numbers of remarks, if they number most, and as many as names do.
+
+    Remarks that repeat the numbers of the names behind the motions say nothing else.
+    """
+    visits = [*_visits(text, points)] if points else []
+    said = _by_remarks(visits)
+    named = {id(one): number for number, one in _by_names(points)}
+    if not said or 2 * len(said) < len(points) or len(said) < len(named):
+        return points
+    if _repeat_names({id(points[k]): n for k, n in _by_remarks(visits[::-1]).items()}, named):
         return points
     called = {k: f"pose{number}" for k, number in said.items()}
     return [one._replace(name=called.get(k, "")) for k, one in enumerate(points)]
 
 
-def _by_remarks(text: str, points: Sequence[_Point]) -> dict[int, int]:
+def _repeat_names(behind: Mapping[int, int], named: Mapping[int, int]) -> bool:
+    """Whether the numbers of remarks behind the motions are those of the names of their points."""
+    return bool(behind) and behind.items() <= named.items()
+
+
+def _by_remarks(
+    visits: Sequence[tuple[int | None, re.Match[str] | None]],
+) -> dict[int, int]:
     """Numbers of points, by their index, from remarks above or behind the instructions to go there.
 
     Each of the remarks that begin with the same words has a number of its own, and one point before
@@ -186,7 +204,7 @@ def _by_remarks(text: str, points: Sequence[_Point]) -> dict[int, int]:
     """
     families: dict[str, dict[int, list[int]]] = {}
     now: dict[str, int] = {}
-    for at, remark in _visits(text, points):
+    for at, remark in visits:
         if remark:
             now[" ".join(remark["stem"].lower().split())] = int(remark["number"])
         for stem, number in now.items() if at is not None else ():
@@ -291,6 +309,26 @@ def _job(text: str) -> Iterator[_Point]:
         said = one["name"] or ""
 
 
+def _nachi(text: str) -> Iterator[_Point]:
+    """Motions of a Nachi to points in joints, those of further mechanisms behind the arm's."""
+    for one in _NACHI.finditer(text):
+        values = re.sub(r"M\dJ", "", one["axes"])
+        yield _Point(_line(text, one), "", _in_order(values))
+
+
+def _apos(text: str) -> Iterator[_Point]:
+    """Variables of an Estun; external axes are a7 and the following."""
+    for one in _APOS.finditer(text):
+        axes = _by_number_of_axis(_APOS_AXIS.findall(one["axes"]))
+        yield _Point(_line(text, one), one["name"], axes, one["name"])
+
+
+def _by_number_of_axis(values: Sequence[tuple[str, str]]) -> dict[str, float]:
+    """Axes by their numbers, those of the arm first."""
+    return {f"A{k} [deg]" if int(k) <= _ARM else f"E{int(k) - _ARM} [mm]": float(x)
+            for k, x in values}  # fmt: skip
+
+
 def _curpos(text: str) -> Iterator[_Point]:
     """The position in each of several files, in the line of its number among them."""
     for number, one in enumerate(_FILE.finditer(text), 1):
@@ -316,8 +354,7 @@ def _jntp(text: str) -> Iterator[_Point]:
     """Variables of a Comau; their names end in J for a position in joints."""
     for one in _JNTP.finditer(text):
         name = re.sub(r"(?<=\d)J$", "", one["name"], flags=re.IGNORECASE)
-        axes = {f"A{k} [deg]" if int(k) <= _ARM else f"E{int(k) - _ARM} [mm]": float(x)
-                for k, x in _JNTP_AXIS.findall(one["axes"])}  # fmt: skip
+        axes = _by_number_of_axis(_JNTP_AXIS.findall(one["axes"]))
         yield _Point(_line(text, one), name, axes, one["name"])
 
 
@@ -395,6 +432,8 @@ _FORMS: Sequence[tuple[Callable[[str], Iterator[_Point]], re.Pattern[bytes]]] = 
         (_as, rb"\.JOINTS|#PPOINT"),
         (_job, rb"MECHTYPE"),
         (_curpos, rb"\n[ \t]*Joint[ \t]*4[ \t]*:"),
+        (_nachi, rb"\bM1J,"),
+        (_apos, rb'"APOS"'),
         (_jntp, rb"\bJNTP\b"),
         (_blocks, rb"\n[ \t]*N\d+[ \t][^;\n]*\b[A-Z]+4[ \t]*="),
         (_states, rb"(?:[,\n][A-Z_][\w/]*){4},[-+]?[\d.]"),

@@ -12,6 +12,7 @@ a unit vector; a row of the flange has a point only, a row of a rail a direction
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import dropwhile, pairwise, takewhile
@@ -37,7 +38,7 @@ _COLUMNS = {
 _SIGNS = ("sign", "sense", "segno", "signe", "sens", "signo", "vorzeichen", "znak")
 """Titles of the sense of each axis, +1 or -1: theta = sign q + offset."""
 _FLANGE = re.compile(
-    r"flange?\b|flansch|bride|brida|flangia|flanş|flans\b|kołnierz|příruba|фланец|플랜지|法兰|フランジ",
+    r"flange?\b|flansch|bride|brida|flangia|flanş|flans\b|ko[łl]nierz|p[řr][íi]ruba|фланец|플랜지|法兰|フランジ",
     re.IGNORECASE,
 )
 _UNITS = {"mm": 1e-3, "m": 1.0, "in": 0.0254, "rad": 180 / np.pi}
@@ -53,7 +54,9 @@ _TERM = re.compile(
 _WRITTEN = str.maketrans({"−": "-", "–": "-", ",": "."} | dict.fromkeys("°º*", ""))
 """Characters of a cell as people write them."""
 _AXIS = re.compile(
-    rf"^\s*(?P<name>[^\W\d]\w*)\b(?P<point>(?:[;,\s]+{_NUMBER}){{3}})?(?P<rest>.*)$", re.MULTILINE
+    rf"^\s*(?P<name>[^\W\d]\w*)\b(?:: *[^\W\d]\w*)?(?P<point>(?:[;,\s]+{_NUMBER}){{3}})?"
+    r"(?P<rest>.*)$",
+    re.MULTILINE,
 )
 _WAY = re.compile(r"(?<!\w)(?P<sign>[-+]?)(?P<axis>[XYZ])(?!\w)")
 _UNIT = re.compile(r"[\[(](?:mm|m|in|deg|rad|°|grad)[^\])]*[\])]?.*")
@@ -123,6 +126,14 @@ def is_table(file: str, data: bytes) -> bool:
         return any(map(_table, texts))
     except InputError as stopped:
         return stopped.line is not None
+
+
+def has_rail(file: str, data: bytes) -> bool:
+    """Whether a table of a robot has an axis that slides."""
+    with contextlib.suppress(InputError):
+        tables = [one for one in map(_table, _texts(file, data)) if one]
+        return any(joint["type"] == "prismatic" for made, _ in tables for joint in made["joint"])
+    return False
 
 
 def _table(text: Text) -> tuple[dict[str, Any], list[str]] | None:

@@ -15,7 +15,7 @@ from pipeline.dialects.workbook import sheets
 from pipeline.intake import _log_words
 from pipeline.intake._sheet import sheet
 from pipeline.readers._log_form import headers
-from pipeline.readers._text import Text, is_workbook
+from pipeline.readers._text import Text, is_workbook, text
 from pipeline.readers.logs import SCALE
 
 _TREE = [re.compile(rf"<{end}\s+link\s*=\s*[\"']([^\"']+)[\"']") for end in ("parent", "child")]
@@ -42,6 +42,22 @@ def robots_in(files: Mapping[str, bytes], others: Collection[str | None]) -> lis
     left = {k: data for k, data in files.items() if is_workbook(data) or k not in others}
     said = {name: of_robot(name, data) for name, data in left.items() if not _made(name, files)}
     return [f"{name}: {one.replace('it', 'it also', 1)}." for name, one in said.items() if one]
+
+
+def pages(files: Mapping[str, bytes]) -> list[str]:
+    """A sentence for each code page in which files are written, other than UTF-8."""
+    written: dict[str, list[str]] = {}
+    for name, data in files.items():
+        begin = data[:_BEGIN]
+        with contextlib.suppress(InputError):  # no text
+            own = text(name, begin[: begin.rfind(b"\n") + 1] or begin)
+            written.setdefault(own.encoding, []).append(name)
+    others = {page: names for page, names in written.items() if page not in ("ascii", "utf-8")}
+    return [f"{listed(names)}: read as {page}" for page, names in others.items()]
+
+
+_BEGIN = 1 << 16
+"""Size of the text that shows its code page [byte]."""
 
 
 def _made(name: str, files: Mapping[str, bytes]) -> list[str]:
@@ -86,7 +102,13 @@ def of_robot(name: str, data: bytes) -> str | None:
     if not (is_table and is_table(name, data)):
         return None
     own = _command(name, "", output)
-    return f"{ROBOT}: {own}; if it stands on a rail, with --rail, --turn and --foot"
+    has_rail = found("pipeline.exchange.from_table:has_rail")
+    more = (
+        ""
+        if has_rail and has_rail(name, data)
+        else "; if it stands on a rail, with --rail, --turn and --foot"
+    )
+    return f"{ROBOT}: {own}{more}"
 
 
 def _command(name: str, options: str, output: str) -> str:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from operator import itemgetter
+from unicodedata import combining, normalize
 
 from pipeline.dialects._titles import titled, triples
 from pipeline.readers._cells import IN_BRACKETS, from_above, is_number
@@ -47,7 +48,7 @@ def _known() -> _Known:
     content = tomllib.loads((resources.files(__package__) / "titles.toml").read_text("utf-8"))
     axes = content["axes"]
     return _Known(
-        called={role: frozenset(words) for role, words in content["words"].items()},
+        called={role: _with_plain(words) for role, words in content["words"].items()},
         numbered=re.compile(f"(?:{'|'.join(axes['numbered'])}) ?0*([1-9])"),
         named=tuple(tuple(one["of"]) for one in axes["named"]),
         number=frozenset(content["number"]),
@@ -55,8 +56,18 @@ def _known() -> _Known:
         between=frozenset(content["between"]),
         unit=content["unit"],
         unloaded=tuple(content["states"]["unloaded"]),
-        scales=frozenset(content["scales"]),
+        scales=_with_plain(content["scales"]),
     )
+
+
+def _with_plain(words: Sequence[str]) -> frozenset[str]:
+    """Words with and without their accents, as people type them."""
+    parted = (normalize("NFKD", word.translate(_NO_PARTS)) for word in words)
+    return frozenset(words) | {"".join(c for c in one if not combining(c)) for one in parted}
+
+
+_NO_PARTS = str.maketrans("łøđı", "lodi")
+"""Letters whose accent is no sign of its own."""
 
 
 def is_unloaded(word: str) -> bool:
@@ -149,6 +160,7 @@ def of_loads(
     found = _first(titles, {role: units.get(role, ()) for role in roles})
     each = _of_pulls(titles, units["force"])
     found = {role: one for role, one in found.items() if one[0] not in dict(each.values())}
+    found = _without_records(found, cells)
     found |= _by_unit_column(found, cells, units["force"], by_scale)
     found |= {} if found.keys() & {"repeat", *units} else each
     if not found.keys() & {*units, *each}:
@@ -156,6 +168,26 @@ def of_loads(
     if not found.keys() & {*units, *each} or _coordinates(titles):
         return None
     return _with_numbers(found, cells, each)
+
+
+def _without_records(
+    found: dict[str, tuple[str, Sequence[str]]], cells: SampledCells
+) -> dict[str, tuple[str, Sequence[str]]]:
+    """The roles without a force that numbers records."""
+    title, _ = found.get("force", ("", ()))
+    records = bool(title) and _counts_on_slowly(cells().get(title, ()))
+    return {role: one for role, one in found.items() if role != "force" or not records}
+
+
+def _counts_on_slowly(own: Sequence[str]) -> bool:
+    """Whether numbers are those of records, whole and rising by few: `lectura n` is no force."""
+    numbers = [int(one) for one in own if one.isdecimal()]
+    steps = [b - a for a, b in itertools.pairwise(numbers)]
+    return len(numbers) == len(own) > _FEW and all(0 < one <= _FEW for one in steps)
+
+
+_FEW = 3
+"""Number of records that may be left out between two pulls [1]."""
 
 
 def _with_numbers(

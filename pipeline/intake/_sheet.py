@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from pipeline.base.errors import InputError
 from pipeline.dialects._coordinates import KIND_WORDS
-from pipeline.dialects._named import UNIT_LINE, WORD, said_units
+from pipeline.dialects._named import FOREIGN, UNIT_LINE, WORD, said_units
 from pipeline.dialects._titles import name_a_place, titled
 from pipeline.readers._cells import MARKS, bare, cells_or_none, is_number, is_plain, is_remark
 from pipeline.readers._text import Text
@@ -299,7 +299,7 @@ class TableStatements:
         kinds, units, angles, senses = set(), set(), set(), set()
         for line in found.preamble:
             words = WORD.findall(line.lower())
-            senses |= _senses(words)
+            senses |= _senses(line.lower())
             here = {KIND_WORDS[word] for word in words if word in KIND_WORDS}
             kinds |= here
             if not here and not UNIT_LINE.search(line):
@@ -324,12 +324,12 @@ class TableStatements:
         return found[0] if found else None
 
 
-def _senses(words: Sequence[str]) -> set[str]:
-    """Sense in which azimuths increase, by the words of a line.
+def _senses(line: str) -> set[str]:
+    """Sense in which azimuths increase, by the words of a line in small letters.
 
     Coordinates called spherical or cylindrical count from x towards y, those called polar may not.
     """
-    if "clockwise" in words or "cw" in words:
-        return {"counter-clockwise" if {"counter", "anti"} & {*words} else "clockwise"}
-    from_x = {"spherical", "cylindrical", "counterclockwise", "anticlockwise", "ccw"}
-    return {"counter-clockwise"} if from_x & {*words} else set()
+    for sense, words in FOREIGN["senses"].items():
+        if re.search("|".join(words), line):
+            return {sense}
+    return {"counter-clockwise"} if {"spherical", "cylindrical"} & {*WORD.findall(line)} else set()

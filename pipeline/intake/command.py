@@ -92,7 +92,7 @@ def _all_known(
 def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, ask: bool) -> None:
     """Write campaign.toml for the files in the folder, with known or asked data."""
     from pipeline.intake import blank
-    from pipeline.intake._folder import in_workbooks, robots_in
+    from pipeline.intake._folder import in_workbooks, pages, robots_in
     from pipeline.intake._slides import MADE, with_slides
     from pipeline.intake.files import propose
     from pipeline.intake.filled import filled_in
@@ -111,10 +111,10 @@ def _propose(root: Path, folder: Path, robot: str | None, stated: Path | None, a
     given = _with_places(given, proposal)
     others = {*proposal.exports, proposal.loads, proposal.joints, *proposal.refused}
     robots = [] if robot else robots_in(files, others)
-    for line in [*_seen(proposal), *in_workbooks(files), *robots, *passed, *wrong]:
+    for line in [*_seen(proposal), *pages(files), *in_workbooks(files), *robots, *passed, *wrong]:
         _tell(line)
     if robot is None:
-        robot = _named(root, folder, given) or _robot(root, folder, proposal, ask)
+        robot = _named(root, folder, given) or _robot(root, folder, proposal, files, ask)
     if robot is None:
         _propose_rail(folder, proposal, files)
     known = _all_known(proposal, robot, given, ask)
@@ -315,17 +315,23 @@ def _tell(words: str) -> None:
     typer.secho(fitted(words, sys.stderr), err=True, dim=sys.stderr.isatty())
 
 
-def _robot(root: Path, folder: Path, proposal: FilesProposal, ask: bool) -> str | None:
-    """The only robot that fits, or the only own one, or the only one that files name by its type.
+def _robot(
+    root: Path, folder: Path, proposal: FilesProposal, files: Mapping[str, bytes], ask: bool
+) -> str | None:
+    """The only robot file in the folder that fits, or the only robot that files name by its type.
 
-    Else the typed one; None if it stays open.
+    Else the typed one; None if it stays open: that one robot that ships fits proves nothing.
     """
-    fitting = proposal.robots
-    own = tuple(one for one in fitting if one.endswith(".toml"))
-    for only in (fitting, own, proposal.called):
+    from pipeline.intake.which_logs import brought
+
+    fitting, own = proposal.robots, brought(files)
+    if proposal.joints:
+        own = tuple(one for one in own if one in fitting)
+    for only, why in ((own, "the only robot file here that fits"), (proposal.called, "named here")):
         if len(only) == 1:
+            _tell(f"robot: {only[0]}, {why}; confirm it in campaign.toml")
             return only[0]
-    usual = None if proposal.exports or proposal.joints else _USUAL
+    usual = _USUAL if proposal.nothing and not proposal.refused else None
     return _typed_robot(root, folder, fitting, usual) if ask else usual
 
 

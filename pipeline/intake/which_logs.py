@@ -183,12 +183,21 @@ def _rows(
 
 def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:
     """Robots in the folder, then those that ship."""
+    yield from _own(files)
+    for name in SHIPPED:
+        yield name, load(name)
+
+
+def brought(files: Mapping[str, bytes]) -> tuple[str, ...]:
+    """The robot files among some files."""
+    return tuple(name for name, _ in _own(files))
+
+
+def _own(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:
     for name, data in files.items():
         if name.endswith(".toml"):
             with contextlib.suppress(InputError):
                 yield name, parse_robot(data.decode("utf-8", "replace"), name)
-    for name in SHIPPED:
-        yield name, load(name)
 
 
 _OF_MAKERS = {

@@ -219,6 +219,21 @@ def comau():
     return "\n".join(["PROGRAM pull", "  -- saved 18-AUG-26", *lines, ""]).encode()
 
 
+def nachi():
+    """The remarks above the motions number them, in another order."""
+    move = "MOVEX A=1P,AC=0,SM=0,M1J,P,({}),M2J,P,(1250.0),S=15.0,H=1,MS"
+    lines = [f'REM "POSE {k}"\n{move.format(words(ROWS[k - 1], ",  "))}\nSTOP' for k in (2, 1)]
+    return "\r\n".join(["' PROGRAM 051", *lines, "END"]).encode()
+
+
+def estun():
+    points = [("HOME", PARKED), ("P1", ROWS[0]), ("P2", ROWS[1])]
+    lines = [name + '={_type="APOS",' + ",".join(
+             f"a{k}={x:.3f}" for k, x in enumerate([*row, 1250.0, 0.0, 0.0, 0.0], 1)) + "}"
+             for name, row in points]  # fmt: skip
+    return "\n".join([*lines, ""]).encode()
+
+
 def sinumerik(stop="; MERENI {}\n{}"):
     """The rail first, in a block of its own or not; home before, between and behind the poses."""
     blocks = [" ".join(["X=1250.000", *(f"A{k}={x:.3f}" for k, x in enumerate(row, 1))])
@@ -231,17 +246,18 @@ def sinumerik(stop="; MERENI {}\n{}"):
 
 @pytest.mark.parametrize(("made", "rail"), [(hyundai, True), (kawasaki, True), (kuka_log, False),
                                             (fanuc_listings, False), (comau, True),
-                                            (sinumerik, True)])  # fmt: skip
+                                            (sinumerik, True), (nachi, True),
+                                            (estun, True)])  # fmt: skip
 def test_points_of_other_makers_are_poses_by_their_names(made, rail):
     rows = [row.split("\t") for row in taught.table(made()).decode().splitlines() if row]
     titles = ["pose", *(f"A{k} [deg]" for k in range(1, 7)), *["E1 [mm]"] * rail]
 
     assert rows[0] == titles
-    assert [[float(x) for x in row] for row in rows[1:]] == [
+    assert sorted([float(x) for x in row] for row in rows[1:]) == [
         [k, *row, *[1250.0] * rail] for k, row in enumerate(ROWS, 1)
     ]
     parked = [list(axes.values())[:6] for axes in taught.unnumbered(made()).values()]
-    assert parked == [PARKED] * rail
+    assert parked == [PARKED] * (rail and made is not nachi)
 
 
 def poses_of(data):
@@ -273,6 +289,16 @@ def test_remarks_of_a_job_number_its_points(above, behind):
 
     assert titles == ["pose", *(f"{axis} [pulses]" for axis in "SLURBT")]
     assert sorted(rows) == [[k, *(100 * x for x in row)] for k, row in enumerate(ROWS, 1)]
+
+
+def test_remarks_below_the_motions_do_not_shift_numbered_points():
+    """`PAUSE ; pozycja 1` comes after the motion to poz1, and above that to poz2."""
+    rows = {f"poz{k}": [k, 2, 3, 4, 5, 6] for k in range(1, 5)}
+    moves = [f"  JMOVE #{name}\n  PAUSE ; pozycja {row[0]}" for name, row in rows.items()]
+    lines = [f"#{name} {words(row, ' ')}" for name, row in rows.items()]
+    text = "\n".join([".PROGRAM p()", *moves, ".END", ".JOINTS", *lines, ".END"])
+
+    assert [row[:2] for row in poses_of(text.encode())[1]] == [[k, k] for k in range(1, 5)]
 
 
 def test_remarks_with_two_points_each_number_none():

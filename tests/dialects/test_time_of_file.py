@@ -47,10 +47,13 @@ def test_two_moments_are_none():
     assert found.time.null_count == len(found.time)
 
 
-def test_groups_in_one_file_have_no_common_time():
+@pytest.mark.parametrize(("groups", "times"), [(None, 0), ("files::groups", 2)])
+def test_groups_in_one_file_have_a_common_time_if_it_is_one_of_several(groups, times):
     text = b"# 11.03.2025 08:23:00\nGroup;Target;X [mm];Y [mm];Z [mm]\nA;1;1;2;3\nB;1;1;2;4\n"
 
-    assert readers.read("all.txt", text).time.null_count == 2
+    found = readers.read("all.txt", text, ExportSettings(groups=groups))
+
+    assert len(found.time) - found.time.null_count == times
 
 
 def test_files_written_at_once_have_no_times():

@@ -74,6 +74,12 @@ def test_merged_cells_hold_their_content_in_every_row():
     ("Přístroj; Čas", "cp1250"), ("w dół, siła ż", "cp1250"), ("OBCIĄŻENIE", "cp1250"),
     ("Сила, кН", "cp1251"), ("açıklama ğ", "cp1254"), ("Unità: è più", "cp1252"),
     ("où ça, relevé à vide", "cp1252"), ("Stöße ± 3 µm, m² und m³", "cp1252"),
+    ("位姿,次数,拉力(kN),锚点", "gb18030"),
+    ("斜距(m)\t水平角(°)", "gb18030"),
+    ("ポーズ;荷重;測定点", "cp932"),
+    ("자세,하중(N),측정점", "cp949"), ("位姿,載重(N),測點", "big5"),
+    ("ПОЗА;СИЛА;УГОЛ, °", "cp1251"),
+    ("ÖLÇÜM GÜÇ ÇÜRÜK ğ", "cp1254"), ("MESSGRÖSSE ÜBERÄNDERUNG ± 3 µm", "cp1252"),
 ])  # fmt: skip
 def test_a_code_page_is_that_of_a_language_whose_letters_all_are(text, page):
     assert code_pages.page(text.encode(page)) == page

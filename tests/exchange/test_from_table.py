@@ -173,7 +173,8 @@ def test_axes_by_unit_vectors_in_a_sheet_of_a_workbook(capsys, tmp_path):
     assert turned == pytest.approx(T[:3, :3], abs=1e-9)
 
 
-def test_axes_by_point_and_direction(capsys, tmp_path):
+@pytest.mark.parametrize("end", ["flange ", "kolnierz: srodek"])
+def test_axes_by_point_and_direction(capsys, tmp_path, end):
     """The product of rotations about the stated lines, from the rail outwards."""
     lines = [((0, 0, -1), (0, 0, 0)), ((-1, 0, 0), (0, 0.45, 0.75)), ((1, 0, 0), (0, 0.45, 1.85)),
              ((0, 0, 1), (0, 0.25, 1.85)), ((-1, 0, 0), (0, 0.25, 3.1)),
@@ -183,7 +184,7 @@ def test_axes_by_point_and_direction(capsys, tmp_path):
         T = T @ turn(axis, q, point)
     T = T @ shift(0, 0.25, 3.35)
 
-    at, turned = flange(made(capsys, tmp_path, AXES), [1.8598, *SHOWN])
+    at, turned = flange(made(capsys, tmp_path, AXES.replace("flange ", end)), [1.8598, *SHOWN])
 
     assert at == pytest.approx(T[:3, 3], abs=1e-9)
     assert turned == pytest.approx(T[:3, :3], abs=1e-9)

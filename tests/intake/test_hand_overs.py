@@ -2,6 +2,7 @@
 
 import math
 import re
+import tomllib
 
 import pytest
 from workbooks import workbook
@@ -464,6 +465,17 @@ def test_a_table_of_a_robot_is_answered_with_its_command(tmp_path):
     assert made.refused["DH.csv"] == "it describes a robot, that of arm.toml"
 
 
+@pytest.mark.parametrize("rail", ["E1  rail  along +Y\n", ""])
+def test_a_rail_is_advised_only_for_a_table_without_one(rail):
+    axes = "".join(f"J{k}  {200 * k}.0  0.0  {500 + 90 * k}.0  about +{'ZYYXYX'[k - 1]}\n"
+                   for k in range(1, 7))  # fmt: skip
+    table = f"axis X Y Z direction (mm)\n{axes}{rail}flange  1500.0  0.0  1000.0\n".encode()
+    refused = propose({"axes.txt": table, "points.txt": _inches()}).refused["axes.txt"]
+
+    assert "pipeline robot axes.txt --output axes.toml" in refused
+    assert ("--rail" in refused) == (not rail)
+
+
 def test_positions_listed_one_file_each_in_a_folder_are_one_joint_log(tmp_path, capsys):
     """FANUC's CURPOS beside an export: `init` names all of them by their pattern."""
     folder = tmp_path / "data/raw/hall"
@@ -498,6 +510,24 @@ def test_what_is_stated_holds_for_exports_beside_those_that_need_nothing():
     assert found.offer.hints == stated
     assert (found.measured, found.base) == (tuple(FLANGE), tuple(FLOOR))
     assert found.apart_m["R1", "R2"] == pytest.approx(0.39026, abs=2e-5)
+
+
+@pytest.mark.parametrize(("own", "robot"), [(["mine"], "mine.toml"), (["mine", "other"], None),
+                                            ([], None)])  # fmt: skip
+def test_a_robot_is_written_only_if_the_folder_shows_it(tmp_path, capsys, own, robot):
+    """With a log of forces alone; the default robot is for a campaign without files."""
+    folder = tmp_path / "data/raw/hall"
+    folder.mkdir(parents=True)
+    log = "pose;repeat;force_n;备注\n1;1;800;点\n1;2;900;\n"
+    (folder / "loads.csv").write_text(log, encoding="gb18030")
+    assert cli._exit_code(["robot", "--show", "kr210_r2700_2"]) == 0
+    shown = capsys.readouterr().out
+    for name in own:
+        (folder / f"{name}.toml").write_text(shown, encoding="utf-8")
+
+    assert cli._exit_code(["init", "hall", "--root", str(tmp_path)]) == 0
+    assert tomllib.loads((folder / "campaign.toml").read_text("utf-8")).get("robot") == robot
+    assert "loads.csv: read as gb18030" in capsys.readouterr().err
 
 
 def test_points_that_are_no_poses_are_offered_for_the_test_pose(tmp_path, capsys):

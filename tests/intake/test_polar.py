@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from pipeline.intake._polar import Polar, beams, in_two_faces
+from pipeline.intake.proposal import propose
+from pipeline.readers import ExportSettings
+from pipeline.readers._text import text
 
 RANGE, AZIMUTH = 3.0, 12.3456789
 
@@ -42,3 +45,28 @@ def test_both_faces_are_seen_from_wherever_the_vertical_angle_counts(vertical):
 
     assert Polar((0, 1, 2), "deg", vertical) in found
     assert {way.vertical for way in found} == {vertical}
+
+
+@pytest.mark.parametrize(("remark", "page", "sense"), [
+    ("水平角：俯视逆时针为正", "gb18030", "counter-clockwise"),
+    ("水平角：顺时针为正", "gb18030", "clockwise"),
+    ("angles counter-clockwise from above", "utf-8", "counter-clockwise"),
+    ("angle horizontal dans le sens horaire", "utf-8", "clockwise"),
+    ("Hz im Uhrzeigersinn", "utf-8", "clockwise"),
+    ("방위각: 반시계 방향", "cp949", "counter-clockwise"),
+])  # fmt: skip
+def test_a_stated_sense_of_angles_is_taken_in_any_language(remark, page, sense):
+    rows = "".join(
+        f"{k};位姿1空;T{k % 3};{5 + k / 7};{40 + 9 * k};{80 + 7 * k}\n" for k in range(9)
+    )
+    titles = "序号;组;靶球;斜距(m);水平角(°);天顶角(°)"
+    if page == "cp949":
+        titles, rows = (
+            "번호;그룹;점;사거리(m);방위각(°);천정각(°)",
+            rows.replace("位姿1空", "자세1"),
+        )
+    found = propose(text("t.txt", f"{remark}\n{titles}\n{rows}".encode(page)), ExportSettings())
+
+    assert not found.questions
+    assert (found.hints.unit, found.hints.angle, found.hints.vertical) == ("m", "deg", "zenith")
+    assert found.hints.horizontal == sense

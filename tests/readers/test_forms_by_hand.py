@@ -154,6 +154,39 @@ def test_a_log_of_a_dynamometer_is_read_by_its_cells(change, columns):
     assert not log.rejected
 
 
+def test_a_recorder_numbers_poses_and_pulls_in_its_records():
+    """Its heading is no title, and of its titles only the unit is left open."""
+    text = (
+        "HBM S9M   canal 1   unidade N   tara 07:48\n data     hora      registro   valor\n"
+        + "".join(
+            f"14/07/2026 07:5{3 * p + r}:33   {p:02}-{r}   {700 + 50 * r},5\n"
+            for p in (1, 2)
+            for r in (1, 2)
+        )
+    )
+    form = log_columns.understood_loads("c.txt", text.encode())
+
+    assert form.columns["registro"] == "pose_repeat"
+    assert form.columns["valor"].startswith("force_n|")
+
+
+def test_titles_without_their_accents_are_those_with_them():
+    """And a dynamometer in the heading says that kg are a force."""
+    text = "Dynamometr DSE;;\nPozycja;Obciazenie;Sila [kG]\n1;1;145,0\n1;2;77,0\n"
+    form = log_columns.understood_loads("p.csv", text.encode())
+
+    assert form.columns == {"Pozycja": "pose", "Obciazenie": "repeat", "Sila [kG]": "force_kg"}
+
+
+@pytest.mark.parametrize(("last", "force"), [("5", None), ("905", "force_n")])
+def test_numbers_of_readings_are_no_forces(last, force):
+    """`lectura n` may be the force in newtons; records count on."""
+    text = "postura;tiron;lectura n\n1;1;2\n1;2;3\n2;1;4\n2;2;" + last
+    form = log_columns.understood_loads("h.csv", text.encode())
+
+    assert (form and form.columns["lectura n"]) == force
+
+
 @pytest.mark.parametrize("tag", ["P02/3", "P1/2", "W7"])
 def test_names_that_do_not_count_on_are_no_numbers_of_pulls(tag):
     text = TAGGED.replace("P02/1", tag)
