@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
