@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -389,15 +389,18 @@ class _JudgedDeflection:
         return f"{self.value} ± {with_uncertainty(self.size, self.u)[1]} mm"
 
 
+def _why(answer: Answer, one: Tip, decision: Decision | None) -> str:
+    """How a deflection leads to its decision; empty without one."""
+    asked, holds = answer.tolerance, answer.recommended.reason.holds_for_its_readings
+    if asked is None or decision is None:
+        return ""
+    return compared(one, decision, asked.deflection_mm, holds=holds)
+
+
 def _judged_deflections(answer: Answer) -> Iterator[_JudgedDeflection]:
     """The deflection at the test pose, and the largest on the path."""
     pose, asked = answer.test_pose, answer.tolerance
-    holds = answer.recommended.reason.holds_for_its_readings
-
-    def why(one: Tip, decision: Decision | None) -> str:
-        told = asked and decision and compared(one, decision, asked.deflection_mm, holds=holds)
-        return told or ""
-
+    why = partial(_why, answer)
     if pose is not None and pose.deflection_mm is not None:
         decision = asked.test_pose if asked else None
         name = "Test pose" if pose.stated else "Strongest pull"
