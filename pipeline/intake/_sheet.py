@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from pipeline.base.errors import InputError
 from pipeline.dialects._coordinates import KIND_WORDS
@@ -79,11 +79,15 @@ class Sheet:
 
 @dataclass(frozen=True)
 class _Rows:
-    """Lines that one separator cuts into equally many cells."""
+    """Lines that one separator cuts into equally many cells.
+
+    `chunks` is how many of them stand between two wide gaps of most lines, if blanks separate them.
+    """
 
     delimiter: str
     width: int
     rows: tuple[tuple[int, tuple[str, ...]], ...]
+    chunks: tuple[int, ...] = ()
 
     @property
     def rank(self) -> tuple[int, int]:
@@ -145,7 +149,17 @@ def _rows(lines: Sequence[tuple[int, str]], delimiter: str, mark: str | None) ->
     if not found:
         return _Rows(delimiter, 0, ())
     width = max(found, key=lambda one: len(found[one]))
-    return _Rows(delimiter, width, tuple(found[width]))
+    rows = tuple(found[width])
+    return _Rows(delimiter, width, rows, _chunks(dict(lines), rows) if delimiter == " " else ())
+
+
+def _chunks(
+    lines: Mapping[int, str], rows: Sequence[tuple[int, tuple[str, ...]]]
+) -> tuple[int, ...]:
+    """How many cells stand between two wide gaps of most rows, which blanks separate."""
+    cut = (WIDE_GAP.split(lines[number].strip()) for number, _ in rows)
+    often = Counter(tuple(len(chunk.split()) for chunk in one) for one in cut)
+    return often.most_common(1)[0][0]
 
 
 def _without_numbered_titles(found: _Rows) -> _Rows:
@@ -154,7 +168,7 @@ def _without_numbered_titles(found: _Rows) -> _Rows:
     starts = [str(k) for k in range(len(counted))], [str(k + 1) for k in range(len(counted))]
     if counted not in starts or len(found.rows) == 1 or found.rows[0][0] != 1:
         return found
-    return _Rows(found.delimiter, found.width, found.rows[1:])
+    return replace(found, rows=found.rows[1:])
 
 
 def _below_titles(found: _Rows, lines: Sequence[tuple[int, str]], mark: str | None) -> _Rows:
@@ -168,7 +182,7 @@ def _below_titles(found: _Rows, lines: Sequence[tuple[int, str]], mark: str | No
     header = next(below, None)
     if header is None:
         return found
-    return _Rows(found.delimiter, found.width, tuple(row for row in found.rows if row[0] > header))
+    return replace(found, rows=tuple(row for row in found.rows if row[0] > header))
 
 
 def _titles(
@@ -234,10 +248,19 @@ def _fitting(line: str, found: _Rows, mark: str | None) -> list[str] | None:
         line = line.removeprefix(str(begin))
     ways = [cells_of(line, found.delimiter)]
     gaps = [cell.strip() for cell in WIDE_GAP.split(line.strip())]
+    if len(gaps) == len(found.chunks) and sum(found.chunks) == found.width:
+        own = zip(gaps, found.chunks, strict=True)
+        ways.insert(0, [cell for title, k in own for cell in _of_chunk(title, k)])
     if found.delimiter == " " or name_a_place(gaps):  # as SpatialAnalyzer writes above commas
         ways.append(gaps)
     fitting = (_padded(cells, found) for cells in ways if cells)
     return next((fits for fits in fitting if fits is not None), None)
+
+
+def _of_chunk(title: str, count: int) -> list[str]:
+    """Titles of so many cells: its words, or one of two words, or one above several cells."""
+    words = title.split()
+    return words if len(words) == count else [title, *[""] * (count - 1)]
 
 
 def _padded(cells: list[str], found: _Rows) -> list[str] | None:

@@ -8,8 +8,10 @@ import pytest
 from pipeline.dialects import code_pages, two_lines
 from pipeline.dialects.workbook import sheets
 from pipeline.intake import nominal
+from pipeline.intake._sheet import sheet
 from pipeline.readers import Columns, ExportSettings, read
 from pipeline.readers.export_settings import LogForm
+from pipeline.readers._text import text
 from pipeline.readers.logs import loads
 
 CHART = [
@@ -153,3 +155,19 @@ def test_blank_names_of_a_block_are_those_of_its_first_row():
     assert export.group.to_pylist() == ["1 scarico", "1 scarico", "1 tiro", "1 tiro"]
     assert [line for line, _ in export.rejected] == [6, 7]
     assert readings(rows[:2] + rows[1:2]).group.to_pylist() == ["1 scarico", "", ""]
+
+
+@pytest.mark.parametrize(
+    ("titles", "expected"),
+    [
+        ("Point Id    X       Y       Z    Sx   Date/Time", "Point Id,X,Y,Z,Sx,Date/Time,"),
+        ("Point       X       Y       Z    Sx   Date Time", "Point,X,Y,Z,Sx,Date,Time"),
+        ("Point X Y Z Sx Date Time", "Point,X,Y,Z,Sx,Date,Time"),
+    ],
+)
+def test_one_title_of_two_words_moves_no_column(titles, expected):
+    """Blanks separate the cells: there are as many words as cells, but not where they stand."""
+    rows = "P1-R1   6911.62  -480.26  1382.47  0.01  19/05/2026 08:41:21\n"
+    rows += "P1-R2   1684.96  -448.61  1355.39  0.02  19/05/2026 08:41:32\n"
+    found = sheet(text("a.txt", f"{titles}\n{rows}".encode()))
+    assert ",".join(found.titles) == expected
