@@ -10,8 +10,8 @@ from pipeline.dialects.workbook import sheets
 from pipeline.intake import nominal
 from pipeline.intake._sheet import sheet
 from pipeline.readers import Columns, ExportSettings, read
-from pipeline.readers.export_settings import LogForm
 from pipeline.readers._text import text
+from pipeline.readers.export_settings import LogForm
 from pipeline.readers.logs import loads
 
 CHART = [
