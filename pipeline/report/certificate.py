@@ -445,7 +445,7 @@ _COVERAGE = 2.0
 """Standard uncertainties in U [1]."""
 
 
-_PLUS_MINUS = "± is the expanded uncertainty U everywhere on this page (k = 2, about 95 %)."
+_PLUS_MINUS = "Everywhere on this page ± is the expanded uncertainty U (k = 2, about 95 %)."
 _EFFECTIVE = (
     "A controller has no entry for the cause.",
     "The last column has effective values, which make up for it as far as joint springs can.",
