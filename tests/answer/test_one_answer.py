@@ -314,7 +314,8 @@ def test_the_first_screen_says_which_model_and_what_it_changes(told):
     }
 
     assert list(first.values()) == answer["verdict_sentence"]
-    assert list(first) == [*("verdict", "to_do", "model", "numbers", "test_pose", "wrong", "next")]
+    about = ("verdict", "to_do", "model", "numbers", "test_pose", "wrong", "not_found", "next")
+    assert list(first) == [*about]
     assert "alone do not explain the readings" in first["verdict"]
     assert "roll of the carriage" in first["model"]
     assert "roll of the carriage" in first["wrong"]
