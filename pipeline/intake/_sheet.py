@@ -246,6 +246,13 @@ def _fitting(line: str, found: _Rows, mark: str | None) -> list[str] | None:
     line = line.strip(" \r\n") if found.delimiter != " " else line.strip()
     for begin in {mark, *MARKS} - {None}:
         line = line.removeprefix(str(begin))
+    ways = _ways(line, found)
+    fitting = (_padded(cells, found) for cells in ways if cells)
+    return next((fits for fits in fitting if fits is not None), None)
+
+
+def _ways(line: str, found: _Rows) -> list[list[str] | None]:
+    """Ways to cut a line above the rows, the likeliest first."""
     ways = [cells_of(line, found.delimiter)]
     gaps = [cell.strip() for cell in WIDE_GAP.split(line.strip())]
     if len(gaps) == len(found.chunks) and sum(found.chunks) == found.width:
@@ -253,8 +260,7 @@ def _fitting(line: str, found: _Rows, mark: str | None) -> list[str] | None:
         ways.insert(0, [cell for title, k in own for cell in _of_chunk(title, k)])
     if found.delimiter == " " or name_a_place(gaps):  # as SpatialAnalyzer writes above commas
         ways.append(gaps)
-    fitting = (_padded(cells, found) for cells in ways if cells)
-    return next((fits for fits in fitting if fits is not None), None)
+    return ways
 
 
 def _of_chunk(title: str, count: int) -> list[str]:
