@@ -290,15 +290,13 @@ def _hung(reduced: Reduced) -> dict[str, int]:
 
 def _next(name: str, wrong: list[WrongLine], others: list[str]) -> tuple[str, str]:
     """Next step, in words and as a command."""
+    run, check = (f"pipeline {command} {typed(name)}" for command in ("run", "check"))
     if wrong:
-        return (
-            f"correct campaign.toml, then: pipeline check {typed(name)}",
-            f"pipeline check {typed(name)}",
-        )
-    run = f"pipeline run {typed(name)}"
+        return f"correct campaign.toml, then: {check}", check
     if others:
         what = "this" if len(others) == 1 else "these"
-        return f"look into {what} while the robot still stands there; `run` judges it: {run}", run
+        todo = f"look into {what} while the robot still stands there, then: {check}"
+        return f"{todo}; `run` judges what is left: {run}", check
     return run, run
 
 
