@@ -296,7 +296,7 @@ def _next(name: str, wrong: list[WrongLine], others: list[str]) -> tuple[str, st
     if others:
         what = "this" if len(others) == 1 else "these"
         todo = f"look into {what} while the robot still stands there, then: {check}"
-        return f"{todo}; `run` judges what is left: {run}", check
+        return f"{todo}; `run` judges what is left: {run}", run
     return run, run
 
 

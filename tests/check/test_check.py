@@ -321,7 +321,7 @@ def next_of(out):
 
 @pytest.mark.whole
 def test_base_distances_that_no_motion_explains_are_told_before_a_run(said):
-    """Coordinates off by metres; no rotated frame is claimed, and no run is proposed."""
+    """Coordinates off by metres; no rotated frame is claimed."""
     text = TOML
     for name, at in (("B2", "[1.6, 12.5, -0.3]"), ("B3", "[-0.6, 16.5, -1.28]"),
                      ("B4", "[-2.6, -0.5, 0.28]")):  # fmt: skip
@@ -332,7 +332,7 @@ def test_base_distances_that_no_motion_explains_are_told_before_a_run(said):
     assert "B1 to B2 is 19000.0" in err
     assert "13038.40 mm as stated" in err
     assert "turned by" not in err
-    assert next_of(out) == "pipeline check c"
+    assert next_of(out) == "pipeline run c"  # which judges it
 
 
 def test_a_reflector_in_millimetres_is_refused_with_its_line(said):
@@ -387,7 +387,7 @@ def test_a_wrong_link_of_the_robot_file_is_told_before_a_run(said):
     assert "wrong link length in joint 4 (A3)" in err
     assert abs(float(value[0]) - 1300) < 3 * float(value[2])
     assert "not 1266 mm" in err
-    assert next_of(out) == "pipeline check c"
+    assert next_of(out) == "pipeline run c"  # which judges it
 
 
 @pytest.mark.slow
