@@ -243,9 +243,10 @@ def _straight(case: Case, groups: pd.Index[str]) -> Bools:
 
     That is by no more than ten times the median, and by less than `GROSS_DISTANCE_M`.
     """
-    if (base := aligned(case)) is None:
+    base = aligned(case)
+    table = pd.DataFrame() if base is None else _ends(case, *base)
+    if table.empty:
         return np.zeros(len(groups), dtype=bool)
-    table = _ends(case, *base)
     near, far = (np.stack(table[one].to_list()) for one in ("near", "far"))
     u = (far - near) / np.maximum(np.linalg.norm(far - near, axis=1, keepdims=True), 1e-12)
     off = np.linalg.norm(near - np.sum(near * u, axis=1, keepdims=True) * u, axis=1)

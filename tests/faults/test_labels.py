@@ -172,6 +172,13 @@ def test_ends_that_are_fixed_elsewhere_along_the_chain_are_no_mistake(at_several
     assert found.where.startswith(groups[1])
 
 
+def test_without_readings_of_a_chain_nothing_is_named():
+    """As where payloads alone load the robot."""
+    rows = good().readings
+    case = replace(good(), readings=rows[~rows["target"].isin(ENDS)])
+    assert [*labels(case), *chain_gross(case), *chain_outlier(case)] == []
+
+
 def test_ends_that_are_fixed_elsewhere_may_be_exchanged(at_several_places):
     """Their distance is unlike the others, but they are on one line with the load point."""
     case, groups = at_several_places
