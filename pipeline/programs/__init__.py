@@ -1,9 +1,9 @@
 """Outbuilding: correct paths and robot programs; only the coordinates of targets change.
 
 The targets of a program (`program.py`), how controllers write poses (`notation.py`), the joint
-values at the targets (`aim.py`, `inverse.py`), and one file per language. The offsets come from
-`prediction`. A table of joint values is also a path; for it, `predict` states the positions of the
-targets.
+values at the targets (`aim.py`, `inverse.py`), and one file per language (`languages.py`). The
+offsets come from `prediction`. A table of joint values is also a path; for it, `predict` states the
+positions of the targets.
 
 Door: `programs.command:compensate`, `programs.predict:predict`; `programs.path_file:read`, the path
 that [tolerance] names.
@@ -13,18 +13,12 @@ Tests: `tests/programs/`.
 from __future__ import annotations
 
 from pipeline.base.errors import InputError
-from pipeline.programs import krl, rapid, stamp, tp, urscript
+from pipeline.programs import krl, stamp
 from pipeline.programs._text import LARGEST_PROGRAM, one_byte_characters
+from pipeline.programs.languages import is_program, language
 from pipeline.programs.program import Program
 
-__all__ = ["LARGEST_PROGRAM", "Program", "dialect", "other_suffix", "read"]
-
-_DIALECTS = (krl, rapid, tp, urscript)
-
-
-def dialect(file: str) -> bool:
-    """Whether a file is a robot program, judged by its suffix."""
-    return file.lower().endswith(tuple(end for one in _DIALECTS for end in one.SUFFIXES))
+__all__ = ["LARGEST_PROGRAM", "Program", "is_program", "other_suffix", "read"]
 
 
 def other_suffix(file: str) -> str | None:
@@ -46,12 +40,11 @@ def read(file: str, data: bytes, other: tuple[str, bytes] | None = None) -> Prog
         InputError: It is not text, has no target that can be corrected, or has already been
             corrected.
     """
-    one = next(one for one in _DIALECTS if file.lower().endswith(one.SUFFIXES))
     beside = None if other is None else (other[0], one_byte_characters(*other))
     text = one_byte_characters(file, data)
     for name, content in ((file, text), *([] if beside is None else [beside])):
         stamp.refuse(name, content)
-    program = one.read(file, text, beside)
+    program: Program = language(file).read(file, text, beside)
     if not program.own:
         raise _nothing(program, None if other is None else other[0])
     return program

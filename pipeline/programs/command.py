@@ -153,10 +153,10 @@ def _one(
     picture: Path | None,
 ) -> list[str]:
     """Correct one file; return remarks on the result."""
-    from pipeline.programs import dialect
+    from pipeline.programs import is_program
     from pipeline.store.campaign import outside_raw
 
-    if not dialect(path.name):
+    if not is_program(path.name):
         if picture is not None or given.forces is not None:
             raise UsageError("--picture and --forces are for programs: a path has its own columns")
         written, remarks = write(root, campaign, path, output=output, given=given)
@@ -185,11 +185,11 @@ def _folder(
     Raises:
         InputError: Some programs were rejected; the others are written.
     """
-    from pipeline.programs import dialect
+    from pipeline.programs import is_program
 
     if output is None or not _may_take(output, path):
         raise UsageError("a folder of programs is corrected into another one: give --output FOLDER")
-    programs = [one for one in sorted(path.iterdir()) if one.is_file() and dialect(one.name)]
+    programs = [one for one in sorted(path.iterdir()) if one.is_file() and is_program(one.name)]
     if not programs:
         raise UsageError(f"{path} has no robot program: .src, .dat, .mod, .ls or .script")
     done = [_within(root, campaign, one, output, given) for one in programs]

@@ -26,11 +26,10 @@ from pipeline.base.strict import LEAST_FORCE
 from pipeline.machine.robot import Robot, configure
 from pipeline.programs.aim import Aimed
 from pipeline.programs.joint_path import FORCES
+from pipeline.programs.languages import language
 from pipeline.programs.program import NUMBER_PATTERN, Target
 from pipeline.readers import logs
 
-_SIGNS = {".src": ";", ".dat": ";", ".sub": ";", ".mod": "!", ".modx": "!", ".prg": "!",
-          ".ls": "!", ".script": "#", ".urscript": "#"}  # fmt: skip
 _WORDS = ("kc", "depth", "feed", "axial")
 _MEANT = "write FORCE fx, fy, fz in N, FORCE OFF, or CUT kc=.. depth=.. feed=.. axial=.."
 _TOWARDS = 1e-6
@@ -164,8 +163,8 @@ def _lines(text: str) -> list[str]:
 
 
 def _sections(file: str, text: str) -> list[_Section]:
-    sign = _SIGNS[file.lower()[file.rindex(".") :]]
-    words = re.compile(rf"{re.escape(sign)}[ \t]*(FORCE|CUT)\b[ \t]*([^\r\n]*)", re.IGNORECASE)
+    sign = language(file).SIGN
+    words = re.compile(rf"{sign}[ \t]*(FORCE|CUT)\b[ \t]*([^\r\n]*)", re.IGNORECASE)
     return [
         _section(file, number, one[1].upper(), one[2].rstrip(" \t;"))
         for number, line in enumerate(text.splitlines(), 1)

@@ -37,7 +37,8 @@ from pipeline.programs.program import (
     number,
 )
 
-SUFFIXES = (".src", ".dat")
+SUFFIXES, SIGN = (".src", ".dat"), ";"
+HEADS = {".src": r"^[ \t]*(?:GLOBAL[ \t]+)?DEF(?:FCT)?\b", ".dat": r"^[ \t]*DEFDAT\b"}
 
 _SILENT = re.compile(r'"[^"\r\n]*"|;[^\r\n]*|^&[^\r\n]*', re.MULTILINE)
 _POSE, _AXES = ("x", "y", "z", "a", "b", "c"), ("a1", "a2", "a3", "a4", "a5", "a6")

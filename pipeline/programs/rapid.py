@@ -31,7 +31,8 @@ from pipeline.programs.inverse import Range
 from pipeline.programs.notation import ABB
 from pipeline.programs.program import MotionUse, Number, Program, Target, Uncorrected
 
-SUFFIXES = (".mod", ".modx", ".prg")
+SUFFIXES, SIGN = (".mod", ".modx", ".prg"), "!"
+HEADS = dict.fromkeys(SUFFIXES, r"^[ \t]*MODULE\b(?!.*\bENDMODULE\b)")
 
 _SILENT = re.compile(r'"(?:[^"\r\n]|"")*"|![^\r\n]*')
 _DECLARED = re.compile(

@@ -13,6 +13,7 @@ import re
 import textwrap
 
 from pipeline.base.errors import InputError
+from pipeline.programs.languages import language
 
 _MARK = "Corrected for the load by pipeline"
 _FOUND = re.compile(r"[;!#|][ \t]*Corrected for the load by(?: |\s*;\s*\d+:\s*!\|)pipeline\b")
@@ -22,14 +23,6 @@ _WIDTH = 30
 _DIGITS = 12
 """Number of characters of a digest; enough to distinguish texts."""
 _EOL = r"[^\r\n]*(?:\r\n|\r|\n)"
-_HEADS = {
-    ".src": rf"^[ \t]*(?:GLOBAL[ \t]+)?DEF(?:FCT)?\b{_EOL}",
-    ".dat": rf"^[ \t]*DEFDAT\b{_EOL}",
-    ".mod": rf"^[ \t]*MODULE\b(?!.*\bENDMODULE\b){_EOL}",
-    ".script": rf"^[ \t]*def\b{_EOL}",
-}
-_ALIKE = {".modx": ".mod", ".prg": ".mod", ".urscript": ".script"}
-_SIGNS = {".src": ";", ".dat": ";", ".mod": "!", ".script": "#"}
 _TOP = re.compile(rf"(?:\xef\xbb\xbf)?(?:&{_EOL}|%%%{_EOL}(?:(?!%%%){_EOL})*%%%{_EOL})*")
 
 
@@ -71,15 +64,14 @@ def refuse(file: str, text: str) -> None:
 
 def stamped(file: str, text: str, sentence: str) -> str:
     """The text with a remark in its language, with the line ends of the file."""
-    suffix = file.lower()[file.rindex(".") :]
-    suffix = _ALIKE.get(suffix, suffix)
+    suffix, own = file.lower()[file.rindex(".") :], language(file)
     end = "\r\n" if "\r\n" in text else "\r" if "\r" in text and "\n" not in text else "\n"
-    if suffix == ".ls":
+    if suffix not in own.HEADS:
         return _below_motions(text, sentence, end)
-    head = re.compile(_HEADS[suffix], re.MULTILINE | re.IGNORECASE).search(text)
+    head = re.compile(own.HEADS[suffix] + _EOL, re.MULTILINE | re.IGNORECASE).search(text)
     at = head or _TOP.match(text)
     place = 0 if at is None else at.end()
-    return f"{text[:place]}{_SIGNS[suffix]} {sentence}{end}{text[place:]}"
+    return f"{text[:place]}{own.SIGN} {sentence}{end}{text[place:]}"
 
 
 def _below_motions(text: str, sentence: str, end: str) -> str:

@@ -36,7 +36,8 @@ from pipeline.programs.program import (
     number,
 )
 
-SUFFIXES = (".ls",)
+SUFFIXES, SIGN = (".ls",), "!"
+HEADS: dict[str, str] = {}  # remarks stand behind the last line
 
 _SILENT = re.compile(r"^[ \t]*\d+[ \t]*:[ \t]*(?:!|//)[^\r\n]*", re.MULTILINE)
 _POSITIONS = re.compile(r"^/POS\b", re.MULTILINE | re.IGNORECASE)

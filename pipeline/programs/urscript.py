@@ -21,7 +21,8 @@ from pipeline.programs._text import ListItem, Source, entries, inner, numbers
 from pipeline.programs.notation import UR
 from pipeline.programs.program import Program, Target, Uncorrected
 
-SUFFIXES = (".script", ".urscript")
+SUFFIXES, SIGN = (".script", ".urscript"), "#"
+HEADS = dict.fromkeys(SUFFIXES, r"^[ \t]*def\b")
 
 _SILENT = re.compile(r'"[^"\r\n]*"|\'[^\'\r\n]*\'|#[^\r\n]*')
 _ASSIGNED = re.compile(

@@ -1120,4 +1120,4 @@ def test_a_motion_that_is_not_as_taught_is_listed_by_its_own_line(end, name):
 def test_every_language_has_more_than_ten():
     """Ten were asked for."""
     assert all(len(own) > 10 for _, own in READERS.values())
-    assert programs.dialect("a.src")
+    assert programs.is_program("a.src")
