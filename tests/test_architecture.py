@@ -188,7 +188,7 @@ ORDER = (
 )
 """Packages and files of the core, each importing only preceding ones."""
 
-DOORS = ("base", "machine", "tables", "answer.contract", "library")
+OPEN = ("base", "machine", "tables", "answer.contract", "library")
 """What an outbuilding may import; the library is itself one, common to the others."""
 
 _COMMAND = "how options are written and answers are shown, the same for every command"
@@ -311,7 +311,7 @@ OUTBUILDINGS = {
         "reduction.settings": "a plan becomes a campaign.toml, and is written in its words",
     },
 }
-"""Folders without which the core works: what each imports in addition to the doors, and why."""
+"""Folders without which the core works: what each imports in addition, and why."""
 
 
 KNOWN = {
@@ -335,9 +335,9 @@ def modules(path):
                 yield inner if inner in KNOWN else inner.rpartition(".")[0]
 
 
-def leads_into(module, doors):
+def leads_into(module, rooms):
     """Whether a module is one of these, or inside one."""
-    return any(module == door or module.startswith(f"{door}.") for door in doors)
+    return any(module == room or module.startswith(f"{room}.") for room in rooms)
 
 
 def test_every_folder_is_core_or_outbuilding():
@@ -362,12 +362,12 @@ def test_every_package_imports_only_those_below_it():
 
 
 @pytest.mark.parametrize("name", OUTBUILDINGS)
-def test_an_outbuilding_is_entered_and_left_by_doors(name):
-    """It imports itself, the doors, and what is listed for it; every listed item is used."""
-    doors = (name, *DOORS, *OUTBUILDINGS[name])
+def test_an_outbuilding_imports_what_is_open_or_listed(name):
+    """It imports itself, what is open to all, and its list, of which every item is used."""
+    rooms = (name, *OPEN, *OUTBUILDINGS[name])
     found = {one for path in (PACKAGE / name).rglob("*.py") for one in modules(path)}
 
-    assert not {one for one in found if not leads_into(one, doors)}
+    assert not {one for one in found if not leads_into(one, rooms)}
     assert not [one for one in OUTBUILDINGS[name] if not any(leads_into(m, [one]) for m in found)]
 
 
@@ -376,6 +376,7 @@ def test_an_outbuilding_has_a_first_page(name):
     """What it is, its door, and how it is tested."""
     page = ast.get_docstring(ast.parse((PACKAGE / name / "__init__.py").read_text("utf-8")))
 
+    assert page.startswith("Outbuilding: ")
     assert re.search(r"(?m)^Door: ", page)
     assert re.search(r"(?m)^Tests: ", page)
 

@@ -10,10 +10,13 @@ import pytest
 import report_sample
 
 from pipeline import faults, readers
+from pipeline.app.commands import COMMANDS
 from pipeline.faults import screen
 from pipeline.machine.robot import load
+from pipeline.programs.languages import LANGUAGES
 from pipeline.readers import ExportSettings
 from pipeline.readers._layout import Field
+from pipeline.report import words
 from pipeline.report.figures import catalogue
 from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, blunders, revised, simulate
@@ -137,7 +140,7 @@ def test_the_twins_of_the_guide_are_those_of_the_robot(capsys):
     [
         ("CONTRIBUTING.md", '"""A pull that was read', "pipeline/faults/late_pull.py"),
         ("CONTRIBUTING.md", '"""The forces of a campaign', "pipeline/annex/figures/loads.py"),
-        ("docs/add-a-reader.md", '"""Station scan', "pipeline/readers/station_scan.py"),
+        ("docs/add-a-reader.md", '"""Station scan', "pipeline/dialects/station_scan.py"),
     ],
 )
 def test_a_file_of_the_guides_is_as_tidy_as_those_of_the_package(guide, start, file):
@@ -174,3 +177,22 @@ def test_every_source_file_that_a_page_names_exists(page, repository):
     }
 
     assert {name for name in lost if name.rpartition("/")[2] not in NEW | FOREIGN} == set()
+
+
+NAMING = [path.name for path in sorted((ROOT / "pipeline/faults").glob("*.py"))
+          if re.search(r'\bname="', path.read_text("utf-8"))]  # fmt: skip
+"""Files that name mistakes in the data."""
+LISTED = {
+    "README.md": [f"pipeline {name}" for name in COMMANDS],
+    "docs/causes.md": [f"`{name}`" for name in (*words.nouns(), *NAMING)],
+    "docs/simulate.md": [f"`{name}[:" for name in blunders.BLUNDERS],
+    "docs/hand-over.md": [f"`{suffix}`" for one in LANGUAGES for suffix in one.SUFFIXES],
+}
+
+
+@pytest.mark.parametrize("page", LISTED)
+def test_a_page_lists_all_that_there_is(page):
+    """No command, cause, blunder or language of programs is added without its line."""
+    text = (ROOT / page).read_text("utf-8")
+
+    assert [one for one in LISTED[page] if one not in text] == []
