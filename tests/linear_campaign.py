@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Parameter
-from pipeline.diagnosis.cause_search import SearchProblem
+from pipeline.diagnosis.cause_search import SearchTask
 from pipeline.system.evidence import ROUNDING
 from pipeline.system.system import RowIndex
 from pipeline.system.whitened import Whitened
@@ -162,7 +162,7 @@ class Seen:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearCase(SearchProblem):
+class LinearTask(SearchTask):
     """A case with a linear model: the point of linearisation does not matter."""
 
     truth: Any = None
@@ -177,11 +177,11 @@ class LinearCase(SearchProblem):
         return (self.wide if seen.more else self.truth).view(seen.model.accepted)
 
 
-def case_of(truth: Made, nameless: int = 0, **more: Any) -> LinearCase:
+def task_of(truth: Made, nameless: int = 0, **more: Any) -> LinearTask:
     """The case of a linear campaign, whose last causes are unnamed."""
     known = len(truth.suspects) - nameless
     named = replace(truth, suspects=truth.suspects[:known], Z=truth.Z[:known])
-    return LinearCase(
+    return LinearTask(
         cell=None, data=None, suspects=truth.suspects[:known], noise=1.0,
         nameless=truth.suspects[known:], truth=named, wide=truth, **more,
     )  # fmt: skip

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.diagnosis.diagnose import case_of, diagnose
+from pipeline.diagnosis.diagnose import diagnose, search_task
 from pipeline.diagnosis.verdict import verdict
 from pipeline.machine.cell import paper_cell, sensitivity
 from pipeline.reduction.effector import tool
@@ -119,7 +119,7 @@ def test_joint_only_pulls_raise_no_alarm(fanuc):
     """Pulls of a robot with joint springs only, with this scatter: at most 1 % alarms."""
     cell, data, system, estimate = fanuc
     rng = np.random.default_rng(99)
-    case, _ = case_of(cell, data, estimate)
+    case, _ = search_task(cell, data, estimate)
     seen = case.linearised(case.model((), estimate.value))
     view = case.whitened(seen)
     limit = threshold(view, view.base, view.rows_left, rng)

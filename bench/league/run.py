@@ -21,7 +21,7 @@ from bench.league.visible import identifiable
 from pipeline.answer.results import CampaignAnswer
 from pipeline.base.errors import PipelineError
 from pipeline.diagnosis.blindspots import needed, smallest_visible
-from pipeline.diagnosis.diagnose import case_of
+from pipeline.diagnosis.diagnose import search_task
 from pipeline.diagnosis.isolability import twins
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot, load
@@ -444,7 +444,7 @@ def shown_in(files: Mapping[str, bytes], rng: np.random.Generator) -> Yardstick:
     """
     case = ingested(in_memory(files), conformed, plain)
     fitted = fit(case, bring(case))
-    asked, _ = case_of(fitted.case.cell, fitted.data, fitted.estimate)
+    asked, _ = search_task(fitted.case.cell, fitted.data, fitted.estimate)
     view = asked.whitened(asked.linearised(asked.model((), fitted.estimate.value)))
     dof = view.rows_left - (len(view.base) - view.first)
     p = threshold(view, view.base, dof, rng).p

@@ -15,7 +15,7 @@ from pipeline.base.errors import PipelineError
 from pipeline.base.quantities import plain
 from pipeline.check.survey import distances
 from pipeline.diagnosis.causes import of_motion
-from pipeline.diagnosis.diagnose import between_poses, case_of
+from pipeline.diagnosis.diagnose import between_poses, search_task
 from pipeline.diagnosis.drift import motion
 from pipeline.diagnosis.facts import Facts
 from pipeline.diagnosis.finding import Finding
@@ -73,7 +73,7 @@ def _estimated(case: Case, reduced: Reduced | None) -> Iterator[str]:
         return
     cell, data = given.case.cell, given.data
     effects, moves = motion(given)
-    certain = case_of(cell, data, given.estimate)[0].certain_noise
+    certain = search_task(cell, data, given.estimate)[0].certain_noise
     wander, stiff = between_poses(given.shape, moves), as_stiff(cell, given.estimate)
     stood = from_unloaded(stiff, data, certain, effects, wander)
     facts = Facts(unloaded=stood, moved=of_motion(stood, moves)[0])

@@ -20,7 +20,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked, compared
 from pipeline.design.poses import default_anchors, draw_poses, try_poses
 from pipeline.design.room import room_of
-from pipeline.diagnosis.cause_search import SearchProblem
+from pipeline.diagnosis.cause_search import SearchTask
 from pipeline.diagnosis.facts import SEPARATED, Determining, ProposedPose, SeparatingPose
 from pipeline.diagnosis.separability import left_by, sizes
 from pipeline.machine.cell import sensitivity
@@ -93,24 +93,24 @@ class Candidates(Locked):
         )
 
 
-def candidates(case: SearchProblem, rng: np.random.Generator) -> Candidates:
+def candidates(task: SearchTask, rng: np.random.Generator) -> Candidates:
     """Random reachable poses with the load steps of the campaign's fullest pose.
 
     The force is that of the hardest pull, but at most the weight that the robot carries: it is not
     yet known whether that pull was written down correctly.
 
     Args:
-        case: The case.
+        task: What stays the same during the search.
         rng: Draws the poses.
 
     Returns:
         The candidates; fewer, or none, where the cell leaves little room.
     """
-    robot, tool, done = case.cell.robot, case.cell.tool, case.data.pulls
+    robot, tool, done = task.cell.robot, task.cell.tool, task.data.pulls
     anchors = default_anchors(robot)
     which = np.arange(_CANDIDATES) % len(anchors)
     points = np.vstack([tool.load_point, tool.points])
-    stated = case.surroundings
+    stated = task.surroundings
     room = None if stated is None else room_of(robot, tool.named, stated, done.range_n[1])
     if room is None:
         q = draw_poses(robot, points, anchors, which, rng)
@@ -121,7 +121,7 @@ def candidates(case: SearchProblem, rng: np.random.Generator) -> Candidates:
     at = configure(robot, q).points(points)[:, 0]
     chain = anchors[which] - at
     unit = chain / np.linalg.norm(chain, axis=1, keepdims=True)
-    usual, size = _fullest(case.data), np.linalg.norm(done.force, axis=1)
+    usual, size = _fullest(task.data), np.linalg.norm(done.force, axis=1)
     most = min(size.max(), rating.weight_n(robot) or np.inf)
     steps = size[usual] / size[usual].max() * most
     series = [steps] if steps.min() < 0.6 * steps.max() else [steps, _LIGHT * steps]

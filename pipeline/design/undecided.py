@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.base.errors import InputError
 from pipeline.design.nextpose import Candidates, PlaceQuestion, candidates, determine, propose
-from pipeline.diagnosis.cause_search import SearchProblem, SearchResult
+from pipeline.diagnosis.cause_search import SearchResult, SearchTask
 from pipeline.diagnosis.diagnose import LEAST_OF_RIVALS
 from pipeline.diagnosis.facts import CrossValidation, Determining, FoundCause, SeparatingPose
 from pipeline.diagnosis.isolability import Twins
@@ -19,7 +19,7 @@ _MOST = 4
 
 
 def to_measure(
-    case: SearchProblem,
+    task: SearchTask,
     found: SearchResult,
     causes: tuple[FoundCause, ...],
     worth: CrossValidation | None,
@@ -27,13 +27,13 @@ def to_measure(
     rng: np.random.Generator,
 ) -> tuple[tuple[SeparatingPose, ...], tuple[Determining, ...]]:
     """Poses that would separate causes; where there are none, those that determine joints."""
-    proposed = next_poses(case, found, causes, worth, known, rng)
-    joints = () if proposed else _determining(case, found, rng.spawn(1)[0])
+    proposed = next_poses(task, found, causes, worth, known, rng)
+    joints = () if proposed else _determining(task, found, rng.spawn(1)[0])
     return proposed, joints
 
 
 def next_poses(
-    case: SearchProblem,
+    task: SearchTask,
     found: SearchResult,
     causes: Sequence[FoundCause],
     worth: CrossValidation | None,
@@ -42,22 +42,22 @@ def next_poses(
 ) -> tuple[SeparatingPose, ...]:
     """Poses that would decide the open questions, as far as any can."""
     questions = _open(found, causes, worth, known)
-    among = _reachable(case, rng) if questions else None
+    among = _reachable(task, rng) if questions else None
     return () if among is None else tuple(propose(found.wide, questions, among))
 
 
 def _determining(
-    case: SearchProblem, found: SearchResult, rng: np.random.Generator
+    task: SearchTask, found: SearchResult, rng: np.random.Generator
 ) -> tuple[Determining, ...]:
     """For each joint the pose that would determine it best; empty where no pose is reachable."""
-    among = _reachable(case, rng)
+    among = _reachable(task, rng)
     return () if among is None else determine(found.wide, among)
 
 
-def _reachable(case: SearchProblem, rng: np.random.Generator) -> Candidates | None:
+def _reachable(task: SearchTask, rng: np.random.Generator) -> Candidates | None:
     """Candidate poses; None where the cell leaves none."""
     try:
-        among = candidates(case, rng)
+        among = candidates(task, rng)
     except InputError:
         return None
     return among if len(among.anchor) else None

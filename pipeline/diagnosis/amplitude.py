@@ -12,7 +12,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Parameter
 from pipeline.base.tails import CHI2_95, NORMAL_95, chi2_beyond
 from pipeline.diagnosis.average import AveragedAmplitude, Hypothesis, each_way, size
-from pipeline.diagnosis.cause_search import SearchProblem, of_model
+from pipeline.diagnosis.cause_search import SearchTask, of_model
 from pipeline.diagnosis.facts import EffectSize, FoundCause
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Elastic
@@ -21,7 +21,7 @@ from pipeline.system.evidence import ROUNDING
 from pipeline.system.whitened import Whitened
 
 
-def amplitudes(case: SearchProblem, view: Whitened) -> list[tuple[EffectSize, ...]]:
+def amplitudes(task: SearchTask, view: Whitened) -> list[tuple[EffectSize, ...]]:
     """Magnitudes of the accepted causes, estimated together with the springs.
 
     z = N^+ g in typical magnitudes, N = X'X and g = X'y over the whitened columns of the base;
@@ -40,7 +40,7 @@ def amplitudes(case: SearchProblem, view: Whitened) -> list[tuple[EffectSize, ..
     out = []
     for suspect in view.model.accepted:
         at = [int(np.flatnonzero(base == c)[0]) for c in view.columns([suspect])]
-        effect = case.suspects[suspect]
+        effect = task.suspects[suspect]
         sizes = []
         for k, parameter in zip(at, effect.parameters, strict=True):
             here = value[k] * parameter.typical
@@ -54,7 +54,7 @@ def amplitudes(case: SearchProblem, view: Whitened) -> list[tuple[EffectSize, ..
 
 
 def averaged(
-    case: SearchProblem, view: Whitened, sets: Sequence[Hypothesis]
+    task: SearchTask, view: Whitened, sets: Sequence[Hypothesis]
 ) -> list[tuple[EffectSize, ...]]:
     """Magnitudes averaged over the hypotheses that contain the cause, as springs (`average.size`).
 
@@ -64,13 +64,13 @@ def averaged(
     `_profile`.
 
     Args:
-        case: The case.
+        task: What stays the same during the search.
         view: The campaign whitened at the accepted causes.
         sets: Hypotheses, the accepted causes first.
     """
     out = []
-    for suspect, sizes in zip(view.model.accepted, amplitudes(case, view), strict=True):
-        effect = case.suspects[suspect]
+    for suspect, sizes in zip(view.model.accepted, amplitudes(task, view), strict=True):
+        effect = task.suspects[suspect]
         over = [size(sets, effect, k) for k in range(len(sizes))]
         bends = not isinstance(effect, Elastic)
         each = zip(sizes, over, strict=True)

@@ -49,7 +49,7 @@ model [1]: the residuals were searched once more after each cause that was named
 
 
 @dataclass(frozen=True, eq=False)
-class SearchProblem:
+class SearchTask:
     """What stays the same during the search for causes.
 
     Attributes:
@@ -91,8 +91,8 @@ class SearchProblem:
         """The suspects `doubt`, each with the relative tolerance of its law."""
         return [(i, self.suspects[i].tolerance) for i in doubt]
 
-    def only(self, accepted: tuple[int, ...]) -> SearchProblem:
-        """The case with the accepted causes as its only suspects, then numbered 0, 1, 2."""
+    def only(self, accepted: tuple[int, ...]) -> SearchTask:
+        """The task with the accepted causes as its only suspects, then numbered 0, 1, 2."""
         return replace(self, suspects=tuple(self.suspects[i] for i in accepted))
 
     def fitted(
@@ -259,25 +259,25 @@ def remainder(view: Whitened) -> float | None:
     return float(np.sqrt(max(rest, ROUNDING) / noise))
 
 
-def search(case: SearchProblem, start: Array, rng: np.random.Generator) -> SearchResult:
+def search(task: SearchTask, start: Array, rng: np.random.Generator) -> SearchResult:
     """Add the likeliest cause, exchange and drop, until nothing is left or three are accepted."""
-    seen = case.fitted((), start)
-    first = case.whitened(seen)
+    seen = task.fitted((), start)
+    first = task.whitened(seen)
     score = first.beside(first.base)
     limit = threshold(first, first.base, score.dof, rng)
     refused: dict[str, None] = {}
-    end = lone = _stand(case, seen, ())
+    end = lone = _stand(task, seen, ())
     if lone.p.min() < limit.p or lone.lack.found:
-        end = _fewer(case, _grow(case, lone, limit, refused), limit, refused)
-    rivals, p_values = _rivals(case, end.plain)
-    wide = case.whitened(end.seen.beside(case.nameless))
+        end = _fewer(task, _grow(task, lone, limit, refused), limit, refused)
+    rivals, p_values = _rivals(task, end.plain)
+    wide = task.whitened(end.seen.beside(task.nameless))
     return SearchResult(
         seen=end.seen,
         plain=end.plain,
         wide=wide,
         view=end.view,
         first=first,
-        single=_odds(case, score, (), 0.0),
+        single=_odds(task, score, (), 0.0),
         scores=score,
         threshold=limit,
         lack_first=lone.lack,
@@ -286,7 +286,7 @@ def search(case: SearchProblem, start: Array, rng: np.random.Generator) -> Searc
         accepted=end.seen.model.accepted,
         p_values=p_values,
         rivals=rivals,
-        strange=_strange(case, wide),
+        strange=_strange(task, wide),
         refused=tuple(refused),
     )
 
@@ -312,32 +312,32 @@ class _Stand:
     p: Array
 
 
-def _stand(case: SearchProblem, seen: Linearised, rough: Sequence[int]) -> _Stand:
-    plain = case.whitened(seen)
-    view = case.whitened(seen, rough) if rough else plain
-    now = statistics_given(case.suspects, view.beside(view.base), seen.model.accepted)
+def _stand(task: SearchTask, seen: Linearised, rough: Sequence[int]) -> _Stand:
+    plain = task.whitened(seen)
+    view = task.whitened(seen, rough) if rough else plain
+    now = statistics_given(task.suspects, view.beside(view.base), seen.model.accepted)
     p = plain.beside(plain.base).p() if rough else now.p()
     return _Stand(seen, plain, view, now, lack_of_fit(view, view.base, now), p)
 
 
 def _grow(
-    case: SearchProblem, end: _Stand, limit: Threshold, refused: dict[str, None], most: int = _MOST
+    task: SearchTask, end: _Stand, limit: Threshold, refused: dict[str, None], most: int = _MOST
 ) -> _Stand:
     """Add the likeliest cause, then exchange until no move improves; repeat until nothing joins."""
     tried: set[tuple[int, ...]] = {()}
     while len(end.seen.model.accepted) < most and _open(end, limit):
-        added = _add(case, end.view, end.now, end.p < limit.p, refused)
+        added = _add(task, end.view, end.now, end.p < limit.p, refused)
         if added is None:
             break
-        accepted = _with_one_more(case, end.seen.model.accepted, added)
+        accepted = _with_one_more(task, end.seen.model.accepted, added)
         start = _solved(end.view, end.view.base)
         if len(accepted) == len(end.seen.model.accepted):  # a law was extended
             start = start[: end.view.springs]
-        better = _exchange(case, case.fitted(accepted, start, end.seen), limit.p)
+        better = _exchange(task, task.fitted(accepted, start, end.seen), limit.p)
         if tuple(sorted(better.model.accepted)) in tried:
             break  # what was added was dropped at once: no further move
         tried.add(tuple(sorted(better.model.accepted)))
-        end = _stand(case, better, better.model.accepted)
+        end = _stand(task, better, better.model.accepted)
     return end
 
 
@@ -346,37 +346,37 @@ def _open(end: _Stand, limit: Threshold) -> bool:
     return bool(end.p.min() < limit.p) or end.lack.found
 
 
-def _fewer(case: SearchProblem, end: _Stand, limit: Threshold, refused: dict[str, None]) -> _Stand:
+def _fewer(task: SearchTask, end: _Stand, limit: Threshold, refused: dict[str, None]) -> _Stand:
     """Backward search where the maximum number of causes leaves something: add one, then drop.
 
     A cause that stood for a mixture of others is the first to become dispensable given all of them.
     """
     if len(end.seen.model.accepted) < _MOST or not _open(end, limit):
         return end
-    seen = _grow(case, end, limit, dict(refused), _MOST + 1).seen
+    seen = _grow(task, end, limit, dict(refused), _MOST + 1).seen
     while len(seen.model.accepted) > _MOST:
-        seen = _dropped(case, seen)
+        seen = _dropped(task, seen)
     if set(seen.model.accepted) == set(end.seen.model.accepted):
         return end
-    return max(end, _stand(case, seen, seen.model.accepted), key=lambda one: _worth(case, one))
+    return max(end, _stand(task, seen, seen.model.accepted), key=lambda one: _worth(task, one))
 
 
-def _worth(case: SearchProblem, end: _Stand) -> float:
+def _worth(task: SearchTask, end: _Stand) -> float:
     """Log evidence of all accepted causes, minus `LEAST_EVIDENCE` for each."""
     accepted = end.seen.model.accepted
-    return _chained(case, end.plain, (), accepted) - LEAST_EVIDENCE * len(accepted)
+    return _chained(task, end.plain, (), accepted) - LEAST_EVIDENCE * len(accepted)
 
 
-def _dropped(case: SearchProblem, seen: Linearised) -> Linearised:
+def _dropped(task: SearchTask, seen: Linearised) -> Linearised:
     """The campaign without the most dispensable cause, after all exchanges from there."""
-    accepted, view = seen.model.accepted, case.whitened(seen)
+    accepted, view = seen.model.accepted, task.whitened(seen)
     rest = [tuple(a for a in accepted if a != one) for one in accepted]
     worth = [
-        float(_beside(case, view, others).log_evidence[one])
+        float(_beside(task, view, others).log_evidence[one])
         for one, others in zip(accepted, rest, strict=True)
     ]
     start = _solved(view, view.base)[: view.springs]
-    return _exchange(case, case.fitted(rest[int(np.argmin(worth))], start, seen))
+    return _exchange(task, task.fitted(rest[int(np.argmin(worth))], start, seen))
 
 
 def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:
@@ -388,7 +388,7 @@ def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:
 
 
 def _add(
-    case: SearchProblem, view: Whitened, now: Scores, found: Bools, refused: dict[str, None]
+    task: SearchTask, view: Whitened, now: Scores, found: Bools, refused: dict[str, None]
 ) -> int | None:
     """The likeliest further cause of a possible magnitude.
 
@@ -396,12 +396,12 @@ def _add(
     are valid within their tolerance only.
     """
     for i in _likeliest(now):
-        label = case.suspects[i].label
+        label = task.suspects[i].label
         if now.log_evidence[i] < LEAST_EVIDENCE:
             return None
-        if not found[i] or not may_join(case.suspects, view.model.accepted, int(i)):
+        if not found[i] or not may_join(task.suspects, view.model.accepted, int(i)):
             continue
-        if _possible(case, now, int(i)):
+        if _possible(task, now, int(i)):
             return int(i)
         refused[label] = None
     return None
@@ -414,9 +414,9 @@ def may_join(suspects: Sequence[Effect], accepted: Sequence[int], more: int) -> 
     return all(extends(one, other) for other in mine)
 
 
-def _with_one_more(case: SearchProblem, accepted: Sequence[int], more: int) -> tuple[int, ...]:
+def _with_one_more(task: SearchTask, accepted: Sequence[int], more: int) -> tuple[int, ...]:
     """The accepted causes and one more at the end; a law that it extends is dropped."""
-    return merged(case.suspects, (*accepted, more))
+    return merged(task.suspects, (*accepted, more))
 
 
 def statistics_given(suspects: Sequence[Effect], now: Scores, beside: Sequence[int]) -> Scores:
@@ -449,14 +449,14 @@ def _likeliest(now: Scores) -> Ints:
     return np.argsort(-compared(now.log_evidence), kind="stable")
 
 
-def _possible(case: SearchProblem, now: Scores, suspect: int) -> bool:
+def _possible(task: SearchTask, now: Scores, suspect: int) -> bool:
     """False if an estimate exceeds its bounds by more than two standard uncertainties and `_SLACK`.
 
     Bounds are physical, and those from the unloaded reflectors.
     """
-    k = len(case.suspects[suspect].parameters)
+    k = len(task.suspects[suspect].parameters)
     value, std = now.size[suspect, :k], np.sqrt(np.diag(now.cov[suspect]))[:k]
-    most = case.refuted.get(case.suspects[suspect].label, np.inf)
+    most = task.refuted.get(task.suspects[suspect].label, np.inf)
     assert now.bounds is not None
     lower, upper = now.bounds[:, suspect, :k]
     slack = 2 * std + _SLACK
@@ -468,22 +468,22 @@ _SLACK = 0.3
 """Excess over a bound that says nothing, in typical sizes [1]: a law is known to such a part."""
 
 
-def _exchange(case: SearchProblem, seen: Linearised, limit: float = 0.0) -> Linearised:
+def _exchange(task: SearchTask, seen: Linearised, limit: float = 0.0) -> Linearised:
     """Exchange and drop accepted causes until no move improves the evidence.
 
     Args:
-        case: The case.
+        task: What stays the same during the search.
         seen: The campaign linearised at the initial causes.
         limit: P-value that each of two causes must reach given the other to take the place of one.
     """
     tried = {frozenset(seen.model.accepted)}
     for _ in range(_MOVES):
-        view = case.whitened(seen)
-        better = _better(case, view, tried, limit)
+        view = task.whitened(seen)
+        better = _better(task, view, tried, limit)
         if better is None:
             return seen
         tried.add(frozenset(better))
-        seen = case.fitted(better, _solved(view, view.base)[: view.springs], seen)
+        seen = task.fitted(better, _solved(view, view.base)[: view.springs], seen)
     return seen
 
 
@@ -509,43 +509,43 @@ class _Move:
         return merged(suspects, (*some[:at], *self.into, *some[at:]))
 
 
-def _ranked(case: SearchProblem, view: Whitened, most: int) -> list[_Move]:
+def _ranked(task: SearchTask, view: Whitened, most: int) -> list[_Move]:
     """Moves with a gain above `_BETTER`, the largest gain first."""
     places = range(len(view.model.accepted))
     outs = [*combinations(places, 1), *combinations(places, 2)]
-    moves = [m for out in outs for m in _moves(case, view, out, most) if m.gain > _BETTER]
+    moves = [m for out in outs for m in _moves(task, view, out, most) if m.gain > _BETTER]
     return sorted(moves, key=lambda one: (-compared(one.gain), one.out, one.into))
 
 
 def _better(
-    case: SearchProblem, view: Whitened, tried: Set[frozenset[int]], limit: float = 0.0
+    task: SearchTask, view: Whitened, tried: Set[frozenset[int]], limit: float = 0.0
 ) -> tuple[int, ...] | None:
     """The causes after the best possible move to a set not yet tried; None if there is none."""
     accepted = view.model.accepted
     most = 2 if limit and len(accepted) < _MOST else 0
     asked = 0
-    for move in _ranked(case, view, most):
-        after = move.of(case.suspects, accepted)
+    for move in _ranked(task, view, most):
+        after = move.of(task.suspects, accepted)
         if frozenset(after) in tried:
             continue
         if asked == _ASKED:
             return None
         asked += 1
         least = limit if len(move.into) > len(move.out) else 1.0
-        if all(_may_stand(case, view, after, i, least) for i in move.into):
+        if all(_may_stand(task, view, after, i, least) for i in move.into):
             return after
     return None
 
 
 def _may_stand(
-    case: SearchProblem, view: Whitened, causes: Sequence[int], one: int, limit: float
+    task: SearchTask, view: Whitened, causes: Sequence[int], one: int, limit: float
 ) -> bool:
     """Whether a cause has a possible magnitude given the others and a p-value within the limit."""
-    now = _beside(case, view, tuple(i for i in causes if i != one))
-    return bool(now.p()[one] <= limit) and _possible(case, now, one)
+    now = _beside(task, view, tuple(i for i in causes if i != one))
+    return bool(now.p()[one] <= limit) and _possible(task, now, one)
 
 
-def _moves(case: SearchProblem, view: Whitened, out: tuple[int, ...], most: int) -> Iterator[_Move]:
+def _moves(task: SearchTask, view: Whitened, out: tuple[int, ...], most: int) -> Iterator[_Move]:
     """All moves in which the causes `out` leave and none, one, or a pair takes their places.
 
     Pairs are tried where two leave, or where `most` is two.
@@ -553,50 +553,48 @@ def _moves(case: SearchProblem, view: Whitened, out: tuple[int, ...], most: int)
     accepted = view.model.accepted
     gone = [accepted[place] for place in out]
     rest = tuple(a for place, a in enumerate(accepted) if place not in out)
-    now = _beside(case, view, rest)
-    mine = _chained(case, view, rest, gone) - LEAST_EVIDENCE * len(gone)
+    now = _beside(task, view, rest)
+    mine = _chained(task, view, rest, gone) - LEAST_EVIDENCE * len(gone)
     if rest:
         yield _Move(-mine, out, ())
-    free = [i for i in range(len(case.suspects)) if may_join(case.suspects, rest, i)]
+    free = [i for i in range(len(task.suspects)) if may_join(task.suspects, rest, i)]
     for i in free:
         yield _Move(float(now.log_evidence[i]) - LEAST_EVIDENCE - mine, out, (i,))
     if max(len(out), most) > 1:
-        for pair, evidence in _in_pairs(case, view, rest, now, free):
+        for pair, evidence in _in_pairs(task, view, rest, now, free):
             yield _Move(evidence - 2 * LEAST_EVIDENCE - mine, out, pair)
 
 
 def _in_pairs(
-    case: SearchProblem, view: Whitened, rest: tuple[int, ...], now: Scores, free: Sequence[int]
+    task: SearchTask, view: Whitened, rest: tuple[int, ...], now: Scores, free: Sequence[int]
 ) -> Iterator[tuple[tuple[int, int], float]]:
     """Pairs of causes that may join the rest, the likelier one first, with their evidence."""
-    for first in _leading(case, now, free):
+    for first in _leading(task, now, free):
         already = float(now.log_evidence[first])
-        then = _beside(case, view, (*rest, first))
+        then = _beside(task, view, (*rest, first))
         for i in free:
-            if now.log_evidence[i] <= already and may_join(case.suspects, (first,), i):
+            if now.log_evidence[i] <= already and may_join(task.suspects, (first,), i):
                 yield (first, i), already + float(then.log_evidence[i])
 
 
-def _leading(case: SearchProblem, now: Scores, free: Sequence[int]) -> list[int]:
+def _leading(task: SearchTask, now: Scores, free: Sequence[int]) -> list[int]:
     """The likeliest causes, each in its best form."""
     best: dict[str, int] = {}
     allowed = set(free)
     for i in _likeliest(now).tolist():
         if i in allowed:
-            best.setdefault(case.suspects[i].label, i)
+            best.setdefault(task.suspects[i].label, i)
     return list(best.values())[:_FIRST]
 
 
-def _chained(
-    case: SearchProblem, view: Whitened, rest: Sequence[int], causes: Sequence[int]
-) -> float:
+def _chained(task: SearchTask, view: Whitened, rest: Sequence[int], causes: Sequence[int]) -> float:
     """Log evidence of causes given others: the likeliest first, each next one given those before.
 
     It does not depend on the order in which the causes were found.
     """
     total, left, known = 0.0, list(causes), tuple(rest)
     while left:
-        now = _beside(case, view, known).log_evidence
+        now = _beside(task, view, known).log_evidence
         first = max(left, key=lambda i: (compared(now[i]), -i))
         total += float(now[first])
         known = (*known, first)
@@ -604,36 +602,36 @@ def _chained(
     return total
 
 
-def _beside(case: SearchProblem, view: Whitened, causes: Sequence[int]) -> Scores:
+def _beside(task: SearchTask, view: Whitened, causes: Sequence[int]) -> Scores:
     """Statistics of every suspect given springs and some causes."""
     base = np.concatenate([np.arange(view.first), view.columns(causes)])
-    return statistics_given(case.suspects, view.beside(base), causes)
+    return statistics_given(task.suspects, view.beside(base), causes)
 
 
 def _rivals(
-    case: SearchProblem, view: Whitened
+    task: SearchTask, view: Whitened
 ) -> tuple[tuple[tuple[Replacement, ...], ...], tuple[float, ...]]:
     accepted = view.model.accepted
     out, p_values = [], []
     for place in range(len(accepted)):
         rest = accepted[:place] + accepted[place + 1 :]
-        now = _beside(case, view, rest)
+        now = _beside(task, view, rest)
         p_values.append(float(now.p()[accepted[place]]))
-        out.append(_odds(case, now, rest))
+        out.append(_odds(task, now, rest))
     return tuple(out), tuple(p_values)
 
 
 def _odds(
-    case: SearchProblem, now: Scores, rest: Sequence[int], least: float = 1e-3
+    task: SearchTask, now: Scores, rest: Sequence[int], least: float = 1e-3
 ) -> tuple[Replacement, ...]:
     """Probabilities of all causes possible in one place, their forms taken together."""
     labels, logs, best, shares = [], [], [], []
-    for label, every in by_label(case.suspects).items():
-        forms = [i for i in every if may_join(case.suspects, rest, i)]
+    for label, every in by_label(task.suspects).items():
+        forms = [i for i in every if may_join(task.suspects, rest, i)]
         if not forms:
             continue
         labels.append(label)
-        logs.append(_together(case, now, forms))
+        logs.append(_together(task, now, forms))
         best.append(forms[int(np.argmax(compared(now.log_evidence[forms])))])
         share = special.softmax(now.log_evidence[forms])
         shares.append(tuple(zip(forms, share.tolist(), strict=True)))
@@ -643,40 +641,40 @@ def _odds(
     return tuple(Replacement(labels[i], best[i], float(probability[i]), shares[i]) for i in order)
 
 
-def lone_odds(case: SearchProblem, found: SearchResult) -> list[tuple[int, float]]:
+def lone_odds(task: SearchTask, found: SearchResult) -> list[tuple[int, float]]:
     """Each cause as the only one, in its best form, with its posterior odds against none.
 
     A priori some cause is as likely as none, and all causes are equally likely.
     """
-    every, now = by_label(case.suspects).values(), found.scores
+    every, now = by_label(task.suspects).values(), found.scores
     best = [forms[int(np.argmax(compared(now.log_evidence[forms])))] for forms in every]
-    odds = [float(np.exp(_together(case, now, forms))) / len(best) for forms in every]
+    odds = [float(np.exp(_together(task, now, forms))) / len(best) for forms in every]
     return list(zip(best, odds, strict=True))
 
 
-def _strange(case: SearchProblem, wide: Whitened) -> tuple[NamelessReplacement, ...]:
+def _strange(task: SearchTask, wide: Whitened) -> tuple[NamelessReplacement, ...]:
     """For each accepted cause, the likeliest replacement by something nameless.
 
     It replaces either that cause alone, or several causes that only together resemble it.
     """
     accepted = wide.model.accepted
-    if not accepted or not case.nameless:
+    if not accepted or not task.nameless:
         return ()
-    out = [NamelessReplacement(0.0, len(case.suspects))] * len(accepted)
+    out = [NamelessReplacement(0.0, len(task.suspects))] * len(accepted)
     for count in range(1, len(accepted) + 1):
         for gone in combinations(range(len(accepted)), count):
-            stranger = _instead(case, wide, gone)
+            stranger = _instead(task, wide, gone)
             for place in gone:
                 if stranger.probability > out[place].probability:
                     out[place] = stranger
     return tuple(out)
 
 
-def _instead(case: SearchProblem, wide: Whitened, gone: Sequence[int]) -> NamelessReplacement:
+def _instead(task: SearchTask, wide: Whitened, gone: Sequence[int]) -> NamelessReplacement:
     """Probability of one nameless effect instead of the causes in some places."""
     accepted = wide.model.accepted
     rest = tuple(a for place, a in enumerate(accepted) if place not in gone)
-    known = len(case.suspects)
+    known = len(task.suspects)
     first, named = None, 0.0
     for place in gone:
         base = np.concatenate([np.arange(wide.first), wide.columns(rest)])
@@ -686,16 +684,16 @@ def _instead(case: SearchProblem, wide: Whitened, gone: Sequence[int]) -> Namele
         rest = (*rest, accepted[place])
     assert first is not None
     if len(gone) == 1:
-        taken = {case.suspects[a].label for a in rest[:-1]}
-        free = [f for label, f in by_label(case.suspects).items() if label not in taken]
-        named = float(special.logsumexp([_together(case, first, forms) for forms in free]))
+        taken = {task.suspects[a].label for a in rest[:-1]}
+        free = [f for label, f in by_label(task.suspects).items() if label not in taken]
+        named = float(special.logsumexp([_together(task, first, forms) for forms in free]))
     others = first.log_evidence[known:]
     strange = float(special.logsumexp(others)) + np.log(NAMELESS)
     suspect = known + int(np.argmax(compared(others)))
     return NamelessReplacement(float(special.expit(strange - named)), suspect, tuple(gone))
 
 
-def _together(case: SearchProblem, now: Scores, forms: Sequence[int]) -> float:
+def _together(task: SearchTask, now: Scores, forms: Sequence[int]) -> float:
     """Log evidence of a cause, its forms equally likely; laws have shared their odds already."""
-    shared = 1 if case.suspects[forms[0]].law is not None else len(forms)
+    shared = 1 if task.suspects[forms[0]].law is not None else len(forms)
     return float(special.logsumexp(now.log_evidence[list(forms)]) - np.log(shared))

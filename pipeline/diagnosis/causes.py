@@ -12,7 +12,7 @@ from pipeline.base.linear import TINY
 from pipeline.base.tails import NORMAL_95, at_most
 from pipeline.diagnosis.amplitude import averaged, both_ways
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.diagnosis.cause_search import LEAST_EVIDENCE, SearchProblem, SearchResult
+from pipeline.diagnosis.cause_search import LEAST_EVIDENCE, SearchResult, SearchTask
 from pipeline.diagnosis.facts import (
     ALL_SPRINGS,
     CrossValidation,
@@ -23,8 +23,8 @@ from pipeline.diagnosis.facts import (
     PossibleCause,
     UnloadedFacts,
 )
+from pipeline.diagnosis.gain import as_good, beside
 from pipeline.diagnosis.hypotheses import accepted
-from pipeline.diagnosis.improvement import as_good, beside
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Noise, Pulls
@@ -37,7 +37,7 @@ from pipeline.system.system import ScatterRatio
 
 
 def of_displacements(
-    case: SearchProblem,
+    task: SearchTask,
     found: SearchResult,
     worth: CrossValidation | None,
     where: PoseOfInterest,
@@ -48,7 +48,7 @@ def of_displacements(
     """The causes accepted by the search, with their cross-validation gain.
 
     Args:
-        case: The case.
+        task: What stays the same during the search.
         found: Result of the search.
         worth: The gain.
         where: The test pose.
@@ -58,18 +58,18 @@ def of_displacements(
     """
     if not found.accepted:
         return ()
-    held = sets if sets and sets[0].effects else (accepted(case, found),)
-    sizes, own = averaged(case, found.plain, held), rng.spawn(1)[0]
-    alike = _alike(case, found, worth, rng)
+    held = sets if sets and sets[0].effects else (accepted(task, found),)
+    sizes, own = averaged(task, found.plain, held), rng.spawn(1)[0]
+    alike = _alike(task, found, worth, rng)
     out = []
     for place, suspect in enumerate(found.accepted):
-        effect = case.suspects[suspect]
-        probability, rivals = _possible(case, found, place, effect)
-        either = _either(case, found, place)
+        effect = task.suspects[suspect]
+        probability, rivals = _possible(task, found, place, effect)
+        either = _either(task, found, place)
         others = tuple(one for one in found.accepted if one != suspect)
         out.append(
             FoundCause(
-                effect=_worded(case, effect, either),
+                effect=_worded(task, effect, either),
                 probability=probability,
                 amplitudes=sizes[place],
                 p_value=found.p_values[place],
@@ -78,7 +78,7 @@ def of_displacements(
                 as_good=alike[place],
                 twins=(*known.of(effect.label), *_of_all_springs(found.seen, suspect)),
                 gain=worth and _gain(found, others, worth, own),
-                test_pose_change_m=_change(case, found, others, where),
+                test_pose_change_m=_change(task, found, others, where),
                 height=_height(effect, held[0]),
                 each_way=both_ways(effect, held),
                 either=either,
@@ -101,11 +101,11 @@ def _unproven(found: SearchResult, others: Sequence[int], rng: np.random.Generat
 
 
 def _possible(
-    case: SearchProblem, found: SearchResult, place: int, effect: Effect
+    task: SearchTask, found: SearchResult, place: int, effect: Effect
 ) -> tuple[float, tuple[PossibleCause, ...]]:
     """Probability of the cause identified at a place of the search, and its rivals."""
     each = (
-        PossibleCause(case.suspects[one.suspect], one.probability) for one in found.rivals[place]
+        PossibleCause(task.suspects[one.suspect], one.probability) for one in found.rivals[place]
     )
     odds = {one.effect.label: one for one in each}
     mine = odds.pop(effect.label, None)
@@ -134,19 +134,19 @@ _SAME = 0.01
 proportion to the load only to first order."""
 
 
-def _worded(case: SearchProblem, effect: Effect, either: Sequence[PossibleCause]) -> Effect:
+def _worded(task: SearchTask, effect: Effect, either: Sequence[PossibleCause]) -> Effect:
     """The effect; where its law is undecided, described by all possible laws."""
     laws = [other.effect.law for other in either[1:] if other.effect.law is not None]
-    return undecided(case.cell.robot, effect, laws) if laws else effect
+    return undecided(task.cell.robot, effect, laws) if laws else effect
 
 
-def _either(case: SearchProblem, found: SearchResult, place: int) -> tuple[PossibleCause, ...]:
+def _either(task: SearchTask, found: SearchResult, place: int) -> tuple[PossibleCause, ...]:
     """Laws of a place within exp(`LEAST_EVIDENCE`) of the likeliest, accepted first, if several."""
-    effect = case.suspects[found.accepted[place]]
+    effect = task.suspects[found.accepted[place]]
     own = next((one for one in found.rivals[place] if one.label == effect.label), None)
     if effect.law is None or own is None:
         return ()
-    every = {case.suspects[i]: share for i, share in own.forms}
+    every = {task.suspects[i]: share for i, share in own.forms}
     least = max(every.values()) * np.exp(-LEAST_EVIDENCE)
     near = [one for one, share in every.items() if share > least and one is not effect]
     ranked = sorted(near, key=lambda one: -compared(every[one]))
@@ -165,7 +165,7 @@ def _height(effect: Effect, first: Hypothesis) -> EffectSize | None:
 
 
 def _alike(
-    case: SearchProblem,
+    task: SearchTask,
     found: SearchResult,
     worth: CrossValidation | None,
     rng: np.random.Generator,
@@ -176,17 +176,17 @@ def _alike(
     """
     if not (worth and found.strange):
         return [()] * len(found.accepted)
-    more = (*case.nameless, *mounting(case.cell.robot))
-    wide = case.whitened(found.seen.beside(more))
-    return [as_good(wide, k, len(case.suspects), rng) for k in range(len(found.accepted))]
+    more = (*task.nameless, *mounting(task.cell.robot))
+    wide = task.whitened(found.seen.beside(more))
+    return [as_good(wide, k, len(task.suspects), rng) for k in range(len(found.accepted))]
 
 
 def _change(
-    case: SearchProblem, found: SearchResult, others: tuple[int, ...], where: PoseOfInterest
+    task: SearchTask, found: SearchResult, others: tuple[int, ...], where: PoseOfInterest
 ) -> float:
     """Change of the deflection at the test pose by a cause beside others, mean over targets [m]."""
     pulls, first = Pulls.at(where.q, where.force, branch=1.0), found.first.model
-    before = case.estimated(others, first.values) if others else first
+    before = task.estimated(others, first.values) if others else first
     old, new = (
         predict(one.cell, pulls, one.values).displacement for one in (before, found.view.model)
     )

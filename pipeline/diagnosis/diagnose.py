@@ -14,7 +14,7 @@ from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.diagnosis.blindspots import blind_spots, not_found
-from pipeline.diagnosis.cause_search import SearchProblem, SearchResult, by_label, search
+from pipeline.diagnosis.cause_search import SearchResult, SearchTask, by_label, search
 from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_motion, of_scatter
 from pipeline.diagnosis.facts import (
     CrossValidation,
@@ -29,8 +29,8 @@ from pipeline.diagnosis.facts import (
     UnloadedFacts,
     Unnoticed,
 )
+from pipeline.diagnosis.gain import alone, gain
 from pipeline.diagnosis.hypotheses import hypotheses, too_small
-from pipeline.diagnosis.improvement import alone, gain
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.separability import separation, separation_found
 from pipeline.diagnosis.suspect_statistics import misfits, suspect_statistics
@@ -48,8 +48,8 @@ from pipeline.system.contrasts import Zeros, pure_error
 from pipeline.system.elimination import eliminate
 from pipeline.system.estimate import is_plausible
 from pipeline.system.linearised import CurrentModel, Linearised
-from pipeline.system.noise import scatter
 from pipeline.system.noise_shape import NoiseShape
+from pipeline.system.scatter import scatter
 from pipeline.system.system import Estimate, ScatterRatio, System
 from pipeline.system.variance import Components, variance_components
 from pipeline.system.whitened import Whitened
@@ -103,19 +103,19 @@ def diagnose(
     """
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
-    case, spread = case_of(cell, data, estimate, whole, known, noise)
+    task, spread = search_task(cell, data, estimate, whole, known, noise)
     wander, stiff = between_poses(shape, drift), as_stiff(cell, estimate)
-    stood = from_unloaded(stiff, data, case.certain_noise, whole, wander)
+    stood = from_unloaded(stiff, data, task.certain_noise, whole, wander)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
-        case, spread = case_of(cell, data, estimate, whole, known, noise)
+        task, spread = search_task(cell, data, estimate, whole, known, noise)
     refuted = _refuted(stood, drift)
-    case = replace(case, refuted=refuted, shape=shape, surroundings=surroundings)
-    case, spread, found, stated = _searched(case, spread, estimate.value, rng)
-    worth = _gain(case, found, rng)
-    facts = replace(_facts(case, found, spread), gain=worth)
-    sets = hypotheses(case, found, stood.believed, facts.helps)
-    causes = of_displacements(case, found, worth, where, known, sets, rng.spawn(1)[0])
+    task = replace(task, refuted=refuted, shape=shape, surroundings=surroundings)
+    task, spread, found, stated = _searched(task, spread, estimate.value, rng)
+    worth = _gain(task, found, rng)
+    facts = replace(_facts(task, found, spread), gain=worth)
+    sets = hypotheses(task, found, stood.believed, facts.helps)
+    causes = of_displacements(task, found, worth, where, known, sets, rng.spawn(1)[0])
     stated_p, misfit = _misfit(sets[0].estimate if sets else estimate, spread)
     lacking = missing(found, misfit)
     causes = tuple(replace(one, missing=lacking) for one in causes)
@@ -137,7 +137,7 @@ def diagnose(
     facts = replace(facts, drift=drift if drifts else None)
     single = _alone(found, worth, rng)
     blind, absent = _unnoticed(whole, found, facts, known)
-    proposed, joints = _to_measure(case, found, causes, worth, known, rng)
+    proposed, joints = _to_measure(task, found, causes, worth, known, rng)
     return Diagnosed(
         facts=facts,
         causes=facts.moved + drifts + held,
@@ -147,13 +147,13 @@ def diagnose(
         next_poses=proposed,
         determining=joints,
         scatter=spread,
-        equilibrium=case.cell.equilibrium,
+        equilibrium=task.cell.equilibrium,
         hypotheses=sets,
         **_of_search(found, facts.helps),
-        **_told_apart(case, found, facts.helps),
+        **_told_apart(task, found, facts.helps),
         **_left_out(found, worth, facts.helps),
         stood_off_m=(stood.miss_m, stood.left_m),
-        too_small=() if sets else too_small(case, found),
+        too_small=() if sets else too_small(task, found),
         as_stated=stated,
     )
 
@@ -195,22 +195,20 @@ def _of_search(found: SearchResult, helps: bool) -> dict[str, Any]:
     }
 
 
-def _told_apart(case: SearchProblem, found: SearchResult, helps: bool) -> dict[str, Any]:
+def _told_apart(task: SearchTask, found: SearchResult, helps: bool) -> dict[str, Any]:
     """How far causes are from each other, by the first form of each."""
-    every = by_label(case.suspects)
+    every = by_label(task.suspects)
     main = [forms[0] for forms in every.values()]
     return {
         "apart": separation(found.first.M, found.first.base, found.first.at[main]),
         "apart_labels": tuple(every),
-        "apart_found": _apart_found(case, found, main, helps),
+        "apart_found": _apart_found(task, found, main, helps),
     }
 
 
-def _apart_found(
-    case: SearchProblem, found: SearchResult, main: Sequence[int], helps: bool
-) -> Array:
+def _apart_found(task: SearchTask, found: SearchResult, main: Sequence[int], helps: bool) -> Array:
     """`Diagnosed.apart_found`, by the first form of each cause."""
-    labels = [case.suspects[i].label for i in main]
+    labels = [task.suspects[i].label for i in main]
     out = np.full((len(main), len(main)), np.nan)
     accepted = found.accepted if helps else ()
     possible = [
@@ -219,8 +217,8 @@ def _apart_found(
     ]
     apart = separation_found(found.wide, accepted, main, possible)
     for one, row in zip(accepted, apart, strict=True):
-        if case.suspects[one].label in labels:
-            place = labels.index(case.suspects[one].label)
+        if task.suspects[one].label in labels:
+            place = labels.index(task.suspects[one].label)
             out[place], out[:, place] = row, row
     return out
 
@@ -282,7 +280,7 @@ def _left_out(found: SearchResult, worth: CrossValidation | None, helps: bool) -
     return {"left_out_before_m": before, "left_out_after_m": after}
 
 
-def _facts(case: SearchProblem, found: SearchResult, spread: ScatterRatio) -> Facts:
+def _facts(task: SearchTask, found: SearchResult, spread: ScatterRatio) -> Facts:
     """Facts from the displacements, without the causes themselves."""
     outside = found.stranger
     return Facts(
@@ -291,20 +289,20 @@ def _facts(case: SearchProblem, found: SearchResult, spread: ScatterRatio) -> Fa
         outside=PossibleCause(found.wide.suspects[outside.suspect], outside.probability)
         if outside
         else None,
-        refused=_refused(case, found),
+        refused=_refused(task, found),
         remainder=found.rough,
         loose_p=found.first.soft_p,
-        scale_ratio=case.force_noise,
-        tracker_ratio=case.noise,
-        scatter_told=case.data.noise_stated or spread.known_from == "contrasts",
+        scale_ratio=task.force_noise,
+        tracker_ratio=task.noise,
+        scatter_told=task.data.noise_stated or spread.known_from == "contrasts",
         # with one reflector the certificate alone separates scatter from misfit
-        beyond_certificate=case.data.noise_stated
+        beyond_certificate=task.data.noise_stated
         and spread.known_from == "residuals"
         and spread.tracker_p < alarms.SCATTER,
     )
 
 
-def _refused(case: SearchProblem, found: SearchResult) -> tuple[Effect, ...]:
+def _refused(task: SearchTask, found: SearchResult) -> tuple[Effect, ...]:
     """Causes refused for their magnitude that are likelier than not in an accepted one's place.
 
     Where none was accepted, in the place of a sole cause.
@@ -312,13 +310,13 @@ def _refused(case: SearchProblem, found: SearchResult) -> tuple[Effect, ...]:
     places = found.rivals or (found.single,)
     likely = {one.suspect: one for place in places for one in place if one.probability > 0.5}
     return tuple(
-        case.suspects[suspect] for suspect, one in likely.items() if one.label in found.refused
+        task.suspects[suspect] for suspect, one in likely.items() if one.label in found.refused
     )
 
 
 def _searched(
-    case: SearchProblem, spread: ScatterRatio, start: Array, rng: np.random.Generator
-) -> tuple[SearchProblem, ScatterRatio, SearchResult, CurrentModel | None]:
+    task: SearchTask, spread: ScatterRatio, start: Array, rng: np.random.Generator
+) -> tuple[SearchTask, ScatterRatio, SearchResult, CurrentModel | None]:
     """Search with the scale's stated scatter; with a larger one only if no cause explains the data.
 
     A cause not yet identified looks like scatter of the scale from pull to pull; therefore only
@@ -327,24 +325,24 @@ def _searched(
     Returns:
         The suspects, the scatter, the result, and `Diagnosed.as_stated`.
     """
-    stated = replace(case, force_noise=1.0)
+    stated = replace(task, force_noise=1.0)
     asked, found = with_unlisted_laws(stated, search(stated, start, rng), start)
-    if case.force_noise > 1 and found.detected and not found.explains:
-        other = search(case, start, deepcopy(rng))  # what follows keeps its draws
+    if task.force_noise > 1 and found.detected and not found.explains:
+        other = search(task, start, deepcopy(rng))  # what follows keeps its draws
         if other.explains or not other.detected:
-            case, other = with_unlisted_laws(case, other, start)
-            return case, spread, other, found.seen.model
+            task, other = with_unlisted_laws(task, other, start)
+            return task, spread, other, found.seen.model
     return asked, replace(spread, force=1.0, force_std=0.0, force_p=1.0), found, None
 
 
-def case_of(
+def search_task(
     cell: Cell,
     data: Measured,
     estimate: Estimate,
     whole: tuple[Effect, ...] | None = None,
     known: Twins | None = None,
     noise: Components | None = None,
-) -> tuple[SearchProblem, ScatterRatio]:
+) -> tuple[SearchTask, ScatterRatio]:
     """The suspects, with the scatter and the equilibrium that the data show.
 
     Args:
@@ -360,48 +358,48 @@ def case_of(
     never = {*known.unmoved, *known.of_stiffness, *(effect.label for effect, _ in cell.held)}
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
     data = replace(data, tool_std=data.tool_std or _POINTS_M, bends=False)
-    plain = SearchProblem(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)
+    plain = SearchTask(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)
     start = plain.model((), estimate.value)
     seen = plain.linearised(start)
     system = seen.system
     tracker = _of_pulls(plain, seen, system) if noise is None else noise.left
     spread = scatter(plain.whitened(seen), system, tracker)
     larger = spread.tracker_p < alarms.SCATTER
-    case = replace(
+    task = replace(
         plain,
         noise=spread.tracker,
         certain_noise=spread.tracker if larger or not data.noise_stated else 1.0,
         force_noise=spread.force,
         nameless=competing(cell.robot),
     )
-    return replace(case, cell=replace(case.cell, equilibrium=_bent(case, seen))), spread
+    return replace(task, cell=replace(task.cell, equilibrium=_bent(task, seen))), spread
 
 
-def _of_pulls(case: SearchProblem, seen: Linearised, system: System) -> tuple[float, float]:
+def _of_pulls(task: SearchTask, seen: Linearised, system: System) -> tuple[float, float]:
     """`Components.left` from a campaign's pulls, without its repeated zeros."""
     residual = seen.y - seen.B @ seen.model.values
-    contrasts = pure_error(system, residual, case.data, Zeros.none(), case.cell)
+    contrasts = pure_error(system, residual, task.data, Zeros.none(), task.cell)
     found = variance_components(contrasts)
-    return float(found.scale[0]) / (case.data.found_m or 1.0), float(found.std[0])
+    return float(found.scale[0]) / (task.data.found_m or 1.0), float(found.std[0])
 
 
-def _bent(case: SearchProblem, seen: Linearised) -> str:
+def _bent(task: SearchTask, seen: Linearised) -> str:
     """The equilibrium, on the undeformed or the deformed robot, that fits better.
 
     That of the positions where there are any: they are of the deformed robot.
     """
-    if case.data.stance is not None:
+    if task.data.stance is not None:
         return "deformed"
-    views = [case.whitened(seen.bent(equilibrium)) for equilibrium in _EQUILIBRIA]
+    views = [task.whitened(seen.bent(equilibrium)) for equilibrium in _EQUILIBRIA]
     return _EQUILIBRIA[int(np.argmin([eliminate(v.M, v.base)[-1, -1] for v in views]))]
 
 
 def _gain(
-    case: SearchProblem, found: SearchResult, rng: np.random.Generator
+    task: SearchTask, found: SearchResult, rng: np.random.Generator
 ) -> CrossValidation | None:
     if not found.accepted or found.first.poses < 4:
         return None
-    return gain(case, found.first, found.plain, found.threshold.p, rng)
+    return gain(task, found.first, found.plain, found.threshold.p, rng)
 
 
 def _left_by_springs(view: Whitened) -> Array:

@@ -26,7 +26,7 @@ from pipeline.reduction.register import XYZ, Registration, seconds, timed
 from pipeline.system import alarms, odds
 from pipeline.system.family import FAR_OFF
 from pipeline.system.fit import Fitted
-from pipeline.system.noise import TOLERATED_FACTOR
+from pipeline.system.scatter import TOLERATED_FACTOR
 from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.wander import Wander
 

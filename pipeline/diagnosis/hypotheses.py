@@ -14,8 +14,8 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, compared
 from pipeline.diagnosis.average import LEAST_PROBABILITY, POSSIBLE, Hypothesis, weighed
 from pipeline.diagnosis.cause_search import (
-    SearchProblem,
     SearchResult,
+    SearchTask,
     lone_odds,
     merged,
     remainder,
@@ -38,7 +38,7 @@ widths over which the evidence is averaged (`system.evidence.WIDTHS`)."""
 
 
 def hypotheses(
-    case: SearchProblem, found: SearchResult, moved: bool, helps: bool
+    task: SearchTask, found: SearchResult, moved: bool, helps: bool
 ) -> tuple[Hypothesis, ...]:
     """The accepted causes, and every set with likely rivals in their places; empty without causes.
 
@@ -46,23 +46,23 @@ def hypotheses(
     weights.
 
     Args:
-        case: The case.
+        task: What stays the same during the search.
         found: Result of the search in the displacements.
-        moved: The robot is not where its log says; the case already includes that.
+        moved: The robot is not where its log says; the task already includes that.
         helps: The causes predict left-out poses better than the joint springs alone do.
     """
     if not (found.accepted and helps):
-        if not moved and case.force_noise == 1:
+        if not moved and task.force_noise == 1:
             return ()
-        only = _hypothesis(case, found.first.model, found.first.seen, 1.0)
-        return (_tested(case, only, found.first.seen),)
-    first, *others = _likely(case, found)
-    own = _hypothesis(case, found.view.model, found.seen, first.weight)
-    own = _tested(case, own, found.seen)
-    return weighed([own, *(_other(case, found, one) for one in others)])
+        only = _hypothesis(task, found.first.model, found.first.seen, 1.0)
+        return (_tested(task, only, found.first.seen),)
+    first, *others = _likely(task, found)
+    own = _hypothesis(task, found.view.model, found.seen, first.weight)
+    own = _tested(task, own, found.seen)
+    return weighed([own, *(_other(task, found, one) for one in others)])
 
 
-def too_small(case: SearchProblem, found: SearchResult) -> tuple[Hypothesis, ...]:
+def too_small(task: SearchTask, found: SearchResult) -> tuple[Hypothesis, ...]:
     """Single causes that may be present undetected where none is detected, each above `POSSIBLE`.
 
     Their weights are relative to a model without causes, which has the remaining probability. Each
@@ -70,11 +70,11 @@ def too_small(case: SearchProblem, found: SearchResult) -> tuple[Hypothesis, ...
     """
     if found.detected or found.accepted:
         return ()
-    odds = lone_odds(case, found)
+    odds = lone_odds(task, found)
     total = 1.0 + sum(each for _, each in odds)
     likely = [_Set((i,), each / total) for i, each in odds if each / total > POSSIBLE]
     every = [
-        _other(case, found, one) for one in sorted(likely, key=lambda one: -compared(one.weight))
+        _other(task, found, one) for one in sorted(likely, key=lambda one: -compared(one.weight))
     ]
     return tuple(
         replace(one, estimate=_usual(one.estimate, one.effects[0]), sized=None)
@@ -98,9 +98,9 @@ def usual(effect: Effect) -> Array:
     return _USUAL * effect.size * np.array([p.typical for p in effect.parameters])
 
 
-def accepted(case: SearchProblem, found: SearchResult) -> Hypothesis:
+def accepted(task: SearchTask, found: SearchResult) -> Hypothesis:
     """The accepted causes alone, whether or not they improve predictions."""
-    return _hypothesis(case, found.view.model, found.seen, 1.0)
+    return _hypothesis(task, found.view.model, found.seen, 1.0)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class _Set:
     """Causes that may be present together.
 
     Attributes:
-        suspects: Their indices; those beyond the case's own suspects are nameless.
+        suspects: Their indices; those beyond the task's own suspects are nameless.
         weight: Their probability.
         instead: Accepted causes that are not among them, each with its replacement.
     """
@@ -118,7 +118,7 @@ class _Set:
     instead: tuple[tuple[int, int], ...] = ()
 
 
-def _likely(case: SearchProblem, found: SearchResult) -> list[_Set]:
+def _likely(task: SearchTask, found: SearchResult) -> list[_Set]:
     """Sets of causes with their probability: the accepted ones, then others, likeliest first.
 
     Causes in different places are independent; something outside the catalogue may replace one or
@@ -127,7 +127,7 @@ def _likely(case: SearchProblem, found: SearchResult) -> list[_Set]:
     strangers = {one.places: one for one in found.strange if one.probability > 0}
     known = math.prod(1.0 - one.probability for one in strangers.values())
     every = sum(one.probability for one in strangers.values())
-    sets = list(_of_catalogue(case, found, known))
+    sets = list(_of_catalogue(task, found, known))
     for places, one in strangers.items():
         kept = tuple(a for place, a in enumerate(found.accepted) if place not in places)
         instead = tuple((found.accepted[place], one.suspect) for place in places)
@@ -140,7 +140,7 @@ def _likely(case: SearchProblem, found: SearchResult) -> list[_Set]:
     return [own, *sorted(others, key=lambda one: -compared(one.weight))]
 
 
-def _of_catalogue(case: SearchProblem, found: SearchResult, known: float) -> Iterator[_Set]:
+def _of_catalogue(task: SearchTask, found: SearchResult, known: float) -> Iterator[_Set]:
     """Sets of causes of the catalogue in all their forms; `known` is their total probability."""
     for rivals in product(*found.rivals):
         odds = known * math.prod(rival.probability for rival in rivals)
@@ -148,14 +148,14 @@ def _of_catalogue(case: SearchProblem, found: SearchResult, known: float) -> Ite
             for forms in product(*(rival.forms for rival in rivals)):
                 chosen = tuple(suspect for suspect, _ in forms)
                 weight = odds * math.prod(share for _, share in forms)
-                yield from _at_once(case, found, chosen, weight)
+                yield from _at_once(task, found, chosen, weight)
 
 
 def _at_once(
-    case: SearchProblem, found: SearchResult, chosen: tuple[int, ...], weight: float
+    task: SearchTask, found: SearchResult, chosen: tuple[int, ...], weight: float
 ) -> Iterator[_Set]:
     """One suspect for each place as a set, unless one cause occupies two places."""
-    suspects = case.suspects
+    suspects = task.suspects
     kept = merged(suspects, chosen)
     if len({suspects[i].label for i in kept}) == len(kept):
         pairs = zip(found.accepted, chosen, strict=True)
@@ -163,18 +163,18 @@ def _at_once(
         yield _Set(kept, weight, instead)
 
 
-def _other(case: SearchProblem, found: SearchResult, one: _Set) -> Hypothesis:
+def _other(task: SearchTask, found: SearchResult, one: _Set) -> Hypothesis:
     """Other causes in the places of the accepted ones, estimated together with the springs."""
-    known = len(case.suspects)
+    known = len(task.suspects)
     if max(one.suspects) >= known:
-        case = replace(case, suspects=case.suspects + case.nameless)
-    start = found.view.model.values[: case.cell.robot.n]
-    seen = case.fitted(one.suspects, start, found.seen)
+        task = replace(task, suspects=task.suspects + task.nameless)
+    start = found.view.model.values[: task.cell.robot.n]
+    seen = task.fitted(one.suspects, start, found.seen)
     instead = tuple(
-        (case.suspects[mine].called, _called(case.suspects[other], other < known))
+        (task.suspects[mine].called, _called(task.suspects[other], other < known))
         for mine, other in one.instead
     )
-    return _hypothesis(case, seen.model, seen, one.weight, instead)
+    return _hypothesis(task, seen.model, seen, one.weight, instead)
 
 
 def _called(effect: Effect, has_a_name: bool) -> str:
@@ -182,7 +182,7 @@ def _called(effect: Effect, has_a_name: bool) -> str:
 
 
 def _hypothesis(
-    case: SearchProblem,
+    task: SearchTask,
     model: CurrentModel,
     seen: Linearised,
     weight: float,
@@ -193,9 +193,9 @@ def _hypothesis(
     A model whose residuals exceed the scatter of the readings is wrong somewhere; its uncertainties
     are multiplied by that ratio (Birge, Physical Review 40 (1932) 207).
     """
-    effects = tuple(case.suspects[i] for i in model.accepted)
-    system, estimate = _solved(case, model, seen)
-    ratio = max(remainder(case.whitened(seen)) or 1.0, 1.0) if effects else 1.0
+    effects = tuple(task.suspects[i] for i in model.accepted)
+    system, estimate = _solved(task, model, seen)
+    ratio = max(remainder(task.whitened(seen)) or 1.0, 1.0) if effects else 1.0
     cov = estimate.cov * ratio**2
     known = identifiable(
         np.array([p.typical for p in estimate.parameters]), estimate.value, np.sqrt(np.diag(cov))
@@ -205,16 +205,16 @@ def _hypothesis(
     return Hypothesis(weight, effects, model.cell, system, estimate, instead, ratio, sized)
 
 
-def _tested(case: SearchProblem, one: Hypothesis, seen: Linearised) -> Hypothesis:
+def _tested(task: SearchTask, one: Hypothesis, seen: Linearised) -> Hypothesis:
     """The hypothesis, tested with equal noise for all readings, of the size found.
 
     Weights that follow from the residuals would make these small whatever the model.
     """
-    if case.shape is None or one.estimate.p_value is None:
+    if task.shape is None or one.estimate.p_value is None:
         return one
-    data = case.shape.alike(case.data)
-    alike = _solved(replace(case, data=data), seen.model, seen)[0]
-    left = goodness(alike, case.shape, np.random.default_rng(_SEED))
+    data = task.shape.alike(task.data)
+    alike = _solved(replace(task, data=data), seen.model, seen)[0]
+    left = goodness(alike, task.shape, np.random.default_rng(_SEED))
     return replace(one, estimate=replace(one.estimate, goodness=left))
 
 
@@ -230,26 +230,26 @@ def _sized(system: System, model: CurrentModel, ratio: float) -> Estimate:
     return replace(found, cov=found.cov * ratio**2)
 
 
-def _solved(case: SearchProblem, model: CurrentModel, seen: Linearised) -> tuple[System, Estimate]:
+def _solved(task: SearchTask, model: CurrentModel, seen: Linearised) -> tuple[System, Estimate]:
     """Springs and causes as one linear system about the model's values, and its solution.
 
     Args:
-        case: The case.
+        task: What stays the same during the search.
         model: Linearisation point.
         seen: The campaign linearised there, for the tolerances of the causes' laws.
     """
     flat = replace(model.cell, equilibrium="undeformed")
-    system = assemble(flat, case.data, model.values)
-    bent = predict(model.cell, case.data.pulls, model.values).displacement
-    bent = bent - predict(flat, case.data.pulls, model.values).displacement
-    c = system.c - bent[case.data.pull, case.data.target].ravel()
-    G = scipy.sparse.csr_array(system.errors.G @ scipy.sparse.diags_array(_scales(case, system)))
+    system = assemble(flat, task.data, model.values)
+    bent = predict(model.cell, task.data.pulls, model.values).displacement
+    bent = bent - predict(flat, task.data.pulls, model.values).displacement
+    c = system.c - bent[task.data.pull, task.data.target].ravel()
+    G = scipy.sparse.csr_array(system.errors.G @ scipy.sparse.diags_array(_scales(task, system)))
     errors = replace(system.errors, G=G)
     if model.accepted:
-        errors = with_laws(seen, errors, case.laws(model.accepted))
+        errors = with_laws(seen, errors, task.laws(model.accepted))
     system = replace(system, c=c, errors=errors)
     estimate = solve(system, model.values)
-    if not case.data.noise_stated and not case.whitened(seen).tells_scatter and estimate.dof:
+    if not task.data.noise_stated and not task.whitened(seen).tells_scatter and estimate.dof:
         # the noise was that of the residuals without the causes
         G = scipy.sparse.csr_array(errors.G * np.sqrt(estimate.chi2 / estimate.dof))
         system = replace(system, errors=replace(errors, G=G))
@@ -257,12 +257,12 @@ def _solved(case: SearchProblem, model: CurrentModel, seen: Linearised) -> tuple
     return system, estimate
 
 
-def _scales(case: SearchProblem, system: System) -> Array:
+def _scales(task: SearchTask, system: System) -> Array:
     """Scatter found over stated for each column of G: that of the tracker and of the scale.
 
     The stated one holds unless the found one is certainly larger.
     """
     source = system.errors.source
-    scale = case.force_noise * case.noise if case.force_noise != 1 else 1.0
+    scale = task.force_noise * task.noise if task.force_noise != 1 else 1.0
     tracked = np.isin(source.astype(str), TRACKED)
-    return np.where(tracked, case.certain_noise, np.where(source == "force_reading", scale, 1.0))
+    return np.where(tracked, task.certain_noise, np.where(source == "force_reading", scale, 1.0))

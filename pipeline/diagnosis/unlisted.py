@@ -27,8 +27,8 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, compared
 from pipeline.diagnosis.cause_search import (
     LEAST_EVIDENCE,
-    SearchProblem,
     SearchResult,
+    SearchTask,
     extends,
     search,
     statistics_given,
@@ -69,8 +69,8 @@ _SEED = 20261123
 
 
 def with_unlisted_laws(
-    case: SearchProblem, found: SearchResult, start: Array
-) -> tuple[SearchProblem, SearchResult]:
+    task: SearchTask, found: SearchResult, start: Array
+) -> tuple[SearchTask, SearchResult]:
     """Extend the suspects by laws outside the catalogue, and search again.
 
     Laws are also tested where the catalogue explains the data: what its own tests do not see may
@@ -80,59 +80,59 @@ def with_unlisted_laws(
     where the laws do not improve predictions of left-out poses.
 
     Args:
-        case: The case.
+        task: What stays the same during the search.
         found: Result with the catalogue.
         start: Initial compliances.
     """
-    rng, every = np.random.default_rng(_SEED), _every(case, found)
-    if _open_(found, rng) or _likely(case, found, found.accepted, every, rng):
-        case, found = _extended(*_searched(case, found, (), every, start, rng), start, rng)
+    rng, every = np.random.default_rng(_SEED), _every(task, found)
+    if _open_(found, rng) or _likely(task, found, found.accepted, every, rng):
+        task, found = _extended(*_searched(task, found, (), every, start, rng), start, rng)
         if found.accepted:
-            again = _searched(case, found, found.accepted, every, start, rng)
-            case, found = _extended(*again, start, rng)
-    return case, found
+            again = _searched(task, found, found.accepted, every, start, rng)
+            task, found = _extended(*again, start, rng)
+    return task, found
 
 
 def _extended(
-    case: SearchProblem, found: SearchResult, start: Array, rng: np.random.Generator
-) -> tuple[SearchProblem, SearchResult]:
+    task: SearchTask, found: SearchResult, start: Array, rng: np.random.Generator
+) -> tuple[SearchTask, SearchResult]:
     """Add further shapes of the accepted laws to the suspects, where they are significant.
 
     They are sought given these laws alone: other accepted causes may be what a law lacks.
     """
-    mine = tuple(i for i in found.accepted if case.suspects[i].law is not None)
+    mine = tuple(i for i in found.accepted if task.suspects[i].law is not None)
     model = found.first.model
-    loaded = load(model.cell, case.data.pulls, model.values)
-    laws = [case.suspects[i] for i in mine]
-    every = [unlisted.extensions(case.cell.robot, loaded, one) for one in laws]
-    return _searched(case, found, mine, tuple(chain(*every)), start, rng)
+    loaded = load(model.cell, task.data.pulls, model.values)
+    laws = [task.suspects[i] for i in mine]
+    every = [unlisted.extensions(task.cell.robot, loaded, one) for one in laws]
+    return _searched(task, found, mine, tuple(chain(*every)), start, rng)
 
 
-def _every(case: SearchProblem, found: SearchResult) -> tuple[Effect, ...]:
+def _every(task: SearchTask, found: SearchResult) -> tuple[Effect, ...]:
     """All laws, sharing the prior odds of the nameless among them."""
-    model, robot = found.first.model, case.cell.robot
-    loaded = load(model.cell, case.data.pulls, model.values)
+    model, robot = found.first.model, task.cell.robot
+    loaded = load(model.cell, task.data.pulls, model.values)
     return unlisted.effects(robot, loaded, NAMELESS * len(nameless(robot)))
 
 
 def _searched(
-    case: SearchProblem,
+    task: SearchTask,
     found: SearchResult,
     beside: tuple[int, ...],
     every: tuple[Effect, ...],
     start: Array,
     rng: np.random.Generator,
-) -> tuple[SearchProblem, SearchResult]:
+) -> tuple[SearchTask, SearchResult]:
     """Result with laws among the suspects, if one is accepted and carries over to other poses."""
-    laws = _likely(case, found, beside, every, rng)
+    laws = _likely(task, found, beside, every, rng)
     if not laws:
-        return case, found
-    wider = replace(case, suspects=case.suspects + tuple(laws), nameless=())
+        return task, found
+    wider = replace(task, suspects=task.suspects + tuple(laws), nameless=())
     other = search(wider, start, rng)
-    new = _named(wider, other) - _named(case, found)
+    new = _named(wider, other) - _named(task, found)
     if not new or not _carries(wider, other, rng):
-        return case, found
-    before = dict(zip((case.suspects[i] for i in found.accepted), found.p_values, strict=True))
+        return task, found
+    before = dict(zip((task.suspects[i] for i in found.accepted), found.p_values, strict=True))
     chance = [(before | laws).get(wider.suspects[i], 0.0) for i in other.accepted]
     p_values = tuple(map(max, other.p_values, chance))
     return wider, replace(other, p_values=p_values)
@@ -154,13 +154,13 @@ def _open_(found: SearchResult, rng: np.random.Generator) -> bool:
     )
 
 
-def _named(case: SearchProblem, found: SearchResult) -> set[tuple[str, str]]:
-    effects = [case.suspects[i] for i in found.accepted]
+def _named(task: SearchTask, found: SearchResult) -> set[tuple[str, str]]:
+    effects = [task.suspects[i] for i in found.accepted]
     return {(one.label, one.form) for one in effects if one.law is not None}
 
 
 def _likely(
-    case: SearchProblem,
+    task: SearchTask,
     found: SearchResult,
     beside: tuple[int, ...],
     laws: tuple[Effect, ...],
@@ -169,7 +169,7 @@ def _likely(
     """Laws that are significant given some causes, likeliest first, each with its p-value.
 
     Args:
-        case: The case.
+        task: What stays the same during the search.
         found: Result of the search.
         beside: Causes of the base.
         laws: All laws that are tried.
@@ -177,7 +177,7 @@ def _likely(
     """
     if not laws:
         return {}
-    view, first = _view(case, found, beside, laws), len(beside)
+    view, first = _view(task, found, beside, laws), len(beside)
     now = statistics_given(view.suspects, view.beside(view.base), range(first))
     evidence, p = now.log_evidence[first:], now.p()[first:]
     if not ((evidence > LEAST_EVIDENCE) & (p < alarms.LAW)).any():  # the family's p is not smaller
@@ -195,7 +195,7 @@ def _likely(
         return {}
     able &= evidence > evidence[able].max() - _WITHIN
     ranked = [int(i) for i in np.argsort(-compared(evidence), kind="stable") if able[i]]
-    robot = case.cell.robot
+    robot = task.cell.robot
     return {unlisted.worded(robot, laws[i]): float(chance[i]) for i in _with_room(laws, ranked)}
 
 
@@ -210,19 +210,19 @@ def _with_room(laws: Sequence[Effect], ranked: Sequence[int]) -> Iterator[int]:
 
 
 def _view(
-    case: SearchProblem, found: SearchResult, accepted: tuple[int, ...], laws: tuple[Effect, ...]
+    task: SearchTask, found: SearchResult, accepted: tuple[int, ...], laws: tuple[Effect, ...]
 ) -> Whitened:
     """The campaign given some causes, with every law as a further suspect.
 
     Causes of the catalogue are valid within their tolerance only: what lies within it needs no
     further law. What an accepted law lacks is for its further shapes (`_extended`).
     """
-    few, every = case.only(accepted), tuple(range(len(accepted)))
+    few, every = task.only(accepted), tuple(range(len(accepted)))
     near = found.seen if accepted else found.first.seen
     if accepted in ((), found.accepted):
         model = few.model(every, near.model.values)
     else:
-        model = few.estimated(every, near.model.values[: case.cell.robot.n], near)
+        model = few.estimated(every, near.model.values[: task.cell.robot.n], near)
     listed = [i for i in every if few.suspects[i].law is None]
     return few.whitened(few.linearised(model, near).beside(laws), listed)
 
@@ -280,35 +280,35 @@ def _likelihood(share: Array, rank: Array | Ints, dof: int) -> Array:
     return np.asarray(-0.5 * dof * np.log1p(-explained) - 0.5 * rank * np.log(dof))
 
 
-def _carries(case: SearchProblem, found: SearchResult, rng: np.random.Generator) -> bool:
+def _carries(task: SearchTask, found: SearchResult, rng: np.random.Generator) -> bool:
     """Whether every accepted law certainly improves predictions of left-out poses.
 
     At 95 %, poses drawn with replacement, given everything else that is accepted; over all poses,
     or over those whose values lie within the range of the other poses.
     """
-    laws = [i for i in found.accepted if case.suspects[i].law is not None]
-    return all(_carried(case, found, law, rng) for law in laws)
+    laws = [i for i in found.accepted if task.suspects[i].law is not None]
+    return all(_carried(task, found, law, rng) for law in laws)
 
 
-def _carried(case: SearchProblem, found: SearchResult, law: int, rng: np.random.Generator) -> bool:
+def _carried(task: SearchTask, found: SearchResult, law: int, rng: np.random.Generator) -> bool:
     """Whether one law certainly improves predictions of left-out poses."""
-    rest, taught = _without(case, found, law), _taught(case, found, law)
+    rest, taught = _without(task, found, law), _taught(task, found, law)
     if not found.plain.unproven(rest, rng):
         return True
     return not taught.all() and not found.plain.unproven(rest, rng, taught)
 
 
-def _taught(case: SearchProblem, found: SearchResult, law: int) -> Bools:
+def _taught(task: SearchTask, found: SearchResult, law: int) -> Bools:
     """Readings of poses whose variable is within the range of all other poses, shape (m,).
 
     Beyond that range a law only states that it is uncertain (`unlisted.beyond`), so that an error
     there does not count against it.
     """
-    view, one = found.plain, case.suspects[law].law
+    view, one = found.plain, task.suspects[law].law
     pose = view.pose[: len(view.rows)]
     if one is None or not unlisted.follows(one):
         return np.ones(len(pose), dtype=bool)
-    model, pulls = found.seen.model, case.data.pulls
+    model, pulls = found.seen.model, task.data.pulls
     v = unlisted.variable(one, load(model.cell, pulls, model.values))[view.rows.pull]
     inside = np.zeros(len(pose), dtype=bool)
     for k in np.unique(pose):
@@ -317,9 +317,9 @@ def _taught(case: SearchProblem, found: SearchResult, law: int) -> Bools:
     return inside
 
 
-def _without(case: SearchProblem, found: SearchResult, law: int) -> Ints:
+def _without(task: SearchTask, found: SearchResult, law: int) -> Ints:
     """Columns of everything accepted except a law, or of an extension only its last shape."""
-    view, one = found.plain, case.suspects[law]
+    view, one = found.plain, task.suspects[law]
     rest = view.columns([i for i in found.accepted if i != law])
-    less = (len(other.parameters) for other in case.suspects if extends(one, other))
+    less = (len(other.parameters) for other in task.suspects if extends(one, other))
     return np.concatenate([rest, view.columns([law])[: next(less, 0)]])

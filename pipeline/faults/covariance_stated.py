@@ -29,8 +29,8 @@ from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
 from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import pure_error
-from pipeline.system.noise import TOLERATED_FACTOR
 from pipeline.system.restricted import PaddedRows, lowest
+from pipeline.system.scatter import TOLERATED_FACTOR
 from pipeline.system.whiten import whitener
 
 _FEWEST = 30

@@ -8,7 +8,7 @@ from cell_check import CELL, TOOL, Checked
 
 from pipeline.answer.inputs import shot_findings
 from pipeline.design.nextpose import PlaceQuestion, candidates, propose
-from pipeline.diagnosis.diagnose import case_of
+from pipeline.diagnosis.diagnose import search_task
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot.axes import from_log_units, in_log_units
 from pipeline.reduction.bring import bring, conformed, plain
@@ -44,7 +44,7 @@ def asked():
     data = reduce(raw, conformed).data
     cell = paper_cell(raw.robot, tool(raw.settings))
     _, estimate = identify(cell, data, raw.robot.nominal_compliance)
-    case, _ = case_of(cell, data, estimate)
+    case, _ = search_task(cell, data, estimate)
     view = case.whitened(case.linearised(case.model((), estimate.value)))
     return replace(case, surroundings=raw.settings), view
 

@@ -15,7 +15,7 @@ from pipeline.design.nextpose import (
     determine,
     propose,
 )
-from pipeline.diagnosis.diagnose import case_of
+from pipeline.diagnosis.diagnose import search_task
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
@@ -39,7 +39,7 @@ def asked():
     data = reduce(raw, conformed).data
     cell = paper_cell(raw.robot, tool(raw.settings))
     _, estimate = identify(cell, data, raw.robot.nominal_compliance)
-    case, _ = case_of(cell, data, estimate)
+    case, _ = search_task(cell, data, estimate)
     view = case.whitened(case.linearised(case.model((), estimate.value)))
     return case, view, candidates(case, np.random.default_rng(1))
 

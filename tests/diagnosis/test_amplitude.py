@@ -5,13 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear_campaign import FREE, View, case_of, made, suspect
+from linear_campaign import FREE, View, made, suspect, task_of
 from scipy import optimize, stats
 from small_case import asked, small
 
 from pipeline.diagnosis import amplitude
 from pipeline.diagnosis.amplitude import amplitudes, averaged
-from pipeline.diagnosis.diagnose import case_of as real_case
+from pipeline.diagnosis.diagnose import search_task
 from pipeline.diagnosis.hypotheses import accepted
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Elastic
@@ -26,7 +26,7 @@ def test_sizes_and_intervals_are_numpys_and_students(monkeypatch, accepted):
     truth = made(np.random.default_rng(2), SUSPECTS, {0: [2.0], 1: [1.0, -2.0], 2: [0.5]})
     view = truth.view(accepted)
 
-    found = amplitudes(case_of(truth), view)
+    found = amplitudes(task_of(truth), view)
 
     X, y = truth.columns(*accepted), truth.y
     x, rest, *_ = np.linalg.lstsq(X, y, rcond=None)
@@ -51,7 +51,7 @@ def test_what_the_data_do_not_determine_has_no_finite_interval(monkeypatch):
     monkeypatch.setattr(amplitude, "Elastic", object)
     truth = made(np.random.default_rng(2), SUSPECTS, {0: [2.0]}, alike={2: (0, 0.0)})
 
-    one, other = (sizes[0] for sizes in amplitudes(case_of(truth), truth.view((0, 2))))
+    one, other = (sizes[0] for sizes in amplitudes(task_of(truth), truth.view((0, 2))))
 
     assert one.std == other.std == np.inf
     assert one.ci95 == (-np.inf, np.inf)
@@ -64,7 +64,7 @@ def test_a_joint_that_no_pull_loads_takes_up_no_degree_of_freedom(monkeypatch):
     truth = replace(truth, B=truth.B * [1.0, 0.0, 1.0])
     view = truth.view((0,))
 
-    ((one,),) = amplitudes(case_of(truth), view)
+    ((one,),) = amplitudes(task_of(truth), view)
 
     X, y = truth.columns(0), truth.y
     x, _, rank, _ = np.linalg.lstsq(X, y, rcond=1e-12)
@@ -82,9 +82,9 @@ def test_residuals_that_are_none_give_a_number_and_none_left_give_no_limit(monke
     exact = truth.B @ np.full(3, 3e-8) + truth.Z[0][:, 0] * 2 * SUSPECTS[0].parameters[0].typical
     view = replace(truth, c=exact).view((0,))
 
-    ((one,),) = amplitudes(case_of(truth), view)
+    ((one,),) = amplitudes(task_of(truth), view)
     monkeypatch.setattr(View, "dof", lambda *_: 0)
-    ((open_,),) = amplitudes(case_of(truth), view)
+    ((open_,),) = amplitudes(task_of(truth), view)
 
     X = truth.columns(0)
     least = 1e-2 * np.sqrt(np.linalg.inv(X.T @ X)[4, 4]) * one.parameter.typical
@@ -98,7 +98,7 @@ def bent():
     """A load point off by centimetres, whose effect is nonlinear."""
     case = small(3, hidden={"effects": ["load_point_offset=6x"]})
     at = asked(case)
-    real, _ = real_case(at.cell, at.reduced.data, at.estimate)
+    real, _ = search_task(at.cell, at.reduced.data, at.estimate)
     which = next(i for i, e in enumerate(real.suspects) if e.label == "load_point_offset")
     assert not isinstance(real.suspects[which], Elastic)
     seen = real.fitted((which,), at.estimate.value)

@@ -9,7 +9,7 @@ from small_case import asked, small
 
 from pipeline.diagnosis import hypotheses as module
 from pipeline.diagnosis.cause_search import NamelessReplacement, Replacement, remainder, search
-from pipeline.diagnosis.diagnose import case_of
+from pipeline.diagnosis.diagnose import search_task
 from pipeline.diagnosis.hypotheses import _scales, _solved, hypotheses, too_small
 from pipeline.machine.cell import predict
 
@@ -18,7 +18,7 @@ from pipeline.machine.cell import predict
 def tilted():
     """A campaign with a tilting third joint, searched among five causes."""
     at = asked(small(3, poses={"count": 7}, hidden={"effects": ["joint_tilt:3=2x"]}))
-    case, _ = case_of(at.cell, at.reduced.data, at.estimate)
+    case, _ = search_task(at.cell, at.reduced.data, at.estimate)
     wanted = ("joint_tilt:3", "joint_tilt:4", "joint_tilt:6", "rail_roll")
     few = tuple(one for one in case.suspects if one.label in wanted)
     case = replace(case, suspects=few, nameless=case.nameless[:1])
@@ -86,7 +86,7 @@ def test_each_set_has_its_own_fit_and_says_what_it_has_instead(tilted):
 def unnoticed():
     """A campaign whose third joint tilts by less than is detected."""
     at = asked(small(3, poses={"count": 7}, hidden={"effects": ["joint_tilt:3=0.06x"]}))
-    case, _ = case_of(at.cell, at.reduced.data, at.estimate)
+    case, _ = search_task(at.cell, at.reduced.data, at.estimate)
     wanted = ("joint_tilt:3", "joint_tilt:4", "rail_roll")
     few = tuple(one for one in case.suspects if one.label in wanted and not one.form)
     case = replace(case, suspects=few)

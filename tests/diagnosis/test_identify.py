@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear_campaign import FREE, case_of, left, made, suspect
+from linear_campaign import FREE, left, made, suspect, task_of
 from scipy import integrate, stats
 
 from pipeline.diagnosis import cause_search
@@ -23,7 +23,7 @@ DOF = 72 - 3
 
 
 def found(truth, nameless=0, **more):
-    case = case_of(truth, nameless, **more)
+    case = task_of(truth, nameless, **more)
     return search(case, np.zeros(0), np.random.default_rng(1))
 
 
@@ -127,7 +127,7 @@ def test_one_that_is_no_longer_needed_is_dropped():
     """With its components present, a mixture has no evidence; the worse of two is exchanged."""
     suspects = (*SUSPECTS[:3], suspect("mix", FREE))
     truth = made(np.random.default_rng(4), suspects, {0: [2.5], 2: [2.5]}, mixed={3: (0, 2)})
-    case = case_of(truth)
+    case = task_of(truth)
 
     def better(*accepted, tried=frozenset()):
         return cause_search._better(case, truth.view(accepted), set(tried) | {frozenset(accepted)})
@@ -159,7 +159,7 @@ def test_three_at_once_are_found_though_mixtures_of_them_come_first(seed):
 def test_two_take_the_places_of_two_in_one_move():
     """Neither may join alone: each is worse in the place of either mixture."""
     truth = made(np.random.default_rng(12), MIXED, {0: [3.0], 1: [3.0], 2: [3.0]}, mixed=PAIRS)
-    case = case_of(truth)
+    case = task_of(truth)
 
     assert sorted(cause_search._better(case, truth.view((3, 4, 2)), {frozenset({2, 3, 4})})) == [
         0,
@@ -175,7 +175,7 @@ def test_two_take_the_places_of_two_in_one_move():
 def test_where_three_leave_something_a_fourth_shows_which_was_a_mixture():
     """Four join, and the one made redundant by the others is dropped."""
     truth = made(np.random.default_rng(13), MIXED, {0: [3.0], 1: [3.0], 6: [2.0]}, mixed=PAIRS)
-    case = case_of(truth)
+    case = task_of(truth)
 
     left = cause_search._dropped(case, case.fitted((3, 0, 1, 6), np.zeros(0)))
 
@@ -185,7 +185,7 @@ def test_where_three_leave_something_a_fourth_shows_which_was_a_mixture():
 def test_three_that_leave_something_make_room_for_the_parts_of_a_mixture():
     """A mixture, a true one and a false one: the maximum number, but wrong ones."""
     truth = made(np.random.default_rng(13), MIXED, {0: [3.0], 1: [3.0], 6: [2.0]}, mixed=PAIRS)
-    case, accepted = case_of(truth), (3, 6, 7)
+    case, accepted = task_of(truth), (3, 6, 7)
     first = case.whitened(case.fitted((), np.zeros(0)))
     limit = cause_search.threshold(first, first.base, DOF, np.random.default_rng(1))
     end = cause_search._stand(case, case.fitted(accepted, np.zeros(0)), accepted)
@@ -215,9 +215,9 @@ def test_the_same_is_found_in_whatever_order_poses_and_causes_stand():
 
     assert {MIXED[i].label for i in one.accepted} == {"a", "b", "c"}
     assert {MIXED[::-1][i].label for i in other.accepted} == {"a", "b", "c"}
-    mine = cause_search._chained(case_of(truth), truth.view((0, 1, 2)), (), (0, 1, 2))
+    mine = cause_search._chained(task_of(truth), truth.view((0, 1, 2)), (), (0, 1, 2))
     assert mine == pytest.approx(
-        cause_search._chained(case_of(turned), turned.view((7, 5, 6)), (), (7, 5, 6)), rel=1e-9
+        cause_search._chained(task_of(turned), turned.view((7, 5, 6)), (), (7, 5, 6)), rel=1e-9
     )
 
 
@@ -226,9 +226,9 @@ def test_of_two_alike_causes_the_likelier_leads_and_twins_stay():
     twins = made(np.random.default_rng(5), SUSPECTS, {0: [2.0]}, alike={4: (0, 1e-9)})
     view = twins.view((4,))
 
-    assert cause_search._better(case_of(twins), view, {frozenset({4})}) is None
+    assert cause_search._better(task_of(twins), view, {frozenset({4})}) is None
     alike = made(np.random.default_rng(5), SUSPECTS, {0: [4.0]}, alike={4: (0, 0.5)})
-    assert cause_search._better(case_of(alike), alike.view((4,)), {frozenset({4})}) == (0,)
+    assert cause_search._better(task_of(alike), alike.view((4,)), {frozenset({4})}) == (0,)
 
 
 def test_the_odds_of_rivals_are_those_of_bayes():
@@ -240,7 +240,7 @@ def test_the_odds_of_rivals_are_those_of_bayes():
     causes = np.array([each[0], each[1:3].mean(), each[3]])
     expected = dict(zip(("a", "c", "like a"), causes / causes.sum(), strict=True))
 
-    got = cause_search._odds(case_of(truth), now, (), 0.0)
+    got = cause_search._odds(task_of(truth), now, (), 0.0)
 
     assert {one.label: one.probability for one in got} == pytest.approx(expected, rel=0.03)
     order = [one.probability for one in got]
@@ -250,11 +250,11 @@ def test_the_odds_of_rivals_are_those_of_bayes():
         {i: each[i] / each[1:3].sum() for i in (1, 2)}, rel=0.03
     )
     assert of_c.suspect == 1 + int(np.argmax(each[1:3]))
-    few = cause_search._odds(case_of(truth), now, (3,), 0.0)
+    few = cause_search._odds(task_of(truth), now, (3,), 0.0)
     assert "like a" not in {one.label for one in few}
     assert sum(one.probability for one in few) == pytest.approx(1.0)
     least = sorted(expected.values())[0]
-    assert len(cause_search._odds(case_of(truth), now, (), 1.01 * least)) == 2
+    assert len(cause_search._odds(task_of(truth), now, (), 1.01 * least)) == 2
 
 
 def test_a_size_that_physics_forbids_is_no_evidence():
@@ -294,7 +294,7 @@ def test_bounds_have_two_sigma_and_a_third_of_slack():
     assert rest > 0
     for beyond, said in ((-0.02, True), (0.02, False)):
         most = x[4] - 2 * std - 0.3 - beyond
-        case = case_of(truth, refuted={"a": most})
+        case = task_of(truth, refuted={"a": most})
         assert cause_search._possible(case, now, 0) is said
 
 
@@ -316,7 +316,7 @@ def test_what_has_no_name_competes_with_the_causes():
     """Its odds against the accepted one, or the two that it imitates, by Bayes."""
     suspects = (*SUSPECTS[:1], SUSPECTS[2], suspect("d", FREE), suspect("nameless", FREE))
     truth = made(np.random.default_rng(11), suspects, {0: [1.0], 2: [1.0]}, mixed={3: (0, 2)})
-    case = case_of(truth, nameless=1)
+    case = task_of(truth, nameless=1)
     got = found(truth, nameless=1)
     assert sorted(got.accepted) == [0, 2]
 

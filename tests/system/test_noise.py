@@ -8,7 +8,7 @@ import pytest
 from made_system import TYPICAL, dense, made, restricted
 from scipy import optimize, stats
 
-from pipeline.system.noise import TOLERATED_FACTOR, scatter
+from pipeline.system.scatter import TOLERATED_FACTOR, scatter
 
 UNKNOWN = (1.0, np.inf)
 """Result of contrasts that determine nothing."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.diagnosis.diagnose import case_of
+from pipeline.diagnosis.diagnose import search_task
 from pipeline.machine.cell import paper_cell
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
@@ -16,7 +16,7 @@ from pipeline.simulate.plan import Plan
 from pipeline.store import campaign
 from pipeline.system.contrasts import Zeros, pure_error
 from pipeline.system.estimate import identify
-from pipeline.system.noise import scatter
+from pipeline.system.scatter import scatter
 from pipeline.system.variance import variance_components
 
 
@@ -32,7 +32,7 @@ def seen(seed, scale_noise=1.0, sigma_n=2.0):
     data = reduce(raw, conformed).data
     cell = paper_cell(raw.robot, tool(raw.settings))
     system, estimate = identify(cell, data, cell.robot.nominal_compliance)
-    case, _ = case_of(cell, data, estimate)
+    case, _ = search_task(cell, data, estimate)
     case = replace(case, noise=1.0, force_noise=1.0)
     sight = case.linearised(case.model((), estimate.value))
     found = variance_components(pure_error(system, estimate.residual, data, Zeros.none(), cell))

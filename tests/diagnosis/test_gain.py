@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear_campaign import EACH, FREE, POSES, SPRINGS, case_of, made, suspect
+from linear_campaign import EACH, FREE, POSES, SPRINGS, made, suspect, task_of
 from scipy import stats
 
 from pipeline.base.bootstrap import interval
-from pipeline.diagnosis.improvement import _choose, alone, as_good, beside, gain
+from pipeline.diagnosis.gain import _choose, alone, as_good, beside, gain
 
 SUSPECTS = (suspect("a", FREE), suspect("b", FREE, FREE), suspect("a", FREE), suspect("d", FREE))
 POSE = np.repeat(np.arange(POSES), EACH)
@@ -62,7 +62,7 @@ def test_one_cause_alone_is_worth_what_refits_say(truth):
 
 def test_the_gain_is_that_of_causes_chosen_without_each_pose(truth):
     """Both are chosen in every fold: residuals are those of refits with both."""
-    case = case_of(truth)
+    case = task_of(truth)
 
     found = gain(case, truth.view(), truth.view((1, 3)), 1e-3, np.random.default_rng(5))
 
@@ -109,7 +109,7 @@ def test_a_cause_that_one_pose_alone_called_for_is_not_chosen_without_it(truth):
     c = c + np.linalg.solve(truth.W, rng.standard_normal(len(c))) + 3.0 * Z[:, 0] * 2e-8
     once = replace(truth, Z=(*truth.Z[:3], Z), c=c)
 
-    found = gain(case_of(once), once.view(), once.view((3,)), 1e-3, rng)
+    found = gain(task_of(once), once.view(), once.view((3,)), 1e-3, rng)
 
     assert found.chosen[2] == ()
     assert all(one == ("d",) for k, one in enumerate(found.chosen) if k != 2)
@@ -119,14 +119,14 @@ def test_a_cause_that_one_pose_alone_called_for_is_not_chosen_without_it(truth):
 
 def test_a_choice_stops_at_the_limit_at_its_number_and_in_one_form(truth):
     """A p above the limit does not join, nor a third of at most two, nor a second form."""
-    case, view = case_of(truth), truth.view()
+    case, view = task_of(truth), truth.view()
 
     assert _choose(case, view, view.M, 2, 1e-3, 0) in ((1, 3), (3, 1))
     assert len(_choose(case, view, view.M, 1, 1e-3, 0)) == 1
     assert _choose(case, view, view.M, 3, 1e-3, 0) in ((1, 3), (3, 1))
     assert _choose(case, view, view.M, 3, 0.0, 0) == ()
     twice = made(np.random.default_rng(1), SUSPECTS, {0: [2.0], 2: [2.0]})
-    chosen = _choose(case_of(twice), twice.view(), twice.view().M, 3, 1e-3, 0)
+    chosen = _choose(task_of(twice), twice.view(), twice.view().M, 3, 1e-3, 0)
     assert len({SUSPECTS[i].label for i in chosen}) == len(chosen) == 1
 
 
@@ -168,7 +168,7 @@ def test_a_cause_is_chosen_by_its_chance_in_the_poses_that_stay():
     p = stats.f.sf((squares[0] - squares[1]) / (squares[1] / dof), 1, dof)
 
     def chosen(limit):
-        got = gain(case_of(truth), truth.view(), truth.view((3,)), limit, RNG())
+        got = gain(task_of(truth), truth.view(), truth.view((3,)), limit, RNG())
         return got.chosen[0]
 
     assert chosen(1.001 * p) == ("d",)

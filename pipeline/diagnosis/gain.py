@@ -10,7 +10,7 @@ from pipeline.base.arrays import Array, compared
 from pipeline.base.bootstrap import interval
 from pipeline.diagnosis.cause_search import (
     LEAST_EVIDENCE,
-    SearchProblem,
+    SearchTask,
     may_join,
     merged,
     statistics_given,
@@ -86,45 +86,45 @@ def as_good(
 
 
 def gain(
-    case: SearchProblem, first: Whitened, extended: Whitened, limit: float, rng: np.random.Generator
+    task: SearchTask, first: Whitened, extended: Whitened, limit: float, rng: np.random.Generator
 ) -> CrossValidation:
     """Leave out one pose with all its pulls at a time; choose causes and estimate without it.
 
     Cross-validation with the choice inside each fold (Stone, J. Roy. Stat. Soc. B 36, 1974).
 
     Args:
-        case: The case.
+        task: What stays the same during the search.
         first: The campaign from the joint springs alone.
         extended: The campaign from the model with the accepted causes.
         limit: P-value below which a cause may join.
         rng: Source of the bootstrap.
     """
-    laws = [case.suspects[i].law for i in extended.model.accepted]
+    laws = [task.suspects[i].law for i in extended.model.accepted]
     most = sum(1 if law is None else len(law.shapes) for law in laws)
     pose = first.pose[: len(first.rows)]
     before = first.left_out(np.arange(first.first))
     after, chosen = np.zeros(len(pose)), []
     for left in range(first.poses):
         rows, M = pose == left, extended.without(left)
-        names = _choose(case, extended, M, most, limit, int(rows.sum()))
+        names = _choose(task, extended, M, most, limit, int(rows.sum()))
         base = np.concatenate([np.arange(extended.first), extended.columns(names)])
         after[rows] = extended.raw[rows, -1] - extended.predicted(base, M, rows)
-        chosen.append(tuple(case.suspects[i].label for i in names))
+        chosen.append(tuple(task.suspects[i].label for i in names))
     reduction, ci95 = interval(before, after, pose, rng)
     return CrossValidation(before, after, reduction, ci95, tuple(chosen))
 
 
 def _choose(
-    case: SearchProblem, view: Whitened, M: Array, most: int, limit: float, fewer: int
+    task: SearchTask, view: Whitened, M: Array, most: int, limit: float, fewer: int
 ) -> tuple[int, ...]:
     """Causes chosen from the remaining poses, one after the other."""
     names: tuple[int, ...] = ()
     for _ in range(most):
         base = np.concatenate([np.arange(view.first), view.columns(names)])
-        now = statistics_given(case.suspects, view.beside(base, M, fewer), names)
-        free = [i for i in range(len(case.suspects)) if may_join(case.suspects, names, i)]
+        now = statistics_given(task.suspects, view.beside(base, M, fewer), names)
+        free = [i for i in range(len(task.suspects)) if may_join(task.suspects, names, i)]
         best = free[int(np.argmax(compared(now.log_evidence[free])))]
         if now.log_evidence[best] < LEAST_EVIDENCE or now.p()[best] > limit:
             break
-        names = merged(case.suspects, (*names, best))
+        names = merged(task.suspects, (*names, best))
     return names
