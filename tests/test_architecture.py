@@ -456,12 +456,23 @@ def test_a_module_that_a_text_names_exists():
         f"{path.relative_to(PACKAGE)}: {room}.{name}"
         for path in sorted(PACKAGE.rglob("*.py"))
         for room, name in re.findall(r"`([a-z]+)\.([a-z_]+)(?:[.:]\w+)?`", path.read_text("utf-8"))
-        if room in folders and name != "toml"
+        if room in folders and name not in ("toml", "py")
         if not {f"{room}.{name}"} & KNOWN and not (folders[room] / name).is_dir()
         if name not in names_of(folders[room] / "__init__.py")
     ]
 
     assert not missing
+
+
+def test_a_file_that_a_first_page_names_exists():
+    """In its room, or at its path from the top."""
+    pages = [(path.parent, path.read_text("utf-8")) for path in PACKAGE.rglob("__init__.py")]
+    named = [(at, one) for at, page in pages for one in re.findall(r"`([a-z_/]+\.py)`", page)]
+    tops = (PACKAGE, PACKAGE.parent)
+    lost = [one for at, one in named if not any((up / one).is_file() for up in (at, *tops))]
+
+    assert len(named) > 30
+    assert lost == []
 
 
 def test_a_class_of_the_core_has_its_name_alone():
