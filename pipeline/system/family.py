@@ -43,7 +43,7 @@ FAILED_LOCKS = 0.013
 a published stationary series of an absolute tracker 13 are farther off, and these are failed locks.
 Student's with 3 degrees of freedom gives 0.8 %, bursts five times as wide 0.8 %."""
 
-_LAWS = 1 + len(FREEDOM) + len(BURSTS)
+_FAMILIES = 1 + len(FREEDOM) + len(BURSTS)
 """Number of families: the stated one, Student's and bursts, in this order."""
 
 _OTHER = 0.0045
@@ -123,7 +123,7 @@ class Family(Locked):
     paper: bool
     profile: Array = field(default_factory=lambda: np.zeros(len(_WIDTHS)))
     widest: float = 1.0
-    reach: Array = field(default_factory=lambda: np.tile(np.eye(len(_REACH))[-1], (_LAWS, 1)))
+    reach: Array = field(default_factory=lambda: np.tile(np.eye(len(_REACH))[-1], (_FAMILIES, 1)))
 
     @property
     def heavy(self) -> float:
@@ -168,7 +168,7 @@ class Family(Locked):
     @classmethod
     def stated(cls, paper: bool = False) -> Family:
         """The stated family with certainty."""
-        none = np.zeros(_LAWS)
+        none = np.zeros(_FAMILIES)
         usual = float(np.exp(np.mean(np.log(_MISTAKES))))
         return cls(np.append(1.0, none[1:]), none, none + usual, 1.0, paper)
 
@@ -272,7 +272,7 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
     logs = special.logsumexp(each, axis=(0, 1)) - np.log(len(_MISTAKES))  # (f, scales)
     best = logs.max(axis=1)
     free = special.logsumexp(logs, axis=1) - np.log(len(_WIDTHS))
-    before = np.append(1 - (_LAWS - 1) * _OTHER, np.full(_LAWS - 1, _OTHER))
+    before = np.append(1 - (_FAMILIES - 1) * _OTHER, np.full(_FAMILIES - 1, _OTHER))
     weight = special.softmax(free + np.log(before))
     scale = _WIDTHS[logs.argmax(axis=1)]
     student = best[1 : 1 + len(FREEDOM)]
@@ -289,7 +289,7 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
 @cache
 def _tried(paper: bool) -> Array:
     """`_bulks` at every scale, shape (f, widths, K)."""
-    return np.stack([_bulks(np.full(_LAWS, scale), paper) for scale in _WIDTHS], axis=1)
+    return np.stack([_bulks(np.full(_FAMILIES, scale), paper) for scale in _WIDTHS], axis=1)
 
 
 def _bulks(log_scale: Array, paper: bool) -> Array:
@@ -344,7 +344,7 @@ def _odd(seen: Array) -> Iterator[Array]:
     """For each of `_REACH`: likelihood of every reading as a mistake, shape (f, scales, n)."""
     summed = np.vstack([np.zeros(len(seen)), np.cumsum(seen.T, axis=0)])
     start = np.array(
-        [np.searchsorted(_GRID + 0.5 * _STEP, _least(np.full(_LAWS, s))) for s in _WIDTHS]
+        [np.searchsorted(_GRID + 0.5 * _STEP, _least(np.full(_FAMILIES, s))) for s in _WIDTHS]
     ).T
     for reach in _REACH:
         end = np.minimum(start + round(reach / _STEP), len(_GRID))
