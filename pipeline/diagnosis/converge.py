@@ -80,7 +80,7 @@ def _ended(case: Case, files: Screened, held: Screened, given: Fitted, step: Ste
     """The state that no single move changes, from some mistakes on."""
     ends: list[_Converged] = []
     for _ in range(_ROUNDS):
-        ends.append(_stand(held, given, step))
+        ends.append(_noise_and_causes(held, given, step))
         moved = step(_screened)(case, files, ends[-1])
         if moved.key == held.key:
             return replace(ends[-1], screened=moved)
@@ -139,7 +139,7 @@ def _bounded(end: _Converged) -> _Converged:
     return replace(end, diagnosis=replace(said, facts=replace(said.facts, bounds=kept)))
 
 
-def _stand(held: Screened, given: Fitted, step: Step) -> _Converged:
+def _noise_and_causes(held: Screened, given: Fitted, step: Step) -> _Converged:
     """Noise and causes, given some mistakes."""
     right = step(fit)(held.case, bring(held.case)) if held.findings else given
     where = place_of_interest(held.case.settings.test_pose, right.case.robot, right.data.pulls)

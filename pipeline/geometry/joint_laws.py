@@ -24,9 +24,8 @@ _HALF = 0.5
 """Minimum fraction of a curve's variance over the poses that one wave must explain to replace
 it [1]."""
 
-_MOST_LAWS, _REFUSED = 18, 2
-"""Maximum numbers of laws that are adopted, and that are refused, in addition to the curves: three
-waves of each of six joints."""
+_REFUSED = 2
+"""Maximum number of laws that are refused, in addition to the curves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +211,7 @@ def _of_all_else(
     p: dict[_Key, float] = {}
     free = [one for one in others if not any(_alike(one, law) for law in found.mechanism.laws)]
     adopted = refused = 0
-    while adopted < _MOST_LAWS and refused < _REFUSED:
+    while adopted < law_tests.MOST_LAWS and refused < _REFUSED:
         left = law_tests.law_tests(found, signs, free)
         if not left or left[0].p >= alarms.LAW or left[0].law is None:
             break

@@ -343,7 +343,7 @@ def _without_laws(here: _LawScore, every: Sequence[_JointLaws]) -> Array:
     Braak, in Bootstrapping and Related Techniques, 1992).
     """
     left = here.left
-    for _ in range(_MOST_LAWS if every else 0):
+    for _ in range(MOST_LAWS if every else 0):
         T = [one.explained(here.projected(left, one.joint))[:, 0] for one in every]
         p = [_by_chi_square(every, one, t.max()) for one, t in zip(every, T, strict=True)]
         best = int(np.argmin(p))
@@ -353,8 +353,8 @@ def _without_laws(here: _LawScore, every: Sequence[_JointLaws]) -> Array:
     return left
 
 
-_MOST_LAWS = 18
-"""Maximum number of laws that copies are freed of: three of each of six joints."""
+MOST_LAWS = 18
+"""Maximum number of laws of one robot: three of each of six joints."""
 
 
 def _by_chi_square(every: Sequence[_JointLaws], one: _JointLaws, T: Array | float) -> Array:

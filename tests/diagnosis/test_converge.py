@@ -215,7 +215,9 @@ def test_ends_that_follow_each_other_for_ever_are_as_good(monkeypatch):
     made = [SimpleNamespace(key=n, findings=range(n)) for n in range(7)]
     monkeypatch.setattr(module, "files_of", lambda *_: made[0])
     monkeypatch.setattr(module, "singles_of", lambda *_: made[0])
-    monkeypatch.setattr(module, "_stand", lambda held, *_: SimpleNamespace(screened=held))
+    monkeypatch.setattr(
+        module, "_noise_and_causes", lambda held, *_: SimpleNamespace(screened=held)
+    )
     monkeypatch.setattr(module, "_screened", lambda *of: made[follows[of[-1].screened.key]])
     monkeypatch.setattr(module, "_bounded", lambda end: end)
     monkeypatch.setattr(module, "_supposed", lambda *_: ())
@@ -229,7 +231,7 @@ def test_a_mistake_is_stated_by_the_last_model(monkeypatch):
     monkeypatch.setattr(module, "files_of", lambda *_: alone)
     monkeypatch.setattr(module, "singles_of", lambda *_: alone)
     monkeypatch.setattr(
-        module, "_stand", lambda held, *_: module._Converged(held, None, None, None)
+        module, "_noise_and_causes", lambda held, *_: module._Converged(held, None, None, None)
     )
     monkeypatch.setattr(module, "_screened", lambda *_: beside)
     monkeypatch.setattr(module, "_bounded", lambda end: end)
