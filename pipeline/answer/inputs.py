@@ -125,11 +125,13 @@ def growth_findings(residuals: contract.BaseResiduals | None) -> list[str]:
     seen = f"{with_std(1e3 * grown.seen, 1e3 * grown.seen_std)} mm per metre"
     if grown.expected is None:
         sure = "> 99.9" if grown.probability > 0.999 else f"{100 * grown.probability:.3g}"
+        warm = abs(grown.seen) < _APART * grown.expected_std  # else no hall is so warm, or so cold
+        advice = "state temperature_c" if warm else "check the tracker against a reference length"
         return [
             "The base reflectors differ from [base_frame] by a common scale factor, longer by "
-            f"{seen}, as steel at {REFERENCE_C + grown.seen / STEEL:.1f} °C "
-            f"(probability {sure} %): this is corrected; state temperature_c, or measure "
-            "[base_frame] again."
+            f"{seen}, as steel {'' if warm else 'would be only '}at "
+            f"{REFERENCE_C + grown.seen / STEEL:.1f} °C (probability {sure} %): this is corrected; "
+            f"{advice}, or measure [base_frame] again."
         ]
     if abs(grown.seen - grown.expected) < _APART * np.hypot(grown.seen_std, grown.expected_std):
         return []

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -252,7 +253,8 @@ def _distance(chain: _Chain) -> _Off | None:
     Of the pulls whose far end is no anchor.
 
     (|Pl2 - Pl1| - median) / u = (a + b f) / u + e, f the force over the largest, u [m] the standard
-    uncertainty; one a for all pulls or, if an F test calls for it, one for each pose. The p-value
+    uncertainty; one a and one b for all pulls or, if F tests call for it, one a for each pose, and
+    one b: a far end that is fixed in the hall does not follow the robot as it yields. The p-value
     of t is two-sided and multiplied by the number of pulls.
     """
     at = np.flatnonzero(chain.free)
@@ -263,16 +265,21 @@ def _distance(chain: _Chain) -> _Off | None:
     force = np.nan_to_num(chain.force / np.nanmax(np.abs(chain.force), initial=1.0))[at]
     every = np.ones((len(y), 1))
     poses = np.unique(chain.pose[at])[None, :] == chain.pose[at, None]
+    own = poses * force[:, None]
     common, hung = (np.hstack([one, force[:, None]]) / std[:, None] for one in (every, poses))
-    off = _each(common, y)
+    laws = common, hung, np.hstack([poses, own]) / std[:, None]
+    off = among_all = _each(common, y)
+    for law, wider in pairwise(laws):
+        kept = np.arange(len(y)) != np.argmax(off.drop)
+        # F test of the wider law against the other
+        if Base.of(law[kept], y[kept]).beside_all(wider[kept]).p() >= _HUNG:
+            break
+        off = _each(wider, y)
     best = int(np.argmax(off.drop))
-    kept = np.arange(len(y)) != best
-    # F test of the lengths by pose against one common length
-    if Base.of(common[kept], y[kept]).beside_all(hung[kept]).p() < _HUNG:
-        among_all, off = off.drop, _each(hung, y)
+    if off is not among_all:
         level = np.flatnonzero(off.drop >= 0.998 * off.drop.max())
         # of two in one pose, the one unlike all others
-        best = int(level[np.argmax(among_all[level])])
+        best = int(level[np.argmax(among_all.drop[level])])
     variance = off.variance(1.0) if chain.stated else off.variance()
     p = len(y) * float(off.p(variance)[best])
     size_m = float(np.abs(off.size[best, 0]) * std[best])

@@ -131,7 +131,7 @@ def _shared(
     """`All of them are of pose 5.`, or of one target, and whether it did not move with the load."""
     first = rows.iloc[0]
     if columns == ["pose"]:
-        return f"All of them are of pose {first['pose']}."
+        return f"All of them are of pose {int(first['pose'])}."
     states = f"{first['state']} states of " if "state" in columns else ""
     mine = readings[(readings["target"] == first["target"]) & (readings["state"] == "unloaded")]
     zero = mine.groupby("pose")[XYZ].mean().reindex(rows["pose"]).to_numpy(float)

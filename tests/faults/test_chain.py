@@ -30,7 +30,17 @@ def case():
     return ingested(in_memory(files), conformed, plain, plausible=False)
 
 
-def read(rng, poses=10, steps=STEPS, sag_n=0.0, stretch_m=0.0, hung_m=0.0, back_m=0.0, softens=0.0):
+def read(
+    rng,
+    poses=10,
+    steps=STEPS,
+    sag_n=0.0,
+    stretch_m=0.0,
+    hung_m=0.0,
+    back_m=0.0,
+    softens=0.0,
+    fixed=False,
+):
     """A campaign of chains in a room: anchor, load point that gives way, links between them.
 
     Args:
@@ -42,6 +52,8 @@ def read(rng, poses=10, steps=STEPS, sag_n=0.0, stretch_m=0.0, hung_m=0.0, back_
         hung_m: How much the distance differs from pose to pose, standard deviation.
         back_m: How much less the load point gives way in the last pull of a pose.
         softens: How much more it gives way under 3 kN than in proportion to the force [1].
+        fixed: Whether the far end stays where it is, as at an anchor, however far the near one
+            comes.
     """
     rows, loads = [], []
     hung = 0.6 + hung_m * rng.standard_normal(poses)
@@ -57,6 +69,8 @@ def read(rng, poses=10, steps=STEPS, sag_n=0.0, stretch_m=0.0, hung_m=0.0, back_
             droop = sag_n / (4 * force) * np.cross(u, [0.6, 0.8, 0.0])
             length = hung[pose] + stretch_m * force / 3000
             ends = np.array([at + 0.15 * (u + droop), at + (0.15 + length) * _unit(u + droop)])
+            if fixed:
+                ends[1] = load + (0.15 + hung[pose]) * _unit(anchor - load)
             ends += SIGMA_M * rng.standard_normal((2, 3))
             group = f"pose{pose + 1:02d}_rep{k + 1}_loaded"
             loads.append((pose + 1, k + 1, force + 2 * rng.standard_normal()))
@@ -95,6 +109,8 @@ CHAINS = [
     {"steps": (3000.0,), "poses": 30},
     {"back_m": 5e-4, "sag_n": 30.0},
     {"steps": (900.0, 1900.0, 3000.0, 1900.0), "softens": 2.0},
+    {"fixed": True},
+    {"fixed": True, "hung_m": 5e-2, "steps": (1500.0, 3000.0)},
 ]
 
 
@@ -106,8 +122,16 @@ def test_a_good_chain_is_not_accused(chain):
 
 
 @pytest.mark.parametrize("end", ["Pl1", "Pl2"])
-@pytest.mark.parametrize("chain", [{}, {"hung_m": 5e-2, "stretch_m": 4e-4}])
-@pytest.mark.parametrize("along", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("chain", "along"),
+    [
+        ({}, 0.0),
+        ({}, 1.0),
+        ({"hung_m": 5e-2, "stretch_m": 4e-4}, 0.0),
+        ({"hung_m": 5e-2, "stretch_m": 4e-4}, 1.0),
+        ({"fixed": True}, 1.0),
+    ],
+)
 def test_a_bad_reading_of_the_chain_is_named(end, chain, along):
     """One end is off by 1 mm, along the chain or across it."""
     given = read(np.random.default_rng(5), **chain)

@@ -44,7 +44,7 @@ def test_of_many_the_first_three_others_are_said():
 
 
 def readings():
-    """Three targets in eight poses, each unloaded and under two loads; P3 never moves."""
+    """Targets in eight poses, unloaded and under two loads, P3 never moves; and one of the base."""
     made = []
     for pose in range(1, 9):
         for repeat in range(3):
@@ -52,6 +52,7 @@ def readings():
                 at = np.array([pose, k, 0.0]) + 3e-3 * repeat * (target != "P3")
                 state = "loaded" if repeat else "unloaded"
                 made.append((pose, state, target, *at, "tracker.csv", len(made) + 2))
+    made.append((np.nan, "unloaded", "B1", *np.zeros(3), "tracker.csv", len(made) + 2))
     names = ["pose", "state", "target", "x_m", "y_m", "z_m", "file", "line"]
     return pd.DataFrame(made, columns=names)
 
