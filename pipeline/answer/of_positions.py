@@ -11,7 +11,6 @@ from pipeline import tables
 from pipeline.answer import positions
 from pipeline.answer.contract import Answer
 from pipeline.answer.positions import PositionsResults
-from pipeline.answer.posture import standing_posture
 from pipeline.answer.results import CampaignAnswer
 from pipeline.base import doors
 from pipeline.base.arrays import Array
@@ -76,7 +75,6 @@ def conclude(results: PositionsResults, keep: Keep, step: Step) -> CampaignAnswe
     shown = {
         "rejected": results.rejected,
         **(pictured(found, keep, step) if pictured else {}),
-        "posture": keep("73_posture", _posture(found), tables.POSTURE),
     }
     model = _model(results.campaign, found.final, given)
     return CampaignAnswer(given, shown, model, model_file(results))
@@ -111,14 +109,6 @@ def _studied(raw: Raw, read: Positioned, step: Step) -> Study:
         raw.robot.roughness,
         np.random.default_rng(_SEED),
     )
-
-
-def _posture(found: Study) -> pd.DataFrame:
-    """The robot at the first pose, for the picture on the certificate."""
-    mechanism, readings = found.final.mechanism, found.final.readings
-    points = mechanism.tool[:, :3, 3]
-    tool = Tool(points[0], np.array(readings.targets, dtype=object), points)
-    return standing_posture(mechanism.robot, tool, readings.q[0])
 
 
 def _rejected(read: Positioned, off: Sequence[Mistake]) -> pd.DataFrame:

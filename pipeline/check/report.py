@@ -9,21 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.answer.contradictions import overload_entry, overloaded
-from pipeline.answer.inputs import (
-    growth_findings,
-    limit_findings,
-    registration_entry,
-    rejected_entries,
-    shot_findings,
-    treated_findings,
-)
+from pipeline.answer.inputs import registration_entry, rejected_entries
 from pipeline.app.outcome import Outcome, sentences
 from pipeline.base.doors import opened as behind
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain as in_digits
 from pipeline.base.shown import typed
 from pipeline.base.toml import line_of, quoted
+from pipeline.check.contradictions import overload_entry, overloaded
+from pipeline.check.findings import growth_findings, limit_findings, shot_findings, treated_findings
 from pipeline.check.of_positions import of_positions
 from pipeline.check.proven import proven
 from pipeline.check.survey import (
