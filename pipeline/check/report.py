@@ -37,7 +37,6 @@ from pipeline.machine.robot.axes import in_log_units
 from pipeline.prediction.path import Path, against_pulls
 from pipeline.prediction.tolerance import path_of
 from pipeline.readers import _log_table, opened_as_text
-from pipeline.readers._log_form import opened
 from pipeline.readers.export_settings import LogForm
 from pipeline.readers.logs import POSE, POSE_REPEAT, REMARK, REPEAT, has_joints, has_load
 from pipeline.readers.pose_names import shown
@@ -501,7 +500,7 @@ def _remarks_of(name: str, data: bytes, stated: LogForm, robot: Robot | None = N
     """
     holds = has_load if robot is None else partial(has_joints, robot)
     section = "scale" if robot is None else "joints"
-    file = opened(name, data, stated, section, POSE.stem, holds)
+    file = _log_table.opened(name, data, stated, section, POSE.stem, holds)
     carried = robot is None and "group" not in file.titles
     needed = POSE_REPEAT.stem not in file.titles
     pose = replace(POSE, filled=False, carried=carried, needed=needed)
