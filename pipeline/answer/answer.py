@@ -18,13 +18,11 @@ from pipeline.answer.geometry import (
 from pipeline.answer.inputs import (
     assumptions,
     identity_entry,
-    input_entries,
-    instrument_entry,
     measured_on,
+    of_campaign,
     payload_entries,
     registration_entry,
     rejected_entries,
-    unit_entry,
 )
 from pipeline.answer.pose_budget import pose_budget
 from pipeline.answer.recommended import ModelValues
@@ -41,7 +39,6 @@ from pipeline.base import doors
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.days import days
 from pipeline.reduction.register import timed
-from pipeline.store.campaign import versions
 
 _AGAINST = "pipeline.check.contradictions:against_stated"
 _FINDINGS = "pipeline.check.findings:findings"
@@ -63,25 +60,15 @@ def answer(found: CampaignResults) -> Answer:
     parts = pose_budget(found.told.values, found.told.model, where.q, where.force, found.judged.at)
     pose = pose_entry(raw.robot, where, found.judged).model_copy(update={"budget": parts})
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
-    effective = (
-        stiffness_entries(found.right.case.cell, found.effective.hypotheses)
-        if found.mistakes
-        else ()
-    )
+    effective = _effective(found)
     told_first = FirstScreen(
         *(values, springs, effective or springs.stiffness, together, diagnosis, pose, tolerance),
         against_stated.sentences,
     )
     lines = first_screen(found, told_first)
     whole = Answer(
-        format=1,
-        campaign=found.campaign,
-        name=raw.settings.name,
-        robot=raw.robot.name,
-        simulated=raw.settings.simulated,
+        **of_campaign(found.campaign, raw, given.case.settings, lines),
         measured=measured_on(raw.settings, given.reduced.shown["readings"]),
-        verdict_sentence=tuple(line.text for line in lines),
-        first_screen=lines,
         recommended=_recommended(found),
         **dict(values),
         combinations=together,
@@ -102,8 +89,6 @@ def answer(found: CampaignResults) -> Answer:
         reliability=found.control.least if found.control else (),
         influence=found.control.most if found.control else (),
         payloads=payload_entries(given.case),
-        instrument=instrument_entry(given.case.settings),
-        robot_unit=unit_entry(given.case.settings),
         overload=against_stated.overload,
         geometry=(table := estimated_table(stood)),
         geometry_combinations=estimated_combinations(stood, table),
@@ -113,13 +98,18 @@ def answer(found: CampaignResults) -> Answer:
             priors=tuple(sorted(raw.settings.priors)),
         ),
         assumptions=tuple(assumptions(raw, where, timed(given.case.readings))),
-        inputs=input_entries(raw),
-        versions=versions(),
     )
     if findings is None:
         return whole
     said = tuple(findings(found, whole, against_stated.sentences))
     return whole.model_copy(update={"findings": said})
+
+
+def _effective(found: CampaignResults) -> tuple[contract.Stiffness, ...]:
+    """Joint springs from the corrected data; empty without mistakes."""
+    if not found.mistakes:
+        return ()
+    return stiffness_entries(found.right.case.cell, found.effective.hypotheses)
 
 
 def _recommended(found: CampaignResults) -> contract.Recommended:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from datetime import date
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy import special
 
 from pipeline.answer import contract
-from pipeline.answer.contract import Input, Rejected
+from pipeline.answer.contract import Input, Line, Rejected
 from pipeline.base import doors, files
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import listed
@@ -23,10 +24,36 @@ from pipeline.reduction.growth import BaseGrowth
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.reduction.register import Registration, dated
 from pipeline.reduction.settings import Instrument, Scale, Settings, UnitSettings
-from pipeline.store.campaign import Raw
+from pipeline.store.campaign import Raw, versions
 
 _WEIGHED = "pipeline.check.torques:weighed"
 """Door of the check: payloads as the joint torques have them."""
+
+
+def of_campaign(
+    campaign: str, raw: Raw, settings: Settings, lines: tuple[Line, ...]
+) -> dict[str, Any]:
+    """What every answer says of its campaign, files and machine, whatever was measured.
+
+    Args:
+        campaign: Name of its folder.
+        raw: Its files.
+        settings: campaign.toml, as the readings were used.
+        lines: The first screen.
+    """
+    return {
+        "format": 1,
+        "campaign": campaign,
+        "name": raw.settings.name,
+        "robot": raw.robot.name,
+        "simulated": raw.settings.simulated,
+        "verdict_sentence": tuple(line.text for line in lines),
+        "first_screen": lines,
+        "instrument": _instrument_entry(settings),
+        "robot_unit": _unit(settings.robot_unit),
+        "inputs": _input_entries(raw),
+        "versions": versions(),
+    }
 
 
 def measured_on(settings: Settings, readings: pd.DataFrame | None) -> str | None:
@@ -61,7 +88,7 @@ def lost_told(lost: UnusedReadings) -> Iterator[str]:
     )
 
 
-def input_entries(raw: Raw) -> tuple[Input, ...]:
+def _input_entries(raw: Raw) -> tuple[Input, ...]:
     """Every file that was read, with its hash."""
     return tuple(
         Input(file=name, sha256=files.sha256(content), bytes=len(content))
@@ -108,7 +135,7 @@ def miss_m(registration: Registration) -> Array:
     return np.linalg.norm(registration.table[["dx_m", "dy_m", "dz_m"]].to_numpy(), axis=1)
 
 
-def instrument_entry(settings: Settings) -> contract.Measuring | None:
+def _instrument_entry(settings: Settings) -> contract.Measuring | None:
     """The instrument as campaign.toml has it, and what it turned out to measure.
 
     None where it says nothing, and nothing is found.
@@ -128,12 +155,8 @@ def instrument_entry(settings: Settings) -> contract.Measuring | None:
     )
 
 
-def unit_entry(settings: Settings) -> contract.Unit | None:
-    """Which machine of its type was measured; None where nothing is said."""
-    return _unit(settings.robot_unit)
-
-
 def _unit(unit: UnitSettings | Scale) -> contract.Unit | None:
+    """Which machine or scale of its type was used; None where nothing is said."""
     repairs = unit.history if isinstance(unit, UnitSettings) else ()
     if not (unit.serial or unit.certificate or unit.calibrated or repairs):
         return None

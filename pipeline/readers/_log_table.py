@@ -183,8 +183,8 @@ _TITLES = re.compile(r"[A-Za-z0-9_]+(,[A-Za-z0-9_]+)+")
 _CLOCK = re.compile(r"t(ime.*|_.*)?|zeit.*")
 _UNITS = re.compile(r"(^|,)[0-9.eE+-]+[A-Za-z]+(,|$)")
 _NUMBERS = re.compile(r"(^|,)-?[0-9]*[.0-9][0-9]+(,|$)")
-"""A row that shows by a number that it has no units; a title of times, which a recording of the
-controller has; cells with a unit behind their number."""
+"""Titles of a plain table; one of times, which a recording of the controller has; a unit behind a
+number; a number that no line of units has."""
 
 
 def _plainly(name: str, data: bytes, key: str) -> Titled | None:
@@ -195,11 +195,16 @@ def _plainly(name: str, data: bytes, key: str) -> Titled | None:
         return None
     written, row = tuple(file.line(1).split(",")), file.line(2)
     titles = tuple(title.lower() for title in written)
-    if len({*titles}) < len(titles) or key not in titles or _UNITS.search(row):
+    if len({*titles}) < len(titles) or key not in titles or not _of_numbers(row):
         return None
-    if not _NUMBERS.search(row) or ("pose" not in titles and any(map(_CLOCK.fullmatch, titles))):
+    if "pose" not in titles and any(map(_CLOCK.fullmatch, titles)):
         return None
     return Titled(file, 1, 2, ",", titles, written, ("",) * len(titles), ())
+
+
+def _of_numbers(row: str) -> bool:
+    """Whether a row has a number that no line of units has, and no unit behind one."""
+    return bool(_NUMBERS.search(row)) and not _UNITS.search(row)
 
 
 def typed(file: Titled, wanted: Sequence[Quantity], stated: LogForm, where: str | None) -> Log:
@@ -217,27 +222,25 @@ def typed(file: Titled, wanted: Sequence[Quantity], stated: LogForm, where: str 
 
 def _of_plain(file: Titled, wanted: Sequence[Quantity]) -> Log | None:
     """The columns of a plain table; None unless all are there and every row is as it should be."""
-    there = [(q, suffixed(file.titles, q)) for q in wanted]
-    if (
-        file.above
-        or file.delimiter != ","
-        or not is_plain(file.text)
-        or any(q.needed if one is None else q.units and one[1] is None for q, one in there)
-    ):
+    if file.above or file.delimiter != "," or not is_plain(file.text):
         return None
-    known = {one[0]: (q, one[1]) for q, one in there if one}
-    fields = {
-        title: Field(title, q.kind, (q.needed and q.filled) or q.carried)
-        for title, (q, _) in known.items()
-    }
-    every = tuple(fields.get(title, Field(title, "any", False)) for title in file.titles)
-    read = plain_rows(file.text, Layout(every, file.delimiter, file.first))
+    try:
+        there = [(q, *found) for q in wanted if (found := column(file.titles, q, None))]
+    except InputError:
+        return None
+    read = plain_rows(file.text, Layout(_fields(file, there), file.delimiter, file.first))
     if read is None or not len(read.line):
         return None
-    log = of_rows(file.text.name, read, [(q, title, q.units[unit] if unit else 1.0)
-                                         for title, (q, unit) in known.items()])  # fmt: skip
-    numbers = [*log.number.values()]
-    return None if numbers and np.isnan(numbers).all(axis=0).any() else log
+    log = of_rows(file.text.name, read, there)
+    return None if np.isnan([*log.number.values()]).all(axis=0).any() else log
+
+
+def _fields(file: Titled, columns: Sequence[tuple[Quantity, str, float]]) -> tuple[Field, ...]:
+    """Fields of all columns of a plain log, given the wanted ones as in `of_rows`."""
+    fields = {
+        title: Field(title, q.kind, (q.needed and q.filled) or q.carried) for q, title, _ in columns
+    }
+    return tuple(fields.get(title, Field(title, "any", False)) for title in file.titles)
 
 
 def known_columns(stated: LogForm, where: str, quantities: Sequence[Quantity]) -> None:
