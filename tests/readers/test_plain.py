@@ -122,6 +122,8 @@ def test_a_plain_log_is_read_as_the_dialects_read_it(name, alone):
         "pose,force_n\n1,700.5",
         "pose,force_n\n-,kN\n1,0.7\n",
         "pose,force\n1,700.5\n",
+        "pose,payload\n12,120kg\n",
+        "pose,payload\n1,kg\n",
     ],
 )
 def test_any_other_log_is_for_the_dialects(alone, data):
