@@ -35,14 +35,11 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     "machine/effects/unlisted.py": ("_said",),
     "design/room.py": ("unchecked",),
     "report/certificate.py": (),
-    "report/figures/certificate.py": (
+    "report/beside_nominal.py": ("SOFT", "WIDE_OPEN", "SURE", "stand"),
+    "annex/figures/certificate.py": (
         *(
-            "_SOFT",
-            "_WIDE_OPEN",
-            "_SURE",
             "_RULES",
             "_CAUSE",
-            "stand",
             "_joints",
             "_deflection",
             "_key",

@@ -42,7 +42,6 @@ from pipeline.faults.conventions import conventions
 from pipeline.faults.joint_row import contradicted
 from pipeline.faults.mistake import told_once
 from pipeline.machine.robot import Robot
-from pipeline.prediction.model import dumps
 from pipeline.prediction.tolerance import HeldOutError, judge, path_of
 from pipeline.reduction.bring import Keep, Reduced, Step, bring, conformed, plain
 from pipeline.reduction.case import Case
@@ -56,6 +55,8 @@ from pipeline.system.one_pose import as_measured
 
 _FOR_OTHERS = "pipeline.exchange.files:files"
 """Door of the exports: a workbook, and the robot for simulators."""
+_MODEL = "pipeline.library.model_file:dumps"
+"""Door of the library: the identified model as text, which it reads again."""
 _CONTROL = "pipeline.annex.reliability:control"
 """Door of the annex: how the readings check each other."""
 _LAST_RESORT = "campaign.toml"
@@ -156,10 +157,10 @@ def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
     began, dress = time.perf_counter(), appearances(campaign.root)
     found = campaign_answer(campaign.name, raw, campaign.keep, step)
     run_time_s = time.perf_counter() - began
-    for_others = doors.found(_FOR_OTHERS)
+    for_others, model_text = doors.found(_FOR_OTHERS), doors.found(_MODEL)
     answers = {
         "result.json": dump(found.answer.as_json()),
-        "model.toml": dumps(found.model).encode(),
+        **({"model.toml": model_text(found.model).encode()} if model_text else {}),
         **found.files,
         **(for_others(found.answer, found.shown, found.model) if for_others else {}),
     }

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.annex.posture import standing_posture
 from pipeline.annex.scene import MOST_POSES
 from pipeline.answer.contract import Answer
-from pipeline.answer.posture import standing_posture
 from pipeline.machine.cell import Tool
 from pipeline.machine.robot import load
 from pipeline.report.render import render

@@ -22,8 +22,8 @@ from bench.fuzz.mutation import Files
 from pipeline.answer.results import CampaignAnswer
 from pipeline.base.errors import InputError, PipelineError
 from pipeline.exchange.files import simulators
+from pipeline.library.model_file import dumps
 from pipeline.machine.robot import Robot
-from pipeline.prediction.model import dumps
 from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
 from pipeline.run import campaign_answer

@@ -8,6 +8,7 @@ import pandas as pd
 from pipeline import tables
 from pipeline.annex.diagnosis_tables import apart_table, clues_table, examined_table
 from pipeline.annex.position_tables import identified
+from pipeline.annex.posture import posture, standing_posture
 from pipeline.annex.scene import scene, scene_of_positions
 from pipeline.annex.seen_laws import laws
 from pipeline.annex.workspace import arm_in_plane, workspace
@@ -17,6 +18,7 @@ from pipeline.answer.tables import covariance_table, rows_table
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.geometry.study import Study
+from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Pulls
 from pipeline.reduction.bring import Keep, Step
 from pipeline.system.system import Estimate, System
@@ -33,6 +35,7 @@ def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
     models = models_table(right.system, right.estimate, left, nominal)
     arm = step(arm_in_plane)(right.case.cell, found.where)
     seen = step(laws)(values.first, values.fitted.data)
+    posed = step(posture)(found.told.model.hypotheses[0], found.where)
     return {
         "covariance": covariance_table(values.parameters, values.found.cov),
         "models": keep("46_models", models, tables.MODELS),
@@ -43,6 +46,7 @@ def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
         **_examined(found, keep),
         **_soft(found, keep, step),
         **_controlled(found, keep),
+        "posture": keep("73_posture", posed, tables.POSTURE),
     }
 
 
@@ -79,7 +83,19 @@ def _controlled(found: CampaignResults, keep: Keep) -> _Tables:
 
 def of_positions(found: Study, keep: Keep, step: Step) -> _Tables:
     """Tables of the figures of a campaign of positions."""
-    return {**identified(found, keep), **_kept(step(scene_of_positions)(found), keep)}
+    return {
+        **identified(found, keep),
+        **_kept(step(scene_of_positions)(found), keep),
+        "posture": keep("73_posture", _standing(found), tables.POSTURE),
+    }
+
+
+def _standing(found: Study) -> pd.DataFrame:
+    """The robot at the first pose, for the picture on the certificate."""
+    mechanism, readings = found.final.mechanism, found.final.readings
+    points = mechanism.tool[:, :3, 3]
+    tool = Tool(points[0], np.array(readings.targets, dtype=object), points)
+    return standing_posture(mechanism.robot, tool, readings.q[0])
 
 
 def _kept(made: _Tables, keep: Keep) -> _Tables:

@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.answer.posture import TOOL_RADIUS
+from pipeline.annex import bodies
+from pipeline.annex.bodies import Bodies
+from pipeline.annex.posture import TOOL_RADIUS
 from pipeline.answer.recommended import ModelValues
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import PAIRS, PLACES
 from pipeline.geometry.study import Study
-from pipeline.machine import bodies
-from pipeline.machine.bodies import Bodies
 from pipeline.machine.cell import Cell, Tool, load
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.reduction.measured import Measured

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from pipeline.annex.bodies import arm_joints, links
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
-from pipeline.machine.bodies import arm_joints, links
 from pipeline.machine.cell import Cell, jacobian, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Configuration, Robot, configure

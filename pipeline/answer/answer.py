@@ -2,70 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
 import numpy as np
 
 from pipeline.answer import contract
-from pipeline.answer.conformity import path_findings, pose_entry, tolerance_entry
+from pipeline.answer.conformity import pose_entry, tolerance_entry
 from pipeline.answer.contract import Answer
-from pipeline.answer.contradictions import (
-    along_the_beam,
-    common_factor,
-    entry_findings,
-    overload_entry,
-    overloaded,
-    overstated,
-    told_factor,
-)
 from pipeline.answer.diagnosis import best_pose, diagnosis_entry, noise_entry, placed
 from pipeline.answer.geometry import (
     estimated_combinations,
     estimated_table,
-    misshapen_findings,
     with_positions,
 )
 from pipeline.answer.inputs import (
     assumptions,
-    division_findings,
-    doubt_findings,
-    growth_findings,
     identity_entry,
-    input_entries,
-    instrument_entry,
-    limit_findings,
     measured_on,
+    of_campaign,
     payload_entries,
-    pose_findings,
     registration_entry,
-    registration_findings,
     rejected_entries,
-    rounding_findings,
-    scale_findings,
-    sheet_findings,
-    shot_findings,
-    treated_findings,
-    unit_entry,
 )
 from pipeline.answer.pose_budget import pose_budget
 from pipeline.answer.recommended import ModelValues
-from pipeline.answer.remarks import contradicted
-from pipeline.answer.results import CampaignResults
+from pipeline.answer.results import AgainstStated, CampaignResults
 from pipeline.answer.sentences import FirstScreen, first_screen, joint_to_pull
 from pipeline.answer.stiffness import (
     budget_entries,
     combination_entries,
-    combination_sentences,
     stiffness_entries,
 )
 from pipeline.answer.values import stated, values_entry
-from pipeline.answer.words import BECAUSE, enormous, hangs_on
-from pipeline.machine.effect import Observation
+from pipeline.answer.words import BECAUSE
+from pipeline.base import doors
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.days import days
 from pipeline.reduction.register import timed
-from pipeline.store.campaign import versions
+
+_AGAINST = "pipeline.check.contradictions:against_stated"
+_FINDINGS = "pipeline.check.findings:findings"
+"""Doors of the check: what contradicts what was stated, and what else is odd about the files."""
 
 
 def answer(found: CampaignResults) -> Answer:
@@ -74,8 +51,8 @@ def answer(found: CampaignResults) -> Answer:
     values, springs = values_entry(found.told, where), values_entry(found.springs, where)
     stood = found.diagnosis.facts.unloaded
     values = with_positions(values, stood)
-    factor = common_factor(raw.robot, values.stiffness)
-    stated = _stated(found, factor)
+    against, findings = doors.found(_AGAINST), doors.found(_FINDINGS)
+    against_stated = against(found, values.stiffness) if against else AgainstStated()
     together = combination_entries(found.told.values)
     diagnosis = diagnosis_entry(found)
     best = best_pose(found.diagnosis, raw.robot, joint_to_pull(found, diagnosis, values.stiffness))
@@ -83,27 +60,15 @@ def answer(found: CampaignResults) -> Answer:
     parts = pose_budget(found.told.values, found.told.model, where.q, where.force, found.judged.at)
     pose = pose_entry(raw.robot, where, found.judged).model_copy(update={"budget": parts})
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
-    effective = (
-        stiffness_entries(found.right.case.cell, found.effective.hypotheses)
-        if found.mistakes
-        else ()
-    )
+    effective = _effective(found)
     told_first = FirstScreen(
         *(values, springs, effective or springs.stiffness, together, diagnosis, pose, tolerance),
-        stated,
+        against_stated.sentences,
     )
     lines = first_screen(found, told_first)
-    carried = found.control.most if found.control else ()
-    sentences = [*_of_springs(found, values), *stated, *_of_causes(found, carried)]
     whole = Answer(
-        format=1,
-        campaign=found.campaign,
-        name=raw.settings.name,
-        robot=raw.robot.name,
-        simulated=raw.settings.simulated,
+        **of_campaign(found.campaign, raw, given.case.settings, lines),
         measured=measured_on(raw.settings, given.reduced.shown["readings"]),
-        verdict_sentence=tuple(line.text for line in lines),
-        first_screen=lines,
         recommended=_recommended(found),
         **dict(values),
         combinations=together,
@@ -122,76 +87,29 @@ def answer(found: CampaignResults) -> Answer:
         findings=(),
         registration=registration_entry(found.right.reduced.registration),
         reliability=found.control.least if found.control else (),
-        influence=carried,
+        influence=found.control.most if found.control else (),
         payloads=payload_entries(given.case),
-        instrument=instrument_entry(given.case.settings),
-        robot_unit=unit_entry(given.case.settings),
-        overload=overload_entry(raw.robot, found.right.reduced.data.pulls),
+        overload=against_stated.overload,
         geometry=(table := estimated_table(stood)),
         geometry_combinations=estimated_combinations(stood, table),
-        common_factor=factor,
+        common_factor=against_stated.factor,
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium),
             priors=tuple(sorted(raw.settings.priors)),
         ),
         assumptions=tuple(assumptions(raw, where, timed(given.case.readings))),
-        inputs=input_entries(raw),
-        versions=versions(),
     )
-    return whole.model_copy(update={"findings": tuple(_findings(found, whole, sentences))})
+    if findings is None:
+        return whole
+    said = tuple(findings(found, whole, against_stated.sentences))
+    return whole.model_copy(update={"findings": said})
 
 
-def _stated(found: CampaignResults, factor: contract.CommonFactor | None) -> list[str]:
-    """What the readings say against what was stated."""
-    text = found.raw.files["campaign.toml"].decode("utf-8", "replace")
-    return [
-        *overstated(found.raw.settings, found.right.noise),
-        *entry_findings(found.right.case, text),
-        *told_factor(factor),
-    ]
-
-
-def _of_springs(found: CampaignResults, values: contract.Values) -> Iterator[str]:
-    """What is to be known of springs and data sheets."""
-    yield from (joint.finding for joint in values.stiffness if joint.finding)
-    yield from sheet_findings(found.raw.settings)
-    yield from scale_findings(found.raw.settings)
-    yield from along_the_beam(found.raw.settings, found.right.shape.beam)
-
-
-def _of_causes(found: CampaignResults, carried: Sequence[contract.Carried]) -> Iterator[str]:
-    """Which of them is larger than any that is known, and which hangs on a single pull."""
-    yield from filter(None, map(enormous, found.diagnosis.causes))
-    of = {(effect.name, effect.where): effect for effect in found.told.values.first.effects}
-    causes = [one for one in carried if one.name is not None]
-    yield from filter(None, (hangs_on(of[str(one.name), one.where], one) for one in causes))
-
-
-def _findings(found: CampaignResults, whole: Answer, sentences: Sequence[str]) -> Iterator[str]:
-    """What else is to be known, files first.
-
-    Args:
-        found: What is known.
-        whole: The answer, all but this.
-        sentences: Of springs, sheets and causes.
-    """
-    case, fits = found.given.case, whole.registration
-    base = found.right.reduced.registration
-    yield from registration_findings(base, fits, _tracker_drifts(found))
-    yield from growth_findings(fits)
-    yield from limit_findings(case)
-    yield from rounding_findings(case)
-    yield from division_findings(case)
-    yield from doubt_findings(found.facts.bounds.doubted)
-    yield from shot_findings(case, found.given.data.pulls)
-    yield from treated_findings(case)
-    yield from pose_findings(found.one_pose)
-    yield from misshapen_findings(found.diagnosis.facts.unloaded)
-    yield from contradicted(whole.payloads)
-    yield from overloaded(whole.overload)
-    yield from path_findings(whole.tolerance, found.right.data.pulls.range_n)
-    yield from sentences
-    yield from combination_sentences(whole.combinations)
+def _effective(found: CampaignResults) -> tuple[contract.Stiffness, ...]:
+    """Joint springs from the corrected data; empty without mistakes."""
+    if not found.mistakes:
+        return ()
+    return stiffness_entries(found.right.case.cell, found.effective.hypotheses)
 
 
 def _recommended(found: CampaignResults) -> contract.Recommended:
@@ -223,12 +141,6 @@ def _day_to_day(found: CampaignResults) -> contract.DayToDay | None:
     if seen is None:
         return None
     return contract.DayToDay(poses=seen.poses, relative_std=seen.relative, p_value=seen.p_value)
-
-
-def _tracker_drifts(found: CampaignResults) -> bool:
-    """A drift of the tracker is named."""
-    effects = [cause.effect for cause in found.diagnosis.causes]
-    return any(isinstance(one, Observation) and one.instrument for one in effects)
 
 
 def _hypothesis_entries(values: ModelValues) -> tuple[contract.Weighed, ...]:

@@ -16,7 +16,6 @@ from pipeline.base.arrays import Array
 from pipeline.base.quantities import MM, plain, with_uncertainty
 from pipeline.machine.robot import Robot, axes
 from pipeline.prediction.decision import GUARD, Decision, decide
-from pipeline.prediction.path import against_pulls
 from pipeline.prediction.tolerance import JudgedTolerance, stretches
 from pipeline.reduction import settings
 from pipeline.reduction.pose_of_interest import PoseOfInterest
@@ -64,13 +63,6 @@ def tolerance_entry(
     return contract.Tolerance(
         deflection_mm=asked.deflection_mm, test_pose=here if where.stated else None, path=path
     )
-
-
-def path_findings(asked: contract.Tolerance | None, pulled: tuple[float, float]) -> list[str]:
-    """A sentence if the path's forces [N] exceed those of the pulls or are far below them."""
-    path = None if asked is None else asked.path
-    force = None if path is None else path.force_n
-    return [] if force is None else against_pulls(np.array(force), pulled)
 
 
 def _path(file: str, rows: pd.DataFrame) -> JudgedPath:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.answer import contract
-from pipeline.answer.words import listed
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Parameter
 from pipeline.base.linear import rms
@@ -134,20 +133,6 @@ def estimated_table(stood: UnloadedFacts) -> tuple[contract.TableLetter, ...]:
         entry.model_copy(update={"identifiable": entry.identifiable and letter.label not in shared})
         for entry, letter in zip(every, dh_parameters(zeros.robot), strict=True)
     )
-
-
-def misshapen_findings(stood: UnloadedFacts) -> list[str]:
-    """Sentence on unloaded poses left out because the distances of their reflectors differ."""
-    found = () if stood.cells is None else stood.cells.zeros.misshapen.tolist()
-    if not found:
-        return []
-    few = len(found) == 1
-    which = f"Pose {found[0]}" if few else f"Poses {listed([str(pose) for pose in found])}"
-    return [
-        f"{which}, measured unloaded only, {'is' if few else 'are'} left out of the estimate of "
-        "the DH parameters: the distances between the reflectors are not those of the other "
-        f"poses, so one of the readings is an outlier. Measure {'it' if few else 'them'} again."
-    ]
 
 
 def _shared(stood: UnloadedFacts) -> set[str]:

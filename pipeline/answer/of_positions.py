@@ -11,7 +11,6 @@ from pipeline import tables
 from pipeline.answer import positions
 from pipeline.answer.contract import Answer
 from pipeline.answer.positions import PositionsResults
-from pipeline.answer.posture import standing_posture
 from pipeline.answer.results import CampaignAnswer
 from pipeline.base import doors
 from pipeline.base.arrays import Array
@@ -30,7 +29,6 @@ from pipeline.geometry.mechanism import layout
 from pipeline.geometry.positioned import Positioned, as_read, usable
 from pipeline.geometry.study import Study, study
 from pipeline.machine.cell import Tool, paper_cell
-from pipeline.prediction.kinematic_model import ByPulls, dumps, kinematic_model
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 from pipeline.reduction.bring import Keep, Step
 from pipeline.store.campaign import Raw
@@ -40,6 +38,9 @@ _SEED = 20261123
 
 _MODEL = "positions.npz"
 """What `pipeline predict` reads."""
+
+_KEPT = "pipeline.library.kinematic_model:written"
+"""Door of the library: what it will read again of a model of positions."""
 
 _ANNEX = "pipeline.annex.figure_tables:of_positions"
 """Tables of the figures behind the first page."""
@@ -74,17 +75,27 @@ def conclude(results: PositionsResults, keep: Keep, step: Step) -> CampaignAnswe
     shown = {
         "rejected": results.rejected,
         **(pictured(found, keep, step) if pictured else {}),
-        "posture": keep("73_posture", _posture(found), tables.POSTURE),
     }
     model = _model(results.campaign, found.final, given)
     return CampaignAnswer(given, shown, model, model_file(results))
 
 
-def model_file(results: PositionsResults, by_pulls: ByPulls | None = None) -> dict[str, bytes]:
-    """What `pipeline predict` reads, by name."""
+def model_file(
+    results: PositionsResults, pulls: IdentifiedModel | None = None, joined: bool = False
+) -> dict[str, bytes]:
+    """What `pipeline predict` reads, by name.
+
+    Args:
+        results: What the positions say.
+        pulls: The model of the same robot estimated from pulls; None if there were none.
+        joined: Whether it was estimated jointly with the positions.
+    """
+    kept = doors.found(_KEPT)
+    if kept is None:
+        return {}
     settings = results.raw.settings
     tip = None if settings.of_positions else np.array(settings.tool["load_point"])
-    return {_MODEL: dumps(kinematic_model(results.campaign, results.found.final, tip, by_pulls))}
+    return {_MODEL: kept(results.campaign, results.found.final, tip, pulls, joined)}
 
 
 def _studied(raw: Raw, read: Positioned, step: Step) -> Study:
@@ -98,14 +109,6 @@ def _studied(raw: Raw, read: Positioned, step: Step) -> Study:
         raw.robot.roughness,
         np.random.default_rng(_SEED),
     )
-
-
-def _posture(found: Study) -> pd.DataFrame:
-    """The robot at the first pose, for the picture on the certificate."""
-    mechanism, readings = found.final.mechanism, found.final.readings
-    points = mechanism.tool[:, :3, 3]
-    tool = Tool(points[0], np.array(readings.targets, dtype=object), points)
-    return standing_posture(mechanism.robot, tool, readings.q[0])
 
 
 def _rejected(read: Positioned, off: Sequence[Mistake]) -> pd.DataFrame:

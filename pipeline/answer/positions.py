@@ -15,11 +15,9 @@ from pipeline.answer.diagnosis import cause_entry, mistake_entry, placed
 from pipeline.answer.geometry import table_combinations, table_entries
 from pipeline.answer.inputs import (
     identity_entry,
-    input_entries,
-    instrument_entry,
     measured_on,
+    of_campaign,
     rejected_entries,
-    unit_entry,
 )
 from pipeline.answer.recommended import DecisionBasis, DecisionRow, decide
 from pipeline.answer.remarks import contradicted
@@ -56,7 +54,7 @@ from pipeline.machine.effect import in_place
 from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.axes import alone
 from pipeline.machine.robot.weight import weighs
-from pipeline.store.campaign import Raw, versions
+from pipeline.store.campaign import Raw
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,14 +112,8 @@ def answer(results: PositionsResults) -> Answer:
     values, payloads = _values(last), payload_entries(last.found)
     rejected = rejected_entries(results.rejected)
     return Answer(
-        format=1,
-        campaign=results.campaign,
-        name=raw.settings.name,
-        robot=raw.robot.name,
-        simulated=raw.settings.simulated,
+        **of_campaign(results.campaign, raw, raw.settings, lines),
         measured=measured_on(raw.settings, None),
-        verdict_sentence=tuple(line.text for line in lines),
-        first_screen=lines,
         recommended=contract.Recommended(
             model=row.model,
             data=row.data,
@@ -148,8 +140,6 @@ def answer(results: PositionsResults) -> Answer:
         rejected=rejected,
         findings=(*contradicted(payloads, "positions"), *_instrument(found)),
         registration=None,
-        instrument=instrument_entry(raw.settings),
-        robot_unit=unit_entry(raw.settings),
         identity=identity_entry(
             raw.settings, None, np.arange(len(last.found.readings)), np.zeros((0, 3))
         ),
@@ -162,8 +152,6 @@ def answer(results: PositionsResults) -> Answer:
             *_ASSUMED,
             *(() if last.found.wanted.moments else (_STATED,)),
         ),
-        inputs=input_entries(raw),
-        versions=versions(),
     )
 
 

@@ -32,7 +32,6 @@ from pipeline.diagnosis.verdict import of_both, verdict
 from pipeline.geometry.with_pulls import as_estimated, beside_pulls, opened, unloaded_p_value
 from pipeline.machine.positions_estimate import called_for, laws_of_gears
 from pipeline.machine.robot.weight import weighs
-from pipeline.prediction.kinematic_model import ByPulls
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
@@ -120,7 +119,7 @@ class PositionsAndPulls:
         Args:
             pulls: What is handed over of the pulls.
         """
-        return model_file(self.said, ByPulls(pulls, self.agrees))
+        return model_file(self.said, pulls, self.agrees)
 
     def shown(self, pulls: Mapping[str, pd.DataFrame], keep: Keep) -> dict[str, pd.DataFrame]:
         """The tables of the positions, beside those of the pulls."""

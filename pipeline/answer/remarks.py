@@ -39,7 +39,7 @@ def _of(body: Body) -> str:
 def remark_sentences(joints: Iterable[Stiffness]) -> list[str]:
     """Remarks on several stiffnesses; one that applies to several alike is made once.
 
-    Remarks on joints that are determined together are left to `combinations.combination_sentences`.
+    Remarks on joints that are determined together are left to `check.findings`.
     """
     alike: dict[Any, tuple[Remark, list[Stiffness]]] = {}
     for joint in joints:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import pandas as pd
 
-from pipeline.answer.contract import Answer, Carried, Controlled
+from pipeline.answer.contract import Answer, Carried, CommonFactor, Controlled, Overload
 from pipeline.answer.recommended import DecisionRow, ModelValues, joint_springs
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
@@ -68,6 +70,20 @@ class ReadingControl:
     pulls: pd.DataFrame
     least: tuple[Controlled, ...]
     most: tuple[Carried, ...]
+
+
+class AgainstStated(NamedTuple):
+    """What the readings say against what was stated; nothing without the check.
+
+    Attributes:
+        sentences: A sentence on each contradiction.
+        factor: Common factor of all stiffnesses.
+        overload: The strongest pull, if the robot could not hold it.
+    """
+
+    sentences: Sequence[str] = ()
+    factor: CommonFactor | None = None
+    overload: Overload | None = None
 
 
 @dataclass(frozen=True, eq=False)

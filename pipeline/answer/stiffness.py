@@ -19,10 +19,8 @@ from pipeline.answer.contract import (
     Stiffness,
 )
 from pipeline.answer.recommended import ModelValues
-from pipeline.answer.words import listed
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
-from pipeline.base.quantities import bracketed
 from pipeline.diagnosis.average import (
     Dependence,
     Hypothesis,
@@ -287,13 +285,3 @@ def _needs(robot: Robot, motion: Motion) -> str:
     at, before, after = (f"{round(one, 1):g}" for one in (to, low, high))
     so_far = f"at {before} {unit}" if before == after else f"from {before} to {after} {unit}"
     return f"the same pulls in poses with {joint.name} at {at} {unit} (so far {so_far})"
-
-
-def combination_sentences(combinations: Sequence[Combination]) -> list[str]:
-    """Two sentences per combination: what is determined, and how to separate its members."""
-    return [
-        f"{listed(one.of)} cannot be distinguished: of their compliances these poses determine "
-        f"{one.formula} = {bracketed(one.value, one.std)} {one.unit}. What "
-        f"would separate them best: {one.needs}."
-        for one in combinations
-    ]

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.answer.posture import posture
 from pipeline.answer.recommended import ModelValues
 from pipeline.answer.results import CampaignResults, ReportedModel
 from pipeline.base import doors
@@ -133,10 +132,8 @@ def kept(found: CampaignResults, keep: Keep, step: Step) -> dict[str, pd.DataFra
         keep(f"41_covariance{suffix}", cov, tables.covariance(names))
     residuals = _residuals_table(system, values.first.estimate, values.left_out_m)
     checked = no_validation() if found.told.checked is None else found.told.checked
-    posed = step(posture)(found.told.model.hypotheses[0], found.where)
     pictured = doors.found(_ANNEX)
     return (pictured(found, keep, step) if pictured else {}) | {
-        "posture": keep("73_posture", posed, tables.POSTURE),
         "residuals": keep("42_residuals", residuals, tables.RESIDUALS),
         "validation": keep("60_validation", checked, tables.VALIDATION),
         **_path(found, keep),

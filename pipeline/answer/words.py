@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.answer import contract
 from pipeline.answer.amounts import roughly
-from pipeline.answer.contract import About, Carried, Combination, Reason, Stiffness, ToMeasure
+from pipeline.answer.contract import About, Combination, Reason, Stiffness, ToMeasure
 from pipeline.base.quantities import (
     common_prefix,
     p_value,
@@ -45,9 +45,6 @@ _NOTICED = 1.15
 """Remainder ratio above which what is left is more than chance, and stated [1]:
 a chi-squared a third above its expectation."""
 
-_ONE_PULL = 1.0
-"""A cause that one pull moves by more of its standard uncertainties hangs on it [1]: without that
-pull it is elsewhere than was stated (Cook, Technometrics 19, 1977)."""
 
 _RIVALS = 3
 """So many rivals of one cause are listed in a sentence."""
@@ -318,23 +315,6 @@ def _rivals(facts: Facts) -> str:
     return f"{first}The data cannot distinguish between {open_}."
 
 
-def enormous(cause: FoundCause) -> str | None:
-    """That a cause is many times its typical magnitude, and what would settle it; else None."""
-    most = cause.enormous
-    if most is None:
-        return None
-    usual, unit = most.parameter.typical, most.parameter.unit
-    factor, letter = (1.0, "") if unit == "1" else common_prefix([usual, most.value])
-    size = with_std(most.value / factor, most.std / factor)
-    shown = "" if unit == "1" else f" {prefixed(unit, letter)}"
-    return (
-        f"{capital(cause.effect.called)} is {plain(most.times_typical, 2)} times its typical "
-        f"magnitude: {most.parameter.name} = {size}{shown}, and "
-        f"{plain(usual / factor)}{shown} is typical. "
-        f"Another cause may be responsible; what would settle it: {cause.effect.needs}."
-    )
-
-
 def law_told(cause: FoundCause) -> str:
     """A law that nobody listed, with its amplitude."""
     size = cause.height
@@ -344,23 +324,6 @@ def law_told(cause: FoundCause) -> str:
     factor, letter = (1.0, "") if unit == "1" else common_prefix([size.value])
     shown = "" if unit == "1" else f" {prefixed(unit, letter)}"
     return f"{cause.effect.called}, {with_std(size.value / factor, size.std / factor)}{shown}"
-
-
-def hangs_on(cause: Effect, most: Carried) -> str | None:
-    """That a cause rests on one pull; None where it does not.
-
-    Args:
-        cause: The cause.
-        most: The pull that carries most of it.
-    """
-    if most.moves_sigmas is not None and most.moves_sigmas <= _ONE_PULL:
-        return None
-    lost = f"nothing determines {most.what}"
-    moves = f"{most.what} moves by {plain(most.moves_sigmas, 2)} of its standard uncertainties"
-    return (
-        f"{capital(cause.called)} depends on pull {most.repeat} of pose {most.pose} alone: "
-        f"without it {lost if most.moves_sigmas is None else moves}; measure that pose again."
-    )
 
 
 def _or(cause: FoundCause) -> str:

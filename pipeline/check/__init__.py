@@ -1,9 +1,11 @@
 """Outbuilding: check of a campaign - what it contains, what is wrong, what to type next.
 
 It reads a campaign as `run` does and computes no results. It names the line of campaign.toml that
-the readings contradict (`wrong_lines.py`), and reports errors that the files
-prove by themselves while the robot is still set up (`proven.py`).
+the readings contradict (`wrong_lines.py`), and reports errors that the files prove by themselves
+while the robot is still set up (`proven.py`). An answer asks it which statements the readings
+contradict (`contradictions.py`), and what else is odd about the files (`findings.py`).
 
-Door: `check.command:check`; `torques:weighed`, payloads by the joints' torques, for the answer.
+Door: `check.command:check`; for the answer `contradictions:against_stated`, `findings:findings` and
+`torques:weighed`, payloads by the joints' torques.
 Tests: `tests/check/`.
 """

@@ -9,21 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.answer.contradictions import overload_entry, overloaded
-from pipeline.answer.inputs import (
-    growth_findings,
-    limit_findings,
-    registration_entry,
-    rejected_entries,
-    shot_findings,
-    treated_findings,
-)
+from pipeline.answer.inputs import registration_entry, rejected_entries
 from pipeline.app.outcome import Outcome, sentences
 from pipeline.base.doors import opened as behind
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain as in_digits
 from pipeline.base.shown import typed
 from pipeline.base.toml import line_of, quoted
+from pipeline.check.contradictions import overload_entry, overloaded
+from pipeline.check.findings import growth_findings, limit_findings, shot_findings, treated_findings
 from pipeline.check.of_positions import of_positions
 from pipeline.check.proven import proven
 from pipeline.check.survey import (
@@ -43,7 +37,6 @@ from pipeline.machine.robot.axes import in_log_units
 from pipeline.prediction.path import Path, against_pulls
 from pipeline.prediction.tolerance import path_of
 from pipeline.readers import _log_table, opened_as_text
-from pipeline.readers._log_form import opened
 from pipeline.readers.export_settings import LogForm
 from pipeline.readers.logs import POSE, POSE_REPEAT, REMARK, REPEAT, has_joints, has_load
 from pipeline.readers.pose_names import shown
@@ -507,7 +500,7 @@ def _remarks_of(name: str, data: bytes, stated: LogForm, robot: Robot | None = N
     """
     holds = has_load if robot is None else partial(has_joints, robot)
     section = "scale" if robot is None else "joints"
-    file = opened(name, data, stated, section, POSE.stem, holds)
+    file = _log_table.opened(name, data, stated, section, POSE.stem, holds)
     carried = robot is None and "group" not in file.titles
     needed = POSE_REPEAT.stem not in file.titles
     pose = replace(POSE, filled=False, carried=carried, needed=needed)

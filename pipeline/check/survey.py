@@ -15,7 +15,7 @@ from pipeline.base.linear import rms
 from pipeline.faults.conventions import unloaded
 from pipeline.machine.cell import predict
 from pipeline.readers import logs
-from pipeline.readers._time import NO_YEAR
+from pipeline.readers._iso import NO_YEAR
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ, dated

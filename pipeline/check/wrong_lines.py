@@ -10,9 +10,9 @@ from typing import get_args
 
 import numpy as np
 
-from pipeline.answer.contradictions import contradicted, in_mm
 from pipeline.base.errors import InputError, place
 from pipeline.base.toml import line_of
+from pipeline.check.contradictions import contradicted, in_mm
 from pipeline.check.survey import distances, misshapen
 from pipeline.faults.conventions import conventions, miss
 from pipeline.faults.entries import DoubtfulEntry, wrong_entries

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.design.room import Room, room_of
-from pipeline.machine.bodies import SHORT_M
 from pipeline.machine.cell import Tool
 from pipeline.machine.robot import Robot, configure
-from pipeline.machine.robot.capsules import Capsules
+from pipeline.machine.robot.capsules import SHORT_M, Capsules
 from pipeline.machine.surroundings import Surrounded, Surroundings
 
 _THICK, _THIN = 0.10, 0.035

@@ -3,12 +3,13 @@
 Exports of trackers, recognised by distinctive marks, each with a `Reader` in a file of its own
 (docs/add-a-reader.md), which `readers` tries in addition to its own plain CSV; any other table, as
 described by [tracker.mapping] or the intake; workbooks; readings without names, identified by the
-order in which they were taken; and point lists and recordings of the robot's controller, as a table
-of joint values. Without this folder a file can be read only if its columns are ours and all of its
-rows are readings, and a chain only if its ends have reflectors.
+order in which they were taken; logs that are no plain tables, with the reasons for the rows that
+are left out; and point lists and recordings of the robot's controller, as a table of joint values.
+Without this folder a file can be read only if its columns are ours and all of its rows are whole,
+and a chain only if its ends have reflectors.
 
 Door: `DIALECTS`; `mapped.read`, `workbook.opened`, `assignment.assigned`, `anchored.with_ends`; for
-logs `of_controller`, `joined`.
+logs `_log_form.opened`, `_log_rows.typed`, `of_controller`, `joined`.
 Tests: `tests/readers/`, `tests/dialects/`.
 """
 

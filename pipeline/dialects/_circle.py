@@ -9,8 +9,8 @@ import numpy as np
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
 from pipeline.dialects._coordinates import PACKED, angular, plain_angles
-from pipeline.readers._cells import shortened
 from pipeline.readers._reader import Meaning
+from pipeline.readers._text import shortened
 
 FULL = {"gon": 400.0, "deg": 360.0, "rad": 2.0 * np.pi, PACKED: 360.0}
 """Full circle in each unit of angle."""

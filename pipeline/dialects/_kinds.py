@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, listed
-from pipeline.readers._cells import shortened
+from pipeline.readers._text import shortened
 
 NEAR = 0.01
 """Displacement relative to distance up to which two positions count as the same place [1]; loads

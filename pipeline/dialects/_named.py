@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from importlib import resources
 
 from pipeline.base.errors import InputError
-from pipeline.readers._cells import IN_BRACKETS, bare, shortened
+from pipeline.dialects._cells import IN_BRACKETS, bare
 from pipeline.readers._layout import delimiter_of
-from pipeline.readers._text import Text
+from pipeline.readers._text import Text, shortened
 from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _UNIT_WORDS = UNIT_WORDS | ANGLE_WORDS

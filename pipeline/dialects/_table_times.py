@@ -10,11 +10,12 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline.base.errors import InputError
+from pipeline.dialects import _time
+from pipeline.dialects._cells import cells_or_none, is_plain
 from pipeline.dialects._named import FOREIGN, Header, Named
-from pipeline.readers import _time
-from pipeline.readers._cells import cells_or_none, is_plain, shortened
+from pipeline.readers._iso import ISO
 from pipeline.readers._layout import TypedRows
-from pipeline.readers._text import Text
+from pipeline.readers._text import Text, shortened
 
 SEARCHED = 1000
 """Number of rows searched for the first one with a time [1]; if there is none, ISO 8601 is
@@ -37,8 +38,8 @@ def form_of_times(text: Text, header: Header, comment: str | None) -> str:
     rows = sample(text, header, comment)
     if not header.has("time"):
         _no_times_elsewhere(next(rows, []), header)
-        return _time.ISO
-    return form_of([_moment(cells, header) for cells in rows], header.columns) or _time.ISO
+        return ISO
+    return form_of([_moment(cells, header) for cells in rows], header.columns) or ISO
 
 
 def form_of(moments: Sequence[str], titles: Sequence[Named]) -> str | None:

@@ -13,6 +13,7 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
 from pipeline.dialects import _kinds
 from pipeline.dialects._blocks import filled_down
+from pipeline.dialects._cells import above, cells_or_none, is_remark
 from pipeline.dialects._circle import within_a_circle
 from pipeline.dialects._coordinates import (
     ANGULAR,
@@ -24,6 +25,7 @@ from pipeline.dialects._coordinates import (
     settled_unit,
     uncertainties,
 )
+from pipeline.dialects._delimited import rows
 from pipeline.dialects._export import EXPANDED, RMS, STANDARD, USUAL_FACTORS, diagonal, export
 from pipeline.dialects._named import (
     COVARIANCE,
@@ -37,11 +39,9 @@ from pipeline.dialects._named import (
 )
 from pipeline.dialects._table_times import SEARCHED, dated, form_of_times, sample, trusted_times
 from pipeline.dialects._titles import horizontal, name_a_place, no_level_range
-from pipeline.readers._cells import above, cells_or_none, is_remark, shortened
-from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, TypedRows
 from pipeline.readers._reader import Export, Meaning
-from pipeline.readers._text import Text
+from pipeline.readers._text import Text, shortened
 from pipeline.readers._units import UNIT_WORDS
 from pipeline.readers.export_settings import ExportSettings
 

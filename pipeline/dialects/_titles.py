@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from pipeline.base.errors import InputError
+from pipeline.dialects._cells import IN_BRACKETS
 from pipeline.dialects._coordinates import AXES, VERTICALS
 from pipeline.dialects._named import DEVIATION, FOREIGN, Named, in_context, named
-from pipeline.readers._cells import IN_BRACKETS, shortened
+from pipeline.readers._text import shortened
 from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")

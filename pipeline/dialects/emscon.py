@@ -13,11 +13,10 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, at, listed
 from pipeline.dialects._coordinates import Angles, raw, settled, settled_angles, settled_unit
+from pipeline.dialects._delimited import rows
 from pipeline.dialects._export import A_PRIORI, STANDARD, export
-from pipeline.readers._cells import text_of
-from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Layout, TypedRows
-from pipeline.readers._reader import Export, Meaning, OutgoingReadings, Reader
+from pipeline.readers._reader import Export, Meaning, OutgoingReadings, Reader, text_of
 from pipeline.readers._text import Text
 from pipeline.readers.export_settings import ExportSettings
 

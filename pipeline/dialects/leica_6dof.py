@@ -14,8 +14,7 @@ from pipeline.dialects import _named, _tables, titled
 from pipeline.dialects._coordinates import raw
 from pipeline.dialects._export import EXPANDED, USUAL_FACTORS
 from pipeline.dialects.tracker_pilot import expanded
-from pipeline.readers._cells import text_of
-from pipeline.readers._reader import Export, Meaning, OutgoingReadings, Reader, written
+from pipeline.readers._reader import Export, Meaning, OutgoingReadings, Reader, text_of, written
 from pipeline.readers._text import Text
 from pipeline.readers.export_settings import ExportSettings
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from pipeline.base.errors import InputError, at
 from pipeline.dialects import _named, _tables, table, titled
+from pipeline.dialects._cells import cells_or_none, is_number, is_plain, is_remark
 from pipeline.dialects._circle import within_a_circle
 from pipeline.dialects._coordinates import (
     AXES,
@@ -27,12 +28,11 @@ from pipeline.dialects._coordinates import (
     settled_angles,
     settled_unit,
 )
+from pipeline.dialects._delimited import rows
 from pipeline.dialects._export import export
 from pipeline.dialects._named import Header, Named
 from pipeline.dialects._table_times import form_of
-from pipeline.readers import _time
-from pipeline.readers._cells import cells_or_none, is_number, is_plain, is_remark
-from pipeline.readers._delimited import rows
+from pipeline.readers._iso import ISO
 from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, TypedRows
 from pipeline.readers._reader import Export, Meaning, OutgoingReadings, Reader, written
 from pipeline.readers._text import SAMPLE_LINES, Text
@@ -165,7 +165,7 @@ def _rest(
     cells: Sequence[Sequence[str]], titles: Sequence[Named], first: int
 ) -> tuple[tuple[Named, ...], str]:
     """Columns from `first` on, and the format of times, which are recognised by it."""
-    out, form = [], _time.ISO
+    out, form = [], ISO
     for place, column in enumerate(zip(*cells, strict=True)):
         named = titles[first + place] if titles else Named(f"field {place + 1} behind Z", "", None)
         found = form_of(column, titles)

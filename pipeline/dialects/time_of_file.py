@@ -13,7 +13,8 @@ from datetime import datetime
 
 import pyarrow as pa
 
-from pipeline.readers import _time
+from pipeline.dialects import _time
+from pipeline.readers._iso import NO_YEAR
 from pipeline.readers._reader import Export
 from pipeline.readers._text import Text
 
@@ -43,7 +44,7 @@ def above(text: Text, first: int) -> tuple[str, datetime] | None:
     ways = {form, form.replace("%m/%d", "%d/%m")}
     days = {_time.moments(pa.array([one]), way)[0][0].as_py() for way in ways} - {None}
     day = days.pop()
-    return one, day.replace(year=_time.NO_YEAR, month=1, day=1) if days else day
+    return one, day.replace(year=NO_YEAR, month=1, day=1) if days else day
 
 
 def dated(export: Export, text: Text) -> Export:

@@ -17,8 +17,8 @@ import pyarrow as pa
 
 from pipeline.base.arrays import Ints
 from pipeline.dialects.time_of_file import believed
+from pipeline.readers._iso import NO_YEAR
 from pipeline.readers._reader import Export
-from pipeline.readers._time import NO_YEAR
 
 _DAY = 86_400_000_000
 """A day [us]."""

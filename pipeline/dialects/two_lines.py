@@ -6,8 +6,14 @@ import re
 from collections.abc import Sequence
 from itertools import pairwise
 
-from pipeline.readers._cells import from_above, is_number
-from pipeline.readers._log_form import BELOW, with_unit
+from pipeline.dialects._cells import IN_BRACKETS, from_above, is_number
+
+ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
+"""Synonyms of units: a scale in kilograms shows kilogram-force."""
+UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "in", "deg", "rad", "nm", "knm"}
+"""Units that, in the brackets of a title, can contradict the name assigned to the column."""
+BELOW = {*UNITS, *ALIKE, "degrees", "grad", "kp", ""}
+"""Words that may appear in a line of units below the titles."""
 
 
 def titles(first: list[str], below: list[str]) -> tuple[list[str], int]:
@@ -49,3 +55,14 @@ def _in_two_lines(titles: Sequence[str], below: Sequence[str]) -> list[tuple[str
         return []
     both = zip(titles, heads, below, strict=True)
     return [(head, own) if own not in ("", title) else (title, "") for title, head, own in both]
+
+
+def with_unit(title: str, unit: str) -> str:
+    """A title with the unit of its column appended, if it has none itself."""
+    return f"{title} [{unit}]" if unit and not parted(title)[1] else title
+
+
+def parted(title: str) -> tuple[str, str]:
+    """Split a title into its text and the unit in brackets at its end."""
+    unit = next((one for one in IN_BRACKETS.finditer(title) if one.end() == len(title)), None)
+    return (title[: unit.start()], unit[1]) if unit else (title, "")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.dialects import _named, table
-from pipeline.readers._cells import cells_or_none, is_number
+from pipeline.dialects._cells import cells_or_none, is_number
 from pipeline.readers._layout import JOINT
 from pipeline.readers._reader import Export, OutgoingReadings, Reader, written
 from pipeline.readers._text import Text

@@ -34,9 +34,10 @@ from pipeline.geometry.mechanism import (
 from pipeline.geometry.yielding import by_weight_alone, usual
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Elastic
-from pipeline.machine.positions_estimate import PositionsEstimate, StatedTool, soften
+from pipeline.machine.positions_estimate import PositionsEstimate, soften
 from pipeline.machine.robot import configure
 from pipeline.machine.robot.weight import carried, work
+from pipeline.machine.stated_tool import StatedTool
 from pipeline.reduction.bring import bring
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured

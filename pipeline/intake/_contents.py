@@ -11,10 +11,10 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base.arrays import Array
+from pipeline.dialects import _time
+from pipeline.dialects._cells import bare_number, is_number
+from pipeline.dialects._delimited import decimal_mark
 from pipeline.intake._sheet import Sheet
-from pipeline.readers import _time
-from pipeline.readers._cells import bare_number, is_number
-from pipeline.readers._delimited import decimal_mark
 
 _MOST = 0.8
 """Minimum fraction of the filled cells that determine the kind of a column [1]; the others are

@@ -10,11 +10,11 @@ from posixpath import basename, splitext
 from pipeline.base.doors import found
 from pipeline.base.errors import InputError, listed
 from pipeline.base.shown import typed
+from pipeline.dialects._log_form import headers
 from pipeline.dialects._titles import name_a_place, titled
 from pipeline.dialects.workbook import sheets
 from pipeline.intake import _log_words
 from pipeline.intake._sheet import sheet
-from pipeline.readers._log_form import headers
 from pipeline.readers._text import Text, is_workbook, text
 from pipeline.readers.logs import SCALE
 

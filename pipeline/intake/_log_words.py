@@ -13,8 +13,8 @@ from importlib import resources
 from operator import itemgetter
 from unicodedata import combining, normalize
 
+from pipeline.dialects._cells import IN_BRACKETS, from_above, is_number
 from pipeline.dialects._titles import titled, triples
-from pipeline.readers._cells import IN_BRACKETS, from_above, is_number
 from pipeline.readers.logs import SI, pose_and_repeat
 
 SampledCells = Callable[[], Mapping[str, Sequence[str]]]

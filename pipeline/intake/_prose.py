@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from pipeline.base.doors import found
 from pipeline.base.errors import InputError
-from pipeline.readers._cells import MARKS, is_number, is_plain
+from pipeline.dialects._cells import MARKS, is_number, is_plain
 from pipeline.readers._text import is_workbook, text
 
 PROSE = "it is text for people, not a table; what it says of the campaign is to be typed in"

@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from pipeline.base.errors import InputError
+from pipeline.dialects._cells import is_number
 from pipeline.machine.robot import Robot
 from pipeline.readers import logs
-from pipeline.readers._cells import is_number
 from pipeline.readers._text import text as decoded
 from pipeline.readers.export_settings import JointForm, LogForm
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
+from pipeline.dialects._cells import is_number
 from pipeline.dialects._coordinates import AXES, VERTICALS, ZEROS
 from pipeline.dialects._named import COVARIANCE
 from pipeline.dialects._titles import (
@@ -31,7 +32,6 @@ from pipeline.intake._contents import Content
 from pipeline.intake._log_words import force_unit
 from pipeline.intake._polar import Polar
 from pipeline.intake._sheet import Sheet, cells_of
-from pipeline.readers._cells import is_number
 from pipeline.readers._layout import JOINT
 from pipeline.readers._units import ANGLE_WORDS
 from pipeline.readers.logs import SCALE

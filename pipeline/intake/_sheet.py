@@ -13,10 +13,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.base.errors import InputError
+from pipeline.dialects._cells import MARKS, bare, cells_or_none, is_number, is_plain, is_remark
 from pipeline.dialects._coordinates import KIND_WORDS
 from pipeline.dialects._named import FOREIGN, UNIT_LINE, WORD, said_units
 from pipeline.dialects._titles import name_a_place, titled
-from pipeline.readers._cells import MARKS, bare, cells_or_none, is_number, is_plain, is_remark
 from pipeline.readers._text import Text
 from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 

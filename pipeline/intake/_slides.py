@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pipeline.base.errors import InputError
+from pipeline.dialects._cells import is_number
 from pipeline.intake import _log_words, log_columns
 from pipeline.intake.which_logs import LogFiles, propose_logs
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.mdh import parse
-from pipeline.readers._cells import is_number
 from pipeline.readers.export_settings import LogForm
 from pipeline.readers.logs import LENGTH
 

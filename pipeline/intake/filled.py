@@ -17,8 +17,8 @@ from pydantic import TypeAdapter, ValidationError
 from pipeline.base.errors import InputError
 from pipeline.base.shown import printable
 from pipeline.base.strict import Temperature
+from pipeline.dialects._cells import cells_or_none
 from pipeline.intake.blank import KnownData
-from pipeline.readers._cells import cells_or_none
 from pipeline.readers._text import is_workbook, opened
 from pipeline.readers.logs import FORCE, LENGTH
 from pipeline.reduction.settings import HALL_M, REACH_M

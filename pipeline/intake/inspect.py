@@ -13,12 +13,13 @@ from pipeline import tables
 from pipeline.base.quantities import plain
 from pipeline.base.shown import in_toml
 from pipeline.dialects._coordinates import angles
+from pipeline.dialects._time import shown
 from pipeline.intake._separators import separators
 from pipeline.intake.by_reflectors import rounds
 from pipeline.intake.offer import Offer, offer
 from pipeline.readers import TABLE, Export, ExportSettings, read
+from pipeline.readers._iso import NO_YEAR
 from pipeline.readers._reader import split
-from pipeline.readers._time import NO_YEAR, shown
 from pipeline.readers.export_settings import ROLES
 
 _MOST_TARGETS = 50

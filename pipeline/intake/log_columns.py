@@ -10,13 +10,13 @@ import pyarrow as pa
 from pydantic import ValidationError
 
 from pipeline.base.errors import InputError, at
+from pipeline.dialects._cells import cells_or_none, is_number
+from pipeline.dialects._delimited import rows
+from pipeline.dialects._log_form import LogHeader, as_text, headers, opened
 from pipeline.intake import _log_words
 from pipeline.machine.robot import Robot
-from pipeline.readers._cells import cells_or_none, is_number
-from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Layout
-from pipeline.readers._log_form import LogHeader, Titled, as_text, headers, opened
-from pipeline.readers._log_table import Quantity, names_of
+from pipeline.readers._log_table import Quantity, Titled, names_of
 from pipeline.readers._text import Text, refuse_other_programs
 from pipeline.readers.export_settings import LogForm
 from pipeline.readers.logs import (

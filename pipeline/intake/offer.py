@@ -11,6 +11,7 @@ from pipeline.base.quantities import MM
 from pipeline.base.shown import in_toml
 from pipeline.dialects._circle import FULL
 from pipeline.dialects._coordinates import AXES, SENSES, ZEROS
+from pipeline.dialects._time import shown
 from pipeline.intake.proposal import propose
 from pipeline.intake.question import ColumnRole, Question, Reply, TableProposal
 from pipeline.readers import (
@@ -23,7 +24,6 @@ from pipeline.readers import (
     read,
     recognise,
 )
-from pipeline.readers._time import shown
 from pipeline.readers._units import USUAL_UNITS
 from pipeline.readers.export_settings import ROLES
 

@@ -17,6 +17,7 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, at, listed
 from pipeline.dialects import _kinds
+from pipeline.dialects._cells import is_number, is_turn
 from pipeline.dialects._circle import FULL
 from pipeline.dialects._coordinates import (
     ANGULAR,
@@ -41,10 +42,9 @@ from pipeline.intake._polar import Polar
 from pipeline.intake._roles import RoleAssignment
 from pipeline.intake._sheet import Sheet, TableStatements, cells_of, sheet
 from pipeline.intake.question import ColumnRole, Question, QuestionTopic, Reply, TableProposal
-from pipeline.readers._cells import is_number, is_turn, shortened
+from pipeline.readers._iso import ISO
 from pipeline.readers._layout import JOINT
-from pipeline.readers._text import Text
-from pipeline.readers._time import ISO
+from pipeline.readers._text import Text, shortened
 from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS, USUAL_UNITS
 from pipeline.readers.export_settings import Columns, ExportSettings
 

@@ -5,6 +5,7 @@ positions, Cartesian stiffness, offsets that compensate a path. `pipeline/__init
 names lazily; other outbuildings enter here, too.
 
 Door: `library.campaign`, `library.model`; for programs `library.compensate`,
-`library.target_model`, `library.holds`.
+`library.target_model`, `library.holds`; for a run `library.model_file` and
+`library.kinematic_model`, which write what is read here.
 Tests: `tests/library/`.
 """

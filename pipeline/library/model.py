@@ -12,12 +12,12 @@ from pipeline.base import files
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError, listed
 from pipeline.library import compensate as offsets
-from pipeline.library import compliance, target_model
+from pipeline.library import compliance, model_file, target_model
 from pipeline.library.compensate import Compensation
 from pipeline.library.compliance import CartesianStiffness
 from pipeline.library.joints import as_asked, loaded, point
+from pipeline.library.kinematic_model import KinematicModel
 from pipeline.machine.robot import Robot
-from pipeline.prediction.kinematic_model import KinematicModel
 from pipeline.prediction.model import IdentifiedModel as Identified
 from pipeline.prediction.path import Path as JointPath
 
@@ -216,7 +216,7 @@ def load_model(path: Path | str) -> Model:
     Raises:
         InputError: There is no such file, or it is not a model.
     """
-    return Model(Identified.load(path))
+    return Model(model_file.load(path))
 
 
 def load_position_model(path: Path | str) -> PositionModel:

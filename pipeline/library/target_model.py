@@ -25,11 +25,11 @@ from pipeline.geometry.mechanism import (
 )
 from pipeline.geometry.random_curve import Curve
 from pipeline.geometry.yielding import called
+from pipeline.library.kinematic_model import ARRAYS, ByPulls, KinematicModel
+from pipeline.library.model_file import parse as model_of
 from pipeline.library.under_force import UnderForce, under_force
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.robot.weight import link_moments
-from pipeline.prediction.kinematic_model import ARRAYS, ByPulls, KinematicModel
-from pipeline.prediction.model import parse as model_of
 
 LARGEST_MODEL = 2**28
 """Maximum size of a model [B]: the covariance of two thousand knots has 2^25."""

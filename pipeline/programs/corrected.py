@@ -244,12 +244,12 @@ def _kept(root: Path, name: str) -> Path:
 
 
 def _model(root: Path, name: str) -> IdentifiedModel:
-    from pipeline.prediction.model import IdentifiedModel
+    from pipeline.library.model_file import load
 
     kept = _kept(root, name)
     if not kept.is_file():
         raise UsageError(f"{name} has no model yet: run `pipeline run {typed(name)}` first")
-    return IdentifiedModel.load(kept)
+    return load(kept)
 
 
 def _content(path: Path) -> bytes:

@@ -60,8 +60,7 @@ def predicted(
     """
     import numpy as np
 
-    from pipeline.library import target_model
-    from pipeline.prediction.model import IdentifiedModel
+    from pipeline.library import model_file, target_model
     from pipeline.programs.points_file import as_csv, read_points, under_pulls
     from pipeline.store import campaign as campaigns
 
@@ -89,7 +88,7 @@ def predicted(
         return as_csv(chosen.targets, chosen.six, target_model.predict(chosen, *rows))
     if model is not PredictionModel.RECOMMENDED:
         raise UsageError(f"{name} is a campaign of pulls: only its recommended model is kept")
-    held = IdentifiedModel.load(pulled)
+    held = model_file.load(pulled)
     q, force, *_ = read_points(file.name, data, held.robot, ())
     targets = held.tool.targets
     return as_csv(targets, np.zeros(len(targets), dtype=bool), under_pulls(held, q, force))

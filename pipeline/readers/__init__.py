@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 from pipeline.base import doors
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import plain
-from pipeline.readers._cells import text_of
 from pipeline.readers._reader import (
     TABLE,
     Export,
@@ -17,6 +16,7 @@ from pipeline.readers._reader import (
     Reader,
     named_by_file,
     split,
+    text_of,
 )
 from pipeline.readers._text import Text, largest, opened, refuse_other_programs, text
 from pipeline.readers.export_settings import Columns, ExportSettings

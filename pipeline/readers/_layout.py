@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
-from pipeline.readers import _time
+from pipeline.readers._iso import ISO
 
 DELIMITERS = (",", ";", "\t", "|")
 JOINT = "::"
@@ -75,7 +75,7 @@ class Layout:
     first: int
     decimal: str | None = None
     comment: str | None = None
-    moment: str = _time.ISO
+    moment: str = ISO
     joined: int = 0
     table: str | None = "tracker"
 

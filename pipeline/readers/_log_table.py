@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Any, NamedTuple
@@ -12,14 +12,13 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
+from pipeline.base import doors
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, sifted
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers._cells import cells_or_none
-from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, TypedRows
-from pipeline.readers._log_form import Titled, opened
+from pipeline.readers._plain_rows import is_plain, plain_rows
+from pipeline.readers._text import Text, is_workbook, text
 from pipeline.readers.export_settings import OWN_LOG, LogForm
-from pipeline.readers.pose_names import coded
 
 _Rejection = tuple[str, int | None, str]
 """File, line and reason of a rejection."""
@@ -110,6 +109,36 @@ class Quantity:
     carried: bool = False
 
 
+@dataclass(frozen=True)
+class Titled:
+    """A log with its header.
+
+    Attributes:
+        text: The file, with runs of blanks squeezed to one if blanks separate its cells.
+        line: Line number of the header.
+        first: Line number of the first row.
+        delimiter: Separator of the cells.
+        titles: Our names of its columns in lower case; for unknown columns their titles.
+        written: Its titles as written in the file, with the unit given below them or in the first
+            row.
+        behind: Unit after the numbers of each column; empty if there is none.
+        above: Line and reason of rows above the header.
+    """
+
+    text: Text
+    line: int
+    first: int
+    delimiter: str
+    titles: tuple[str, ...]
+    written: tuple[str, ...]
+    behind: tuple[str, ...]
+    above: tuple[tuple[int, str], ...]
+
+
+_OPENED, _TYPED = "pipeline.dialects._log_form:opened", "pipeline.dialects._log_rows:typed"
+"""Doors of the dialects: logs that are no plain tables."""
+
+
 def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
     """Read the wanted columns of a delimited table with a header, in SI.
 
@@ -121,6 +150,63 @@ def table(name: str, data: bytes, wanted: Sequence[Quantity]) -> Log:
     return typed(opened(name, data, OWN_LOG, None, wanted[0].stem), wanted, OWN_LOG, None)
 
 
+def opened(
+    name: str,
+    data: bytes,
+    stated: LogForm,
+    where: str | None,
+    key: str,
+    holds: Callable[[Sequence[str]], bool] = bool,
+) -> Titled:
+    """Find the header of a log.
+
+    It is the first line of a plain table with the column `key`; the dialects find that of others.
+
+    Args:
+        name: Name of the file, for messages.
+        data: Its content.
+        stated: Description of its columns in campaign.toml.
+        where: Table of campaign.toml that holds it; None if there is none.
+        key: A column that every log of this kind has.
+        holds: Whether our names of all columns are those of this kind, to select a sheet.
+
+    Raises:
+        InputError: The file is empty or not text; a title in campaign.toml is not in the file, or a
+            column occurs twice.
+    """
+    own = (stated.columns, stated.sheet, stated.decimal) == (OWN_LOG.columns, None, None)
+    found = _plainly(name, data, key) if own and not is_workbook(data) else None
+    return found or doors.opened(_OPENED)(name, data, stated, where, key, holds)
+
+
+_TITLES = re.compile(r"[A-Za-z0-9_]+(,[A-Za-z0-9_]+)+")
+_CLOCK = re.compile(r"t(ime.*|_.*)?|zeit.*")
+_UNITS = re.compile(r"(^|,)[0-9.eE+-]+[A-Za-z]+(,|$)")
+_NUMBERS = re.compile(r"(^|,)-?[0-9]*[.0-9][0-9]+(,|$)")
+"""Titles of a plain table; one of times, which a recording of the controller has; a unit behind a
+number; a number that no line of units has."""
+
+
+def _plainly(name: str, data: bytes, key: str) -> Titled | None:
+    """The header of a plain table; None if the file may be something else."""
+    with at(name):
+        file = text(name, data)
+    if len(file) < 2 or not is_plain(file) or not _TITLES.fullmatch(file.line(1)):
+        return None
+    written, row = tuple(file.line(1).split(",")), file.line(2)
+    titles = tuple(title.lower() for title in written)
+    if len({*titles}) < len(titles) or key not in titles or not _of_numbers(row):
+        return None
+    if "pose" not in titles and any(map(_CLOCK.fullmatch, titles)):
+        return None
+    return Titled(file, 1, 2, ",", titles, written, ("",) * len(titles), ())
+
+
+def _of_numbers(row: str) -> bool:
+    """Whether a row has a number that no line of units has, and no unit behind one."""
+    return bool(_NUMBERS.search(row)) and not _UNITS.search(row)
+
+
 def typed(file: Titled, wanted: Sequence[Quantity], stated: LogForm, where: str | None) -> Log:
     """Read the wanted columns as in `table`, from a log whose header was found.
 
@@ -130,55 +216,31 @@ def typed(file: Titled, wanted: Sequence[Quantity], stated: LogForm, where: str 
         stated: Description of the log in campaign.toml.
         where: Table of campaign.toml that may hold it; None if there is none.
     """
-    name, titles = file.text.name, file.titles
-    with at(name):
-        with at(line=file.line):
-            there = [(q, *column) for q in wanted if (column := _column(titles, q, where))]
-        fields = _fields(file, there)
-        layout = Layout(fields, file.delimiter, file.first, stated.decimal, table=where)
-        log = _without_remarks(_log(name, rows(file.text, layout), there), file, there)
-        for q, title, _ in there:
-            log = _carried_down(log, q.stem, titles.index(title), file) if q.carried else log
-        early = tuple((name, line, reason) for line, reason in file.above)
-        poses = [titles.index(title) for q, title, _ in there if q.stem == "pose"]
-        log = replace(log, rejected=early + log.rejected, pose_of=_poses_of(log, file, poses))
-        if not len(log.line) + len(log.rejected):
-            raise InputError("there is no row in it, only a header", "export it again")
+    log = _of_plain(file, wanted) or doors.opened(_TYPED)(file, wanted, stated, where)
     return _possible(log, [q.stem for q in wanted if q.units])
 
 
-_MOST_REJECTED = 1000
-"""Maximum number of rejected rows whose poses are read [1]."""
-
-
-def _poses_of(log: Log, file: Titled, places: Sequence[int]) -> dict[int, float]:
-    """Poses of rejected rows by line, as in `Log.pose_of`; `places` is the index of their cell."""
-    lines = [line for _, line, _ in log.rejected[:_MOST_REJECTED] if line]
-    cells = {n: "".join(_cells_at(file, n)[at : at + 1]) for n in lines for at in places}
-    found = {n: _NUMBERED.fullmatch(cell) for n, cell in cells.items()}
-    codes = {n: coded(one["name"]) or float(one["number"]) for n, one in found.items() if one}
-    return log.pose_of | codes
-
-
-_NUMBERED = re.compile(r"(?:[^\W\d_]+[ _-]?)?(?P<name>(?P<number>[0-9]{1,9})[ _-]?[^\W\d_]*)")
+def _of_plain(file: Titled, wanted: Sequence[Quantity]) -> Log | None:
+    """The columns of a plain table; None unless all are there and every row is as it should be."""
+    if file.above or file.delimiter != "," or not is_plain(file.text):
+        return None
+    try:
+        there = [(q, *found) for q in wanted if (found := column(file.titles, q, None))]
+    except InputError:
+        return None
+    read = plain_rows(file.text, Layout(_fields(file, there), file.delimiter, file.first))
+    if read is None or not len(read.line):
+        return None
+    log = of_rows(file.text.name, read, there)
+    return None if np.isnan([*log.number.values()]).all(axis=0).any() else log
 
 
 def _fields(file: Titled, columns: Sequence[tuple[Quantity, str, float]]) -> tuple[Field, ...]:
-    """Fields of all columns of a log, given the wanted ones as in `_log`."""
-    behind = dict(zip(file.titles, file.behind, strict=True))
-    known = {
-        title: Field(
-            title,
-            q.kind,
-            q.needed and q.filled and not q.carried,
-            unit=behind[title],
-            named=q.stem == "pose",
-            units={unit: factor / si for unit, factor in q.units.items()},
-        )
-        for q, title, si in columns
+    """Fields of all columns of a plain log, given the wanted ones as in `of_rows`."""
+    fields = {
+        title: Field(title, q.kind, (q.needed and q.filled) or q.carried) for q, title, _ in columns
     }
-    other = {title: Field(title, "any" if title else "blank", False) for title in file.titles}
-    return tuple((other | known)[title] for title in file.titles)
+    return tuple(fields.get(title, Field(title, "any", False)) for title in file.titles)
 
 
 def known_columns(stated: LogForm, where: str, quantities: Sequence[Quantity]) -> None:
@@ -200,7 +262,7 @@ def known_columns(stated: LogForm, where: str, quantities: Sequence[Quantity]) -
             )
 
 
-def _log(file: str, read: TypedRows, columns: Sequence[tuple[Quantity, str, float]]) -> Log:
+def of_rows(file: str, read: TypedRows, columns: Sequence[tuple[Quantity, str, float]]) -> Log:
     """Convert a table to SI.
 
     Args:
@@ -213,79 +275,6 @@ def _log(file: str, read: TypedRows, columns: Sequence[tuple[Quantity, str, floa
     word = {k: w.cast(pa.string()).to_numpy(zero_copy_only=False) for k, w in words.items()}
     rejected = tuple((file, line, reason) for line, reason in read.rejected)
     return Log(file, number, word, read.line, rejected)
-
-
-def _cells_at(file: Titled, line: int) -> list[str]:
-    return cells_or_none(file.text.line(line), file.delimiter) or []
-
-
-_WORDS = re.compile(r"[^\W\d_]{3,}")
-
-
-def _without_remarks(log: Log, file: Titled, columns: Sequence[tuple[Quantity, str, float]]) -> Log:
-    """Drop lines that hold a remark alone, and note them: `- break -` is no row of data."""
-    names = {file.titles.index(title) for q, title, _ in columns
-             if q.kind == "name" and q.stem != "remark"}  # fmt: skip
-    every = [*log.number.values()]
-    empty = log.line[np.isnan(every).all(axis=0)].tolist() if every else []
-    unread = sorted([*empty, *(line for _, line, _ in log.rejected if line)])
-    found = {n: text for n in unread if (text := _remark(_cells_at(file, n), names))}
-    if not found:
-        return log
-    notes = tuple(f"{log.file}, line {n}: {text}" for n, text in found.items())
-    rejected = tuple(one for one in log.rejected if one[1] not in found)
-    keep = ~np.isin(log.line, [*found])
-    return replace(log.kept(keep), rejected=rejected, notes=(*log.notes, *notes))
-
-
-def _remark(cells: Sequence[str], names: Container[int]) -> str:
-    """The only filled cell of a line, if it consists of words; otherwise empty.
-
-    A name in one of the columns of names is no remark.
-    """
-    content = [(k, cell) for k, cell in enumerate(cells) if cell]
-    if len(content) != 1 or content[0][0] in names or content[0][1][0].isdigit():
-        return ""
-    return content[0][1] if _WORDS.search(content[0][1]) else ""
-
-
-def _carried_down(log: Log, stem: str, at: int, file: Titled) -> Log:
-    """Fill empty cells of a column with the value above, as forms for several rows are filled in.
-
-    Only where nothing else can be meant: the rows number the pulls on; without such numbers, most
-    values have rows below them, and the next value is the next number. No row in between that
-    states a value was rejected.
-
-    Args:
-        log: The log; NaN in empty cells.
-        stem: The column.
-        at: Its index among the cells of a row.
-        file: The log as text.
-    """
-    value = log.number[stem]
-    empty, count = np.isnan(value), len(value)
-    if not empty.any():
-        return log
-    source = np.maximum.accumulate(np.where(empty, -1, np.arange(count)))
-    after = pd.Series(value).bfill().to_numpy()
-    lost = [n for _, n, _ in log.rejected if n and "".join(_cells_at(file, n)[at : at + 1])]
-    broken = np.array(
-        [s < 0 or any(log.line[s] < n < here for n in lost)
-         for s, here in zip(source, log.line, strict=True)]
-    )  # fmt: skip
-    repeat = log.number.get("repeat")
-    if repeat is not None:
-        on = np.r_[False, np.diff(repeat) == 1]
-    else:
-        on = (2 * empty.sum() >= count - empty.sum()) & ~(after - value[source] > 1)
-    taken = empty & on & ~broken
-    if taken.any():
-        lines = listed([str(n) for n in log.line[taken]])
-        note = f"{log.file}, lines {lines}: an empty {stem} is that of the row above"
-        number = log.number | {stem: np.where(taken, value[source], value)}
-        log = replace(log, number=number, notes=(*log.notes, note))
-    why = f"has nothing in column {file.titles[at]}; fill it in or remove the row"
-    return log.only(~empty | taken, why)
 
 
 def _possible(log: Log, names: Sequence[str]) -> Log:
@@ -307,7 +296,7 @@ def suffixed(titles: Sequence[str], q: Quantity) -> tuple[str, str | None] | Non
     return next(((name, of_unit[name]) for name in titles if name in of_unit), None)
 
 
-def _column(titles: Sequence[str], q: Quantity, where: str | None) -> tuple[str, float] | None:
+def column(titles: Sequence[str], q: Quantity, where: str | None) -> tuple[str, float] | None:
     """The column of a quantity and its factor to SI, or None if it is absent and not needed."""
     found = suffixed(titles, q)
     mapped = (

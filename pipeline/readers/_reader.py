@@ -15,7 +15,6 @@ import pyarrow.compute as pc
 
 from pipeline.base import patterns
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
-from pipeline.readers._cells import text_of
 from pipeline.readers._layout import JOINT, TypedRows
 from pipeline.readers._text import Text
 from pipeline.readers._units import in_unit
@@ -276,6 +275,13 @@ def written(
     """Iterate over group, target, Cartesian coordinates as text, and time, for the writers."""
     numbers = text_of(in_unit(readings.position, unit), digits)
     return zip(readings.group, readings.target, numbers, readings.time, strict=True)
+
+
+def text_of(values: Array, digits: int | None) -> list[list[str]]:
+    """Format numbers row by row, with `digits` decimals, or (None) with all significant digits."""
+    if digits is None:
+        return [[repr(value) for value in row] for row in values.tolist()]
+    return [[f"{value:.{digits}f}" for value in row] for row in values.tolist()]
 
 
 _JOINED = r"(?:.+?::)?(?P<group>[^:]+(?::[^:]+)*)::(?P<target>[^:]+(?::[^:]+)*)"

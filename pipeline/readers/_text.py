@@ -249,3 +249,13 @@ def opened(
         return text(name, data)
     found: Text = behind("pipeline.dialects.workbook:opened")(name, data, sheet, mark, table, fits)
     return found
+
+
+_GLANCE = 40
+"""Maximum number of characters of a cell quoted in a message."""
+
+
+def shortened(cell: str, most: int = _GLANCE) -> str:
+    """Shorten a cell for a message, with control characters replaced."""
+    plain = "".join(c if c.isprintable() else "?" for c in cell)
+    return plain if len(plain) <= most else plain[: most - 1] + "…"

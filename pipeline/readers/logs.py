@@ -19,14 +19,15 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, listed
 from pipeline.base.strict import LEAST_FORCE, LEAST_MASS, STANDARD_GRAVITY
 from pipeline.machine.robot import Robot
-from pipeline.readers._log_form import Titled, opened
 from pipeline.readers._log_table import (
     NUMBER_LIMIT,
     GroupState,
     Log,
     Quantity,
+    Titled,
     known_columns,
     once,
+    opened,
     suffixed,
     table,
     typed,

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.base import doors
-from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Layout
+from pipeline.readers._plain_rows import is_plain, plain_rows
 from pipeline.readers._reader import (
     Export,
     Meaning,
@@ -57,12 +57,14 @@ def read(text: Text, hints: ExportSettings) -> Export:
     return readings
 
 
-def _own(text: Text, unit: str, timed: str | None) -> Export:
-    """Readings of a file with our titles."""
+def _own(text: Text, unit: str, timed: str | None) -> Export | None:
+    """Readings of a file with our titles; None if a row is none."""
     names, axes = ("group", "target"), (f"x_{unit}", f"y_{unit}", f"z_{unit}")
     fields = [*(Field(name, "name") for name in names), *(Field(axis, "number") for axis in axes)]
     time = [Field("time", "time", needed=False)] if timed else []
-    found = rows(text, Layout((*fields, *time), ",", 2))
+    found = plain_rows(text, Layout((*fields, *time), ",", 2)) if is_plain(text) else None
+    if found is None:
+        return None
     numbers = [np.asarray(found.columns[axis]) for axis in axes]
     position = np.empty((len(found.line), 3), order="F")  # later used column by column
     for k, column in enumerate(numbers):

@@ -214,15 +214,9 @@ def _raw(
     doubt: InputError | None,
     left_out: Mapping[int, str],
 ) -> _Ingested:
-    tracker, file = settings.tracker, settings.loads_file
+    tracker = settings.tracker
     assert tracker is not None  # there are no displacements
-    log = _file(raw, file, "[scale]")
-    loads, exports = both(
-        lambda: _known_loads(settings, logs.loads(file, log, settings.loads_log)),
-        lambda: _exports(settings, tracker, raw),
-        much=len(log) > WORTH_A_THREAD,
-    )
-    _some_reading(exports)
+    loads, exports = _read(settings, tracker, raw)
     every = np.concatenate([_poses(loads), _poses(joints)])
     words = {*map(pose_names.letters_of, every)} - {""}
     everything = _raw_readings.gather(exports, settings, loads.states, words)
@@ -239,26 +233,18 @@ def _raw(
     )
     if "anchor" in loads.word:
         everything = doors.opened(_ENDS)(everything, loads, settings)
-    shots = _raw_readings.known(everything, settings, loads.states)
-    if loads.states:
-        _raw_readings.pulled_at_rest(shots, settings.naming.chain, loads.states, file)
+    shots = _known_shots(everything, settings, loads)
     doubt = _doubt(lambda: _size.check_units(shots, settings), plausible) or doubt
     shots, renamed = _raw_readings.with_own_names(shots, width)
     rounds = _raw_readings.in_rounds(shots, width)
-    once = _raw_readings.once(rounds, width)
     noisy = settings.reading_noise is not None or tracker.sigma_m is not None
-    weighed = _raw_readings.weighed(once, noisy)
+    weighed = _raw_readings.weighed(_raw_readings.once(rounds, width), noisy)
     _three_base_reflectors(weighed, settings)
     _some_pull(weighed, settings, loads)
     weighed, loads = weighed.without_poses(left_out), _leaving(loads, left_out)
     causes = [*weighed.rejected, *loads.rejected, *joints.rejected]
     whole, loads = _pulls.complete(weighed, settings, loads, joints)
-    seen = np.bincount(whole.slot + 1, minlength=len(whole.pose) + 1)[1:] > 0
-    used = np.isin(joints.number["pose"], numbered(whole.pose[seen])[0])
-    known = used | ~_is_test_pose(settings, robot, joints)
-    joints = joints.kept(known).only(
-        used[known], "no usable reading has this pose; measure it or remove the row"
-    )
+    joints = _of_read_poses(settings, robot, joints, whole)
     if not len(loads.line):
         raise _nothing_left(causes or whole.rejected)
     return _Ingested(
@@ -275,6 +261,42 @@ def _raw(
         aside=aside,
         treated=_treated(exports, own) + taken,
         torques=_torques(logged, robot),
+    )
+
+
+def _read(
+    settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]
+) -> tuple[logs.Log, Mapping[str, Export]]:
+    """The log of loads, and the exports of the tracker."""
+    file = settings.loads_file
+    log = _file(raw, file, "[scale]")
+    loads, exports = both(
+        lambda: _known_loads(settings, logs.loads(file, log, settings.loads_log)),
+        lambda: _exports(settings, tracker, raw),
+        much=len(log) > WORTH_A_THREAD,
+    )
+    _some_reading(exports)
+    return loads, exports
+
+
+def _known_shots(everything: RawReadings, settings: Settings, loads: logs.Log) -> RawReadings:
+    """Readings of known targets; those of a log that states groups lie in the states it names."""
+    shots = _raw_readings.known(everything, settings, loads.states)
+    if loads.states:
+        chain = settings.naming.chain
+        _raw_readings.pulled_at_rest(shots, chain, loads.states, settings.loads_file)
+    return shots
+
+
+def _of_read_poses(
+    settings: Settings, robot: Robot, joints: logs.Log, read: RawReadings
+) -> logs.Log:
+    """Rows of the joint log whose poses were read; that of the test pose need not be."""
+    seen = np.bincount(read.slot + 1, minlength=len(read.pose) + 1)[1:] > 0
+    used = np.isin(joints.number["pose"], numbered(read.pose[seen])[0])
+    known = used | ~_is_test_pose(settings, robot, joints)
+    return joints.kept(known).only(
+        used[known], "no usable reading has this pose; measure it or remove the row"
     )
 
 

@@ -16,7 +16,7 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine.effects.tracker_drift import GROUP_S
-from pipeline.readers._time import NO_YEAR
+from pipeline.readers._iso import NO_YEAR
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction._index import run
 from pipeline.reduction.growth import BaseGrowth, by_temperature, with_reflectors

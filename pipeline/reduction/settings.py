@@ -42,9 +42,9 @@ from pipeline.base.strict import (
     with_parts,
 )
 from pipeline.machine.instrument import DataSheet, InstrumentNoise, sheet
-from pipeline.machine.positions_estimate import StatedTool
 from pipeline.machine.robot import Robot, axes
 from pipeline.machine.robot.axes import LIMIT_SLACK, from_log_units
+from pipeline.machine.stated_tool import StatedTool
 from pipeline.machine.surroundings import Surrounded
 from pipeline.readers.export_settings import ExportSettings, JointForm, LogForm
 from pipeline.readers.reflector_sets import ReflectorSet

@@ -29,8 +29,8 @@ from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.machine.effect import in_place
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
+from pipeline.report.beside_nominal import drawn_as, stand
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.figures.certificate import drawn_as, stand
 from pipeline.report.identity import IDENTITY_NAMES, rows
 from pipeline.report.record import Certificate, Item, StiffnessBar
 from pipeline.report.summaries import Tables, interval

@@ -11,8 +11,8 @@ from pipeline.annex.redundancy import CRITICAL, influence, reliability, solution
 from pipeline.annex.reliability import control
 from pipeline.answer.contract import Carried
 from pipeline.answer.recommended import joint_springs
-from pipeline.answer.words import hangs_on
 from pipeline.base.arrays import Parameter
+from pipeline.check.findings import hangs_on
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring

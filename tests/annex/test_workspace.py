@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 
 from bench.as_pinocchio import model
+from pipeline.annex.bodies import arm_joints
 from pipeline.annex.workspace import _seen, workspace
-from pipeline.machine.bodies import arm_joints
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load

@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 from small_case import small
 
-from pipeline.answer.inputs import growth_findings, registration_entry
+from pipeline.answer.inputs import registration_entry
 from pipeline.base.errors import InputError
+from pipeline.check.findings import growth_findings
 from pipeline.reduction.register import XYZ, place, register
 from pipeline.reduction.settings import parse
 

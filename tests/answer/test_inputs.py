@@ -2,7 +2,8 @@
 
 import pytest
 
-from pipeline.answer.inputs import doubt_findings, lost_told
+from pipeline.answer.inputs import lost_told
+from pipeline.check.findings import doubt_findings
 from pipeline.reduction.case import UnusedReadings
 
 

@@ -23,9 +23,8 @@ from pipeline.base.quantities import plain
 from pipeline.fleet.compare import compared
 from pipeline.fleet.history import previous
 from pipeline.fleet.trends import trends
-from pipeline.library import compensate
+from pipeline.library import compensate, model_file
 from pipeline.machine.robot import load
-from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path
 from pipeline.store.campaign import find
 
@@ -235,7 +234,7 @@ def test_what_explains_nothing_is_no_earlier_campaign_to_compare_with(told):
 def test_model_file_and_urdf_hold_it(campaign):
     """model.toml and model.urdf have stiffness and standard uncertainty as in result.json."""
     found, answer, _ = campaign
-    model = IdentifiedModel.load(found.reports / "model.toml")
+    model = model_file.load(found.reports / "model.toml")
     urdf = ElementTree.parse(found.reports / "model.urdf")
     elastic = {joint.get("name"): joint.find("elasticity") for joint in urdf.iter("joint")}
 
@@ -256,7 +255,7 @@ def test_predict_and_compensate_use_it(campaign):
     the rail.
     """
     found, answer, _ = campaign
-    model = IdentifiedModel.load(found.reports / "model.toml")
+    model = model_file.load(found.reports / "model.toml")
     q = np.array([[6.0, *np.deg2rad([-15.0, 35.0, -20.0, 40.0, 60.0, 10.0])]])
     force = np.array([[250.0, -70.0, 100.0]])  # small: the second order falls faster
     point = np.array([0.15, 0.0, 0.25])

@@ -18,9 +18,9 @@ from pipeline.design.poses import default_anchors
 from pipeline.exchange._xml import in_xml
 from pipeline.exchange.files import simulators
 from pipeline.fleet import history, pages
+from pipeline.library import model_file
 from pipeline.machine.robot import load
 from pipeline.machine.robot import mdh as robots
-from pipeline.prediction import model as own
 from pipeline.reduction.settings import parse
 from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
@@ -105,12 +105,12 @@ def test_a_model_of_any_names_can_be_read_elsewhere():
     found = campaign_answer("c--\x1b", in_memory(made.files | changed | {"tracker.csv": tracker}))
 
     written = simulators(found.model)
-    model = own.dumps(found.model)
+    model = model_file.dumps(found.model)
 
     assert "P😀" in tomllib.loads(model)["tool"]
     for file, tag in (("urdf", "robot"), ("xml", "mujoco"), ("sdf", "sdf")):
         assert ET.fromstring(written[f"model.{file}"].decode()).tag == tag
-    assert own.parse(model).campaign == "c--\x1b"
+    assert model_file.parse(model).campaign == "c--\x1b"
 
 
 def test_files_get_the_rights_that_the_user_gives(tmp_path):

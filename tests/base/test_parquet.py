@@ -9,7 +9,8 @@ import pyarrow as pa
 import pytest
 
 from pipeline.base import parquet
-from pipeline.readers import _cut, _text
+from pipeline.dialects import _cut
+from pipeline.readers import _text
 
 ONE_THREAD = """
 import os, sys

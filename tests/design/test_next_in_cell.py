@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cell_check import CELL, TOOL, Checked
 
-from pipeline.answer.inputs import shot_findings
+from pipeline.check.findings import shot_findings
 from pipeline.design.nextpose import PlaceQuestion, candidates, propose
 from pipeline.diagnosis.diagnose import search_task
 from pipeline.machine.cell import paper_cell

@@ -19,11 +19,12 @@ from pipeline.diagnosis.cause_search import Replacement, may_join, merged, stati
 from pipeline.diagnosis.causes import _either
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
+from pipeline.library.model_file import dumps
 from pipeline.machine.cell import load, paper_cell, sensitivity
 from pipeline.machine.effects import catalogue, unlisted
 from pipeline.machine.law import Law, parse
 from pipeline.machine.robot import load as robot_of
-from pipeline.prediction.model import IdentifiedModel, dumps, part
+from pipeline.prediction.model import IdentifiedModel, part
 from pipeline.prediction.model import parse as parse_model
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.pose_of_interest import place_of_interest

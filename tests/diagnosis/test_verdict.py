@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pipeline.answer.diagnosis import cause_entry
-from pipeline.answer.words import enormous, why, wrong
+from pipeline.answer.words import why, wrong
+from pipeline.check.findings import enormous
 from pipeline.diagnosis.bounds import Bounds
 from pipeline.diagnosis.cause_search import Replacement
 from pipeline.diagnosis.causes import missing

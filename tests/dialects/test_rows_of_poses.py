@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.answer.inputs import treated_findings
 from pipeline.base.errors import InputError
+from pipeline.check.findings import treated_findings
 from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory

@@ -13,9 +13,9 @@ from pipeline.geometry.laws import Inputs, JointLaw
 from pipeline.geometry.mechanism import layout, linearised
 from pipeline.geometry.random_curve import matern, over
 from pipeline.geometry.study import ModelStage, study
+from pipeline.library.kinematic_model import dumps, kinematic_model
 from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import load
-from pipeline.prediction.kinematic_model import dumps, kinematic_model
 
 
 def studied(readings, seed=0):

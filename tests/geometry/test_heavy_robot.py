@@ -23,11 +23,11 @@ from pipeline.geometry.initial import begin
 from pipeline.geometry.mechanism import ArmWeights, Payloads, layout, linearised
 from pipeline.geometry.study import ModelStage, study
 from pipeline.geometry.yielding import sizes, usual, yielding
+from pipeline.library.kinematic_model import dumps, kinematic_model
 from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.variants import counted_back, turned
 from pipeline.machine.robot.weight import carried, work
-from pipeline.prediction.kinematic_model import dumps, kinematic_model
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 NOTHING = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))

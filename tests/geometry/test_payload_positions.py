@@ -15,10 +15,10 @@ from pipeline.geometry.initial import begin
 from pipeline.geometry.mechanism import ArmWeights, Payloads, layout
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import PoseScatter
+from pipeline.library.kinematic_model import dumps, kinematic_model
 from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
-from pipeline.prediction.kinematic_model import dumps, kinematic_model
 
 # UR10 from its maker's table (distal DH)
 TABLE = list(

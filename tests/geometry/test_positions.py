@@ -10,9 +10,10 @@ from made_positions import made, stands
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.errors import InputError, UsageError
+from pipeline.library.model_file import dumps
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import configure, load
-from pipeline.prediction.model import IdentifiedModel, ModelHypothesis, dumps
+from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 from pipeline.programs.predict import PredictionModel, predicted
 from pipeline.report.model import compose
 from pipeline.run import run

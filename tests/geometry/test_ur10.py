@@ -10,8 +10,8 @@ from pipeline.geometry import law_tests
 from pipeline.geometry.estimate import solved
 from pipeline.geometry.positioned import as_read, usable
 from pipeline.geometry.study import study
+from pipeline.library.kinematic_model import kinematic_model
 from pipeline.library.target_model import predict
-from pipeline.prediction.kinematic_model import kinematic_model
 from pipeline.store.campaign import find
 from pipeline.system import alarms
 

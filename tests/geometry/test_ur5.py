@@ -7,8 +7,8 @@ import pytest
 
 from pipeline.geometry.positioned import as_read, usable
 from pipeline.geometry.study import study
+from pipeline.library.kinematic_model import kinematic_model
 from pipeline.library.target_model import predict
-from pipeline.prediction.kinematic_model import kinematic_model
 from pipeline.store.campaign import find
 
 ROOT = Path(__file__).parents[2]

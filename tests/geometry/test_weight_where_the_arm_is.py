@@ -17,10 +17,10 @@ from pipeline.geometry.yielding import Virtual, carried_on, yielding
 from pipeline.machine.cell import Cell, Tool, baseline, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects.gravity_sag import under_pulls
-from pipeline.machine.positions_estimate import StatedTool
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.machine.robot.weight import by_moments, carried, link_moments, stiffening
+from pipeline.machine.stated_tool import StatedTool
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 NOTHING = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))

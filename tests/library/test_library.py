@@ -20,9 +20,10 @@ from pipeline.app import cli
 from pipeline.base.files import sha256
 from pipeline.library.compensate import compensate
 from pipeline.library.joints import joint_values
+from pipeline.library.model_file import dumps
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot.mdh import parse as parse_robot
-from pipeline.prediction.model import IdentifiedModel, dumps
+from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path as JointPath
 from pipeline.report.render import render
 from pipeline.simulate import Plan, simulate

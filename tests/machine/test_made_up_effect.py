@@ -10,12 +10,12 @@ from conftest import without_drawings
 from pipeline.answer.contract import Which
 from pipeline.base.arrays import Parameter
 from pipeline.diagnosis.isolability import twins
+from pipeline.library import model_file
 from pipeline.machine import effects
 from pipeline.machine.effect import Elastic, linear
 from pipeline.machine.effects._anatomy import carriage
 from pipeline.machine.robot import load
 from pipeline.machine.robot.configuration import rotation_about
-from pipeline.prediction.model import IdentifiedModel
 from pipeline.report import words
 from pipeline.run import run
 from pipeline.simulate import Plan, revised, simulate
@@ -89,6 +89,6 @@ def test_a_made_up_effect_goes_from_simulator_to_report(catalogued, tmp_path):
     page = (found.reports / "index.html").read_text("utf-8")
     assert "give of the zigzag bracket" in page
     assert "a dial gauge on the bracket" in page
-    model = IdentifiedModel.load(found.reports / "model.toml")
+    model = model_file.load(found.reports / "model.toml")
     assert model.hypotheses[0].value[-1] == pytest.approx(size.value, abs=size.std)
     assert "zigzag_bracket" in as_text(load("kr500_rail"))

@@ -4,8 +4,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pipeline.machine.positions_estimate import PositionsEstimate, StatedTool
+from pipeline.machine.positions_estimate import PositionsEstimate
 from pipeline.machine.robot import load
+from pipeline.machine.stated_tool import StatedTool
 
 POINTS = {
     "load_point": [0.1, 0.0, 0.2],

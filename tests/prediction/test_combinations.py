@@ -9,11 +9,11 @@ import scipy.sparse
 from pipeline.app.outcome import outcome
 from pipeline.base.arrays import Parameter
 from pipeline.diagnosis.average import Hypothesis, information, together
+from pipeline.library import model_file
 from pipeline.library.compensate import compensate
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure, load
-from pipeline.prediction import model as handover
 from pipeline.prediction.path import Path
 from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
@@ -220,7 +220,7 @@ def test_where_it_was_measured_it_is_predicted_and_elsewhere_not(told):
     J = by_differences(raw.robot, q, np.array([load_point, point]))
     rows = J[1] * (J[0].T @ force)
 
-    for model in (found.model, handover.parse(handover.dumps(found.model))):
+    for model in (found.model, model_file.parse(model_file.dumps(found.model))):
         moved, std = model.deflection(q, force)
         assert moved[0] == pytest.approx(rows @ x, abs=2e-6)  # in addition the deflected geometry
         own = np.sqrt(np.diag(rows * X @ cov @ (rows * X).T))

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from small_case import PLAN
 
+from pipeline.library.model_file import dumps, parse
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import configure
-from pipeline.prediction.model import IdentifiedModel, dumps, parse, part
+from pipeline.prediction.model import IdentifiedModel, part
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import revised, simulate

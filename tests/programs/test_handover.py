@@ -22,7 +22,7 @@ from test_programs import off, unstamped
 from bench.as_pinocchio import model as pin_model
 from pipeline.base.errors import InputError, UsageError
 from pipeline.exchange.to_urdf import urdf
-from pipeline.library import compensate
+from pipeline.library import compensate, model_file
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
@@ -176,7 +176,7 @@ def test_measurements_are_never_written_beside(demo):
 
 def test_beyond_the_hardest_pull_one_counts_on_less(demo, path):
     """Three times the force is three times the error at left-out poses, where that decides."""
-    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = model_file.load(demo / "reports" / "kr500_demo" / "model.toml")
     hardest = np.linalg.norm(path.force, axis=1).max()
     harder = replace(path, force=path.force * 3 * model.pulled_n[1] / hardest)
     usual, beyond = (compensate.compensate(model, one) for one in (path, harder))
@@ -221,10 +221,10 @@ def test_predicted_intervals_hold_in_the_whole_workspace(models, true):
 def test_the_file_holds_all_of_the_model(demo):
     """What is read back from model.toml is what was written, and stands in result.json."""
     path = demo / "reports" / "kr500_demo" / "model.toml"
-    model, content = IdentifiedModel.load(path), tomllib.loads(path.read_text("utf-8"))
+    model, content = model_file.load(path), tomllib.loads(path.read_text("utf-8"))
     answer = find(demo, "kr500_demo").result()
 
-    assert handover.dumps(model) == path.read_text("utf-8")
+    assert model_file.dumps(model) == path.read_text("utf-8")
     for entry, said in zip(content["parameter"], answer["stiffness"], strict=True):
         assert (entry["stiffness"], entry["stiffness_std"]) == (said["value"], said["std"])
     assert model.std == pytest.approx([e["compliance_std"] for e in answer["stiffness"]])
@@ -233,7 +233,7 @@ def test_the_file_holds_all_of_the_model(demo):
 
 def test_what_left_out_poses_showed_travels_and_is_counted_on(demo, path):
     """Their error, as in result.json, is what the sentence about a path counts on at least."""
-    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = model_file.load(demo / "reports" / "kr500_demo" / "model.toml")
     said = find(demo, "kr500_demo").result()["validation"]["held_out_rms_mm"]
     found = compensate.compensate(model, path)
     own = 2e3 * found.std.max()
@@ -250,7 +250,7 @@ def test_what_left_out_poses_showed_travels_and_is_counted_on(demo, path):
 
 def test_named_effects_travel_and_those_of_the_measurement_stay(demo):
     """Rail roll is part of the machine, the scale's gain is not; values stay with their names."""
-    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = model_file.load(demo / "reports" / "kr500_demo" / "model.toml")
     known = {effect.label: effect for effect in catalogue(ROBOT)}
     cell = model.hypotheses[0].cell.with_effects(known["scale_gain"], known["rail_roll"])
     k = len(cell.parameters)
@@ -260,7 +260,7 @@ def test_named_effects_travel_and_those_of_the_measurement_stay(demo):
         pass
 
     Estimate.value, Estimate.cov = value, cov
-    (handed,) = handover.parse(handover.dumps(whole(cell, Estimate))).hypotheses
+    (handed,) = model_file.parse(model_file.dumps(whole(cell, Estimate))).hypotheses
 
     assert [p.name for p in handed.cell.parameters][-1] == "c_roll"
     assert handed.value.tolist() == [1, 2, 3, 4, 5, 6, 7, 9]
@@ -279,18 +279,18 @@ def test_a_robot_on_the_ceiling_hangs_there_in_the_model_too():
     made = whole(paper_cell(raw.robot, tool(raw.settings)), Certain)
 
     assert raw.robot.gravity.tolist() == [0, 0, 9.81]
-    assert handover.parse(handover.dumps(made)).robot.gravity.tolist() == [0, 0, 9.81]
+    assert model_file.parse(model_file.dumps(made)).robot.gravity.tolist() == [0, 0, 9.81]
 
 
 def test_an_undetermined_spring_makes_predictions_uncertain_where_it_acts(demo):
     """Infinite for a force that turns joint 7, finite for one through its axis."""
-    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = model_file.load(demo / "reports" / "kr500_demo" / "model.toml")
     cov = model.cov.copy()
     cov[6, :] = cov[:, 6] = 0.0
     cov[6, 6] = np.inf
     (one,) = model.hypotheses
     unknown = replace(model, hypotheses=(replace(one, cov=cov),))
-    blind = handover.parse(handover.dumps(unknown))
+    blind = model_file.parse(model_file.dumps(unknown))
     q = np.deg2rad([0, 10, 40, 60, 30, 50, 20.0])
 
     assert np.isinf(blind.predict(q, [300.0, -500.0, 200.0]).std).any()
@@ -300,7 +300,7 @@ def test_an_undetermined_spring_makes_predictions_uncertain_where_it_acts(demo):
 @pytest.mark.whole
 def test_a_prediction_is_that_of_draws_over_the_hypotheses(demo):
     """Draw a hypothesis by its weight, then its parameters: mean and spread are what is stated."""
-    (one,) = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml").hypotheses
+    (one,) = model_file.load(demo / "reports" / "kr500_demo" / "model.toml").hypotheses
     roll = next(e for e in catalogue(ROBOT) if e.label == "rail_roll")
     k = len(one.value)
     value = np.append(1.15 * one.value, 2e-8)
@@ -321,7 +321,7 @@ def test_a_prediction_is_that_of_draws_over_the_hypotheses(demo):
         certain = replace(model, hypotheses=(replace(mine, weight=1.0, value=x),))
         drawn.append(certain.predict(q, force).displacement[0])
     moved = np.array(drawn)
-    read = handover.parse(handover.dumps(model))
+    read = model_file.parse(model_file.dumps(model))
 
     said = model.predict(q, force)
     assert said.displacement[0] == pytest.approx(moved.mean(axis=0), abs=5e-7)
@@ -331,14 +331,14 @@ def test_a_prediction_is_that_of_draws_over_the_hypotheses(demo):
 
 def test_a_joint_that_the_answer_does_not_state_has_no_stiffness(demo):
     """Known to a finite uncertainty and yet not determined: neither file gives it a stiffness."""
-    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = model_file.load(demo / "reports" / "kr500_demo" / "model.toml")
     unstated = replace(model, stated=np.arange(7) != 5)
-    content = tomllib.loads(handover.dumps(unstated))
+    content = tomllib.loads(model_file.dumps(unstated))
     read = ElementTree.fromstring(urdf(unstated))
 
     assert ["stiffness" in entry for entry in content["parameter"]] == [j != 5 for j in range(7)]
     assert len(list(read.iter("elasticity"))) == 6
-    read = handover.parse(handover.dumps(unstated))
+    read = model_file.parse(model_file.dumps(unstated))
     assert [read.stiffness(j) is not None for j in range(7)] == [j != 5 for j in range(7)]
 
 
@@ -347,12 +347,12 @@ def test_a_model_of_an_older_format_is_refused_with_the_way_out(demo):
     text = (demo / "reports" / "kr500_demo" / "model.toml").read_text("utf-8")
 
     with pytest.raises(InputError, match="write it anew with `pipeline run`"):
-        handover.parse(text.replace("format = 2", "format = 1", 1))
+        model_file.parse(text.replace("format = 2", "format = 1", 1))
 
 
 def test_other_programs_read_the_urdf(demo):
     """Pinocchio's own URDF reader builds the same robot, whatever way its frames are turned."""
-    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = model_file.load(demo / "reports" / "kr500_demo" / "model.toml")
     rng = np.random.default_rng(3)
     turned = replace(
         ROBOT, placement=np.array([pin.exp6(a).homogeneous for a in rng.normal(0, 1, (7, 6))])
@@ -390,7 +390,7 @@ def test_a_path_with_a_hole_is_refused():
 
 def test_a_path_in_controller_axes_gets_offsets_in_controller_axes(demo):
     """A1..A6 in, offsets of A1..A6 out: they correct as those of the joints do."""
-    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = model_file.load(demo / "reports" / "kr500_demo" / "model.toml")
     own = joint_path.read("path.csv", DEMO_PATH.read_bytes(), ROBOT)
     axes = (own.q - ROBOT.controller_offset) @ np.linalg.inv(ROBOT.controller_matrix).T
     head = "pose,E1_m," + ",".join(f"A{j}_deg" for j in range(1, 7)) + ",fx_n,fy_n,fz_n"

@@ -12,6 +12,7 @@ import pytest
 from bending_robot import BendingRobot
 from made_programs import Abb, Fanuc, Kuka, Ur, frame, on_a_rail
 
+from pipeline.library import model_file
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import load
 from pipeline.prediction import model as handover
@@ -47,7 +48,7 @@ def identified(root, robot):
     reason = {"model": "joint_springs", "data": "as_given", "reason": "adequate"}
     part = handover.part(1.0, cell, Known(robot))
     model = IdentifiedModel(robot.name, "adequate", reason, (part,), None, 1e-5)
-    (reports / "model.toml").write_text(handover.dumps(model), "utf-8")
+    (reports / "model.toml").write_text(model_file.dumps(model), "utf-8")
     return BendingRobot(robot, 1 / Known(robot).value)
 
 

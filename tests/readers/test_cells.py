@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.readers._cells import (
-    BadCell,
-    bare_number,
-    cells,
-    is_number,
-    is_turn,
-    shortened,
-    text_of,
-)
+from pipeline.dialects._cells import BadCell, bare_number, cells, is_number, is_turn
+from pipeline.readers._reader import text_of
+from pipeline.readers._text import shortened
 
 
 @pytest.mark.parametrize(

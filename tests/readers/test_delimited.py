@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.base.errors import InputError
-from pipeline.readers._delimited import rows
+from pipeline.dialects._delimited import rows
 from pipeline.readers._layout import Field, Layout
 from pipeline.readers._text import text
 
@@ -133,7 +133,7 @@ def test_a_time_that_no_clock_shows_costs_its_row_also_among_good_ones(cell):
 def test_what_is_no_export_is_not_explained_row_by_row(monkeypatch, row, said):
     """A message with the first row if none of many can be read; a single readable one is kept."""
     for module in ("_cut", "_delimited"):
-        monkeypatch.setattr(f"pipeline.readers.{module}.HOPELESS", 5)
+        monkeypatch.setattr(f"pipeline.dialects.{module}.HOPELESS", 5)
     bad = f"{row}\n".encode()
     with pytest.raises(InputError, match=f"nothing can be read, because 5 rows .*: {said}") as no:
         rows(text("a.csv", bad * 5), layout())

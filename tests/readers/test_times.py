@@ -5,7 +5,7 @@ from datetime import datetime
 import pyarrow as pa
 import pytest
 
-from pipeline.readers._time import form_of, form_of_all, moments
+from pipeline.dialects._time import form_of, form_of_all, moments
 
 HALF_PAST = datetime(2026, 11, 3, 8, 30)
 

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from pipeline.answer.inputs import treated_findings
 from pipeline.base.errors import InputError
+from pipeline.check.findings import treated_findings
 from pipeline.machine.instrument import InstrumentNoise, beam_covariance
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed, plain

@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from pipeline.answer.inputs import scale_findings
 from pipeline.base.errors import InputError
+from pipeline.check.findings import scale_findings
 from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate

@@ -12,13 +12,13 @@ import pytest
 import report_sample
 from pdf_text import pages_of
 
+from pipeline.annex.figures.certificate import arm_of
 from pipeline.annex.figures.heldout import judged
 from pipeline.answer.amounts import amount
 from pipeline.answer.contract import About, Amplitude, Line, Reason
 from pipeline.answer.words import DO
 from pipeline.report.certificate import certificate, digest, found, to_do
 from pipeline.report.figures.catalogue import draw
-from pipeline.report.figures.certificate import arm_of
 from pipeline.report.model import compose
 from pipeline.report.render import page
 from pipeline.store.campaign import dump

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pipeline.report.svg  # noqa: F401  # imports Matplotlib, before a figure does
 from pipeline.annex.figures import (
     causes,
+    certificate,
     enough,
     geometry,
     heldout,
@@ -22,6 +23,8 @@ from pipeline.annex.figures import (
 from pipeline.report.figures.plot import Plot
 
 PLOTS: tuple[Plot, ...] = (
+    certificate.CERTIFICATE,
+    certificate.GAUGE,
     motion.MOTION,
     stiffness.STIFFNESS,
     scene.SCENE,
@@ -46,4 +49,4 @@ PLOTS: tuple[Plot, ...] = (
     geometry.POSITION_STEPS,
     geometry.CURVES,
 )
-"""Every figure of the annex."""
+"""Every figure of a report: the two of its first page, and those after it."""

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.annex.figures.sheet import PixelSheet
 from pipeline.annex.summaries import separability, suspects
 from pipeline.annex.words import from_label, label
 from pipeline.answer.contract import Answer
@@ -16,7 +17,6 @@ from pipeline.base.quantities import plain
 from pipeline.diagnosis.facts import DETECTED, SEPARATED
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report.figures.plot import Plot, Tips
-from pipeline.report.figures.sheet import PixelSheet
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import APART_SHADES, BLUE, MUTED, RED

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.annex.figures.sheet import PixelSheet
 from pipeline.annex.summaries import rms_of_poses
 from pipeline.answer.contract import Answer, Validation, Which
 from pipeline.answer.words import capital
@@ -17,7 +18,6 @@ from pipeline.base.linear import rms
 from pipeline.base.quantities import known, plain
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot
-from pipeline.report.figures.sheet import PixelSheet
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import BLUE, GREEN, GRID, MUTED, RED

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from pipeline.annex.figures.certificate import REACH, WIDE, arm_of, draw_causes
+from pipeline.annex.figures.sheet import FROM, TO, PixelSheet
 from pipeline.answer.contract import Answer
 from pipeline.answer.words import capital
 from pipeline.base.quantities import MM, plain
 from pipeline.report import words
-from pipeline.report.figures.certificate import REACH, WIDE, arm_of, draw_causes
 from pipeline.report.figures.plot import Plot
-from pipeline.report.figures.sheet import FROM, TO, PixelSheet
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import RED

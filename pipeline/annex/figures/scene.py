@@ -15,12 +15,12 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 
+from pipeline.annex.figures.sheet import FROM, PITCH, TO, View, outlines
 from pipeline.annex.scene import MOST_POSES
 from pipeline.answer.contract import Answer, JointType
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import MM, known, plain, typeset
 from pipeline.report.figures.plot import Plot, Tips
-from pipeline.report.figures.sheet import FROM, PITCH, TO, View, outlines
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import BLUE, BODY, EDGE, GRID, INK, RED

@@ -21,6 +21,9 @@ from pipeline.base.strict import Length, Name, Numbers, Positive
 BASE: Literal["base"] = "base"
 """Name of the link that is fixed in F_b."""
 
+SHORT_M = 1e-3
+"""Distance [m] between origins of joint frames below which no link body is drawn between them."""
+
 _End = tuple[Length, Length, Length]
 
 

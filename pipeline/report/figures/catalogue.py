@@ -1,4 +1,4 @@
-"""Every figure of the report: its own and those of the annex."""
+"""Every figure of the report: the annex draws them."""
 
 from __future__ import annotations
 
@@ -8,16 +8,14 @@ from typing import Any
 from pipeline.answer.contract import Answer
 from pipeline.base import doors
 from pipeline.base.language import Say
-from pipeline.report.figures import certificate
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure, present
 from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import Drawing, by_hand, drawn
 
 _ANNEX = "pipeline.annex.figures:PLOTS"
-"""Door of the annex: figures after the first page."""
-_OWN = (certificate.CERTIFICATE, certificate.GAUGE)
-CATALOGUE: tuple[Plot, ...] = (*_OWN, *(doors.found(_ANNEX) or ()))
+"""Door of the annex: all figures."""
+CATALOGUE: tuple[Plot, ...] = doors.found(_ANNEX) or ()
 _PLOTS = {plot.name: plot for plot in CATALOGUE}
 
 

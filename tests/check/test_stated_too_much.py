@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.answer.contradictions import _tracker, along_the_beam
 from pipeline.answer.values import _rests_on
+from pipeline.check.contradictions import _tracker, along_the_beam
 from pipeline.system.beam import BeamNoise
 
 

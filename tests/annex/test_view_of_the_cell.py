@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.report.figures.sheet import FROM, TO, PixelSheet, View, outlines
+from pipeline.annex.figures.sheet import FROM, TO, PixelSheet, View, outlines
 
 VIEW = View(np.array([1.0, 2.0, 0.5]), 3.0, np.deg2rad(30))
 EYE = np.array([np.cos(VIEW.yaw), np.sin(VIEW.yaw), 0.0])

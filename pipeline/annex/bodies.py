@@ -9,16 +9,13 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools, Locked, Strings
 from pipeline.machine.cell import Tool
 from pipeline.machine.robot import Configuration, Robot, configure
-from pipeline.machine.robot.capsules import Capsules
+from pipeline.machine.robot.capsules import SHORT_M, Capsules
 
 _BASE, _CARRIAGE, _ARM, _TOOL = "base", "carriage", "arm", "tool"
 TRACKER, REFLECTOR = "tracker", "reflector"
 
 _THICK = 0.04
 """Assumed radius of a link without a known shape, as a fraction of the length of the arm [1]."""
-
-SHORT_M = 1e-3
-"""Distance [m] between origins of joint frames below which no link body is drawn between them."""
 
 
 @dataclass(frozen=True, eq=False)

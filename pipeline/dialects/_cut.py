@@ -16,7 +16,7 @@ from pyarrow import csv as arrow_csv
 
 from pipeline.base.arrays import Bools, Ints, Locked
 from pipeline.base.errors import InputError
-from pipeline.readers._cells import BadCell, cells, is_special
+from pipeline.dialects._cells import BadCell, cells, is_special
 from pipeline.readers._layout import JOINT, Layout
 from pipeline.readers._text import Text
 

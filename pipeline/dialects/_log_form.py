@@ -1,17 +1,18 @@
-"""Find the header of a log, and map the column names of other programs to ours."""
+"""Find the header of a log that is no plain table, and map the names of its columns to ours."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from unicodedata import normalize
 
-from pipeline.base.doors import found
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers._cells import IN_BRACKETS, MARKS, above, bare, is_number, is_plain, is_remark
+from pipeline.dialects import recorded, taught, two_lines
+from pipeline.dialects._cells import MARKS, above, bare, is_number, is_plain, is_remark
+from pipeline.dialects.two_lines import ALIKE, BELOW, UNITS, parted, with_unit
 from pipeline.readers._layout import delimiter_of
+from pipeline.readers._log_table import Titled
 from pipeline.readers._text import (
     SAMPLE_LINES,
     Text,
@@ -23,45 +24,11 @@ from pipeline.readers._text import (
 from pipeline.readers._text import opened as opened_text
 from pipeline.readers.export_settings import LogForm
 
-_ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
-"""Synonyms of units: a scale in kilograms shows kilogram-force."""
-_UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "in", "deg", "rad", "nm", "knm"}
-"""Units that, in the brackets of a title, can contradict the name assigned to the column."""
-BELOW = {*_UNITS, *_ALIKE, "degrees", "grad", "kp", ""}
-"""Words that may appear in a line of units below the titles."""
-
-
 _WITH_UNIT = re.compile(r"(.*[0-9.,])\s*([^\W\d_]+|°)")
 _NO_UNIT = re.compile(
     r"(nr|no|num|number|nummer|#|1|text|[hmsdty: .]+|[a-z]{2,4}[-./][a-z]{2,4}[-./][a-z]{2,4})[.]?"
 )
 """Entries of such a line for columns without a unit: a number, a text, or a time format."""
-
-
-@dataclass(frozen=True)
-class Titled:
-    """A log with its header.
-
-    Attributes:
-        text: The file, with runs of blanks squeezed to one if blanks separate its cells.
-        line: Line number of the header.
-        first: Line number of the first row.
-        delimiter: Separator of the cells.
-        titles: Our names of its columns in lower case; for unknown columns their titles.
-        written: Its titles as written in the file, with the unit given below them or in the first
-            row.
-        behind: Unit after the numbers of each column; empty if there is none.
-        above: Line and reason of rows above the header.
-    """
-
-    text: Text
-    line: int
-    first: int
-    delimiter: str
-    titles: tuple[str, ...]
-    written: tuple[str, ...]
-    behind: tuple[str, ...]
-    above: tuple[tuple[int, str], ...]
 
 
 def opened(
@@ -127,8 +94,7 @@ def as_text(
     fits: Callable[[Text], int],
 ) -> Text:
     """Open a log as a table; point lists and recordings of a controller are converted to one."""
-    of_controller = None if is_workbook(data) else found("pipeline.dialects:of_controller")
-    made = of_controller(data) if of_controller else None
+    made = None if is_workbook(data) else taught.table(data) or recorded.table(data)
     return text(name, made) if made else opened_text(name, data, sheet, mark, table, fits)
 
 
@@ -188,10 +154,9 @@ def _header(file: Text, line: int) -> LogHeader:
     delimiter = delimiter_of(file.line(line), " ")
     titles, below = _with_below(file, line, delimiter)
     none = ("",) * len(titles)
-    if of_others := _titles_of_others():
-        titles, lines = of_others(titles, below)
-        if lines > 1:
-            return LogHeader(line, line + lines, delimiter, tuple(titles), none)
+    titles, lines = two_lines.titles(titles, below)
+    if lines > 1:
+        return LogHeader(line, line + lines, delimiter, tuple(titles), none)
     units = tuple(map(_unit_below, below))
     of_units = any(units) and {unit.lower() for unit in units} <= BELOW
     behind = none if of_units else tuple(map(_unit_behind, below))
@@ -212,20 +177,9 @@ def _with_below(file: Text, line: int, delimiter: str) -> tuple[list[str], list[
     return titles, below if len(below) == len(titles) else [""] * len(titles)
 
 
-@cache
-def _titles_of_others() -> Callable[[list[str], list[str]], tuple[list[str], int]] | None:
-    """Door to titles as people keep them, in two lines or the same for each pull."""
-    return found("pipeline.dialects.two_lines:titles")
-
-
 def _marked(line: str) -> str:
     """A line without the mark of a comment before it; unchanged if its first cell is the mark."""
     return re.sub(r"^\s*(?:%|#|!|//)+[ \t]*(?=[^\W\d_])", "", line)
-
-
-def with_unit(title: str, unit: str) -> str:
-    """A title with the unit of its column appended, if it has none itself."""
-    return f"{title} [{unit}]" if unit and not _parted(title)[1] else title
 
 
 def _unit_behind(cell: str) -> str:
@@ -254,18 +208,12 @@ def _ours(titles: Sequence[str], stated: Mapping[str, str]) -> list[str]:
     """
     small = [title.lower() for title in titles]
     return [
-        stated.get(title) or stated.get(_parted(title)[0]) or _suffixed(title) for title in small
+        stated.get(title) or stated.get(parted(title)[0]) or _suffixed(title) for title in small
     ]
 
 
-def _parted(title: str) -> tuple[str, str]:
-    """Split a title into its text and the unit in brackets at its end."""
-    unit = next((one for one in IN_BRACKETS.finditer(title) if one.end() == len(title)), None)
-    return (title[: unit.start()], unit[1]) if unit else (title, "")
-
-
 def _suffixed(title: str) -> str:
-    stem, unit = _parted(title)
+    stem, unit = parted(title)
     end = f"_{unit.replace('°', 'deg')}" if unit else ""
     return stem.removesuffix(end) + end
 
@@ -276,18 +224,18 @@ def _agree(titles: Sequence[str], said: Mapping[str, str], table: str | None) ->
     Raises:
         InputError: It does not; a title written out with its unit is trusted.
     """
-    parted = {stem: (title, unit) for title in titles for stem, unit in [_parted(title)]}
+    known = {stem: (title, unit) for title in titles for stem, unit in [parted(title)]}
     for title, ours in said.items():
         if title.lower() in titles:
             continue
-        if title.lower() not in parted:
+        if title.lower() not in known:
             raise InputError(
                 f'there is no column "{title}" among {listed(titles)}',
                 f"correct [{table}.columns] of campaign.toml",
             )
-        whole, unit = parted[title.lower()]
-        stated, named = (_ALIKE.get(one, one) for one in (unit, ours.lower().rpartition("_")[2]))
-        if stated in _UNITS and named != stated:
+        whole, unit = known[title.lower()]
+        stated, named = (ALIKE.get(one, one) for one in (unit, ours.lower().rpartition("_")[2]))
+        if stated in UNITS and named != stated:
             raise InputError(
                 f'[{table}.columns] calls "{title}" {ours}, and the title says [{unit}]',
                 f'correct it, or write "{whole}" = "{ours}" where the title is wrong',

@@ -11,12 +11,9 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Locked, Strings
 from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.mechanism import (
-    Mechanism,
-    Payloads,
-)
+from pipeline.geometry.mechanism import Mechanism, Payloads
+from pipeline.library.model_file import dumps as model_text
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.model import dumps as model_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +83,18 @@ def kinematic_model(
         tip=tip,
         by_pulls=by_pulls,
     )
+
+
+def written(
+    campaign: str,
+    found: Calibration,
+    tip: Array | None,
+    pulls: IdentifiedModel | None,
+    joined: bool,
+) -> bytes:
+    """Content of positions.npz for an estimate, as `model_file` of the answer asks for it."""
+    by_pulls = None if pulls is None else ByPulls(pulls, joined)
+    return dumps(kinematic_model(campaign, found, tip, by_pulls))
 
 
 def dumps(model: KinematicModel) -> bytes:

@@ -6,7 +6,7 @@ import csv
 import re
 from collections.abc import Iterable, Sequence
 
-from pipeline.base.arrays import Array, Ints
+from pipeline.base.arrays import Ints
 from pipeline.readers._layout import Layout
 from pipeline.readers._text import Text
 
@@ -36,8 +36,6 @@ MARKS = ("//", "#", "%", "!")
 """Characters that introduce a comment line."""
 
 
-_GLANCE = 40
-"""Maximum number of characters of a cell quoted in a message."""
 _FEW_ROWS = 5
 """Number of rows up to which a common format of all rows is not assumed [1]."""
 _LOOKED_AT = 50
@@ -136,19 +134,6 @@ def _in_degrees(turn: re.Match[str]) -> str:
     mark = "," if "," in turn["s"] else "."
     minutes = int(turn["m"] or turn["mm"]) + float(turn["s"].replace(",", ".")) / _MINUTES
     return turn["sign"] + f"{int(turn['d']) + minutes / _MINUTES:.12f}".replace(".", mark)
-
-
-def shortened(cell: str, most: int = _GLANCE) -> str:
-    """Shorten a cell for a message, with control characters replaced."""
-    plain = "".join(c if c.isprintable() else "?" for c in cell)
-    return plain if len(plain) <= most else plain[: most - 1] + "…"
-
-
-def text_of(values: Array, digits: int | None) -> list[list[str]]:
-    """Format numbers row by row, with `digits` decimals, or (None) with all significant digits."""
-    if digits is None:
-        return [[repr(value) for value in row] for row in values.tolist()]
-    return [[f"{value:.{digits}f}" for value in row] for row in values.tolist()]
 
 
 def is_special(line: str, layout: Layout) -> bool:

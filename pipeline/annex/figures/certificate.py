@@ -10,16 +10,30 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.annex.figures.sheet import FROM, TO, PixelSheet, View, outlines
 from pipeline.answer.conformity import DECIDED, compared
 from pipeline.answer.contract import Answer, Placed, Stiffness, TestPose, Tip
 from pipeline.answer.words import at_axis, listed
 from pipeline.base.arrays import Array
 from pipeline.base.language import Say
-from pipeline.base.quantities import MISSING, percent, plain, with_uncertainty
+from pipeline.base.quantities import plain, with_uncertainty
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
+from pipeline.report.beside_nominal import (
+    ALIKE,
+    LOST,
+    NEAR,
+    ROUGH,
+    SOFT,
+    STIFF,
+    SURE,
+    TELLS,
+    WIDE_OPEN,
+    JointClass,
+    drawn_as,
+    stand,
+)
 from pipeline.report.figures.plot import Plot
-from pipeline.report.figures.sheet import FROM, TO, PixelSheet, View, outlines
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, BODY, EDGE, GREEN, GRID, INK, MUTED, PAPER, RED
@@ -33,20 +47,11 @@ _AROUND = 0.36
 REACH = 0.16
 """Length of the largest displacement as drawn, over the size of the arm [1]."""
 
-_NAME = 8
-"""Maximum length of a joint's name above the drawing [letters]; a longer one is replaced by its
-number."""
-
 _APART = 6.0
 """Minimum distance of two marks, so that neither covers the other [px]."""
 
 _ASIDE = np.deg2rad(28.0)
 """Angle of the view from the side of the arm towards its front [rad]."""
-
-_NEAR, _TELLS, _KNOWN = 0.05, 0.25, 0.02
-"""Thresholds of the key, used for nothing else [1]: deviation from nominal that counts as nominal,
-U over nominal above which the comparison is too uncertain, and relative standard uncertainty up to
-which a joint without nominal stiffness counts as well known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,46 +175,14 @@ def _cut(rows: pd.DataFrame, foot: Array, reach: float) -> pd.DataFrame:
 # --- what is stated of the joints -----------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _JointClass:
-    """Class of a joint: its word in the key, its colour, and the text below its name."""
-
-    word: str
-    colour: str
-    said: str
-
-
-_SOFT, _ALIKE, _STIFF = "softer", "as nominal", "stiffer"
-_WIDE_OPEN, _LOST = "too uncertain to tell", "not determined"
-_COLOURS = {_SOFT: RED, _ALIKE: MUTED, _STIFF: BLUE, _WIDE_OPEN: PAPER, _LOST: PAPER}
-_SURE, _ROUGH = f"U up to {200 * _KNOWN:.0f} %", f"U above {200 * _KNOWN:.0f} %"
-_COLOURS |= {_SURE: MUTED, _ROUGH: RED}
+_COLOURS = {SOFT: RED, ALIKE: MUTED, STIFF: BLUE, SURE: MUTED, ROUGH: RED}
+_COLOURS |= {WIDE_OPEN: PAPER, LOST: PAPER}
 _CAUSE = "cause"
 _RULES = {
-    _ALIKE: f"as nominal (within {100 * _NEAR:.0f} % or U)",
-    _WIDE_OPEN: f"too uncertain to tell (U above {100 * _TELLS:.0f} %)",
+    ALIKE: f"as nominal (within {100 * NEAR:.0f} % or U)",
+    WIDE_OPEN: f"too uncertain to tell (U above {100 * TELLS:.0f} %)",
 }
 """Words of the key that are printed with their condition."""
-
-
-def stand(joint: Stiffness) -> _JointClass:
-    """Classify a joint by its ratio to nominal or, if none is stated, by relative uncertainty."""
-    if joint.value is None:
-        return _JointClass(_LOST, PAPER, "?")
-    if not joint.nominal:
-        return _by_uncertainty(joint.relative_std)
-    ratio, off = joint.value / joint.nominal, 2 * (joint.std or 0.0) / joint.nominal
-    word = _ALIKE if off <= _TELLS else _WIDE_OPEN
-    if abs(ratio - 1) > max(_NEAR, off):
-        word = _SOFT if ratio < 1 else _STIFF
-    text = MISSING if joint.ci95[1] is None else percent(ratio, 3 if ratio >= 1 else 2)
-    return _JointClass(word, _COLOURS[word], text)
-
-
-def _by_uncertainty(rough: float | None) -> _JointClass:
-    """Classify a joint without nominal stiffness by its relative standard uncertainty."""
-    word = _SURE if rough is not None and rough <= _KNOWN else _ROUGH
-    return _JointClass(word, _COLOURS[word], f"± {percent(None if rough is None else 2 * rough)}")
 
 
 # --- the picture ----------------------------------------------------------------------------------
@@ -230,7 +203,7 @@ def _draw(answer: Answer, tables: Tables, say: Say = str) -> str:
 
 
 def _joints(
-    sheet: PixelSheet, arm: _DrawnArm, stands: dict[int, tuple[Stiffness, _JointClass]]
+    sheet: PixelSheet, arm: _DrawnArm, stands: dict[int, tuple[Stiffness, JointClass]]
 ) -> None:
     """Draw a disc at each joint, and in a row above its name and its ratio to nominal or U."""
     at = {k: place for k, place in arm.joints.items() if k in stands}
@@ -240,29 +213,23 @@ def _joints(
         joint, one = stands[number]
         x, (jx, jy) = 10 + step * (slot + 0.5), at[number]
         sheet.line((x, 38), (jx, jy), MUTED, 0.8, stroke_opacity=0.7)
-        style = {"fill": one.colour, "stroke": INK, "stroke_width": 1.2} | _outline(one)
+        style = {"fill": _COLOURS[one.word], "stroke": INK, "stroke_width": 1.2} | _outline(one)
         beside = f"{one.said} of nominal" if joint.nominal else one.said
         tip = f"{joint.axis or joint.name}: {beside}, {one.word}"
         sheet.disc((jx, jy), 6.5, tip, **style)
         middle = {"text_anchor": "middle"}
         sheet.text(x, 16, drawn_as(joint), 14, font_weight="bold", **middle)
-        colour = INK if one.colour in (MUTED, PAPER) else one.colour
+        colour = INK if _COLOURS[one.word] in (MUTED, PAPER) else _COLOURS[one.word]
         if told:
             sheet.text(x, 33, one.said, 13, fill=colour, **middle)
 
 
-def drawn_as(joint: Stiffness) -> str:
-    """Name of a joint in the drawing."""
-    name = joint.axis or joint.joint_name
-    return name if len(name) <= _NAME else f"J{joint.joint}"
-
-
-def _outline(one: _JointClass) -> dict[str, Any]:
+def _outline(one: JointClass) -> dict[str, Any]:
     """Dashed outline for a joint without a value."""
-    return {"stroke_dasharray": "2.6 2"} if one.word == _LOST else {}
+    return {"stroke_dasharray": "2.6 2"} if one.word == LOST else {}
 
 
-def _any(stands: Iterable[tuple[Stiffness, _JointClass]]) -> bool:
+def _any(stands: Iterable[tuple[Stiffness, JointClass]]) -> bool:
     """Whether any joint has a value."""
     return any(joint.value is not None for joint, _ in stands)
 
@@ -310,11 +277,11 @@ _BESIDE = ((-24, 5), (0, 33), (24, 5), (0, -21))
 """Offsets of a ring's number from its centre [px], in turn, as several rings may coincide."""
 
 
-def _key(sheet: PixelSheet, stands: Sequence[_JointClass], rings: bool) -> None:
+def _key(sheet: PixelSheet, stands: Sequence[JointClass], rings: bool) -> None:
     """Draw the key of the colours, in rows."""
     dark: dict[str, Any] = {"stroke": INK, "stroke_width": 1}
     marks = {
-        _RULES.get(one.word, one.word): {"fill": one.colour} | dark | _outline(one)
+        _RULES.get(one.word, one.word): {"fill": _COLOURS[one.word]} | dark | _outline(one)
         for one in stands
     }
     if rings:
@@ -339,7 +306,7 @@ def _write(answer: Answer, tables: Tables) -> Figure:
     nominal = any(joint.nominal for joint in answer.stiffness)
     what = "Share of the nominal stiffness" if nominal else "Relative uncertainty of the stiffness"
     known = _any(stands.items())
-    off = f"; coloured where it is off by more than {100 * _NEAR:.0f} % and U" if nominal else ""
+    off = f"; coloured where it is off by more than {100 * NEAR:.0f} % and U" if nominal else ""
     return Figure(
         "certificate",
         title,

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from bench.as_pinocchio import model
-from pipeline.answer.posture import posture
+from pipeline.annex.posture import posture
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import load
 from pipeline.prediction.model import ModelHypothesis as Handed

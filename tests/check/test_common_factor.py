@@ -5,7 +5,7 @@ import pytest
 import report_sample
 
 from pipeline.answer.contract import CommonFactor
-from pipeline.answer.contradictions import common_factor, told_factor
+from pipeline.check.contradictions import common_factor, told_factor
 from pipeline.machine.robot import load
 from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate

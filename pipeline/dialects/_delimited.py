@@ -18,18 +18,13 @@ import pyarrow.compute as pc
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError
 from pipeline.base.threads import WORTH_A_THREAD, spread
-from pipeline.readers import _time, pose_names
-from pipeline.readers._cells import (
-    NOT_IN_NUMBERS,
-    NUMBER_START,
-    bare_number,
-    cut_off,
-    is_turn,
-    shortened,
-)
-from pipeline.readers._cut import HOPELESS, cut, hopeless
+from pipeline.dialects import _time
+from pipeline.dialects._cells import NOT_IN_NUMBERS, NUMBER_START, bare_number, cut_off, is_turn
+from pipeline.dialects._cut import HOPELESS, cut, hopeless
+from pipeline.readers import pose_names
 from pipeline.readers._layout import Field, Layout, TypedRows
-from pipeline.readers._text import Text
+from pipeline.readers._plain_rows import LARGEST_NUMBER
+from pipeline.readers._text import Text, shortened
 from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _GROUPED = r"^[+-]?[1-9][0-9]{0,2}(,[0-9]{3})+$"
@@ -271,15 +266,10 @@ def _filled(cells: pa.Array) -> Bools:
     return np.asarray(pc.binary_length(cells)) > 0
 
 
-_LARGEST = 1e30
-"""Largest magnitude accepted for a number in a file [1]: no unit makes a coordinate in a factory
-hall this large, and its square is still finite."""
-
-
 def _numbers(cells: pa.Array, mark: str) -> pa.DoubleArray:
     """Parse numbers with one decimal mark, null if a cell is not a number."""
     values = _cast(cells, mark)
-    finite = np.abs(values.to_numpy(zero_copy_only=False)) <= _LARGEST
+    finite = np.abs(values.to_numpy(zero_copy_only=False)) <= LARGEST_NUMBER
     return values if finite.all() else pc.if_else(pa.array(finite), values, None)
 
 

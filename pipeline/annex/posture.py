@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
+from pipeline.annex import bodies
+from pipeline.annex.bodies import Bodies, arm_joints
 from pipeline.base.arrays import Array, Ints
-from pipeline.machine import bodies
-from pipeline.machine.bodies import Bodies, arm_joints
 from pipeline.machine.cell import Tool, load
 from pipeline.machine.effect import Elastic, Pulls
 from pipeline.machine.robot import Configuration, Robot, configure

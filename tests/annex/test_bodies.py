@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from bench.as_pinocchio import model
-from pipeline.machine import bodies
+from pipeline.annex import bodies
 from pipeline.machine.robot import configure, load
 
 

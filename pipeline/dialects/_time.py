@@ -11,17 +11,15 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline.base.arrays import Bools
+from pipeline.readers._iso import ISO, ISO_FORM, MOMENT, NO_YEAR, at_once, possible
 
-_MOMENT = pa.timestamp("us")
-ISO = "ISO 8601"
 APOSTROPHE = "'"
 """Leica's programs write one before a time so that Excel leaves it alone."""
 
 _MINUTE = r"[0-9]{1,2}:[0-9]{2}"
 _CLOCK = rf"{_MINUTE}:[0-9]{{2}}"
 _FORMS = {
-    ISO: r"[0-9]{4}-[0-9]{2}-[0-9]{2}[T ][0-9]{2}:[0-9]{2}(:[0-9]{2}(\.[0-9]{1,9})?)?"
-    r"(Z|[+-][0-9]{2}:?[0-9]{2})?",
+    ISO: ISO_FORM,
     "%m/%d/%y %H:%M:%S": rf"[0-9]{{1,2}}/[0-9]{{1,2}}/[0-9]{{2}} {_CLOCK}",
     "%m/%d/%Y %H:%M:%S": rf"[0-9]{{1,2}}/[0-9]{{1,2}}/[0-9]{{4}} {_CLOCK}",
     "%m/%d/%y %I:%M:%S %p": rf"[0-9]{{1,2}}/[0-9]{{1,2}}/[0-9]{{2}} {_CLOCK} [AP]M",
@@ -39,8 +37,6 @@ _FORMS = {
 are taken as American."""
 OF_DAY = ("%H:%M:%S", "%I:%M:%S %p", "%I:%M %p", "%I.%M %p")
 """Formats without a date."""
-NO_YEAR = 1900
-"""Year in which times without a date are kept: the default of `strptime`, before any tracker."""
 _OTHER_DAY = {"%m/%d": "%d/%m"}
 """Alternative meaning of dates with slashes if the first number is too large for a month."""
 
@@ -53,10 +49,6 @@ _EARLIEST = b"1900-01-01T00:00:00"
 part."""
 _SIXTY_NINE = b"69"
 """First two-digit year that `strptime` assigns to the last century."""
-_FIRST, _LAST = (pa.scalar(datetime(year, 1, 1), _MOMENT) for year in (NO_YEAR, 2200))
-"""Limits of plausible times of a reading; a clock that was never set begins in 1970 or 1980."""
-_HOUR = 3_600_000_000
-"""An hour [us]."""
 
 _FRACTION = re.compile(r"(?<=:[0-9]{2})[.,]([0-9]{1,6})(?= |$)")
 
@@ -132,45 +124,19 @@ def moments(cells: pa.StringArray, form: str) -> tuple[pa.TimestampArray, Bools 
     """
     try:
         bare = _bare(cells)
-        return _possible(_at_once(bare if form == ISO else _as_iso(bare, form))), None
+        return possible(at_once(bare if form == ISO else _as_iso(bare, form))), None
     except pa.ArrowInvalid:
         different = cells.dictionary_encode()
     found = [_moment(cell, form) for cell in different.dictionary.to_pylist()]
-    values = pa.array([None if m is None else _without_zone(m) for m in found], _MOMENT)
+    values = pa.array([None if m is None else _without_zone(m) for m in found], MOMENT)
     zoned = np.array([m is not None and m.tzinfo is not None for m in found], dtype=bool)
-    return _possible(values).take(different.indices), zoned[np.asarray(different.indices)]
-
-
-def _possible(found: pa.TimestampArray) -> pa.TimestampArray:
-    """Replace implausible times, such as those of the year 0, by null."""
-    between = pc.and_(pc.greater_equal(found, _FIRST), pc.less(found, _LAST))
-    return pc.if_else(between, found, pa.scalar(None, _MOMENT))
+    return possible(values).take(different.indices), zoned[np.asarray(different.indices)]
 
 
 def _bare(cells: pa.StringArray) -> pa.StringArray:
     if not any(cell.startswith(APOSTROPHE) for cell in cells[:1].to_pylist()):
         return cells
     return pc.utf8_ltrim(cells, characters=APOSTROPHE)
-
-
-def _at_once(cells: pa.StringArray) -> pa.TimestampArray:
-    """Convert cells in ISO 8601, all with a time zone or all without, or empty.
-
-    Raises:
-        pa.ArrowInvalid: One is in another format, or not a time.
-    """
-    if pc.min(pc.binary_length(cells)).as_py() == 0:
-        cells = pc.if_else(pc.equal(cells, ""), None, cells)
-    try:
-        found = cells.cast(_MOMENT)
-        ticks = found.cast(pa.int64()).fill_null(1).to_numpy()
-        cells = cells.filter(pa.array(ticks % _HOUR == 0))
-    except pa.ArrowInvalid:
-        found = cells.cast(pa.timestamp("us", "UTC")).cast(_MOMENT)
-    # Arrow also accepts 2026-11-03 and 2026-11-03T08 as times
-    if not np.asarray(pc.match_substring_regex(cells.drop_null(), f"^(?:{_FORMS[ISO]})$")).all():
-        raise pa.ArrowInvalid("a date without a time")
-    return found
 
 
 def _as_iso(cells: pa.StringArray, form: str) -> pa.StringArray:

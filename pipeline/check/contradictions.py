@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from pipeline.answer.contract import CommonFactor, Overload, Stiffness
+from pipeline.answer.results import AgainstStated, CampaignResults
 from pipeline.base.errors import place
 from pipeline.base.quantities import plain
 from pipeline.base.toml import line_of
@@ -19,6 +20,24 @@ from pipeline.reduction.settings import Settings
 from pipeline.system.beam import BeamNoise
 from pipeline.system.specimen import SURE, common, has_stated_stiffness
 from pipeline.system.variance import Components
+
+
+def against_stated(found: CampaignResults, joints: Sequence[Stiffness]) -> AgainstStated:
+    """What the readings say against what was stated.
+
+    Args:
+        found: What is known of the campaign.
+        joints: The stiffnesses of the answer.
+    """
+    text = found.raw.files["campaign.toml"].decode("utf-8", "replace")
+    factor = common_factor(found.raw.robot, joints)
+    sentences = [
+        *overstated(found.raw.settings, found.right.noise),
+        *entry_findings(found.right.case, text),
+        *told_factor(factor),
+    ]
+    overload = overload_entry(found.raw.robot, found.right.reduced.data.pulls)
+    return AgainstStated(sentences, factor, overload)
 
 
 def entry_findings(case: Case, text: str) -> list[str]:

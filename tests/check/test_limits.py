@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from small_case import PLAN
 
-from pipeline.answer.inputs import limit_findings
 from pipeline.base.errors import InputError
+from pipeline.check.findings import limit_findings
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed, plain
 from pipeline.run import campaign_answer, ingested
