@@ -1,9 +1,13 @@
 """A load point that measured reflectors carry, against rigid motions by Pinocchio."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from pipeline.machine.effect import Elastic
+from pipeline.machine.effects import catalogue
 from pipeline.machine.positions_estimate import PositionsEstimate, StatedTool
 from pipeline.machine.robot import load
 
@@ -75,3 +79,17 @@ def test_load_point_stays_where_reflectors_do_not_tell(spoilt):
     if spoilt == "unstated":
         tool = tool._replace(std=0.0)
     assert said.carrying(tool, LEAST) is said
+
+
+def test_each_element_keeps_its_own_values():
+    """One of three parameters between single ones, whatever their order."""
+    said, *_ = drawn(np.random.default_rng(1))
+    every = {len(one.parameters): one for one in catalogue(said.robot) if isinstance(one, Elastic)}
+    single, several = every[1], every[max(every)]
+    numbers = {id(single): [7.0], id(several): [*range(len(several.parameters))]}
+
+    for held in ((single, several, single), (several, single), (single,), ()):
+        yields = np.array([x for one in held for x in numbers[id(one)]])
+        found = replace(said, held=held, yields=yields).effects
+        assert tuple(one for one, _ in found) == held
+        assert all(list(values) == numbers[id(one)] for one, values in found)
