@@ -165,6 +165,19 @@ def test_errors_with_laws_have_the_covariance_that_weighs(given):
     assert (~errors.common[law]).sum() == given.rows.pull.max() + 1
 
 
+def test_a_law_that_is_accepted_is_no_doubt_about_another(small_campaign, read_back):
+    """Two laws of a gear estimated together: each may be the third, of which neither says more."""
+    both = seen(small_campaign, read_back(small_campaign).data, (HARDENING, KIN[1]))
+
+    errors = with_laws(both, both.errors, [(HARDENING, 0.3), (KIN[1], 0.2)])
+
+    found = errors.G[:, (errors.source == "law") & errors.common].toarray()
+    third = both.Z[:, 5] / np.linalg.norm(both.Z[:, 5])  # the compensator has two columns
+    sizes = [0.3 * np.linalg.norm(both.Z[:, HARDENING]) * abs(both.model.values[7]),
+             0.2 * np.linalg.norm(both.Z[:, 6]) * abs(both.model.values[8])]  # fmt: skip
+    np.testing.assert_allclose(found, np.outer(third, sizes), rtol=1e-9, atol=1e-15)
+
+
 def without(given, pose, suspects, force_noise=1.5):
     """Residuals of a pose by a fit to the other poses [m], and chi2 of that fit."""
     own, common = parts(given, force_noise)
