@@ -2,36 +2,79 @@
 
 import numpy as np
 import pytest
+from made_system import any_system, dense
 
 from pipeline.base.arrays import Parameter
 from pipeline.machine.robot import load
-from pipeline.system.combinations import _values, mixes
-
-TYPICAL = np.array([2e-8, 5e-9, 3e-7, 4e-6, 1e-7])
-"""Sizes that differ by three decades, as those of a wrist and a shoulder."""
+from pipeline.system.combinations import _values, information, mixes
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_mix_is_as_uncertain_as_the_rows_leave_it(seed):
-    """Four rows in natural units: value, weights and uncertainty by the pseudoinverse of all."""
+def parameters(n, units="rad/(N m)"):
+    """Made-up compliances of size one."""
+    units = [units] * n if isinstance(units, str) else units
+    return tuple(Parameter(f"c{k}", unit, 1.0) for k, unit in enumerate(units))
+
+
+def test_groups_that_nothing_joins_are_told_apart():
+    """Two pairs and one single joint: two combinations of two, whatever else was measured."""
+    true = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+    W = np.array([[1, 0.5, 0, 0, 0], [0, 0, 1, -0.25, 0], [0, 0, 0, 0, 1.0]])
+    mixed = np.random.default_rng(1).standard_normal((20, 3)) @ W * 100
+
+    found = mixes(mixed.T @ mixed, parameters(5), true, np.array([0, 0, 0, 0, 1], bool))
+
+    known = {tuple(one.of.tolist()): one for one in found}
+    assert set(known) == {(0, 1), (2, 3)}
+    assert known[0, 1].weights == pytest.approx([1, 0.5])
+    assert known[2, 3].weights == pytest.approx([1, -0.25])
+    assert known[0, 1].value == pytest.approx(2.0)
+
+
+def test_parameters_of_two_units_are_not_mixed():
+    """A sum of a prismatic and two revolute joints is known, and part of the revolute ones."""
+    rows = np.array([[1.0, 1.0, 0.5], [2.0, 1.0, 0.5]]) * 50
+    units = parameters(3, ["m/N", "rad/(N m)", "rad/(N m)"])
+
+    (one,) = mixes(rows.T @ rows, units, np.ones(3), np.array([True, False, False]))
+    none = mixes(rows[:1].T @ rows[:1], units, np.ones(3), np.zeros(3, bool))
+
+    assert one.of.tolist() == [1, 2]
+    assert one.weights == pytest.approx([1, 0.5])
+    assert not none
+
+
+def test_a_member_that_costs_little_is_left_out_and_one_that_costs_more_is_not():
+    """A third joint with a weight of 0.01, known to its own size or hardly at all."""
+
+    def of(third_std):
+        rows = np.vstack([[100.0, 58.0, 1.0], [0.0, 0.0, 1 / third_std]])
+        (one,) = mixes(rows.T @ rows, parameters(3), np.full(3, 1.0), np.zeros(3, bool))
+        return one.of.tolist()
+
+    assert of(0.9) == [0, 1]
+    assert of(20.0) == [0, 1, 2]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_any_system_is_told_by_as_many_mixes_as_it_has_directions(seed):
+    """Each is determined by the rows, they are independent, and each agrees with numpy."""
     rng = np.random.default_rng(seed)
-    rows = rng.standard_normal((4, 5)) / TYPICAL * 30.0  # known to a thirtieth of the sizes
-    value = TYPICAL * rng.uniform(1, 2, 5)
-    kinds = [Parameter(f"c{k}", "rad/(N m)", t) for k, t in enumerate(TYPICAL)]
-    scaled = rows * TYPICAL
+    n, rank = 6, int(rng.integers(1, 6))
+    system = any_system(rng, n, rank)
+    W = np.linalg.inv(np.linalg.cholesky(dense(system)))
+    A, y = W @ system.B * system.typical, W @ system.c
+    x, cov = np.linalg.pinv(A, rcond=1e-8) @ y, np.linalg.pinv(A.T @ A, rcond=1e-12)
+    alone = np.zeros(n, bool)
 
-    found = mixes(scaled.T @ scaled, kinds, value, np.zeros(5, dtype=bool))
+    found = mixes(information(system, n), system.parameters, x * system.typical, alone)
 
-    covariance = np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
-    blind = np.linalg.svd(scaled)[2][-1] * TYPICAL  # moves no row
-    assert len(found) == 4
-    for one in found:
-        w = np.zeros(5)
-        w[one.of] = one.weights
-        assert np.abs(w).max() == w.max() == 1.0
-        assert one.value == pytest.approx(w @ value, rel=1e-12)
-        np.testing.assert_allclose(w @ blind, 0.0, atol=1e-6 * TYPICAL.max())
-        assert one.std == pytest.approx(np.sqrt(w @ covariance @ w), rel=1e-6)
+    weights = np.zeros((len(found), n))
+    for row, one in zip(weights, found, strict=True):
+        row[one.of] = one.weights
+        w = row * system.typical
+        assert one.value == pytest.approx(w @ x, rel=1e-6)
+        assert one.std == pytest.approx(np.sqrt(w @ cov @ w), rel=1e-6)
+    assert np.linalg.matrix_rank(weights * system.typical) == rank == len(found)
 
 
 @pytest.mark.parametrize("name", ["kr500_rail", "fanuc_r2000ic"])
