@@ -297,6 +297,28 @@ def hypothesis(system, weight):
     return Hypothesis(weight, (), cell, system, solve(system, system.typical))
 
 
+@pytest.mark.parametrize("ratio", [1.0, 2.5])
+def test_what_the_rows_determine_is_as_uncertain_in_the_model(ratio):
+    """Every row that was measured, by the pseudoinverse; times what the residuals say; none else.
+
+    Parameters by themselves are undetermined: six from rows of three directions.
+    """
+    system = any_system(np.random.default_rng(8), 6, 3)
+    estimate = solve(system, system.typical)
+    wider = replace(estimate, cov=estimate.cov * ratio**2)
+    cell = paper_cell(FANUC, Tool.of(TOOL))
+    W = np.linalg.inv(np.linalg.cholesky(dense(system)))
+    A = W @ system.B * system.typical
+    cov = np.linalg.pinv(A.T @ A, rcond=1e-12) * np.outer(system.typical, system.typical)
+
+    one = handover.part(1.0, cell, wider, system, ratio)
+
+    rows = system.B[:, None]
+    expected = np.einsum("mjk,kl,mil->mji", rows, cov, rows)
+    np.testing.assert_allclose(one.through(rows), ratio**2 * expected, rtol=1e-6)
+    assert np.isinf(one.through(0.1 * np.diag(1 / system.typical)[:, None])).all()
+
+
 def test_over_hypotheses_a_mix_is_their_mixture_and_known_to_each():
     """Mean and variance over both; a direction that one of them leaves open is not stated."""
     rng = np.random.default_rng(3)
