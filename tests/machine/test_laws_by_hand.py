@@ -127,6 +127,9 @@ def test_a_wrong_point_is_one_of_a_longer_tool():
         at.points((TOOL.load_point + d)[None])[:, 0], abs=1e-12
     )
     assert followed.points(loaded(), d) == pytest.approx(at.points(TOOL.points + d), abs=1e-12)
+    largest = np.ptp(np.vstack([TOOL.load_point, TOOL.points]), axis=0).max()
+    for one in load_point_offset.effects(ROBOT):  # coordinates of the tool may be exchanged
+        assert all(parameter.upper > largest for parameter in one.parameters)
 
 
 def test_a_turned_base_turns_readings_and_not_lengths():
