@@ -98,6 +98,13 @@ CASES = {
         1,
         turning(5, lambda own, _: np.tanh(own / 60.0), (0, 1, 0)),
     ),
+    "friction, less on the way up": (
+        law(3, "friction", "periodic", "angle", 3, 2.0),
+        0,
+        turning(
+            3, lambda own, _: -PULLS.branch * np.tanh(own / (3e-5 * KR500.joints[2].stiffness))
+        ),
+    ),
     "pair": (
         law(3, "pair", "coupling", "torque", 5),
         0,
