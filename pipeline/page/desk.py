@@ -74,9 +74,7 @@ class Desk:
         """
         alike = [one for one in campaigns(self.root) if _alike(one) == _alike(self.name)]
         if alike and self.name not in alike:
-            raise UsageError(
-                f"another campaign is called {alike[0]}: open it, or give another name"
-            )
+            raise UsageError(f"another campaign is called {alike[0]}: open it, or take another")
         self.folder.mkdir(parents=True, exist_ok=True)
 
     def names(self) -> list[str]:
