@@ -181,6 +181,11 @@ CASES = {
               "PDispSet q;"),
         [3], [6],
     ),
+    "displaced in an argument": (
+        "m.mod",
+        rapid(f"MoveL {R},v1\\V:=b(),z1,t;", "ENDPROC", "FUNC num b()", "PDispSet q;"),
+        [3], [5],
+    ),
     "routine by name": (
         "m.mod",
         rapid('%"b"%;', f"MoveL {R},v1,z1,t;", "ENDPROC", "PROC b()", "PDispSet q;"),
