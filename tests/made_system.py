@@ -79,3 +79,16 @@ def restricted(X, y, V):
     W = np.linalg.inv(V)
     *_, chi2 = generalised(X, y, V)
     return np.linalg.slogdet(V)[1] + np.linalg.slogdet(X.T @ W @ X)[1] + chi2
+
+
+def any_system(rng, n, rank):
+    """Rows that depend on the parameters in a few directions only; all kinds of errors."""
+    size = 10.0 ** rng.uniform(-8, -6, n)
+    B = rng.standard_normal((40, rank)) @ rng.standard_normal((rank, n)) * 1e-3 / size
+    pose = np.repeat(np.arange(8), 5)
+    G = np.hstack([np.diag(rng.uniform(2e-5, 5e-5, 40)), 3e-5 * rng.standard_normal((40, 2))])
+    source = np.array(["tracker"] * 40 + ["force_gain"] * 2, object)
+    errors = Errors(scipy.sparse.csr_array(G), source, source == "force_gain")
+    rows = RowIndex(pose, pose, np.full(40, "P1", object), np.arange(40) % 3, pose)
+    named = tuple(Parameter(f"c{k}", "rad/(N m)", t) for k, t in enumerate(size))
+    return System(named, rows, B, B @ size + G @ rng.standard_normal(42), errors, True)

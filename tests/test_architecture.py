@@ -284,7 +284,11 @@ OUTBUILDINGS = {
         "prediction": "what these predict decides on the tolerance",
         "answer.conformity": "and is said as in the answer",
     },
-    "page": {"app.commands._shared": _COMMAND, "answer.words": _PAGES},
+    "page": {
+        "app.commands._shared": _COMMAND,
+        "store.campaign": _PLACES,
+        "answer": "it shows the answer that is there, in its words",
+    },
     "programs": {
         "app.commands._shared": _COMMAND,
         "store.campaign": _PLACES,

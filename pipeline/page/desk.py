@@ -66,6 +66,17 @@ class Desk:
         """Folder of its report."""
         return self.root / "reports" / named(self.name, "campaign")
 
+    def begun(self) -> None:
+        """Make its folder, if it is not there yet.
+
+        Raises:
+            UsageError: Another campaign has a name that some system takes for this one.
+        """
+        alike = [one for one in campaigns(self.root) if _alike(one) == _alike(self.name)]
+        if alike and self.name not in alike:
+            raise UsageError(f"another campaign is called {alike[0]}: open it, or take another")
+        self.folder.mkdir(parents=True, exist_ok=True)
+
     def names(self) -> list[str]:
         """Names of the campaign's files, including campaign.toml; `folder/name` of those below."""
         return sorted(one.relative_to(self.folder).as_posix() for one in _files(self.folder))

@@ -37,7 +37,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from pipeline.answer.contract import About
+from pipeline.answer.contract import About, Answer
 from pipeline.base import files, toml
 from pipeline.base.errors import CannotWrite, InputError, UsageError
 from pipeline.base.quantities import common_prefix, plain, prefixed
@@ -46,6 +46,7 @@ from pipeline.machine.robot import SHIPPED, load
 from pipeline.page import drawing, entries
 from pipeline.page.desk import MOST_BYTES, TOML, Desk, campaigns, named
 from pipeline.page.jobs import CommandOutput, LiveJob, Runs, command, stage
+from pipeline.store.campaign import CampaignFolder
 
 HERE = "127.0.0.1"
 
@@ -190,14 +191,16 @@ class _State:
             "answer": "" if done else "run",
         }
 
-    def answer(self, desk: Desk) -> dict[str, Any] | None:
-        """Content of result.json; None if there is none."""
-        import json
+    def answer(self, desk: Desk) -> Answer | None:
+        """Content of result.json; None if there is none.
 
-        with contextlib.suppress(OSError, ValueError, RecursionError):
-            found = json.loads((desk.reports / "result.json").read_bytes())
-            return found if isinstance(found, dict) else None
-        return None
+        Raises:
+            UsageError: It is of an earlier version, or damaged.
+        """
+        from pipeline.answer import archive
+
+        found = (desk.reports / "result.json").is_file()
+        return archive.read(CampaignFolder(self.root, desk.folder)) if found else None
 
     async def look(self, *words: str | Path) -> CommandOutput:
         """Output of a command that only reads; two run at a time."""
@@ -205,10 +208,10 @@ class _State:
             return await command(*words)
 
 
-def _stiffness(one: Mapping[str, Any]) -> str:
-    """`3.80 MN·m/rad`, from an update."""
-    factor, letter = common_prefix([one["value"]])
-    return f"{plain(one['value'] / factor, 4)} {prefixed(one['unit'], letter)}"
+def _stiffness(value: float, unit: str) -> str:
+    """`3.80 MN·m/rad`."""
+    factor, letter = common_prefix([value])
+    return f"{plain(value / factor, 4)} {prefixed(unit, letter)}"
 
 
 _PAGES = jinja2.Environment(
@@ -334,7 +337,7 @@ async def _create(state: _State, request: Request) -> Response:
     """Create a campaign."""
     typed = await _typed(request)
     desk = Desk(state.root, named(str(typed.get("name", "")).strip(), "campaign"))
-    desk.folder.mkdir(parents=True, exist_ok=True)
+    desk.begun()
     return _reply(go=f"/c/{quote(desk.name, safe='')}/files")
 
 
@@ -576,17 +579,17 @@ async def _answer_page(state: _State, request: Request) -> Response:
     stale = found is not None and not state.done(desk)
     return await _page(
         request, state, "answer", desk,
-        found=found, facts=_facts(found or {}), names=_by_use(names), stale=stale,
+        found=found, facts=_facts(found), names=_by_use(names), stale=stale,
     )  # fmt: skip
 
 
-def _facts(found: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _facts(found: Answer | None) -> list[tuple[str, str]]:
     """The first sentences of an answer and what each is about; stiffnesses are a table."""
     from pipeline.answer.words import ABOUT
 
     labels = {about.value: label for about, label in ABOUT.items() if about is not About.NUMBERS}
-    lines = found.get("first_screen", [])
-    return [(labels[one["about"]], one["text"]) for one in lines if one["about"] in labels]
+    lines = found.first_screen if found else ()
+    return [(labels[one.about], one.text) for one in lines if one.about in labels]
 
 
 def _by_use(names: Sequence[str]) -> dict[str, list[str]]:

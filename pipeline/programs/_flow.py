@@ -102,9 +102,13 @@ def interrupted(
     return sorted([*steps, *calls], key=lambda one: one.at)
 
 
-def _within(steps: Iterable[ProgramStep]) -> dict[int, set[HeldState]]:
-    """States set within each block, by the place where it begins; -1 stands for the whole text."""
+def _within(steps: Iterable[ProgramStep]) -> tuple[dict[int, set[HeldState]], set[int]]:
+    """States set within each block, and blocks that call a routine, by the place where they begin.
+
+    -1 stands for the whole text.
+    """
     found: dict[int, set[HeldState]] = {-1: set()}
+    calling: set[int] = set()
     open_: list[tuple[int, StepKind]] = [(-1, "routine")]
     for step in steps:
         if step.kind in _BEGIN:
@@ -112,19 +116,22 @@ def _within(steps: Iterable[ProgramStep]) -> dict[int, set[HeldState]]:
             found[step.at] = set()
         elif step.kind == "set":
             found[open_[-1][0]].add(step.value)
+        elif step.kind == "call":
+            calling |= {at for at, _ in open_}
         elif step.kind == "close" and len(open_) > 1:
             at, kind = open_.pop()
             found[open_[-1][0]] |= found[at] if kind != "scope" else set()
     for (outer, _), (at, _) in reversed(list(pairwise(open_))):
         found[outer] |= found[at]
-    return found
+    return found, calling
 
 
 class _Flow:
     """The state in force as steps are processed one by one."""
 
     def __init__(self, steps: Sequence[ProgramStep], first: str, thing: str) -> None:
-        self.within, self.first, self.thing = _within(steps), first, thing
+        self.within, self.calling = _within(steps)
+        self.first, self.thing = first, thing
         routines = (step.at for step in steps if step.kind == "routine")
         self.setters = Counter(value for at in routines for value in self.within[at])
         self.others: dict[int, set[HeldState]] = {}
@@ -160,7 +167,7 @@ class _Flow:
 
     def _begin(self, step: ProgramStep) -> None:
         self.blocks.append(_Block(step, self.now))
-        sets = self.within[step.at]
+        sets = self.within[step.at] | (self._elsewhere() if step.at in self.calling else set())
         if step.kind == "routine":
             self.now = self._entered(step)
         elif step.kind == "loop" and sets - {self.now}:

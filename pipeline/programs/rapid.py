@@ -478,7 +478,7 @@ def _follow(
     elif name in _MOTIONS:
         found.account(found.source, start, end)
         given = dropwhile(_switch, entries(plain, after, end))
-        _move(found, name, start, [*given], displaced(start))
+        _move(found, name, start, [*given], displaced(end - 1))
     else:
         found.account(found.source, start, end if re.fullmatch(_KNOWN, name, re.I) else after)
         found.leave(found.source, start, f"{word} is no motion known here")

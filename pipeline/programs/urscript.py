@@ -10,6 +10,7 @@ The tool is that of the set_tcp in force.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -169,8 +170,12 @@ def _points(
 def _steps(found: _Script, calls: Sequence[re.Match[str]]) -> Iterator[ProgramStep]:
     """Steps that set the tool, and those of the control flow."""
     source = found.source
-    for block in _BLOCK.finditer(source.plain):
-        yield ProgramStep(block.start(1), _BLOCKS[block[1]], source.line(block.start(1)))
+    words = list(_BLOCK.finditer(source.plain))
+    count = Counter(_BLOCKS[one[1]] for one in words)
+    own = count["close"] > count["open"] + count["loop"] + count["routine"]  # each case has its end
+    for one in words:
+        kind = "open" if own and one[1] in ("case", "default") else _BLOCKS[one[1]]
+        yield ProgramStep(one.start(1), kind, source.line(one.start(1)))
     for call in calls:
         if call[1] == "set_tcp":
             line = source.line(call.start())
@@ -198,7 +203,7 @@ def _follow(found: _Script, call: re.Match[str], tool: Callable[[int], HeldState
         found.leave(source, call.start(), f"{name} has no end")
     elif name != "set_tcp":
         for entry in given[: _POINTS.get(name, 1)]:
-            if why := _use(found, entry, tool(call.start())):
+            if why := _use(found, entry, tool(given[-1].end)):
                 found.leave(source, entry.start, why)
 
 

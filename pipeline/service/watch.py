@@ -20,6 +20,7 @@ from typing import Protocol
 from pipeline.app.outcome import Outcome, failed
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError
+from pipeline.base.preferences import FILE as PREFERENCES
 from pipeline.base.preferences import Notify, Preferences
 from pipeline.base.shown import printable
 from pipeline.base.strict import Strict
@@ -290,10 +291,15 @@ def _learn(campaign: CampaignFolder, seen: str, made: Outcome, now: float) -> No
 
 
 def verdict_of(made: Outcome) -> str:
-    """The verdict, `rejected` if the input was, or `failed` if another attempt may help."""
+    """The verdict, `rejected` if the input was, or `failed` if another attempt may help.
+
+    Another one may where pipeline.toml is at fault: it is not among the files of the campaign,
+    whose change would be noticed.
+    """
     if made.verdict is not None:
         return made.verdict
-    lasting = made.exit_code == InputError.exit_code and not made.passing
+    ours = made.content.get("error", {}).get("file") == PREFERENCES
+    lasting = made.exit_code == InputError.exit_code and not made.passing and not ours
     return "rejected" if lasting else "failed"
 
 

@@ -1,5 +1,6 @@
 """The perspective view of the cell, and drawings in pixels."""
 
+import re
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -7,6 +8,7 @@ import pandas as pd
 import pytest
 
 from pipeline.annex.figures.sheet import FROM, TO, PixelSheet, View, outlines
+from pipeline.report.svg import by_hand
 
 VIEW = View(np.array([1.0, 2.0, 0.5]), 3.0, np.deg2rad(30))
 EYE = np.array([np.cos(VIEW.yaw), np.sin(VIEW.yaw), 0.0])
@@ -59,3 +61,16 @@ def test_an_arrow_ends_in_its_point_and_texts_are_escaped():
     assert root.get("viewBox") == "0 0 100 50"
     assert root.find("s:polygon", space).get("points").startswith("10.0,40.0 ")
     assert root.find("s:text", space).text == "A < B"
+
+
+@pytest.mark.parametrize(("width", "height"), [(300, 900), (500, 100), (700, 300), (2000, 90)])
+def test_a_figure_is_as_wide_on_the_page_as_it_was_drawn(width, height):
+    """One by hand shrinks up to 560 px; all others keep a pixel for each point, or are scrolled."""
+    svg = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}"/>'
+
+    inline = ET.fromstring(by_hand(svg).inline)
+
+    least = int(re.fullmatch(r"min-width: (\d+)px", inline.attrib["style"])[1])
+    assert (least == 0) == (width <= 560)
+    assert least == 0 or width <= least <= 1.1 * width
+    assert (inline.attrib.get("class") == "broad") == (least > 544)  # half a page

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy import stats
 
 from bench import schema
 from pipeline.answer.contract import Answer, Drawn, Fit, TargetDeflection
@@ -80,3 +81,69 @@ def test_what_breaks_the_promise_is_found(answer, spoil):
 
     with pytest.raises(ValidationError):
         Answer.model_validate_json(json.dumps(broken))
+
+
+def nodes(one):
+    """Every object in an answer, itself included."""
+    if isinstance(one, dict):
+        yield one
+    for part in one.values() if isinstance(one, dict) else one if isinstance(one, list) else ():
+        yield from nodes(part)
+
+
+def test_every_number_is_one_that_its_name_can_have(answer):
+    """Probabilities, p-values and shares, uncertainties, intervals about their values."""
+    for one in nodes(answer.as_json()):
+        for name in one.keys() & {"p_value", "probability", "weight", "share", "smallest_p"}:
+            assert one[name] is None or 0 <= one[name] <= 1
+        assert all((one[name] or 0) >= 0 for name in one.keys() & {"std", "std_mm", "rms_mm"}
+                   if not isinstance(one[name], list))  # fmt: skip
+        if {"ci95", "value"} <= one.keys() and one["value"] is not None:
+            low, high = one["ci95"]
+            assert low is None or low < one["value"]
+            assert high is None or one["value"] < high
+
+
+def test_springs_agree_with_their_compliances_and_budgets(answer):
+    """Value and compliance are inverse; the parts of a budget add up in squares to the whole."""
+    for model in (answer, answer.joint_springs, answer.extended):
+        for one in model.stiffness:
+            assert one.value * one.compliance == pytest.approx(1, rel=1e-9)
+            assert one.std / one.value == pytest.approx(one.relative_std, rel=1e-9)
+            assert one.compliance_std / one.compliance == pytest.approx(one.relative_std, rel=1e-2)
+            parts = {part.source: (part.std / one.std) ** 2 for part in one.budget}
+            assert parts == pytest.approx({part.source: part.share for part in one.budget})
+            assert sum(parts.values()) == pytest.approx(1, abs=1e-6)
+
+
+def test_the_test_pose_agrees_with_itself(answer):
+    """Length, direction and uncertainty of the deflection, each from its parts."""
+    pose = answer.test_pose
+    along = np.dot(pose.vector_mm, pose.force_n) / np.linalg.norm(pose.force_n)
+
+    assert pose.deflection_mm == pytest.approx(np.linalg.norm(pose.vector_mm), rel=1e-9)
+    assert pose.along_force_mm == pytest.approx(along, rel=1e-9)
+    assert pose.std_mm**2 == pytest.approx(sum(part.std_mm**2 for part in pose.budget), rel=1e-6)
+
+
+def test_models_and_data_agree(answer):
+    """One cause of one parameter that is identified: degrees of freedom, values, table, gain."""
+    (cause,) = answer.diagnosis.causes
+    (springs, both) = (one.fit for one in (answer.joint_springs, answer.extended))
+
+    assert springs.dof - both.dof == len(cause.parameters) == 1
+    assert springs.dof == 3 * 3 * 36 - 7
+    for fit in (springs, both):
+        assert fit.p_value == pytest.approx(stats.chi2.sf(fit.chi2, fit.dof), rel=1e-6)
+    assert (answer.stiffness, answer.fit) == (answer.extended.stiffness, both)
+    assert answer.recommended.model == "extended"
+    assert answer.recommended.table == "as_delivered"  # no parameter of the table was changed
+    assert sum(one.weight for one in answer.recommended.hypotheses) == pytest.approx(1, abs=1e-9)
+    assert {one.name for one in answer.recommended.hypotheses[0].causes} == {cause.name}
+    gain = cause.gain
+    assert gain.reduction == pytest.approx(
+        1 - gain.held_out_rms_after_mm / gain.held_out_rms_before_mm, rel=1e-9
+    )
+    assert gain.held_out_rms_after_mm == pytest.approx(answer.validation.held_out_rms_mm)
+    assert (answer.identity.poses, answer.identity.pulls) == (12, 36)
+    assert abs(cause.parameters[0].value - 2e-8) < 4 * cause.parameters[0].std

@@ -1,6 +1,7 @@
 """An 18 m rail expands by 0.2 mm per kelvin, and the base frame with it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ from small_case import small
 from pipeline.answer.inputs import registration_entry
 from pipeline.base.errors import InputError
 from pipeline.check.findings import growth_findings
+from pipeline.reduction.growth import BaseGrowth
 from pipeline.reduction.register import XYZ, place, register
 from pipeline.reduction.settings import parse
 
@@ -68,6 +70,25 @@ def test_reflectors_that_grew_say_so_without_a_thermometer(case):
     (told,) = growth_findings(registration_entry(found))
     assert "state temperature_c" in told
     assert "as steel at 26.0 °C" in told or "as steel at 25.9 °C" in told
+
+
+@pytest.mark.parametrize("seen", [7e-5, None])
+def test_each_number_of_a_growth_is_its_own(seen):
+    """Value, expected, seen, each with its uncertainty; nothing where nothing has grown."""
+    grown = BaseGrowth(1e-5, 2e-5, 3e-5, 4e-5, seen, 8e-5, 0.9)
+    base = SimpleNamespace(
+        table=pd.DataFrame({"dx_m": [1e-5], "dy_m": [2e-5], "dz_m": [2e-5]}),
+        cov=np.diag(np.arange(1.0, 7.0) ** 2), chi2=3.0, dof=3, growth=grown,
+    )  # fmt: skip
+    said = registration_entry(base)
+
+    told = said.growth.model_dump()
+    assert told.pop("seen_std") == (None if seen is None else 8e-5)
+    assert told == {name: getattr(grown, name) for name in told}
+    assert said.rotation_std_rad == (1.0, 2.0, 3.0)
+    assert said.translation_std_m == (4.0, 5.0, 6.0)
+    assert said.max_mm == pytest.approx(0.03)
+    assert said.p_value == pytest.approx(0.3916, abs=1e-4)  # tables of chi-square
 
 
 def test_no_growth_is_seen_where_there_is_none(case):

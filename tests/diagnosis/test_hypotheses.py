@@ -8,6 +8,7 @@ import pytest
 from small_case import asked, small
 
 from pipeline.diagnosis import hypotheses as module
+from pipeline.diagnosis import unlisted
 from pipeline.diagnosis.cause_search import NamelessReplacement, Replacement, remainder, search
 from pipeline.diagnosis.diagnose import search_task
 from pipeline.diagnosis.hypotheses import _scales, _solved, hypotheses, too_small
@@ -124,6 +125,22 @@ def test_where_a_cause_is_detected_none_is_too_small(tilted):
 
     assert found.detected
     assert too_small(case, found) == ()
+
+
+@pytest.mark.parametrize("copies", [1.0, 1e-4, 0.0])
+def test_a_law_stands_out_from_scatter_and_from_copies_of_other_signs(tilted, monkeypatch, copies):
+    """The less of both counts: what every second copy shows is none, however large."""
+    case, found, _ = tilted
+    every = unlisted._every(case, found)[::25]
+    monkeypatch.setattr(
+        unlisted, "_by_structure", lambda view, *_: np.full(len(view.suspects), copies)
+    )
+
+    likely = unlisted._likely(case, found, (), every, np.random.default_rng(3))
+
+    assert bool(likely) == (copies < 1)
+    assert all(p >= copies for p in likely.values())
+    assert all(p < 1e-3 for p in likely.values())
 
 
 def dense(system):

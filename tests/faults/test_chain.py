@@ -225,6 +225,32 @@ def test_a_distance_is_held_against_a_fit_to_the_others(stated, hung_m):
     assert found.p_value == pytest.approx(chance, rel=1e-4)
 
 
+@pytest.mark.parametrize("hung_m", [0.0, 2e-2])
+@pytest.mark.parametrize("k", [3, 14, 22])
+def test_pulls_towards_an_anchor_take_no_part_in_distances(k, hung_m):
+    """As if they had not been measured, however long; a pull keeps its number."""
+    rng = np.random.default_rng(6)
+    given = longer(ends(rng, hung_m=hung_m), k, 7e-4)
+    free = np.isin(np.arange(24) % 8, [1, 4]) | (np.arange(24) == k) | (rng.random(24) < 0.7)
+    for anchored in np.flatnonzero(~free):
+        given = longer(given, anchored, 1.5)
+    kept = {name: getattr(given, name)[free] for name in ARRAYS}
+
+    found, alone = (
+        module._distance(replace(given, free=free)),
+        module._distance(replace(given, **kept, free=np.ones(free.sum(), bool))),
+    )
+
+    assert found.pull == k
+    assert np.flatnonzero(free)[alone.pull] == k
+    assert (found.size, found.sigmas) == pytest.approx((alone.size, alone.sigmas), rel=1e-9)
+    assert found.p_value == pytest.approx(alone.p_value, rel=1e-6)
+    assert found.size == pytest.approx(7e-4, abs=2e-4)
+
+
+ARRAYS = ("group", "pose", "force", "ends", "std", "give")
+
+
 def test_of_two_pulls_of_a_pose_the_one_unlike_all_is_told():
     """How the chain was hung is known only from the other one; all other poses decide."""
     rng = np.random.default_rng(8)

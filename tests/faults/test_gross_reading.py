@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from small_case import moved, small, where
 
+from pipeline.faults.entries import _base
 from pipeline.faults.gross_reading import gross
 from pipeline.reduction.register import XYZ
 
@@ -102,3 +103,20 @@ def test_without_stated_noise_a_gross_reading_is_named_all_the_same(case):
 
     assert found.before == np.inf
     assert gross(replace(case, readings=pd.DataFrame(columns=case.readings.columns))) == []
+
+
+def test_a_base_reflector_is_where_most_of_its_readings_have_it(case):
+    """Of three rounds one reads it metres off: entries are judged by the other two."""
+    rows = case.readings
+    base = rows["pose"].isna()
+    third = rows[base].drop_duplicates("target").assign(group="base_third")
+    whole = replace(case, readings=pd.concat([rows, third], ignore_index=True))
+    names, right = _base(whole)
+    rows = whole.readings.copy()
+    hit = rows.index[rows["pose"].isna() & (rows["target"] == names[1])][0]
+    rows.loc[hit, XYZ] += np.array([5.0, -2.0, 3.0])
+
+    again, found = _base(replace(whole, readings=rows))
+
+    assert again == names == list(case.settings.base_frame)
+    assert np.abs(found - right).max() < 2e-4

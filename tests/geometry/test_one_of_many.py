@@ -6,6 +6,7 @@ import pytest
 from pipeline.base import linear
 from pipeline.geometry.left_out import _Without
 from pipeline.geometry.outliers import _Asked
+from pipeline.geometry.roughness import ScaleGrid
 from pipeline.system import alarms
 
 
@@ -40,3 +41,22 @@ def test_a_parameter_is_held_at_its_prior_mean_and_not_at_zero():
 
     assert found[held] == pytest.approx(mean[held])
     assert found[free] == pytest.approx(step)
+
+
+def test_an_average_over_cells_scatters_as_draws_from_them():
+    """First and second moments of a mixture of two normal distributions, entry by entry."""
+    x = np.array([[1.0, -2.0, 0.5], [3.0, -2.0, 0.0]])
+    C = np.array([np.diag([0.1, 0.2, 0.3]) + 0.05, np.diag([0.4, 0.1, 0.2]) - 0.02])
+    w = np.array([0.3, 0.7])
+    blank = {"zeros": None, "free": (), "rough": None, "transmission": None}
+    found = ScaleGrid(
+        **blank, std=np.ones((2, 3)), width=np.log([0.5, 0.7]), x=x, cov=C,
+        log=np.log([0.6, 1.0]) - 40.0,
+    )  # fmt: skip
+
+    mean = np.array([0.3 * 1 + 0.7 * 3, -2.0, 0.15])
+    assert found.weight == pytest.approx(w)
+    assert found.mean == pytest.approx(mean)
+    square = sum(p * (V + np.outer(one, one)) for p, V, one in zip(w, C, x, strict=True))
+    assert found.covariance == pytest.approx(square - np.outer(mean, mean))
+    assert found.covariance[0, 0] == pytest.approx(0.3 * 0.15 + 0.7 * 0.38 + 0.3 * 0.7 * 2.0**2)

@@ -1,5 +1,7 @@
 """The scatter of readings about a model: factors of covariances, likelihood and gradient."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -7,6 +9,7 @@ from scipy import stats
 from pipeline.base import linear
 from pipeline.geometry.laws import Inputs
 from pipeline.geometry.mechanism import Linear
+from pipeline.geometry.outliers import _columns
 from pipeline.geometry.scatter import PoseScatter, _Likelihood
 
 POSES, JOINTS = 40, 4
@@ -90,3 +93,18 @@ def test_a_singular_covariance_is_regularised_and_an_empty_one_refused():
     assert np.einsum("ikm,jkm->ijm", L, L) == pytest.approx(V, rel=1e-9)
     with pytest.raises(np.linalg.LinAlgError, match="no variance"):
         linear.triangular(np.zeros((2, 2, 1)))
+
+
+@pytest.mark.parametrize("six", [(True, False), (False, False), (True, True)])
+def test_a_bad_reading_moves_its_own_coordinates_and_no_other(rows, six):
+    """By one metre or radian along each that was read; a rotation only where one is."""
+    at = np.ravel([[True] * 3 + [one] * 3 for one in six])
+    rows = replace(rows, read=rows.read & at)
+    _, W = PoseScatter(np.array([0.5, 1.5, 0.1, 0.8]), 0.3, 0.7).factors(rows)
+
+    D = _columns(W, rows, np.array(six))
+
+    assert D.shape == (POSES, len(rows.used), 2, 6 if any(six) else 3)
+    for pose, target, axis in np.ndindex(POSES, 2, D.shape[3]):
+        unit = (rows.used == 6 * target + axis) * rows.read[pose, rows.used]
+        assert D[pose, :, target, axis] == pytest.approx(W[pose] @ unit, abs=1e-12)

@@ -1,6 +1,7 @@
 """Weight acts on the arm deflected by weight and pull, against machines computed with Pinocchio."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +13,7 @@ from pipeline.geometry.calibrate import ModelStructure, calibrate
 from pipeline.geometry.initial import begin
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, Payloads, layout, linearised
 from pipeline.geometry.scatter import start
-from pipeline.geometry.with_pulls import by_masses, stance
+from pipeline.geometry.with_pulls import by_masses, stance, unloaded_p_value
 from pipeline.geometry.yielding import Virtual, carried_on, yielding
 from pipeline.machine.cell import Cell, Tool, baseline, predict
 from pipeline.machine.effect import Pulls
@@ -236,3 +237,30 @@ def test_lost_motion_that_the_weight_shows_is_handed_to_pulls(arm):
     assert (law.label, law.form) == ("joint_lost_motion:3", "narrow, total")
     at = len(said.compliance)
     assert abs(value - b) < 3 * np.sqrt(said.cov[at, at]) < 0.3 * b
+    assert_unloaded_readings_are_judged(found, said, machine, rng)
+
+
+def assert_unloaded_readings_are_judged(found, said, machine, rng):
+    """Readings of ten other poses, wherever their tracker stood; half a millimetre is too much."""
+    q = rng.uniform(LOW, HIGH, (10, 6))
+    names = np.tile([str(one) for one in found.readings.targets], 10).astype(object)
+    tool = Tool(LOAD_POINT, names[: len(TOOL)], TOOL)
+    turned = q + said.unloaded(q)[0]
+    pulls = replace(Pulls.at(turned, np.zeros((10, 3))), pose=np.arange(10))
+    pull, sigma = np.repeat(np.arange(10), len(TOOL)), 1e-5
+    true = points(machine, q).reshape(-1, 3) + sigma * rng.standard_normal((len(pull), 3))
+
+    def p(at):
+        data = SimpleNamespace(
+            zero=np.arange(len(pull)), pull=pull, pulls=pulls, name=names, poses=False,
+            unloaded=at - said.moved(turned[pull], names),
+            zero_cov=np.tile(sigma**2 * np.eye(3), (len(pull), 1, 1)),
+        )  # fmt: skip
+        return unloaded_p_value(found, said, data, tool)
+
+    turn = pin.exp3(np.array([1e-5, -2e-5, 3e-5]))
+    assert p(true) > 1e-3
+    assert p(true @ turn.T + [3e-4, -2e-4, 1e-4]) == pytest.approx(p(true), rel=0.05)
+    off = true.copy()
+    off[7] += [3e-4, 0, -4e-4]
+    assert p(off) < 1e-6

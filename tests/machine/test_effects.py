@@ -484,7 +484,8 @@ def test_every_effect_tells_what_it_is(effect):
     assert effect.needs
     assert effect.source
     for parameter in effect.parameters:
-        assert parameter.lower <= 0 < parameter.upper
+        assert parameter.upper > 0
+        assert parameter.lower in (0, -parameter.upper)  # a compliance, or either sign alike
         assert parameter.typical < parameter.upper
         said = parameter.meaning.format(joint="A2")
         assert said

@@ -1,5 +1,7 @@
 """Laws of single effects, each against numbers worked out by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -14,6 +16,7 @@ from pipeline.machine.effects import (
     compensator,
     joint_hardening,
     joint_lost_motion,
+    joint_offset,
     load_point_offset,
     rail_backlash,
     scale,
@@ -124,6 +127,9 @@ def test_a_wrong_point_is_one_of_a_longer_tool():
         at.points((TOOL.load_point + d)[None])[:, 0], abs=1e-12
     )
     assert followed.points(loaded(), d) == pytest.approx(at.points(TOOL.points + d), abs=1e-12)
+    largest = np.ptp(np.vstack([TOOL.load_point, TOOL.points]), axis=0).max()
+    for one in load_point_offset.effects(ROBOT):  # coordinates of the tool may be exchanged
+        assert all(parameter.upper > largest for parameter in one.parameters)
 
 
 def test_a_turned_base_turns_readings_and_not_lengths():
@@ -148,6 +154,19 @@ def test_what_moves_in_mid_campaign_moves_from_its_pose_on():
         np.stack([np.zeros((2, 3)), np.tile([1e-3, 0, 0], (2, 1))]), abs=1e-12
     )
     assert np.linalg.norm(found, axis=2) == pytest.approx(np.array([[0, 0], [0, 2e-3]]), abs=1e-12)
+
+
+@pytest.mark.parametrize("joint", [1, 4])
+def test_a_zero_that_changes_turns_its_joint_by_the_change(joint):
+    """By the same number of the log the arm stands elsewhere from then on, as by a wrong zero."""
+    q, change = np.tile(Q[0], (2, 1)), np.array([2e-3])
+    pulls = replace(Pulls.at(q, FORCE), pose=np.array([4, 9]))
+    always = only(joint_offset.effects(ROBOT), where=joint).geometry(ROBOT, pulls, change)
+    late = joint_offset.since(ROBOT, joint, (4,), 9).geometry(ROBOT, pulls, change)
+
+    assert (late[1] - late[0])[joint - 1] == pytest.approx(2e-3, rel=1e-9)
+    assert late[1] == pytest.approx(q[1], abs=1e-15)
+    assert late[1] - late[0] == pytest.approx(always[0] - q[0], abs=1e-15)
 
 
 def test_a_gear_beyond_its_knee_gives_way_by_the_rest():

@@ -341,3 +341,19 @@ def test_a_wrong_robot_file_is_refused_with_the_place(change, says):
     text = (resources.files(robots) / "kr500_rail.toml").read_text().replace(*change)
     with pytest.raises(InputError, match=says):
         parse(text, "mine.toml")
+
+
+@pytest.mark.parametrize("kind", ["nm_per_rad", "n_per_m"])
+def test_a_range_is_typical_of_stiffness_and_compliance_alike(kind):
+    """From 1e5 to 1e7 its middle is 1e6, and so is that of the compliances; a value goes first."""
+    joint = next(one for one in robots.load("kr500_rail").joints
+                 if one.prismatic == (kind == "n_per_m"))  # fmt: skip
+    spread = joint.model_copy(
+        update={f"stiffness_{kind}": None, f"stiffness_range_{kind}": (1e5, 1e7)}
+    )
+
+    assert spread.typical_stiffness == pytest.approx(1e6, rel=1e-12)
+    assert spread.with_stiffness(3e6).typical_stiffness == 3e6
+    bare = joint.model_copy(update={f"stiffness_{kind}": None, f"stiffness_range_{kind}": None})
+    assert 1e5 < bare.typical_stiffness < 1e9
+    assert (bare.typical_stiffness > 1e7) == joint.prismatic

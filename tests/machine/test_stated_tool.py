@@ -1,9 +1,13 @@
 """A load point that measured reflectors carry, against rigid motions by Pinocchio."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from pipeline.machine.effect import Elastic
+from pipeline.machine.effects import catalogue
 from pipeline.machine.positions_estimate import PositionsEstimate
 from pipeline.machine.robot import load
 from pipeline.machine.stated_tool import StatedTool
@@ -76,3 +80,49 @@ def test_load_point_stays_where_reflectors_do_not_tell(spoilt):
     if spoilt == "unstated":
         tool = tool._replace(std=0.0)
     assert said.carrying(tool, LEAST) is said
+
+
+def test_each_element_keeps_its_own_values():
+    """One of three parameters between single ones, whatever their order."""
+    said, *_ = drawn(np.random.default_rng(1))
+    every = {len(one.parameters): one for one in catalogue(said.robot) if isinstance(one, Elastic)}
+    single, several = every[1], every[max(every)]
+    numbers = {id(single): [7.0], id(several): [*range(len(several.parameters))]}
+
+    for held in ((single, several, single), (several, single), (single,), ()):
+        yields = np.array([x for one in held for x in numbers[id(one)]])
+        found = replace(said, held=held, yields=yields).effects
+        assert tuple(one for one, _ in found) == held
+        assert all(list(values) == numbers[id(one)] for one, values in found)
+
+
+def test_springs_that_are_all_softer_by_one_factor_have_it():
+    """1.3 times, whatever one joint is that pulls do not determine; else they contradict it."""
+    said, *_ = drawn(np.random.default_rng(1))
+    c = said.compliance
+    said = replace(said, cov=np.diag(np.append((0.05 * c) ** 2, np.diag(said.cov)[len(c) :])))
+    value, cov = 1.3 * c, np.diag((0.02 * c) ** 2)
+    known = np.arange(len(c)) != 2
+    value[2] = 40 * c[2]
+
+    found = said.common(value, cov, known)
+    each = np.hypot(0.02, 1.3 * 0.05)  # of one joint's ratio
+    assert found.factor == pytest.approx(1.3, rel=1e-9)
+    assert found.std == pytest.approx(each / np.sqrt(known.sum()), rel=1e-6)
+    assert (found.chi2, found.dof) == (pytest.approx(0, abs=1e-9), known.sum() - 1)
+    value[0] *= 1 + 5 * each / 1.3
+    assert 10 < said.common(value, cov, known).chi2 < 30
+    assert said.common(value, cov, ~known | (c < 0)).dof == 0
+    assert said.common(value, cov, c < 0) is None
+
+
+def test_a_point_deviates_as_it_was_read_and_an_unread_one_as_the_mean():
+    """By name, in any order and number."""
+    said, *_ = drawn(np.random.default_rng(1))
+    off = np.array([[1.0, 0, 0], [0, 2.0, 0], [0, 0, 3.0]])
+    said = replace(said, unloaded=lambda q: (0 * q, q[:, :1, None] * off))
+    names = np.array(["P3", "P9", "P1", "P2"], dtype=object)
+
+    found = said.moved(np.outer([1.0, 1.0, 2.0, -1.0], np.ones(6)), names)
+
+    assert found == pytest.approx(np.array([off[2], off.mean(axis=0), 2 * off[0], -off[1]]))

@@ -51,6 +51,15 @@ def test_a_name_that_is_none_is_refused(name):
         named(name)
 
 
+def test_two_campaigns_do_not_read_alike(tmp_path):
+    """A name with its accents apart, or in capitals, is one for some systems, and for people."""
+    Desk(tmp_path, "\u00c9lan").begun()
+    Desk(tmp_path, "\u00c9lan").begun()
+    for alike in ("E\u0301lan", "\u00e9lan"):
+        with pytest.raises(UsageError, match="another campaign is called \u00c9lan: open it"):
+            Desk(tmp_path, alike).begun()
+
+
 @pytest.mark.parametrize(
     "name", ["tracker.csv", "Zugkraft Halle 7.xlsx", "Müller.txt", "a..b", "P1 (2).csv"]
 )

@@ -14,6 +14,7 @@ import pytest
 import uvicorn
 from markupsafe import Markup
 
+from pipeline.base.errors import UsageError
 from pipeline.page import server
 
 DEMO = Path(__file__).parents[2] / "data" / "raw" / "kr500_demo"
@@ -210,6 +211,16 @@ def test_a_run_gives_the_answer_of_the_command(demo, tmp_path):
     report = demo.get("/c/hall/report/index.html")
     assert "sandbox" in report.headers["content-security-policy"]
     assert "allow-same-origin" not in report.headers["content-security-policy"]
+
+
+def test_an_answer_of_other_types_is_a_sentence(tmp_path):
+    """A result.json of somebody else's is no internal error of its page."""
+    desk = server.Desk(tmp_path, "hall")
+    desk.reports.mkdir(parents=True)
+    (desk.reports / "result.json").write_text('{"first_screen": 1}')
+
+    with pytest.raises(UsageError, match="run `pipeline run hall` first"):
+        server._State(tmp_path).answer(desk)
 
 
 @pytest.mark.slow

@@ -7,24 +7,23 @@ import pytest
 import scipy.sparse
 
 from pipeline.app.outcome import outcome
-from pipeline.base.arrays import Parameter
 from pipeline.diagnosis.average import Hypothesis, information, together
 from pipeline.library import model_file
 from pipeline.library.compensate import compensate
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure, load
+from pipeline.prediction.model import part
 from pipeline.prediction.path import Path
 from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
 from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import CampaignFolder, dump, in_memory
-from pipeline.system.combinations import information as information_of
-from pipeline.system.combinations import mixes, parting
+from pipeline.system.combinations import parting
 from pipeline.system.estimate import solve
 from pipeline.system.system import Errors, RowIndex, System
-from tests.made_system import dense
+from tests.made_system import any_system, dense
 
 TOOL = {
     "load_point": (0.15, 0.0, 0.25),
@@ -293,97 +292,38 @@ def test_one_displacement_has_a_report():
     assert {"index.html", "report.pdf"} <= {*render(found.answer, found.shown, 1.0, None)}
 
 
-def parameters(n, units="rad/(N m)"):
-    """Made-up compliances of size one."""
-    units = [units] * n if isinstance(units, str) else units
-    return tuple(Parameter(f"c{k}", unit, 1.0) for k, unit in enumerate(units))
-
-
-def test_groups_that_nothing_joins_are_told_apart():
-    """Two pairs and one single joint: two combinations of two, whatever else was measured."""
-    true = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
-    W = np.array([[1, 0.5, 0, 0, 0], [0, 0, 1, -0.25, 0], [0, 0, 0, 0, 1.0]])
-    mixed = np.random.default_rng(1).standard_normal((20, 3)) @ W * 100
-
-    found = mixes(mixed.T @ mixed, parameters(5), true, np.array([0, 0, 0, 0, 1], bool))
-
-    known = {tuple(one.of.tolist()): one for one in found}
-    assert set(known) == {(0, 1), (2, 3)}
-    assert known[0, 1].weights == pytest.approx([1, 0.5])
-    assert known[2, 3].weights == pytest.approx([1, -0.25])
-    assert known[0, 1].value == pytest.approx(2.0)
-
-
-def test_parameters_of_two_units_are_not_mixed():
-    """A sum of a prismatic and two revolute joints is known, and part of the revolute ones."""
-    rows = np.array([[1.0, 1.0, 0.5], [2.0, 1.0, 0.5]]) * 50
-    units = parameters(3, ["m/N", "rad/(N m)", "rad/(N m)"])
-
-    (one,) = mixes(rows.T @ rows, units, np.ones(3), np.array([True, False, False]))
-    none = mixes(rows[:1].T @ rows[:1], units, np.ones(3), np.zeros(3, bool))
-
-    assert one.of.tolist() == [1, 2]
-    assert one.weights == pytest.approx([1, 0.5])
-    assert not none
-
-
-def test_a_member_that_costs_little_is_left_out_and_one_that_costs_more_is_not():
-    """A third joint with a weight of 0.01, known to its own size or hardly at all."""
-
-    def of(third_std):
-        rows = np.vstack([[100.0, 58.0, 1.0], [0.0, 0.0, 1 / third_std]])
-        (one,) = mixes(rows.T @ rows, parameters(3), np.full(3, 1.0), np.zeros(3, bool))
-        return one.of.tolist()
-
-    assert of(0.9) == [0, 1]
-    assert of(20.0) == [0, 1, 2]
-
-
-def random_system(rng, n, rank):
-    """Rows that depend on the parameters in a few directions only; all kinds of errors."""
-    size = 10.0 ** rng.uniform(-8, -6, n)
-    B = rng.standard_normal((40, rank)) @ rng.standard_normal((rank, n)) * 1e-3 / size
-    pose = np.repeat(np.arange(8), 5)
-    G = np.hstack([np.diag(rng.uniform(2e-5, 5e-5, 40)), 3e-5 * rng.standard_normal((40, 2))])
-    source = np.array(["tracker"] * 40 + ["force_gain"] * 2, object)
-    errors = Errors(scipy.sparse.csr_array(G), source, source == "force_gain")
-    rows = RowIndex(pose, pose, np.full(40, "P1", object), np.arange(40) % 3, pose)
-    named = tuple(Parameter(f"c{k}", "rad/(N m)", t) for k, t in enumerate(size))
-    return System(named, rows, B, B @ size + G @ rng.standard_normal(42), errors, True)
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_any_system_is_told_by_as_many_mixes_as_it_has_directions(seed):
-    """Each is determined by the rows, they are independent, and each agrees with numpy."""
-    rng = np.random.default_rng(seed)
-    n, rank = 6, int(rng.integers(1, 6))
-    system = random_system(rng, n, rank)
-    W = np.linalg.inv(np.linalg.cholesky(dense(system)))
-    A, y = W @ system.B * system.typical, W @ system.c
-    x, cov = np.linalg.pinv(A, rcond=1e-8) @ y, np.linalg.pinv(A.T @ A, rcond=1e-12)
-    alone = np.zeros(n, bool)
-
-    found = mixes(information_of(system, n), system.parameters, x * system.typical, alone)
-
-    weights = np.zeros((len(found), n))
-    for row, one in zip(weights, found, strict=True):
-        row[one.of] = one.weights
-        w = row * system.typical
-        assert one.value == pytest.approx(w @ x, rel=1e-6)
-        assert one.std == pytest.approx(np.sqrt(w @ cov @ w), rel=1e-6)
-    assert np.linalg.matrix_rank(weights * system.typical) == rank == len(found)
-
-
 def hypothesis(system, weight):
     """The solution of a system as one of several that may be true."""
     cell = paper_cell(FANUC, Tool.of(TOOL))
     return Hypothesis(weight, (), cell, system, solve(system, system.typical))
 
 
+@pytest.mark.parametrize("ratio", [1.0, 2.5])
+def test_what_the_rows_determine_is_as_uncertain_in_the_model(ratio):
+    """Every row that was measured, by the pseudoinverse; times what the residuals say; none else.
+
+    Parameters by themselves are undetermined: six from rows of three directions.
+    """
+    system = any_system(np.random.default_rng(8), 6, 3)
+    estimate = solve(system, system.typical)
+    wider = replace(estimate, cov=estimate.cov * ratio**2)
+    cell = paper_cell(FANUC, Tool.of(TOOL))
+    W = np.linalg.inv(np.linalg.cholesky(dense(system)))
+    A = W @ system.B * system.typical
+    cov = np.linalg.pinv(A.T @ A, rcond=1e-12) * np.outer(system.typical, system.typical)
+
+    one = part(1.0, cell, wider, system, ratio)
+
+    rows = system.B[:, None]
+    expected = np.einsum("mjk,kl,mil->mji", rows, cov, rows)
+    np.testing.assert_allclose(one.through(rows), ratio**2 * expected, rtol=1e-6)
+    assert np.isinf(one.through(0.1 * np.diag(1 / system.typical)[:, None])).all()
+
+
 def test_over_hypotheses_a_mix_is_their_mixture_and_known_to_each():
     """Mean and variance over both; a direction that one of them leaves open is not stated."""
     rng = np.random.default_rng(3)
-    one = random_system(rng, 6, 3)
+    one = any_system(rng, 6, 3)
     other = replace(one, c=one.c + 1e-4 * rng.standard_normal(40))
     B = one.B - np.outer(one.B @ (v := rng.standard_normal(6) * one.typical), v / (v @ v))
     less = replace(one, B=np.ascontiguousarray(B))

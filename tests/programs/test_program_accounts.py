@@ -68,6 +68,12 @@ CASES = {
     "tool of the caller": (
         "p.src", f"DEF m()\n{SET}LIN {K}\nBAS(#TOOL,2)\ns()\nEND\nDEF s()\nLIN {K}\nEND", [4], [9],
     ),
+    "tool of a routine in a loop": (
+        "p.src",
+        f"DEF m()\n{SET}LIN {K}\nREPEAT\nLIN {K}\nUNTIL s()\nEND\n"
+        "DEFFCT BOOL s()\n$TOOL=TOOL_DATA[2]\nRETURN X\nENDFCT",
+        [4], [6],
+    ),
     "jump": ("p.src", f"{SET}LIN {K}\nL:\nLIN {K}\nBAS(#TOOL,2)\nGOTO L", [3], [5]),
     "by reference": ("p.src", f"{SET}LIN {K}\nP={K}\nLIN P\ncalib(P)", [3], [4]),
     "of the caller": ("p.src", f"{SET}LIN {K}\nP={K}\nLIN P\nDEF s(P:OUT)\nEND", [3], [4]),
@@ -169,6 +175,17 @@ CASES = {
         rapid(f"MoveL {R},v1,z1,t;", "ENDPROC", "PROC b()", f"VAR robtarget p10:={R};"),
         [3, 5, 8], [],
     ),
+    "displaced by a routine in a loop": (
+        "m.mod",
+        rapid("WHILE a DO", f"MoveL {R},v1,z1,t;", "b;", "ENDWHILE", "ENDPROC", "PROC b()",
+              "PDispSet q;"),
+        [3], [6],
+    ),
+    "displaced in an argument": (
+        "m.mod",
+        rapid(f"MoveL {R},v1\\V:=b(),z1,t;", "ENDPROC", "FUNC num b()", "PDispSet q;"),
+        [3], [5],
+    ),
     "routine by name": (
         "m.mod",
         rapid('%"b"%;', f"MoveL {R},v1,z1,t;", "ENDPROC", "PROC b()", "PDispSet q;"),
@@ -247,6 +264,22 @@ CASES = {
     "handed over": ("p.script", script(f"  a={U}", "  movel(a)", "  weld(a)"), [2], [3]),
     "tool in an if": (
         "p.script", script("  if x:", f"    set_tcp({U})", "  end", f"  movel({U})"), [2], [6],
+    ),
+    "tool of a routine in a loop of a script": (
+        "p.script",
+        script("  while x:", f"    movel({U})", "    t()", "  end", "end", "def t():",
+               f"  set_tcp({U})"),
+        [2], [4],
+    ),
+    "tool in an argument": (
+        "p.script",
+        script(f"  movel({U},t())", "end", "def t():", f"  set_tcp({U})"),
+        [2], [3],
+    ),
+    "tool in a case with an end": (
+        "p.script",
+        script("  switch x:", "  case 1:", f"    set_tcp({U})", "  end", "  end", f"  movel({U})"),
+        [2], [8],
     ),
     "tool in an if of one line": (
         "p.script", script(f"  if x: set_tcp({U}) end", f"  movel({U})"), [2], [4],

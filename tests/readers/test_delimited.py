@@ -142,3 +142,16 @@ def test_what_is_no_export_is_not_explained_row_by_row(monkeypatch, row, said):
     found = rows(text("a.csv", b"P1;1;;;\n" + bad * 5), layout())
     assert found.line.tolist() == [1]
     assert len(found.rejected) == 5
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+@pytest.mark.parametrize("piece", [1, 2, 7, 1000])
+def test_lines_are_counted_as_an_editor_does_wherever_a_piece_ends(monkeypatch, end, piece):
+    """Lines of no to nine letters, scanned in pieces that end within, at and after a line's end."""
+    monkeypatch.setattr("pipeline.readers._text._CHUNK", piece)
+    lines = [b"x" * (k * k % 10) for k in range(1, 60)] + [b"last"]
+
+    for data in (end.join(lines), end.join(lines) + end):
+        found = text("a.csv", data)
+        assert [found.line(k).encode() for k in range(1, len(lines) + 1)] == lines
+        assert len(found.starts) == len(lines) + 1

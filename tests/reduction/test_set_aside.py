@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from pipeline.base.errors import InputError
-from tests.reduction.test_ingest import BASE, LOADS, TOML, read, reasons, tracker_csv, tracker_rows
+from tests.reduction.test_ingest import (
+    BASE,
+    JOINTS,
+    LOADS,
+    TOML,
+    read,
+    reasons,
+    tracker_csv,
+    tracker_rows,
+)
 
 FOURTH = {"B4": (600, 9500, -310)}
 
@@ -76,6 +85,19 @@ def test_a_force_that_was_not_written_down_goes_with_its_pull():
     assert reasons(got) == []
     assert used(got)[1:] == ({(1, 1), (1, 2)}, {1, 2})
     assert reasons(campaign("Pose 2", loads=loads)) == []
+
+
+@pytest.mark.parametrize("name", ["pose 3", "joints.csv:4"])
+def test_what_only_the_logs_have_is_set_aside(name):
+    """A pose that was driven to and written down, and never read: no rejected row is left."""
+    joints = JOINTS + "3,6.0,-20,30,20,40,10,0,1\n"
+    assert [one[:2] for one in reasons(campaign("Pose 2", joints=joints))] == [("joints.csv", 4)]
+
+    got = campaign(name, joints=joints)
+
+    assert reasons(got) == []
+    assert used(got) == ALL
+    assert (got.aside[-1].name, got.aside[-1].readings) == (name, 0)
 
 
 def test_a_name_that_nothing_has_is_an_error_with_its_line():

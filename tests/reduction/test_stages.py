@@ -10,11 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.base import covariance
 from pipeline.base.errors import InputError
+from pipeline.machine.robot import load
 from pipeline.reduction.displacements import displacements
 from pipeline.reduction.forces import forces
 from pipeline.reduction.growth import BaseGrowth
+from pipeline.reduction.idle import idle
 from pipeline.reduction.register import XYZ, Registration, agreed, place, register
 from pipeline.reduction.settings import parse
+from pipeline.tables import joint_column
 
 SETTINGS = """
 format = 1
@@ -337,3 +340,32 @@ def test_readings_on_a_grown_base_are_smaller_with_their_errors():
     assert found["cxx_m2"].to_numpy() == pytest.approx([8e-10] * 2)
     assert found["cyy_m2"].to_numpy() == pytest.approx([4e-10] * 2)
     assert found["czz_m2"].to_numpy() == pytest.approx([12e-10] * 2)
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_poses_without_a_pull_count_by_their_readings(settings, stated):
+    """Three of pose 3, one of pose 2: means with a third of the variance; pose 1 was pulled."""
+    robot, names = load("kr500_rail"), settings.measured
+    steps = {1: [0.0], 2: [0.1], 3: [0.2, 0.3, 0.7]}
+    rows = [
+        (f"p{pose}_{k}", name, pose, k, "unloaded", np.array([x, pose, 3.0]), 60.0 * k + pose)
+        for pose, each in steps.items() for k, x in enumerate(each) for name in names[::-1]
+    ]  # fmt: skip
+    C = np.tile(4e-10 * np.eye(3) if stated else np.full((3, 3), np.nan), (len(rows), 1, 1))
+    columns = [joint_column(joint.name, joint.prismatic) for joint in robot.joints]
+    q = 0.1 * np.arange(21.0).reshape(3, 7)
+    joints = pd.DataFrame(q, columns=columns).assign(pose=[1, 2, 3], approach=[1.0, -1.0, 1.0])
+
+    found = idle(settings, robot, joints, readings(rows, C), np.array([1]))
+
+    n = len(names)
+    assert found.pulls.pose.tolist() == [2] * n + [3] * n
+    assert found.target.tolist() == [*range(n)] * 2
+    assert found.at == pytest.approx(np.repeat([[0.1, 2, 3], [0.4, 3, 3]], n, axis=0))
+    unit = 4e-10 if stated else 1.0
+    expected = unit * np.repeat([1, 1 / 3], n)[:, None, None] * np.eye(3)
+    assert found.cov == pytest.approx(expected, rel=1e-9)
+    assert found.pulls.q == pytest.approx(np.repeat(q[1:], n, axis=0))
+    assert found.pulls.time == pytest.approx(np.repeat([2.0, 63.0], n))
+    assert found.pulls.approach.tolist() == [-1.0] * n + [1.0] * n
+    assert not found.pulls.force.any()

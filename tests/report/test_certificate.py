@@ -17,7 +17,7 @@ from pipeline.annex.figures.heldout import judged
 from pipeline.answer.amounts import amount
 from pipeline.answer.contract import About, Amplitude, Line, Reason
 from pipeline.answer.words import DO
-from pipeline.report.certificate import certificate, digest, found, to_do
+from pipeline.report.certificate import _bars, certificate, digest, found, to_do
 from pipeline.report.figures.catalogue import draw
 from pipeline.report.model import compose
 from pipeline.report.render import page
@@ -186,6 +186,57 @@ def test_a_controller_gets_effective_values_of_the_corrected_data(sample):
 
         assert plainly(made.bars[1].enter) == (right if known else "do not enter")
         assert "effective values" in made.note
+
+
+def test_springs_that_a_cause_leaves_undetermined_have_values_to_enter(sample):
+    """Of no joint beside the cause, of all but the last without it: the table stays."""
+
+    def spoil(content):
+        blank = content["stiffness"][-1]
+        names = ("value", "std", "ci95", "relative_std", "identifiable", "compliance")
+        for one in content["stiffness"]:
+            one |= {name: blank[name] for name in (*names, "compliance_std", "budget")}
+
+    answer = report_sample.revised(sample[0], spoil)
+    bars = _bars(answer)[0]
+
+    assert [bar.value for bar in bars] == ["not determined"] * 7
+    assert [bar.enter for bar in bars] == [bar.enter for bar in _bars(sample[0])[0]]
+    assert "MN·m/rad" in bars[1].enter
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+@pytest.mark.parametrize(
+    ("reasons", "said"),
+    [
+        (["stands_unexplained"], "do not stand where the robot file places"),
+        (["rough_table"], "deviates a little from its nominal geometry"),
+        (["rough_table", "stands_unexplained"], "do not stand where"),
+    ],
+)
+def test_what_the_unloaded_reflectors_show_is_on_the_first_page(sample, verdict, reasons, said):
+    """Where it is worse than a rough table whatever the verdict, else where nothing is wrong."""
+
+    def spoil(content):
+        content["diagnosis"] |= {"verdict": verdict, "reasons": reasons, "causes": []}
+
+    told = found(report_sample.revised(sample[0], spoil))
+
+    if verdict == "adequate":
+        said = "deviates a little" if reasons[0] == "rough_table" else said
+    assert (said in told) == (verdict == "adequate" or "stands_unexplained" in reasons)
+
+
+def test_a_cause_of_several_parameters_has_no_size_in_its_sentence(sample):
+    """A single number stands for the cause; of two, neither does."""
+
+    def state(content, count):
+        one = content["diagnosis"]["causes"][0]
+        one |= {"rivals": [], "parameters": one["parameters"] * count}
+
+    told = [found(report_sample.revised(sample[0], partial(state, count=n))) for n in (1, 2, 0)]
+
+    assert ["nrad" in one.partition(";")[0] for one in told] == [True, False, False]
 
 
 def test_both_stiffnesses_of_a_joint_are_on_the_first_page(sample):

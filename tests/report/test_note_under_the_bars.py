@@ -2,11 +2,13 @@
 
 import re
 
+import numpy as np
 import pytest
 import report_sample
 
 from pipeline.answer.contract import PositionStep
 from pipeline.report.certificate import _bars, _note, found
+from pipeline.report.summaries import interval
 
 
 def test_the_longest_bar_is_the_largest_u_of_the_table():
@@ -39,3 +41,20 @@ def test_the_error_with_the_causes_is_that_of_the_last_step():
 
     said = found(of_positions)
     assert "0.95 mm with nominal geometry, 0.087 mm with" in said
+
+
+def test_an_interval_without_an_upper_limit_has_none():
+    """In the unit of each joint; a spring that may be rigid is endless upwards, no other is."""
+    first, second, third = report_sample.answer().stiffness[:3]
+    joints = [
+        first.model_copy(update={"value": 4.0, "ci95": (2.0, 6.0)}),
+        second.model_copy(update={"value": 50.0, "ci95": (30.0, None)}),
+        third.model_copy(update={"value": None, "ci95": (None, None)}),
+    ]
+
+    found = interval(joints, np.array([2.0, 10.0, 1.0]))
+
+    assert found[:, 0].tolist() == [2.0, 1.0, 3.0]
+    assert found[:, 1].tolist() == [5.0, 3.0, np.inf]
+    assert np.isnan(found[:2, 2]).all()
+    assert interval(joints[:1], 2.0)[:, 0].tolist() == [2.0, 1.0, 3.0]

@@ -115,8 +115,12 @@ def test_a_rejected_campaign_is_reported_once_and_stops_nothing(tmp_path, runs):
 
 @pytest.mark.parametrize(
     "problem",
-    [InputError("was away", "try again", passing=True), RuntimeError("a server is down")],
-    ids=["a share that was away", "an internal error"],
+    [
+        InputError("was away", "try again", passing=True),
+        RuntimeError("a server is down"),
+        InputError("not valid TOML", "correct that place", file="pipeline.toml"),
+    ],
+    ids=["a share that was away", "an internal error", "preferences that somebody edits"],
 )
 def test_what_may_heal_is_tried_after_growing_pauses(tmp_path, runs, problem):
     """A minute, four, sixteen ... a day at most; a changed folder is tried at once."""

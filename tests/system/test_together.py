@@ -122,6 +122,29 @@ def test_who_joined_in_the_shadow_of_others_goes_again():
     assert active_suspects(base, suspects, 1.0).which.tolist() == [0, 1, 2, 3]
 
 
+@pytest.mark.parametrize("unit", [1e-5, 1e4])
+@pytest.mark.parametrize("seed", range(4))
+def test_units_of_the_rows_change_no_set(seed, unit):
+    """Suspects that hide each other, marginal ones too: drops in the square of the unit."""
+    rng = np.random.default_rng([seed, 77])
+    key, X, suspects = bench(rng)
+    y = X @ rng.standard_normal(3) + rng.standard_normal(len(key))
+    for one in range(3):  # some of those that the last of their block resembles
+        y += dense(suspects, one + EACH) @ np.add([9.0, 6.0, -3.0], rng.normal(0, 2, 3))
+    for one in rng.choice(BLOCKS * EACH, 3, replace=False):
+        off = dense(suspects, one) @ rng.standard_normal(3)
+        y += rng.uniform(5, 9) * off / np.linalg.norm(off)
+
+    plain = active_suspects(Base.of(X, y, key), suspects, 1.0)
+    other = active_suspects(Base.of(X, unit * y, key), suspects, unit**2)
+
+    assert other.which.tolist() == plain.which.tolist()
+    assert other.size == pytest.approx(unit * plain.size)
+    assert other.drop == pytest.approx(unit**2 * plain.drop)
+    assert other.variance == pytest.approx(unit**2 * plain.variance)
+    assert other.p() == pytest.approx(plain.p(), rel=1e-6)
+
+
 def test_noise_is_judged_by_its_middle():
     """Noise of ten times the stated size produces no suspect, and hides a small one."""
     rng = np.random.default_rng(6)

@@ -241,6 +241,26 @@ def test_what_is_stated_counts_where_the_trackers_noise_is_not():
     assert estimate.std == pytest.approx(known.std, rel=0.2)
 
 
+@pytest.mark.parametrize(("sigma_n", "smaller"), [(2.0, False), (1000.0, True)])
+def test_a_scale_without_repeats_is_contradicted_from_below_only(sigma_n, smaller):
+    """Pulls read to 2 N: stated as 1 kN they would leave far more than they do."""
+    plan = revised(PLAN, {"poses": {"count": 6}, "pulls": {"steps_n": [1500.0, 3000.0]},
+                          "scale": {"sigma_n": 2.0}})  # fmt: skip
+    files = dict(simulate(plan).files)
+    text, count = re.subn(
+        r"(?m)^sigma_n = .*$", f"sigma_n = {sigma_n}", files["campaign.toml"].decode()
+    )
+    assert count == 1
+
+    result = found(plan, files | {"campaign.toml": text.encode()})
+
+    k = result.name.tolist().index("force_reading")
+    assert bool(result.smaller[k]) == smaller
+    assert result.of("force_reading") == pytest.approx(1.0) or smaller
+    assert 2.0 / sigma_n < result.scale[k] < 0.2 or not smaller  # an upper limit
+    assert not result.smaller[1 - k]
+
+
 def components(replaced, std):
     """A tracker and a scale with a tenth more noise than stated, one of them significantly."""
     p = [1e-9 if name == replaced else 0.4 for name in ("tracker", "force_reading")]

@@ -14,7 +14,7 @@ from pipeline.reduction.effector import tool
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.linearised import CurrentModel, linearise
-from pipeline.system.whitened import by_pose_drop, whiten, with_laws
+from pipeline.system.whitened import by_pose_drop, of_laws, whiten, with_laws
 
 SUSPECTS = (
     ("rail_roll", ""),
@@ -163,6 +163,38 @@ def test_errors_with_laws_have_the_covariance_that_weighs(given):
     assert (errors.G @ errors.G.T).toarray() == pytest.approx(own + common, rel=1e-9, abs=1e-20)
     assert errors.common[law].sum() == len(KIN)
     assert (~errors.common[law]).sum() == given.rows.pull.max() + 1
+
+
+def test_a_law_that_is_accepted_is_no_doubt_about_another(small_campaign, read_back):
+    """Two laws of a gear estimated together: each may be the third, of which neither says more."""
+    both = seen(small_campaign, read_back(small_campaign).data, (HARDENING, KIN[1]))
+
+    errors = with_laws(both, both.errors, [(HARDENING, 0.3), (KIN[1], 0.2)])
+
+    found = errors.G[:, (errors.source == "law") & errors.common].toarray()
+    third = both.Z[:, 5] / np.linalg.norm(both.Z[:, 5])  # the compensator has two columns
+    sizes = [0.3 * np.linalg.norm(both.Z[:, HARDENING]) * abs(both.model.values[7]),
+             0.2 * np.linalg.norm(both.Z[:, 6]) * abs(both.model.values[8])]  # fmt: skip
+    np.testing.assert_allclose(found, np.outer(third, sizes), rtol=1e-9, atol=1e-15)
+
+
+def test_a_law_is_uncertain_in_each_pull_by_a_part_of_what_it_moves(small_campaign, read_back):
+    """All parameters of each cause move the pull together, by its own tolerance."""
+    data, causes = read_back(small_campaign).data, (3, HARDENING)
+    both = seen(small_campaign, data, causes)
+    mine = [both.suspects[i] for i in causes]
+
+    errors = of_laws(both.model.cell, data, both.model.values, mine, both.suspects)
+
+    size = [len(one.parameters) for one in mine]
+    assert size == [2, 1]
+    moved = (both.Z[:, 3:5] @ both.model.values[7:9], both.Z[:, HARDENING] * both.model.values[9])
+    own = errors.G[:, ~errors.common].toarray()
+    parts = zip((min(one.tolerance, 0.05) for one in mine), moved, strict=True)  # 5 % at most
+    V = sum(part**2 * np.outer(d, d) for part, d in parts)
+    V = V * (both.rows.pull[:, None] == both.rows.pull)
+    np.testing.assert_allclose(own @ own.T, V, rtol=1e-9, atol=1e-15 * V.max())
+    assert np.abs(moved[0]).max() > 0
 
 
 def without(given, pose, suspects, force_noise=1.5):

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.machine.cell import paper_cell, predict
+from pipeline.machine.effect import HUNG, PULLED
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
@@ -85,6 +86,35 @@ def test_the_zero_of_the_scale_moves_all_pulls_by_the_same_force(cell, data):
     more = predict(cell, longer, x).displacement - predict(cell, data.pulls, x).displacement
     assert column == pytest.approx(-more[data.pull, data.target].ravel(), rel=1e-9, abs=1e-15)
     assert errors.common[errors.source == "force_zero"].all()
+
+
+@pytest.mark.parametrize(
+    ("source", "step"),
+    [("force_gain", lambda size: 2e-3 * size), ("force_zero", lambda size: 2.0 + 0 * size)],
+)
+def test_a_scale_tells_nothing_of_what_is_hung_on(cell, data, source, step):
+    """Pulls by a chain err together, weights of two bodies by the mass of each."""
+    m = len(data.pulls)
+    body = np.arange(m) % 3 - 1
+    acts_at = np.where(body[:, None] >= 0, [0.1, -0.05, 0.3], np.nan)
+    pulls = replace(data.pulls, acts_at=acts_at, by=np.where(body < 0, PULLED, HUNG))
+    mass_std, scale = np.where(body >= 0, 1.0 + body, 0.0), Scale(gain_sigma=2e-3, zero_sigma_n=2.0)
+    hung = replace(
+        data, body=body, mass_std=mass_std, center_std=np.zeros(m), pulls=pulls, scale=scale
+    )
+    size = np.linalg.norm(data.pulls.force, axis=1)
+    along, here = data.pulls.force / size[:, None], misfit(cell, hung)
+
+    def moved(by):
+        longer = data.pulls.force + by[:, None] * along
+        return misfit(cell, replace(hung, pulls=replace(hung.pulls, force=longer))) - here
+
+    (column,) = block(cell, hung, source).T
+    assert column == pytest.approx(moved((body < 0) * step(size)), abs=1e-12)
+    masses = block(cell, hung, "payload_mass").T
+    assert len(masses) == 2
+    for k, one in enumerate(masses):
+        assert one == pytest.approx(moved((body == k) * (1.0 + k)), abs=1e-12)
 
 
 def test_a_turned_tracker_turns_displacements_and_forces(cell, data):

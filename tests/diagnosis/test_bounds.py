@@ -25,6 +25,12 @@ def case():
     return small()
 
 
+@pytest.fixture(scope="module")
+def right(case):
+    """Its fit."""
+    return fit(case, bring(case))
+
+
 def seen(case):
     """The campaign at its springs, all readings weighted alike."""
     got = asked(case)
@@ -59,9 +65,8 @@ def test_noise_of_many_times_the_stated_is_faulty(times, faulty):
 
 
 @pytest.mark.parametrize(("wide", "faulty"), [(9.0, False), (30.0, True)])
-def test_tails_are_a_part_of_the_noise(case, wide, faulty):
+def test_tails_are_a_part_of_the_noise(right, wide, faulty):
     """All readings wider by tails or by a wrong certificate, up to what counts as far off."""
-    right = fit(case, bring(case))
     variance = np.full(len(right.shape.variance), wide)
     heavy = replace(right, shape=replace(right.shape, variance=variance))
 
@@ -72,9 +77,8 @@ def test_tails_are_a_part_of_the_noise(case, wide, faulty):
     assert replace(got, tracker=2 * got.tracker).faulty is faulty
 
 
-def test_a_robot_that_does_not_move_at_all_is_predicted_by_nothing(case):
+def test_a_robot_that_does_not_move_at_all_is_predicted_by_nothing(right):
     """Displacements of exactly zero: the unexplained fraction counts as one."""
-    right = fit(case, bring(case))
     data = replace(right.reduced.data, delta=0 * right.reduced.data.delta)
     still = replace(right, reduced=replace(right.reduced, data=data))
 
@@ -88,6 +92,26 @@ def test_a_scale_has_a_bound_too(case):
     """Scatter beyond that of any instrument in order."""
     assert not kept(case, force=FAULTY).faulty
     assert kept(case, force=1.01 * FAULTY).faulty
+
+
+@pytest.mark.parametrize(
+    ("found", "force"), [((), 1.0), (("tracker",), 1.0), (("force_reading",), 7.0)]
+)
+def test_each_instrument_is_held_against_its_own_scatter(right, found, force):
+    """Tracker 3 times, scale 7 times as stated, one of them certainly; in whichever order."""
+    for names in (("tracker", "force_reading"), ("force_reading", "tracker")):
+        noise = replace(
+            right.noise,
+            name=np.array(names, dtype=object),
+            scale=np.array([{"tracker": 3.0, "force_reading": 7.0}[one] for one in names]),
+            std=np.full(2, 0.1),
+            p_value=np.array([1e-9 if one in found else 0.5 for one in names]),
+            p_smaller=np.ones(2),
+        )
+        got = bounds(
+            replace(right, noise=noise), right.system, right.estimate, OutlyingReadings.none(), 1.0
+        )
+        assert got.force == force
 
 
 def test_loaded_readings_that_are_the_unloaded_ones_determine_nothing(case):
