@@ -10,7 +10,13 @@ from small_case import asked, moved, small, where
 
 from pipeline.faults import scale_reading
 from pipeline.faults.fault import Screening
-from pipeline.faults.scale_reading import _chance, _fitting, _freed, scale_outliers
+from pipeline.faults.scale_reading import (
+    _chance,
+    _Errors,
+    _fitting,
+    _freed,
+    scale_outliers,
+)
 from pipeline.machine.cell import predict
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.register import XYZ
@@ -91,7 +97,7 @@ def test_the_reading_that_fits_is_the_smallest_misfit(case):
     assert (data.pulls.pose[pull], data.pulls.repeat[pull]) == (3, 1)
     scale = case.settings.scale
 
-    found = _fitting(wrong, np.array([pull]), scale)
+    found = _fitting(wrong, _Errors.among(wrong.case, data).only(np.array([pull])), scale)[pull]
 
     right = asked(case)
     W, B = dense(right)  # weights of the readings as they should be
