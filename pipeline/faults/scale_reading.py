@@ -89,11 +89,11 @@ class _Errors(Locked):
 
     Attributes:
         of: Whether a pull has it, shape (m, n).
-        zero: Whether it is of the zero, shape (n,); otherwise of a single reading.
+        poses: Number of poses in which it is the zero's, shape (n,); 0 for a single reading.
     """
 
     of: Bools
-    zero: Bools
+    poses: Ints
 
     @classmethod
     def among(cls, case: Case, data: Measured) -> _Errors:
@@ -108,16 +108,22 @@ class _Errors(Locked):
         size = groups.sum(axis=1)
         groups = groups[(size >= _SEVERAL) & (2 * size <= (pulls.by == PULLED).sum())]
         groups = groups[np.sort(np.unique(groups, axis=0, return_index=True)[1])]
-        single = np.eye(len(pulls), dtype=bool)
-        return cls(np.vstack([single, groups]).T, np.arange(len(single) + len(groups)) >= len(row))
+        of = np.vstack([np.eye(len(row), dtype=bool), groups])
+        poses = [len(np.unique(pulls.pose[one])) for one in groups]
+        return cls(of.T, np.array([0] * len(row) + poses, dtype=np.int64))
+
+    @property
+    def zero(self) -> Bools:
+        """Whether each is of the zero, shape (n,)."""
+        return self.poses > 0
 
     def only(self, which: Ints | Bools) -> _Errors:
         """Some of them."""
-        return _Errors(self.of[:, which], self.zero[which])
+        return _Errors(self.of[:, which], self.poses[which])
 
     def apart(self, held: _Errors) -> Bools:
         """Those that share no pull with any that is held, shape (n,)."""
-        taken: Bools = held.of.any(axis=1)
+        taken = np.any(held.of, axis=1)
         return np.asarray(~(self.of & taken[:, None]).any(axis=0))
 
 
@@ -135,6 +141,7 @@ class _Righted(Locked):
         freed: Every error freed in addition, one at a time.
         each: Displacement per newton more in the pull of each row [m/N], shape (M,).
         scatter: Scatter of the readings over the noise in use, from contrasts [1].
+        scale: The scale as stated.
     """
 
     among: _Errors
@@ -146,6 +153,7 @@ class _Righted(Locked):
     freed: ScoreTests
     each: Array
     scatter: float
+    scale: Scale
 
     @property
     def held(self) -> _Errors:
@@ -190,6 +198,21 @@ class _Righted(Locked):
     @cached_property
     def _others(self) -> Array:
         return np.where(self.among.apart(self.held), self.drops(self.base), -1.0)
+
+    @property
+    def more(self) -> Ints:
+        """The held ones and the next."""
+        return np.sort(np.append(self.which, self.next))
+
+    @property
+    def matters(self) -> bool:
+        """Whether each error exceeds the scale's uncertainty and a relevant size by far."""
+        fits, off, held = self.fits, np.abs(self.off), self.held.of
+        given = np.minimum(fits + off, np.abs(fits - off))
+        least = np.maximum(
+            _MATTERS * np.minimum(fits, given), _STATED * reading_std(self.scale, fits)
+        )
+        return bool((off @ held >= least @ held).all())
 
     @property
     def alone(self) -> bool:
@@ -315,24 +338,35 @@ def scale_outliers(asked: Screening) -> list[Mistake]:
     count = len(data.pulls)
     if not _FEWEST <= count <= _MOST:
         return []
-    scale, tried = asked.case.settings.scale or Scale(), set[tuple[int, ...]]()
     among = _Errors.among(asked.case, data)
-    righted = _righted(asked, among, np.zeros(0, np.int64), scale)
+    righted = _righted(asked, among, np.zeros(0, np.int64))
     if righted is None or _chance(righted.freed, righted.system)[righted.next] > alarms.SCALE:
         return []
-    which = np.array([righted.next])
-    while len(which) <= min(count // _PART, _TOGETHER) and tuple(which) not in tried:
-        tried.add(tuple(which))
-        righted = _righted(asked, among, which, scale)
-        if righted is None or not _matters(righted, scale):
-            return []
-        if tuple(righted.exchanged) == tuple(which):
-            if righted.alone or righted.clear:
-                return _judged(asked, righted)
-            which = np.sort(np.append(which, righted.next))
-        else:
-            which = righted.exchanged
+    for one in (among, among.only(among.poses < 2)):  # several poses may look like all since one
+        righted = _together(asked, one)
+        found = [] if righted is None else _judged(asked, righted)
+        if found:
+            return found
     return []
+
+
+def _together(asked: Screening, among: _Errors) -> _Righted | None:
+    """The errors beside which nothing else stands out; None if there are none, or too many."""
+    righted, tried = _righted(asked, among, np.zeros(0, np.int64)), set[tuple[int, ...]]()
+    which = righted.more if righted else np.zeros(0, np.int64)
+    most = min(len(among.of) // _PART, _TOGETHER)
+    while 0 < len(which) <= most and tuple(which) not in tried:
+        tried.add(tuple(which))
+        righted = _righted(asked, among, which)
+        if righted is None or not righted.matters:
+            return None
+        if tuple(righted.exchanged) != tuple(which):
+            which = righted.exchanged
+        elif righted.alone or righted.clear:
+            return righted
+        else:
+            which = righted.more
+    return None
 
 
 def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
@@ -344,7 +378,7 @@ def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
     data = asked.reduced.data
     unlikely, alike = bool((righted.p <= alarms.SCALE).all()), _by_pose(data, righted)
     sure = unlikely and righted.explained and righted.confirmed and alike < _MANY
-    rivalled = alike > 0 or not righted.alone
+    rivalled = alike > 0 or not righted.alone or bool(righted.held.poses.max() > 1)
     if not sure or (rivalled and _by_law(asked, righted)):
         return []
     each = zip(righted.which, righted.std, righted.p, strict=True)
@@ -371,15 +405,6 @@ def _by_law(asked: Screening, righted: _Righted) -> bool:
     return False
 
 
-def _matters(righted: _Righted, scale: Scale) -> bool:
-    """Whether each error exceeds the scale's uncertainty and a relevant size by far."""
-    fits, off = righted.fits, np.abs(righted.off)
-    given = np.minimum(fits + off, np.abs(fits - off))
-    least = np.maximum(_MATTERS * np.minimum(fits, given), _STATED * reading_std(scale, fits))
-    held = righted.held.of
-    return bool((off @ held >= least @ held).all())
-
-
 def _by_pose(data: Measured, righted: _Righted) -> int:
     """Number of pulls of a pose that are all off by one factor, hence by the machine there; else 0.
 
@@ -401,9 +426,9 @@ def _by_pose(data: Measured, righted: _Righted) -> int:
     return most
 
 
-def _righted(asked: Screening, among: _Errors, which: Ints, scale: Scale) -> _Righted | None:
+def _righted(asked: Screening, among: _Errors, which: Ints) -> _Righted | None:
     """The campaign with the readings that fit best beside some errors; None if nothing fits."""
-    data = asked.reduced.data
+    data, scale = asked.reduced.data, asked.case.settings.scale or Scale()
     read = np.linalg.norm(data.pulls.force, axis=1)
     fits = _fitting(asked, among.only(which), scale) if len(which) else read
     if fits is None:
@@ -413,7 +438,7 @@ def _righted(asked: Screening, among: _Errors, which: Ints, scale: Scale) -> _Ri
     white = whitener(system.errors, system.rows.pose)
     base, freed = _freed(asked.cell, right, system, estimate, white, among.of)
     each, off = by_force(asked.cell, right, estimate.value), read - fits
-    return _Righted(among, which, fits, off, system, base, freed, each, asked.spread[0])
+    return _Righted(among, which, fits, off, system, base, freed, each, asked.spread[0], scale)
 
 
 def _freed(
