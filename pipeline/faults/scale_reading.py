@@ -516,14 +516,15 @@ def _named(case: Case, data: Measured, righted: _Righted, k: int, std: float, p:
         righted.off[pulls[0]],
     )
     at, poses = lines_of(loads), np.unique(data.pulls.pose[pulls])
-    sigmas = float(np.abs(off)) / std
-    which = f"the {len(at)} forces of pose {poses[0]}" if len(poses) == 1 else ""
-    which = which or f"the forces of {len(poses)} poses, {poses[0]} to {poses[-1]}"
-    large = "large" if off > 0 else "small"
+    sigmas, size = float(abs(off)) / std, f"{plain(abs(off), 3)} N +- {plain(std, 2)} N"
+    where, which = f"pose{poses[0]:02d}", f"the {len(at)} forces of pose {poses[0]}"
+    if len(poses) > 1:
+        where = f"pose{poses[0]:02d} to pose{poses[-1]:02d}"
+        which = f"the {len(at)} forces of poses {poses[0]} to {poses[-1]}"
+    off_by = f"are {size} too large" if off > 0 else f"are {size} too small"
     return outlying(
-        f"{loads['file'].iloc[0]} pose{poses[0]:02d}",
-        f"{which} ({lines(at)}) are {plain(abs(off), 3)} N +- {plain(std, 2)} N too {large}, all "
-        f"alike, {apart(sigmas)}: the scale was not zeroed there",
+        f"{loads['file'].iloc[0]} {where}",
+        f"{which} ({lines(at)}) {off_by}, all alike, {apart(sigmas)}: the scale was not zeroed there",
         "recomputed without these pulls",
         before=sigmas,
         size=float(abs(off)),
