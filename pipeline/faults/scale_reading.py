@@ -516,15 +516,16 @@ def _named(case: Case, data: Measured, righted: _Righted, k: int, std: float, p:
         righted.off[pulls[0]],
     )
     at, poses = lines_of(loads), np.unique(data.pulls.pose[pulls])
-    sigmas, size = float(abs(off)) / std, f"{plain(abs(off), 3)} N +- {plain(std, 2)} N"
+    sigmas, size, within = float(abs(off)) / std, plain(abs(off), 3), plain(std, 2)
     where, which = f"pose{poses[0]:02d}", f"the {len(at)} forces of pose {poses[0]}"
     if len(poses) > 1:
-        where = f"pose{poses[0]:02d} to pose{poses[-1]:02d}"
+        where += f"-pose{poses[-1]:02d}"
         which = f"the {len(at)} forces of poses {poses[0]} to {poses[-1]}"
-    off_by = f"are {size} too large" if off > 0 else f"are {size} too small"
+    by = f"are {size} N +- {within} N too large"
+    by = by if off > 0 else f"are {size} N +- {within} N too small"
     return outlying(
         f"{loads['file'].iloc[0]} {where}",
-        f"{which} ({lines(at)}) {off_by}, all alike, {apart(sigmas)}: the scale was not zeroed there",
+        f"{which} ({lines(at)}) {by}, all alike, {apart(sigmas)}: the scale was not zeroed there",
         "recomputed without these pulls",
         before=sigmas,
         size=float(abs(off)),
