@@ -1,4 +1,4 @@
-"""Readings of the scale that contradict all others: a digit too many, two lines exchanged.
+"""Readings of the scale that contradict all others, singly or by another zero in a group of them.
 
 A pull's reading is freed in addition to the model and given all other pulls; its difference from
 the log, in standard deviations, is the test statistic: the suspect of pull i is the whitened column
@@ -8,6 +8,9 @@ every column and every standard deviation. If another pull then stands out as mu
 together, and so on: two wrong readings mask each other while one of them stays (Hadi and Simonoff,
 Procedures for the identification of multiple outliers in linear models, J. Am. Stat. Assoc. 88,
 1993).
+
+A scale that was not zeroed before a pose is one suspect more: the sum of the columns of the pulls
+of that pose, or of all since it or up to it, which explains all of them by one number of newtons.
 """
 
 from __future__ import annotations
@@ -286,6 +289,11 @@ class _Righted(Locked):
             found.append(_chance(logged, self.system)[error])
         return np.array(found)
 
+    @property
+    def proven(self) -> bool:
+        """Whether they are beyond chance, and all that was wrong in more than one target."""
+        return bool((self.p <= alarms.SCALE).all()) and self.explained and self.confirmed
+
     @cached_property
     def _columns(self) -> Array:
         """Whitened column of each error, shape (M, n)."""
@@ -376,8 +384,8 @@ def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
     pulls share one factor too easily for a pose, and one law too easily for typing errors.
     """
     data = asked.reduced.data
-    unlikely, alike = bool((righted.p <= alarms.SCALE).all()), _by_pose(data, righted)
-    sure = unlikely and righted.explained and righted.confirmed and alike < _MANY
+    alike = _by_pose(data, righted)
+    sure = alike < _MANY and righted.proven
     rivalled = alike > 0 or not righted.alone or bool(righted.held.poses.max() > 1)
     if not sure or (rivalled and _by_law(asked, righted)):
         return []
