@@ -94,7 +94,7 @@ def ladders(asked: Screening) -> list[Mistake]:
     order = _decisive(asked, moved)
     if order is None:
         return []
-    row = rows_of(asked.case, asked.reduced.data, moved)
+    row = rows_of(asked.case, asked.reduced.data, moved.pull)
     rings = [Ring((int(k), int(j))) for k, j in enumerate(order) if k < j]
     return [of_loads(asked, moved, ordered(moved, order), ring, row) for ring in rings]
 

@@ -28,6 +28,7 @@ from pipeline.base.quantities import plain
 from pipeline.base.tails import chi2_beyond
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import symbol
+from pipeline.faults.exchanged_pulls import rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, apart, lines_of, outlying, pulls_of, without_pulls
 from pipeline.faults.typing_errors import WITHIN, intended
@@ -104,7 +105,7 @@ class _Errors(Locked):
 
         A zero concerns two pulls or more, and no more than half of them.
         """
-        pulls, row = data.pulls, case.loads["line"].to_numpy()[_rows(case, data)]
+        pulls, row = data.pulls, case.loads["line"].to_numpy()[rows_of(case, data)]
         begun = np.array([row[pulls.pose == pose].min() for pose in pulls.pose])
         at = np.unique(begun)[:, None]
         groups = np.concatenate([begun == at, begun >= at, begun < at]) & (pulls.by == PULLED)
@@ -520,7 +521,7 @@ def _named(case: Case, data: Measured, righted: _Righted, k: int, std: float, p:
     if not righted.among.zero[k]:
         return _finding(case, data, righted.pulls, int(pulls[0]), righted.fits[pulls[0]], std, p)
     loads, off = (
-        case.loads.iloc[_rows(case, data)[pulls]].sort_values("line"),
+        case.loads.iloc[rows_of(case, data)[pulls]].sort_values("line"),
         righted.off[pulls[0]],
     )
     at, poses = lines_of(loads), np.unique(data.pulls.pose[pulls])
@@ -587,13 +588,6 @@ def _unit(size_n: float) -> tuple[float, str]:
     known = (one for one, size in SCALE.items() if np.isclose(size, size_n, rtol=1e-9))
     name = next(known, None)
     return (size_n, symbol(name)) if name else (1.0, "N")
-
-
-def _rows(case: Case, data: Measured) -> Ints:
-    """Row of the loads of each pull, shape (m,)."""
-    key = pd.MultiIndex.from_frame(case.loads[["pose", "repeat"]])
-    mine = pd.MultiIndex.from_arrays([data.pulls.pose, data.pulls.repeat])
-    return np.asarray(key.get_indexer(mine), dtype=np.int64)
 
 
 def _row(case: Case, data: Measured, pull: int) -> pd.Series[Any]:

@@ -144,7 +144,7 @@ def _forces(asked: Screening) -> list[Mistake]:
     moved, data = PullMoves.of(asked), asked.reduced.data
     if moved is None or not (data.pulls.by[moved.pull] == PULLED).all():
         return []
-    row = rows_of(asked.case, data, moved)
+    row = rows_of(asked.case, data, moved.pull)
     at = np.argsort(asked.case.loads["line"].to_numpy()[row])
     found = _split(moved, at) or _within(moved, at, data.pulls.pose[moved.pull])
     if found is None:
@@ -237,11 +237,15 @@ def _corrected(moved: PullMoves, at: Ints, change: _Change) -> OrderFit:
 def _within(moved: PullMoves, at: Ints, pose: Ints) -> _Change | None:
     """Rows in succession that fit in another unit only, among rows that fit as they are.
 
-    With the compliances on which most pulls agree, those of one pose left out, r_i = (force by the
-    displacements) / (force as logged) is 1 in these and the factor of the unit in those.
+    With the compliances on which most pulls agree, r_i = (force by the displacements) / (force as
+    logged) is 1 in these and the factor of the unit in those. If none do, those of one pose are
+    left out, which few others would not outweigh.
     """
     runs = list[tuple[int, float, _Change]]()
-    for others in (pose != one for one in np.unique(pose) if (pose != one).any()):
+    for one in (None, *np.unique(pose)):
+        others = pose != one
+        if runs or not others.any():
+            continue
         known = moved.only(others)
         due = moved.due(known.solved(known.force))[0]
         off = np.log(np.maximum(due / moved.force, STILL_M))[at]
