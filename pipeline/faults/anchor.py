@@ -114,7 +114,7 @@ def _finding(
     asked: Screening, moved: PullMoves, i: int, says: str, there: Array, before: float, after: float
 ) -> Mistake:
     case, chain = asked.case, asked.case.settings.naming.chain
-    row = case.loads.iloc[rows_of(case, asked.reduced.data, moved)[[i]]]
+    row = case.loads.iloc[rows_of(case, asked.reduced.data, moved.pull)[[i]]]
     key = ["pose", "repeat"]
     rows, placed = (
         one[(one["state"] == "loaded") & (one[key] == row[key].iloc[0]).all(axis=1)]

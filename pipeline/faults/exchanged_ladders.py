@@ -1,9 +1,9 @@
 """All forces of one pose logged for another one, where no single row stands out.
 
-The two are taken to be exchanged if this, and no other exchange or single wrong force, makes the
-joint springs explain all pulls. With L_e the likelihood under exchange e, maximised over the
-springs, and n exchanges tried: if the rows are right, the largest L_e / L reaches n / p with a
-probability of at most p (Markov's inequality for likelihood ratios).
+The two are taken to be exchanged if this, and no other exchange, single wrong force or other zero
+of the scale in one pose, makes the joint springs explain all pulls. With L_e the likelihood under
+exchange e, maximised over the springs, and n exchanges tried: if the rows are right, the largest
+L_e / L reaches n / p with a probability of at most p (Markov's inequality for likelihood ratios).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.tails import chi2_beyond
 from pipeline.faults.assignment import Ring
 from pipeline.faults.exchanged_pulls import PullMoves, of_loads, ordered, rows_of
@@ -67,14 +67,22 @@ class _Normal(Locked):
         b = force @ self.q
         return self.square - float(b @ linear.shortest(N) @ b)
 
-    def one_row(self, force: Array) -> Array:
-        """Residual sum of squares with the force of one pull free, for each in turn, shape (m,)."""
-        N, b = np.einsum("m,mkl->kl", force**2, self.P), force @ self.q
-        out = np.empty(len(force))
-        for k, f in enumerate(force):
-            x = linear.shortest(N - f**2 * self.P[k]) @ (b - f * self.q[k])
-            read = float(self.q[k] @ x) / max(float(x @ self.P[k] @ x), np.finfo(float).tiny)
-            out[k] = self.left(np.where(np.arange(len(force)) == k, read, force))
+    def another_zero(self, force: Array, groups: Bools) -> Array:
+        """Residual sum of squares with another zero of the scale in some pulls, one group each.
+
+        Each zero is that by the springs of all other pulls; in a single pull it frees the force.
+
+        Args:
+            force: As logged [N], shape (m,).
+            groups: Pulls of each group, shape (n, m).
+        """
+        N, b = np.einsum("m,mkl->mkl", force**2, self.P), force[:, None] * self.q
+        out = np.empty(len(groups))
+        for k, mine in enumerate(groups):
+            x = linear.shortest(N[~mine].sum(axis=0)) @ b[~mine].sum(axis=0)
+            size = self.P[mine] @ x @ x
+            off = force[mine] @ size - np.sum(self.q[mine] @ x)
+            out[k] = self.left(force - mine * off / max(size.sum(), np.finfo(float).tiny))
         return out
 
 
@@ -86,7 +94,7 @@ def ladders(asked: Screening) -> list[Mistake]:
     order = _decisive(asked, moved)
     if order is None:
         return []
-    row = rows_of(asked.case, asked.reduced.data, moved)
+    row = rows_of(asked.case, asked.reduced.data, moved.pull)
     rings = [Ring((int(k), int(j))) for k, j in enumerate(order) if k < j]
     return [of_loads(asked, moved, ordered(moved, order), ring, row) for ring in rings]
 
@@ -94,7 +102,8 @@ def ladders(asked: Screening) -> list[Mistake]:
 def _decisive(asked: Screening, moved: PullMoves) -> Ints | None:
     """The only exchange that explains all pulls, if there is one."""
     normal = _Normal.of(moved)
-    tried = _tried(moved, asked.reduced.data.pulls.pose[moved.pull])
+    pose = asked.reduced.data.pulls.pose[moved.pull]
+    tried = _tried(moved, pose)
     if not tried or normal.dof < 1:
         return None
     left = np.array([normal.left(moved.force[order]) for order in tried])
@@ -103,7 +112,8 @@ def _decisive(asked: Screening, moved: PullMoves) -> Ints | None:
     p = len(tried) * float(np.exp((left[best] - given) / wide / 2))
     if p > alarms.LADDERS or not _fits(left[best], normal.dof, asked):
         return None
-    others = np.append(np.delete(left, best), normal.one_row(moved.force))
+    groups = np.concatenate([np.eye(len(pose), dtype=bool), np.unique(pose)[:, None] == pose])
+    others = np.append(np.delete(left, best), normal.another_zero(moved.force, groups))
     return None if others.min() - left[best] < odds.DECIDES * wide else tried[best]
 
 

@@ -258,7 +258,7 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
 
 def _loads(asked: Screening, moved: PullMoves, given: OrderFit, least: float) -> list[Mistake]:
     """Exchanged rows of the loads, for the order of forces that leaves fewest pulls unexplained."""
-    row = rows_of(asked.case, asked.reduced.data, moved)
+    row = rows_of(asked.case, asked.reduced.data, moved.pull)
     if _copied(moved, given, row, least):
         return []
 
@@ -381,11 +381,10 @@ def _changes(moved: PullMoves, ring: Ring) -> bool:
     return bool((np.abs(moved.force[here] / moved.force[there] - 1) > _MATTERS).any())
 
 
-def rows_of(case: Case, data: Measured, moved: PullMoves) -> Ints:
-    """Row of the loads of each pull, shape (m,)."""
+def rows_of(case: Case, data: Measured, which: Ints | slice = slice(None)) -> Ints:
+    """Row of the loads of some pulls, by default of each, shape (m,)."""
     key = pd.MultiIndex.from_frame(case.loads[["pose", "repeat"]])
-    pulls = data.pulls
-    mine = pd.MultiIndex.from_arrays([pulls.pose[moved.pull], pulls.repeat[moved.pull]])
+    mine = pd.MultiIndex.from_arrays([data.pulls.pose[which], data.pulls.repeat[which]])
     return np.asarray(key.get_indexer(mine), dtype=np.int64)
 
 

@@ -20,9 +20,9 @@ from pipeline.faults.mistake import Mistake, apart, left_out, length, lines_of, 
 from pipeline.faults.reading import Shifted, confirmed, shifted_readings
 from pipeline.reduction.case import Case
 from pipeline.system import alarms, odds
+from pipeline.system.assemble import by_force
 from pipeline.system.score_tests import ScoreTests
 from pipeline.system.simultaneous import cost
-from pipeline.system.system import System
 
 _ALONE = 0.01
 """P-value of a motion of another pose below which both belong to the machine [1]."""
@@ -61,8 +61,7 @@ def moved(asked: Screening) -> list[Mistake]:
     place, first = divmod(best, from_pull)
     pose = int(np.unique(shifted.stack.pose)[place])
     variance = max(rest, 1.0)
-    single = not asked.cell.tool.six
-    if single and _one_reading(shifted, system, pose, variance) >= _worth(found, variance)[best]:
+    if _otherwise(asked, shifted, pose, variance) >= _worth(found, variance)[best]:
         return []
     beside = _flat(shifted.springs(system, columns[first] * _of(shifted, pose)).beside(D))
     others = np.arange(len(found.drop)) // from_pull != place
@@ -78,10 +77,21 @@ def _worth(found: ScoreTests, variance: float) -> Array:
     return np.asarray(found.drop / variance - cost(found.drop / variance, found.rank))
 
 
-def _one_reading(shifted: Shifted, system: System, pose: int, variance: float) -> float:
-    """Gain by the best single reading of a pose, which may look like a rotation of the effector."""
-    found = shifted.beside(shifted.springs(system))
-    return float(_worth(found, variance)[shifted.readings.pose == pose].max(initial=-np.inf))
+def _otherwise(asked: Screening, shifted: Shifted, pose: int, variance: float) -> float:
+    """Gain by the best other mistake in a pose.
+
+    A single reading may look like a rotation of the effector, and a scale that was not zeroed there
+    like a displacement alike in all its pulls.
+    """
+    base, rows = shifted.springs(asked.system), np.zeros((len(shifted.stack.c), 1))
+    by_zero = by_force(asked.cell, asked.reduced.data, asked.estimate.value)
+    rows[: len(by_zero), 0] = by_zero
+    zero = _flat(base.beside(shifted.white.blocks.padded(shifted.white.by_pose(rows))[:, :, None]))
+    gains = _worth(zero, variance)[np.unique(shifted.stack.pose) == pose]
+    if not asked.cell.tool.six:
+        single = _worth(shifted.beside(base), variance)[shifted.readings.pose == pose]
+        gains = np.append(gains, single)
+    return float(gains.max())
 
 
 def _of(shifted: Shifted, pose: int) -> Array:

@@ -1,4 +1,4 @@
-"""Readings of the scale that contradict all others: a digit too many, two lines exchanged.
+"""Readings of the scale that contradict all others, singly or by another zero in a group of them.
 
 A pull's reading is freed in addition to the model and given all other pulls; its difference from
 the log, in standard deviations, is the test statistic: the suspect of pull i is the whitened column
@@ -8,6 +8,9 @@ every column and every standard deviation. If another pull then stands out as mu
 together, and so on: two wrong readings mask each other while one of them stays (Hadi and Simonoff,
 Procedures for the identification of multiple outliers in linear models, J. Am. Stat. Assoc. 88,
 1993).
+
+A scale that was not zeroed before a pose is one suspect more: the sum of the columns of the pulls
+of that pose, or of all since it or up to it, which explains all of them by one number of newtons.
 """
 
 from __future__ import annotations
@@ -21,13 +24,16 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.quantities import plain
 from pipeline.base.tails import chi2_beyond
+from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import symbol
+from pipeline.faults.exchanged_pulls import rows_of
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.mistake import Mistake, outlying, without_pulls
+from pipeline.faults.mistake import Mistake, apart, lines_of, outlying, pulls_of, without_pulls
 from pipeline.faults.typing_errors import WITHIN, intended
 from pipeline.machine.cell import Cell
-from pipeline.machine.effect import HUNG, MOUNTED
+from pipeline.machine.effect import HUNG, MOUNTED, PULLED
 from pipeline.readers.logs import FORCE, SCALE
 from pipeline.reduction.case import Case
 from pipeline.reduction.forces import reading_std
@@ -74,8 +80,55 @@ _MANY = 3
 _ALIKE = 1e-3
 """P-value above which the pulls of a pose are taken to be off by one common factor [1]."""
 
+_SEVERAL = 2
+"""Minimum number of pulls of which the scale had another zero."""
+
 _ROUNDS = 8
 """Maximum number of iterations to the reading that fits best."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Errors(Locked):
+    """Errors of the scale, each alike in some pulls: a wrong reading, or another zero in several.
+
+    Attributes:
+        of: Whether a pull has it, shape (m, n).
+        poses: Number of poses in which it is the zero's, shape (n,); 0 for a single reading.
+    """
+
+    of: Bools
+    poses: Ints
+
+    @classmethod
+    def among(cls, case: Case, data: Measured) -> _Errors:
+        """Every reading; and the zero in each pose, in all since it in the log, or before it.
+
+        A zero concerns two pulls or more, and no more than half of them.
+        """
+        pulls, row = data.pulls, case.loads["line"].to_numpy()[rows_of(case, data)]
+        begun = np.array([row[pulls.pose == pose].min() for pose in pulls.pose])
+        at = np.unique(begun)[:, None]
+        groups = np.concatenate([begun == at, begun >= at, begun < at]) & (pulls.by == PULLED)
+        size = groups.sum(axis=1)
+        groups = groups[(size >= _SEVERAL) & (2 * size <= (pulls.by == PULLED).sum())]
+        groups = groups[np.sort(np.unique(groups, axis=0, return_index=True)[1])]
+        of = np.vstack([np.eye(len(row), dtype=bool), groups])
+        poses = [len(np.unique(pulls.pose[one])) for one in groups]
+        return cls(of.T, np.array([0] * len(row) + poses, dtype=np.int64))
+
+    @property
+    def zero(self) -> Bools:
+        """Whether each is of the zero, shape (n,)."""
+        return self.poses > 0
+
+    def only(self, which: Ints | Bools) -> _Errors:
+        """Some of them."""
+        return _Errors(self.of[:, which], self.poses[which])
+
+    def apart(self, held: _Errors) -> Bools:
+        """Those that share no pull with any that is held, shape (n,)."""
+        taken = np.any(held.of, axis=1)
+        return np.asarray(~(self.of & taken[:, None]).any(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,17 +136,20 @@ class _Righted(Locked):
     """The campaign with some readings of the scale replaced by those that fit best.
 
     Attributes:
-        pulls: Indices of the pulls, shape (m,).
-        fits: Best fitting reading of the scale in each [N], shape (m,).
+        among: All errors that the scale may have, n.
+        which: Those that are held, shape (k,).
+        fits: Best fitting reading of the scale in each pull [N], shape (m,).
         off: Difference of the log from it [N], shape (m,).
         system: The linear system with these readings.
         base: The model's columns.
-        freed: Every pull's reading freed in addition, one at a time.
+        freed: Every error freed in addition, one at a time.
         each: Displacement per newton more in the pull of each row [m/N], shape (M,).
         scatter: Scatter of the readings over the noise in use, from contrasts [1].
+        scale: The scale as stated.
     """
 
-    pulls: Ints
+    among: _Errors
+    which: Ints
     fits: Array
     off: Array
     system: System
@@ -101,20 +157,36 @@ class _Righted(Locked):
     freed: ScoreTests
     each: Array
     scatter: float
+    scale: Scale
+
+    @property
+    def held(self) -> _Errors:
+        """The errors that are held."""
+        return self.among.only(self.which)
+
+    @property
+    def pulls(self) -> Ints:
+        """A pull of each that is held, shape (k,)."""
+        return np.asarray(np.argmax(self.held.of, axis=0))
+
+    @property
+    def size(self) -> Array:
+        """Size of each that is held [N], shape (k,)."""
+        return np.asarray(self.off[self.pulls])
 
     @property
     def normal(self) -> Array:
-        """1 / u(f)^2 of each of the pulls [1/N^2], shape (m,)."""
-        return np.asarray(self.freed.N[self.pulls, 0, 0])
+        """1 / u^2 of each that is held [1/N^2], shape (k,)."""
+        return np.asarray(self.freed.N[self.which, 0, 0])
 
     @property
     def drop(self) -> Array:
-        """Increase of the sum of squares with the reading as logged, shape (m,)."""
-        return np.asarray(self.off**2 * self.normal)
+        """Increase of the sum of squares with each as logged, shape (k,)."""
+        return np.asarray(self.size**2 * self.normal)
 
     @property
     def std(self) -> Array:
-        """Standard uncertainty of each best fitting reading [N], shape (m,).
+        """Standard uncertainty of each size [N], shape (k,).
 
         A misfit beyond chance widens it: the model is not complete then.
         """
@@ -124,23 +196,36 @@ class _Righted(Locked):
 
     @property
     def next(self) -> int:
-        """The pull that stands out most among the others."""
+        """What stands out most beside the held ones."""
         return int(np.argmax(self._others))
 
-    @property
+    @cached_property
     def _others(self) -> Array:
-        others = self.freed.drop.copy()
-        others[self.pulls] = -1.0
-        return others
+        return np.where(self.among.apart(self.held), self.drops(self.base), -1.0)
+
+    @property
+    def more(self) -> Ints:
+        """The held ones and the next."""
+        return np.sort(np.append(self.which, self.next))
+
+    @property
+    def matters(self) -> bool:
+        """Whether each error exceeds the scale's uncertainty and a relevant size by far."""
+        fits, off, held = self.fits, np.abs(self.off), self.held.of
+        given = np.minimum(fits + off, np.abs(fits - off))
+        least = np.maximum(
+            _MATTERS * np.minimum(fits, given), _STATED * reading_std(self.scale, fits)
+        )
+        return bool((off @ held >= least @ held).all())
 
     @property
     def alone(self) -> bool:
-        """Whether no other pull stands out nearly as much as any of these."""
+        """Whether nothing else stands out nearly as much as any of these."""
         return bool(self.drop.min() > _DOMINATES**2 * self._others.max())
 
     @property
     def clear(self) -> bool:
-        """Whether no other pull stands out beyond scatter, nor could be one of these instead.
+        """Whether nothing else stands out beyond scatter, nor could be one of these instead.
 
         The scatter is that of contrasts: what a law leaves in all pulls would hide the others.
         """
@@ -153,6 +238,10 @@ class _Righted(Locked):
         """Whitener of the rows."""
         return whitener(self.system.errors, self.system.rows.pose)
 
+    def rows(self, error: int) -> Bools:
+        """Rows of the pulls of an error."""
+        return np.asarray(self.among.of[self.system.rows.pull, error])
+
     def _free(self, rows: Bools) -> Array:
         """Whitened columns that free each of some rows."""
         at = np.flatnonzero(rows)
@@ -160,16 +249,16 @@ class _Righted(Locked):
         columns[at, np.arange(len(at))] = 1.0
         return self.white(columns)
 
-    def logged(self, pull: int, off: float) -> tuple[Array, Base]:
-        """Whitened column of a pull's reading, and the base with that reading as logged."""
-        column = self.white(self.each * (self.system.rows.pull == pull))
+    def logged(self, error: int, off: float) -> tuple[Array, Base]:
+        """Whitened column of an error, and the base with its readings as logged."""
+        column = self.white(self.each * self.rows(error))
         return column, self.base.against(self.base.blocks.rows(self.base.left) - off * column)
 
     @property
     def explained(self) -> bool:
-        """Whether these readings are all that was wrong with their pulls."""
-        for pull, drop in zip(self.pulls, self.drop, strict=True):
-            left = self.base.beside_all(self._free(self.system.rows.pull == pull))
+        """Whether these errors are all that was wrong with their pulls."""
+        for error, drop in zip(self.which, self.drop, strict=True):
+            left = self.base.beside_all(self._free(self.rows(error)))
             if left.drop >= _LEFT * drop and _chance(left, self.system) < odds.FITS:
                 return False
         return True
@@ -181,9 +270,9 @@ class _Righted(Locked):
         Otherwise the tails of its noise in that reading may be all that is wrong.
         """
         target = self.system.rows.target
-        for pull, off in zip(self.pulls, self.off, strict=True):
-            column, base = self.logged(int(pull), float(off))
-            mine = self.system.rows.pull == pull
+        for error, off in zip(self.which, self.size, strict=True):
+            column, base = self.logged(int(error), float(off))
+            mine = self.rows(error)
             names = set(target[mine])
             for one in names if len(names) > 1 else ():
                 left = base.more(self._free(mine & (target == one))).beside_all(column[:, None])
@@ -193,86 +282,136 @@ class _Righted(Locked):
 
     @property
     def p(self) -> Array:
-        """P-value of each reading as logged, with the model from the corrected readings, (m,)."""
+        """P-value of each as logged, with the model from the corrected readings, (k,)."""
         found = []
-        for pull, off, drop in zip(self.pulls, self.off, self.drop, strict=True):
+        for error, off, drop in zip(self.which, self.size, self.drop, strict=True):
             g = self.freed.N[..., 0] * off
             logged = replace(self.freed, g=g, rest=self.freed.rest + float(drop))
-            found.append(_chance(logged, self.system)[pull])
+            found.append(_chance(logged, self.system)[error])
         return np.array(found)
+
+    @property
+    def proven(self) -> bool:
+        """Whether they are beyond chance, and all that was wrong in more than one target."""
+        return bool((self.p <= alarms.SCALE).all()) and self.explained and self.confirmed
+
+    @cached_property
+    def _columns(self) -> Array:
+        """Whitened column of each error, shape (M, n)."""
+        return self.white(self.each[:, None] * self.among.of[self.system.rows.pull])
+
+    @cached_property
+    def _factors(self) -> Array:
+        """The same for a common factor of the readings that another zero would change."""
+        pull, of = self.system.rows.pull, self.among.only(self.among.zero).of
+        return self.white((self.each * self.fits[pull])[:, None] * of[pull])
+
+    def drops(self, base: Base) -> Array:
+        """Drop of the sum of squares by each error beside a base, shape (n,).
+
+        -1 for a zero where a factor of these readings does nearly as much: the machine may be
+        softer there.
+        """
+        drop, zero = base.beside(self._columns[None, ..., None]).of_block(0).drop, self.among.zero
+        factor = base.beside(self._factors[None, ..., None]).of_block(0).drop
+        drop[zero] = np.where(drop[zero] < factor + odds.DECIDES, -1.0, drop[zero])
+        return drop
+
+    @cached_property
+    def exchanged(self) -> Ints:
+        """The held ones, each exchanged for what explains the log better beside all others.
+
+        One that the others make needless is left out.
+        """
+        off = self.white(self.each * self.off[self.system.rows.pull])
+        logged = self.base.against(self.base.blocks.rows(self.base.left) - off)
+        which = self.which
+        for one in self.which:
+            others = which[which != one]
+            drop = self.drops(logged.more(self._columns[:, others]) if len(others) else logged)
+            drop = np.where(self.among.apart(self.among.only(others)), drop, -1.0)
+            best = int(np.argmax(drop))
+            if drop[best] < drop[one] + odds.DECIDES:
+                best = int(one)
+            which = np.append(others, best) if drop[best] >= odds.DECIDES else others
+        return np.sort(which)
 
 
 def scale_outliers(asked: Screening) -> list[Mistake]:
-    """The readings of the scale that contradict all other pulls, if they are few.
+    """The readings of the scale, and its zeros, that contradict all other pulls, if they are few.
 
     Those that dominate no other, though none stands out beyond chance, and two of a pose that are
     off by one factor, are `rivalled`: a cause not yet in the model does as much where it acts most.
     """
-    data, system, estimate = asked.reduced.data, asked.system, asked.estimate
+    data = asked.reduced.data
     count = len(data.pulls)
     if not _FEWEST <= count <= _MOST:
         return []
-    white = whitener(system.errors, system.rows.pose)
-    freed = _freed(asked.cell, data, system, estimate, white)[1]
-    best = int(np.argmax(freed.drop))
-    if _chance(freed, system)[best] > alarms.SCALE:
+    among = _Errors.among(asked.case, data)
+    righted = _righted(asked, among, np.zeros(0, np.int64))
+    if righted is None or _chance(righted.freed, righted.system)[righted.next] > alarms.SCALE:
         return []
-    scale = asked.case.settings.scale or Scale()
-    which = [best]
-    for _ in range(min(count // _PART, _TOGETHER)):
-        righted = _righted(asked, np.array(which), scale)
-        if righted is None or not _matters(righted, scale):
-            return []
-        if righted.alone or righted.clear:
-            return _judged(asked, righted)
-        which.append(righted.next)
+    for one in (among, among.only(among.poses < 2)):  # several poses may look like all since one
+        righted = _together(asked, one)
+        found = [] if righted is None else _judged(asked, righted)
+        if found:
+            return found
     return []
 
 
+def _together(asked: Screening, among: _Errors) -> _Righted | None:
+    """The errors beside which nothing else stands out; None if there are none, or too many."""
+    righted, tried = _righted(asked, among, np.zeros(0, np.int64)), set[tuple[int, ...]]()
+    which = righted.more if righted else np.zeros(0, np.int64)
+    most = min(len(among.of) // _PART, _TOGETHER)
+    while 0 < len(which) <= most and tuple(which) not in tried:
+        tried.add(tuple(which))
+        righted = _righted(asked, among, which)
+        if righted is None or not righted.matters:
+            return None
+        if tuple(righted.exchanged) != tuple(which):
+            which = righted.exchanged
+        elif righted.alone or righted.clear:
+            return righted
+        else:
+            which = righted.more
+    return None
+
+
 def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
-    """The readings as mistakes, if they are; `rivalled` where a cause may do as much.
+    """The errors as mistakes, if they are; `rivalled` where a cause may do as much.
 
     They must explain their pulls' misfit, and neither chance, a pose nor a law explain them. Two
     pulls share one factor too easily for a pose, and one law too easily for typing errors.
     """
     data = asked.reduced.data
-    unlikely, alike = bool((righted.p <= alarms.SCALE).all()), _by_pose(data, righted)
-    sure = unlikely and righted.explained and righted.confirmed and alike < _MANY
-    rivalled = alike > 0 or not righted.alone
+    alike = _by_pose(data, righted)
+    sure = alike < _MANY and righted.proven
+    rivalled = alike > 0 or not righted.alone or bool(righted.held.poses.max() > 1)
     if not sure or (rivalled and _by_law(asked, righted)):
         return []
-    each = zip(righted.pulls, righted.fits, righted.std, righted.p, strict=True)
-    known = asked.case, data, righted.pulls
-    found = (_finding(*known, int(pull), *map(float, rest)) for pull, *rest in each)
+    each = zip(righted.which, righted.std, righted.p, strict=True)
+    found = (_named(asked.case, data, righted, int(k), *map(float, rest)) for k, *rest in each)
     return [replace(one, rivalled=rivalled) for one in found]
 
 
 def _by_law(asked: Screening, righted: _Righted) -> bool:
-    """Whether the law of a cause, free in the pull of such a reading, explains it about as well.
+    """Whether the law of a cause, free in the pulls of such an error, explains it about as well.
 
-    With a the whitened column of the reading, o its error [N], and z that of the law in this pull
+    With a the whitened column of the error, o its size [N], and z that of the law in these pulls
     alone, T = (z'P (y + o a))^2 / z'P z, with P and y as in `system.score_tests`.
     """
     laws = asked.laws
     if laws is None:
         return False
-    pull = righted.system.rows.pull
     own = laws.G[:, np.flatnonzero(~laws.common)].toarray()
-    for k, off, drop in zip(righted.pulls, righted.off, righted.drop, strict=True):
-        each = own[:, np.abs(own[pull == k]).max(axis=0, initial=0.0) > 0]
+    for k, off, drop in zip(righted.which, righted.size, righted.drop, strict=True):
+        each = own[:, np.abs(own[righted.rows(int(k))]).max(axis=0, initial=0.0) > 0]
         logged = righted.logged(int(k), float(off))[1]
         found = logged.beside(righted.white(each)[None, :, :, None]).of_block(0)
         if (found.drop > drop - odds.DECIDES).any():
             return True
     return False
-
-
-def _matters(righted: _Righted, scale: Scale) -> bool:
-    """Whether each reading's error exceeds the scale's uncertainty and a relevant size by far."""
-    fits, off = righted.fits, np.abs(righted.off)
-    given = np.minimum(fits + off, np.abs(fits - off))
-    least = np.maximum(_MATTERS * np.minimum(fits, given), _STATED * reading_std(scale, fits))
-    return bool((off >= least).all())
 
 
 def _by_pose(data: Measured, righted: _Righted) -> int:
@@ -282,11 +421,13 @@ def _by_pose(data: Measured, righted: _Righted) -> int:
     one degree of freedom less than pulls. A factor beyond `_SOFT` is not the machine's.
     """
     pose, read, most = data.pulls.pose, np.linalg.norm(data.pulls.force, axis=1), 0
-    for one in np.unique(pose[righted.pulls]).tolist():
-        mine = pose[righted.pulls] == one
+    single = ~righted.held.zero
+    pulls, normal = righted.pulls[single], righted.normal[single]
+    for one in np.unique(pose[pulls]).tolist():
+        mine = pose[pulls] == one
         if mine.sum() < max(2, int((pose == one).sum())):
             continue
-        r, f, w = read[righted.pulls[mine]], righted.fits[mine], righted.normal[mine]
+        r, f, w = read[pulls[mine]], righted.fits[pulls[mine]], normal[mine]
         k = float((w * r) @ f / ((w * r) @ r))
         alike = chi2_beyond(w @ (f - k * r) ** 2, mine.sum() - 1) > _ALIKE
         if alike and 1 / _SOFT < k < _SOFT:
@@ -294,27 +435,35 @@ def _by_pose(data: Measured, righted: _Righted) -> int:
     return most
 
 
-def _righted(asked: Screening, pulls: Ints, scale: Scale) -> _Righted | None:
-    """The campaign with some pulls at the readings that fit best; None if nothing fits."""
-    data = asked.reduced.data
-    fits = _fitting(asked, pulls, scale)
+def _righted(asked: Screening, among: _Errors, which: Ints) -> _Righted | None:
+    """The campaign with the readings that fit best beside some errors; None if nothing fits."""
+    data, scale = asked.reduced.data, asked.case.settings.scale or Scale()
+    read = np.linalg.norm(data.pulls.force, axis=1)
+    fits = _fitting(asked, among.only(which), scale) if len(which) else read
     if fits is None:
         return None
-    right = _reading(data, pulls, fits, scale)
+    right = _reading(data, fits, scale) if len(which) else data
     system, estimate = asked.identified(right, asked.estimate.value)
     white = whitener(system.errors, system.rows.pose)
-    base, freed = _freed(asked.cell, right, system, estimate, white)
-    off = np.linalg.norm(data.pulls.force[pulls], axis=1) - fits
-    each = by_force(asked.cell, right, estimate.value)
-    return _Righted(pulls, fits, off, system, base, freed, each, asked.spread[0])
+    base, freed = _freed(asked.cell, right, system, estimate, white, among.of)
+    each, off = by_force(asked.cell, right, estimate.value), read - fits
+    return _Righted(among, which, fits, off, system, base, freed, each, asked.spread[0], scale)
 
 
 def _freed(
-    cell: Cell, data: Measured, system: System, estimate: Estimate, white: Whitener
+    cell: Cell,
+    data: Measured,
+    system: System,
+    estimate: Estimate,
+    white: Whitener,
+    of: Bools | None = None,
 ) -> tuple[Base, ScoreTests]:
-    """The base of the model's columns, and every pull's reading freed in addition [1/N]."""
-    columns = np.zeros((len(system.rows), len(data.pulls)))
-    columns[np.arange(len(columns)), system.rows.pull] = by_force(cell, data, estimate.value)
+    """The base of the model's columns, and every error freed in addition [1/N].
+
+    `of` (m, n) says which pulls have each; by default every reading is freed by itself.
+    """
+    of = np.eye(len(data.pulls), dtype=bool) if of is None else of
+    columns = by_force(cell, data, estimate.value)[:, None] * of[system.rows.pull]
     typical = system.typical
     base = Base.of(white(system.B) * typical, white(estimate.residual))
     return base, base.beside(white(columns)[None, ..., None]).of_block(0)
@@ -326,40 +475,75 @@ def _chance(freed: ScoreTests, system: System) -> Array:
     return np.asarray(freed.drop.size * freed.p(variance))
 
 
-def _fitting(asked: Screening, pulls: Ints, scale: Scale) -> Array | None:
-    """Best fitting readings of the scale in some pulls, all others unchanged [N], shape (m,).
+def _fitting(asked: Screening, held: _Errors, scale: Scale) -> Array | None:
+    """Best fitting readings of the scale beside some errors of it [N], shape (m,).
 
-    None if nothing fits. Gauss-Newton: the forces f of the pulls and the parameters x by c = B
-    x + (dc/df) df, weighted. Downward steps are taken in 1/force: where ten times the force has
+    None if nothing fits. Gauss-Newton: the errors and the parameters x by c = B x + (dc/df) df,
+    weighted. Downward steps of a single reading f are taken in 1/f: where ten times the force has
     made the springs ten times too stiff, the displacements of the pull are linear in that.
     """
     data, values = asked.reduced.data.in_metres(asked.system.found_m), asked.estimate.value
-    force = np.linalg.norm(data.pulls.force[pulls], axis=1)
+    force, count = np.linalg.norm(data.pulls.force, axis=1), held.zero.size
     for _ in range(_ROUNDS):
-        now = _reading(data, pulls, force, scale)
+        now = _reading(data, force, scale)
         system = asked.widened(assemble(asked.cell, now, values))
-        here = system.rows.pull[:, None] == pulls
-        each = by_force(asked.cell, now, values)[:, None] * here
+        each = by_force(asked.cell, now, values)[:, None] * held.of[system.rows.pull]
         white = whitener(system.errors, system.rows.pose)
-        typical = np.array([*(p.typical for p in system.parameters), *force])
+        size = force @ held.of / held.of.sum(axis=0)
+        typical = np.array([*(p.typical for p in system.parameters), *size])
         A = white(np.column_stack([system.B, each]))
-        start = np.append(values, np.zeros(len(pulls)))
+        start = np.append(values, np.zeros(count))
         found = least_squares(A, white(system.c), typical, start)[0]
-        values, step = found[: -len(pulls)], found[-len(pulls) :]
+        values, step = found[:-count], found[-count:]
         if not np.isfinite(step).all():
             return None
-        force = np.where(step > 0, force + step, force**2 / (force - np.minimum(step, 0.0)))
-        if (np.abs(step) < 1e-6 * force).all():
+        down = (step < 0) & ~held.zero
+        step = np.where(down, size**2 / (size - np.minimum(step, 0.0)) - size, step)
+        force = force + held.of @ step
+        if force.min() <= 0:
+            return None
+        if (np.abs(step) < 1e-6 * size).all():
             break
     return force
 
 
-def _reading(data: Measured, pulls: Ints, force: Array, scale: Scale) -> Measured:
-    """The measurements with other readings of the scale in some pulls [N]."""
-    forces, std = data.pulls.force.copy(), data.reading_std.copy()
-    forces[pulls] *= (force / np.linalg.norm(forces[pulls], axis=1))[:, None]
-    std[pulls] = reading_std(scale, force)
+def _reading(data: Measured, force: Array, scale: Scale) -> Measured:
+    """The measurements with other readings of the scale in some pulls; all of them given [N]."""
+    read, std = np.linalg.norm(data.pulls.force, axis=1), data.reading_std.copy()
+    forces = data.pulls.force * (force / read)[:, None]
+    std[force != read] = reading_std(scale, force[force != read])
     return replace(data, pulls=replace(data.pulls, force=forces), reading_std=std)
+
+
+def _named(case: Case, data: Measured, righted: _Righted, k: int, std: float, p: float) -> Mistake:
+    """The mistake of one of the errors, the k-th of all."""
+    pulls = np.flatnonzero(righted.among.of[:, k])
+    if not righted.among.zero[k]:
+        return _finding(case, data, righted.pulls, int(pulls[0]), righted.fits[pulls[0]], std, p)
+    loads, off = (
+        case.loads.iloc[rows_of(case, data)[pulls]].sort_values("line"),
+        righted.off[pulls[0]],
+    )
+    at, poses = lines_of(loads), np.unique(data.pulls.pose[pulls])
+    sigmas, size, within = float(abs(off)) / std, plain(abs(off), 3), plain(std, 2)
+    where, which = f"pose{poses[0]:02d}", f"the {len(at)} forces of pose {poses[0]}"
+    if len(poses) > 1:
+        where += f"-pose{poses[-1]:02d}"
+        which = f"the {len(at)} forces of poses {poses[0]} to {poses[-1]}"
+    by = f"are {size} N +- {within} N too large"
+    by = by if off > 0 else f"are {size} N +- {within} N too small"
+    return outlying(
+        f"{loads['file'].iloc[0]} {where}",
+        f"{which} ({lines(at)}) {by}, all alike, {apart(sigmas)}: the scale was not zeroed there",
+        "recomputed without these pulls",
+        before=sigmas,
+        size=float(abs(off)),
+        size_unit="N",
+        p_value=p,
+        axes=1,
+        correct=partial(without_pulls, pulls=pulls_of(loads)),
+        at=at,
+    )
 
 
 def _finding(

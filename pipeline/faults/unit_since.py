@@ -144,9 +144,9 @@ def _forces(asked: Screening) -> list[Mistake]:
     moved, data = PullMoves.of(asked), asked.reduced.data
     if moved is None or not (data.pulls.by[moved.pull] == PULLED).all():
         return []
-    row = rows_of(asked.case, data, moved)
+    row = rows_of(asked.case, data, moved.pull)
     at = np.argsort(asked.case.loads["line"].to_numpy()[row])
-    found = _split(moved, at) or _within(moved, at)
+    found = _split(moved, at) or _within(moved, at, data.pulls.pose[moved.pull])
     if found is None:
         return []
     return [_of_forces(asked.case, asked.case.loads.iloc[row[at[found.wrong]]], found)]
@@ -234,26 +234,43 @@ def _corrected(moved: PullMoves, at: Ints, change: _Change) -> OrderFit:
     return ordered(replace(moved, force=moved.force * factor), np.arange(len(at)))
 
 
-def _within(moved: PullMoves, at: Ints) -> _Change | None:
+def _within(moved: PullMoves, at: Ints, pose: Ints) -> _Change | None:
     """Rows in succession that fit in another unit only, among rows that fit as they are.
 
     With the compliances on which most pulls agree, r_i = (force by the displacements) / (force as
-    logged) is 1 in these and the factor of the unit in those.
+    logged) is 1 in these and the factor of the unit in those. If none do, those of one pose are
+    left out, which few others would not outweigh.
     """
-    due = moved.due(moved.solved(moved.force))[0]
-    off = np.log(np.maximum(due / moved.force, STILL_M))[at]
-    if np.median(np.abs(off)) > USUAL_MISFIT:
-        return None
-    runs = []
+    runs = list[tuple[int, float, _Change]]()
+    for one in (None, *np.unique(pose)):
+        others = pose != one
+        if runs or not others.any():
+            continue
+        known = moved.only(others)
+        due = moved.due(known.solved(known.force))[0]
+        off = np.log(np.maximum(due / moved.force, STILL_M))[at]
+        if np.median(np.abs(off)) <= USUAL_MISFIT:
+            runs += _runs(off)
+    return max(runs, key=lambda one: one[:2])[2] if runs else None
+
+
+def _runs(off: Array) -> Iterator[tuple[int, float, _Change]]:
+    """Rows in succession whose r_i is the factor of a unit: how many, how nearly, and that unit.
+
+    Args:
+        off: ln r_i in the order of the file, shape (m,).
+    """
     for (unit, size), sign in product(_FORCE.items(), (1, -1)):
         away = np.abs(off - sign * np.log(size))
         ends = np.flatnonzero(np.diff(away < USUAL_MISFIT)) + 1
-        for run in np.split(np.arange(len(at)), ends) if size != 1 else ():
+        for run in np.split(np.arange(len(off)), ends) if size != 1 else ():
             if len(run) >= _ROWS and away[run].max() < USUAL_MISFIT:
-                stop = None if run[-1] == len(at) - 1 else int(run[-1]) + 1
-                found = _Change(slice(int(run[0]), stop), unit, sign)
-                runs.append((len(run), -float(np.median(away[run])), found))
-    return max(runs, key=lambda one: one[:2])[2] if runs else None
+                stop = None if run[-1] == len(off) - 1 else int(run[-1]) + 1
+                yield (
+                    len(run),
+                    -float(np.median(away[run])),
+                    _Change(slice(int(run[0]), stop), unit, sign),
+                )
 
 
 def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:

@@ -39,7 +39,8 @@ scale, whose readings they are, since by chance two rows would have to fit each 
 these differ by 3 % or more."""
 
 SCALE = READING - EXCHANGED - LADDERS
-"""False-alarm rate that remains for single readings of the scale [1]."""
+"""False-alarm rate that remains for single readings of the scale and its zero in groups of them,
+one family [1]."""
 
 FRAME = 0.01 * MOST_ALARMS
 """False-alarm rate of stated covariances being given in another frame [1]."""

@@ -13,6 +13,7 @@ from pipeline.diagnosis.facts import Facts
 from pipeline.faults import pose_moved
 from pipeline.faults.fault import Screening
 from pipeline.faults.pose_moved import moved
+from pipeline.faults.scale_reading import scale_outliers
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
@@ -57,6 +58,19 @@ def case_of(made):
 def found(made):
     case = case_of(made)
     return screen(case, bring(case)).findings
+
+
+def test_a_scale_that_was_not_zeroed_is_no_knock():
+    """All forces of a pose 300 N too large displace its pulls alike, too."""
+    made = files()
+    rows = list(csv.reader(io.StringIO(made["loads.csv"].decode())))
+    for row in rows[1:]:
+        row[2] = str(float(row[2]) + 300.0 * (row[0] == "4"))
+    case = case_of(made | {"loads.csv": written(rows)})
+    asked = Screening(case, case.cell, case.robot.nominal_compliance)
+
+    assert moved(asked) == []
+    assert [one.where for one in scale_outliers(asked)] == ["loads.csv pose04"]
 
 
 @pytest.mark.whole

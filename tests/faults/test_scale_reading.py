@@ -10,7 +10,14 @@ from small_case import asked, moved, small, where
 
 from pipeline.faults import scale_reading
 from pipeline.faults.fault import Screening
-from pipeline.faults.scale_reading import _chance, _fitting, _freed, scale_outliers
+from pipeline.faults.mistake import lines_of
+from pipeline.faults.scale_reading import (
+    _chance,
+    _Errors,
+    _fitting,
+    _freed,
+    scale_outliers,
+)
 from pipeline.machine.cell import predict
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.register import XYZ
@@ -91,7 +98,7 @@ def test_the_reading_that_fits_is_the_smallest_misfit(case):
     assert (data.pulls.pose[pull], data.pulls.repeat[pull]) == (3, 1)
     scale = case.settings.scale
 
-    found = _fitting(wrong, np.array([pull]), scale)
+    found = _fitting(wrong, _Errors.among(wrong.case, data).only(np.array([pull])), scale)[pull]
 
     right = asked(case)
     W, B = dense(right)  # weights of the readings as they should be
@@ -198,6 +205,37 @@ def test_mistyped_readings_that_hide_each_other_are_found_together(case, factors
     ):
         expected = abs(factors[pose, repeat] - 1) * force.loc[(pose, repeat)]
         assert one.size == pytest.approx(expected, rel=0.2)
+
+
+@pytest.mark.parametrize("zeros", [{4: 250.0}, {2: 300.0, 5: -250.0}])
+def test_a_scale_that_was_not_zeroed_in_a_pose(case, zeros):
+    """All forces of one or two poses too large or too small alike: lines and sizes."""
+    pose = case.loads["pose"]
+    wrong = replace(
+        case, loads=case.loads.assign(force_n=case.loads["force_n"] + pose.map(zeros).fillna(0.0))
+    )
+
+    found = scale_reading.FAULT.find(asked(wrong))
+
+    assert [one.where for one in found] == [f"loads.csv pose{k:02d}" for k in zeros]
+    for one, (k, size) in zip(found, zeros.items(), strict=True):
+        assert one.at == lines_of(case.loads[pose == k])
+        told, within = one.evidence.split(" are ")[1].split(" N too ")[0].split(" N +- ")
+        assert float(told) == pytest.approx(abs(size), abs=4 * float(within))
+        assert (" too large" in one.evidence) is (size > 0)
+        assert set(one.correct(wrong).loads["pose"]) == set(pose) - {k}
+        assert not one.rivalled
+
+
+def test_a_scale_that_was_not_zeroed_since_a_pose_waits_for_the_causes(case):
+    """The last three poses of six: one change of the zero rather than three."""
+    late = case.loads["pose"] >= 4
+    loads = case.loads.assign(force_n=case.loads["force_n"] + 250.0 * late)
+
+    (found,) = scale_reading.FAULT.find(asked(replace(case, loads=loads)))
+
+    assert found.at == lines_of(case.loads[late])
+    assert found.rivalled
 
 
 def test_two_lines_of_the_log_exchanged_are_found(case):
