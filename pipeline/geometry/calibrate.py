@@ -118,7 +118,7 @@ class Calibration(Locked):
     def left(self) -> Array:
         """Residuals: readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""
         e = self.rows.y - self.rows.along(self.solution.x)
-        return self.linear.spread(linear.solve(self.rows.W, e))
+        return self.linear.spread((self.rows.L @ e[..., None])[..., 0])
 
 
 def calibrate(
