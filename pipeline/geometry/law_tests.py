@@ -362,8 +362,7 @@ def _most_by_a_joint(here: _LawScore, inputs: Inputs) -> float:
     """The largest T of a step in time of any joint."""
     steps = [law for j in range(inputs.q.shape[1]) for law in _steps_in_time(inputs, j + 1)]
     return max(
-        float(one.explained(here.u[one.joint, :1]).max())
-        for one in _of_joints(here, steps, inputs)
+        float(one.explained(here.u[one.joint, :1]).max()) for one in _of_joints(here, steps, inputs)
     )
 
 
