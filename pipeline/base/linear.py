@@ -311,9 +311,7 @@ class Cholesky:
         half, _ = lapack.dpotri(self.lower, lower=1)  # zero above the diagonal, as its factor
         whole = half + half.T
         whole[np.diag_indices(len(whole))] *= 0.5
-        whole *= self.scale
-        whole *= self.scale[:, None]
-        return np.asarray(whole)
+        return np.asarray(whole * self.scale * self.scale[:, None])
 
     @property
     def log_det(self) -> float:
@@ -328,10 +326,8 @@ def cholesky(A: Array) -> Cholesky:
         LinAlgError: It is not positive definite.
     """
     scale = 1 / np.sqrt(np.diag(A))
-    unit_rows = A * scale
-    unit_rows *= scale[:, None]
-    way = {"lower": True, "overwrite_a": True, "check_finite": False}
-    lower = scipy.linalg.cholesky(unit_rows.T, **way)  # symmetric, and transposed as LAPACK's own
+    rows = (A * scale * scale[:, None]).T  # symmetric, and transposed stored as LAPACK stores it
+    lower = scipy.linalg.cholesky(rows, lower=True, overwrite_a=True, check_finite=False)
     return Cholesky(lower, scale)
 
 

@@ -187,17 +187,8 @@ class _LinearFit:
         found = self.found
         if self.mechanism.unknown:
             found = by_a_factor(self.rows, self.mechanism, found, weights.any)
-        return Calibration(
-            moved,
-            readings,
-            weights,
-            self.known,
-            self.scatter,
-            self.here,
-            self.rows,
-            found,
-            wanted,
-        )
+        own = self.known, self.scatter, self.here, self.rows
+        return Calibration(moved, readings, weights, *own, found, wanted)
 
     def rescaled(self, wanted: ModelStructure, most: int) -> _LinearFit:
         """The fit with scatter and scales of the priors that the readings make likeliest."""
