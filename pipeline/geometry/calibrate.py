@@ -195,12 +195,11 @@ class _LinearFit:
         now = self
         for _ in range(most):
             before = now
-            now = _LinearFit(
-                larger(before.mechanism, before.found),
-                _only(rougher(before.known, before.found), before.mechanism, wanted),
-                again(before.rows, before.here, before.found, before.scatter),
-                before.here,
-                before.damped,
+            now = replace(
+                before,
+                mechanism=larger(before.mechanism, before.found),
+                known=_only(rougher(before.known, before.found), before.mechanism, wanted),
+                scatter=again(before.rows, before.here, before.found, before.scatter),
             )
             if abs(now.likely - before.likely) < _FLAT:
                 break
@@ -236,12 +235,11 @@ class _LinearFit:
             damped = max(10 * damped, 1.0)
         if gain > _KEPT[1] * promised:
             damped = damped / 10 if damped > 1 else 0.0
-        off = np.abs(left - expected)
         nominal = self.mechanism.table.nominal_compliance
         std = np.sqrt(np.diag(self.found.cov))[where.compliance]
         turned = np.abs(moved.compliance - self.mechanism.compliance)
         still = (turned < _STILL * np.maximum(std, _LEAST_STD * nominal)).all()
-        straight = float(np.quantile(off, _MOST_OF_THEM)) < _STRAIGHT
+        straight = float(np.quantile(np.abs(left - expected), _MOST_OF_THEM)) < _STRAIGHT
         ends = straight and still and not damped
         return moved, replace(self, mechanism=moved, here=then, damped=damped), bool(ends)
 

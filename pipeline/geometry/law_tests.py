@@ -110,11 +110,10 @@ def score(found: Calibration, signs: Array, copied: Array | None = None) -> _Law
         copied: Whitened residuals that the copies are made of, shape (m, r); by default those of
             the estimate.
     """
-    rows = found.rows
-    cov = found.solution.cov
-    if found.mechanism.unknown:  # without an unknown factor of all masses
-        cov = solved(rows, found.mechanism, found.known).cov
-    n, dense = found.mechanism.table.n, rows.D.shape[2]
+    rows, there = found.rows, found.mechanism
+    # without an unknown factor of all masses
+    cov = (solved(rows, there, found.known) if there.unknown else found.solution).cov
+    n, dense = there.table.n, rows.D.shape[2]
     Z = rows.W @ found.linear.Z[:, found.linear.used, :n]
     e = rows.y - rows.along(found.solution.x)
     left = _as_noise(rows.variance(cov), e if copied is None else copied)
