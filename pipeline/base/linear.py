@@ -170,7 +170,10 @@ def rank(N: Array) -> int:
 
 def ranks(N: Array) -> Ints:
     """The same for many products (..., k, k), shape (...)."""
-    values = directions(unit(N)[0])[0]
+    scaled, k = unit(N)[0], N.shape[-1]
+    if _exceed(scaled, k * PRODUCTS):  # none is larger than k
+        return np.full(N.shape[:-2], k)
+    values = directions(scaled)[0]
     least = PRODUCTS * values.max(axis=-1, keepdims=True, initial=TINY)
     return np.asarray(np.sum(values > least, axis=-1))
 
@@ -178,6 +181,15 @@ def ranks(N: Array) -> Ints:
 def nothing(X: Array) -> Bools:
     """Columns of (M, k) that are zero relative to the longest, shape (k,)."""
     return np.asarray(np.isinf(_lengths(X))[..., 0, :], dtype=bool)
+
+
+def _exceed(N: Array, least: float) -> bool:
+    """Whether all eigenvalues of all matrices (..., k, k) exceed a limit: ten times as fast."""
+    try:
+        np.linalg.cholesky(N - least * np.eye(N.shape[-1]))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def directions(N: Array) -> tuple[Array, Array]:
@@ -252,10 +264,20 @@ def left(G: Array, whole: Array, least: float = ROUNDING_LEFT) -> tuple[Array, I
     """
     size = np.sqrt(np.maximum(whole, TINY))
     outer = size[..., :, None] * size[..., None, :]
-    values, vectors = directions(G / outer)
+    scaled = G / outer
+    if _exceed(scaled, least):
+        return np.linalg.inv(scaled) / outer, np.full(G.shape[:-2], G.shape[-1])
+    values, vectors = directions(scaled)
     kept = values > least
     root = vectors * np.where(kept, np.maximum(values, least) ** -0.5, 0.0)[..., None, :]
     return np.asarray(root @ np.swapaxes(root, -1, -2) / outer), kept.sum(axis=-1)
+
+
+def without(x: Array, cov: Array, at: Ints) -> tuple[Array, Array]:
+    """Estimate x (k,) and covariance (k, k) of the others, were those `at` known to be zero."""
+    gain = solve(cov[np.ix_(at, at)], cov[at]).T
+    cov = np.delete(np.delete(cov - gain @ cov[at], at, 0), at, 1)
+    return np.delete(x - gain @ x[at], at), cov
 
 
 def solve(A: Array, y: Array) -> Array:
@@ -286,8 +308,9 @@ class Cholesky:
     @property
     def inverse(self) -> Array:
         """A^-1, from its factor in a third of the time of a solution with a unit matrix."""
-        half, _ = lapack.dpotri(self.lower, lower=1)
-        whole = np.tril(half) + np.tril(half, -1).T
+        half, _ = lapack.dpotri(self.lower, lower=1)  # zero above the diagonal, as its factor
+        whole = half + half.T
+        whole[np.diag_indices(len(whole))] *= 0.5
         return np.asarray(whole * self.scale * self.scale[:, None])
 
     @property
@@ -303,7 +326,8 @@ def cholesky(A: Array) -> Cholesky:
         LinAlgError: It is not positive definite.
     """
     scale = 1 / np.sqrt(np.diag(A))
-    lower = scipy.linalg.cholesky(A * scale * scale[:, None], lower=True, check_finite=False)
+    rows = (A * scale * scale[:, None]).T  # symmetric, and transposed stored as LAPACK stores it
+    lower = scipy.linalg.cholesky(rows, lower=True, overwrite_a=True, check_finite=False)
     return Cholesky(lower, scale)
 
 

@@ -118,7 +118,7 @@ class Calibration(Locked):
     def left(self) -> Array:
         """Residuals: readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""
         e = self.rows.y - self.rows.along(self.solution.x)
-        return self.linear.spread(linear.solve(self.rows.W, e))
+        return self.linear.spread((self.rows.L @ e[..., None])[..., 0])
 
 
 def calibrate(
@@ -187,29 +187,19 @@ class _LinearFit:
         found = self.found
         if self.mechanism.unknown:
             found = by_a_factor(self.rows, self.mechanism, found, weights.any)
-        return Calibration(
-            moved,
-            readings,
-            weights,
-            self.known,
-            self.scatter,
-            self.here,
-            self.rows,
-            found,
-            wanted,
-        )
+        own = self.known, self.scatter, self.here, self.rows
+        return Calibration(moved, readings, weights, *own, found, wanted)
 
     def rescaled(self, wanted: ModelStructure, most: int) -> _LinearFit:
         """The fit with scatter and scales of the priors that the readings make likeliest."""
         now = self
         for _ in range(most):
             before = now
-            now = _LinearFit(
-                larger(before.mechanism, before.found),
-                _only(rougher(before.known, before.found), before.mechanism, wanted),
-                again(before.rows, before.here, before.found, before.scatter),
-                before.here,
-                before.damped,
+            now = replace(
+                before,
+                mechanism=larger(before.mechanism, before.found),
+                known=_only(rougher(before.known, before.found), before.mechanism, wanted),
+                scatter=again(before.rows, before.here, before.found, before.scatter),
             )
             if abs(now.likely - before.likely) < _FLAT:
                 break
@@ -245,12 +235,11 @@ class _LinearFit:
             damped = max(10 * damped, 1.0)
         if gain > _KEPT[1] * promised:
             damped = damped / 10 if damped > 1 else 0.0
-        off = np.abs(left - expected)
         nominal = self.mechanism.table.nominal_compliance
         std = np.sqrt(np.diag(self.found.cov))[where.compliance]
         turned = np.abs(moved.compliance - self.mechanism.compliance)
         still = (turned < _STILL * np.maximum(std, _LEAST_STD * nominal)).all()
-        straight = float(np.quantile(off, _MOST_OF_THEM)) < _STRAIGHT
+        straight = float(np.quantile(np.abs(left - expected), _MOST_OF_THEM)) < _STRAIGHT
         ends = straight and still and not damped
         return moved, replace(self, mechanism=moved, here=then, damped=damped), bool(ends)
 

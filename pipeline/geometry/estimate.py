@@ -130,17 +130,23 @@ class ReadRows(Locked):
 
     @cached_property
     def _sparse(self) -> sparse.csr_array:
-        m, r, two = self.K.shape
+        return self.by_knots(self.K)
+
+    def by_knots(self, K: Array) -> sparse.csr_array:
+        """Rows (m, r, 2 c), by the two knots of each curve, as rows by all knots, (m r, knots)."""
+        m, r, two = K.shape
         starts = np.arange(0, m * r * two + 1, two) if two else np.zeros(m * r + 1, dtype=int)
         columns = np.repeat(self.at, r, axis=0).ravel()
-        return sparse.csr_array((self.K.ravel(), columns, starts), shape=(m * r, self.knots))
+        return sparse.csr_array((K.ravel(), columns, starts), shape=(m * r, self.knots))
 
     @cached_property
     def N(self) -> Array:
         """X'X with X = [D, K], shape (size, size)."""
-        D, K = self.D.reshape(-1, self.D.shape[2]), self._sparse
-        both = K.T @ D
-        return np.block([[D.T @ D, both.T], [both, (K.T @ K).toarray()]])
+        D, k = self.D.reshape(-1, self.D.shape[2]), self.knots
+        both, own = self._sparse.T @ D, np.swapaxes(self.K, 1, 2) @ self.K
+        pairs = self.at[:, :, None] * k + self.at[:, None, :]
+        KK = np.bincount(pairs.ravel(), own.ravel(), k**2).reshape(k, k)
+        return np.block([[D.T @ D, both.T], [both, KK]])
 
     @cached_property
     def b(self) -> Array:
@@ -156,15 +162,8 @@ class ReadRows(Locked):
 
     def of(self, which: Bools | Ints) -> ReadRows:
         """The rows of some poses."""
-        return ReadRows(
-            self.D[which],
-            self.K[which],
-            self.at[which],
-            self.knots,
-            self.y[which],
-            self.W[which],
-            self.L[which],
-        )
+        D, K, at, y, W, L = (v[which] for v in (self.D, self.K, self.at, self.y, self.W, self.L))
+        return ReadRows(D, K, at, self.knots, y, W, L)
 
     def along(self, x: Array) -> Array:
         """X x, shape (m, r)."""

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
+from scipy import sparse, special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
@@ -54,13 +54,13 @@ class _LawScore(Locked):
     """Residuals projected on the joints' motions, and what is needed to test laws on them.
 
     Attributes:
-        u: z_j' e at each pose and joint, of the readings and then of the copies,
-            shape (1 + copies, m, n).
+        u: z_j' e at each joint and pose, of the readings and then of the copies,
+            shape (n, 1 + copies, m).
         w: z_j' z_j, shape (m, n).
         Z: z_j, shape (m, r, n).
         rows: The whitened rows of the estimate.
-        P: z_j' D, shape (m, n, dense).
-        Q: z_j' K, shape (m, n, 2 c).
+        P: z_j' D, shape (n, m, dense).
+        Q: z_j' K for each joint, shapes (m, knots).
         cov: N^-1 including the priors, shape (k, k).
         left: Whitened residuals, shape (m, r).
         copied: Residuals that the copies are made of, rescaled to the size of the noise,
@@ -73,7 +73,7 @@ class _LawScore(Locked):
     Z: Array
     rows: ReadRows
     P: Array
-    Q: Array
+    Q: list[sparse.csr_array]
     cov: Array
     left: Array
     copied: Array
@@ -85,11 +85,7 @@ class _LawScore(Locked):
 
     def products(self, g: Array, joint: int) -> Array:
         """X' z_j g of columns g (m, k): their products with all that is estimated, (K, k)."""
-        head = self.P[:, joint].T @ g
-        tail = np.zeros((self.rows.knots, g.shape[1]))
-        for k in range(self.Q.shape[2]):
-            np.add.at(tail, self.rows.at[:, k], self.Q[:, joint, k, None] * g)
-        return np.vstack([head, tail])
+        return np.vstack([self.P[joint].T @ g, self.Q[joint].T @ g])
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,28 +110,22 @@ def score(found: Calibration, signs: Array, copied: Array | None = None) -> _Law
         copied: Whitened residuals that the copies are made of, shape (m, r); by default those of
             the estimate.
     """
-    rows = found.rows
-    cov = solved(rows, found.mechanism, found.known).cov  # without an unknown factor of all masses
-    Z = rows.W @ found.linear.Z[:, found.linear.used, : found.mechanism.table.n]
+    rows, there = found.rows, found.mechanism
+    # without an unknown factor of all masses
+    cov = (solved(rows, there, found.known) if there.unknown else found.solution).cov
+    n, dense = there.table.n, rows.D.shape[2]
+    Z = rows.W @ found.linear.Z[:, found.linear.used, :n]
     e = rows.y - rows.along(found.solution.x)
     left = _as_noise(rows.variance(cov), e if copied is None else copied)
-    P, Q = (np.swapaxes(Z, 1, 2) @ one for one in (rows.D, rows.K))
-    own = np.einsum("mrn,mr->mn", Z, left)
-    D = np.einsum("mrd,mr->md", rows.D, left)
-    K = np.einsum("mrk,mr->mk", rows.K, left)
-    seen = np.zeros((len(cov), len(signs)))
-    dense = D.shape[1]
-    seen[:dense] = D.T @ signs.T
-    for k in range(K.shape[1]):
-        np.add.at(seen[dense:], rows.at[:, k], (signs * K[:, k]).T)
-    x = cov @ seen
-    u = np.empty((1 + len(signs), *own.shape))
-    u[0] = np.einsum("mrn,mr->mn", Z, e)
-    for joint in range(own.shape[1]):
-        beside = P[:, joint] @ x[:dense]
-        for k in range(K.shape[1]):
-            beside += Q[:, joint, k, None] * x[dense:][rows.at[:, k]]
-        u[1:, :, joint] = signs * own[:, joint] - beside.T
+    own, P, K = (np.swapaxes(Z, 1, 2) @ one for one in (left[..., None], rows.D, rows.K))
+    P, Q = np.ascontiguousarray(np.swapaxes(P, 0, 1)), list(map(rows.by_knots, np.split(K, n, 1)))
+    D, K = (left[:, None] @ one for one in (rows.D, rows.K))
+    x = cov @ np.vstack([one.T @ signs.T for one in (D[:, 0], rows.by_knots(K))])
+    u = np.empty((n, 1 + len(signs), len(e)))
+    u[:, 0] = np.einsum("mrn,mr->nm", Z, e)
+    for joint in range(n):
+        beside = P[joint] @ x[:dense] + Q[joint] @ x[dense:]
+        u[joint, 1:] = signs * own[:, joint, 0] - beside.T
     return _LawScore(u, np.einsum("mrn,mrn->mn", Z, Z), Z, rows, P, Q, cov, e, left, x)
 
 
@@ -371,8 +361,7 @@ def _most_by_a_joint(here: _LawScore, inputs: Inputs) -> float:
     """The largest T of a step in time of any joint."""
     steps = [law for j in range(inputs.q.shape[1]) for law in _steps_in_time(inputs, j + 1)]
     return max(
-        float(one.explained(here.u[:1, :, one.joint]).max())
-        for one in _of_joints(here, steps, inputs)
+        float(one.explained(here.u[one.joint, :1]).max()) for one in _of_joints(here, steps, inputs)
     )
 
 
@@ -481,7 +470,7 @@ def sharpened(found: Calibration, law: JointLaw) -> JointLaw:
     else:
         return law
     here = score(found, np.zeros((0, len(inputs.q))))
-    T = _JointLaws.of(here, near, inputs).explained(here.u[:, :, law.joint - 1])
+    T = _JointLaws.of(here, near, inputs).explained(here.u[law.joint - 1])
     return near[int(np.argmax(T))]
 
 
@@ -498,7 +487,7 @@ def _curved(here: _LawScore, joint: int, q: Array, slides: bool) -> Array:
     """
     length = random_curve.LENGTHS[slides][0]
     one = random_curve.over(joint, q[:, joint], slides, length, 1.0)
-    h = here.u[:, :, joint] @ one.rows(q[:, joint])
+    h = here.u[joint] @ one.rows(q[:, joint])
     return np.asarray(np.einsum("sk,kl,sl->s", h, one.shape(), h))
 
 
@@ -526,7 +515,7 @@ def law_tests(
     of: list[tuple[JointLaw | None, int, float, float]] = []
     T: list[Array] = []
     for one in tried:
-        each = one.explained(here.u[:, :, one.joint])
+        each = one.explained(here.u[one.joint])
         T.append(each)
         least = _by_chi_square(tried, one, each[:, 0])
         of += zip(one.laws, [one.joint + 1] * len(each), each[:, 0], least, strict=True)

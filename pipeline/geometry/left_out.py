@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.estimate import FIXED_SIGMA, factored, padded, precision
+from pipeline.geometry.estimate import FIXED_SIGMA, ReadRows, factored, padded, precision
 from pipeline.geometry.mechanism import frame_of
 from pipeline.geometry.readings import PositionReadings
 
@@ -64,11 +64,10 @@ class LeftOut:
         """As `errors`; parameters in `held` are held at their prior mean."""
         out = np.empty(self._found.linear.y.shape)
         for one in self._parts:
-            own = self._found.rows.of(one.mine)
-            e = own.y - own.along(one.x if held is None else one.holding(held))
-            for K, mine in one.alone:
-                e = _aligned(K, e, mine)
-            out[one.mine] = self._found.linear.spread(linear.solve(own.W, e))
+            e = one.own.y - one.own.along(one.x if held is None else one.holding(held))
+            for frame, mine in one.alone:
+                e = _aligned(one.own.D[:, :, frame], e, mine)
+            out[one.mine] = self._found.linear.spread((one.own.L @ e[..., None])[..., 0])
         return out
 
 
@@ -78,17 +77,19 @@ class _Without(Locked):
 
     Attributes:
         mine: Mask of the poses of the part, (m,).
+        own: Their rows.
         known: Cholesky factor of the precision from the other parts and the priors.
         x: The parameters estimated from them.
         mean: Prior mean of the parameters.
-        alone: For each series left out as a whole, derivatives by its frame, and mask of its poses.
+        alone: For each series left out as a whole, its frame, and mask of its poses.
     """
 
     mine: Bools
+    own: ReadRows
     known: linear.Cholesky
     x: Array
     mean: Array
-    alone: tuple[tuple[Array, Bools], ...]
+    alone: tuple[tuple[slice, Bools], ...]
 
     def holding(self, held: slice | Ints) -> Array:
         """The parameters under the condition that those in `held` equal their prior mean.
@@ -96,9 +97,9 @@ class _Without(Locked):
         x - C E (E' C E)^-1 E' (x - x0), where C is the covariance and E the unit columns of those
         held.
         """
-        unity = np.eye(len(self.x))[:, held]
-        moves = self.known.solve(unity)
-        return self.x - moves @ linear.solve(unity.T @ moves, (self.x - self.mean)[held])
+        at = np.arange(len(self.x))[held]
+        moves = self.known.solve((np.arange(len(self.x))[:, None] == at).astype(float))
+        return self.x - moves @ linear.solve(moves[at], (self.x - self.mean)[at])
 
 
 def _without(found: Calibration, mine: Bools) -> _Without:
@@ -108,10 +109,10 @@ def _without(found: Calibration, mine: Bools) -> _Without:
     for one in np.setdiff1d(series[mine], series[~mine]):
         frame = frame_of(mechanism, one)
         P[frame, frame] += FIXED_SIGMA**-2 * np.eye(6)
-        alone.append((own.D[:, :, frame], series[mine] == one))
+        alone.append((frame, series[mine] == one))
     mean = padded(found.known.mean, len(P))
     known = factored(rows.N - own.N + P)
-    return _Without(mine, known, known.solve(rows.b - own.b + P @ mean), mean, tuple(alone))
+    return _Without(mine, own, known, known.solve(rows.b - own.b + P @ mean), mean, tuple(alone))
 
 
 def _aligned(D: Array, e: Array, mine: Bools) -> Array:

@@ -245,14 +245,14 @@ def _each(base: Base, suspects: Suspects, active: Ints) -> tuple[Array, Array, I
     if not len(active):
         return np.zeros((0, k)), np.zeros(0), np.zeros(0, np.int64)
     found = suspects.as_one(base, active)
-    return _members(found, len(active))
+    return _members(found.size, found.cov, len(active))
 
 
-def _members(found: ScoreTests, m: int) -> tuple[Array, Array, Ints]:
+def _members(size: Array, cov: Array, m: int) -> tuple[Array, Array, Ints]:
     """Size, drop and rank of each of the m members of a suspect given the others, (..., m)."""
-    size = found.size.reshape(*found.size.shape[:-1], m, -1)
+    size = size.reshape(*size.shape[:-1], m, -1)
     k = size.shape[-1]
-    cov = found.cov.reshape(*size.shape[:-2], m, k, m, k)
+    cov = cov.reshape(*size.shape[:-2], m, k, m, k)
     own = np.einsum("...aiaj->...aij", cov)
     drop = np.einsum("...i,...ij,...j->...", size, linear.shortest(own), size)
     return size, drop, linear.ranks(own)
@@ -265,13 +265,19 @@ def sizes(base: Base, suspects: Suspects, active: Ints) -> Array:
 
 def _staying(base: Base, suspects: Suspects, active: Ints, variance: float) -> Ints:
     """Those that are significant given all others; the least significant is dropped first."""
-    tests = len(suspects.blocks.index)
+    tests, k, anew = len(suspects.blocks.index), suspects.D.shape[3], True
     while len(active):
-        _, drop, rank = _each(base, suspects, active)
+        if anew:  # and wherever the readings do not determine all of them
+            found = suspects.as_one(base, active)
+            size, cov, anew = found.size, found.cov, bool(found.rank < len(found.g))
+        _, drop, rank = _members(size, cov, len(active))
         p = tests * chance(drop, rank, variance, base.dof)
         if not (p >= alarms.READING).any():
             break
-        active = np.delete(active, int(np.argmax(p)))
+        least = int(np.argmax(p))
+        active = np.delete(active, least)
+        if not anew:
+            size, cov = linear.without(size, cov, k * least + np.arange(k))
     return active
 
 
@@ -305,7 +311,7 @@ def _likeliest(found: ScoreTests, k: int, among: Ints, active: Ints, variance: f
 
     def losses(places: Ints) -> Array:
         own = found.parts((places[:, :, None] * k + np.arange(k)).reshape(len(places), -1))
-        _, drop, rank = _members(own, places.shape[1])
+        _, drop, rank = _members(own.size, own.cov, places.shape[1])
         return np.asarray(cost(drop / variance, rank).sum(axis=-1) - own.drop / variance)
 
     mine = np.searchsorted(among, active)

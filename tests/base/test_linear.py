@@ -174,6 +174,19 @@ def test_near_twins_part_where_the_rule_says(times, rank):
     assert linear.left(S[1:, 1:], np.ones(1))[1] == rank - 1
 
 
+def test_what_is_taken_out_of_an_estimate_leaves_that_of_the_others():
+    """Two of seven columns known to be zero: numpy's solution and covariance of the other five."""
+    rng = np.random.default_rng(3)
+    X, y = rng.normal(size=(20, 7)), rng.normal(size=20)
+    whole = linear.left(X.T @ X, np.ones(7))[0]
+
+    x, cov = linear.without(whole @ X.T @ y, whole, np.array([1, 4]))
+
+    rest = np.delete(X, [1, 4], axis=1)
+    assert np.allclose(x, np.linalg.lstsq(rest, y)[0], rtol=1e-10)
+    assert np.allclose(cov, np.linalg.inv(rest.T @ rest), rtol=1e-10)
+
+
 def test_where_length_has_a_meaning_the_solution_is_the_shortest():
     """Of shifts along all axes that fit equally well, the shortest, in metres."""
     seen = np.array([1.0, 1e-3, 0.2])
