@@ -162,8 +162,8 @@ class ReadRows(Locked):
 
     def of(self, which: Bools | Ints) -> ReadRows:
         """The rows of some poses."""
-        D, K, at, y, W, L = (v[which] for v in (self.D, self.K, self.at, self.y, self.W, self.L))
-        return ReadRows(D, K, at, self.knots, y, W, L)
+        D, K, y, W, L = (v[which] for v in (self.D, self.K, self.y, self.W, self.L))
+        return ReadRows(D, K, self.at[which], self.knots, y, W, L)
 
     def along(self, x: Array) -> Array:
         """X x, shape (m, r)."""
