@@ -1,8 +1,23 @@
 """`python -m bench.both_kinds`: springs by positions and pulls together, against either alone.
 
-Campaigns of tests/mixed_campaign.py (Pinocchio alone), one per seed. Of the error z of an estimate
-of the compliances z' C^-1 z / k is taken, with C the covariance of the joint estimate, over the k
-joints that both estimates determine.
+Campaigns of tests/mixed_campaign.py (Pinocchio alone), one per seed. Of the error e of an estimate
+of the compliances e' N e / k is taken, with N the inverse covariance of the joint estimate, over
+the k joints that both estimates determine: the metric is that of the better one, in which either
+error is dimensionless and an error along what both know well counts most.
+
+Let e and e + d be the errors of the joint estimate and of one kind alone, with covariances C and
+C1. If all rows have their right weights, d is uncorrelated with e (Hausman, Econometrica 46, 1978):
+
+    (e + d)' N (e + d) - e' N e = d' N d + 2 d' N e,     mean g = tr N (C1 - C) >= 0
+
+with a variance of about 4 g + 2 tr (N (C1 - C))^2. Joints of which the other kind says nothing have
+d = 0 and add no scatter, so that a pairing by campaigns loses nothing. Positions that state masses
+to 5 %, or only products of mass and compliance, add little to pulls: with g = 0.8 of k = 6 the rms
+error falls by 6 %, and p < 0.01 needs some 40 campaigns. The term 2 d' N e is shown as well:
+below zero, the joint estimate relies too much on the other kind.
+
+p is that of the mean difference under exchange of the two estimates in each campaign (randomisation
+test): the claim is one of means.
 
 A campaign of pulls alone has another model: its table is taken as exact, and it may choose other
 causes or another equilibrium. `same` are the pulls by the joint estimate's own model, without the
@@ -17,7 +32,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from scipy import stats
 
 import pipeline
 from bench import exam
@@ -119,15 +133,27 @@ def spoken(games: list[Json]) -> list[str]:
         pairs = [pair for one in there if (pair := _paired(one, alone)) is not None]
         if len(pairs) < 2:
             continue
-        joint, other, larger, count = np.array(pairs).T
-        p = stats.wilcoxon(np.log(other / joint), alternative="greater").pvalue
+        joint, own, cross, larger, count = np.array(pairs).T
+        other = joint + own + cross
+        rms = [np.sqrt(np.sum(one) / np.sum(count)) for one in (joint, other)]
+        p, lower = _by_chance(own + cross), int((other > joint).sum())
         lines.append(
-            f"{len(pairs)} games: rms error over joint uncertainty {np.sqrt(joint.mean()):.2f}, "
-            f"by {by} {np.sqrt(other.mean()):.2f} (median "
-            f"{np.sqrt(np.median(joint)):.2f}, {np.sqrt(np.median(other)):.2f}; paired p {p:.1g}); "
+            f"{len(pairs)} games: rms error over joint uncertainty {rms[0]:.3f}, "
+            f"by {by} {rms[1]:.3f} (p {p:.2g}, lower in {lower}; d'Nd {own.mean():.2f}, "
+            f"2 d'Ne {cross.mean():.2f} +- {cross.std() / len(pairs) ** 0.5:.2f}); "
             f"uncertainty larger than alone in {int(larger.sum())} of {int(count.sum())} joints"
         )
     return lines
+
+
+def _by_chance(gain: Array) -> float:
+    """Probability of as large a mean if signs were random."""
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (_DRAWS, len(gain)))
+    return float((1 + (signs @ gain >= gain.sum()).sum()) / (1 + _DRAWS))
+
+
+_DRAWS = 20_000
+"""Number of random signs of all games [1]."""
 
 
 def _numbers(one: Json, key: str) -> Array:
@@ -140,8 +166,8 @@ def _off(game: Json, name: str) -> Array:
     return np.asarray(z[np.isfinite(z)])
 
 
-def _paired(game: Json, alone: str) -> tuple[float, float, int, int] | None:
-    """Squared errors per joint, together and alone, and how many uncertainties are larger."""
+def _paired(game: Json, alone: str) -> tuple[float, float, float, int, int] | None:
+    """e'Ne, d'Nd, 2 d'Ne, how many uncertainties are larger than alone, and of how many."""
     if "value" not in game.get(alone, {}):
         return None
     truth, cov = np.array(game["truth"]), np.array(game["both"]["cov"])
@@ -151,10 +177,9 @@ def _paired(game: Json, alone: str) -> tuple[float, float, int, int] | None:
     of &= np.isfinite(np.diag(cov))
     if not of.any():
         return None
-    N = np.linalg.inv(cov[np.ix_(of, of)])
-    k = int(of.sum())
+    N, e, d = np.linalg.inv(cov[np.ix_(of, of)]), x[of], (y - x)[of]
     larger = int((s[of] > 1.001 * t[of]).sum())
-    return float(x[of] @ N @ x[of]) / k, float(y[of] @ N @ y[of]) / k, larger, k
+    return float(e @ N @ e), float(d @ N @ d), float(2 * d @ N @ e), larger, int(of.sum())
 
 
 if __name__ == "__main__":
