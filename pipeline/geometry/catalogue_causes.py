@@ -101,9 +101,10 @@ def _listed(robot: Robot, q: Array, tau: Array) -> Iterator[CatalogueLaw]:
 def _waves(joint: int, shoulder: bool, span: float) -> Iterator[CatalogueLaw]:
     """Waves over a joint's angle; for a balanced shoulder the first two are its compensator's."""
     for order in _WAVES:
-        name = "compensator" if shoulder and order < _WAVES[-1] else ""
+        law = JointLaw(joint, "periodic", "angle", joint, order)
+        name = "compensator" if shoulder and law.by_balancer else ""
         if name or order * span > np.pi:
-            yield CatalogueLaw(name, JointLaw(joint, "periodic", "angle", joint, order))
+            yield CatalogueLaw(name, law)
 
 
 # --- groups of parameters -------------------------------------------------------------------------

@@ -83,6 +83,12 @@ class JointLaw:
         return self.kind == "periodic" or (self.kind == "coupling" and self.variable == "angle")
 
     @property
+    def by_balancer(self) -> bool:
+        """Whether a balancer turns its joint so: one or two waves per turn over its own angle."""
+        own = self.kind == "periodic" and self.variable == "angle" and self.source == self.joint
+        return own and self.order in (1.0, 2.0)
+
+    @property
     def once(self) -> bool:
         """Whether it is a step in time, which happens once and lasts from then on."""
         return self.kind == "step" and self.variable == "time"

@@ -26,7 +26,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.laws import Inputs, JointLaw
 from pipeline.geometry.random_curve import Curve
 from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.yielding import Virtual, carried_by, carried_on
+from pipeline.geometry.yielding import Virtual, balanced, carried_by, carried_on
 from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import rotation_about, translation_along
@@ -144,6 +144,11 @@ class Mechanism(Locked):
         """The robot with corrected DH parameters."""
         return changed(self.table, self.letters, self.values)
 
+    @cached_property
+    def springs(self) -> Array:
+        """Compliances by which deflections become torques: at least `_STIFFEST`, shape (n,)."""
+        return np.maximum(self.compliance, _STIFFEST * self.table.nominal_compliance)
+
     def stand(
         self,
         q: Array,
@@ -181,7 +186,8 @@ class Mechanism(Locked):
         yields = Virtual(self.elements, here)
         bed = _bed_screws(here) if any(curve.screw >= robot.n for curve in self.curves) else None
         screws, carrier = yields.screws, yields.carrier
-        borne = yields.torques(held, weight)
+        balancer = self._balancer(inputs)
+        borne = yields.torques(held, weight, balancer)
         amounts = yields.answers(borne) * self.yields[yields.parameter]
         if bed is not None:
             screws = np.concatenate([screws, bed], axis=1)
@@ -190,7 +196,7 @@ class Mechanism(Locked):
         at = here.points(self.tool[:, :3, 3])
         turn = np.einsum("mij,tjk->mtik", here.flange_axes, self.tool[:, :3, :3])
         at, turn = carried_on(screws, carrier, amounts, at, turn)
-        return PlacedRobot(inputs, tau, borne, bent, here, yields, bed, at, turn)
+        return PlacedRobot(inputs, tau, balancer, borne, bent, here, yields, bed, at, turn)
 
     def turned(self, loaded: Inputs, inputs: Inputs) -> Array:
         """Deviation of each joint from its encoder value [m] or [rad], shape (m, n).
@@ -206,6 +212,17 @@ class Mechanism(Locked):
             if curve.screw < out.shape[1]:
                 out[:, curve.screw] += curve.value(inputs.q[:, curve.joint], knots)
         return np.asarray(out)
+
+    def _balancer(self, inputs: Inputs) -> Array:
+        """Torque of a balancer on each joint [N m], shape (m, n).
+
+        T = f / c, with f the first two waves by which the joint turns over its own angle.
+        """
+        out, joint = np.zeros(inputs.q.shape), balanced(self.table)
+        for law, part in zip(self.laws, self._parts(), strict=True):
+            if law.joint == joint and law.by_balancer:
+                out[:, joint - 1] += law.basis(inputs) @ part / self.springs[joint - 1]
+        return out
 
     def _bed(self, q: Array) -> Array:
         """Motion of the bed at the carriage from its straight shape [m], [rad], shape (m, 6)."""
@@ -267,6 +284,10 @@ _TURNED = 2
 """Number of evaluations of torques and deflections, the first at the joint values of the
 controller: the error after the second is the square of the relative change of a torque by the
 deflection, some 1e-5 of the deflection."""
+
+
+_STIFFEST = 0.1
+"""Least compliance that turns deflections into torques, over the nominal one [1]."""
 
 
 def _motion(twist: Array) -> Array:
@@ -379,6 +400,7 @@ class PlacedRobot(NamedTuple):
     Attributes:
         inputs: Variables that the laws depend on.
         tau: Torque or force of weight and applied force on the joints, shape (m, n).
+        balancer: Torque of a balancer on the joints [N m], shape (m, n).
         borne: Torque on each virtual joint, shape (m, v).
         bent: Configuration at which the torques are evaluated, deflected by the joints.
         here: Final configuration, without the elastic elements other than joints.
@@ -390,6 +412,7 @@ class PlacedRobot(NamedTuple):
 
     inputs: Inputs
     tau: Array
+    balancer: Array
     borne: Array
     bent: Configuration
     here: Configuration
@@ -451,7 +474,11 @@ def derivatives(
     D[..., where.letters] = reach(twists(here, mechanism.letters), at)
     D[..., where.tool] = _of_tool(at, stand.turn)
     Z, yielding = reach(here.twists, at), reach(stand.yields.screws, at)
-    D[..., where.compliance] = Z * stand.tau[:, None, :]
+    turned = np.zeros(stand.tau.shape)  # by laws of gears, per unit of what a balancer turns
+    if stand.balancer.any():
+        turned = stand.yields.by_balancer(stand.borne, mechanism.yields) / mechanism.springs
+        turned *= stand.balancer.any(axis=0)
+    D[..., where.compliance] = Z * (stand.tau - turned * stand.balancer)[:, None, :]
     mass, centre = weights.at_poses(mechanism.payload)
     if len(mechanism.payload):
         torques = payload_torques(here, weights.gravity, mass, centre)
@@ -469,7 +496,8 @@ def derivatives(
         D[..., where.moments] = Z @ own + yielding @ more
     at_law = where.laws.start
     for law in mechanism.laws:
-        for g in law.basis(stand.inputs).T:
+        own = 1 + law.by_balancer * turned[:, law.joint - 1, None]
+        for g in (own * law.basis(stand.inputs)).T:
             np.multiply(Z[..., law.joint - 1], g[:, None], out=D[..., at_law])
             at_law += 1
     if stand.bed is not None:

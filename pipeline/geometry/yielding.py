@@ -151,6 +151,9 @@ class Virtual:
         self.bears = _each(bears).clip(1)
         self.parameter = _each(e.parameter_of for e in effects)
         self.parameter += np.repeat(before[:-1], np.diff(self._ends))
+        self._alone = np.repeat(
+            np.array([*map(by_weight_alone, effects)], bool), np.diff(self._ends)
+        )
 
     def answers(self, tau: Array) -> Array:
         """Motion of each per unit of its parameter under torques (m, v), shape (m, v)."""
@@ -162,21 +165,38 @@ class Virtual:
         ]
         return np.concatenate([tau[:, :0], *parts], axis=1)
 
-    def torques(self, wrenches: Array, weight: Array) -> Array:
+    def torques(self, wrenches: Array, weight: Array, balancer: Array) -> Array:
         """Torque on each virtual joint, shape (m, v).
 
         Args:
             wrenches: Wrench that each joint carries, of weight and force, shape (m, n, 6).
             weight: Wrench of the weight alone, shape (m, n, 6).
+            balancer: Torque of a balancer on each joint [N m], shape (m, n).
         """
         own = wrenches[..., 3:] - np.pad(wrenches[:, 1:, 3:], ((0, 0), (0, 1), (0, 0)))
         tau = work(self.screws, wrenches[:, self.bears - 1])
         for one, body, part in self._between:
             tau[:, one] += part * work(self.screws[:, one], self._hung(own[:, body], one))
-        for effect, (a, b) in zip(self._effects, pairwise(self._ends), strict=True):
-            if by_weight_alone(effect):
-                tau[:, a:b] = work(self.screws[:, a:b], weight[:, self.bears[a:b] - 1])
+        alone = self._alone
+        tau[:, alone] = work(self.screws[:, alone], weight[:, self.bears[alone] - 1])
+        tau[:, alone] += balancer[:, self.carrier[alone] - 1]
         return np.asarray(tau)
+
+    def slopes(self, tau: Array) -> Array:
+        """Derivative of each of `answers` by its own torque, arguments and shape as there."""
+        step = _STEP * np.maximum(np.abs(tau), 1.0)
+        return np.asarray((self.answers(tau + step) - self.answers(tau - step)) / (2 * step))
+
+    def by_balancer(self, tau: Array, values: Array) -> Array:
+        """Motion of each joint's gear laws by the weight, per unit of a balancer's torque, (m, n).
+
+        Args:
+            tau: Torques, as of `torques`, shape (m, v).
+            values: Parameters of the effects.
+        """
+        slopes = self.slopes(tau) * values[self.parameter] * self._alone
+        joints = np.arange(1, self._loaded.configuration.q.shape[1] + 1)
+        return np.asarray(slopes @ (self.carrier[:, None] == joints))
 
     def by_moments(self, unit: Array, tau: Array) -> Array:
         """Derivatives of `answers` by mass and first moment of each link.
@@ -192,9 +212,7 @@ class Virtual:
         for one, body, part in self._between:
             weight = self._hung(unit[:, body, 0, 3:], one)
             torques[:, one, 4 * body] += part * work(self.screws[:, one], weight)
-        step = _STEP * np.maximum(np.abs(tau), 1.0)
-        slope = (self.answers(tau + step) - self.answers(tau - step)) / (2 * step)
-        return slope[:, :, None] * torques
+        return self.slopes(tau)[:, :, None] * torques
 
     @cached_property
     def _between(self) -> list[tuple[slice, int, float]]:

@@ -20,6 +20,7 @@ from heavy_robot import (
 from pipeline.geometry.cross_validation import Partition
 from pipeline.geometry.gross_errors import corrected
 from pipeline.geometry.initial import begin
+from pipeline.geometry.laws import JointLaw
 from pipeline.geometry.mechanism import ArmWeights, Payloads, layout, linearised
 from pipeline.geometry.study import ModelStage, study
 from pipeline.geometry.yielding import sizes, usual, yielding
@@ -29,6 +30,7 @@ from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.variants import counted_back, turned
 from pipeline.machine.robot.weight import carried, work
 
+RAIL = "kr500_rail_kuka"
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 NOTHING = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
 
@@ -152,21 +154,79 @@ def test_weight_at_the_joints_is_that_of_pinocchio():
         assert row == pytest.approx(held, abs=1e-8 * np.abs(held).max())
 
 
-def test_derivatives_by_weight_and_bearings_are_those_of_differences():
-    robot = load("kr500_rail_kuka")
+BALANCER = np.array([[9000.0, 1500.0], [900.0, 500.0]])  # cos, sin of one and two waves [N m]
+PLAY = 2e-4  # [rad]
+
+
+def balanced_torque(a):
+    return sum(part @ [np.cos(k * a), np.sin(k * a)] for k, part in enumerate(BALANCER, 1))
+
+
+def with_play(there, tau, balancer=BALANCER):
+    """The mechanism with a balancer, and with lost motion of A2 by the weight's torques `tau`."""
+    c = there.compliance[2]
+    elements = tuple(e for e in yielding(there.table, tau) if e.name != "joint_asymmetry")
+    yields = [
+        PLAY * (e.label == "joint_lost_motion:3") if e.element == "gear" else one.typical
+        for e in elements for one in e.parameters
+    ]  # fmt: skip
+    laws = tuple(JointLaw(3, "periodic", "angle", 3, k) for k in (1.0, 2.0))
+    return replace(
+        there, elements=elements, yields=np.array(yields), laws=laws,
+        amplitudes=c * np.ravel(balancer),
+    )  # fmt: skip
+
+
+def test_flanks_of_a_balanced_gear_part_where_weight_and_balancer_are_equal():
+    """Positions are those of Pinocchio, to a hundredth of what the play moves."""
+    robot, q = load(RAIL), poses(np.random.default_rng(3), 2, 6, load(RAIL))
+    full = 0.03 * 1e-3 / robot.nominal_compliance[2]
+    truth = Truth(
+        robot.nominal_compliance * (np.arange(7) > 0),
+        balancer=balanced_torque,
+        turned=lambda q, tau: PLAY * np.tanh(tau[2] / full) * (np.arange(7) == 2),
+    )
+    machine = HeavyRobot(robot, np.zeros((8, 6)), truth)
+    flange = np.stack([machine.flange(one) for one in q])
+    right = np.einsum("mij,tj->mti", flange[:, :3, :3], TOOL) + flange[:, None, :3, 3]
+    there = begin(robot, read(machine, q, np.random.default_rng(0)), {})
+    tool = np.tile(np.eye(4), (3, 1, 1))
+    tool[:, :3, 3] = TOOL
+    moments = np.column_stack([MASS, MASS[:, None] * CENTRE])
+    there = replace(there, tool=tool, compliance=truth.joints, moments=moments)
+    never = np.full(len(q), np.nan)
+    tau = there.stand(q, under_weight(len(q)), never, never, never).tau
+    there = with_play(there, tau)
+    there = replace(there, yields=np.where(there.yields == PLAY, PLAY, 0.0))  # no tilts
+
+    at = there.stand(q, under_weight(len(q)), never, never, never).at
+    total = tau[:, 2] + [balanced_torque(one[2]) for one in q]
+
+    assert (tau[:, 2] * total < 0).any()  # the balancer turns some round
+    assert np.abs(at - right).max() < 0.03 * PLAY
+
+
+@pytest.mark.parametrize("play", [False, True])
+def test_derivatives_by_weight_and_bearings_are_those_of_differences(play):
+    robot = load(RAIL)
     machine = HeavyRobot(robot, np.zeros((8, 6)), Truth(np.zeros(7)))
     rng = np.random.default_rng(4)
-    readings = read(machine, poses(rng, 2, 4, robot), rng)
+    readings = read(machine, poses(rng, 2, 1 if play else 4, robot), rng)
     there = begin(robot, readings, stated(rng))
     elements = yielding(robot)
     there = replace(
         there, elements=elements, yields=sizes(elements), moments=usual(robot)[0], unknown=True,
         compliance=robot.nominal_compliance,
     )  # fmt: skip
-    weights, where = under_weight(len(readings)), layout(there)
-    here = linearised(readings, there, weights)
+    weights = under_weight(len(readings))
+    if play:  # about where the flanks part
+        tau, a = linearised(readings, there, weights).inputs.tau, readings.q[:, [2]] * [1, 2]
+        waves = np.stack([np.cos(a), np.sin(a)], axis=2).reshape(len(a), 4)
+        there = with_play(there, tau, np.linalg.lstsq(waves, -tau[:, 2])[0])
+    where, here = layout(there), linearised(readings, there, weights)
 
-    for part, step in ((where.yields, 1e-10), (where.moments, 1.0), (where.compliance, 1e-10)):
+    of_laws = (where.laws, 1e-6) if play else (where.moments, 1.0)
+    for part, step in ((where.yields, 1e-10), (where.compliance, 1e-10), of_laws):
         for k in range(part.start, part.stop):
             x = there.at(where)
             x[k] += step
