@@ -570,8 +570,10 @@ def _likely(causes: Sequence[FoundCause], base: Drift | None) -> str:
 
 def drifted(cause: FoundCause, base: Drift | None) -> str:
     """`1.1 mm in 6.5 h, settling with a time constant of 1 h; `, for a drift in time only."""
-    effect, per = cause.effect, cause.effect.parameters[0].unit
-    if base is None or effect.name != base.effect.name or per == PER_GROUP:
+    effect = cause.effect
+    if base is None or effect.name != base.effect.name:
+        return ""
+    if (per := effect.parameters[0].unit) == PER_GROUP:
         return ""
     far = np.linalg.norm([one.value for one in cause.amplitudes])
     far_mm = 1e3 * float(far * amount(effect, np.array(base.hours * HOUR_S)))

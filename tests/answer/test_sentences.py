@@ -46,8 +46,10 @@ from pipeline.diagnosis.facts import (
     FoundCause,
     UnloadedFacts,
 )
+from pipeline.diagnosis.positions import _listed
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.mistake import outlying
+from pipeline.geometry.catalogue_causes import OTHER_MASSES, CatalogueCause
 from pipeline.machine.effects import tracker_drift
 from pipeline.machine.robot import load
 from pipeline.machine.robot.dh_parameters import dh_parameters
@@ -439,3 +441,11 @@ def test_a_drift_is_told_with_its_size_and_its_hours(form, values, said):
     assert drifted(FoundCause(drifts[0], 1.0, sizes, 0.0), base) == said
     by_order = tracker_drift.by_order(drifts)
     assert not any(drifted(FoundCause(one, 1.0, sizes, 0.0), base) for one in by_order)
+
+
+def test_links_of_other_masses_have_a_sentence_without_a_drift():
+    """Their moments are those of the arm: the effect has no parameter of its own."""
+    robot = load("kr500_rail")
+    cause = CatalogueCause("gravity_sag", None, OTHER_MASSES, ())
+
+    assert drifted(_listed(cause, robot), None) == ""

@@ -19,11 +19,10 @@ from pipeline.diagnosis.cause_search import Replacement, may_join, merged, stati
 from pipeline.diagnosis.causes import _either
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.isolability import twins
-from pipeline.library.model_file import dumps
+from pipeline.library.model_file import dumps, parse
 from pipeline.machine.cell import load
 from pipeline.machine.effects import catalogue, unlisted
 from pipeline.prediction.model import IdentifiedModel, part
-from pipeline.prediction.model import parse as parse_model
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import campaign_answer, ingested
@@ -282,7 +281,7 @@ def test_outside_of_where_it_was_taught_a_law_is_as_uncertain_as_it_is_large():
     moved, still = (m.settle(q, at[None], at, force)[0] for m in machines)
     height = np.abs(moved - still)[:, 0]
 
-    told, again = (m.predict(q, force) for m in (model, parse_model(dumps(model))))
+    told, again = (m.predict(q, force) for m in (model, parse(dumps(model))))
 
     assert (told.std[0] < 0.01 * height[0].max()).all()
     np.testing.assert_allclose(told.std[1], height[1], rtol=0.02, atol=1e-7)

@@ -33,7 +33,7 @@ def test_a_parameter_is_held_at_its_prior_mean_and_not_at_zero():
     X, mean = rng.standard_normal((9, 4)), np.array([0.5, -1.0, 2.0, 0.3])
     x = mean + 0.3 * rng.standard_normal(4)
     P = X.T @ X
-    one = _Without(np.zeros(1, bool), linear.cholesky(P), x, mean, ())
+    one = _Without(np.zeros(1, bool), None, linear.cholesky(P), x, mean, ())
 
     free, held = [0, 3], [1, 2]
     step = np.linalg.lstsq(X[:, free], X @ x - X[:, held] @ mean[held], rcond=None)[0]

@@ -22,6 +22,7 @@ from pipeline.fleet.history import changes
 from pipeline.library.compensate import Compensation, compensate
 from pipeline.library.compliance import cartesian_stiffness
 from pipeline.library.model_file import dumps
+from pipeline.library.model_file import parse as parse_model
 from pipeline.machine import cell as forward
 from pipeline.machine import sides
 from pipeline.machine.cell import Tool, paper_cell, predict
@@ -30,7 +31,6 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.machine.robot.axes import sense
 from pipeline.machine.robot.mdh import parse
-from pipeline.prediction.model import parse as parse_model
 from pipeline.prediction.path import Path
 from pipeline.report.record import ReportTable
 from pipeline.run import campaign_answer
