@@ -60,6 +60,7 @@ FAULTS: tuple[Fault, ...] = (
     chain.FAULT,
     reading.FAULT,
     scale_reading.FAULT,
+    pose_moved.LAST,
     pull.REVERSED,
     pull.UNIT,
 )

@@ -21,18 +21,23 @@ from pipeline.faults.reading import Shifted, confirmed, shifted_readings
 from pipeline.reduction.case import Case
 from pipeline.system import alarms, odds
 from pipeline.system.assemble import by_force
-from pipeline.system.score_tests import ScoreTests
+from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.simultaneous import cost
 
 _ALONE = 0.01
 """P-value of a motion of another pose below which both belong to the machine [1]."""
 
+_READ_UNDER_LOAD = ", or a zero there, of the reflectors or of the scale, was read under load"
+
 _FEWEST = 2
 """Minimum number of displaced pulls; a single one may as well have another force."""
 
 
-def moved(asked: Screening) -> list[Mistake]:
+def moved(asked: Screening, last: bool = False) -> list[Mistake]:
     """The pose that moved between two of its states, if nothing else is wrong.
+
+    Where a scale that was not zeroed there explains as much, that is asked first; this is `last`,
+    since something is wrong in the pose even where no such zero can be named.
 
     p = P[F > (T / 6) / s^2], with s^2 = max(1, residual variance), times the number of suspects,
     compared with `alarms.READING`; a free stiffness of the pose must confirm the motion.
@@ -60,8 +65,9 @@ def moved(asked: Screening) -> list[Mistake]:
         return []
     place, first = divmod(best, from_pull)
     pose = int(np.unique(shifted.stack.pose)[place])
-    variance = max(rest, 1.0)
-    if _otherwise(asked, shifted, pose, variance) >= _worth(found, variance)[best]:
+    variance, base = max(rest, 1.0), shifted.springs(system)
+    worth, zero = _worth(found, variance)[best], _by_zero(asked, shifted, base, pose, variance)
+    if _by_one(asked, shifted, base, pose, variance) >= worth or (zero >= worth and not last):
         return []
     beside = _flat(shifted.springs(system, columns[first] * _of(shifted, pose)).beside(D))
     others = np.arange(len(found.drop)) // from_pull != place
@@ -69,7 +75,8 @@ def moved(asked: Screening) -> list[Mistake]:
         return []
     pulls = asked.reduced.data.pulls
     repeats = np.sort(pulls.repeat[pulls.pose == pose])
-    return [_finding(asked.case, pose, repeats, first, size, float(found.drop[best]), p)]
+    zeroed = zero < worth
+    return [_finding(asked.case, pose, repeats, first, size, float(found.drop[best]), p, zeroed)]
 
 
 def _worth(found: ScoreTests, variance: float) -> Array:
@@ -77,21 +84,21 @@ def _worth(found: ScoreTests, variance: float) -> Array:
     return np.asarray(found.drop / variance - cost(found.drop / variance, found.rank))
 
 
-def _otherwise(asked: Screening, shifted: Shifted, pose: int, variance: float) -> float:
-    """Gain by the best other mistake in a pose.
-
-    A single reading may look like a rotation of the effector, and a scale that was not zeroed there
-    like a displacement alike in all its pulls.
-    """
-    base, rows = shifted.springs(asked.system), np.zeros((len(shifted.stack.c), 1))
+def _by_zero(asked: Screening, shifted: Shifted, base: Base, pose: int, variance: float) -> float:
+    """Gain by a scale that was not zeroed in a pose: a displacement alike in all its pulls."""
+    rows = np.zeros((len(shifted.stack.c), 1))
     by_zero = by_force(asked.cell, asked.reduced.data, asked.estimate.value)
     rows[: len(by_zero), 0] = by_zero
     zero = _flat(base.beside(shifted.white.blocks.padded(shifted.white.by_pose(rows))[:, :, None]))
-    gains = _worth(zero, variance)[np.unique(shifted.stack.pose) == pose]
-    if not asked.cell.tool.six:
-        single = _worth(shifted.beside(base), variance)[shifted.readings.pose == pose]
-        gains = np.append(gains, single)
-    return float(gains.max())
+    return float(_worth(zero, variance)[np.unique(shifted.stack.pose) == pose].max())
+
+
+def _by_one(asked: Screening, shifted: Shifted, base: Base, pose: int, variance: float) -> float:
+    """Gain by the best single reading of a pose, which may look like a rotation of the effector."""
+    if asked.cell.tool.six:
+        return -np.inf
+    found = _worth(shifted.beside(base), variance)
+    return float(found[shifted.readings.pose == pose].max(initial=-np.inf))
 
 
 def _of(shifted: Shifted, pose: int) -> Array:
@@ -145,9 +152,19 @@ def _flat(found: ScoreTests) -> ScoreTests:
 
 
 def _finding(
-    case: Case, pose: int, repeats: Ints, first: int, size: Array, drop: float, p: float
+    case: Case,
+    pose: int,
+    repeats: Ints,
+    first: int,
+    size: Array,
+    drop: float,
+    p: float,
+    zeroed: bool,
 ) -> Mistake:
-    """The mistake; `repeats` are those of the pulls in use, from index `first` on displaced."""
+    """The mistake; `repeats` are those of the pulls in use, from index `first` on displaced.
+
+    Unless the scale was surely `zeroed`, its zero is given as another possibility.
+    """
     rows = case.readings[case.readings["pose"] == pose]
     loaded = rows[rows["state"] == "loaded"]
     zeros = rows[rows["state"] == "unloaded"]
@@ -164,7 +181,7 @@ def _finding(
         group,
         f"in pose {pose} the effector moved by {length(float(np.linalg.norm(size[:3])))} between "
         f"{between}, alike in all pulls that follow and whatever their force, {apart(sigmas)}: "
-        "the tracker was knocked there, or the robot moved",
+        f"the tracker was knocked there, or the robot moved{'' if zeroed else _READ_UNDER_LOAD}",
         f"recomputed without {'pose ' + str(pose) if first == 0 else 'the pulls that follow'}",
         before=sigmas,
         size=float(np.linalg.norm(size[:3])),
@@ -176,3 +193,4 @@ def _finding(
 
 
 FAULT = Fault("outlier", moved)
+LAST = Fault("outlier", partial(moved, last=True))
