@@ -250,19 +250,19 @@ def _length(chain: _Chain) -> Array:
 def _distance(chain: _Chain) -> _Off | None:
     """The outlier by distance of the ends, which is constant except for the stretch of the chain.
 
-    Of the pulls whose far end is no anchor.
+    Of the pulls with a force whose far end is no anchor.
 
     (|Pl2 - Pl1| - median) / u = (a + b f) / u + e, f the force over the largest, u [m] the standard
     uncertainty; one a and one b for all pulls or, if F tests call for it, one a for each pose, and
     one b: a far end that is fixed in the hall does not follow the robot as it yields. The p-value
     of t is two-sided and multiplied by the number of pulls.
     """
-    at = np.flatnonzero(chain.free)
+    at = np.flatnonzero(chain.free & np.isfinite(chain.force))
     if len(at) < _FEWEST:
         return None
     y, std = _length(chain)[at], chain.std[at]
     y = (y - np.median(y)) / std
-    force = np.nan_to_num(chain.force / np.nanmax(np.abs(chain.force), initial=1.0))[at]
+    force = chain.force[at] / np.abs(chain.force[at]).max(initial=1.0)
     every = np.ones((len(y), 1))
     poses = np.unique(chain.pose[at])[None, :] == chain.pose[at, None]
     own = poses * force[:, None]

@@ -149,6 +149,15 @@ def test_a_bad_reading_of_the_chain_is_named(end, chain, along):
     assert found[0].p_value < 1e-3
 
 
+def test_a_pull_whose_force_was_set_aside_is_not_held_against_the_others():
+    """How far a fixed end and the robot come apart without a force, no other pull says."""
+    given = read(np.random.default_rng(7), fixed=True)
+    of = given.loads
+    for pose in of["pose"].unique():
+        known = ~(of["pose"].eq(pose) & of["repeat"].isin([1, 3]))
+        assert not chain_outlier(replace(given, loads=of[known]))
+
+
 def test_two_pulls_of_a_pose_tell_it_by_all_others():
     """With two pulls in a pose the distance shows which pull is bad, but not which end."""
     given = read(np.random.default_rng(6), steps=(1500.0, 3000.0))

@@ -72,7 +72,8 @@ def test_a_scale_that_was_not_zeroed_is_no_knock_or_either_where_it_cannot_be_na
     assert moved(asked) == []
     assert [one.where for one in scale_outliers(asked)] == ["loads.csv pose04"]
     [either] = pose_moved.LAST.find(asked)
-    assert either.where == "pose04_rep0_unloaded" and either.evidence.endswith("under load")
+    assert either.where == "pose04_rep0_unloaded"
+    assert either.evidence.endswith("under load")
 
 
 @pytest.mark.whole
