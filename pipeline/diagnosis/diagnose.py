@@ -103,14 +103,9 @@ def diagnose(
     """
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
-    task, spread = search_task(cell, data, estimate, whole, known, noise)
-    wander, stiff = between_poses(shape, drift), as_stiff(cell, estimate)
-    stood = from_unloaded(stiff, data, task.certain_noise, whole, wander)
-    if stood.corrects:
-        cell, data = corrected(cell, data, stood)
-        task, spread = search_task(cell, data, estimate, whole, known, noise)
-    refuted = _refuted(stood, drift)
-    task = replace(task, refuted=refuted, shape=shape, surroundings=surroundings)
+    cell, data, stood, task, spread = _to_search(
+        (cell, data, estimate, whole, known, noise), shape, drift, surroundings
+    )
     task, spread, found, stated = _searched(task, spread, estimate.value, rng)
     worth = _gain(task, found, rng)
     facts = replace(_facts(task, found, spread), gain=worth)
@@ -132,9 +127,8 @@ def diagnose(
     )
     held = _held(facts)
     stood = beside_springs(stood, cell, [one.effect for one in held])
-    facts = replace(facts, unloaded=stood)
     drifts = of_base(drift, held)
-    facts = replace(facts, drift=drift if drifts else None)
+    facts = replace(facts, unloaded=stood, drift=drift if drifts else None)
     single = _alone(found, worth, rng)
     blind, absent = _unnoticed(whole, found, facts, known)
     proposed, joints = _to_measure(task, found, causes, worth, known, rng)
@@ -156,6 +150,24 @@ def diagnose(
         too_small=() if sets else too_small(task, found),
         as_stated=stated,
     )
+
+
+def _to_search(
+    given: tuple[Cell, Measured, Estimate, tuple[Effect, ...], Twins, Components | None],
+    shape: NoiseShape | None,
+    drift: Drift | None,
+    surroundings: Surrounded | None,
+) -> tuple[Cell, Measured, UnloadedFacts, SearchTask, ScatterRatio]:
+    """The search in displacements, on the robot that the unloaded reflectors show."""
+    cell, data, estimate, whole = given[:4]
+    task, spread = search_task(*given)
+    wander, stiff = between_poses(shape, drift), as_stiff(cell, estimate)
+    stood = from_unloaded(stiff, data, task.certain_noise, whole, wander)
+    if stood.corrects:
+        cell, data = corrected(cell, data, stood)
+        task, spread = search_task(cell, data, estimate, whole, *given[4:])
+    task = replace(task, refuted=_refuted(stood, drift), shape=shape, surroundings=surroundings)
+    return cell, data, stood, task, spread
 
 
 def _refuted(stood: UnloadedFacts, drift: Drift | None) -> dict[str, float]:

@@ -67,7 +67,8 @@ def moved(asked: Screening, last: bool = False) -> list[Mistake]:
     pose = int(np.unique(shifted.stack.pose)[place])
     variance, base = max(rest, 1.0), shifted.springs(system)
     worth, zero = _worth(found, variance)[best], _by_zero(asked, shifted, base, pose, variance)
-    if _by_one(asked, shifted, base, pose, variance) >= worth or (zero >= worth and not last):
+    rivals = _by_one(asked, shifted, base, pose, variance), zero
+    if max(rivals[: 2 - last]) >= worth:
         return []
     beside = _flat(shifted.springs(system, columns[first] * _of(shifted, pose)).beside(D))
     others = np.arange(len(found.drop)) // from_pull != place
