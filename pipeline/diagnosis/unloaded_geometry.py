@@ -202,12 +202,14 @@ def _suspects(zeros: Unloaded, effects: Sequence[Effect]) -> Iterator[_Suspect]:
     for one, at in zeros.changed:
         effect: Effect = base_moved.since(one.before, one.since)
         if one.joint:
-            effect = joint_offset.since(zeros.robot, one.joint, one.before, one.since)
+            at_joint = one.joint, one.before, one.since, one.slipped
+            effect = joint_offset.since(zeros.robot, *at_joint)
         if one.target is not None:
             name = str(zeros.tool.targets[one.target])
             effect = target_moved.since(name, one.target, one.before, one.since)
         label, columns = f"{effect.label} {effect.form}", tuple(range(at.start, at.stop))
-        yield _Suspect(label, columns, _WIDE, tries, effect=effect)
+        ways = 1 + (one.joint > 0)
+        yield _Suspect(label, columns, _WIDE, ways * tries, effect=effect)
 
 
 def _unseen(effects: Sequence[Effect], asked: Sequence[_Suspect]) -> set[str]:
@@ -518,17 +520,20 @@ def as_stiff(cell: Cell, estimate: Estimate) -> Cell:
 def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, Measured]:
     """The cell with corrected table, and the measurements at the corrected joint values.
 
-    Readings and forces given in F_b are rotated back by the estimated rotation of F_b.
+    Readings and forces given in F_b are rotated back by the estimated rotation of F_b. A joint that
+    slipped has another zero in the table, which is that of the robot as it stands at the end.
     """
     assert found.cells is not None
-    zeros, x = found.cells.zeros, found.cells.mean
+    zeros, x = found.cells.zeros, found.cells.mean.copy()
+    slips = _slips(zeros, x)
+    x[zeros.columns.table] += slips[1]
     robot = changed(cell.robot, zeros.letters, x[zeros.columns.table])
     q, delta = data.pulls.q, data.delta[:, None]
     for one in found.causes:
         for facet in one.effect.facets:
             if isinstance(facet, Geometry) and one.effect.name == "gravity_sag":
                 q = facet.geometry(zeros.robot, data.pulls, one.value)
-    pulls = zeros.as_changed(replace(data.pulls, q=q), x)
+    pulls = zeros.as_changed(replace(data.pulls, q=q - slips[0]), x)
     turn = x[zeros.columns.loose]
     for effect in base_rotation.effects(cell.robot):
         loaded = load(replace(cell, effects=(effect,)), pulls, turn)
@@ -540,6 +545,20 @@ def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, M
         pulls = replace(pulls, force=pulls.force - np.cross(turns, pulls.pulled * pulls.force))
         delta = delta - np.cross(turns[data.pull][:, None], delta)
     return replace(cell, robot=robot), replace(data, pulls=pulls, delta=delta[:, 0])
+
+
+def _slips(zeros: Unloaded, x: Array) -> tuple[Array, Array]:
+    """Slips of joints, (n,), and the same in the table's parameters, whose zeros they change.
+
+    A joint without a zero in the table stays as it was before.
+    """
+    q, table = np.zeros(zeros.robot.n), np.zeros(len(zeros.letters))
+    for one, at in zeros.changed:
+        labels = [letter.label for letter in zeros.letters]
+        if one.slipped and f"joint_offset:{one.joint}" in labels:
+            q[one.joint - 1] = -x[at][0]
+            table[labels.index(f"joint_offset:{one.joint}")] = -x[at][0]
+    return q, table
 
 
 def _bumps(zeros: Unloaded, x: Array, pulls: Pulls) -> Iterator[Array]:

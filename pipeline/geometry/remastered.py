@@ -1,9 +1,10 @@
 """What changed in mid-campaign: a joint mastered anew, a brake that slipped, a foot bumped.
 
-From some pose on joint j stands d_j from where its log has it, before that it does not; or the
-whole robot stood where F_b has it, and since then it does not. Of every joint, of the robot's six
-motions, and every change in the order of time the columns d of the poses that are off, -Z_j of a
-joint, stand beside all that is estimated: with e = y - D x, V its covariance and C that of x,
+From some pose on joint j stands d_j from where its log has it, before that it does not, or the
+other way round; or the whole robot stood where F_b has it, and since then it does not. Of every
+joint, of the robot's six motions, and every change in the order of time the columns d of the poses
+that are off, -Z_j of a joint, stand beside all that is estimated: with e = y - D x, V its
+covariance and C that of x,
 
     T = g' (N - h' C h)^+ g,   g = sum d' V^-1 e,  N = sum d' V^-1 d,  h = sum D' V^-1 d
 
@@ -22,7 +23,7 @@ import numpy as np
 from scipy import special
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Ints
+from pipeline.base.arrays import Array, Ints, compared
 from pipeline.geometry.roughness import ScaleGrid
 from pipeline.geometry.slipped import ShapeRows, slips
 from pipeline.geometry.unloaded import MidChange, PoseRows, Unloaded
@@ -35,7 +36,7 @@ _SEEN = 5.0
 
 
 def places(zeros: Unloaded) -> int:
-    """Changes in time that a joint may have, at least one."""
+    """Places in time of a change, at least one."""
     return max(zeros.poses - 2 * _SIDES + 1, 1)
 
 
@@ -54,8 +55,12 @@ def changes(zeros: Unloaded, rows: PoseRows, found: ScaleGrid) -> tuple[MidChang
         return ()  # a steady motion of the instrument, which is no change
     if special.chdtrc(freedom, T.max(axis=0)).min() > special.chdtrc(1, _SEEN**2):
         return ()
-    best = zip(what, T.argmax(axis=0).tolist(), strict=True)
-    return tuple(_at(zeros, one, order, k + _SIDES) for one, k in best)
+    likeliest = dict[tuple[int, int | None], int]()  # of both ways of a joint the likelier one
+    for k in np.argsort(compared(T.max(axis=0)), kind="stable").tolist():
+        likeliest[what[k].joint, what[k].target] = k
+    places_of = T.argmax(axis=0)
+    which = sorted(likeliest.values())
+    return tuple(_at(zeros, what[k], order, int(places_of[k]) + _SIDES) for k in which)
 
 
 def slipped(zeros: Unloaded, rows: PoseRows) -> dict[MidChange, float]:
@@ -78,10 +83,11 @@ def _at(zeros: Unloaded, one: MidChange, order: Ints, before: int) -> MidChange:
 
 
 def _what(zeros: Unloaded) -> list[MidChange]:
-    """The robot as a whole, its joints, and its targets where each was measured by itself."""
+    """The robot as a whole, its joints, each both ways, and targets measured by themselves."""
     targets = range(len(zeros.tool.points) if zeros.turned is None else 0)
-    joints = range(zeros.robot.n + 1)
-    return [MidChange(j, (), 0) for j in joints] + [MidChange(0, (), 0, t) for t in targets]
+    joints = range(1, zeros.robot.n + 1)
+    ways = [MidChange(j, (), 0, slipped=late) for j in joints for late in (True, False)]
+    return [MidChange(0, (), 0), *ways, *(MidChange(0, (), 0, t) for t in targets)]
 
 
 def _gains(zeros: Unloaded, rows: PoseRows, found: ScaleGrid, order: Ints) -> Array:
@@ -113,7 +119,7 @@ def _drops(zeros: Unloaded, rows: PoseRows, found: ScaleGrid, cell: int, order: 
             d = D[:, :, where.tool][:, :, 3 * one.target : 3 * one.target + 3]
         each = d.swapaxes(1, 2) @ e[..., None], d.swapaxes(1, 2) @ d, d.swapaxes(1, 2) @ D
         sums = [np.cumsum(part[order], axis=0) for part in each]
-        g, N, h = (part if one.joint else part[-1] - part for part in sums)
+        g, N, h = (part if one.early else part[-1] - part for part in sums)
         for part, own, s in zip((g, N, h), each, (creep, creep**2, creep), strict=True):
             part[-1] = np.tensordot(s, own[order], 1)
         left = N - h @ found.cov[cell] @ np.swapaxes(h, 1, 2)

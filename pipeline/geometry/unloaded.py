@@ -68,7 +68,8 @@ large."""
 class MidChange:
     """A joint's zero that changed in mid-campaign, or a robot or target that was moved then.
 
-    The log is right since; where F_b has the robot, and [tool] the target, was right before.
+    The log is right since, of a joint that was mastered anew, or before, of one that slipped; where
+    F_b has the robot, and [tool] the target, was right before.
 
     Attributes:
         joint: From 1; 0 of the robot as a whole, which has three shifts [m] and three turns [rad],
@@ -76,12 +77,19 @@ class MidChange:
         before: Numbers of the poses before that.
         since: Number of the first pose after it.
         target: Index of the target, which has three shifts in the flange frame [m]; else None.
+        slipped: Whether the joint's log is wrong since, and not before.
     """
 
     joint: int
     before: tuple[int, ...]
     since: int
     target: int | None = None
+    slipped: bool = False
+
+    @property
+    def early(self) -> bool:
+        """Whether the poses before it are off, and not those since."""
+        return self.joint > 0 and not self.slipped
 
     @property
     def unknowns(self) -> int:
@@ -90,8 +98,8 @@ class MidChange:
 
     def share(self, pulls: Pulls) -> Array:
         """What one unit of it adds to each pull, shape (m,)."""
-        before = np.isin(pulls.pose, self.before)
-        return -before.astype(float) if self.joint else (~before).astype(float)
+        off = np.isin(pulls.pose, self.before) == self.early
+        return -off.astype(float) if self.joint else off.astype(float)
 
 
 @dataclass(frozen=True)

@@ -211,14 +211,39 @@ def test_what_is_visible_holds_for_a_cause_that_was_found_beside_a_change():
 
 
 @pytest.mark.whole
-def test_a_zero_that_is_wrong_since_it_changed_is_both():
+def test_a_joint_that_slipped_is_one_cause_and_another_zero_of_the_robot_as_it_is_now():
     """The zero in the table is wrong for the robot as it is now, and was right before."""
     before = relogged(clean(3), 3, 7, 2e-3)
     column = before.joint_columns[2]
     case = replace(before, joints=before.joints.assign(**{column: before.joints[column] - 2e-3}))
-    _, found = stood(case)
-    assert {one.effect.form for one in found.causes} == {"", "since pose 7"}
-    assert [one.value[0] for one in found.causes] == pytest.approx([2e-3, 2e-3], abs=1e-4)
+    made, found = stood(case)
+    (one,) = found.causes
+    assert (one.effect.where, one.effect.form) == (3, "since pose 7")
+    assert one.value[0] == pytest.approx(-2e-3, abs=4 * one.std[0])
+
+    cell, data = corrected(made.cell, made.reduced.data, found)
+    given, since = made.reduced.data.pulls.q, data.pulls.pose >= 7
+    q = np.zeros((1, made.cell.robot.n))
+    other = q + 2e-3 * np.eye(made.cell.robot.n)[2]
+    assert configure(cell.robot, q).flange_origin == pytest.approx(
+        configure(made.cell.robot, other).flange_origin, abs=2e-4
+    )
+    assert data.pulls.q[since] == pytest.approx(given[since], abs=1e-9)
+    assert (given - data.pulls.q)[~since, 2] == pytest.approx(-one.value[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("joint", [1, 4])
+def test_the_first_joint_that_slipped_is_no_robot_that_was_moved(joint):
+    """A turn of the first axis moves the robot as its foot might, by one number in place of six."""
+    case = clean(4)
+    column = case.joint_columns[joint]
+    off = np.where(case.joints["pose"] >= 6, 2e-3, 0.0)
+    _, found = stood(
+        replace(case, joints=case.joints.assign(**{column: case.joints[column] + off}))
+    )
+    assert [(one.effect.name, one.effect.where) for one in found.causes] == [
+        ("joint_offset", joint + 1)
+    ]
 
 
 @pytest.mark.whole

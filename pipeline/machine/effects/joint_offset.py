@@ -42,26 +42,30 @@ def _effect(robot: Robot, joint: int) -> Geometry:
     )
 
 
-def since(robot: Robot, joint: int, before: tuple[int, ...], pose: int) -> Geometry:
-    """Joint offset that existed only before a change of the zero in mid-campaign.
+def since(
+    robot: Robot, joint: int, before: tuple[int, ...], pose: int, slipped: bool = False
+) -> Geometry:
+    """Joint offset that existed only before a change of the zero in mid-campaign, or only since.
 
     Args:
         robot: The robot.
         joint: Joint number, from 1.
         before: Numbers of the poses before the change.
         pose: Number of the first pose after it.
+        slipped: Whether the log is wrong since, as of a joint that slipped, and not before.
     """
     usual = _effect(robot, joint)
 
     def geometry(robot: Robot, pulls: Pulls, values: Array) -> Array:
-        share = np.isin(pulls.pose, before)[:, None]
+        share = (np.isin(pulls.pose, before) != slipped)[:, None]
         return np.asarray(pulls.q - values[0] * share * np.eye(robot.n)[joint - 1])
 
     return replace(
         usual,
         noun=f"zero that changed at pose {pose}",
         form=f"since pose {pose}",
-        signature=f"before pose {pose} the unloaded reflectors stand off as joint {joint} would "
-        "move them, since then they do not; the displacements hardly show it",
+        signature=f"{'since' if slipped else 'before'} pose {pose} the unloaded reflectors stand "
+        f"off as joint {joint} would move them, {'before' if slipped else 'since'} that they do "
+        "not; the displacements hardly show it",
         geometry=geometry,
     )
