@@ -9,7 +9,8 @@ not corrected, with its line.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, field
 
 from pipeline.base.arrays import Array
@@ -45,6 +46,21 @@ class Lexicon:
 
 
 @dataclass
+class JointMotion:
+    """A motion to several points: all of them are corrected, or none.
+
+    Attributes:
+        line: Its line.
+        places: Places of its points.
+        halved: Whether one of its points is left.
+    """
+
+    line: int
+    places: set[tuple[str, int]] = field(default_factory=set)
+    halved: bool = False
+
+
+@dataclass
 class ParserState:
     """What has been read so far; names are in the form used for look-up.
 
@@ -58,6 +74,9 @@ class ParserState:
         uses: The motions.
         last: Place of the target of the last motion.
         left: What is not corrected.
+        motions: The motions to several points.
+        reached: Places of the points of the motion that is being read.
+        together: The motion of several statements that is being read, if any.
         following: Relative motions, and the place of the point before each.
         tools: Tool frames by name, each (4, 4).
         bases: Base frames by name, each (4, 4).
@@ -74,6 +93,9 @@ class ParserState:
     uses: list[MotionUse] = field(default_factory=list)
     last: tuple[str, int] | None = None
     left: list[Uncorrected] = field(default_factory=list)
+    motions: list[JointMotion] = field(default_factory=list)
+    reached: set[tuple[str, int]] = field(default_factory=set)
+    together: JointMotion | None = None
     following: list[tuple[Uncorrected, tuple[str, int] | None]] = field(default_factory=list)
     tools: dict[str, Array] = field(default_factory=dict)
     bases: dict[str, Array] = field(default_factory=dict)
@@ -117,6 +139,32 @@ class ParserState:
         """Record something that is not corrected."""
         self.left.append(Uncorrected(source.file, source.line(at), why))
 
+    def stays(self, at: int, why: str | None) -> Uncorrected | None:
+        """A goal that stays as taught; None without a reason. A program of one file."""
+        source = self.sources[0]
+        return Uncorrected(source.file, source.line(at), why) if why else None
+
+    def move(self, line: int, goals: Iterable[Uncorrected | None]) -> None:
+        """Record a motion.
+
+        Args:
+            line: Its line.
+            goals: Why each of its points is not corrected, or None; it is recorded as this is read.
+        """
+        self.reached, motion = set(), self.together or JointMotion(line)
+        every = [*goals]
+        left = [one for one in every if one is not None]
+        self.left += left
+        motion.places |= self.reached
+        motion.halved |= any(one.counts for one in left)
+        if len(every) > 1:
+            self.motions.append(motion)
+
+    def begin(self, line: int) -> None:
+        """Record that the motions from here on are one, until `together` is reset."""
+        self.together = JointMotion(line)
+        self.motions.append(self.together)
+
     def use(
         self, points: Sequence[Target | Uncorrected], tool: HeldState, base: HeldState
     ) -> str | None:
@@ -129,6 +177,7 @@ class ParserState:
         """
         unfit = next((one.why for one in points if isinstance(one, Uncorrected)), None)
         targets = [one for one in points if isinstance(one, Target)]
+        self.reached |= {one.place for one in targets}
         posed = any(one.kind == "cartesian" for one in targets)
         frames = (tool, base) if posed else (tool,)
         unsure = next((one.why for one in frames if isinstance(one, UnknownState)), None)
@@ -173,14 +222,41 @@ def finished(found: ParserState, file: str, text: str, notation: Notation) -> Pr
         for one in several
         if isinstance(one, Target)
     }
-    targets, left = gathered([*_steady(found)], changed)
+    uses = [*_steady(found)]
+    targets, left = gathered(uses, changed)
     places = {one.place for one in targets}
+    if halves := _halves(found.motions, places):
+        targets, left = gathered(uses, halves | changed)
+        places -= {*halves}
     follow = [one._replace(counts=place not in places) for one, place in found.following]
     every = sorted({*found.left, *left, *follow, *_spare(found)})
     own, other = ([one for one in every if (one.file == file) is mine] for mine in (True, False))
     return Program(
         file, text, notation, tuple(targets), tuple(own), tuple(other), found.tools, found.bases
     )
+
+
+def _halves(
+    motions: Sequence[JointMotion], whole: Set[tuple[str, int]]
+) -> dict[tuple[str, int], str]:
+    """Places of points that must be left because another point of a motion to them is, and why.
+
+    Args:
+        motions: The motions.
+        whole: Places of the points that can be corrected.
+    """
+    by_place: dict[tuple[str, int], list[JointMotion]] = defaultdict(list)
+    for one in motions:
+        for place in one.places:
+            by_place[place].append(one)
+    found: dict[tuple[str, int], str] = {}
+    open_ = [one for one in motions if one.halved or not one.places <= whole]
+    while open_:
+        motion = open_.pop()
+        for place in motion.places & whole - found.keys():
+            found[place] = f"is of the motion in line {motion.line}, another point of which is left"
+            open_ += by_place[place]
+    return found
 
 
 _FRAMED = "is a frame of other points, which would move with it"

@@ -53,6 +53,7 @@ _MOTION = re.compile(
 _POINT = re.compile(r"(\{[^{}]*\}|\w+(?:\s*\[[^\[\]]*\])?)\s*(?:C_\w+.*)?", re.I | re.DOTALL)
 _WITH = re.compile(r"(.*?)\bWITH\b(.*)", re.IGNORECASE | re.DOTALL)
 _SPLINE = re.compile(r"\s*(?:PTP_)?SPLINE\b", re.IGNORECASE)
+_END_SPLINE = re.compile(r"\s*ENDSPLINE\b", re.IGNORECASE)
 _COMPONENT = re.compile(
     rf"([A-Za-z]\w*)\s+(?:({NUMBER_PATTERN})|'\s*B\s*([01]{{1,32}})\s*'|'\s*H\s*([0-9A-F]{{1,8}})\s*')",
     re.IGNORECASE,
@@ -559,9 +560,12 @@ def _data(found: _Krl, key: str, at: int) -> HeldState:
 def _follow(found: _Krl, source: Source, start: int, line: str, frames: _Frames) -> None:
     """Process a line in execution order, if it is a motion."""
     if _ROUTINE.match(line):
-        found.moved = False
+        found.moved, found.together = False, None
     elif _SPLINE.match(line):
         found.account(source, start, start + len(line))
+        found.begin(source.line(start))
+    elif _END_SPLINE.match(line):
+        found.together = None
     elif motion := _MOTION.match(line):
         found.account(source, start, start + len(line))
         _move(found, source, start + motion.start(3), motion, frames)
@@ -580,9 +584,8 @@ def _move(found: _Krl, source: Source, start: int, motion: re.Match[str], frames
     found.moved = True
     count = 2 if "CIRC" in kind else 1
     given = entries(source.plain, start, start + len(words.rstrip()))
-    for entry in given[:count]:
-        if left := _go(found, source, entry, now, "PTP" in kind):
-            found.left.append(left)
+    goals = (_go(found, source, entry, now, "PTP" in kind) for entry in given[:count])
+    found.move(source.line(start), goals)
     for entry in given[count:]:
         if count == 1 or not entry.text.upper().startswith("CA"):
             found.leave(source, entry.start, f"{entry.text} is not understood")
