@@ -316,6 +316,11 @@ _TOKEN = re.compile(
 _SET = re.compile(r"\s*(?:[\[{][^\[\]{};\r\n]*[\]}]\s*){0,3}(?:\s*\.\s*\w+)*\s*:?=(?!=)")
 _STARTS = frozenset({"then", "else", "do", "endif", "endfor", "endwhile", "error"})
 _NO_CALL = _STARTS | {"if", "elif", "elseif", "while", "until", "and", "or", "not", "xor", "exor"}
+_BEFORE = _NO_CALL | {
+    "defdat", "return", "for", "to", "step", "in", "switch", "case", "when", "wait", "decl",
+    "const", "global", "local", "b_and", "b_or", "b_exor", "b_not",
+}  # fmt: skip
+"""Words that may stand directly before a name without doing anything with it but read it."""
 
 
 def _mentions(
@@ -348,6 +353,7 @@ class _Statement:
         before: Word just before the token.
         assigned: Whether the statement assigns.
         optional: Whether the name of an optional argument is just before.
+        end: End of the token before.
     """
 
     lexicon: Lexicon
@@ -356,6 +362,7 @@ class _Statement:
     before: str = ""
     assigned: bool = False
     optional: bool = False
+    end: int = 0
 
     def follow(self, token: re.Match[str]) -> None:
         """Advance past a token."""
@@ -368,7 +375,7 @@ class _Statement:
             self._bracket(sign)
         self.optional = bool(token["switch"])
         self.head = "" if word.lower() in _STARTS else self.head or word
-        self.before = word
+        self.before, self.end = word, token.end()
 
     def _bracket(self, sign: str) -> None:
         outer = self.calls[-1] if self.calls else ""
@@ -385,7 +392,10 @@ class _Statement:
             return called.lower() if called.lower() in self.lexicon.reading else called
         if _SET.match(source.plain, token.end()):
             return ":="
-        return (self.head or "a routine") if self.lexicon.statements and not self.assigned else None
+        if self.lexicon.statements:
+            return None if self.assigned else self.head or "a routine"
+        apart = source.plain[self.end : token.start()].strip(" \t")
+        return None if apart or self.before.lower() in _BEFORE else self.before or None
 
 
 def _spare(found: ParserState) -> Iterator[Uncorrected]:

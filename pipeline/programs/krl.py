@@ -69,8 +69,12 @@ _SETTING = re.compile(
     re.IGNORECASE,
 )
 """Matches what sets a tool or a frame, wherever it stands; a routine that gets one may set it."""
-_LENT = re.compile(r"\w\s*+\([^()\n]*?\b((?:TOOL|BASE)_DATA)\b", re.IGNORECASE)
-"""Matches frames passed to a routine."""
+_LENT = re.compile(
+    r"\w\s*+\([^()\n]*?\b((?:TOOL|BASE)_DATA)\b"
+    r"|\w[^\S\r\n]++((?:TOOL|BASE)_DATA[^\S\r\n]*+\[[^\[\]\r\n]*+\])[\w. \t]*=(?!=)",
+    re.IGNORECASE,
+)
+"""Matches frames passed to a routine, or set behind other words."""
 _DECLARATION = re.compile(
     r"\s*(?:(?:GLOBAL|DECL|CONST)\s+)*(?:DECL\s+\w+|(?:E[36])?(?:POS|AXIS)|FRAME)\s+\w[^=]*$", re.I
 )
@@ -91,6 +95,7 @@ _STANDING = ("$pos_act", "$axis_act")
 """Present position of the robot; a motion to it moves nothing."""
 _ASIDE = re.compile(r"^[ \t]*(?:GLOBAL[ \t]+)?(?:INTERRUPT|TRIGGER)\b[^\r\n]*\bDO\b", re.I | re.M)
 """Matches what executes a routine while the robot moves."""
+_INTERRUPT = re.compile(r"\s*(?:GLOBAL\s+)?INTERRUPT\b", re.IGNORECASE)
 _ROUTINE = re.compile(
     r"\s*(?:GLOBAL\s+)?DEF(?:FCT\s+\w+(?:\s*\[[^\]]*\])?)?\s+(\w+)\s*\(([^)]*)", re.IGNORECASE
 )
@@ -255,7 +260,8 @@ def _define(found: _Krl, source: Source) -> None:
     """Record points, frames and data of inline forms, wherever they are declared."""
     depth = 0
     for lent in _LENT.finditer(source.plain):
-        found.change(lent[1].lower(), source, lent.start(1))
+        which = lent.lastindex or 1
+        found.change(_key(lent[which]), source, lent.start(which))
     for start, line in source.lines:
         kind = _block(line)
         depth += (kind in ("open", "loop")) - (kind == "close")
@@ -420,8 +426,11 @@ def _steps(found: _Krl, source: Source) -> dict[str, list[ProgramStep]]:
     form = holding(sorted([*blocks, *forms], key=lambda one: one.at), "", "inline form")
     out = {one: [*blocks] for one in _THINGS}
     for at, n, line in lines:
+        ends: Sequence[StepKind] = ("routine", "close") if _INTERRUPT.match(line) else ()
         for which, state in _settings(found, source, at, line, form(at)):
-            out[which].append(ProgramStep(at, "set", n, state))
+            set_ = ProgramStep(at, "set", n, state)
+            around = [ProgramStep(at, kind, n) for kind in ends]
+            out[which] += [*around[:1], set_, *around[1:]]
     return {one: sorted(steps, key=lambda step: step.at) for one, steps in out.items()}
 
 

@@ -129,6 +129,16 @@ CASES = {
         f"{SET}SPLINE\nSPL {K}\nSPL {K}\nSPL P\nENDSPLINE\nLIN {K}\nSPLINE\nSPL {K}\nENDSPLINE",
         [8, 10], [4, 5, 6],
     ),
+    "word before a point": ("p.src", f"{SET}P={K}\nLIN {K}\nSPOT P,5\nLIN P", [4], [3]),
+    "point that is read": (
+        "p.src", f"{SET}P={K}\nLIN P\nIF P.X>5 THEN\nS=P.X+P.Y\nRETURN P\nENDIF", [3], [],
+    ),
+    "data behind other words": (
+        "p.src",
+        f"{SET}LIN {K}\n$BASE=BASE_DATA[2]\nLIN {K}\n"
+        "INTERRUPT DECL 3 WHEN $IN[1] DO BASE_DATA[1].X=5\nIF BASE_DATA[2].X==5 THEN\nENDIF",
+        [5], [3],
+    ),
     "BAS by a variable": ("p.src", f"{SET}LIN {K}\nBAS(CMD,2)\nLIN {K}", [3], [5]),
     "velocity by BAS": ("p.src", f"{SET}LIN {K}\nBAS(#VEL_CP,2)\nLIN {K}", [3, 5], []),
     "form again": (
@@ -279,6 +289,9 @@ CASES = {
     "remote tool": ("p.ls", tp("L P[1] 5mm/sec FINE", "L P[2] 9mm/sec FINE RTCP"), [5], [3]),
     "without a colon": ("p.ls", tp("L P[1] 5mm/sec FINE", "C P[1]\n   P[2] 5mm/sec"), [6], [4]),
     # UR
+    "word before a point of a script": (
+        "p.script", script(f"  a={U}", "  movel(a)", "  weld a, 5", "  return a"), [2], [3],
+    ),
     "end of an arc of a script": ("p.script", script(f"  movec({U},pose_trans(a,b))"), [2], [3]),
     "via point of an arc of a script": (
         "p.script", script(f"  a={U}", "  movel(a)", f"  movec(pose_trans(b,{U}),a)"), [2], [3, 5],
@@ -361,6 +374,11 @@ def test_every_motion_is_corrected_or_listed(name):
             "p.src",
             f"DEF m()\nINTERRUPT DECL 3 WHEN $IN[1] DO s()\n{SET}LIN {K}\nEND\n"
             "DEF s()\nBAS(#TOOL,2)\nEND",
+        ),
+        ("p.src", f"INTERRUPT DECL 3 WHEN $IN[1] DO $BASE=BASE_DATA[2]\n{SET}LIN {K}"),
+        (
+            "p.src",
+            f"DEF m()\n{SET}INTERRUPT DECL 3 WHEN X DO BAS(#TOOL,2)\nBAS(#TOOL,1)\nLIN {K}\nEND",
         ),
         ("m.mod", rapid("ENDPROC", "TRAP tr", "PDispOn p10,t;", "ENDTRAP", "PROC q()")),
         (
