@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pipeline.base.arrays import Array
@@ -176,8 +176,7 @@ class ParserState:
             base: Frame in force, likewise; joint targets need none.
         """
         unfit = next((one.why for one in points if isinstance(one, Uncorrected)), None)
-        targets = [one for one in points if isinstance(one, Target)]
-        self.reached |= {one.place for one in targets}
+        targets = self._reach(points)
         posed = any(one.kind == "cartesian" for one in targets)
         frames = (tool, base) if posed else (tool,)
         unsure = next((one.why for one in frames if isinstance(one, UnknownState)), None)
@@ -186,6 +185,12 @@ class ParserState:
         for one in targets:
             self.note(MotionUse(one, str(tool), str(base) if posed else ""))
         return None
+
+    def _reach(self, points: Sequence[Target | Uncorrected]) -> list[Target]:
+        """Record that the motion being read has these points; return those with coordinates."""
+        targets = [one for one in points if isinstance(one, Target)]
+        self.reached |= {one.place for one in targets}
+        return targets
 
     def note(self, use: MotionUse) -> None:
         """Record a motion, unless one to this target with its tool and frame was recorded."""
@@ -222,12 +227,8 @@ def finished(found: ParserState, file: str, text: str, notation: Notation) -> Pr
         for one in several
         if isinstance(one, Target)
     }
-    uses = [*_steady(found)]
-    targets, left = gathered(uses, changed)
+    targets, left = _whole(found, changed)
     places = {one.place for one in targets}
-    if halves := _halves(found.motions, places):
-        targets, left = gathered(uses, halves | changed)
-        places -= {*halves}
     follow = [one._replace(counts=place not in places) for one, place in found.following]
     every = sorted({*found.left, *left, *follow, *_spare(found)})
     own, other = ([one for one in every if (one.file == file) is mine] for mine in (True, False))
@@ -236,27 +237,25 @@ def finished(found: ParserState, file: str, text: str, notation: Notation) -> Pr
     )
 
 
-def _halves(
-    motions: Sequence[JointMotion], whole: Set[tuple[str, int]]
-) -> dict[tuple[str, int], str]:
-    """Places of points that must be left because another point of a motion to them is, and why.
-
-    Args:
-        motions: The motions.
-        whole: Places of the points that can be corrected.
-    """
-    by_place: dict[tuple[str, int], list[JointMotion]] = defaultdict(list)
-    for one in motions:
-        for place in one.places:
-            by_place[place].append(one)
-    found: dict[tuple[str, int], str] = {}
-    open_ = [one for one in motions if one.halved or not one.places <= whole]
+def _whole(
+    found: ParserState, changed: Mapping[tuple[str, int], str]
+) -> tuple[list[Target], list[Uncorrected]]:
+    """Targets, and what is left; of a motion to several points all are corrected, or none."""
+    uses, by_place = [*_steady(found)], defaultdict(list)
+    whole = {one.place for one in gathered(uses, changed)[0]}
+    for motion in found.motions:
+        for place in motion.places:
+            by_place[place].append(motion)
+    halves: dict[tuple[str, int], str] = {}
+    open_ = [one for one in found.motions if one.halved or not one.places <= whole]
     while open_:
         motion = open_.pop()
-        for place in motion.places & whole - found.keys():
-            found[place] = f"is of the motion in line {motion.line}, another point of which is left"
+        for place in motion.places & whole - halves.keys():
+            halves[place] = (
+                f"is of the motion in line {motion.line}, another point of which is left"
+            )
             open_ += by_place[place]
-    return found
+    return gathered(uses, {**changed, **halves})
 
 
 _FRAMED = "is a frame of other points, which would move with it"
@@ -394,8 +393,12 @@ class _Statement:
             return ":="
         if self.lexicon.statements:
             return None if self.assigned else self.head or "a routine"
-        apart = source.plain[self.end : token.start()].strip(" \t")
-        return None if apart or self.before.lower() in _BEFORE else self.before or None
+        return self._in_front(source.plain[self.end : token.start()])
+
+    def _in_front(self, between: str) -> str | None:
+        """The word directly before a token, if it is none of the language; None without one."""
+        known = between.strip(" \t") or self.before.lower() in _BEFORE
+        return None if known else self.before or None
 
 
 def _spare(found: ParserState) -> Iterator[Uncorrected]:

@@ -70,8 +70,8 @@ _SETTING = re.compile(
 )
 """Matches what sets a tool or a frame, wherever it stands; a routine that gets one may set it."""
 _LENT = re.compile(
-    r"\w\s*+\([^()\n]*?\b((?:TOOL|BASE)_DATA)\b"
-    r"|\w[^\S\r\n]++((?:TOOL|BASE)_DATA[^\S\r\n]*+\[[^\[\]\r\n]*+\])[\w. \t]*=(?!=)",
+    r"(?:\w\s*+\([^()\n]*?\b|\w[ \t]++(?=\w++[ \t]*+\[[^\[\]\r\n]*+\][\w. \t]*=(?!=)))"
+    r"((?:TOOL|BASE)_DATA\b(?:[ \t]*+\[[^\[\]\r\n]*+\])?)",
     re.IGNORECASE,
 )
 """Matches frames passed to a routine, or set behind other words."""
@@ -260,8 +260,7 @@ def _define(found: _Krl, source: Source) -> None:
     """Record points, frames and data of inline forms, wherever they are declared."""
     depth = 0
     for lent in _LENT.finditer(source.plain):
-        which = lent.lastindex or 1
-        found.change(_key(lent[which]), source, lent.start(which))
+        found.change(_key(lent[1]), source, lent.start(1))
     for start, line in source.lines:
         kind = _block(line)
         depth += (kind in ("open", "loop")) - (kind == "close")
@@ -426,12 +425,15 @@ def _steps(found: _Krl, source: Source) -> dict[str, list[ProgramStep]]:
     form = holding(sorted([*blocks, *forms], key=lambda one: one.at), "", "inline form")
     out = {one: [*blocks] for one in _THINGS}
     for at, n, line in lines:
-        ends: Sequence[StepKind] = ("routine", "close") if _INTERRUPT.match(line) else ()
         for which, state in _settings(found, source, at, line, form(at)):
-            set_ = ProgramStep(at, "set", n, state)
-            around = [ProgramStep(at, kind, n) for kind in ends]
-            out[which] += [*around[:1], set_, *around[1:]]
+            out[which] += _set(ProgramStep(at, "set", n, state), line)
     return {one: sorted(steps, key=lambda step: step.at) for one, steps in out.items()}
+
+
+def _set(step: ProgramStep, line: str) -> Iterator[ProgramStep]:
+    """Steps of what a line sets; of an interrupt, as a routine that may run at any motion."""
+    kinds: Sequence[StepKind] = ("routine", "set", "close") if _INTERRUPT.match(line) else ("set",)
+    return (step._replace(kind=kind) for kind in kinds)
 
 
 _CALL = re.compile(r"(?<!\w)(\w++)\s*+\(")

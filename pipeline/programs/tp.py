@@ -18,6 +18,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -182,34 +183,26 @@ def _move(found: _Tp, source: Source, one: re.Match[str]) -> None:
     """Record the points of a motion."""
     named = [_number(label) for label in _NAMED.findall(one[1])]
     found.named |= {*named}
-    line = source.line(one.start(1))
-    why = _computed(one[1] + one[2], named)
+    line, kind = source.line(one.start(1)), one[1].lstrip()[0].upper()
+    why = _computed(one[1] + one[2], named, 2 if kind == "C" else 1)
     if why is not None and why.endswith(_DISTANCE):
         found.following.append((Uncorrected(source.file, line, why), found.last))
         for label in named:
             found.changed.setdefault(label, _DISTANCE)
         return
-    kind = one[1].lstrip()[0].upper()
+    _chain(found, kind, line)
+    goals = [] if why is None else [Uncorrected(source.file, line, why)]
+    shared = named if why is None or kind not in _TO_ONE else ()
+    found.move(line, chain(goals, *(_note(found, label, source, line) for label in shared)))
+
+
+def _chain(found: _Tp, kind: str, line: int) -> None:
+    """Begin or end a motion of several statements, given the letter of the next motion."""
     if kind not in _CHAINED:
         found.together = None
     elif kind != found.kind:
         found.begin(line)
     found.kind = kind
-    if why is None:
-        found.move(line, (goal for label in named for goal in _note(found, label, source, line)))
-    else:
-        found.move(line, _left(found, Uncorrected(source.file, line, why), named, kind))
-
-
-def _left(
-    found: _Tp, left: Uncorrected, named: Sequence[str], kind: str
-) -> Iterator[Uncorrected | None]:
-    """Yield why a motion is left, and None for each of the points that one of several has."""
-    yield left
-    for label in named if kind not in _TO_ONE else ():
-        points = found.points.get(label, [])
-        found.reached |= {one.place for one in points if isinstance(one, Target)}
-        yield None
 
 
 def _note(found: _Tp, label: str, source: Source, line: int) -> Iterator[Uncorrected | None]:
@@ -236,14 +229,13 @@ def _unsteady(found: _Tp, point: Target) -> str | None:
     return next((why for why in whys if why), None)
 
 
-def _computed(words: str, named: Sequence[str]) -> str | None:
-    """Why the target of a motion is known at run time only; None if it is a taught point."""
+def _computed(words: str, named: Sequence[str], count: int) -> str | None:
+    """Why a motion to `count` points is known at run time only; None if they are taught points."""
     computed = {one.upper(): one for one in _COMPUTED.findall(words)}
     if "INC" in computed:
         return f"{named[0]} {_DISTANCE}" if named else f"its point {_DISTANCE}"
     if computed:
         return f"{next(iter(computed.values()))} moves the point at run time"
-    count = 1 if _MOTION.match(words)[1].upper() in (*_TO_ONE, *_CHAINED) else 2
     goals = [one[0] for one in _INDIRECT.finditer(words)][:count]
     registers = [word for word in goals if not _NAMED.match(word)]
     if named and not registers:
