@@ -250,11 +250,12 @@ def _whole(
     open_ = [one for one in found.motions if one.halved or not one.places <= whole]
     while open_:
         motion = open_.pop()
-        for place in motion.places & whole - halves.keys():
+        for place in motion.places & whole:
             halves[place] = (
                 f"is of the motion in line {motion.line}, another point of which is left"
             )
             open_ += by_place[place]
+        whole -= motion.places
     return gathered(uses, {**changed, **halves})
 
 
@@ -403,8 +404,9 @@ class _Statement:
 
 def _spare(found: ParserState) -> Iterator[Uncorrected]:
     """Points that no motion names; they count if the program changes them or computes from them."""
+    used = found.named | found.steady | found.framed
     for name, several in found.points.items():
-        if name in found.named | found.steady | found.framed:
+        if name in used:
             continue
         why = found.unsettled(name)
         counts = why is not None or not found.read.isdisjoint((name, array(name)))
