@@ -449,8 +449,12 @@ def typed(kuka, capsys):  # noqa: F811
 
 
 def test_half_of_a_program_is_written_only_where_it_is_asked_for(typed):
-    """A computed motion: exit code 5 and no file; with --partial the file, and the line is told."""
-    text = typed.point + "LIN XP1:{X 1}\n"
+    """A computed motion: exit code 5 and no file; with --partial the file, and the line is told.
+
+    An arc whose end is computed keeps its via point.
+    """
+    arc = typed.point.replace("PTP", "CIRC").replace("LIN", "CIRC").rstrip() + ",XP1:{X 1}\n"
+    text = typed.point + "LIN XP1:{X 1}\n" + arc
     code, said = typed(text)
 
     assert code == 5
@@ -459,7 +463,8 @@ def test_half_of_a_program_is_written_only_where_it_is_asked_for(typed):
     code, said = typed(text, "out.src", "--partial")
     assert code == 0
     assert "p.src:2: XP1:{X 1} is computed at run time; it is not corrected." in said
-    assert (typed.root / "out.src").read_text().endswith("\nLIN XP1:{X 1}\n")
+    assert (typed.root / "out.src").read_text().endswith("\nLIN XP1:{X 1}\n" + arc)
+    assert typed.point not in (typed.root / "out.src").read_text()
 
 
 def test_the_original_is_not_written_over(typed):
