@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -78,7 +79,7 @@ def outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
 def dated(campaign: CampaignFolder, work: Callable[[CampaignFolder], Outcome]) -> Outcome:
     """Outcome of `work` on a campaign; if it fails, an existing report is marked as an old one."""
     made, old = guarded(campaign.name, partial(work, campaign)), campaign.reports / "index.html"
-    if "error" not in made.content or not old.is_file():
+    if "error" not in made.content or not os.path.isfile(old):
         return made
     return replace(
         made,

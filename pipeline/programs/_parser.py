@@ -9,7 +9,8 @@ not corrected, with its line.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pipeline.base.arrays import Array
@@ -45,6 +46,21 @@ class Lexicon:
 
 
 @dataclass
+class JointMotion:
+    """A motion to several points: all of them are corrected, or none.
+
+    Attributes:
+        line: Its line.
+        places: Places of its points.
+        halved: Whether one of its points is left.
+    """
+
+    line: int
+    places: set[tuple[str, int]] = field(default_factory=set)
+    halved: bool = False
+
+
+@dataclass
 class ParserState:
     """What has been read so far; names are in the form used for look-up.
 
@@ -58,6 +74,9 @@ class ParserState:
         uses: The motions.
         last: Place of the target of the last motion.
         left: What is not corrected.
+        motions: The motions to several points.
+        reached: Places of the points of the motion that is being read.
+        together: The motion of several statements that is being read, if any.
         following: Relative motions, and the place of the point before each.
         tools: Tool frames by name, each (4, 4).
         bases: Base frames by name, each (4, 4).
@@ -74,6 +93,9 @@ class ParserState:
     uses: list[MotionUse] = field(default_factory=list)
     last: tuple[str, int] | None = None
     left: list[Uncorrected] = field(default_factory=list)
+    motions: list[JointMotion] = field(default_factory=list)
+    reached: set[tuple[str, int]] = field(default_factory=set)
+    together: JointMotion | None = None
     following: list[tuple[Uncorrected, tuple[str, int] | None]] = field(default_factory=list)
     tools: dict[str, Array] = field(default_factory=dict)
     bases: dict[str, Array] = field(default_factory=dict)
@@ -117,6 +139,32 @@ class ParserState:
         """Record something that is not corrected."""
         self.left.append(Uncorrected(source.file, source.line(at), why))
 
+    def stays(self, at: int, why: str | None) -> Uncorrected | None:
+        """A goal that stays as taught; None without a reason. A program of one file."""
+        source = self.sources[0]
+        return Uncorrected(source.file, source.line(at), why) if why else None
+
+    def move(self, line: int, goals: Iterable[Uncorrected | None]) -> None:
+        """Record a motion.
+
+        Args:
+            line: Its line.
+            goals: Why each of its points is not corrected, or None; it is recorded as this is read.
+        """
+        self.reached, motion = set(), self.together or JointMotion(line)
+        every = [*goals]
+        left = [one for one in every if one is not None]
+        self.left += left
+        motion.places |= self.reached
+        motion.halved |= any(one.counts for one in left)
+        if len(every) > 1:
+            self.motions.append(motion)
+
+    def begin(self, line: int) -> None:
+        """Record that the motions from here on are one, until `together` is reset."""
+        self.together = JointMotion(line)
+        self.motions.append(self.together)
+
     def use(
         self, points: Sequence[Target | Uncorrected], tool: HeldState, base: HeldState
     ) -> str | None:
@@ -128,7 +176,7 @@ class ParserState:
             base: Frame in force, likewise; joint targets need none.
         """
         unfit = next((one.why for one in points if isinstance(one, Uncorrected)), None)
-        targets = [one for one in points if isinstance(one, Target)]
+        targets = self._reach(points)
         posed = any(one.kind == "cartesian" for one in targets)
         frames = (tool, base) if posed else (tool,)
         unsure = next((one.why for one in frames if isinstance(one, UnknownState)), None)
@@ -137,6 +185,12 @@ class ParserState:
         for one in targets:
             self.note(MotionUse(one, str(tool), str(base) if posed else ""))
         return None
+
+    def _reach(self, points: Sequence[Target | Uncorrected]) -> list[Target]:
+        """Record that the motion being read has these points; return those with coordinates."""
+        targets = [one for one in points if isinstance(one, Target)]
+        self.reached |= {one.place for one in targets}
+        return targets
 
     def note(self, use: MotionUse) -> None:
         """Record a motion, unless one to this target with its tool and frame was recorded."""
@@ -173,7 +227,7 @@ def finished(found: ParserState, file: str, text: str, notation: Notation) -> Pr
         for one in several
         if isinstance(one, Target)
     }
-    targets, left = gathered([*_steady(found)], changed)
+    targets, left = _whole(found, changed)
     places = {one.place for one in targets}
     follow = [one._replace(counts=place not in places) for one, place in found.following]
     every = sorted({*found.left, *left, *follow, *_spare(found)})
@@ -181,6 +235,28 @@ def finished(found: ParserState, file: str, text: str, notation: Notation) -> Pr
     return Program(
         file, text, notation, tuple(targets), tuple(own), tuple(other), found.tools, found.bases
     )
+
+
+def _whole(
+    found: ParserState, changed: Mapping[tuple[str, int], str]
+) -> tuple[list[Target], list[Uncorrected]]:
+    """Targets, and what is left; of a motion to several points all are corrected, or none."""
+    uses, by_place = [*_steady(found)], defaultdict(list)
+    whole = {one.place for one in gathered(uses, changed)[0]}
+    for motion in found.motions:
+        for place in motion.places:
+            by_place[place].append(motion)
+    halves: dict[tuple[str, int], str] = {}
+    open_ = [one for one in found.motions if one.halved or not one.places <= whole]
+    while open_:
+        motion = open_.pop()
+        for place in motion.places & whole:
+            halves[place] = (
+                f"is of the motion in line {motion.line}, another point of which is left"
+            )
+            open_ += by_place[place]
+        whole -= motion.places
+    return gathered(uses, {**changed, **halves})
 
 
 _FRAMED = "is a frame of other points, which would move with it"
@@ -240,6 +316,11 @@ _TOKEN = re.compile(
 _SET = re.compile(r"\s*(?:[\[{][^\[\]{};\r\n]*[\]}]\s*){0,3}(?:\s*\.\s*\w+)*\s*:?=(?!=)")
 _STARTS = frozenset({"then", "else", "do", "endif", "endfor", "endwhile", "error"})
 _NO_CALL = _STARTS | {"if", "elif", "elseif", "while", "until", "and", "or", "not", "xor", "exor"}
+_BEFORE = _NO_CALL | {
+    "defdat", "return", "for", "to", "step", "in", "switch", "case", "when", "wait", "decl",
+    "const", "global", "local", "b_and", "b_or", "b_exor", "b_not",
+}  # fmt: skip
+"""Words that may stand directly before a name without doing anything with it but read it."""
 
 
 def _mentions(
@@ -272,6 +353,7 @@ class _Statement:
         before: Word just before the token.
         assigned: Whether the statement assigns.
         optional: Whether the name of an optional argument is just before.
+        end: End of the token before.
     """
 
     lexicon: Lexicon
@@ -280,6 +362,7 @@ class _Statement:
     before: str = ""
     assigned: bool = False
     optional: bool = False
+    end: int = 0
 
     def follow(self, token: re.Match[str]) -> None:
         """Advance past a token."""
@@ -292,7 +375,7 @@ class _Statement:
             self._bracket(sign)
         self.optional = bool(token["switch"])
         self.head = "" if word.lower() in _STARTS else self.head or word
-        self.before = word
+        self.before, self.end = word, token.end()
 
     def _bracket(self, sign: str) -> None:
         outer = self.calls[-1] if self.calls else ""
@@ -309,13 +392,21 @@ class _Statement:
             return called.lower() if called.lower() in self.lexicon.reading else called
         if _SET.match(source.plain, token.end()):
             return ":="
-        return (self.head or "a routine") if self.lexicon.statements and not self.assigned else None
+        if self.lexicon.statements:
+            return None if self.assigned else self.head or "a routine"
+        return self._in_front(source.plain[self.end : token.start()])
+
+    def _in_front(self, between: str) -> str | None:
+        """The word directly before a token, if it is none of the language; None without one."""
+        known = between.strip(" \t") or self.before.lower() in _BEFORE
+        return None if known else self.before or None
 
 
 def _spare(found: ParserState) -> Iterator[Uncorrected]:
     """Points that no motion names; they count if the program changes them or computes from them."""
+    used = found.named | found.steady | found.framed
     for name, several in found.points.items():
-        if name in found.named | found.steady | found.framed:
+        if name in used:
             continue
         why = found.unsettled(name)
         counts = why is not None or not found.read.isdisjoint((name, array(name)))

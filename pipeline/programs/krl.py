@@ -53,6 +53,7 @@ _MOTION = re.compile(
 _POINT = re.compile(r"(\{[^{}]*\}|\w+(?:\s*\[[^\[\]]*\])?)\s*(?:C_\w+.*)?", re.I | re.DOTALL)
 _WITH = re.compile(r"(.*?)\bWITH\b(.*)", re.IGNORECASE | re.DOTALL)
 _SPLINE = re.compile(r"\s*(?:PTP_)?SPLINE\b", re.IGNORECASE)
+_END_SPLINE = re.compile(r"\s*ENDSPLINE\b", re.IGNORECASE)
 _COMPONENT = re.compile(
     rf"([A-Za-z]\w*)\s+(?:({NUMBER_PATTERN})|'\s*B\s*([01]{{1,32}})\s*'|'\s*H\s*([0-9A-F]{{1,8}})\s*')",
     re.IGNORECASE,
@@ -68,8 +69,12 @@ _SETTING = re.compile(
     re.IGNORECASE,
 )
 """Matches what sets a tool or a frame, wherever it stands; a routine that gets one may set it."""
-_LENT = re.compile(r"\w\s*+\([^()\n]*?\b((?:TOOL|BASE)_DATA)\b", re.IGNORECASE)
-"""Matches frames passed to a routine."""
+_LENT = re.compile(
+    r"(?:\w\s*+\([^()\n]*?\b|\w[ \t]++(?=\w++[ \t]*+\[[^\[\]\r\n]*+\][\w. \t]*=(?!=)))"
+    r"((?:TOOL|BASE)_DATA\b(?:[ \t]*+\[[^\[\]\r\n]*+\])?)",
+    re.IGNORECASE,
+)
+"""Matches frames passed to a routine, or set behind other words."""
 _DECLARATION = re.compile(
     r"\s*(?:(?:GLOBAL|DECL|CONST)\s+)*(?:DECL\s+\w+|(?:E[36])?(?:POS|AXIS)|FRAME)\s+\w[^=]*$", re.I
 )
@@ -90,6 +95,7 @@ _STANDING = ("$pos_act", "$axis_act")
 """Present position of the robot; a motion to it moves nothing."""
 _ASIDE = re.compile(r"^[ \t]*(?:GLOBAL[ \t]+)?(?:INTERRUPT|TRIGGER)\b[^\r\n]*\bDO\b", re.I | re.M)
 """Matches what executes a routine while the robot moves."""
+_INTERRUPT = re.compile(r"\s*(?:GLOBAL\s+)?INTERRUPT\b", re.IGNORECASE)
 _ROUTINE = re.compile(
     r"\s*(?:GLOBAL\s+)?DEF(?:FCT\s+\w+(?:\s*\[[^\]]*\])?)?\s+(\w+)\s*\(([^)]*)", re.IGNORECASE
 )
@@ -254,7 +260,7 @@ def _define(found: _Krl, source: Source) -> None:
     """Record points, frames and data of inline forms, wherever they are declared."""
     depth = 0
     for lent in _LENT.finditer(source.plain):
-        found.change(lent[1].lower(), source, lent.start(1))
+        found.change(_key(lent[1]), source, lent.start(1))
     for start, line in source.lines:
         kind = _block(line)
         depth += (kind in ("open", "loop")) - (kind == "close")
@@ -420,8 +426,14 @@ def _steps(found: _Krl, source: Source) -> dict[str, list[ProgramStep]]:
     out = {one: [*blocks] for one in _THINGS}
     for at, n, line in lines:
         for which, state in _settings(found, source, at, line, form(at)):
-            out[which].append(ProgramStep(at, "set", n, state))
+            out[which] += _set(ProgramStep(at, "set", n, state), line)
     return {one: sorted(steps, key=lambda step: step.at) for one, steps in out.items()}
+
+
+def _set(step: ProgramStep, line: str) -> Iterator[ProgramStep]:
+    """Steps of what a line sets; of an interrupt, as a routine that may run at any motion."""
+    kinds: Sequence[StepKind] = ("routine", "set", "close") if _INTERRUPT.match(line) else ("set",)
+    return (step._replace(kind=kind) for kind in kinds)
 
 
 _CALL = re.compile(r"(?<!\w)(\w++)\s*+\(")
@@ -559,9 +571,12 @@ def _data(found: _Krl, key: str, at: int) -> HeldState:
 def _follow(found: _Krl, source: Source, start: int, line: str, frames: _Frames) -> None:
     """Process a line in execution order, if it is a motion."""
     if _ROUTINE.match(line):
-        found.moved = False
+        found.moved, found.together = False, None
     elif _SPLINE.match(line):
         found.account(source, start, start + len(line))
+        found.begin(source.line(start))
+    elif _END_SPLINE.match(line):
+        found.together = None
     elif motion := _MOTION.match(line):
         found.account(source, start, start + len(line))
         _move(found, source, start + motion.start(3), motion, frames)
@@ -580,9 +595,8 @@ def _move(found: _Krl, source: Source, start: int, motion: re.Match[str], frames
     found.moved = True
     count = 2 if "CIRC" in kind else 1
     given = entries(source.plain, start, start + len(words.rstrip()))
-    for entry in given[:count]:
-        if left := _go(found, source, entry, now, "PTP" in kind):
-            found.left.append(left)
+    goals = (_go(found, source, entry, now, "PTP" in kind) for entry in given[:count])
+    found.move(source.line(start), goals)
     for entry in given[count:]:
         if count == 1 or not entry.text.upper().startswith("CA"):
             found.leave(source, entry.start, f"{entry.text} is not understood")

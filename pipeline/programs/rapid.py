@@ -508,9 +508,11 @@ def _move(
     wobj = _WOBJ.search(found.source.plain, given[tool_at].start, given[-1].end)
     frames = _named_frame(given[tool_at].text), _named_frame(wobj[1] if wobj else "wobj0")
     checked = found.checks("confj" if name.startswith(_BY_AXES) else "confl")
-    for k in which:
-        if why := _displaced(given[k], displaced) or _use(found, given[k], frames, checked):
-            found.leave(found.source, given[k].start, why)
+    goals = (
+        found.stays(one.start, _displaced(one, displaced) or _use(found, one, frames, checked))
+        for one in (given[k] for k in which)
+    )
+    found.move(found.source.line(start), goals)
 
 
 def _displaced(entry: ListItem, displaced: HeldState) -> str | None:

@@ -16,8 +16,9 @@ Frames are given by number; their values are known to the controller only.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,8 @@ _STATEMENT = re.compile(
 )
 """Matches a statement, and what is behind it on lines that have neither number nor colon."""
 _MOTION = re.compile(r"\s*([JLCAS])\s+(?=@?\s*PR?\s*\[)", re.IGNORECASE)
+_TO_ONE, _CHAINED = "JL", "AS"
+"""Letters of motions to one point, and of arcs and splines through those of several statements."""
 _NAMED = re.compile(rf"(?<!\w){_LABEL}", re.IGNORECASE)
 _INDIRECT = re.compile(r"(?<!\w)PR?\s*\[(?:[^\[\]]|\[[^\[\]]*\])*\]", re.IGNORECASE)
 _READ = re.compile(r"\s*PR\s*\[(?:[^\[\]]|\[[^\[\]]*\])*\]\s*=", re.IGNORECASE)
@@ -94,10 +97,12 @@ class _Tp(ParserState):
     Attributes:
         tools_set: Why tools may not be those of the points, by their numbers; "" stands for all.
         bases_set: Likewise for frames.
+        kind: Letter of the last motion.
     """
 
     tools_set: dict[str, str] = field(default_factory=dict)
     bases_set: dict[str, str] = field(default_factory=dict)
+    kind: str = ""
 
 
 def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
@@ -119,8 +124,8 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     _motions(found, end)
     if not (found.uses or found.left or found.following):  # without motions, all points are targets
         found.named |= {*found.points}
-        for several in found.points.values():
-            _note(found, several, source, several[0].line)
+        for label, several in found.points.items():
+            found.left += filter(None, _note(found, label, source, several[0].line))
     return finished(found, file, text, FANUC)
 
 
@@ -178,33 +183,42 @@ def _move(found: _Tp, source: Source, one: re.Match[str]) -> None:
     """Record the points of a motion."""
     named = [_number(label) for label in _NAMED.findall(one[1])]
     found.named |= {*named}
-    line = source.line(one.start(1))
-    why = _computed(one[1] + one[2], named)
+    line, kind = source.line(one.start(1)), one[1].lstrip()[0].upper()
+    why = _computed(one[1] + one[2], named, 2 if kind == "C" else 1)
     if why is not None and why.endswith(_DISTANCE):
         found.following.append((Uncorrected(source.file, line, why), found.last))
         for label in named:
             found.changed.setdefault(label, _DISTANCE)
-    elif why is not None:
-        found.left.append(Uncorrected(source.file, line, why))
-    for label in named if why is None else ():
-        points = found.points.get(label, [])
-        if points:
-            _note(found, points, source, line)
-        else:
-            found.left.append(Uncorrected(source.file, line, f"{label} is not in this program"))
+        return
+    _chain(found, kind, line)
+    goals = [] if why is None else [Uncorrected(source.file, line, why)]
+    shared = named if why is None or kind not in _TO_ONE else ()
+    found.move(line, chain(goals, *(_note(found, label, source, line) for label in shared)))
 
 
-def _note(found: _Tp, points: Sequence[Target | Uncorrected], source: Source, line: int) -> None:
-    """Record a motion to each of these points, or why it cannot be corrected."""
-    for point in points:
+def _chain(found: _Tp, kind: str, line: int) -> None:
+    """Begin or end a motion of several statements, given the letter of the next motion."""
+    if kind not in _CHAINED:
+        found.together = None
+    elif kind != found.kind:
+        found.begin(line)
+    found.kind = kind
+
+
+def _note(found: _Tp, label: str, source: Source, line: int) -> Iterator[Uncorrected | None]:
+    """Record a motion to the points of a number; yield why one cannot be corrected, or None."""
+    if label not in found.points:
+        yield Uncorrected(source.file, line, f"{label} is not in this program")
+    for point in found.points.get(label, []):
         if isinstance(point, Uncorrected):
-            found.left.append(point)
+            yield point
             continue
-        why = _unsteady(found, point)
-        if why:
-            found.left.append(Uncorrected(source.file, line, f"{point.name}: {why}"))
+        found.reached.add(point.place)
+        if why := _unsteady(found, point):
+            yield Uncorrected(source.file, line, f"{point.name}: {why}")
         else:
             found.note(MotionUse(point, point.tool, point.base))
+            yield None
 
 
 def _unsteady(found: _Tp, point: Target) -> str | None:
@@ -215,17 +229,16 @@ def _unsteady(found: _Tp, point: Target) -> str | None:
     return next((why for why in whys if why), None)
 
 
-def _computed(words: str, named: Sequence[str]) -> str | None:
-    """Why the target of a motion is known at run time only; None if it is a taught point."""
+def _computed(words: str, named: Sequence[str], count: int) -> str | None:
+    """Why a motion to `count` points is known at run time only; None if they are taught points."""
     computed = {one.upper(): one for one in _COMPUTED.findall(words)}
     if "INC" in computed:
         return f"{named[0]} {_DISTANCE}" if named else f"its point {_DISTANCE}"
     if computed:
         return f"{next(iter(computed.values()))} moves the point at run time"
-    registers = [
-        word[0] for word in _INDIRECT.finditer(words) if not _NAMED.fullmatch(word[0][:-1])
-    ]
-    if named and not any(word.upper().startswith("P[R") for word in registers):
+    goals = [one[0] for one in _INDIRECT.finditer(words)][:count]
+    registers = [word for word in goals if not _NAMED.match(word)]
+    if named and not registers:
         return None
     return f"{registers[0] if registers else 'its point'} is known at run time only"
 

@@ -202,9 +202,11 @@ def _follow(found: _Script, call: re.Match[str], tool: Callable[[int], HeldState
     elif given is None:
         found.leave(source, call.start(), f"{name} has no end")
     elif name != "set_tcp":
-        for entry in given[: _POINTS.get(name, 1)]:
-            if why := _use(found, entry, tool(given[-1].end)):
-                found.leave(source, entry.start, why)
+        now = tool(given[-1].end)
+        goals = (
+            found.stays(one.start, _use(found, one, now)) for one in given[: _POINTS.get(name, 1)]
+        )
+        found.move(source.line(call.start()), goals)
 
 
 def _tool(found: _Script, call: re.Match[str], line: int) -> str:

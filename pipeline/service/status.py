@@ -89,7 +89,7 @@ def folder_statuses(root: Path) -> list[_FolderStatus]:
 
 def _of(campaign: CampaignFolder, look: service.LastScan | None) -> _FolderStatus:
     seen = watch.recall(campaign)
-    there = (campaign.reports / "index.html").is_file()
+    there = os.path.isfile(campaign.reports / "index.html")
     address = f"{quote(os.fsencode(campaign.name))}/index.html" if there else ""
     name = printable(campaign.name, 80)
     alive = _alive(look, name)

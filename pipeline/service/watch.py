@@ -147,7 +147,7 @@ def _due(campaign: CampaignFolder, seen: str, now: float) -> bool:
     if before.print != seen:
         return True
     answered = before.verdict not in (None, "rejected", "failed")
-    if answered and not (campaign.reports / "result.json").is_file():
+    if answered and not os.path.isfile(campaign.reports / "result.json"):
         return True
     # absolute value: a clock that was set back must not prolong the pause to a year
     return abs(now - before.tried) >= before.pause_s

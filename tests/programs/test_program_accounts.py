@@ -117,6 +117,28 @@ CASES = {
     "tool behind a trigger": (
         "p.src", f"{SET}LIN {K}\nTRIGGER WHEN PATH=0 DELAY=0 DO $TOOL=T\nLIN {K}", [3], [5],
     ),
+    "end of an arc": ("p.src", f"{SET}LIN {K}\nCIRC {K},P:{K}\n", [3], [4]),
+    "via point of an arc": ("p.src", f"{SET}LIN {K}\nP={K}\nLIN P\nSCIRC Q,P", [3], [4, 6]),
+    "arcs in a row": (
+        "p.src",
+        f"P={K}\nQ={K}\nS={K}\n{SET}LIN {K}\nCIRC P,Q\nCIRC Q,S\nCIRC {K},{K}\nCIRC S,X", [6, 9],
+        [1, 2, 3, 10],
+    ),
+    "point of a spline": (
+        "p.src",
+        f"{SET}SPLINE\nSPL {K}\nSPL {K}\nSPL P\nENDSPLINE\nLIN {K}\nSPLINE\nSPL {K}\nENDSPLINE",
+        [8, 10], [4, 5, 6],
+    ),
+    "word before a point": ("p.src", f"{SET}P={K}\nLIN {K}\nSPOT P,5\nLIN P", [4], [3]),
+    "point that is read": (
+        "p.src", f"{SET}P={K}\nLIN P\nIF P.X>5 THEN\nS=P.X+P.Y\nRETURN P\nENDIF", [3], [],
+    ),
+    "data behind other words": (
+        "p.src",
+        f"{SET}LIN {K}\n$BASE=BASE_DATA[2]\nLIN {K}\n"
+        "INTERRUPT DECL 3 WHEN $IN[1] DO BASE_DATA[1].X=5\nIF BASE_DATA[2].X==5 THEN\nENDIF",
+        [5], [3],
+    ),
     "BAS by a variable": ("p.src", f"{SET}LIN {K}\nBAS(CMD,2)\nLIN {K}", [3], [5]),
     "velocity by BAS": ("p.src", f"{SET}LIN {K}\nBAS(#VEL_CP,2)\nLIN {K}", [3, 5], []),
     "form again": (
@@ -154,6 +176,12 @@ CASES = {
     "displaced in short": ("m.mod", rapid("IF a PDispOn p10,t;", f"MoveL {R},v1,z1,t;"), [3], [6]),
     "short if": ("m.mod", rapid(f"IF a MoveL {R},v1,z1,t;"), [3, 5], []),
     "behind endif": ("m.mod", rapid(f"IF a THEN b; ENDIF MoveL {R},v1,z1,t;"), [3, 5], []),
+    "end of an arc of RAPID": (
+        "m.mod", rapid(f"MoveL {R},v1,z1,t;", "MoveC p10,Offs(p9,1,2,3),v1,z1,t;"), [5], [3, 6],
+    ),
+    "via point of an arc of RAPID": (
+        "m.mod", rapid(f"MoveL {R},v1,z1,t;", "MoveC p9,p10,v1,z1,t;"), [5], [3, 6],
+    ),
     "behind error": ("m.mod", rapid(f"ERROR MoveL {R},v1,z1,t;"), [3, 5], []),
     "behind proc": ("m.mod", rapid(f"ENDPROC PROC b() MoveL {R},v1,z1,t;"), [3, 5], []),
     "of packages": (
@@ -241,6 +269,17 @@ CASES = {
         "p.ls", tp("J P[3] 5% FINE", "L P[1] 5mm/sec FINE", names=("1", "3"))
         .replace("\n2:L", "\nUTOOL[2]=PR[1]\n2:L").replace("UT : 2", "UT : 3", 1), [6], [2, 3],
     ),
+    "end of an arc of TP": (
+        "p.ls", tp("L P[2] 5mm/sec FINE", "C P[2]\n  : PR[2] 5mm/sec FINE", "L P[1] 5mm/sec FINE"),
+        [7], [3, 12],
+    ),
+    "via point of an arc of TP": (
+        "p.ls", tp("C P[1]\n  : P[3] 5mm/sec FINE", "L P[2] 5mm/sec FINE"), [11], [2, 6],
+    ),
+    "arc of three statements": (
+        "p.ls",
+        tp("A P[1] 5mm/sec FINE", "A PR[2] 5mm/sec FINE", "L P[2] 5mm/sec FINE"), [11], [3, 6],
+    ),
     "no position": ("p.ls", tp("L P[1] 5mm/sec FINE", "L P[7] 5mm/sec FINE"), [5], [3]),
     "bracket in a name": (
         "p.ls",
@@ -250,6 +289,13 @@ CASES = {
     "remote tool": ("p.ls", tp("L P[1] 5mm/sec FINE", "L P[2] 9mm/sec FINE RTCP"), [5], [3]),
     "without a colon": ("p.ls", tp("L P[1] 5mm/sec FINE", "C P[1]\n   P[2] 5mm/sec"), [6], [4]),
     # UR
+    "word before a point of a script": (
+        "p.script", script(f"  a={U}", "  movel(a)", "  weld a, 5", "  return a"), [2], [3],
+    ),
+    "end of an arc of a script": ("p.script", script(f"  movec({U},pose_trans(a,b))"), [2], [3]),
+    "via point of an arc of a script": (
+        "p.script", script(f"  a={U}", "  movel(a)", f"  movec(pose_trans(b,{U}),a)"), [2], [3, 5],
+    ),
     "other move": ("p.script", script(f"  optimovel({U},0.5)"), [2], [3]),
     "force": ("p.script", script("  force_mode(f,[1],[1],2,[1])"), [2], [3]),
     "joints for a routine": (
@@ -329,6 +375,11 @@ def test_every_motion_is_corrected_or_listed(name):
             f"DEF m()\nINTERRUPT DECL 3 WHEN $IN[1] DO s()\n{SET}LIN {K}\nEND\n"
             "DEF s()\nBAS(#TOOL,2)\nEND",
         ),
+        ("p.src", f"INTERRUPT DECL 3 WHEN $IN[1] DO $BASE=BASE_DATA[2]\n{SET}LIN {K}"),
+        (
+            "p.src",
+            f"DEF m()\n{SET}INTERRUPT DECL 3 WHEN X DO BAS(#TOOL,2)\nBAS(#TOOL,1)\nLIN {K}\nEND",
+        ),
         ("m.mod", rapid("ENDPROC", "TRAP tr", "PDispOn p10,t;", "ENDTRAP", "PROC q()")),
         (
             "p.script",
@@ -398,8 +449,12 @@ def typed(kuka, capsys):  # noqa: F811
 
 
 def test_half_of_a_program_is_written_only_where_it_is_asked_for(typed):
-    """A computed motion: exit code 5 and no file; with --partial the file, and the line is told."""
-    text = typed.point + "LIN XP1:{X 1}\n"
+    """A computed motion: exit code 5 and no file; with --partial the file, and the line is told.
+
+    An arc whose end is computed keeps its via point.
+    """
+    arc = typed.point.replace("PTP", "CIRC").replace("LIN", "CIRC").rstrip() + ",XP1:{X 1}\n"
+    text = typed.point + "LIN XP1:{X 1}\n" + arc
     code, said = typed(text)
 
     assert code == 5
@@ -408,7 +463,8 @@ def test_half_of_a_program_is_written_only_where_it_is_asked_for(typed):
     code, said = typed(text, "out.src", "--partial")
     assert code == 0
     assert "p.src:2: XP1:{X 1} is computed at run time; it is not corrected." in said
-    assert (typed.root / "out.src").read_text().endswith("\nLIN XP1:{X 1}\n")
+    assert (typed.root / "out.src").read_text().endswith("\nLIN XP1:{X 1}\n" + arc)
+    assert typed.point not in (typed.root / "out.src").read_text()
 
 
 def test_the_original_is_not_written_over(typed):

@@ -113,6 +113,20 @@ def test_a_rejected_campaign_is_reported_once_and_stops_nothing(tmp_path, runs):
     assert runs.of == ["a", "b", "a"]
 
 
+def test_reports_that_cannot_be_looked_at_stop_no_other_campaign(tmp_path, runs):
+    """A link to a name that no file system takes refuses every look, as a withdrawn permission."""
+    arrive(tmp_path, "a")
+    look(tmp_path, runs)
+    shutil.rmtree(tmp_path / "reports/a")
+    (tmp_path / "reports/a").symlink_to("n" * 300)
+    arrive(tmp_path, "b")
+    made = look(tmp_path, runs)
+
+    assert runs.of == ["a", "a", "b"]
+    assert [one.campaign for one in made if "error" in one.content] == ["a"]
+    assert f"{tmp_path}/reports/a" in made[0].complaints[0]
+
+
 @pytest.mark.parametrize(
     "problem",
     [
