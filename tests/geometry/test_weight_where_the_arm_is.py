@@ -180,7 +180,7 @@ def test_a_link_is_bent_by_the_weights_beyond(arm, where):
     element = next(e for e in yielding(robot) if e.label == f"link_bending:{where}")
     virtual, size = Virtual([element], here), 3e-7
     weight = carried(here, GRAVITY, link_moments(robot), np.zeros(len(q)), np.zeros((len(q), 3)))
-    tau = virtual.torques(weight, weight)
+    tau = virtual.torques(weight, weight, np.zeros_like(q))
     at, _ = carried_on(
         virtual.screws,
         virtual.carrier,
@@ -205,10 +205,12 @@ def test_laws_of_gears_follow_another_weight_as_differences_do(arm):
 
     def answers(at):
         weight = carried(here, GRAVITY, at, none, np.zeros((len(q), 3)))
-        return virtual.answers(virtual.torques(weight, weight))
+        return virtual.answers(virtual.torques(weight, weight, np.zeros_like(q)))
 
     weight = carried(here, GRAVITY, moments, none, np.zeros((len(q), 3)))
-    slope = virtual.by_moments(by_moments(here, GRAVITY), virtual.torques(weight, weight))
+    slope = virtual.by_moments(
+        by_moments(here, GRAVITY), virtual.torques(weight, weight, np.zeros_like(q))
+    )
     for k, one in enumerate(np.eye(24).reshape(24, 6, 4)):
         by = (answers(moments + 1e-3 * one) - answers(moments - 1e-3 * one)) / 2e-3
         np.testing.assert_allclose(slope[..., k], by, rtol=2e-3, atol=1e-9)
