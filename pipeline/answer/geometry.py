@@ -127,7 +127,9 @@ def estimated_table(stood: UnloadedFacts) -> tuple[contract.TableLetter, ...]:
         [max(found.std[found.best, k], rough[k - at.start]) for k in range(at.start, at.stop)]
     )
     before = np.where([k in free for k in range(at.start, at.stop)], np.inf, before)
-    every = table_entries(zeros.robot, found.mean[at], np.diag(found.covariance)[at], rough, before)
+    ends = zeros.at_end
+    variance = np.diag(ends @ found.covariance @ ends.T)
+    every = table_entries(zeros.robot, ends @ found.mean, variance, rough, before)
     shared = _shared(stood)
     return tuple(
         entry.model_copy(update={"identifiable": entry.identifiable and letter.label not in shared})

@@ -524,16 +524,16 @@ def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, M
     slipped has another zero in the table, which is that of the robot as it stands at the end.
     """
     assert found.cells is not None
-    zeros, x = found.cells.zeros, found.cells.mean.copy()
-    slips = _slips(zeros, x)
-    x[zeros.columns.table] += slips[1]
-    robot = changed(cell.robot, zeros.letters, x[zeros.columns.table])
+    zeros, x = found.cells.zeros, found.cells.mean
+    table, slips = zeros.at_end @ x, np.zeros(cell.robot.n)
+    np.add.at(slips, [one.joint - 1 for one in zeros.letters], table - x[zeros.columns.table])
+    robot = changed(cell.robot, zeros.letters, table)
     q, delta = data.pulls.q, data.delta[:, None]
     for one in found.causes:
         for facet in one.effect.facets:
             if isinstance(facet, Geometry) and one.effect.name == "gravity_sag":
                 q = facet.geometry(zeros.robot, data.pulls, one.value)
-    pulls = zeros.as_changed(replace(data.pulls, q=q - slips[0]), x)
+    pulls = zeros.as_changed(replace(data.pulls, q=q - slips), x)
     turn = x[zeros.columns.loose]
     for effect in base_rotation.effects(cell.robot):
         loaded = load(replace(cell, effects=(effect,)), pulls, turn)
@@ -545,20 +545,6 @@ def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, M
         pulls = replace(pulls, force=pulls.force - np.cross(turns, pulls.pulled * pulls.force))
         delta = delta - np.cross(turns[data.pull][:, None], delta)
     return replace(cell, robot=robot), replace(data, pulls=pulls, delta=delta[:, 0])
-
-
-def _slips(zeros: Unloaded, x: Array) -> tuple[Array, Array]:
-    """Slips of joints, (n,), and the same in the table's parameters, whose zeros they change.
-
-    A joint without a zero in the table stays as it was before.
-    """
-    q, table = np.zeros(zeros.robot.n), np.zeros(len(zeros.letters))
-    for one, at in zeros.changed:
-        labels = [letter.label for letter in zeros.letters]
-        if one.slipped and f"joint_offset:{one.joint}" in labels:
-            q[one.joint - 1] = -x[at][0]
-            table[labels.index(f"joint_offset:{one.joint}")] = -x[at][0]
-    return q, table
 
 
 def _bumps(zeros: Unloaded, x: Array, pulls: Pulls) -> Iterator[Array]:

@@ -281,6 +281,21 @@ class Unloaded(Locked):
                 q[:, one.joint - 1] += x[at] * one.share(pulls)
         return replace(pulls, q=q)
 
+    @property
+    def at_end(self) -> Array:
+        """The table of the robot as it stands at the end, by the unknowns, shape (letters, K).
+
+        A joint that slipped has another zero then; one without a zero in the table has not.
+        """
+        labels = [letter.label for letter in self.letters]
+        out = np.zeros((len(labels), self.columns.count))
+        out[:, self.columns.table] = np.eye(len(labels))
+        for one, at in self.changed:
+            label = f"joint_offset:{one.joint}"
+            if one.slipped and label in labels:
+                out[labels.index(label), at] = -1.0
+        return out
+
     def base_turn(self, x: Array) -> Array:
         """Rotation of F_b relative to the base reflectors [rad], shape (3,)."""
         return np.asarray(self.rotation @ x[self.columns.turn] + x[self.columns.loose])

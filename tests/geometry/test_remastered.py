@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from small_case import asked, small
 
 from pipeline.answer.contract import Which
+from pipeline.answer.geometry import estimated_table
 from pipeline.diagnosis.causes import of_base, of_motion
 from pipeline.diagnosis.facts import Drift
 from pipeline.diagnosis.unloaded_geometry import corrected, from_unloaded
@@ -228,10 +229,13 @@ def test_a_joint_that_slipped_is_one_cause_and_another_zero_of_the_robot_as_it_i
     assert configure(cell.robot, q).flange_origin == pytest.approx(
         configure(made.cell.robot, other).flange_origin, abs=2e-4
     )
+    stated = {(one.name, one.where): one for one in estimated_table(found)}[("joint_offset", 3)]
+    assert stated.value - stated.nominal == pytest.approx(2e-3, abs=2e-4)
     assert data.pulls.q[since] == pytest.approx(given[since], abs=1e-9)
     assert (given - data.pulls.q)[~since, 2] == pytest.approx(-one.value[0], abs=1e-9)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("joint", [1, 4])
 def test_the_first_joint_that_slipped_is_no_robot_that_was_moved(joint):
     """A turn of the first axis moves the robot as its foot might, by one number in place of six."""
