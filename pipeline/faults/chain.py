@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -20,7 +20,8 @@ import pandas as pd
 
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
-from pipeline.faults.fault import Fault
+from pipeline.faults.exchanged_pulls import odd_forces
+from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.labels import anchors, unlike
 from pipeline.faults.mistake import Mistake, apart, of_group, outlying
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
@@ -118,13 +119,25 @@ class _Turned(Locked):
     sigmas: Array
 
 
-def chain_outlier(case: Case) -> list[Mistake]:
+def _outlier(asked: Screening) -> list[Mistake]:
+    """As `chain_outlier`, of pulls whose displacements agree with their force.
+
+    A chain stretches by its force, not by what was logged.
+    """
+    return chain_outlier(
+        asked.case, frozenset(key for key, odd in odd_forces(asked).items() if odd)
+    )
+
+
+def chain_outlier(case: Case, unknown: frozenset[tuple[int, int]] = frozenset()) -> list[Mistake]:
     """The pull whose chain reflectors are unlike those of the other pulls, and which of the two.
+
+    Pulls (pose, repeat) of `unknown` forces are not compared.
 
     Distance and direction are tested separately; of two different pulls the one with the smaller
     p-value is named. If it is named for its distance, the evidence of its direction is added.
     """
-    chain = _read(case)
+    chain = _read(case, unknown)
     if len(chain.group) < _FEWEST:
         return []
     near, away = _distance(chain), _direction(chain)
@@ -194,9 +207,8 @@ def chain_gross(case: Case) -> list[Mistake]:
     return [_finding(case, chain, off, names, text, off.size, _end(chain, best))]
 
 
-@lru_cache(maxsize=1)
-def _read(case: Case) -> _Chain:
-    """The chain of a case, cached for two successive tests."""
+def _read(case: Case, unknown: frozenset[tuple[int, int]] = frozenset()) -> _Chain:
+    """The chain of a case, without the forces of some pulls, (pose, repeat)."""
     near, far = case.settings.naming.chain
     rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
     ends = [rows[rows["target"] == name].set_index("group") for name in (near, far)]
@@ -204,6 +216,7 @@ def _read(case: Case) -> _Chain:
     ends = [end.loc[both] for end in ends]
     at = np.stack([end[XYZ].to_numpy(float) for end in ends], axis=1)
     loads = case.loads.drop_duplicates(["pose", "repeat"]).set_index(["pose", "repeat"])["force_n"]
+    loads = loads[[key not in unknown for key in loads.index]]
     key = pd.MultiIndex.from_frame(ends[0][["pose", "repeat"]].astype("int64"))
     u = at[:, 1] - at[:, 0]
     u = u / np.linalg.norm(u, axis=1, keepdims=True)
@@ -423,4 +436,4 @@ def _without_group(case: Case, group: str) -> Case:
 
 GROSS_FAULT = Fault("outlier", lambda asked: chain_gross(asked.case))
 
-FAULT = Fault("outlier", lambda asked: chain_outlier(asked.case))
+FAULT = Fault("outlier", _outlier)

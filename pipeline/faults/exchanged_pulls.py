@@ -50,7 +50,7 @@ _APART = 5.0
 """Ratio to the usual deviation, rms over coordinates, from which on a state of a pose is taken to
 have the readings of another state [1]."""
 
-_ROWS = 4
+LEAST_SHIFTED = 4
 """Minimum number of rows that are off by one from some row on; fewer are exchanges."""
 
 _COPIED, _UNLIKE = 3, 1.3
@@ -124,10 +124,15 @@ class PullMoves(Locked):
             x = new
         return np.asarray(new)
 
-    def only(self, which: Bools) -> PullMoves:
+    def only(self, which: Bools | Ints) -> PullMoves:
         """Some of the pulls."""
         some = {name: getattr(self, name)[which] for name in ("pull", "y", "G", "force", "std")}
         return replace(self, **some)
+
+    @property
+    def least(self) -> float:
+        """Minimum chi-square by which a force contradicts a pull."""
+        return float(special.chdtri(1, alarms.EXCHANGED / len(self.force) ** 2))
 
     def usual(self, square: Array) -> Array:
         """Usual mean square that the springs leave of each pull [m^2], shape (m,).
@@ -202,19 +207,19 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
     if moved is None:
         return []
     given = ordered(moved, np.arange(len(moved.force)))
-    least = float(special.chdtri(1, alarms.EXCHANGED / len(moved.force) ** 2))
-    if (np.diag(given.cost) <= least).all() and _usual(given):
+    if (np.diag(given.cost) <= moved.least).all() and _usual(given):
         return []
-    return _states(asked, moved) or _loads(asked, moved, given, least)
+    return _states(asked, moved) or _loads(asked, moved, given, moved.least)
 
 
 def ordered(moved: PullMoves, order: Ints) -> OrderFit:
     """The fit with logged force `order[i]` in pull i."""
     x = moved.solved(moved.force[order])
-    return _beside(moved, x, order)
+    return beside(moved, x, order)
 
 
-def _beside(moved: PullMoves, x: Array, order: Ints) -> OrderFit:
+def beside(moved: PullMoves, x: Array, order: Ints) -> OrderFit:
+    """The same for known compliances in typical ones, shape (k,)."""
     due, own = moved.due(x)
     force = moved.force[order]
     part = np.abs(due / force - 1)
@@ -249,8 +254,7 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
     of = asked.reduced.data.pulls
     keys = zip(of.pose[moved.pull].tolist(), of.repeat[moved.pull].tolist(), strict=True)
     fit = ordered(moved, np.arange(len(moved.force)))
-    least = float(special.chdtri(1, alarms.EXCHANGED / len(moved.force) ** 2))
-    return dict(zip(keys, (np.diag(fit.cost) > least).tolist(), strict=True))
+    return dict(zip(keys, (np.diag(fit.cost) > moved.least).tolist(), strict=True))
 
 
 # --- rows of the loads ----------------------------------------------------------------------------
@@ -298,7 +302,7 @@ def _orders(
     at = np.argsort(row)  # pulls in the order of the log
     wrong = np.flatnonzero(np.diag(given.cost)[at] > least)
     first = int(wrong.min(initial=count))
-    since = [k for k in (first, first - 1) if 0 < k <= count - _ROWS]  # or from some row on
+    since = [k for k in (first, first - 1) if 0 < k <= count - LEAST_SHIFTED]  # or from some row on
     for begin, step, ended in product((0, *since), (1, -1), (False, True)):
         ring = shift(at[begin:], step, ended)
         if _all_fit(moved, [ring], least):
@@ -345,7 +349,7 @@ def _sorted(moved: PullMoves, least: float) -> tuple[OrderFit, list[Ring]] | Non
     x = x * float(np.median(due[due > 0]) / np.median(moved.force)) if (due > 0).any() else x
     order = np.arange(count)
     for _ in range(_ROUNDS):
-        new = assigned(_beside(moved, x, order).cost)
+        new = assigned(beside(moved, x, order).cost)
         if (new == order).all():
             break
         order, x = new, moved.solved(moved.force[new])

@@ -1,4 +1,4 @@
-"""Readings of the scale that contradict all others, singly or by another zero in a group of them.
+"""Readings of the scale that contradict all others, singly or by another law in a group of them.
 
 A pull's reading is freed in addition to the model and given all other pulls; its difference from
 the log, in standard deviations, is the test statistic: the suspect of pull i is the whitened column
@@ -11,6 +11,8 @@ Procedures for the identification of multiple outliers in linear models, J. Am. 
 
 A scale that was not zeroed before a pose is one suspect more: the sum of the columns of the pulls
 of that pose, or of all since it or up to it, which explains all of them by one number of newtons.
+Another gain since a pose, or up to it, is that sum with each pull weighted by its reading. Groups
+may contain each other, and single readings that are wrong as well.
 """
 
 from __future__ import annotations
@@ -89,46 +91,74 @@ _ROUNDS = 8
 
 @dataclass(frozen=True, eq=False)
 class _Errors(Locked):
-    """Errors of the scale, each alike in some pulls: a wrong reading, or another zero in several.
+    """Errors of the scale in some pulls: a wrong reading, or another zero or gain in several.
 
     Attributes:
-        of: Whether a pull has it, shape (m, n).
-        poses: Number of poses in which it is the zero's, shape (n,); 0 for a single reading.
+        of: Error of each pull per newton of its size, 0 in pulls that do not have it, shape (m, n).
+        poses: Number of poses in which it is alike, shape (n,); 0 for a single reading.
+        gain: Whether it is in proportion to the readings, shape (n,).
     """
 
-    of: Bools
+    of: Array
     poses: Ints
+    gain: Bools
 
     @classmethod
     def among(cls, case: Case, data: Measured) -> _Errors:
-        """Every reading; and the zero in each pose, in all since it in the log, or before it.
+        """Every reading; the zero in each pose; zero and gain in all since it, or before it.
 
-        A zero concerns two pulls or more, and no more than half of them.
+        A group has two pulls or more, and is not all of them, and for a gain not more than half:
+        another gain of all others is the same.
         """
         pulls, row = data.pulls, case.loads["line"].to_numpy()[rows_of(case, data)]
         begun = np.array([row[pulls.pose == pose].min() for pose in pulls.pose])
-        at = np.unique(begun)[:, None]
-        groups = np.concatenate([begun == at, begun >= at, begun < at]) & (pulls.by == PULLED)
+        pulled, at = pulls.by == PULLED, np.unique(begun)[:, None]
+        groups = np.concatenate([begun == at, begun >= at, begun < at]) & pulled
+        groups = np.unique(groups, axis=0)[::-1]  # those of early poses first
         size = groups.sum(axis=1)
-        groups = groups[(size >= _SEVERAL) & (2 * size <= (pulls.by == PULLED).sum())]
-        groups = groups[np.sort(np.unique(groups, axis=0, return_index=True)[1])]
-        of = np.vstack([np.eye(len(row), dtype=bool), groups])
-        poses = [len(np.unique(pulls.pose[one])) for one in groups]
-        return cls(of.T, np.array([0] * len(row) + poses, dtype=np.int64))
+        groups = groups[(size >= _SEVERAL) & (size < pulled.sum())]
+        poses = np.array([len(np.unique(pulls.pose[one])) for one in groups], dtype=np.int64)
+        runs = (poses > 1) & (2 * groups.sum(axis=1) <= pulled.sum())
+        gains = groups[runs] * _in_proportion(np.linalg.norm(pulls.force, axis=1), pulled)
+        zero = len(row) + len(groups)
+        return cls(
+            np.vstack([np.eye(len(row)), groups, gains]).T,
+            np.concatenate([np.zeros(len(row), dtype=np.int64), poses, poses[runs]]),
+            np.arange(zero + len(gains)) >= zero,
+        )
 
     @property
-    def zero(self) -> Bools:
-        """Whether each is of the zero, shape (n,)."""
-        return self.poses > 0
+    def single(self) -> Bools:
+        """Whether each is of one reading, shape (n,)."""
+        return np.asarray(self.poses == 0)
+
+    @property
+    def there(self) -> Bools:
+        """Whether a pull has it, shape (m, n)."""
+        return np.asarray(self.of != 0)
 
     def only(self, which: Ints | Bools) -> _Errors:
         """Some of them."""
-        return _Errors(self.of[:, which], self.poses[which])
+        return _Errors(self.of[:, which], self.poses[which], self.gain[which])
 
-    def apart(self, held: _Errors) -> Bools:
-        """Those that share no pull with any that is held, shape (n,)."""
-        taken = np.any(held.of, axis=1)
-        return np.asarray(~(self.of & taken[:, None]).any(axis=0))
+    def beside(self, held: _Errors) -> Bools:
+        """Those beside which every group has two pulls without a wrong reading, shape (n,).
+
+        A reading is wrong once, and some pull has the usual zero and gain.
+        """
+        wrong = np.any(held.there[:, held.single], axis=1)
+        groups = held.there[:, ~held.single]
+        few = (groups & ~wrong[:, None]).sum(axis=0) <= _SEVERAL
+        taken = wrong | np.any(groups[:, few], axis=1)
+        alone = ~(self.there & taken[:, None]).any(axis=0)
+        enough = (self.there & ~wrong[:, None]).sum(axis=0) >= _SEVERAL
+        usual = ~(self.there | np.any(groups, axis=1)[:, None]).all(axis=0)
+        return np.asarray(np.where(self.single, alone, enough & usual))
+
+
+def _in_proportion(read: Array, pulled: Bools) -> Array:
+    """Error of each reading per newton of the mean reading of the pulls [1], shape (m,)."""
+    return np.asarray(read / read[pulled].mean())
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +170,7 @@ class _Righted(Locked):
         which: Those that are held, shape (k,).
         fits: Best fitting reading of the scale in each pull [N], shape (m,).
         off: Difference of the log from it [N], shape (m,).
+        size: Size of each that is held [N], shape (k,).
         system: The linear system with these readings.
         base: The model's columns.
         freed: Every error freed in addition, one at a time.
@@ -152,6 +183,7 @@ class _Righted(Locked):
     which: Ints
     fits: Array
     off: Array
+    size: Array
     system: System
     base: Base
     freed: ScoreTests
@@ -167,12 +199,7 @@ class _Righted(Locked):
     @property
     def pulls(self) -> Ints:
         """A pull of each that is held, shape (k,)."""
-        return np.asarray(np.argmax(self.held.of, axis=0))
-
-    @property
-    def size(self) -> Array:
-        """Size of each that is held [N], shape (k,)."""
-        return np.asarray(self.off[self.pulls])
+        return np.asarray(np.argmax(self.held.there, axis=0))
 
     @property
     def normal(self) -> Array:
@@ -201,7 +228,7 @@ class _Righted(Locked):
 
     @cached_property
     def _others(self) -> Array:
-        return np.where(self.among.apart(self.held), self.drops(self.base), -1.0)
+        return np.where(self.among.beside(self.held), self.drops(self.base), -1.0)
 
     @property
     def more(self) -> Ints:
@@ -211,12 +238,13 @@ class _Righted(Locked):
     @property
     def matters(self) -> bool:
         """Whether each error exceeds the scale's uncertainty and a relevant size by far."""
-        fits, off, held = self.fits, np.abs(self.off), self.held.of
-        given = np.minimum(fits + off, np.abs(fits - off))
+        fits, held = self.fits, self.held
+        off = np.abs(held.of * self.size)
+        given = np.minimum(fits + np.abs(self.off), np.abs(fits - np.abs(self.off)))
         least = np.maximum(
             _MATTERS * np.minimum(fits, given), _STATED * reading_std(self.scale, fits)
         )
-        return bool((off @ held >= least @ held).all())
+        return bool((off.sum(axis=0) >= least @ held.there).all())
 
     @property
     def alone(self) -> bool:
@@ -240,7 +268,7 @@ class _Righted(Locked):
 
     def rows(self, error: int) -> Bools:
         """Rows of the pulls of an error."""
-        return np.asarray(self.among.of[self.system.rows.pull, error])
+        return np.asarray(self.among.there[self.system.rows.pull, error])
 
     def _free(self, rows: Bools) -> Array:
         """Whitened columns that free each of some rows."""
@@ -251,7 +279,7 @@ class _Righted(Locked):
 
     def logged(self, error: int, off: float) -> tuple[Array, Base]:
         """Whitened column of an error, and the base with its readings as logged."""
-        column = self.white(self.each * self.rows(error))
+        column = self._columns[:, error]
         return column, self.base.against(self.base.blocks.rows(self.base.left) - off * column)
 
     @property
@@ -301,21 +329,24 @@ class _Righted(Locked):
         return self.white(self.each[:, None] * self.among.of[self.system.rows.pull])
 
     @cached_property
-    def _factors(self) -> Array:
-        """The same for a common factor of the readings that another zero would change."""
-        pull, of = self.system.rows.pull, self.among.only(self.among.zero).of
-        return self.white((self.each * self.fits[pull])[:, None] * of[pull])
+    def _laws(self) -> Array:
+        """The same for the other law of the pulls of each group, and a zero of all, (M, n + 1)."""
+        among, pull = self.among, self.system.rows.pull
+        group = among.there & ~among.single
+        pulled = np.asarray(group.any(axis=1))
+        other = np.where(among.gain, 1.0, _in_proportion(self.fits, pulled)[:, None])
+        return self.white(self.each[:, None] * np.column_stack([group * other, pulled])[pull])
 
     def drops(self, base: Base) -> Array:
         """Drop of the sum of squares by each error beside a base, shape (n,).
 
-        -1 for a zero where a factor of these readings does nearly as much: the machine may be
-        softer there.
+        -1 for a group where the other law of its pulls does nearly as much, as in a pose where the
+        machine is softer, or a zero of all pulls.
         """
-        drop, zero = base.beside(self._columns[None, ..., None]).of_block(0).drop, self.among.zero
-        factor = base.beside(self._factors[None, ..., None]).of_block(0).drop
-        drop[zero] = np.where(drop[zero] < factor + odds.DECIDES, -1.0, drop[zero])
-        return drop
+        both = self._columns, self._laws
+        drop, law = (base.beside(one[None, ..., None]).of_block(0).drop for one in both)
+        least = np.maximum(law[:-1], law[-1]) + odds.DECIDES
+        return np.where(self.among.single | (drop >= least), drop, -1.0)
 
     @cached_property
     def exchanged(self) -> Ints:
@@ -329,7 +360,7 @@ class _Righted(Locked):
         for one in self.which:
             others = which[which != one]
             drop = self.drops(logged.more(self._columns[:, others]) if len(others) else logged)
-            drop = np.where(self.among.apart(self.among.only(others)), drop, -1.0)
+            drop = np.where(self.among.beside(self.among.only(others)), drop, -1.0)
             best = int(np.argmax(drop))
             if drop[best] < drop[one] + odds.DECIDES:
                 best = int(one)
@@ -351,12 +382,8 @@ def scale_outliers(asked: Screening) -> list[Mistake]:
     righted = _righted(asked, among, np.zeros(0, np.int64))
     if righted is None or _chance(righted.freed, righted.system)[righted.next] > alarms.SCALE:
         return []
-    for one in (among, among.only(among.poses < 2)):  # several poses may look like all since one
-        righted = _together(asked, one)
-        found = [] if righted is None else _judged(asked, righted)
-        if found:
-            return found
-    return []
+    righted = _together(asked, among)
+    return [] if righted is None else _judged(asked, righted)
 
 
 def _together(asked: Screening, among: _Errors) -> _Righted | None:
@@ -421,7 +448,7 @@ def _by_pose(data: Measured, righted: _Righted) -> int:
     one degree of freedom less than pulls. A factor beyond `_SOFT` is not the machine's.
     """
     pose, read, most = data.pulls.pose, np.linalg.norm(data.pulls.force, axis=1), 0
-    single = ~righted.held.zero
+    single = righted.held.single
     pulls, normal = righted.pulls[single], righted.normal[single]
     for one in np.unique(pose[pulls]).tolist():
         mine = pose[pulls] == one
@@ -439,15 +466,18 @@ def _righted(asked: Screening, among: _Errors, which: Ints) -> _Righted | None:
     """The campaign with the readings that fit best beside some errors; None if nothing fits."""
     data, scale = asked.reduced.data, asked.case.settings.scale or Scale()
     read = np.linalg.norm(data.pulls.force, axis=1)
-    fits = _fitting(asked, among.only(which), scale) if len(which) else read
-    if fits is None:
+    size = _fitting(asked, among.only(which), scale) if len(which) else np.zeros(0)
+    if size is None:
         return None
+    fits = read - among.of[:, which] @ size
     right = _reading(data, fits, scale) if len(which) else data
     system, estimate = asked.identified(right, asked.estimate.value)
     white = whitener(system.errors, system.rows.pose)
     base, freed = _freed(asked.cell, right, system, estimate, white, among.of)
     each, off = by_force(asked.cell, right, estimate.value), read - fits
-    return _Righted(among, which, fits, off, system, base, freed, each, asked.spread[0], scale)
+    return _Righted(
+        among, which, fits, off, size, system, base, freed, each, asked.spread[0], scale
+    )
 
 
 def _freed(
@@ -456,13 +486,13 @@ def _freed(
     system: System,
     estimate: Estimate,
     white: Whitener,
-    of: Bools | None = None,
+    of: Array | None = None,
 ) -> tuple[Base, ScoreTests]:
     """The base of the model's columns, and every error freed in addition [1/N].
 
-    `of` (m, n) says which pulls have each; by default every reading is freed by itself.
+    `of` (m, n) is the error of each pull per newton; by default every reading is freed by itself.
     """
-    of = np.eye(len(data.pulls), dtype=bool) if of is None else of
+    of = np.eye(len(data.pulls)) if of is None else of
     columns = by_force(cell, data, estimate.value)[:, None] * of[system.rows.pull]
     typical = system.typical
     base = Base.of(white(system.B) * typical, white(estimate.residual))
@@ -476,20 +506,24 @@ def _chance(freed: ScoreTests, system: System) -> Array:
 
 
 def _fitting(asked: Screening, held: _Errors, scale: Scale) -> Array | None:
-    """Best fitting readings of the scale beside some errors of it [N], shape (m,).
+    """Best fitting sizes of some errors of the scale [N], shape (k,).
 
     None if nothing fits. Gauss-Newton: the errors and the parameters x by c = B x + (dc/df) df,
     weighted. Downward steps of a single reading f are taken in 1/f: where ten times the force has
     made the springs ten times too stiff, the displacements of the pull are linear in that.
     """
     data, values = asked.reduced.data.in_metres(asked.system.found_m), asked.estimate.value
-    force, count = np.linalg.norm(data.pulls.force, axis=1), held.zero.size
+    read, count = np.linalg.norm(data.pulls.force, axis=1), held.poses.size
+    sizes = np.zeros(count)
     for _ in range(_ROUNDS):
+        force = read - held.of @ sizes
+        if force.min() <= 0:
+            return None
         now = _reading(data, force, scale)
         system = asked.widened(assemble(asked.cell, now, values))
         each = by_force(asked.cell, now, values)[:, None] * held.of[system.rows.pull]
         white = whitener(system.errors, system.rows.pose)
-        size = force @ held.of / held.of.sum(axis=0)
+        size = force @ held.there / held.there.sum(axis=0)
         typical = np.array([*(p.typical for p in system.parameters), *size])
         A = white(np.column_stack([system.B, each]))
         start = np.append(values, np.zeros(count))
@@ -497,14 +531,12 @@ def _fitting(asked: Screening, held: _Errors, scale: Scale) -> Array | None:
         values, step = found[:-count], found[-count:]
         if not np.isfinite(step).all():
             return None
-        down = (step < 0) & ~held.zero
+        down = (step < 0) & held.single
         step = np.where(down, size**2 / (size - np.minimum(step, 0.0)) - size, step)
-        force = force + held.of @ step
-        if force.min() <= 0:
-            return None
+        sizes = sizes - step
         if (np.abs(step) < 1e-6 * size).all():
             break
-    return force
+    return sizes if (held.of @ sizes < read).all() else None
 
 
 def _reading(data: Measured, force: Array, scale: Scale) -> Measured:
@@ -517,26 +549,22 @@ def _reading(data: Measured, force: Array, scale: Scale) -> Measured:
 
 def _named(case: Case, data: Measured, righted: _Righted, k: int, std: float, p: float) -> Mistake:
     """The mistake of one of the errors, the k-th of all."""
-    pulls = np.flatnonzero(righted.among.of[:, k])
-    if not righted.among.zero[k]:
-        return _finding(case, data, righted.pulls, int(pulls[0]), righted.fits[pulls[0]], std, p)
-    loads, off = (
-        case.loads.iloc[rows_of(case, data)[pulls]].sort_values("line"),
-        righted.off[pulls[0]],
-    )
+    pulls, one = np.flatnonzero(righted.among.of[:, k]), righted.among.only(np.array([k]))
+    if one.single[0]:
+        return _finding(case, data, righted, int(pulls[0]), std, p)
+    loads = case.loads.iloc[rows_of(case, data)[pulls]].sort_values("line")
+    off = float(righted.size[righted.which == k][0])
     at, poses = lines_of(loads), np.unique(data.pulls.pose[pulls])
-    sigmas, size, within = float(abs(off)) / std, plain(abs(off), 3), plain(std, 2)
-    where, which = f"pose{poses[0]:02d}", f"the {len(at)} forces of pose {poses[0]}"
+    where, which = f"pose{poses[0]:02d}", f"the {len(at)} forces of pose {poses[0]} ({lines(at)})"
     if len(poses) > 1:
         where += f"-pose{poses[-1]:02d}"
-        which = f"the {len(at)} forces of poses {poses[0]} to {poses[-1]}"
-    by = f"are {size} N +- {within} N too large"
-    by = by if off > 0 else f"are {size} N +- {within} N too small"
+        which = f"the {len(at)} forces of poses {poses[0]} to {poses[-1]} ({lines(at)})"
+    force = np.linalg.norm(data.pulls.force[pulls[0]])
     return outlying(
         f"{loads['file'].iloc[0]} {where}",
-        f"{which} ({lines(at)}) {by}, all alike, {apart(sigmas)}: the scale was not zeroed there",
+        _told(which, bool(one.gain[0]), off, std, float(force / one.of[pulls[0], 0])),
         "recomputed without these pulls",
-        before=sigmas,
+        before=abs(off) / std,
         size=float(abs(off)),
         size_unit="N",
         p_value=p,
@@ -546,10 +574,25 @@ def _named(case: Case, data: Measured, righted: _Righted, k: int, std: float, p:
     )
 
 
+def _told(which: str, gain: bool, off: float, std: float, mean: float) -> str:
+    """By how much the forces of a group are too large or too small, in words.
+
+    `mean` is that of the readings to whose proportion a gain refers [N].
+    """
+    per, unit = ((mean - off) / 100, "%") if gain else (1.0, "N")
+    size, within = plain(abs(off) / per, 3), plain(std / per, 2)
+    by = f"are {size} {unit} +- {within} {unit} too large"
+    by = by if off > 0 else f"are {size} {unit} +- {within} {unit} too small"
+    sigmas = apart(abs(off) / std)
+    if gain:
+        return f"{which} {by}, all in proportion, {sigmas}: the scale had another gain there"
+    return f"{which} {by}, all alike, {sigmas}: the scale was not zeroed there"
+
+
 def _finding(
-    case: Case, data: Measured, wrong: Ints, pull: int, fits: float, std: float, p: float
+    case: Case, data: Measured, righted: _Righted, pull: int, std: float, p: float
 ) -> Mistake:
-    given = float(np.linalg.norm(data.pulls.force[pull]))
+    given, fits = float(np.linalg.norm(data.pulls.force[pull])), float(righted.fits[pull])
     pose, repeat = int(data.pulls.pose[pull]), int(data.pulls.repeat[pull])
     row = _row(case, data, pull)
     where, at = f"{row['file']} pose{pose:02d} rep{repeat}", (f"{row['file']}:{row['line']}",)
@@ -565,7 +608,7 @@ def _finding(
         shown, agreed, within = shown / per, agreed / per, log.gain * std / per
         units = {symbol(name): size / per for name, size in FORCE.items() if size != per}
     text = f"{row['payload']}, " if data.pulls.by[pull] == MOUNTED else ""
-    meant = _another(case, data, wrong, fits, std)
+    meant = _another(case, data, righted.pulls[righted.held.single], fits, std)
     meant = meant or _meant(shown, agreed, within, as_shown, units)
     return outlying(
         where,

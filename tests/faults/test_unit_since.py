@@ -10,6 +10,7 @@ from test_exchanged import PULLS, case, files, same, table, written
 from pipeline.answer.diagnosis import mistake_entry
 from pipeline.faults.exchanged import misplaced
 from pipeline.faults.mistake import lines_of
+from pipeline.faults.scale_rows import scale_rows
 from pipeline.faults.unit_since import unit_since
 
 NEWTONS = {"kgf": 9.80665, "lbf": 4.4482216152605, "kn": 1000.0, "dan": 10.0}
@@ -28,7 +29,7 @@ def test_forces_in_another_unit_from_some_row_on(seed, unit):
     ]
     made = written(files(seed), "loads.csv", head, new)
 
-    (found,) = unit_since(asked(case(made)))
+    (found,) = scale_rows(asked(case(made)))
 
     assert found.name == "unit_mixup"
     assert found.where in ({unit, "kgf", "dan"} if unit in ("kgf", "dan") else {unit})
@@ -51,7 +52,7 @@ def test_forces_in_another_unit_up_to_some_row(seed, unit):
     ]
     made = written(files(seed), "loads.csv", head, new)
 
-    (found,) = unit_since(asked(case(made)))
+    (found,) = scale_rows(asked(case(made)))
 
     assert (found.name, found.where, found.since) == ("unit_mixup", unit, None)
     assert found.at == tuple(f"loads.csv:{k + 2}" for k in range(last))
@@ -69,7 +70,7 @@ def test_forces_of_some_rows_in_another_unit(unit):
     ]
     made = written(files(2), "loads.csv", head, new)
 
-    (found,) = unit_since(asked(case(made)))
+    (found,) = scale_rows(asked(case(made)))
 
     assert found.where == unit or {found.where, *found.instead} == {"kgf", "dan"}
     assert (found.at, found.since) == (tuple(f"loads.csv:{k}" for k in (7, 8, 9)), None)
@@ -87,7 +88,7 @@ def test_forces_of_one_pose_that_are_ten_times_too_large(pose):
     force, mine = right.loads["force_n"], right.loads["pose"] == pose
     loads = right.loads.assign(force_n=force.where(~mine, force * NEWTONS["kgf"]))
 
-    (found,) = unit_since(asked(replace(right, loads=loads)))
+    (found,) = scale_rows(asked(replace(right, loads=loads)))
 
     assert (found.where, found.since, found.at) == ("n", None, lines_of(right.loads[mine]))
     assert np.allclose(found.correct(replace(right, loads=loads)).loads["force_n"], force)
@@ -163,6 +164,7 @@ def test_where_nothing_tells_no_pose_is_in_its_place():
 def test_a_clean_campaign_changes_no_unit(seed):
     """Whatever the hidden effects of its machine."""
     assert unit_since(asked(case(files(seed)))) == []
+    assert scale_rows(asked(case(files(seed)))) == []
 
 
 def test_coordinates_in_another_unit_from_the_middle_of_a_group_on():
@@ -204,7 +206,7 @@ def test_of_two_units_that_hardly_differ_both_are_stated():
     for k, row in enumerate(rows):
         row[2] = repr(float(row[2]) / (10.0 if k >= 12 else 1.0))
     given = case(written(files(3), "loads.csv", head, rows))
-    (found,) = unit_since(asked(given))
+    (found,) = scale_rows(asked(given))
     assert (found.where, found.instead) == ("dan", ("kgf",))
     assert "the numbers of the scale are daN or kgf and were read as N" in found.evidence
     same(found.correct(given), case(files(3)))

@@ -1,0 +1,256 @@
+"""Rows of the scale that state something else than the force: another unit, or the row before.
+
+The displacements of a pull tell what the scale should have read (see `exchanged_pulls`). With r_i
+that force over the logged one, a row is in another unit where r_i is nearer to the unit's factor
+than to one, given the compliances of all pulls with their numbers in the units so found (Dempster,
+Laird and Rubin, J. Roy. Stat. Soc. B 39, 1977, with each row in the likelier of its two states).
+Rows that contradict the others and have the number of the row before them were copied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.faults.assignment import lines
+from pipeline.faults.conventions import symbol
+from pipeline.faults.exchanged_pulls import (
+    FEWEST,
+    LEAST_SHIFTED,
+    USUAL_MISFIT,
+    OrderFit,
+    PullMoves,
+    beside,
+    ordered,
+    rows_of,
+)
+from pipeline.faults.fault import Fault, Screening
+from pipeline.faults.mistake import Mistake, lines_of, pulls_of, without_pulls
+from pipeline.machine.effect import PULLED
+from pipeline.readers.logs import FORCE, SCALE
+from pipeline.reduction.case import Case
+from pipeline.reduction.measured import STILL_M
+
+_FORCE = FORCE | {"dan": SCALE["dan"]}
+"""Units that may have been read for each other [N]."""
+
+_ALIKE = 0.03
+"""Relative difference below which two units are both stated [1]: a scale's calibration, and a cause
+that is not in the model yet, are as large."""
+
+_ROWS = 2
+"""Minimum number of rows that are otherwise; a single one is a wrong reading."""
+
+_ROUNDS = 12
+"""Maximum number of assignments of rows to units."""
+
+
+def scale_rows(asked: Screening) -> list[Mistake]:
+    """The rows of the scale that are in another unit, else those copied from the row before."""
+    moved, data = PullMoves.of(asked), asked.reduced.data
+    if moved is None or not (data.pulls.by[moved.pull] == PULLED).all():
+        return []
+    row = rows_of(asked.case, data, moved.pull)
+    at = np.argsort(asked.case.loads["line"].to_numpy()[row])
+    rows, moved = asked.case.loads.iloc[row[at]], moved.only(at)
+    found = _in_unit(moved, data.pulls.pose[moved.pull])
+    if found is not None:
+        return [_of_unit(rows[found.wrong], found)]
+    copied = _copied(moved)
+    return [_of_copies(rows[copied])] if copied.sum() >= _ROWS else []
+
+
+# --- another unit ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Change:
+    """Rows of the scale in another unit.
+
+    Attributes:
+        wrong: Pulls with the wrong numbers, in the order of the file, shape (m,).
+        unit: The other unit.
+        sign: 1 where the wrong numbers are in it and were read as N, else -1.
+    """
+
+    wrong: Bools
+    unit: str
+    sign: int
+
+    @property
+    def instead(self) -> tuple[str, ...]:
+        """Other units that may be meant, as they hardly differ from it."""
+        near = (abs(np.log(size / _FORCE[self.unit])) for size in _FORCE.values())
+        return tuple(one for one, off in zip(_FORCE, near, strict=True) if 0 < off < _ALIKE)
+
+    @property
+    def factor(self) -> float:
+        """Factor on the wrong numbers."""
+        return float(_FORCE[self.unit] ** self.sign)
+
+    @property
+    def ends(self) -> tuple[bool, bool, bool]:
+        """Whether the rows are in succession, and so from the first row on, and up to the last."""
+        turns = int(np.abs(np.diff(self.wrong.astype(int))).sum())
+        first, last = bool(self.wrong[0]), bool(self.wrong[-1])
+        return turns + first + last == 2, first, last
+
+    def right(self, moved: PullMoves) -> PullMoves:
+        """The pulls with the wrong numbers in their unit."""
+        return replace(moved, force=moved.force * np.where(self.wrong, self.factor, 1.0))
+
+    def fit(self, moved: PullMoves) -> OrderFit:
+        """Their fit."""
+        return ordered(self.right(moved), np.arange(len(moved.force)))
+
+
+def _in_unit(moved: PullMoves, pose: Ints) -> _Change | None:
+    """The rows that agree with all others in another unit only.
+
+    Sought from the compliances on which most pulls agree, else from typical ones; if there are
+    none, from those of all poses but one, which few others would not outweigh.
+    """
+    most = moved.solved(moved.force)
+    found = [*_changes(moved, most)] or [*_changes(moved, np.ones(moved.G.shape[2]))]
+    for one in np.unique(pose) if not found else ():
+        others = moved.only(pose != one)
+        found += _changes(moved, others.solved(others.force))
+    best = min(found, key=lambda one: one[0], default=None)
+    return None if best is None else _likelier(moved, best[1])
+
+
+def _changes(moved: PullMoves, start: Array) -> Iterator[tuple[float, _Change]]:
+    """Rows in each unit by the compliances from a start on, with the misfit that is left."""
+    for (unit, size), sign in product(_FORCE.items(), (1, -1)):
+        x, change = start, _Change(np.zeros(len(moved.force), dtype=bool), unit, sign)
+        for _ in range(_ROUNDS if size != 1 else 0):
+            off = np.log(np.maximum(moved.due(x)[0] / moved.force, STILL_M))
+            wrong = np.abs(off - np.log(change.factor)) < np.abs(off)
+            if (wrong == change.wrong).all() or wrong.sum() < _ROWS:
+                break
+            change = replace(change, wrong=wrong)
+            x = moved.solved(change.right(moved).force)
+        kept = _decided(moved, change) if change.wrong.any() else None
+        if kept is not None:
+            yield kept.fit(moved).left, kept
+
+
+def _decided(moved: PullMoves, change: _Change) -> _Change | None:
+    """The change in those rows that contradict the others as logged and agree in the unit.
+
+    None where they are not several, or the other pulls do not agree. Single numbers that are too
+    large have lost their decimal point instead.
+    """
+    fit, force = change.fit(moved), moved.force
+    due, own = moved.due(fit.x)
+    least = moved.least * (own**2 + moved.std**2 + (fit.model * due) ** 2)
+    wrong = ((force - due) ** 2 > least) & ((change.factor * force - due) ** 2 <= least)
+    change = replace(change, wrong=wrong)
+    several = _ROWS <= wrong.sum() <= len(wrong) - _ROWS
+    happens = change.sign == 1 or change.ends[0]
+    return change if several and happens and change.fit(moved).model <= USUAL_MISFIT else None
+
+
+def _likelier(moved: PullMoves, change: _Change) -> _Change:
+    """The change, or that of all other rows by the inverse factor, where it lasts to an end.
+
+    Both fit alike; the compliances, in typical ones, are nearer to one with one of them.
+    """
+    whole, first, last = change.ends
+    x = change.fit(moved).x
+    usual = float(np.median(x[x > 0])) if (x > 0).any() else 1.0
+    if not whole or not (first or last) or abs(np.log(usual)) <= abs(np.log(usual * change.factor)):
+        return change
+    return replace(change, sign=-change.sign, wrong=~change.wrong)
+
+
+def _of_unit(rows: pd.DataFrame, change: _Change) -> Mistake:
+    """The mistake of rows in another unit."""
+    unit, factor, at = change.unit, change.factor, lines_of(rows)
+    whole, first, last = change.ends
+    either = " or ".join(map(symbol, (unit, *change.instead)))
+    text = f"are {either} and were read as N"
+    if change.sign != 1:
+        text = f"are N and were read as {either}"
+    said = f"in {len(at)} rows"
+    if whole:
+        said = f"from {at[0]} to {at[-1]}" if not first else f"up to {at[-1]}"
+        said = f"from {at[0]} on" if last else said
+    instead = change.instead if change.sign == 1 else ()
+    unsure = instead and not (whole and (first or last))  # few, and not known to 3 %
+    return Mistake(
+        name="unit_mixup",
+        where=unit if change.sign == 1 else "n",
+        evidence=f"{said} the numbers of the scale {text} ({lines(at)}): these pulls moved the "
+        f"robot {factor:.4g} times as far as the others for their force",
+        correction="recomputed without these pulls"
+        if unsure
+        else f"recomputed with these rows times {factor:.4g}",
+        before=float(max(factor, 1 / factor)),
+        after=1.0,
+        unit="1",
+        correct=partial(without_pulls, pulls=pulls_of(rows))
+        if unsure
+        else partial(_times, keys=pulls_of(rows), factor=factor),
+        at=at,
+        since=at[0] if whole and last else None,
+        instead=instead,
+    )
+
+
+def _times(case: Case, keys: set[tuple[int, int]], factor: float) -> Case:
+    loads = case.loads
+    mine = [key in keys for key in zip(loads["pose"], loads["repeat"], strict=True)]
+    times = np.where(mine, factor, 1.0)
+    new = {name: loads[name] * times for name in ("force_n", "unit_n")}
+    return replace(case, loads=loads.assign(**new))
+
+
+# --- the number of the row before -----------------------------------------------------------------
+
+
+def _copied(moved: PullMoves) -> Bools:
+    """The rows that contradict their pull and agree with the one before, whose number they repeat.
+
+    After such a row, also what the row before should have read. More of them up to the last row are
+    off by one instead. Mask of shape (m,), empty where other rows contradict as often.
+    """
+    again = np.append(False, np.abs(np.diff(moved.force)) <= STILL_M * moved.force[1:])
+    none = np.zeros(len(again), dtype=bool)
+    if again.sum() < _ROWS or (~again).sum() < FEWEST:
+        return none
+    known = moved.only(~again)
+    cost = beside(moved, known.solved(known.force), np.arange(len(again))).cost
+    wrong = np.diag(cost) > moved.least
+    before = np.append(False, np.diag(cost, -1) <= moved.least)
+    copied = none.copy()
+    for k in np.flatnonzero(wrong & before):
+        copied[k] = again[k] or copied[k - 1]
+    left = int(np.argmin(copied[::-1]))
+    return copied if left < LEAST_SHIFTED and 2 * copied.sum() > wrong.sum() else none
+
+
+def _of_copies(rows: pd.DataFrame) -> Mistake:
+    """The mistake of rows with the number of the row before."""
+    file, at = str(rows["file"].iloc[0]), lines_of(rows)
+    return Mistake(
+        name="copied_column",
+        where=f"{file} force",
+        evidence=f"{len(at)} pulls have the force of the row before ({lines(at)}), which they "
+        "contradict and the pull before does not: the number was copied",
+        correction="recomputed without these pulls",
+        before=float(len(at)),
+        after=0.0,
+        unit="1",
+        correct=partial(without_pulls, pulls=pulls_of(rows)),
+        at=at,
+    )
+
+
+FAULT = Fault("unit_mixup", scale_rows, in_files=True)
