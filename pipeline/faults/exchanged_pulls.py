@@ -215,11 +215,10 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
 def ordered(moved: PullMoves, order: Ints) -> OrderFit:
     """The fit with logged force `order[i]` in pull i."""
     x = moved.solved(moved.force[order])
-    return beside(moved, x, order)
+    return _beside(moved, x, order)
 
 
-def beside(moved: PullMoves, x: Array, order: Ints) -> OrderFit:
-    """The same for known compliances in typical ones, shape (k,)."""
+def _beside(moved: PullMoves, x: Array, order: Ints) -> OrderFit:
     due, own = moved.due(x)
     force = moved.force[order]
     part = np.abs(due / force - 1)
@@ -349,7 +348,7 @@ def _sorted(moved: PullMoves, least: float) -> tuple[OrderFit, list[Ring]] | Non
     x = x * float(np.median(due[due > 0]) / np.median(moved.force)) if (due > 0).any() else x
     order = np.arange(count)
     for _ in range(_ROUNDS):
-        new = assigned(beside(moved, x, order).cost)
+        new = assigned(_beside(moved, x, order).cost)
         if (new == order).all():
             break
         order, x = new, moved.solved(moved.force[new])

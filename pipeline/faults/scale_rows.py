@@ -26,7 +26,6 @@ from pipeline.faults.exchanged_pulls import (
     USUAL_MISFIT,
     OrderFit,
     PullMoves,
-    beside,
     ordered,
     rows_of,
 )
@@ -52,18 +51,18 @@ _ROUNDS = 12
 
 
 def scale_rows(asked: Screening) -> list[Mistake]:
-    """The rows of the scale that are in another unit, else those copied from the row before."""
+    """The rows of the scale that were copied from the row before, else those in another unit."""
     moved, data = PullMoves.of(asked), asked.reduced.data
     if moved is None or not (data.pulls.by[moved.pull] == PULLED).all():
         return []
     row = rows_of(asked.case, data, moved.pull)
     at = np.argsort(asked.case.loads["line"].to_numpy()[row])
     rows, moved = asked.case.loads.iloc[row[at]], moved.only(at)
-    found = _in_unit(moved, data.pulls.pose[moved.pull])
-    if found is not None:
-        return [_of_unit(rows[found.wrong], found)]
     copied = _copied(moved)
-    return [_of_copies(rows[copied])] if copied.sum() >= _ROWS else []
+    if copied.sum() >= _ROWS:
+        return [_of_copies(rows[copied])]
+    found = _in_unit(moved, data.pulls.pose[moved.pull])
+    return [] if found is None else [_of_unit(rows[found.wrong], found)]
 
 
 # --- another unit ---------------------------------------------------------------------------------
@@ -148,13 +147,19 @@ def _decided(moved: PullMoves, change: _Change) -> _Change | None:
     large have lost their decimal point instead.
     """
     fit, force = change.fit(moved), moved.force
-    due, own = moved.due(fit.x)
-    least = moved.least * (own**2 + moved.std**2 + (fit.model * due) ** 2)
-    wrong = ((force - due) ** 2 > least) & ((change.factor * force - due) ** 2 <= least)
+    near = np.abs(moved.due(fit.x)[0] / (change.factor * force) - 1) < USUAL_MISFIT
+    wrong = ~_agree(moved, fit, force) & (near | _agree(moved, fit, change.factor * force))
     change = replace(change, wrong=wrong)
     several = _ROWS <= wrong.sum() <= len(wrong) - _ROWS
     happens = change.sign == 1 or change.ends[0]
     return change if several and happens and change.fit(moved).model <= USUAL_MISFIT else None
+
+
+def _agree(moved: PullMoves, fit: OrderFit, force: Array) -> Bools:
+    """Whether forces (m,) agree with the displacements of the pulls by the fit to some of them."""
+    due, own = moved.due(fit.x)
+    variance = own**2 + moved.std**2 + (fit.model * due) ** 2
+    return np.asarray((force - due) ** 2 <= moved.least * variance)
 
 
 def _likelier(moved: PullMoves, change: _Change) -> _Change:
@@ -178,30 +183,33 @@ def _of_unit(rows: pd.DataFrame, change: _Change) -> Mistake:
     text = f"are {either} and were read as N"
     if change.sign != 1:
         text = f"are N and were read as {either}"
-    said = f"in {len(at)} rows"
-    if whole:
-        said = f"from {at[0]} to {at[-1]}" if not first else f"up to {at[-1]}"
-        said = f"from {at[0]} on" if last else said
-    instead = change.instead if change.sign == 1 else ()
-    unsure = instead and not (whole and (first or last))  # few, and not known to 3 %
-    return Mistake(
+    found = Mistake(
         name="unit_mixup",
         where=unit if change.sign == 1 else "n",
-        evidence=f"{said} the numbers of the scale {text} ({lines(at)}): these pulls moved the "
-        f"robot {factor:.4g} times as far as the others for their force",
-        correction="recomputed without these pulls"
-        if unsure
-        else f"recomputed with these rows times {factor:.4g}",
+        evidence=f"{_said(at, *change.ends)} the numbers of the scale {text} ({lines(at)}): these "
+        f"pulls moved the robot {factor:.4g} times as far as the others for their force",
+        correction=f"recomputed with these rows times {factor:.4g}",
         before=float(max(factor, 1 / factor)),
         after=1.0,
         unit="1",
-        correct=partial(without_pulls, pulls=pulls_of(rows))
-        if unsure
-        else partial(_times, keys=pulls_of(rows), factor=factor),
+        correct=partial(_times, keys=pulls_of(rows), factor=factor),
         at=at,
         since=at[0] if whole and last else None,
-        instead=instead,
+        instead=change.instead if change.sign == 1 else (),
     )
+    if not found.instead or (whole and (first or last)):
+        return found
+    correct = partial(without_pulls, pulls=pulls_of(rows))  # few, and not known to 3 %
+    return replace(found, correct=correct, correction="recomputed without these pulls")
+
+
+def _said(at: tuple[str, ...], whole: bool, first: bool, last: bool) -> str:
+    """Which rows, in words; arguments as of `_Change.ends`."""
+    if not whole:
+        return f"in {len(at)} rows"
+    if last:
+        return f"from {at[0]} on"
+    return f"up to {at[-1]}" if first else f"from {at[0]} to {at[-1]}"
 
 
 def _times(case: Case, keys: set[tuple[int, int]], factor: float) -> Case:
@@ -218,22 +226,27 @@ def _times(case: Case, keys: set[tuple[int, int]], factor: float) -> Case:
 def _copied(moved: PullMoves) -> Bools:
     """The rows that contradict their pull and agree with the one before, whose number they repeat.
 
-    After such a row, also what the row before should have read. More of them up to the last row are
-    off by one instead. Mask of shape (m,), empty where other rows contradict as often.
+    After such a row, also those with what the row before should have read. If all of them are the
+    last rows of the file, they are off by one instead. None where other rows contradict as often.
+
+    Returns:
+        Mask of shape (m,).
     """
     again = np.append(False, np.abs(np.diff(moved.force)) <= STILL_M * moved.force[1:])
-    none = np.zeros(len(again), dtype=bool)
-    if again.sum() < _ROWS or (~again).sum() < FEWEST:
-        return none
-    known = moved.only(~again)
-    cost = beside(moved, known.solved(known.force), np.arange(len(again))).cost
-    wrong = np.diag(cost) > moved.least
-    before = np.append(False, np.diag(cost, -1) <= moved.least)
-    copied = none.copy()
-    for k in np.flatnonzero(wrong & before):
-        copied[k] = again[k] or copied[k - 1]
-    left = int(np.argmin(copied[::-1]))
-    return copied if left < LEAST_SHIFTED and 2 * copied.sum() > wrong.sum() else none
+    none = copied = np.zeros(len(again), dtype=bool)
+    for _ in range(_ROUNDS):
+        known = moved.only(~(again | copied))
+        if again.sum() < _ROWS or len(known.force) < FEWEST:
+            return none
+        fit, held, copied = ordered(known, np.arange(len(known.force))), copied, none.copy()
+        wrong = ~_agree(moved, fit, moved.force)
+        before = np.roll(_agree(moved, fit, np.roll(moved.force, -1)), 1)
+        for k in np.flatnonzero(wrong & before):
+            copied[k] = again[k] or again[k - 1] or copied[k - 1]
+        if (copied == held).all():
+            break
+    shifted = int(np.argmin(copied[::-1])) == copied.sum() >= LEAST_SHIFTED
+    return none if shifted or 2 * copied.sum() <= wrong.sum() else copied
 
 
 def _of_copies(rows: pd.DataFrame) -> Mistake:
