@@ -15,10 +15,11 @@ import numpy as np
 
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import motion
-from pipeline.diagnosis.facts import Diagnosed
+from pipeline.diagnosis.facts import Diagnosed, FoundCause
 from pipeline.diagnosis.noise_bounds import bounds
 from pipeline.faults.base_reading import astray
 from pipeline.faults.screen import Screened, ScreeningBase, files_beside, files_of, singles_of
+from pipeline.machine.effects.nameless import NAMELESS
 from pipeline.reduction.bring import Reduced, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
@@ -34,6 +35,9 @@ from pipeline.system.simultaneous import cost
 
 _SEED = 20261103
 """Seed of the draws; another one changes numbers within their stated scatter."""
+
+_LAWS = 1000
+"""Number of laws outside the catalogue that are tested on a robot [1], to an order of magnitude."""
 
 _ROUNDS = 6
 """Maximum number of changes of the mistakes; if states recur in a cycle they are equally good, and
@@ -93,33 +97,44 @@ def _ended(case: Case, files: Screened, held: Screened, given: Fitted, step: Ste
 
 
 def _supposed(case: Case, files: Screened, end: _Converged) -> tuple[Screened, ...]:
-    """Mistakes instead of a scale that scatters more than stated, each set once.
+    """Mistakes instead of a law that nobody listed, or of a larger scatter of the scale, each once.
 
     A few wrong forces widen the scatter of all, within which none of them stands out, and hide a
     cause: readings are screened with the scatter as stated, beside the likeliest cause that was
-    sought with it, then beside the two likeliest, and so on.
+    sought with it, then beside the two likeliest, and so on. Another zero of the scale since a pose
+    is nearly a law in time: beside a law outside the catalogue, readings are screened without.
     """
-    model, found = end.diagnosis.as_stated, dict[object, Screened]()
-    if model is None:
-        return ()
+    said, found = end.diagnosis, dict[object, Screened]()
     springs, own = files.case.cell, len(files.case.cell.effects)
-    for count in range(own, len(model.cell.effects) + 1):
-        cell = springs.with_effects(*model.cell.effects[own:count])
-        start = model.values[: len(cell.parameters)]
-        base = ScreeningBase(cell, start, _tails(files, end), end.diagnosis.seen.suspects)
+    bases = [(springs, files.case.robot.nominal_compliance)] if _strange(end) else []
+    if (model := said.as_stated) is not None:
+        for count in range(own, len(model.cell.effects) + 1):
+            cell = springs.with_effects(*model.cell.effects[own:count])
+            bases.append((cell, model.values[: len(cell.parameters)]))
+    for cell, start in bases:
+        base = ScreeningBase(cell, start, _tails(files, end), said.seen.suspects)
         one = singles_of(files_beside(case, files, base), None, base)
         found.setdefault(one.key, one)
     return tuple(one for key, one in found.items() if key != end.screened.key)
 
 
-def _cost(end: _Converged) -> float:
-    """Minus twice the log likelihood of the scale's scatter and of the mistakes, with their priors.
+def _strange(end: _Converged) -> list[FoundCause]:
+    """The laws outside the catalogue that were found."""
+    return [one for one in end.diagnosis.causes if one.effect.law is not None]
 
-    2 n ln s + (ln s / ln 2)^2 + sum cost(z^2), n pulls, s the scatter over the stated one and z the
-    deviations of what is wrong; the residuals over the scatter in use are alike.
+
+def _cost(end: _Converged) -> float:
+    """Minus twice the log likelihood of scatter, mistakes and strange laws, with their priors.
+
+    2 n ln s + (ln s / ln 2)^2 + sum cost(z^2), n pulls, s the scatter of the scale over the stated
+    one and z the deviations of what is wrong; a law was found among `_LAWS` others, the prior of
+    which it shares. The residuals over the scatter in use are alike.
     """
     log = float(np.log(max(end.diagnosis.scatter.scale, 1.0)))
     wrong = sum(float(cost(one.before**2, one.axes)) for one in end.screened.findings)
+    for one in _strange(end):
+        times = abs(one.height.value / one.height.std) if one.height else 1.0
+        wrong += float(cost(times**2, len(one.amplitudes))) + 2 * np.log(_LAWS / NAMELESS)
     return 2 * len(end.right.data.pulls) * log + (log / np.log(2.0)) ** 2 + wrong
 
 

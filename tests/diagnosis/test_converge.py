@@ -257,7 +257,9 @@ def test_few_wrong_forces_are_likelier_than_a_scale_out_of_order(
     ends = [
         SimpleNamespace(
             screened=SimpleNamespace(key=count, findings=(off,) * count),
-            diagnosis=SimpleNamespace(settled=True, scatter=SimpleNamespace(scale=scale)),
+            diagnosis=SimpleNamespace(
+                settled=True, scatter=SimpleNamespace(scale=scale), causes=()
+            ),
             right=SimpleNamespace(data=SimpleNamespace(pulls=range(pulls - count))),
         )
         for count, scale in ((0, scatter), (wrong, 1.0))
