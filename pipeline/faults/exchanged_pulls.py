@@ -53,10 +53,6 @@ have the readings of another state [1]."""
 LEAST_SHIFTED = 4
 """Minimum number of rows that are off by one from some row on; fewer are exchanges."""
 
-_COPIED, _UNLIKE = 3, 1.3
-"""Minimum number of rows in succession with one force, and ratio of the forces by their
-displacements [1], of which the true ones are not in the log: that force was copied."""
-
 _ROUNDS = 12
 """Maximum number of reweightings, or of assignments."""
 
@@ -209,7 +205,7 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
     given = ordered(moved, np.arange(len(moved.force)))
     if (np.diag(given.cost) <= moved.least).all() and _usual(given):
         return []
-    return _states(asked, moved) or _loads(asked, moved, given, moved.least)
+    return _states(asked, moved) or _loads(asked, moved, given)
 
 
 def ordered(moved: PullMoves, order: Ints) -> OrderFit:
@@ -259,11 +255,9 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
 # --- rows of the loads ----------------------------------------------------------------------------
 
 
-def _loads(asked: Screening, moved: PullMoves, given: OrderFit, least: float) -> list[Mistake]:
+def _loads(asked: Screening, moved: PullMoves, given: OrderFit) -> list[Mistake]:
     """Exchanged rows of the loads, for the order of forces that leaves fewest pulls unexplained."""
-    row = rows_of(asked.case, asked.reduced.data, moved.pull)
-    if _copied(moved, given, row, least):
-        return []
+    row, least = rows_of(asked.case, asked.reduced.data, moved.pull), moved.least
 
     def left(one: tuple[OrderFit, list[Ring]]) -> int:
         """Number of pulls whose force does not fit, except those left without one."""
@@ -279,15 +273,6 @@ def _loads(asked: Screening, moved: PullMoves, given: OrderFit, least: float) ->
         if kept:
             return [of_loads(asked, moved, fit, ring, row) for ring in kept]
     return []
-
-
-def _copied(moved: PullMoves, given: OrderFit, row: Ints, least: float) -> bool:
-    """Whether one force stands in rows in succession that moved as by different ones."""
-    at = np.argsort(row)
-    due, fits = moved.due(given.x)[0][at], (np.diag(given.cost) <= least)[at]
-    ends = np.flatnonzero(np.abs(np.diff(moved.force[at])) > STILL_M * moved.force[at][1:]) + 1
-    runs = (one for one in np.split(np.arange(len(at)), ends) if len(one) >= _COPIED)
-    return any(not fits[k].all() and due[k].max() > _UNLIKE * due[k].min() for k in runs)
 
 
 def _orders(

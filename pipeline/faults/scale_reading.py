@@ -375,15 +375,18 @@ def scale_outliers(asked: Screening) -> list[Mistake]:
     off by one factor, are `rivalled`: a cause not yet in the model does as much where it acts most.
     """
     data = asked.reduced.data
-    count = len(data.pulls)
-    if not _FEWEST <= count <= _MOST:
+    if not _FEWEST <= len(data.pulls) <= _MOST:
         return []
     among = _Errors.among(asked.case, data)
     righted = _righted(asked, among, np.zeros(0, np.int64))
     if righted is None or _chance(righted.freed, righted.system)[righted.next] > alarms.SCALE:
         return []
-    righted = _together(asked, among)
-    return [] if righted is None else _judged(asked, righted)
+    for one in (among, among.only(among.poses < 2)):  # several poses may look like all since one
+        righted = _together(asked, one)
+        found = [] if righted is None else _judged(asked, righted)
+        if found:
+            return found
+    return []
 
 
 def _together(asked: Screening, among: _Errors) -> _Righted | None:

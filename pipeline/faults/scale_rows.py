@@ -17,6 +17,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import symbol
@@ -31,6 +32,7 @@ from pipeline.faults.exchanged_pulls import (
 )
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, lines_of, pulls_of, without_pulls
+from pipeline.faults.unit_since import of_unit
 from pipeline.machine.effect import PULLED
 from pipeline.readers.logs import FORCE, SCALE
 from pipeline.reduction.case import Case
@@ -120,12 +122,12 @@ def _in_unit(moved: PullMoves, pose: Ints) -> _Change | None:
     for one in np.unique(pose) if not found else ():
         others = moved.only(pose != one)
         found += _changes(moved, others.solved(others.force))
-    best = min(found, key=lambda one: one[0], default=None)
-    return None if best is None else _likelier(moved, best[1])
+    best = min(found, key=lambda one: one[:2], default=None)
+    return None if best is None else _likelier(moved, best[2])
 
 
-def _changes(moved: PullMoves, start: Array) -> Iterator[tuple[float, _Change]]:
-    """Rows in each unit by the compliances from a start on, with the misfit that is left."""
+def _changes(moved: PullMoves, start: Array) -> Iterator[tuple[int, float, _Change]]:
+    """Rows in each unit by the compliances from a start on, fewer and farther last."""
     for (unit, size), sign in product(_FORCE.items(), (1, -1)):
         x, change = start, _Change(np.zeros(len(moved.force), dtype=bool), unit, sign)
         for _ in range(_ROUNDS if size != 1 else 0):
@@ -137,22 +139,39 @@ def _changes(moved: PullMoves, start: Array) -> Iterator[tuple[float, _Change]]:
             x = moved.solved(change.right(moved).force)
         kept = _decided(moved, change) if change.wrong.any() else None
         if kept is not None:
-            yield kept.fit(moved).left, kept
+            yield -int(kept.wrong.sum()), _away(moved, kept, start), kept
+
+
+def _away(moved: PullMoves, change: _Change, start: Array) -> float:
+    """How far a change is from what the pulls show, to choose between units that are alike.
+
+    Up to an end of the file the residual sum of squares, relative to the displacements; of few rows
+    between others the median of |ln(r_i / factor)|, by compliances on which these agree.
+    """
+    if not any(change.ends[1:]):
+        off = np.log(np.maximum(moved.due(start)[0] / moved.force, STILL_M))[change.wrong]
+        return float(np.median(np.abs(off - np.log(change.factor))))
+    w = 1 / np.maximum(np.linalg.norm(moved.y, axis=1), STILL_M)
+    A = ((w * change.right(moved).force)[:, None, None] * moved.G).reshape(-1, moved.G.shape[2])
+    y = (w[:, None] * moved.y).ravel()
+    return float(np.sum((y - A @ linear.least_squares(A, y)) ** 2))
 
 
 def _decided(moved: PullMoves, change: _Change) -> _Change | None:
     """The change in those rows that contradict the others as logged and agree in the unit.
 
-    None where they are not several, or the other pulls do not agree. Single numbers that are too
-    large have lost their decimal point instead.
+    None where they are not several, as many others still contradict, or most pulls do not agree.
+    Single numbers that are too large have lost their decimal point instead.
     """
     fit, force = change.fit(moved), moved.force
     near = np.abs(moved.due(fit.x)[0] / (change.factor * force) - 1) < USUAL_MISFIT
     wrong = ~_agree(moved, fit, force) & (near | _agree(moved, fit, change.factor * force))
     change = replace(change, wrong=wrong)
-    several = _ROWS <= wrong.sum() <= len(wrong) - _ROWS
+    fit, right = change.fit(moved), change.right(moved)
+    most = _ROWS <= wrong.sum() > (~_agree(moved, fit, right.force)).sum()
+    several = most and wrong.sum() <= len(wrong) - _ROWS
     happens = change.sign == 1 or change.ends[0]
-    return change if several and happens and change.fit(moved).model <= USUAL_MISFIT else None
+    return change if several and happens and fit.model <= USUAL_MISFIT else None
 
 
 def _agree(moved: PullMoves, fit: OrderFit, force: Array) -> Bools:
@@ -183,20 +202,16 @@ def _of_unit(rows: pd.DataFrame, change: _Change) -> Mistake:
     text = f"are {either} and were read as N"
     if change.sign != 1:
         text = f"are N and were read as {either}"
-    found = Mistake(
-        name="unit_mixup",
+    found = of_unit(
         where=unit if change.sign == 1 else "n",
-        evidence=f"{_said(at, *change.ends)} the numbers of the scale {text} ({lines(at)}): these "
-        f"pulls moved the robot {factor:.4g} times as far as the others for their force",
-        correction=f"recomputed with these rows times {factor:.4g}",
-        before=float(max(factor, 1 / factor)),
-        after=1.0,
-        unit="1",
-        correct=partial(_times, keys=pulls_of(rows), factor=factor),
+        says=f"{_said(at, *change.ends)} the numbers of the scale {text}",
+        why=f"these pulls moved the robot {factor:.4g} times as far as the others for their force",
         at=at,
-        since=at[0] if whole and last else None,
-        instead=change.instead if change.sign == 1 else (),
+        factor=factor,
+        correct=partial(_times, keys=pulls_of(rows), factor=factor),
     )
+    since = found.since if whole and last else None
+    found = replace(found, since=since, instead=change.instead if change.sign == 1 else ())
     if not found.instead or (whole and (first or last)):
         return found
     correct = partial(without_pulls, pulls=pulls_of(rows))  # few, and not known to 3 %

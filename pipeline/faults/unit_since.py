@@ -60,7 +60,7 @@ def _coordinates(case: Case) -> Iterator[Mistake]:
         wrong = _in_mid_group(rows, wrong, order, factor) if later else wrong
         at = lines_of(rows[wrong])
         since = f"from {at[0]} on in the tracker export {says}"
-        found = _finding(
+        found = of_unit(
             where=unit,
             says=since if later else f"in {len(at)} rows of the tracker export {says}",
             why=f"the targets of these groups are {factor:.4g} times as far from each other if so, "
@@ -140,7 +140,7 @@ def _joints(case: Case) -> Iterator[Mistake]:
     for where, factor, says, columns in _otherwise(case):
         correct = partial(_relogged, columns=columns, poses=poses, factor=factor)
         if columns and misplaced(correct(case)) == frozenset():
-            found = _finding(
+            found = of_unit(
                 where=where,
                 says=f"from {at[0]} on in the joint log {says}",
                 why="with that corrected the reflectors are where the robot file places them",
@@ -177,9 +177,10 @@ def _relogged(case: Case, columns: Sequence[str], poses: frozenset[int], factor:
     return replace(case, joints=case.joints.assign(**new))
 
 
-def _finding(
+def of_unit(
     *, where: str, says: str, why: str, at: tuple[str, ...], factor: float, correct: partial[Case]
 ) -> Mistake:
+    """The mistake of rows in another unit since the first of them."""
     return Mistake(
         name="unit_mixup",
         where=where,

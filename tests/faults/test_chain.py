@@ -383,7 +383,7 @@ def test_a_pull_far_off_by_its_direction_is_told_before_one_hardly_off_by_its_di
 ):
     """One end 10 mm off across the chain; along it the same or another end by 0.6 mm."""
     given = longer(across(ends(np.random.default_rng(5)), 13, 1e-2), pull, 6e-4)
-    monkeypatch.setattr(module, "_read", lambda case: given)
+    monkeypatch.setattr(module, "_read", lambda *_: given)
 
     (found,) = chain_outlier(case())
 

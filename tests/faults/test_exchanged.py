@@ -14,6 +14,7 @@ from pipeline.faults.conventions import conventions
 from pipeline.faults.exchanged import exchanged
 from pipeline.faults.exchanged_pulls import _happens, exchanged_pulls, misfit
 from pipeline.faults.labels import CHAIN
+from pipeline.faults.scale_rows import scale_rows
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
@@ -241,6 +242,9 @@ def test_a_force_copied_over_three_rows_is_no_exchange(first):
     order = [first if first < i < first + 3 else i for i in range(PULLS)]
     given = case(reordered(files(0), "loads.csv", [2], order))
     few = replace(given, loads=given.loads[lambda t: t["pose"].between(*_three(first))])
+    for copied in scale_rows(asked(few)):
+        assert copied.name == "copied_column"
+        few = copied.correct(few)
     assert exchanged_pulls(asked(few)) == []
 
 
