@@ -241,24 +241,33 @@ def test_a_mistake_is_stated_by_the_last_model(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "pulls", "scatter", "named"),
+    ("wrong", "pulls", "scatter", "laws", "named"),
     [
-        (2, 40, 20.0, True),  # hardly any instrument
-        (10, 40, 2.5, False),  # a scale is worse than stated more often than that
-        (3, 40, 1.2, False),  # a scatter that is usual
-        (2, 40, 1.0, False),  # nothing in their place
+        (2, 40, 20.0, 0, True),  # hardly any instrument
+        (10, 40, 2.5, 0, False),  # a scale is worse than stated more often than that
+        (3, 40, 1.2, 0, False),  # a scatter that is usual
+        (2, 40, 1.0, 0, False),  # nothing in their place
+        (1, 40, 1.0, 1, True),  # a law that nobody listed
+        (4, 40, 1.0, 1, False),  # many mistakes are no better
     ],
 )
 def test_few_wrong_forces_are_likelier_than_a_scale_out_of_order(
-    monkeypatch, wrong, pulls, scatter, named
+    monkeypatch, wrong, pulls, scatter, laws, named
 ):
-    """They are named where they, and no scatter, explain the readings, and only if likelier."""
+    """They are named where they explain the readings by themselves, and only if likelier."""
     off = SimpleNamespace(before=6.0, axes=1)
+    strange = SimpleNamespace(
+        effect=SimpleNamespace(law="any"),
+        height=SimpleNamespace(value=6.0, std=1.0),
+        amplitudes=(None,),
+    )
     ends = [
         SimpleNamespace(
             screened=SimpleNamespace(key=count, findings=(off,) * count),
             diagnosis=SimpleNamespace(
-                settled=True, scatter=SimpleNamespace(scale=scale), causes=()
+                settled=True,
+                scatter=SimpleNamespace(scale=scale),
+                causes=(strange,) * (laws if count == 0 else 0),
             ),
             right=SimpleNamespace(data=SimpleNamespace(pulls=range(pulls - count))),
         )

@@ -228,15 +228,40 @@ def test_a_scale_that_was_not_zeroed_in_a_pose(case, zeros):
         assert not one.rivalled
 
 
-def test_a_scale_that_was_not_zeroed_since_a_pose_waits_for_the_causes(case):
-    """The last three poses of six: one change of the zero rather than three."""
-    late = case.loads["pose"] >= 4
-    loads = case.loads.assign(force_n=case.loads["force_n"] + 250.0 * late)
+@pytest.mark.parametrize(
+    ("since", "law", "also"),
+    [
+        (4, lambda f: f + 250.0, None),
+        (3, lambda f: f + 250.0, None),
+        (3, lambda f: f - 250.0, (2, 1)),
+        (4, lambda f: f + 250.0, (6, 2)),
+        (4, lambda f: 1.2 * f, None),
+    ],
+)
+def test_another_law_of_the_scale_since_a_pose_waits_for_the_causes(case, since, law, also):
+    """The last three or four poses of six: one zero or gain, and a wrong reading in one or not."""
+    late, force = case.loads["pose"] >= since, case.loads["force_n"]
+    wrong = replace(case, loads=case.loads.assign(force_n=force.where(~late, law(force))))
+    wrong = wrong if also is None else typed(wrong, *also, lambda f: 1.6 * f)
 
-    (found,) = scale_reading.FAULT.find(asked(replace(case, loads=loads)))
+    *single, found = scale_reading.FAULT.find(asked(wrong))
 
     assert found.at == lines_of(case.loads[late])
     assert found.rivalled
+    assert ("gain" in found.evidence) is (law(0.0) == 0.0)
+    assert places(single) == ([] if also is None else [also])
+
+
+def test_a_wrong_reading_in_a_pose_without_a_zero_is_named_beside_it():
+    """Three of four forces are too large alike, the other one by its own."""
+    four = small(8, scale={"sigma_n": 3.0}, pulls={"steps_n": [600.0, 1200.0, 2000.0, 1600.0]})
+    loads = four.loads.assign(force_n=four.loads["force_n"] + 250.0 * (four.loads["pose"] == 4))
+
+    found = scale_reading.FAULT.find(
+        asked(typed(replace(four, loads=loads), 4, 2, lambda f: 1.3 * f))
+    )
+
+    assert [one.where for one in found] == ["loads.csv pose04 rep2", "loads.csv pose04"]
 
 
 def test_two_lines_of_the_log_exchanged_are_found(case):

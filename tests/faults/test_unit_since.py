@@ -81,6 +81,47 @@ def test_forces_of_some_rows_in_another_unit(unit):
         assert len(found.correct(case(made)).loads) == PULLS - 3
 
 
+def test_forces_of_rows_here_and_there_in_another_unit():
+    """Nine of 21 rows: these, and no more."""
+    head, rows = table(files(2), "loads.csv")
+    odd = [0, 2, 3, 7, 8, 11, 14, 17, 19]
+    for k in odd:
+        rows[k][2] = repr(float(rows[k][2]) / NEWTONS["lbf"])
+    made = case(written(files(2), "loads.csv", head, rows))
+
+    (found,) = scale_rows(asked(made))
+
+    assert (found.where, found.since) == ("lbf", None)
+    assert found.at == tuple(f"loads.csv:{k + 2}" for k in odd)
+    assert "in 9 rows the numbers of the scale are lbf" in found.evidence
+    same(found.correct(made), case(files(2)))
+
+
+@pytest.mark.parametrize("copies", [[4, 10, 17], [1, 5, 6, 7, 13, 14]])
+def test_forces_copied_from_the_row_before(copies):
+    """Each row has what the one before it should read, three in succession or not."""
+    head, rows = table(files(2), "loads.csv")
+    force = [row[2] for row in rows]
+    for k in copies:
+        rows[k][2] = force[k - 1]
+    made = case(written(files(2), "loads.csv", head, rows))
+
+    (found,) = scale_rows(asked(made))
+
+    assert found.name == "copied_column"
+    assert found.at == tuple(f"loads.csv:{k + 2}" for k in copies)
+    assert len(found.correct(made).loads) == PULLS - len(copies)
+
+
+def test_another_zero_of_the_scale_is_no_unit():
+    """Some of these forces are too small by the factor of a unit."""
+    right = case(files(2))
+    loads = right.loads
+    off = loads["force_n"].where(loads["pose"].isin([3, 4]), 0.0).min()
+    low = loads["force_n"].where(~loads["pose"].isin([3, 4]), loads["force_n"] - 0.775 * off)
+    assert scale_rows(asked(replace(right, loads=loads.assign(force_n=low)))) == []
+
+
 @pytest.mark.parametrize("pose", [2, 5, 8])
 def test_forces_of_one_pose_that_are_ten_times_too_large(pose):
     """Newtons below a title in kilograms: they outweigh no other pull."""
