@@ -140,13 +140,11 @@ def _stiffnesses(joints: Sequence[Stiffness]) -> list[str]:
     from pipeline.answer.remarks import other_way
 
     width = max((len(joint.axis) + 3 for joint in joints if joint.axis), default=0)
-    return [
-        *(["  ± is one standard uncertainty (k = 1):"] if joints else []),
-        *(
-            f"  {joint.axis or '':<{width}}{joint.name:<10} {stiffness_text(joint)}{other_way(joint)}"
-            for joint in joints
-        ),
+    rows = [
+        f"  {joint.axis or '':<{width}}{joint.name:<10} {stiffness_text(joint)}{other_way(joint)}"
+        for joint in joints
     ]
+    return ["  ± is one standard uncertainty (k = 1):", *rows] if rows else []
 
 
 def _first_screen(answer: Answer) -> list[str]:
