@@ -286,7 +286,7 @@ def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:
     found = _finding(
         where=unit if change.sign == 1 else "n",
         says=f"{said} the numbers of the scale {text}",
-        why=f"these pulls moved the robot {factor:.4g} times as far as the others for their force",
+        why=f"these pulls moved the robot {factor:.4g} times as far per newton as the others",
         at=at,
         factor=factor,
         correct=partial(_times, keys=keys, factor=factor),
