@@ -99,7 +99,7 @@ _FEW = 6
 
 
 def lines(at: Sequence[str]) -> str:
-    """Lines of the files, in words; successive ones as `loads.csv:8 to 31`."""
+    """Lines of the files, in words; successive ones as `loads.csv:8–31`."""
     runs: list[list[str]] = []
     for each in at:
         if runs and each == _next(runs[-1][-1]):
@@ -107,7 +107,7 @@ def lines(at: Sequence[str]) -> str:
         else:
             runs.append([each])
     ends = [(run[0], run[-1].rpartition(":")[2], len(run)) for run in runs]
-    said = [first if n == 1 else f"{first} to {last}" for first, last, n in ends]
+    said = [first if n == 1 else f"{first}–{last}" for first, last, n in ends]
     more = sum(map(len, runs[_FEW:]))
     return ", ".join(said[:_FEW]) + (f" and {more} more lines" if more > 0 else "")
 
