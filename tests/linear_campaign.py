@@ -79,8 +79,9 @@ class Made:
         pose = np.repeat(np.arange(POSES), EACH)
         owner = np.repeat(np.arange(len(self.Z)), [part.shape[1] for part in self.Z])
         none = np.zeros(M, np.int64)
+        values = np.zeros(k + sum(len(self.suspects[i].parameters) for i in accepted))
         return View(
-            model=SimpleNamespace(accepted=accepted, values=np.zeros(k), springs=k),
+            model=SimpleNamespace(accepted=accepted, values=values, springs=k),
             suspects=self.suspects,
             owner=owner,
             typical=np.concatenate([x, [1.0], z]),

@@ -78,7 +78,11 @@ def rejected_entries(rejected: pd.DataFrame) -> tuple[Rejected, ...]:
 
 
 def lost_told(lost: UnusedReadings) -> Iterator[str]:
-    """How many readings were left out, and which poses as a whole."""
+    """Targets without a reading; how many readings were left out, and which poses as a whole."""
+    if lost.absent:
+        have = "have" if len(lost.absent) > 1 else "has"
+        none = f"{listed(lost.absent)} of naming.measured {have} no reading that could be used"
+        yield f"{none}; see Rejected rows for readings under another name."
     if not lost.readings:
         return
     poses = f"pose{'s' * (len(lost.poses) > 1)} {listed(map(str, lost.poses))}"

@@ -115,10 +115,11 @@ def _rejected(read: Positioned, off: Sequence[Mistake]) -> pd.DataFrame:
     """What was left out when it was read, and the readings that are off."""
     bad = [
         (
-            *one.at[0].rsplit(":", 1),
+            *at.rsplit(":", 1),
             f"stands {plain(one.before, 3)} mm from where all others put it",
         )
         for one in off
+        for at in one.at
     ]
     outlying = pd.DataFrame(bad, columns=["file", "line", "reason"])
     return pd.concat([read.rejected, outlying.astype({"line": "int64"})], ignore_index=True)

@@ -422,7 +422,7 @@ def _numbers(results: PositionsResults, stiffness: Sequence[contract.Stiffness])
         return " ".join([entered(stiffness, ()), *_by_weight(results, stiffness)])
     if results.facts.mistakes:
         return "None until the files are put right: what the values rest on is corrected data."
-    return "None: the values below do not explain the readings."
+    return "Enter no value: the model does not explain the readings."
 
 
 def _by_weight(results: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
@@ -504,7 +504,7 @@ def _named(causes: Sequence[FoundCause]) -> Iterator[str]:
     known, laws = (_those(causes, law) for law in (False, True))
     if known:
         those = listed([one.effect.called for one in known])
-        yield f"Beside the joint springs {'act' if len(known) > 1 else 'acts'} {those}."
+        yield f"Besides the joint springs, {those} {'act' if len(known) > 1 else 'acts'}."
     if laws:
         of = "a law" if len(laws) == 1 else f"the largest of {len(laws)} laws"
         yield f"{capital(law_told(laws[0]))}: {of} outside the catalogue."

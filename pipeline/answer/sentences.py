@@ -325,7 +325,7 @@ def _to_do(found: CampaignResults, stiffness: Sequence[Stiffness]) -> str:
         return "Measure more before any stiffness is used: none is determined."
     beside = [one.called for one in found.told.model.hypotheses[0].beside_springs]
     if beside and found.row.model == Which.AVERAGED and len(found.told.model.hypotheses) > 1:
-        beside = ["any of the possible causes"]
+        beside = ["causes other than joint springs"]
     text = " ".join((_do(found), *_unfit(found, stiffness)))
     if not beside or not _holds(found):
         return text
@@ -477,7 +477,7 @@ def _numbers(
     if not good:
         return "These pulls determine no stiffness and no combination of stiffnesses."
     if not _holds(found):
-        return "None: the values below do not explain the readings."
+        return "Enter no value: the model does not explain the readings."
     return entered(stiffness, together)
 
 

@@ -166,9 +166,9 @@ def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
         elif cause.name == "tracker_wander" and (size := entries["s_wander"]) is not None:
             time = entries["correlation_time"]
             over = "" if time is None else f" over some {plain(time / 60, 2)} min"
-            who = "readings, in the order of their rows, as they have no times," * (time is None)
+            who = "Consecutive rows (no times are given) share an error that" * (time is None)
             yield (
-                f"The {who or 'instrument'} wandered by {plain(1e3 * size, 2)} mm{over}: the "
+                f"{who or 'The instrument'} wanders by {plain(1e3 * size, 2)} mm{over}: the "
                 "uncertainties include it."
             )
 
@@ -287,8 +287,11 @@ def _remainder(facts: Facts) -> str:
     if facts.gain is None or facts.gain.ci95[0] <= 0:
         return f"{names} fit{s} best, but {rest}: neither location nor law is certain."
     if left > WRONG_LAW:
-        return f"{names} explain{s} most, but {rest}: the location is likely, its law is another."
-    return f"Beside {names} something remains that no known cause explains."
+        return (
+            f"{names} explain{s} most, but {rest}: a law differs from that of the catalogue, or "
+            "something else acts or was misread."
+        )
+    return f"Besides {names}, something remains that no known cause explains."
 
 
 def _looks_like(facts: Facts) -> str:
@@ -788,8 +791,8 @@ BECAUSE: Mapping[Reason, str] = {
     Reason.SPRINGS_UNTOUCHED: "What was identified does not change the joint springs.",
     Reason.SPRINGS_DISAGREE: _EACH_ALONE,
     Reason.UNEXPLAINED: (
-        "Joint springs do not explain the readings, and no known cause does: do not rely on the "
-        "stated uncertainties."
+        "Joint springs do not explain the readings, nor do known causes explain all that is left: "
+        "do not rely on the stated uncertainties."
     ),
     Reason.ADEQUATE: "Joint springs explain the readings.",
     Reason.TOO_SMALL: (
@@ -820,8 +823,8 @@ HOLDS: Mapping[Reason, str] = {
     ),
     Reason.SPRINGS_DISAGREE: _EACH_ALONE,
     Reason.UNEXPLAINED: (
-        "Joint springs do not explain the readings, and no known cause does: do not rely on the "
-        "stated uncertainties."
+        "Joint springs do not explain the readings, nor do known causes explain all that is left: "
+        "do not rely on the stated uncertainties."
     ),
 }
 """Whether the model holds, where the data hold no mistake and there is something to say."""

@@ -133,14 +133,18 @@ def _sizes(causes: Sequence[Cause]) -> list[str]:
 
 
 def _stiffnesses(joints: Sequence[Stiffness]) -> list[str]:
-    """`  A1   k_theta2   3.800 ± 0.012 MN·m/rad`; without axes if the robot file maps none."""
+    """`  A1   k_theta2   3.800 ± 0.012 MN·m/rad`; without axes if the robot file maps none.
+
+    A line before them says what ± is here: on a report's first page it is twice as much.
+    """
     from pipeline.answer.remarks import other_way
 
     width = max((len(joint.axis) + 3 for joint in joints if joint.axis), default=0)
-    return [
+    rows = [
         f"  {joint.axis or '':<{width}}{joint.name:<10} {stiffness_text(joint)}{other_way(joint)}"
         for joint in joints
     ]
+    return ["  ± is one standard uncertainty (k = 1):", *rows] if rows else []
 
 
 def _first_screen(answer: Answer) -> list[str]:

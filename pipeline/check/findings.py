@@ -91,6 +91,8 @@ def growth_findings(residuals: contract.BaseResiduals | None) -> list[str]:
         return []
     seen = f"{with_std(1e3 * grown.seen, 1e3 * grown.seen_std)} mm per metre"
     if grown.expected is None:
+        if grown.probability < 0.5:  # it weighs next to nothing in the registration
+            return []
         sure = "> 99.9" if grown.probability > 0.999 else f"{100 * grown.probability:.3g}"
         warm = abs(grown.seen) < _APART * grown.expected_std  # else no hall is so warm, or so cold
         advice = "state temperature_c" if warm else "check the tracker against a reference length"

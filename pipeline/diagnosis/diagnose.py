@@ -321,9 +321,9 @@ def _refused(task: SearchTask, found: SearchResult) -> tuple[Effect, ...]:
     """
     places = found.rivals or (found.single,)
     likely = {one.suspect: one for place in places for one in place if one.probability > 0.5}
-    return tuple(
-        task.suspects[suspect] for suspect, one in likely.items() if one.label in found.refused
-    )
+    mine = {task.suspects[one].label for one in found.accepted}  # some were refused early on
+    refused = {*found.refused} - mine
+    return tuple(task.suspects[k] for k, one in likely.items() if one.label in refused)
 
 
 def _searched(

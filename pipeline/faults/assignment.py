@@ -99,9 +99,23 @@ _FEW = 6
 
 
 def lines(at: Sequence[str]) -> str:
-    """Lines of the files, in words."""
-    more = len(at) - _FEW
-    return ", ".join(at[:_FEW]) + (f" and {more} more lines" if more > 0 else "")
+    """Lines of the files, in words; successive ones as `loads.csv:8–31`."""
+    runs: list[list[str]] = []
+    for each in at:
+        if runs and each == _next(runs[-1][-1]):
+            runs[-1].append(each)
+        else:
+            runs.append([each])
+    ends = [(run[0], run[-1].rpartition(":")[2], len(run)) for run in runs]
+    said = [first if n == 1 else f"{first}–{last}" for first, last, n in ends]
+    more = sum(map(len, runs[_FEW:]))
+    return ", ".join(said[:_FEW]) + (f" and {more} more lines" if more > 0 else "")
+
+
+def _next(line: str) -> str:
+    """The line after `file:line`; empty if it is none."""
+    file, _, number = line.rpartition(":")
+    return f"{file}:{int(number) + 1}" if number.isdecimal() else ""
 
 
 def assigned(cost: Array) -> Ints:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy import optimize
 
+from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
+from pipeline.faults.assignment import lines
 from pipeline.faults.mistake import Mistake, length, outlying
 from pipeline.faults.position_rows import PositionSheet, PositionTable, in_order, laid, since
 from pipeline.geometry.gross_errors import TableMistake
@@ -18,6 +24,10 @@ _USUAL_LOSS = 1e-3
 listed without costing the campaign its verdict. In a published stationary series of an absolute
 tracker, 13 of 1000 rows are failed locks; it is the second smallest fraction in
 `system.family.MISTAKES`."""
+
+_GRID, _FINE = 73, 1e-6
+"""Values of a joint that are tried over a turn, or over the rail, and the error of the best, of
+their distance [1]."""
 
 
 def exchanged_beside(sheet: PositionSheet, found: Study) -> tuple[list[Mistake], PositionSheet]:
@@ -63,10 +73,96 @@ def dated_beside(
 
 
 def outliers(found: Study, rows: PositionTable) -> list[Mistake]:
-    """Every reading that was left out, with its row of the table."""
-    of = [_row(one, rows) for one in found.bad]
-    lines = rows["line"].to_numpy(int)
-    return [_outlier(one, row, int(lines[row])) for one, row in zip(found.bad, of, strict=True)]
+    """What was left out: single readings, or the joint value that displaces a whole pose."""
+    poses: dict[tuple[str, int, int], list[BadReading]] = {}
+    for one in found.bad:
+        poses.setdefault((one.file, one.line, one.pose), []).append(one)
+    return [mistake for mine in poses.values() for mistake in _of_pose(found, mine, rows)]
+
+
+def _of_pose(found: Study, bad: list[BadReading], rows: PositionTable) -> Iterator[Mistake]:
+    """The wrong joint value of a pose all of whose targets were left out, else its readings."""
+    of, line = [_row(one, rows) for one in bad], rows["line"].to_numpy(int)
+    meant = _wrong_joint(found, bad) if len(bad) > 1 else None
+    if meant is not None:
+        yield _mistyped(found, bad, meant, of, [f"{bad[0].file}:{line[row]}" for row in of])
+        return
+    for one, row in zip(bad, of, strict=True):
+        yield _outlier(one, row, int(line[row]))
+
+
+class _JointValue(NamedTuple):
+    """Another value of one joint of a pose, with which its targets are where they were read."""
+
+    pose: int
+    joint: int
+    value: float
+    off_m: float
+
+
+def _wrong_joint(found: Study, bad: list[BadReading]) -> _JointValue | None:
+    """The one joint that explains all readings of a pose; None if none does, or several do."""
+    assert found.every is not None
+    every, mechanism, one = found.every.readings, found.final.mechanism, bad[0]
+    at = (every.file == one.file) & (every.line == one.line) & (every.pose == one.pose)
+    k = int(np.argmax(at))
+    if int(np.isfinite(every.at[k, :, 0]).sum()) > len(bad):
+        return None
+    limit = laid(every, mechanism, found.every.weights).limit
+    robot, own = mechanism.robot, found.every.weights
+
+    def off(joint: int, values: Array) -> Array:
+        """Mean squared distance of the targets with other values of a joint [m^2]."""
+        which = np.full(len(values), k)
+        poses = every.part(which)
+        q = poses.q.copy()
+        q[:, joint] = values
+        return laid(replace(poses, q=q), mechanism, own.part(which)).own
+
+    good: list[_JointValue] = []
+    for j in range(robot.n):
+        ends = every.q[:, j] if robot.prismatic[j] else every.q[k, j] + np.array([-np.pi, np.pi])
+        grid, step = np.linspace(ends.min(), ends.max(), _GRID, retstep=True)
+        near = grid[int(np.argmin(off(j, grid)))]
+        best = optimize.minimize_scalar(
+            lambda value, j=j: float(off(j, np.array([value]))[0]),
+            bounds=(near - step, near + step),
+            method="bounded",
+            options={"xatol": _FINE * float(step)},
+        )
+        if best.fun <= limit:
+            good.append(_JointValue(k, j, float(best.x), float(np.sqrt(best.fun))))
+    return good[0] if len(good) == 1 else None
+
+
+def _mistyped(
+    found: Study, bad: list[BadReading], meant: _JointValue, rows: list[int], at: list[str]
+) -> Mistake:
+    """The joint value of a pose as a mistake; the pose is left out."""
+    assert found.every is not None
+    one, robot = bad[0], found.final.mechanism.robot
+    slides = bool(robot.prismatic[meant.joint])
+    given = float(found.every.readings.q[meant.pose, meant.joint])
+    unit, size = ("mm", 1e-3) if slides else ("°", np.pi / 180)
+    gap = " " if slides else ""
+    place = f"{one.file} pose{one.pose:02d}"
+    off_m = max(each.off_m for each in bad)
+    return outlying(
+        where=f"{one.series}/{place}" if one.series else place,
+        evidence=f"pose {one.pose} ({lines(at)}) has {robot.joints[meant.joint].name} at "
+        f"{plain(given / size, 6)}{gap}{unit}, and its targets stand {length(off_m)} from where "
+        f"that puts them; with {plain(meant.value / size, 6)}{gap}{unit} {length(meant.off_m)}",
+        correction=f"recomputed without pose {one.pose}",
+        before=1e3 * off_m,
+        after=1e3 * meant.off_m,
+        unit="mm",
+        size=abs(meant.value - given),
+        size_unit="m" if slides else "rad",
+        p_value=min(each.p for each in bad),
+        at=tuple(at),
+        together=True,
+        correct=partial(_without, row=rows),
+    )
 
 
 def implausible_outliers(off: list[Mistake], found: Study) -> list[Mistake]:
@@ -101,7 +197,7 @@ def _outlier(one: BadReading, row: int, line: int) -> Mistake:
     )
 
 
-def _without(rows: pd.DataFrame, row: int) -> pd.DataFrame:
+def _without(rows: pd.DataFrame, row: int | list[int]) -> pd.DataFrame:
     return rows.drop(index=rows.index[row])
 
 

@@ -205,7 +205,7 @@ def _of_unit(rows: pd.DataFrame, change: _Change) -> Mistake:
     found = of_unit(
         where=unit if change.sign == 1 else "n",
         says=f"{_said(at, *change.ends)} the numbers of the scale {text}",
-        why=f"these pulls moved the robot {factor:.4g} times as far as the others for their force",
+        why=f"these pulls moved the robot {factor:.4g} times as far per newton as the others",
         at=at,
         factor=factor,
         correct=partial(_times, keys=pulls_of(rows), factor=factor),

@@ -173,23 +173,27 @@ class UnusedReadings:
         readings: Their number.
         of: Number of all.
         poses: Poses of which no pull is left.
+        absent: Targets to be measured of which there is no reading.
     """
 
     readings: int = 0
     of: int = 0
     poses: tuple[int, ...] = ()
+    absent: tuple[str, ...] = ()
 
 
 NONE_LOST = UnusedReadings()
 
 
-def lost(given: RawReadings, used: RawReadings) -> UnusedReadings:
-    """What is lost between two stages."""
+def lost(given: RawReadings, used: RawReadings, measured: Sequence[str]) -> UnusedReadings:
+    """What is lost between two stages, of the targets to be measured."""
     there, left = (
         {*one.pose[slots[one.loaded[slots]]].tolist()}
         for one, slots in ((each, each.slot[each.slot >= 0]) for each in (given, used))
     )
-    return UnusedReadings(len(given) - len(used), len(given), tuple(sorted(there - left)))
+    absent = tuple(name for k, name in enumerate(measured) if not (used.role == k).any())
+    unused = len(given) - len(used)
+    return UnusedReadings(unused, len(given), tuple(sorted(there - left)), absent)
 
 
 def unread(exports: Mapping[str, Export]) -> tuple[Rejection, ...]:

@@ -256,7 +256,7 @@ def _raw(
         stale=_raw_readings.stale(weighed),
         contradictions=_raw_readings.contradictions(rounds, width),
         renamed=renamed,
-        lost=_raw_readings.lost(shots, whole),
+        lost=_raw_readings.lost(shots, whole, settings.measured),
         unused=_raw_readings.unused(everything, whole),
         aside=aside,
         treated=_treated(exports, own) + taken,

@@ -34,3 +34,13 @@ def test_readings_that_were_left_out_are_counted_with_whole_poses(readings, pose
     told = [*lost_told(UnusedReadings(readings, 40, poses))]
 
     assert [one.partition(" Rejected")[0] for one in told] == said
+
+
+def test_a_target_without_a_reading_is_stated_before_what_was_left_out():
+    """One has none, two have none."""
+    one, rest = lost_told(UnusedReadings(2, 40, absent=("P3",)))
+    (two,) = lost_told(UnusedReadings(absent=("P1", "P3")))
+
+    assert one.startswith("P3 of naming.measured has no reading")
+    assert rest.startswith("2 of 40 readings")
+    assert two.startswith("P1, P3 of naming.measured have no reading")

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear_campaign import FREE, left, made, suspect, task_of
+from linear_campaign import FREE, SPRINGS, LinearTask, Seen, left, made, suspect, task_of
 from scipy import integrate, stats
 
 from pipeline.diagnosis import cause_search
 from pipeline.diagnosis.cause_search import by_label, search
 from pipeline.machine.effects.nameless import NAMELESS
+from pipeline.system.linearised import CurrentModel
 
 SUSPECTS = (
     suspect("a", FREE),
@@ -75,6 +76,42 @@ def test_the_evidence_is_the_integral_over_sizes_and_scatter():
     rest = truth.view((2,))
     beside = rest.beside(rest.base)
     assert beside.log_evidence[0] == pytest.approx(evidence(truth, (2,), 0), abs=0.02)
+
+
+class _Iterated(LinearTask):
+    """A linear campaign that is estimated as any other, in several steps."""
+
+    def model(self, accepted, start):
+        return CurrentModel(None, np.zeros(SPRINGS + len(accepted)), SPRINGS, accepted)
+
+    def only(self, accepted):
+        return self
+
+    def linearised(self, model, near=None):
+        return Seen(model)
+
+    def whitened(self, seen, doubt=()):
+        return replace(self.truth.view(seen.model.accepted), model=seen.model)
+
+
+@pytest.mark.parametrize("apart", [1.0, 1e-2, 1e-4, 1e-6, 0.0])
+def test_causes_that_readings_hardly_distinguish_stay_near_their_typical_size(apart):
+    """Their sum is estimated as by numpy; each of them would be thousands of typical sizes."""
+    two = (SUSPECTS[0], SUSPECTS[2])
+    truth = made(np.random.default_rng(8), two, {0: [0.5]}, alike={1: (0, apart)})
+    task = task_of(truth)
+
+    values = _Iterated(**vars(task)).estimated((0, 1), np.zeros(0)).values
+
+    typical = np.array([p.typical for one in two for p in one.parameters])
+    each = values[SPRINGS:] / typical
+    if apart < 1:
+        alone = np.linalg.lstsq(truth.columns(0), truth.y, rcond=None)[0][-1]
+        assert each.sum() == pytest.approx(alone, abs=0.05)
+    else:
+        best = np.linalg.lstsq(truth.columns(0, 1), truth.y, rcond=None)[0]
+        assert each == pytest.approx(best[-2:], rel=1e-6)
+    assert np.abs(each).max() < 10
 
 
 def test_nothing_is_accepted_where_nothing_acts():

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from made_positions import TOOL, TURN, made, stands
 
-from pipeline.faults.position_readings import dated_beside
+from pipeline.faults.position_readings import dated_beside, outliers
 from pipeline.faults.position_rows import PositionSheet, position_rows
 from pipeline.geometry.positioned import as_read, usable
 from pipeline.geometry.study import study
@@ -164,6 +164,35 @@ def test_a_unit_up_to_some_row_and_in_single_rows(right):
     assert np.allclose(1e3 * put_right["x"], right["x_mm"])
 
 
+def studied(raw, rows):
+    """A robot identified from a table of positions, and the table as it was used."""
+    left = usable(raw.settings, raw.robot, rows, ())
+    tool = {name: np.array(at) for name, at in raw.settings.tool.items()}
+    rng, rough = np.random.default_rng(1), raw.robot.roughness
+    return study(raw.robot, left.readings, left.weights, tool, 2e-5, rough, rng), left.table
+
+
+@pytest.mark.whole
+def test_a_joint_value_typed_wrongly_is_one_mistake_of_its_pose(right):
+    """All its targets turn about one axis; a wrong reading of another pose stays one."""
+    toml = NAMED.replace('"p.csv"', '"p.csv"\nsigma_m = 2e-5')
+    rows = three(right)
+    rows.loc[rows["pose"] == 21, "theta5_deg"] += 9.0
+    rows.loc[(rows["pose"] == 40) & (rows["target"] == "A"), "x_mm"] += 7.0
+    given = sheet(rows, toml)
+    raw = in_memory({"campaign.toml": toml.encode(), "p.csv": rows.to_csv(index=False).encode()})
+    assert not position_rows(given)[0]
+
+    joint, other = sorted(outliers(*studied(raw, given.rows)), key=lambda one: one.where)
+
+    assert (joint.where, joint.at) == ("p.csv pose21", ("p.csv:62", "p.csv:63", "p.csv:64"))
+    assert joint.size == pytest.approx(np.deg2rad(9.0), abs=1e-4)
+    assert "theta5" in joint.evidence
+    assert other.where == "pose40/A"
+    left = joint.correct(given.rows)
+    assert sorted(set(given.rows.index) - set(left.index)) == [60, 61, 62]
+
+
 @pytest.mark.whole
 def test_the_identified_robot_dates_a_unit_to_the_row(right):
     """Beside the table as delivered, whose own errors are millimetres, it was missed by one."""
@@ -176,10 +205,7 @@ def test_the_identified_robot_dates_a_unit_to_the_row(right):
     short = replace(
         wrong[0], at=wrong[0].at[1:], correct=partial(_some_later, correct=wrong[0].correct)
     )
-    left = usable(raw.settings, raw.robot, given.without([short]).rows, ())
-    tool = {name: np.array(at) for name, at in raw.settings.tool.items()}
-    rng, rough = np.random.default_rng(1), raw.robot.roughness
-    found = study(raw.robot, left.readings, left.weights, tool, 2e-5, rough, rng)
+    found = studied(raw, given.without([short]).rows)[0]
     assert found.bad
 
     (one,), put_right = dated_beside(given, [short], found)

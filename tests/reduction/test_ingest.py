@@ -263,6 +263,15 @@ def test_a_bad_row_is_left_out_and_named(old, new, said):
     assert len(got.loads) == 3
 
 
+def test_a_target_of_which_every_reading_bears_another_name_is_said_to_have_none():
+    """The readings of the others are used without it; with one reading left it is there."""
+    clean = tracker_csv()
+
+    assert read(clean).lost.absent == ()
+    assert read(clean.replace(",P2,", ",P4,")).lost.absent == ("P2",)
+    assert read(clean.replace(",P2,", ",P4,", 1)).lost.absent == ()
+
+
 def test_a_header_that_comes_again_is_named_as_such():
     """A program that appends writes one each time; the rows below it are used."""
     header, *rows = tracker_csv().splitlines()

@@ -147,7 +147,7 @@ def _stiffness_table(answer: Answer, since: Sequence[_Change], before: str) -> R
 
 
 _EACH_WAY = (
-    " A joint with another stiffness each way of its torque has both, by the way in which the load "
+    " A joint with a direction-dependent stiffness has both, by the way in which the load "
     "turns the controller's axis (the joint itself where the robot file has no axis); its "
     "stiffness is that of the test pose."
 )

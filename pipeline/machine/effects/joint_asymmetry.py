@@ -44,7 +44,7 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
 
     return Elastic(
         name="joint_asymmetry",
-        noun="another stiffness each way of the torque",
+        noun="direction-dependent stiffness",
         place="joint",
         element="gear",
         where=joint,
