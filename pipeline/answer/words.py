@@ -233,7 +233,7 @@ def _impossible(facts: Facts) -> str:
     """What fits best, and cannot be so large."""
     return (
         f"{capital(_named(facts.refused))} would explain the readings better, but only at a size "
-        "that no sound machine has: look there first."
+        "that nothing sound has: inspect it first."
     )
 
 
@@ -699,8 +699,8 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     ),
     Finding.GAIN_UNCERTAIN: _gain_uncertain,
     Finding.TWO_LAWS: lambda facts: (
-        f"{_joint(facts, two_laws(facts))} has a law of its own: {_names(facts.causes)} describe "
-        "it only together."
+        f"{_joint(facts, two_laws(facts))} follows no law of the catalogue: "
+        f"{_names(facts.causes)} fit it only together."
     ),
     Finding.RIVALS: _rivals,
     Finding.OUTSIDE_CATALOGUE_POSSIBLE: _outside_possible,
