@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import zip_longest
+from itertools import count
 from unicodedata import normalize
 
 from pipeline.base.errors import InputError, at, listed
@@ -70,21 +70,13 @@ def opened(
         file = as_text(name, data, sheet, mark, table, fits)
         head = _found(file, own, key) or _no_remark(file)
         with at(line=head.line):
-            ours = _ours(head.titles, own)
+            ours = tuple(_ours(head.titles, own))
             _agree(head.titles, stated.columns, table)
             _unique(ours)
         file = squeezed(file) if head.delimiter == " " else file
-        early = above(file, head.line, head.delimiter, [ours.index(key)]) if key in ours else []
-        return Titled(
-            file,
-            head.line,
-            head.first,
-            head.delimiter,
-            tuple(ours),
-            head.written,
-            head.behind,
-            tuple(early),
-        )
+        early = above(file, head.line, head.delimiter, [ours.index(key)]) if key in ours else ()
+        units = head.written, head.behind, tuple(early)
+        return Titled(file, head.line, head.first, head.delimiter, ours, *units)
 
 
 def as_text(
@@ -146,8 +138,7 @@ def headers(file: Text) -> Iterator[LogHeader]:
 @lru_cache(maxsize=32)
 def _headers(lines: tuple[str, ...]) -> tuple[LogHeader, ...]:
     """Those of a file that begins so: `intake` opens it for every robot."""
-    both = enumerate(zip_longest(lines[:SAMPLE_LINES], lines[1:]), 1)
-    found = (_header(number, *one) for number, one in both)
+    found = map(_header, count(1), lines[:SAMPLE_LINES], (*lines[1:], None))
     return tuple(one for one in found if not _of_numbers(one.written))
 
 

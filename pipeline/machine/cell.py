@@ -310,11 +310,10 @@ def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tu
     twists = np.concatenate([effect.screws(loaded) for effect, _ in parts], axis=1)
     order = np.argsort(np.concatenate([effect.carrier for effect, _ in parts]), kind="stable")
     ends = np.cumsum([len(effect.carrier) for effect, _ in parts])[:-1]
-    m, k = twists.shape[:2]
     ends_points = np.concatenate([loaded.points, loaded.load_point[:, None]], axis=1)
     bent, at = twists, loaded.load_point
-    deflection, before = np.full((m, k), np.inf), np.full(m, np.nan)
-    still = np.zeros(m, dtype=bool)
+    deflection, before = np.full(twists.shape[:2], np.inf), np.full(len(twists), np.nan)
+    still = np.zeros(len(twists), dtype=bool)
     for _ in range(rounds):
         tau = torque(bent, at, loaded.force)
         amount = np.concatenate(

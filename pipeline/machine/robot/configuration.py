@@ -135,8 +135,7 @@ def cross(a: Array, b: Array) -> Array:
     x, y, z = a[..., 0], a[..., 1], a[..., 2]
     u, v, w = b[..., 0], b[..., 1], b[..., 2]
     first = y * w
-    m, *inner = first.shape
-    out = np.empty((*inner, 3, m)).transpose(len(inner) + 1, *range(len(inner) + 1))
+    out = np.empty((*first.shape[1:], 3, len(first))).transpose(-1, *range(first.ndim))
     np.subtract(first, z * v, out=out[..., 0])
     np.subtract(z * u, x * w, out=out[..., 1])
     np.subtract(x * v, y * u, out=out[..., 2])
