@@ -14,7 +14,8 @@ from get_browser import browser_path
 
 from pipeline.report.render import render
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+# the sample is drawn once for all
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("report")]
 
 AXE = package_files("axe_playwright_python").joinpath("axe.min.js").read_text("utf-8")
 WIDTHS = (360, 600, 768, 1024, 1280, 1600, 1920, 2560)
