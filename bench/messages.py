@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1] / "pipeline"
 
 SPOKEN: dict[str, tuple[str, ...]] = {
-    "answer/positions.py": ("_to_do", "_ALONE", "_next", "_AGAIN"),
+    "positions/answer.py": ("_to_do", "_ALONE", "_next", "_AGAIN"),
     "answer/remarks.py": ("WORK", "other_way", "_size"),
     "answer/sentences.py": (
         *("_next", "_again", "_proposed", "_unchecked", "_pulled", "_joints"),

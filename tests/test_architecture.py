@@ -289,6 +289,16 @@ OUTBUILDINGS = {
         "store.campaign": _PLACES,
         "answer": "it shows the answer that is there, in its words",
     },
+    "positions": {
+        "store.campaign": _PLACES,
+        "reduction": "tables of positions are cases, and its pulls reduced as all are",
+        "system": "springs of both kinds stand in one estimate",
+        "geometry": "positions are estimated by the mechanism of unloaded reflectors",
+        "faults": "their mistakes are found as those of pulls are",
+        "diagnosis": "and judged by the same verdict",
+        "prediction.model": "the model that it hands over",
+        "answer": "an answer is that of a campaign of pulls, with what only positions say",
+    },
     "programs": {
         "app.commands._shared": _COMMAND,
         "store.campaign": _PLACES,
