@@ -49,7 +49,7 @@ class ReportedModel:
     Attributes:
         values: Its values.
         model: The identified machine with these values.
-        checked: Table VALIDATION; None if nothing is determined.
+        checked: Table VALIDATION; None if nothing is determined, or without the annex.
     """
 
     values: ModelValues
