@@ -312,6 +312,7 @@ OUTBUILDINGS = {
         "app.progress": _COMMAND,
         "store.campaign": _PLACES,
         "answer.archive": "which answers are finished, and the page over them",
+        "answer.remarks": "and stiffnesses in its words",
         "report": _PAGES,
         "readers": "how large an export may be that is copied from a storage",
         "run": "it runs campaigns",
