@@ -105,7 +105,7 @@ def fingerprint(folder: Path) -> str:
     Of the two times of a file, nobody can set back the one of its last change of any kind.
     """
     found = [campaigns.code_version().encode()]
-    found += [b"%b:%d:%d:%d" % (os.fsencode(name), *mark) for name, *mark in _in(folder)]
+    found += [b"%b:%d:%d:%d" % (os.fsencode(one[0]), *one[1:]) for one in _in(folder)]
     return files.sha256(b"\n".join(found))
 
 
