@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, Pipe
 from typing import Any
@@ -59,13 +60,13 @@ class Afar(Store):
         """
         many = "give a folder that holds campaigns alone, or see to the storage"
         if self._left_s <= 0:
-            raise self._too_slow(f"within {_LOST_S:g} s", "run it again in a moment")
+            raise _too_slow(self.shown, f"{_LOST_S:g} s", "run it again in a moment")
         found = json.loads(self._asked("marks", limit_s=_LISTING_S, way_out=many))
-        return {name: (size, put) for name, size, put in found}
+        return {name: (size, put) for name, (size, put) in found.items()}
 
     def has(self, name: str) -> bool:
         """As `Store.has`, which see."""
-        return bool(self._timed(0, "has", name))
+        return bool(json.loads(self._timed(0, "has", name)))
 
     def read(self, name: str, mark: tuple[int, float]) -> bytes:
         """As `Store.read`, which see.
@@ -113,15 +114,11 @@ class Afar(Store):
             said, answer = json.loads(line.recv_bytes()), line.recv_bytes()
         except (EOFError, OSError):
             self.__exit__()
-            within = f"within {limit_s:.0f} s and {_memory(question[0]) / 2**30:g} GiB"
-            raise self._too_slow(within, way_out) from None
+            what, within = "/".join([self.shown, *question[1:2]]), _memory(question[0]) / 2**30
+            raise _too_slow(what, f"{limit_s:.0f} s and {within:g} GiB", way_out) from None
         if said is None:
             return answer
         raise InputError(**said) if isinstance(said, dict) else CannotWrite(said)
-
-    def _too_slow(self, within: str, way_out: str) -> InputError:
-        thing = f"{self.shown} has not answered {within}: too slow, or more than was asked for"
-        return InputError(thing, way_out, passing=True)
 
     def _start(self) -> Connection:
         self._line, theirs = Pipe()
@@ -135,6 +132,11 @@ class Afar(Store):
         )
         theirs.close()
         return self._line
+
+
+def _too_slow(what: str, within: str, way_out: str) -> InputError:
+    thing = f"{what} was not given within {within}: too slowly, or too much"
+    return InputError(thing, way_out, passing=True)
 
 
 def _memory(what: str) -> int:
@@ -153,31 +155,25 @@ def main(line: str, parent: str) -> None:
     with Connection(int(line)) as asked, contextlib.suppress(EOFError, OSError, MemoryError):
         while True:
             url, what, *words = json.loads(asked.recv_bytes())
+            data = asked.recv_bytes()
             at_most(_memory(what))
-            said, answer = _answered(stores.setdefault(url, Store(url)), what, words, asked)
+            words += [data] if what == "write" else []
+            said, answer = _answered(stores.setdefault(url, Store(url)), what, words)
             asked.send_bytes(json.dumps(said).encode())
             asked.send_bytes(answer)
 
 
 def _answered(
-    store: Store, what: str, words: list[Any], asked: Connection
+    store: Store, what: str, words: Sequence[Any]
 ) -> tuple[dict[str, Any] | str | None, bytes]:
     """What went wrong, or None, and the answer."""
-    data = asked.recv_bytes()
     try:
-        if what == "marks":
-            found = [(name, *mark) for name, mark in store.marks().items()]
-            return None, json.dumps(found).encode()
-        if what == "read":
-            return None, store.read(*words)
-        if what == "has":
-            return None, b"there" if store.has(*words) else b""
-        store.write(words[0], data)
+        answer = getattr(store, what)(*words)
     except InputError as problem:
         return problem.parts, b""
     except CannotWrite as problem:
         return str(problem), b""
-    return None, b""
+    return None, answer if isinstance(answer, bytes) else json.dumps(answer).encode()
 
 
 if __name__ == "__main__":

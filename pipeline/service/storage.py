@@ -37,7 +37,7 @@ _REFUSALS = (
     ),
     ("NO_SUCH_BUCKET", "there is no such bucket", "make it, or correct the address"),
     (
-        "SLOW_DOWN|SERVICE_UNAVAILABLE|INTERNAL_FAILURE|THROTTL",
+        "SLOW_DOWN|SERVICE_UNAVAILABLE|INTERNAL_FAILURE|THROTTL|VALIDATION|STATUS 416",
         "it is busy or out of order",
         "run it again in a moment, as watch and serve do",
     ),

@@ -176,11 +176,7 @@ def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: _Note) ->
         for name, mark in marks.items()
         if copied.get(name, ())[:2] != mark or not (raw / name).is_file()
     }
-    gone = [name for name in copied if name.startswith(f"{campaign}/") and name not in marks]
-    for name in gone:
-        if store.has(name):
-            thing = f"{store.shown} does not list {name}, which is there"
-            raise InputError(thing, "run it again in a moment", passing=True)
+    gone = _taken_out(store, campaign, marks, note)
     for name in (*new, *gone):
         if not _ours_to_change(raw / name, copied.get(name), new.get(name)):
             raise InputError(
@@ -196,6 +192,19 @@ def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: _Note) ->
         with files.writing(raw / name):
             (raw / name).unlink(missing_ok=True)
         del copied[name]
+
+
+def _taken_out(store: Store, campaign: str, marks: _Marks, note: _Note) -> list[str]:
+    """Copied objects that are no longer in the storage.
+
+    Raises:
+        InputError: One of them is there, and not listed.
+    """
+    gone = [name for name in note.copied if name.startswith(f"{campaign}/") and name not in marks]
+    if there := [name for name in gone if store.has(name)]:
+        thing = f"{store.shown} does not list {there[0]}, which is there"
+        raise InputError(thing, "run it again in a moment", passing=True)
+    return gone
 
 
 def _put_here(path: Path, data: bytes) -> None:
