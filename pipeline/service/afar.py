@@ -24,7 +24,7 @@ _LISTING_S = 300.0
 """How long a listing may take; one of a million objects takes half of it [s]."""
 _OBJECT_S = 60.0
 """How long an object may take, without its bytes [s]."""
-_BYTES_A_S = 1e6
+_BYTES_A_S = 2.5e5
 """Rate at which it has to come or go, or the process is ended [B/s]."""
 _LOST_S = 300.0
 """Time that objects may lose together: each what it takes above its bytes and `_EACH_S` [s]."""
