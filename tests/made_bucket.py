@@ -25,6 +25,7 @@ def handler(
     stated=None,
     given=None,
     slow=(),
+    digests=True,
 ):
     """A handler of requests for one bucket.
 
@@ -40,6 +41,7 @@ def handler(
         stated: Content by name by which an object is described, where that differs.
         given: Content by name that is given, or a function that makes it anew each time.
         slow: Names whose content comes a byte in a second.
+        digests: Whether objects have an `ETag` of one part.
     """
 
     class Handler(http.server.BaseHTTPRequestHandler):
@@ -85,7 +87,7 @@ def handler(
             self.send_header("Content-Length", str(len(data)))
             if code == 206:
                 self.send_header("Content-Range", f"bytes {first}-{first + len(data) - 1}/{whole}")
-            self.send_header("ETag", f'"{md5(data).hexdigest()}"')
+            self.send_header("ETag", f'"{md5(data).hexdigest()}{"" if digests else "-2"}"')
             self.send_header("Last-Modified", formatdate(self._time(), usegmt=True))
             self.end_headers()
             step = 1 if slowly else len(data) + 1
