@@ -60,7 +60,8 @@ class Afar(Store):
         """
         many = "give a folder that holds campaigns alone, or see to the storage"
         if self._left_s <= 0:
-            raise _too_slow(self.shown, f"{_LOST_S:g} s", "run it again in a moment")
+            thing = f"{self.shown} cannot be read (its objects come too slowly)"
+            raise InputError(thing, "run it again in a moment", passing=True)
         found = json.loads(self._asked("marks", limit_s=_LISTING_S, way_out=many))
         return {name: (size, put) for name, (size, put) in found.items()}
 
@@ -82,11 +83,7 @@ class Afar(Store):
         Raises:
             CannotWrite: Also if it goes too slowly.
         """
-        try:
-            self._timed(len(data), "write", name, data=data)
-        except InputError as problem:
-            words = f"{self.shown}/{name} cannot be written ({problem.thing}); {problem.way_out}."
-            raise CannotWrite(words) from problem
+        self._timed(len(data), "write", name, data=data)
 
     def _timed(self, size: int, *question: Any, data: bytes = b"") -> bytes:
         """The answer about an object, whose time is deducted from what all may lose."""
@@ -114,11 +111,19 @@ class Afar(Store):
             said, answer = json.loads(line.recv_bytes()), line.recv_bytes()
         except (EOFError, OSError):
             self.__exit__()
-            what, within = "/".join([self.shown, *question[1:2]]), _memory(question[0]) / 2**30
-            raise _too_slow(what, f"{limit_s:.0f} s and {within:g} GiB", way_out) from None
+            raise self._unanswered(question, limit_s, way_out) from None
         if said is None:
             return answer
         raise InputError(**said) if isinstance(said, dict) else CannotWrite(said)
+
+    def _unanswered(
+        self, question: Sequence[Any], limit_s: float, way_out: str
+    ) -> InputError | CannotWrite:
+        what, within = "/".join([self.shown, *question[1:2]]), _memory(question[0]) / 2**30
+        why = f"(no answer within {limit_s:.0f} s and {within:g} GiB)"
+        if question[0] == "write":
+            return CannotWrite(f"{what} cannot be written {why}; {way_out}.")
+        return InputError(f"{what} cannot be read {why}", way_out, passing=True)
 
     def _start(self) -> Connection:
         self._line, theirs = Pipe()
@@ -132,11 +137,6 @@ class Afar(Store):
         )
         theirs.close()
         return self._line
-
-
-def _too_slow(what: str, within: str, way_out: str) -> InputError:
-    thing = f"{what} was not given within {within}: too slowly, or too much"
-    return InputError(thing, way_out, passing=True)
 
 
 def _memory(what: str) -> int:
