@@ -96,7 +96,7 @@ def _square(case: Case, rows: pd.DataFrame, rounds: list[Round]) -> float:
     placed = np.zeros_like(seen)
     for mine, one in zip(np.eye(len(rounds)), rounds, strict=True):
         R, t = one.pose()
-        placed += np.interp(rows["since"], begun, mine)[:, None] * (seen @ R.T + t)
+        placed += np.interp(rows["since"].to_numpy(), begun, mine)[:, None] * (seen @ R.T + t)
     R, t = rigid(placed, expected)
     off = pd.DataFrame(placed @ R.T + t - expected).groupby(rows["pose"].to_numpy(int)).mean()
     return float(np.sum(off.to_numpy() ** 2))
