@@ -292,7 +292,7 @@ def test_dark_has_colours_of_its_own(opened, whole):
         page = opened(scheme=scheme, html=whole)
         page.locator("select[name=pose]").select_option("Pose 3")
         shades[scheme] = page.evaluate(
-            """() => [".live .base", ".arm.chosen", ".live .fixed", "#figure-separability use"]
+            """() => [".live .base", ".arm.chosen", ".live .fixed", "#figure-separability rect"]
                .map((name) => getComputedStyle(document.querySelector(name)).fill)
                .map((c) => c.match(/\\d+/g).slice(0, 3).reduce((a, b) => a + +b, 0) / 765)"""
         )
