@@ -26,9 +26,10 @@ _OBJECT_S = 60.0
 """How long an object may take, without its bytes [s]."""
 _BYTES_A_S = 2.5e5
 """Rate at which it has to come or go, or the process is ended [B/s]."""
-_LOST_S = 300.0
-"""Time that objects may lose together: each what it takes above its bytes and `_EACH_S` [s]."""
 _EACH_S = 0.5
+"""Time that an object takes without having lost any [s]: the way to the storage and back."""
+_LOST_S = 300.0
+"""Time that objects may lose together, each what it takes above its bytes and `_EACH_S` [s]."""
 _LISTING, _OBJECT = 2**31, 5 * 2**30
 """What the process may take: a million objects a third of it, or one of 2 GB, read twice [B]."""
 
