@@ -114,6 +114,12 @@ class Calibration(Locked):
         """Logarithm of the marginal likelihood of the readings."""
         return self.solution.evidence + float(linear.log_det(self.rows.W).sum())
 
+    @cached_property
+    def by_readings(self) -> Posterior:
+        """The solution without an unknown common factor of all masses."""
+        own = self.rows, self.mechanism, self.known
+        return solved(*own) if self.mechanism.unknown else self.solution
+
     @property
     def left(self) -> Array:
         """Residuals: readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""

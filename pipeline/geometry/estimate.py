@@ -423,17 +423,20 @@ def rougher(known: Prior, found: Posterior) -> Prior:
 
 
 def _scale(x: Array, var: Array, std: Array) -> float:
-    """Factor by which the parameters exceed their prior scale (MacKay's fixed point), 0.1 to 10."""
-    if std[0] <= FIXED_SIGMA:
-        return 1.0
+    """Factor by which the parameters exceed their prior scale (MacKay's fixed point), 0.1 to 10.
+
+    A scale that has vanished may grow again: it vanished beside other values of the rest.
+    """
     known = float(np.sum(1 - np.minimum(var / std**2, 1.0)))
-    if known < _UNSEEN:
+    if std[0] <= FIXED_SIGMA or known < _UNSEEN**2:
         return 1.0
-    return float(np.clip(np.sqrt(np.sum((x / std) ** 2) / known), 0.1, 10.0))
+    least = 0.1 if known > _UNSEEN else 1.0
+    return float(np.clip(np.sqrt(np.sum((x / std) ** 2) / known), least, 10.0))
 
 
 _UNSEEN = 1e-3
-"""Minimum effective number of determined parameters [1]; below it their scale stays as it is."""
+"""Minimum effective number of determined parameters [1]; below it their scale does not shrink, and
+below its square, which rounding reaches, it stays as it is."""
 
 
 _MEDIAN = 0.4549

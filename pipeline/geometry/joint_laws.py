@@ -278,13 +278,18 @@ def _own_angle(law: JointLaw) -> bool:
 def _one_wave(
     found: Calibration, clues: Sequence[law_tests.LawTest], joint: int
 ) -> JointLaw | None:
-    """The wave that explains at least `_HALF` of a joint's curve over the poses, if any."""
-    q = found.readings.q[:, joint]
+    """The wave that explains at least `_HALF` of a joint's curve over the poses, if any.
+
+    Waves of the model over the same angle are taken from the curve first: it may be in their place.
+    """
+    q, inputs = found.readings.q[:, joint], found.linear.inputs
     curve, knots = _curve(found.mechanism, joint)
+    own = [law for law in found.mechanism.laws if law.joint == joint + 1 and _own_angle(law)]
+    X = np.hstack([np.ones((len(q), 1)), *(law.basis(inputs) for law in own)])
     f = curve.value(q, knots)
     tried = [c.law for c in clues if c.law and c.law.kind == "periodic" and c.joint == joint + 1]
     orders = np.unique(tried[0].order + law_tests.NEAR) if tried else np.zeros(0)
-    shares = [_share(f, order * q) for order in orders]
+    shares = [_share(f, X, order * q) for order in orders]
     if not shares or max(shares) < _HALF:
         return None
     return replace(tried[0], order=float(orders[int(np.argmax(shares))]))
@@ -300,11 +305,13 @@ def _curve(mechanism: Mechanism, joint: int) -> tuple[random_curve.Curve, Array]
     raise KeyError(joint)
 
 
-def _share(f: Array, phase: Array) -> float:
-    """Fraction of the variance of f, (m,), that a wave of this phase explains."""
-    X = np.stack([np.ones(len(f)), np.cos(phase), np.sin(phase)], axis=1)
-    left = f - X @ linear.least_squares(X, f)
-    return 1 - float(np.var(left)) / max(float(np.var(f)), 1e-300)
+def _share(f: Array, X: Array, phase: Array) -> float:
+    """Fraction of the variance of f, (m,), beside X (m, k) that a wave of this phase explains."""
+    left = [
+        np.var(f - one @ linear.least_squares(one, f))
+        for one in (X, np.column_stack([X, np.cos(phase), np.sin(phase)]))
+    ]
+    return 1 - float(left[1] / max(left[0], 1e-300))
 
 
 def _named(found: Calibration, p: dict[_Key, float], judge: LeftOutPoses) -> tuple[NamedLaw, ...]:

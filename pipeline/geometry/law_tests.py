@@ -24,7 +24,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry import random_curve
 from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.estimate import ReadRows, solved
+from pipeline.geometry.estimate import ReadRows
 from pipeline.geometry.laws import Inputs, JointLaw, LawVariable
 from pipeline.geometry.mechanism import frame_of
 from pipeline.geometry.readings import PositionReadings
@@ -110,10 +110,8 @@ def score(found: Calibration, signs: Array, copied: Array | None = None) -> _Law
         copied: Whitened residuals that the copies are made of, shape (m, r); by default those of
             the estimate.
     """
-    rows, there = found.rows, found.mechanism
-    # without an unknown factor of all masses
-    cov = (solved(rows, there, found.known) if there.unknown else found.solution).cov
-    n, dense = there.table.n, rows.D.shape[2]
+    rows, cov = found.rows, found.by_readings.cov
+    n, dense = found.mechanism.table.n, rows.D.shape[2]
     Z = rows.W @ found.linear.Z[:, found.linear.used, :n]
     e = rows.y - rows.along(found.solution.x)
     left = _as_noise(rows.variance(cov), e if copied is None else copied)
