@@ -19,7 +19,7 @@ from scipy import sparse
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.mechanism import Linear, Mechanism, Payloads, layout
+from pipeline.geometry.mechanism import Linear, Mechanism, Payloads, balances, layout
 from pipeline.geometry.random_curve import Curve
 from pipeline.geometry.scatter import PoseScatter
 from pipeline.geometry.yielding import sizes, usual
@@ -43,6 +43,10 @@ FIXED_SIGMA = 1e-12
 _WAVE = 3e-4
 """Prior standard deviation of a law's amplitude [m or rad]: an arc minute, as data sheets of
 reducers state their transmission error and their lost motion."""
+
+_BALANCER = 1e-3
+"""Prior standard deviation of what a balancer turns the shoulder by [rad]: as the arm's weight, a
+nominal spring under its rated torque."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +88,9 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     mean[where.compliance] = robot.nominal_compliance
     std[where.compliance] = robot.nominal_compliance
     std[where.payload] = np.maximum(payloads.std.ravel(), FIXED_SIGMA)
-    std[where.yields], std[where.laws] = sizes(mechanism.elements), _WAVE
+    std[where.yields] = sizes(mechanism.elements)
+    own = [_BALANCER if balances(robot, law) else _WAVE for law in mechanism.laws]
+    std[where.laws] = np.repeat(own, [law.amplitudes for law in mechanism.laws])
     if mechanism.unknown:
         mean[where.moments], std[where.moments] = (one.ravel() for one in usual(robot))
     free = np.zeros(len(turns), dtype=bool)

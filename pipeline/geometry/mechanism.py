@@ -218,10 +218,11 @@ class Mechanism(Locked):
 
         T = f / c, with f the first two waves by which the joint turns over its own angle.
         """
-        out, joint = np.zeros(inputs.q.shape), balanced(self.table)
+        out = np.zeros(inputs.q.shape)
         for law, part in zip(self.laws, self._parts(), strict=True):
-            if law.joint == joint and law.by_balancer:
-                out[:, joint - 1] += law.basis(inputs) @ part / self.springs[joint - 1]
+            if balances(self.table, law):
+                at = law.joint - 1
+                out[:, at] += law.basis(inputs) @ part / self.springs[at]
         return out
 
     def _bed(self, q: Array) -> Array:
@@ -278,6 +279,11 @@ class Mechanism(Locked):
             out[layout.moments] = self.moments.ravel()
         out[layout.laws], out[layout.knots] = self.amplitudes, self.knots
         return out
+
+
+def balances(robot: Robot, law: JointLaw) -> bool:
+    """Whether a law is what a balancer turns the shoulder by."""
+    return law.by_balancer and law.joint == balanced(robot)
 
 
 _TURNED = 2
