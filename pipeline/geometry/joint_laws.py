@@ -282,36 +282,24 @@ def _one_wave(
 
     Waves of the model over the same angle are taken from the curve first: it may be in their place.
     """
-    q, inputs = found.readings.q[:, joint], found.linear.inputs
-    curve, knots = _curve(found.mechanism, joint)
-    own = [law for law in found.mechanism.laws if law.joint == joint + 1 and _own_angle(law)]
-    X = np.hstack([np.ones((len(q), 1)), *(law.basis(inputs) for law in own)])
-    f = curve.value(q, knots)
     tried = [c.law for c in clues if c.law and c.law.kind == "periodic" and c.joint == joint + 1]
-    orders = np.unique(tried[0].order + law_tests.NEAR) if tried else np.zeros(0)
-    shares = [_share(f, X, order * q) for order in orders]
-    if not shares or max(shares) < _HALF:
+    if not tried:
         return None
-    return replace(tried[0], order=float(orders[int(np.argmax(shares))]))
-
-
-def _curve(mechanism: Mechanism, joint: int) -> tuple[random_curve.Curve, Array]:
-    """A joint's curve and its values at the knots."""
-    at = 0
-    for one in mechanism.curves:
-        if one.screw == joint:
-            return one, mechanism.knots[at : at + one.count]
-        at += one.count
-    raise KeyError(joint)
+    q, inputs, there = found.readings.q[:, joint], found.linear.inputs, found.mechanism
+    f = next(one.value(q, knots) for one, knots in there.curved() if one.screw == joint)
+    own = [law.basis(inputs) for law in there.laws if law.joint == joint + 1 and _own_angle(law)]
+    X = np.hstack([np.ones((len(q), 1)), *own])
+    orders = tried[0].order + law_tests.NEAR
+    shares = [_share(f, X, order * q) for order in orders]
+    best = int(np.argmax(shares))
+    return replace(tried[0], order=float(orders[best])) if shares[best] >= _HALF else None
 
 
 def _share(f: Array, X: Array, phase: Array) -> float:
     """Fraction of the variance of f, (m,), beside X (m, k) that a wave of this phase explains."""
-    left = [
-        np.var(f - one @ linear.least_squares(one, f))
-        for one in (X, np.column_stack([X, np.cos(phase), np.sin(phase)]))
-    ]
-    return 1 - float(left[1] / max(left[0], 1e-300))
+    both = X, np.column_stack([X, np.cos(phase), np.sin(phase)])
+    before, after = (np.var(f - one @ linear.least_squares(one, f)) for one in both)
+    return 1 - float(after / max(before, 1e-300))
 
 
 def _named(found: Calibration, p: dict[_Key, float], judge: LeftOutPoses) -> tuple[NamedLaw, ...]:

@@ -13,6 +13,7 @@ common to all readings of the pose.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -206,9 +207,9 @@ class Mechanism(Locked):
             inputs: Inputs with the torques of the weight, which the laws depend on.
         """
         out = loaded.tau * self.compliance
-        for law, part in zip(self.laws, self._parts(), strict=True):
+        for law, part in self._lawful():
             out[:, law.joint - 1] += law.basis(inputs) @ part
-        for curve, knots in zip(self.curves, self._knots(), strict=True):
+        for curve, knots in self.curved():
             if curve.screw < out.shape[1]:
                 out[:, curve.screw] += curve.value(inputs.q[:, curve.joint], knots)
         return np.asarray(out)
@@ -219,7 +220,7 @@ class Mechanism(Locked):
         T = f / c, with f the first two waves by which the joint turns over its own angle.
         """
         out = np.zeros(inputs.q.shape)
-        for law, part in zip(self.laws, self._parts(), strict=True):
+        for law, part in self._lawful():
             if balances(self.table, law):
                 at = law.joint - 1
                 out[:, at] += law.basis(inputs) @ part / self.springs[at]
@@ -228,18 +229,20 @@ class Mechanism(Locked):
     def _bed(self, q: Array) -> Array:
         """Motion of the bed at the carriage from its straight shape [m], [rad], shape (m, 6)."""
         out = np.zeros((len(q), 6))
-        for curve, knots in zip(self.curves, self._knots(), strict=True):
+        for curve, knots in self.curved():
             if curve.screw >= self.table.n:
                 out[:, curve.screw - self.table.n] += curve.value(q[:, curve.joint], knots)
         return out
 
-    def _parts(self) -> list[Array]:
-        ends = np.cumsum([law.amplitudes for law in self.laws])[:-1]
-        return np.split(self.amplitudes, ends) if self.laws else []
+    def _lawful(self) -> Iterator[tuple[JointLaw, Array]]:
+        """Each law with its amplitudes."""
+        ends = np.cumsum([law.amplitudes for law in self.laws])
+        return zip(self.laws, np.split(self.amplitudes, ends), strict=False)
 
-    def _knots(self) -> list[Array]:
-        ends = np.cumsum([curve.count for curve in self.curves])[:-1]
-        return np.split(self.knots, ends) if self.curves else []
+    def curved(self) -> Iterator[tuple[Curve, Array]]:
+        """Each curve with its values at its knots."""
+        ends = np.cumsum([curve.count for curve in self.curves])
+        return zip(self.curves, np.split(self.knots, ends), strict=False)
 
     def moved(self, step: Array, layout: _ParameterLayout) -> Mechanism:
         """The mechanism with new parameters.

@@ -358,7 +358,8 @@ def _apart(
         then = replace(data, readings=data.readings.apart(moved.pose))
         new = int(then.readings.series[moved.pose])
         order = np.insert(np.arange(len(of)), new, new - 1).tolist()
-        trial = then.again(_with_frames(found, order))
+        # a frame for every series, copied from its original series
+        trial = then.again(replace(found, mechanism=_framed(found.mechanism, order)))
         if not LeftOutPoses(partings(data.readings, rng, on_rail), rng).better(trial, found):
             break
         first = _place(every.readings, data.readings, moved.pose)
@@ -377,11 +378,6 @@ def _place(every: PositionReadings, some: PositionReadings, pose: int) -> int:
 
 _MOST_MOVES = 8
 """Maximum number of moves; an instrument that moves more often drifts."""
-
-
-def _with_frames(found: Calibration, of: Sequence[int] | Array) -> Calibration:
-    """The estimate with a frame for every series, copied from its original series."""
-    return replace(found, mechanism=_framed(found.mechanism, of))
 
 
 def _framed(mechanism: Mechanism, of: Sequence[int] | Array) -> Mechanism:
