@@ -298,8 +298,8 @@ def _one_wave(
 def _share(f: Array, X: Array, phase: Array) -> float:
     """Fraction of the variance of f, (m,), beside X (m, k) that a wave of this phase explains."""
     both = X, np.column_stack([X, np.cos(phase), np.sin(phase)])
-    before, after = (np.var(f - one @ linear.least_squares(one, f)) for one in both)
-    return 1 - float(after / max(before, 1e-300))
+    before, after = (float(np.var(f - one @ linear.least_squares(one, f))) for one in both)
+    return 1 - after / max(before, 1e-300)
 
 
 def _named(found: Calibration, p: dict[_Key, float], judge: LeftOutPoses) -> tuple[NamedLaw, ...]:
