@@ -268,7 +268,7 @@ def _scaled(new: Prior, mechanism: Mechanism, earlier: Prior | None) -> Prior:
         for now, then in zip(new.groups, earlier.groups, strict=False):
             if now.stop - now.start == then.stop - then.start:
                 std[now] = earlier.std[then]
-    return replace(new, std=std, free=earlier.free)
+    return replace(new, std=std, free=earlier.free, returning=earlier.returning)
 
 
 def _only(known: Prior, mechanism: Mechanism, wanted: ModelStructure) -> Prior:

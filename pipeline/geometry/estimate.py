@@ -62,6 +62,7 @@ class Prior(Locked):
         groups: Slices of parameters with a common scale, one per elastic element and per law.
         stated: Roughness of lengths [m] and of angles [rad] in the robot file; NaN where not
             stated.
+        returning: Whether scales of groups that have vanished may grow again.
     """
 
     mean: Array
@@ -71,6 +72,7 @@ class Prior(Locked):
     most: Array
     groups: tuple[slice, ...]
     stated: tuple[float, float]
+    returning: bool = False
 
     def roughness(self, turns: bool) -> float:
         """Present roughness of lengths [m] or of angles [rad]."""
@@ -423,18 +425,15 @@ def rougher(known: Prior, found: Posterior) -> Prior:
         size = np.sqrt(rest.mean()) if len(rest) else middle
         std[mine], free[mine] = np.where(far, np.sqrt(second), max(size, 1e-6)), far
     for one in known.groups:
-        scale = _scale(found.x[one], np.diag(found.cov)[one], std[one])
+        scale = _scale(found.x[one], np.diag(found.cov)[one], std[one], known.returning)
         std[one] = np.minimum(std[one] * scale, known.most[one])
     return replace(known, std=std, free=free)
 
 
-def _scale(x: Array, var: Array, std: Array) -> float:
-    """Factor by which the parameters exceed their prior scale (MacKay's fixed point), 0.1 to 10.
-
-    A scale that has vanished may grow again: it vanished beside other values of the rest.
-    """
+def _scale(x: Array, var: Array, std: Array, returning: bool) -> float:
+    """Factor by which the parameters exceed their prior scale (MacKay's fixed point), 0.1 to 10."""
     known = float(np.sum(1 - np.minimum(var / std**2, 1.0)))
-    if std[0] <= FIXED_SIGMA or known < _UNSEEN**2:
+    if std[0] <= FIXED_SIGMA or known < (_UNSEEN**2 if returning else _UNSEEN):
         return 1.0
     least = 0.1 if known > _UNSEEN else 1.0
     return float(np.clip(np.sqrt(np.sum((x / std) ** 2) / known), least, 10.0))

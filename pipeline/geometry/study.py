@@ -40,7 +40,7 @@ from pipeline.geometry.joint_laws import LawSearchData, NamedLaw, NamedModel, wi
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout, linearised
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import start
-from pipeline.geometry.yielding import other_forms, usual, yielding
+from pipeline.geometry.yielding import balanced, other_forms, usual, yielding
 from pipeline.machine.effects._anatomy import rail
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
@@ -170,12 +170,15 @@ def study(
     gross = _gross(every, begun)
     data = every.without(gross)
     base, names = _base(data, begun)
+    other = _otherwise(data, base, rng)
+    base = other.found if other else base
     every, data, base, of, chances = _apart(every, data, base, rng)
     begun = _framed(begun, of)
     data, base, late = _without_blunders(every, data, base, gross)
     parts = partings(data.readings, rng, rail(robot))
     whole = with_laws(data, base, names, parts, rng)
-    base, whole, other = _otherwise(data, base, whole, names, parts, rng)
+    if balanced(robot) and not other:  # where a balancer hides what the links weigh
+        base, whole, other = _searched_otherwise(data, base, whole, names, parts, rng)
     before = data
     # curves reveal outliers that springs leave hidden
     data, found, late = _without_blunders(every, data, whole.found, late.which)
@@ -280,6 +283,19 @@ readings [1]."""
 
 
 def _otherwise(
+    data: LawSearchData, found: Calibration, rng: np.random.Generator
+) -> _Weighed | None:
+    """Estimate with link masses other than in the robot file, if it is certainly better.
+
+    One linearisation shows whether it may be; another weight of the arm acts at all its poses.
+    """
+    other = replace(found.wanted, moments=True)
+    if not weighs(found.mechanism.table) or not _weigh(found, tried(found, other), rng):
+        return None
+    return _weigh(found, data.identify(found.mechanism, other, found), rng)
+
+
+def _searched_otherwise(
     data: LawSearchData,
     base: Calibration,
     whole: NamedModel,
@@ -287,26 +303,15 @@ def _otherwise(
     parts: dict[Partition, Ints],
     rng: np.random.Generator,
 ) -> tuple[Calibration, NamedModel, _Weighed | None]:
-    """Base, laws, and link masses other than in the robot file if they are certainly better.
-
-    One linearisation shows whether they may be; another weight of the arm acts at all its poses.
-    Each model is judged at the end of its own search: what a balancer does hides what the links
-    weigh, and weights explain a part of what curves of the joints do. Products of weight and
-    compliance may have several optima: the likelier end of two starts is taken.
-    """
-    found = whole.found
-    other = replace(found.wanted, moments=True)
-    if not weighs(found.mechanism.table) or not _weigh(found, tried(found, other), rng):
-        return base, whole, None
-    trial = data.identify(found.mechanism, other, found)
-    if not _weigh(found, trial, rng):
+    """Base, laws, and link masses other than in the robot file; each at the end of its search."""
+    trial = _otherwise(data, whole.found, rng)
+    if trial is None:
         return base, whole, None
     wanted = replace(base.wanted, moments=True)
-    starts = (data.identify(one.mechanism, wanted, one) for one in (base, trial))
-    begun = max(starts, key=lambda one: one.likely)
+    begun = data.identify(trial.found.mechanism, wanted, trial.found)
     again = with_laws(data, begun, names, parts, rng)
-    better = _weigh(found, again.found, rng)
-    return (begun, again, better) if better else (base, whole, None)
+    other = _weigh(whole.found, again.found, rng)
+    return (begun, again, other) if other else (base, whole, None)
 
 
 def _steps(

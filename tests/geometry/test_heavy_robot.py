@@ -216,7 +216,8 @@ def test_a_scale_that_has_vanished_returns_where_readings_call_for_it(y, size):
     """Of b, read as y with unit variance, the likeliest variance is y^2 - 1; or none."""
     none = np.zeros(0, dtype=bool)
     known = Prior(
-        np.zeros(1), np.array([0.01]), none, none, np.array([1e3]), (slice(0, 1),), (np.nan, np.nan)
+        np.zeros(1), np.array([0.01]), none, none, np.array([1e3]), (slice(0, 1),),
+        (np.nan, np.nan), returning=True,
     )  # fmt: skip
     for _ in range(30):
         var = 1 / (1 + known.std[0] ** -2)
