@@ -252,19 +252,11 @@ class Mechanism(Locked):
                 present poses.
             layout: Layout of `step`.
         """
-        tool = np.stack([
-            frame @ _motion(one)
-            for frame, one in zip(self.tool, step[layout.tool].reshape(-1, 6), strict=True)
-        ])  # fmt: skip
-        frames = np.stack([
-            frame @ _motion(one)
-            for frame, one in zip(self.frames, step[layout.frames].reshape(-1, 6), strict=True)
-        ])  # fmt: skip
         return replace(
             self,
             values=step[layout.letters],
-            tool=tool,
-            frames=frames,
+            tool=_moved(self.tool, step[layout.tool]),
+            frames=_moved(self.frames, step[layout.frames]),
             compliance=step[layout.compliance],
             payload=step[layout.payload].reshape(-1, 4),
             yields=step[layout.yields],
@@ -297,6 +289,12 @@ deflection, some 1e-5 of the deflection."""
 
 _STIFFEST = 0.1
 """Least compliance that turns deflections into torques, over the nominal one [1]."""
+
+
+def _moved(frames: Array, twists: Array) -> Array:
+    """Frames (k, 4, 4), each after a motion in itself, twists as of `_motion` (6 k,)."""
+    every = zip(frames, twists.reshape(-1, 6), strict=True)
+    return np.stack([frame @ _motion(one) for frame, one in every])
 
 
 def _motion(twist: Array) -> Array:

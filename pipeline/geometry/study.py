@@ -367,18 +367,13 @@ def _apart(
         trial = then.again(replace(found, mechanism=_framed(found.mechanism, order)))
         if not LeftOutPoses(partings(data.readings, rng, on_rail), rng).better(trial, found):
             break
-        first = _place(every.readings, data.readings, moved.pose)
+        file, line = data.readings.file[moved.pose], data.readings.line[moved.pose]
+        first = int(np.argmax((every.readings.file == file) & (every.readings.line == line)))
         every = replace(every, readings=every.readings.apart(first))
         data, found = then, trial
         of.insert(new, of[new - 1])
         chances[str(data.readings.names[new])] = moved.p
     return every, data, found, of, chances
-
-
-def _place(every: PositionReadings, some: PositionReadings, pose: int) -> int:
-    """Index among all poses of a pose of the subset."""
-    same = (every.file == some.file[pose]) & (every.line == some.line[pose])
-    return int(np.argmax(same))
 
 
 _MOST_MOVES = 8
