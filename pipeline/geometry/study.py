@@ -254,6 +254,8 @@ def _base(data: LawSearchData, begun: Mechanism) -> tuple[Calibration, tuple[Cat
     wanted = ModelStructure(springs=heavy, yields=yields, moments=moments, bed=rail(robot),
                             laws=tuple(one.law for one in names))  # fmt: skip
     table = data.identify(begun, ModelStructure(springs=False))
+    # scales return once it is known whether masses are estimated: these take what curves do
+    table = replace(table, known=replace(table.known, returning=moments))
     found = data.identify(table.mechanism, wanted, table)
     best = _formed(found)
     now = found if best == found.wanted else data.identify(found.mechanism, best, found)
