@@ -255,7 +255,7 @@ def test_evidence_of_an_element_is_that_of_readings_with_it_over_without():
     robot, rng = load(RAIL), np.random.default_rng(1)
     truth = Truth(robot.nominal_compliance * (np.arange(7) > 0), tilt={2: (5e-8, 2e-8)})
     machine = HeavyRobot(robot, np.zeros((8, 6)), truth)
-    readings = read(machine, poses(rng, 3, 8, robot), rng)
+    readings = read(machine, poses(rng, 2, 6, robot), rng)
     elements = tuple(e for e in yielding(robot) if e.name == "joint_tilt")
     found = calibrate(
         begin(robot, readings, stated(rng)), readings, under_weight(len(readings)),
