@@ -19,16 +19,13 @@ from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.measured import Measured
 from pipeline.system.detect import LackOfFit, Threshold, lack_of_fit, threshold
 from pipeline.system.elimination import eliminate
-from pipeline.system.evidence import ROUNDING, Scores
+from pipeline.system.evidence import LEAST_EVIDENCE, ROUNDING, Scores
 from pipeline.system.linearised import CurrentModel, Linearised, linearise
 from pipeline.system.noise_shape import NoiseShape
 from pipeline.system.whitened import Whitened, whiten
 
 _MOST = 3
 """Maximum number of causes named at once; more count as an unknown one."""
-
-LEAST_EVIDENCE = 3.0
-"""Minimum log evidence of a further cause [1], 20 to 1."""
 
 _BETTER = 0.1
 """Minimum advantage in log evidence by which a cause replaces another [1]; twins, which differ by

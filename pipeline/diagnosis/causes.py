@@ -12,7 +12,7 @@ from pipeline.base.linear import TINY
 from pipeline.base.tails import NORMAL_95, at_most
 from pipeline.diagnosis.amplitude import averaged, both_ways
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.diagnosis.cause_search import LEAST_EVIDENCE, SearchResult, SearchTask
+from pipeline.diagnosis.cause_search import SearchResult, SearchTask
 from pipeline.diagnosis.facts import (
     ALL_SPRINGS,
     CrossValidation,
@@ -32,6 +32,7 @@ from pipeline.machine.effects.nameless import NAMELESS, mounting
 from pipeline.machine.effects.unlisted import height, undecided
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system import alarms
+from pipeline.system.evidence import LEAST_EVIDENCE
 from pipeline.system.linearised import Linearised, owners
 from pipeline.system.system import ScatterRatio
 
