@@ -1,6 +1,6 @@
 """`python -m bench.cliff`: the campaign that ships, some of its loaded readings shifted.
 
-The answer must degrade as a slope: every shifted reading is identified, or the verdict leaves doubt;
+The answer must degrade as a slope: every shifted reading identified, or a verdict that doubts;
 never a model that fits beside readings far beyond their noise.
 """
 
