@@ -139,11 +139,6 @@ class Family(Locked):
         return float(self.weight[1:].sum())
 
     @property
-    def likely_heavy(self) -> bool:
-        """Whether tails heavier than stated are more likely than not."""
-        return self.heavy > PRESENT
-
-    @property
     def freedom(self) -> float:
         """Degrees of freedom of the likeliest Student distribution."""
         return FREEDOM[int(np.argmax(self.weight[1 : 1 + len(FREEDOM)]))]
@@ -238,10 +233,9 @@ class Family(Locked):
 
 def _posterior_mean(found: Family, seen: Array) -> Array:
     """Posterior mean of each reading's lambda, with `seen` as from `likelihood`, (n,)."""
-    own, odd = found._laws
-    joint = seen[None] * (own + odd)[:, None, :]
-    mean = (joint @ np.exp(_GRID)) / joint.sum(axis=2)
-    return np.asarray(found.weight @ mean)
+    law = np.add(*found._laws)
+    mean = (seen @ (law * np.exp(_GRID)).T) / (seen @ law.T)
+    return np.asarray(mean @ found.weight)
 
 
 def likelihood(square: Array, variance: Array, now: Array) -> Array:
@@ -313,10 +307,7 @@ def _bulks(log_scale: Array, paper: bool, within: bool = False) -> Array:
     scale = iter(log_scale.tolist())
     stated = [_stated(next(scale), paper)]
     student = [_student(nu, next(scale), paper) for nu in FREEDOM]
-    bursts = [
-        _bursts(part / (poses if within else 1.0), width, next(scale), paper)
-        for part, width, poses in BURSTS
-    ]
+    bursts = [_bursts(law, next(scale), paper, within) for law in BURSTS]
     return np.stack([*stated, *student, *bursts])
 
 
@@ -329,8 +320,9 @@ def _stated(log_scale: float, paper: bool) -> Array:
     return np.eye(len(_GRID))[at]
 
 
-def _bursts(part: float, width: float, log_scale: float, paper: bool) -> Array:
+def _bursts(law: tuple[float, float, float], log_scale: float, paper: bool, within: bool) -> Array:
     """The same where a part of the readings is wider."""
+    part, width = law[0] / (law[2] if within else 1.0), law[1]
     wide = _stated(log_scale + 2 * np.log(width), paper)
     return (1 - part) * _stated(log_scale, paper) + part * wide
 

@@ -85,7 +85,7 @@ class NoiseShape(Locked):
     @property
     def likely(self) -> bool:
         """Whether heavier tails, or a wander, are more likely than not."""
-        return self.family.likely_heavy or self.wander.probability > PRESENT
+        return self.family.heavy > PRESENT or self.wander.probability > PRESENT
 
     @property
     def wide_m(self) -> float:

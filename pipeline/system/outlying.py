@@ -78,8 +78,6 @@ def far(
     away, reached, others = _away(beyond.base, readings, distance)
     pose, target = _places(seen, readings)
     others = np.vstack([others, np.zeros((base[1], 3))])
-    if not len(others):
-        return OutlyingReadings.none()
     reached = np.sort(np.append(reached, np.full(base[0], distance)))[::-1]
     k, poses = len(reached), readings.blocks.shape[0]
     every = [
@@ -98,8 +96,7 @@ def _away(base: Base, readings: ReadingsOfRows, distance: float) -> tuple[Ints, 
     predictions of its neighbours.
     """
     suspects, found = Suspects(readings.D, readings.blocks), np.zeros(0, np.int64)
-    reached = np.zeros(0)
-    told = None
+    reached, told = np.zeros(0), None
     while True:
         square, variance, good = estimates(base, readings)
         others = np.maximum(variance - 1.0, 0.0)
@@ -124,8 +121,7 @@ def _places(seen: Linearised, readings: ReadingsOfRows) -> tuple[Ints, Ints]:
 
 def _chance(k: int, n: int, poses: int, chances: Array, wide: Array) -> float:
     """Probability of k of n readings or more, with their chances in a part `wide` of the poses."""
-    m = np.arange(poses + 1)[:, None]
-    of = np.rint(n * m / poses).astype(np.int64)
-    often = special.binom(poses, m) * wide**m * (1 - wide) ** (poses - m)
-    some = np.where(of >= k, special.bdtrc(k - 1, np.maximum(of, k), chances), 0.0)
-    return float(np.max(np.sum(often * some, axis=0)))
+    m = np.arange(-1, poses + 1)[:, None]
+    often = -np.diff(special.bdtrc(m, poses, wide), axis=0)
+    many = special.bdtrc(k - 1, np.rint(n * m[1:] / poses).astype(np.int64), chances)
+    return float(np.max(np.sum(often * np.nan_to_num(many), axis=0)))
