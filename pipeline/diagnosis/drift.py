@@ -50,7 +50,7 @@ def motion(of: Fitted) -> tuple[tuple[Effect, ...], Drift | None]:
         effects = by_order(effects)
     scale = float(of.noise.scale[0])
     found = drift(readings, scale, of.data.unloaded, effects, of.shape.wander)
-    if found is None or (grown := readings.course) is None:
+    if found is None or (grown := readings.course) is None or grown.p_value >= alarms.GREW:
         return effects, found
     return effects, replace(found, deformed_m=grown.std_m, grown=grown)
 

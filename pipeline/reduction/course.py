@@ -113,7 +113,7 @@ def course(table: pd.DataFrame, R: Array) -> Course | None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit(Locked):
+class _StrainFit(Locked):
     """Columns of a model of the base readings, and what they leave.
 
     Attributes:
@@ -178,20 +178,20 @@ class _Rounds(Locked):
         each = (self.white @ ways)[:, :, None, :] * which[:, None, :, None]
         return np.asarray(each.reshape(len(self.y), -1))
 
-    def fit(self, ways: Array) -> _Fit:
+    def fit(self, ways: Array) -> _StrainFit:
         """Free places, and `ways` of every later round."""
         places = self._columns(self.rigid[:, :, :3], self.target)
         X = np.hstack([places, self._columns(ways, self.rounds[:, 1:])])
         left = self.y - linear.orthonormal(X) @ (linear.orthonormal(X).T @ self.y)
-        return _Fit(X, ways, float(left @ left), len(left) - linear.orthonormal(X).shape[1])
+        return _StrainFit(X, ways, float(left @ left), len(left) - linear.orthonormal(X).shape[1])
 
-    def strained(self, motions: int) -> _Fit:
+    def strained(self, motions: int) -> _StrainFit:
         """The better strain, in all directions or along the rail, beside some motions."""
         parts = self.lever, np.outer(self.lever @ self.rail, self.rail)
         ways = (np.concatenate([self.rigid[..., :motions], one[..., None]], axis=2) for one in parts)
         return min(map(self.fit, ways), key=lambda one: one.rest)
 
-    def displaced(self, bare: _Fit) -> Iterator[_Fit]:
+    def displaced(self, bare: _StrainFit) -> Iterator[_StrainFit]:
         """A model beside a displacement of each reflector in each round, and since it."""
         U = linear.orthonormal(bare.X)
         left = self.y - U @ (U.T @ self.y)
@@ -203,7 +203,7 @@ class _Rounds(Locked):
                 yield replace(bare, rest=bare.rest - float(np.sum((Q.T @ left) ** 2)),
                               dof=bare.dof - Q.shape[1])
 
-    def course(self, found: _Fit, begun: pd.Series[float], variance: float, drop: float) -> Course:
+    def course(self, found: _StrainFit, begun: pd.Series[float], variance: float, drop: float) -> Course:
         """The course with the estimates of a model, whose strain explains `drop`."""
         later, w = len(begun) - 1, found.ways.shape[2]
         size = np.zeros((later + 1, w))
