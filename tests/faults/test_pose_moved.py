@@ -167,4 +167,4 @@ def test_a_knock_is_told_by_the_pulls_that_are_in_use():
     (one,) = found(made | {"loads.csv": "\n".join(loads).encode()})
 
     assert one.where == "pose04_rep3_loaded"
-    assert "between pulls 2 and 3" in one.evidence
+    assert "between pull 2 and pull 3" in one.evidence
