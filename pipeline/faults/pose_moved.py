@@ -26,7 +26,8 @@ from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.simultaneous import cost
 
 _ALONE = 0.01
-"""P-value of a motion of another pose below which both belong to the machine [1]."""
+"""P-value of a motion of another pose, likelier there than one bad reading, below which both belong
+to the machine [1]."""
 
 _READ_UNDER_LOAD = ", or a zero there, of the reflectors or of the scale, was read under load"
 
@@ -72,12 +73,14 @@ def moved(asked: Screening, last: bool = False) -> list[Mistake]:
     pose = int(np.unique(shifted.stack.pose)[place])
     variance, base = max(rest, 1.0), shifted.springs(system)
     worth, zero = _worth(found, variance)[best], _by_zero(asked, shifted, base, pose, variance)
-    rivals = _by_one(asked, shifted, base, pose, variance), zero
+    rivals = float(_by_one(asked, shifted, base, variance)[place]), zero
     if max(rivals[: 2 - last]) >= worth:
         return []
-    beside = _flat(shifted.springs(system, columns[first] * _of(shifted, pose)).beside(D))
-    others = np.arange(len(found.drop)) // from_state != place
-    if len(found.drop) * float(beside.p(max(rest, 1.0), dof)[others].min(initial=1.0)) < _ALONE:
+    base = shifted.springs(system, columns[first] * _of(shifted, pose))
+    beside, others = _flat(base.beside(D)), np.arange(len(found.drop)) // from_state
+    single = _by_one(asked, shifted, base, variance)
+    others = (others != place) & (_worth(beside, variance) > single[others])
+    if len(found.drop) * float(beside.p(variance, dof)[others].min(initial=1.0)) < _ALONE:
         return []
     known = _states(asked.reduced.data, pose), first + 1
     return [_finding(asked, pose, *known, size, float(found.drop[best]), p, zero < worth)]
@@ -97,12 +100,13 @@ def _by_zero(asked: Screening, shifted: Shifted, base: Base, pose: int, variance
     return float(_worth(zero, variance)[np.unique(shifted.stack.pose) == pose].max())
 
 
-def _by_one(asked: Screening, shifted: Shifted, base: Base, pose: int, variance: float) -> float:
-    """Gain by the best single reading of a pose, which may look like a rotation of the effector."""
-    if asked.cell.tool.six:
-        return -np.inf
-    found = _worth(shifted.beside(base), variance)
-    return float(found[shifted.readings.pose == pose].max(initial=-np.inf))
+def _by_one(asked: Screening, shifted: Shifted, base: Base, variance: float) -> Array:
+    """Gain by the best single reading of each pose, which may look like a rotation, shape (p,)."""
+    poses, place = np.unique(shifted.readings.pose, return_inverse=True)
+    best = np.full(len(poses), -np.inf)
+    if not asked.cell.tool.six:
+        np.maximum.at(best, place, _worth(shifted.beside(base), variance))
+    return best
 
 
 def _of(shifted: Shifted, pose: int) -> Array:
