@@ -89,6 +89,7 @@ MISTAKES = {
     "dead_sensor": "column that no sensor wrote",
     "copied_column": "force that was copied down its column",
     "tool_point": "wrong tool point",
+    "loose_target": "target that gives way with the pull",
     "tracker_moved": "tracker that was moved",
     "sign_or_convention": "wrong sign or axis convention",
 }
@@ -859,6 +860,7 @@ _CORRECT: Mapping[str, str] = {
         "Check against the measurement record which of them belongs where and correct the file"
         f"{_AGAIN}"
     ),
+    "loose_target": f"Fasten that target, and measure the pulls again{_AGAIN}",
     "tool_point": f"Measure that point of the effector again and correct campaign.toml{_AGAIN}",
     **dict.fromkeys(
         ("mounted_turned", "joint_offset", "link_length", "link_offset"),

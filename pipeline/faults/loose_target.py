@@ -1,0 +1,91 @@
+"""A target that gives way with the pull: a nest that rocks, or what holds it bends.
+
+In a pull of force f (flange frame) it is displaced on the effector by a |f| + A f, twelve columns,
+in all pulls alike. Any rigid motion of the effector in each pull is estimated in any case, so that
+the distances between the targets alone tell, whatever the robot does.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from pipeline.base.arrays import Array
+from pipeline.faults.fault import Fault, Screening
+from pipeline.faults.mistake import Mistake, apart, left_out, length, lines_of
+from pipeline.faults.reading import Shifted, shifted_readings
+from pipeline.machine.robot import configure
+from pipeline.system import alarms, odds
+from pipeline.system.score_tests import Base
+from pipeline.system.simultaneous import Suspects, active_suspects, cost
+
+def loose_target(asked: Screening) -> list[Mistake]:
+    """The one target that gives way with the pull, if nothing else explains the distances as well.
+
+    Neither another target (`odds.DECIDES`), nor bad readings of it, each by itself; and beside it
+    no other target gives way, as all would on an effector that is soft.
+    """
+    data, system = asked.reduced.data, asked.system
+    shifted = shifted_readings(asked.case, asked.reduced, asked.zeros, system, asked.estimate)
+    if asked.cell.tool.six or len(np.unique(data.target)) < 3:
+        return []
+    ways, base, stack = _ways(asked), shifted.pulls_free(), shifted.stack
+    rows = np.where(stack.pull[:, None] < 0, 0.0, ways[stack.pull, stack.axis])
+    mine = [(stack.target == one)[:, None] for one in np.unique(data.target)]
+    each = [shifted.white.by_pose(rows * one) for one in mine]
+    found = [base.beside_all(one) for one in each]
+    drop, p = np.array([(float(one.drop), float(one.p())) for one in found]).T
+    best, second = np.argsort(-drop, kind="stable")[:2]
+    variance = float(found[best].variance(1.0 if system.noise_stated else 0.0))
+    if len(each) * p[best] >= alarms.MOVED or drop[best] - drop[second] < odds.DECIDES * variance:
+        return []
+    wider = base.more(each[best])
+    others = [float(wider.beside_all(one).p()) for k, one in enumerate(each) if k != best]
+    gain = float(drop[best] / variance - cost(drop[best] / variance, found[best].rank))
+    if len(each) * min(others) < alarms.MOVED or gain <= _by_readings(shifted, base, int(best)):
+        return []
+    off = float(np.linalg.norm(ways @ found[best].size, axis=1).max())
+    return [_finding(asked, int(best), off, float(np.sqrt(drop[best] / variance)), p[best])]
+
+
+def _ways(asked: Screening) -> Array:
+    """Displacement by each unknown in every pull, axes of F_b, forces over the largest, (m, 3, 12).
+
+    The unknowns are a, and A row by row [m].
+    """
+    pulls = asked.reduced.data.pulls
+    axes, size = configure(asked.cell.robot, pulls.q).flange_axes, np.linalg.norm(pulls.force, axis=1)
+    own = np.einsum("mij,mi->mj", axes, pulls.force)
+    along = np.einsum("mij,mk->mijk", axes, own).reshape(len(axes), 3, 9)
+    return np.concatenate([axes * size[:, None, None], along], axis=2) / size.max()
+
+
+def _by_readings(shifted: Shifted, base: Base, target: int) -> float:
+    """Gain by bad readings of a target, each by itself."""
+    held = active_suspects(base, Suspects(shifted.D, shifted.blocks), 1.0)
+    mine = shifted.readings.target[held.which] == target
+    drop = held.drop[mine] / held.variance
+    return float(np.sum(drop - cost(drop, held.rank[mine])))
+
+
+def _finding(asked: Screening, target: int, off_m: float, sigmas: float, p: float) -> Mistake:
+    name, rows = asked.case.settings.measured[target], asked.case.readings
+    at = lines_of(rows[(rows["target"] == name) & rows["pose"].notna()])
+    return Mistake(
+        name="loose_target",
+        where=name,
+        evidence=f"the target {name} gives way with the pull: it moves on the effector by up to "
+        f"{length(off_m)} in proportion to the force, {apart(sigmas)}, and the others do not: its "
+        "nest rocks, or what holds it bends",
+        correction=f"recomputed without {name}",
+        before=sigmas,
+        unit="sigma",
+        size=off_m,
+        size_unit="m",
+        p_value=min(p, 1.0),
+        correct=partial(left_out, at=at),
+    )
+
+
+FAULT = Fault("loose_target", loose_target)
