@@ -668,9 +668,7 @@ def _by_data(task: SearchTask, now: Scores, causes: Sequence[int], logs: Array) 
     first, drop = causes[int(np.argmax(compared(logs)))], now.drop[list(causes)]
     known = np.array([task.suspects[i].tolerance for i in causes])
     known = np.maximum(known, task.suspects[first].tolerance)
-    one = (now.rank[list(causes)] == now.rank[first]) & (
-        drop > (1 - known**2) * now.drop[first]
-    )
+    one = (now.rank[list(causes)] == now.rank[first]) & (drop > (1 - known**2) * now.drop[first])
     gain = -0.5 * now.dof * np.log1p(-np.minimum(drop / now.rest, 1 - ROUNDING))
     likely = logs.max() + gain - gain[list(causes).index(first)]
     return np.where(one, np.maximum(logs, likely), logs)

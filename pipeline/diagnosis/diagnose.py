@@ -15,7 +15,14 @@ from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.diagnosis.blindspots import blind_spots, not_found
 from pipeline.diagnosis.cause_search import SearchResult, SearchTask, by_label, search
-from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_growth, of_motion, of_scatter
+from pipeline.diagnosis.causes import (
+    missing,
+    of_base,
+    of_displacements,
+    of_growth,
+    of_motion,
+    of_scatter,
+)
 from pipeline.diagnosis.facts import (
     CrossValidation,
     Determining,

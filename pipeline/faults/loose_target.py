@@ -11,20 +11,25 @@ from functools import partial
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, apart, left_out, length, lines_of
-from pipeline.faults.reading import Shifted, shifted_readings
+from pipeline.faults.reading import shifted_readings
 from pipeline.machine.robot import configure
 from pipeline.system import alarms, odds
 from pipeline.system.score_tests import Base
 from pipeline.system.simultaneous import Suspects, active_suspects, cost
 
+_NOTHING = 1e-30
+"""Lower limit of a variance, below which it is rounding [1]."""
+
+
 def loose_target(asked: Screening) -> list[Mistake]:
     """The one target that gives way with the pull, if nothing else explains the distances as well.
 
-    Neither another target (`odds.DECIDES`), nor bad readings of it, each by itself; and beside it
-    no other target gives way, as all would on an effector that is soft.
+    Neither another target (`odds.DECIDES`), nor bad readings, each by itself; and beside it no
+    other target gives way, as all would on an effector that is soft.
     """
     data, system = asked.reduced.data, asked.system
     shifted = shifted_readings(asked.case, asked.reduced, asked.zeros, system, asked.estimate)
@@ -37,13 +42,18 @@ def loose_target(asked: Screening) -> list[Mistake]:
     found = [base.beside_all(one) for one in each]
     drop, p = np.array([(float(one.drop), float(one.p())) for one in found]).T
     best, second = np.argsort(-drop, kind="stable")[:2]
-    variance = float(found[best].variance(1.0 if system.noise_stated else 0.0))
+    least = 1.0 if system.noise_stated else _NOTHING
+    variance = float(found[best].variance(least))
     if len(each) * p[best] >= alarms.MOVED or drop[best] - drop[second] < odds.DECIDES * variance:
         return []
-    wider = base.more(each[best])
+    wider = _wider(base, each[best], shifted.white.by_pose(stack.c))
     others = [float(wider.beside_all(one).p()) for k, one in enumerate(each) if k != best]
-    gain = float(drop[best] / variance - cost(drop[best] / variance, found[best].rank))
-    if len(each) * min(others) < alarms.MOVED or gain <= _by_readings(shifted, base, int(best)):
+    suspects = Suspects(shifted.D, shifted.blocks)
+    own = float(cost(drop[best] / variance, found[best].rank))
+    yields, by_readings = (
+        active_suspects(one, suspects, least).loss(least) for one in (wider, base)
+    )
+    if len(each) * min(others) < alarms.MOVED or yields + own >= by_readings:
         return []
     off = float(np.linalg.norm(ways @ found[best].size, axis=1).max())
     return [_finding(asked, int(best), off, float(np.sqrt(drop[best] / variance)), p[best])]
@@ -55,18 +65,21 @@ def _ways(asked: Screening) -> Array:
     The unknowns are a, and A row by row [m].
     """
     pulls = asked.reduced.data.pulls
-    axes, size = configure(asked.cell.robot, pulls.q).flange_axes, np.linalg.norm(pulls.force, axis=1)
+    axes, size = (
+        configure(asked.cell.robot, pulls.q).flange_axes,
+        np.linalg.norm(pulls.force, axis=1),
+    )
     own = np.einsum("mij,mi->mj", axes, pulls.force)
     along = np.einsum("mij,mk->mijk", axes, own).reshape(len(axes), 3, 9)
     return np.concatenate([axes * size[:, None, None], along], axis=2) / size.max()
 
 
-def _by_readings(shifted: Shifted, base: Base, target: int) -> float:
-    """Gain by bad readings of a target, each by itself."""
-    held = active_suspects(base, Suspects(shifted.D, shifted.blocks), 1.0)
-    mine = shifted.readings.target[held.which] == target
-    drop = held.drop[mine] / held.variance
-    return float(np.sum(drop - cost(drop, held.rank[mine])))
+def _wider(base: Base, columns: Array, y: Array) -> Base:
+    """The base, whose columns each pose has its own of, with columns common to all poses."""
+    rows, poses = base.blocks.rows(base.Q), np.eye(len(base.Q))[base.blocks.index]
+    own = (poses[:, :, None] * rows[:, None, :]).reshape(len(rows), -1)
+    Q = np.hstack([own[:, own.any(axis=0)], linear.orthonormal(base.beyond(columns))])
+    return Base.spanned(Q, y, base.blocks.index)
 
 
 def _finding(asked: Screening, target: int, off_m: float, sigmas: float, p: float) -> Mistake:

@@ -196,12 +196,15 @@ def _finding(
     unloaded = rows[rows["state"] == "unloaded"]
     zeros = unloaded["group"].astype(str).unique()
     parts = states[:first], states[first:]
-    before, after = (sum(one >= 0 for one, _ in part) * any(one < 0 for one, _ in part) for part in parts)
+    before, after = (
+        sum(one >= 0 for one, _ in part) * any(one < 0 for one, _ in part) for part in parts
+    )
     lost = parts[0] if after > before or not before else parts[1]
     again = [int(repeat[one]) for one, _ in lost if one >= 0]
     out = rows[
         (rows["state"] == "loaded") & rows["repeat"].isin(again)
-        | (rows["state"] == "unloaded") & rows["group"].isin([zeros[n] for one, n in lost if one < 0])
+        | (rows["state"] == "unloaded")
+        & rows["group"].isin([zeros[n] for one, n in lost if one < 0])
     ]
     group = str(out["group"].iloc[0])
     sigmas, (end, _), (start, _) = float(np.sqrt(drop)), states[first - 1], states[first]

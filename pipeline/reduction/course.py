@@ -165,7 +165,9 @@ class _Rounds(Locked):
         target = pd.factorize(table["target"])[0]
         which = (np.eye(one.max() + 1)[one] for one in (target, rounds))
         rail = linear.principal(lever)[2][0]
-        return cls((white @ off[..., None]).ravel(), white, lever, nominal.mean(axis=0), rail, *which)
+        return cls(
+            (white @ off[..., None]).ravel(), white, lever, nominal.mean(axis=0), rail, *which
+        )
 
     @property
     def rigid(self) -> Array:
@@ -188,7 +190,9 @@ class _Rounds(Locked):
     def strained(self, motions: int) -> _StrainFit:
         """The better strain, in all directions or along the rail, beside some motions."""
         parts = self.lever, np.outer(self.lever @ self.rail, self.rail)
-        ways = (np.concatenate([self.rigid[..., :motions], one[..., None]], axis=2) for one in parts)
+        ways = (
+            np.concatenate([self.rigid[..., :motions], one[..., None]], axis=2) for one in parts
+        )
         return min(map(self.fit, ways), key=lambda one: one.rest)
 
     def displaced(self, bare: _StrainFit) -> Iterator[_StrainFit]:
@@ -200,10 +204,15 @@ class _Rounds(Locked):
             for when in since.T:
                 D = self._columns(self.rigid[:, :, :3], (target * when)[:, None])
                 Q = linear.orthonormal(D - U @ (U.T @ D))
-                yield replace(bare, rest=bare.rest - float(np.sum((Q.T @ left) ** 2)),
-                              dof=bare.dof - Q.shape[1])
+                yield replace(
+                    bare,
+                    rest=bare.rest - float(np.sum((Q.T @ left) ** 2)),
+                    dof=bare.dof - Q.shape[1],
+                )
 
-    def course(self, found: _StrainFit, begun: pd.Series[float], variance: float, drop: float) -> Course:
+    def course(
+        self, found: _StrainFit, begun: pd.Series[float], variance: float, drop: float
+    ) -> Course:
         """The course with the estimates of a model, whose strain explains `drop`."""
         later, w = len(begun) - 1, found.ways.shape[2]
         size = np.zeros((later + 1, w))

@@ -125,8 +125,8 @@ def _registered(settings: Settings, readings: pd.DataFrame) -> Registration:
     agree without), p_i the reading and C_i its covariance [m^2] in the tracker's frame.
     Gauss-Newton from the unweighted closed form (Kabsch, Acta Cryst. A32, 1976; Umeyama, IEEE
     Trans. PAMI 13, 1991). cov = (D' W D)^-1, times chi2 / dof where the noise is not stated or the
-    misfit is improbable (p < `CONTRADICTED`; Birge, Physical Review 40, 1932). Without [base_frame] the
-    readings are in F_b already.
+    misfit is improbable (p < `CONTRADICTED`; Birge, Physical Review 40, 1932). Without [base_frame]
+    the readings are in F_b already.
 
     Args:
         settings: The campaign; `base_frame` has the nominal coordinates [m].

@@ -66,9 +66,7 @@ GROUPS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("since", "lost"), [(1, GROUPS[:1]), (2, GROUPS[:2]), (3, GROUPS[3:])]
-)
+@pytest.mark.parametrize(("since", "lost"), [(1, GROUPS[:1]), (2, GROUPS[:2]), (3, GROUPS[3:])])
 def test_a_knock_between_zeros_before_and_after_leaves_the_smaller_part_out(since, lost):
     """Each part has a zero of its own, from which the pulls that are kept are taken."""
     case = case_of(knocked(files(pulls=PULLS | {"zero": "before_after"}), GROUPS[since]))

@@ -68,8 +68,7 @@ def test_growth_between_rounds_is_found_and_corrected(along, turn, size):
     assert found.course.p_value < 1e-9
     assert not found.from_scatter
     before, after = (
-        place(one, of)[XYZ].to_numpy()
-        for one, of in ((still, case().readings), (found, rows))
+        place(one, of)[XYZ].to_numpy() for one, of in ((still, case().readings), (found, rows))
     )
     assert np.abs(after - before).max() < 1.2e-4 + 2 * (turn > 0) * 1e-4
 
