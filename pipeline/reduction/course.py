@@ -94,11 +94,12 @@ def course(table: pd.DataFrame, R: Array) -> Course | None:
         table: Table REGISTRATION with `time_s`.
         R: Rotation from the tracker's frame into F_b, shape (3, 3).
     """
-    begun = table.groupby(table["group"].astype(str))["time_s"].mean().sort_values()
+    groups = table["group"].astype(str)
+    begun = table.groupby(groups)["time_s"].mean().sort_values()
     stated = bool(covariance.known(covariance.numbers(table)).all())
     if not 1 < len(begun) <= _MOST or not np.isfinite(begun).all():
         return None
-    seen = _Rounds.of(table, R, begun.index.get_indexer(table["group"].astype(str)))
+    seen = _Rounds.of(table, R, begun.index.get_indexer(pd.Index(groups)))
     bare = seen.fit(seen.rigid)
     if bare.dof < 2 or (stated and not bare.contradicted()):
         return None
@@ -226,7 +227,7 @@ class _Rounds(Locked):
         growth = size[:, -1]
         return Course(
             groups=tuple(map(str, begun.index)),
-            begun=begun.to_numpy(float),
+            begun=np.asarray(begun, dtype=float),
             centre=self.centre,
             shift=size[:, :3],
             gradient=growth[:, None, None] * strain - linear.turning(turns),

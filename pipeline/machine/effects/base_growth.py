@@ -10,6 +10,9 @@ from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Loaded, Observation
 
 
+NOUN = "growth of the base frame or scale error of the tracker"
+
+
 def over(begun: Array, growth: Array) -> Observation:
     """The growth of a course.
 
@@ -25,7 +28,7 @@ def over(begun: Array, growth: Array) -> Observation:
 
     return Observation(
         name="base_growth",
-        noun="growth of the base frame, or of the lengths that the tracker measures,",
+        noun=NOUN,
         place="metrology",
         shows_unloaded=True,
         parameters=(
