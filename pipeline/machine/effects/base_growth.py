@@ -9,7 +9,6 @@ import numpy as np
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Loaded, Observation
 
-
 NOUN = "growth of the base frame or scale error of the tracker"
 
 
