@@ -15,7 +15,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, apart, left_out, length, lines_of
-from pipeline.faults.reading import shifted_readings
+from pipeline.faults.reading import Shifted, shifted_readings
 from pipeline.machine.robot import configure
 from pipeline.system import alarms, odds
 from pipeline.system.score_tests import Base
@@ -31,32 +31,32 @@ def loose_target(asked: Screening) -> list[Mistake]:
     Neither another target (`odds.DECIDES`), nor bad readings, each by itself; and beside it no
     other target gives way, as all would on an effector that is soft.
     """
-    data, system = asked.reduced.data, asked.system
-    shifted = shifted_readings(asked.case, asked.reduced, asked.zeros, system, asked.estimate)
-    if asked.cell.tool.six or len(np.unique(data.target)) < 3:
+    shifted = shifted_readings(asked.case, asked.reduced, asked.zeros, asked.system, asked.estimate)
+    targets, stack = np.unique(asked.reduced.data.target), shifted.stack
+    if asked.cell.tool.six or len(targets) < 3:
         return []
-    ways, base, stack = _ways(asked), shifted.pulls_free(), shifted.stack
+    ways, base = _ways(asked), shifted.pulls_free()
     rows = np.where(stack.pull[:, None] < 0, 0.0, ways[stack.pull, stack.axis])
-    mine = [(stack.target == one)[:, None] for one in np.unique(data.target)]
-    each = [shifted.white.by_pose(rows * one) for one in mine]
+    each = [shifted.white.by_pose(rows * (stack.target == one)[:, None]) for one in targets]
     found = [base.beside_all(one) for one in each]
-    drop, p = np.array([(float(one.drop), float(one.p())) for one in found]).T
-    best, second = np.argsort(-drop, kind="stable")[:2]
-    least = 1.0 if system.noise_stated else _NOTHING
-    variance = float(found[best].variance(least))
-    if len(each) * p[best] >= alarms.MOVED or drop[best] - drop[second] < odds.DECIDES * variance:
-        return []
-    wider = _wider(base, each[best], shifted.white.by_pose(stack.c))
-    others = [float(wider.beside_all(one).p()) for k, one in enumerate(each) if k != best]
-    suspects = Suspects(shifted.D, shifted.blocks)
-    own = float(cost(drop[best] / variance, found[best].rank))
-    yields, by_readings = (
-        active_suspects(one, suspects, least).loss(least) for one in (wider, base)
-    )
-    if len(each) * min(others) < alarms.MOVED or yields + own >= by_readings:
+    second, best = np.argsort([one.drop for one in found], kind="stable")[-2:].tolist()
+    least = 1.0 if asked.system.noise_stated else _NOTHING
+    variance, p = float(found[best].variance(least)), len(each) * float(found[best].p())
+    clear = found[best].drop - found[second].drop >= odds.DECIDES * variance
+    if p >= alarms.MOVED or not clear or not _alone(shifted, base, each, best, least):
         return []
     off = float(np.linalg.norm(ways @ found[best].size, axis=1).max())
-    return [_finding(asked, int(best), off, float(np.sqrt(drop[best] / variance)), p[best])]
+    return [_finding(asked, best, off, float(np.sqrt(found[best].drop / variance)), p)]
+
+
+def _alone(shifted: Shifted, base: Base, each: list[Array], best: int, least: float) -> bool:
+    """Whether beside one target no other gives way, and bad readings explain less than it does."""
+    wider = _wider(base, each[best], shifted.white.by_pose(shifted.stack.c))
+    others = [float(wider.beside_all(one).p()) for k, one in enumerate(each) if k != best]
+    suspects, found = Suspects(shifted.D, shifted.blocks), base.beside_all(each[best])
+    own = float(cost(found.drop / found.variance(least), found.rank))
+    yields, read = (active_suspects(one, suspects, least).loss(least) for one in (wider, base))
+    return len(each) * min(others) >= alarms.MOVED and yields + own < read
 
 
 def _ways(asked: Screening) -> Array:
@@ -65,10 +65,8 @@ def _ways(asked: Screening) -> Array:
     The unknowns are a, and A row by row [m].
     """
     pulls = asked.reduced.data.pulls
-    axes, size = (
-        configure(asked.cell.robot, pulls.q).flange_axes,
-        np.linalg.norm(pulls.force, axis=1),
-    )
+    axes = configure(asked.cell.robot, pulls.q).flange_axes
+    size = np.linalg.norm(pulls.force, axis=1)
     own = np.einsum("mij,mi->mj", axes, pulls.force)
     along = np.einsum("mij,mk->mijk", axes, own).reshape(len(axes), 3, 9)
     return np.concatenate([axes * size[:, None, None], along], axis=2) / size.max()

@@ -161,8 +161,8 @@ def _shown(states: _States, first: int, pull: Ints, which: Ints) -> Array:
     zeros = np.array([float(one in later) for one in sorted(states) if one[0] < 0])
     if not pulls or len(later) < _FEWEST:
         return np.zeros(len(pull))
-    mean = np.cumsum(zeros) / np.arange(1, len(zeros) + 1)
-    of_zero = zeros[which] - mean[np.maximum(which - 1, 0)]
+    mean, nth = np.cumsum(zeros) / np.arange(1, len(zeros) + 1), np.minimum(which, len(zeros) - 1)
+    of_zero = zeros[nth] - mean[np.maximum(nth - 1, 0)]  # one group may hold several readings
     return np.where(pull < 0, of_zero, np.isin(pull, pulls) - mean[-1])
 
 
@@ -186,37 +186,27 @@ def _finding(
     p: float,
     zeroed: bool,
 ) -> Mistake:
-    """The mistake; the states from index `first` on are displaced, or those before it.
+    """The mistake. Unless the scale was surely `zeroed`, its zero is given as another possibility.
 
-    Of both parts the one with a zero and more pulls is kept. Unless the scale was surely `zeroed`,
-    its zero is given as another possibility.
+    The states from index `first` on are displaced, or those before it.
     """
     rows, repeat = asked.case.readings, asked.reduced.data.pulls.repeat
     rows = rows[rows["pose"] == pose].sort_values("time", kind="stable")
-    unloaded = rows[rows["state"] == "unloaded"]
-    zeros = unloaded["group"].astype(str).unique()
-    parts = states[:first], states[first:]
-    before, after = (
-        sum(one >= 0 for one, _ in part) * any(one < 0 for one, _ in part) for part in parts
-    )
-    lost = parts[0] if after > before or not before else parts[1]
-    again = [int(repeat[one]) for one, _ in lost if one >= 0]
+    (lost, kept), unloaded = _parts(states, first), rows["state"] == "unloaded"
+    zeros = rows["group"].astype(str)[unloaded].unique()
+    again = np.isin(rows["repeat"], [int(repeat[one]) for one, _ in lost if one >= 0])
     out = rows[
-        (rows["state"] == "loaded") & rows["repeat"].isin(again)
-        | (rows["state"] == "unloaded")
-        & rows["group"].isin([zeros[n] for one, n in lost if one < 0])
+        np.where(unloaded, np.isin(rows["group"], [zeros[n] for k, n in lost if k < 0]), again)
     ]
-    group = str(out["group"].iloc[0])
-    sigmas, (end, _), (start, _) = float(np.sqrt(drop)), states[first - 1], states[first]
-    between = f"{_named(end, repeat)} and {_named(start, repeat)}"
-    kept = "its states before" if lost is parts[0] else "those that follow"
+    group, sigmas = str(out["group"].iloc[0]), float(np.sqrt(drop))
+    between = " and ".join(_named(one, repeat) for one, _ in states[first - 1 : first + 1])
     at = of_group(asked.case, group, set(rows["target"]))
     return outlying(
         group,
         f"in pose {pose} the effector moved by {length(float(np.linalg.norm(size[:3])))} between "
         f"{between}, alike in all pulls that follow and whatever their force, {apart(sigmas)}: "
         f"the tracker was knocked there, or the robot moved{'' if zeroed else _READ_UNDER_LOAD}",
-        f"recomputed without {kept if before or after else f'pose {pose}'}",
+        f"recomputed without {kept or f'pose {pose}'}",
         before=sigmas,
         size=float(np.linalg.norm(size[:3])),
         p_value=p,
@@ -224,6 +214,20 @@ def _finding(
         correct=partial(left_out, at=lines_of(out)),
         at=at,
     )
+
+
+def _parts(states: _States, first: int) -> tuple[_States, str]:
+    """Which part of a pose is left out, and in words if the other one is kept.
+
+    That is the part with a zero and more pulls; without a zero and a pull none is.
+    """
+    parts = states[:first], states[first:]
+    before, after = (
+        sum(one >= 0 for one, _ in part) * any(one < 0 for one, _ in part) for part in parts
+    )
+    if after > before:
+        return parts[0], "its states before"
+    return (parts[1], "those that follow") if before else (parts[0], "")
 
 
 def _named(pull: int, repeat: Ints) -> str:

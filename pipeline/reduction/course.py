@@ -101,14 +101,13 @@ def course(table: pd.DataFrame, R: Array) -> Course | None:
         return None
     seen = _Rounds.of(table, R, begun.index.get_indexer(pd.Index(groups)))
     bare = seen.fit(seen.rigid)
-    if bare.dof < 2 or (stated and not bare.contradicted()):
+    if stated and not bare.contradicted():
         return None
-    found = seen.strained(3)
-    if not stated or found.contradicted():
-        found = seen.strained(6)
-    variance = 1.0 if stated or found.dof < 1 else found.rest / found.dof
-    others = (bare, *seen.displaced(bare))
-    if found.contradicted(variance) or not all(one.contradicted(variance) for one in others):
+    found = seen.strained(stated)
+    variance = 1.0 if stated else found.rest / max(found.dof, 1)
+    if found.contradicted(variance) or not bare.contradicted(variance):
+        return None
+    if not all(one.contradicted(variance) for one in seen.displaced(bare)):
         return None
     return seen.course(found, begun, variance, bare.rest - found.rest)
 
@@ -185,16 +184,21 @@ class _Rounds(Locked):
         """Free places, and `ways` of every later round."""
         places = self._columns(self.rigid[:, :, :3], self.target)
         X = np.hstack([places, self._columns(ways, self.rounds[:, 1:])])
-        left = self.y - linear.orthonormal(X) @ (linear.orthonormal(X).T @ self.y)
-        return _StrainFit(X, ways, float(left @ left), len(left) - linear.orthonormal(X).shape[1])
+        U = linear.orthonormal(X)
+        left = self.y - U @ (U.T @ self.y)
+        return _StrainFit(X, ways, float(left @ left), len(left) - U.shape[1])
 
-    def strained(self, motions: int) -> _StrainFit:
-        """The better strain, in all directions or along the rail, beside some motions."""
+    def strained(self, stated: bool) -> _StrainFit:
+        """The better strain, in all directions or along the rail; with rotations if need be."""
         parts = self.lever, np.outer(self.lever @ self.rail, self.rail)
-        ways = (
-            np.concatenate([self.rigid[..., :motions], one[..., None]], axis=2) for one in parts
+        still, turned = (
+            min(
+                (self.fit(np.concatenate([ways, one[..., None]], axis=2)) for one in parts),
+                key=lambda one: one.rest,
+            )
+            for ways in (self.rigid[..., :3], self.rigid)
         )
-        return min(map(self.fit, ways), key=lambda one: one.rest)
+        return turned if not stated or still.contradicted() else still
 
     def displaced(self, bare: _StrainFit) -> Iterator[_StrainFit]:
         """A model beside a displacement of each reflector in each round, and since it."""
