@@ -12,6 +12,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, compared
 from pipeline.diagnosis.finding import WRONG_LAW
+from pipeline.diagnosis.verdict import CERTAIN
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects.nameless import NAMELESS
@@ -641,7 +642,7 @@ def _odds(
 ) -> tuple[Replacement, ...]:
     """Probabilities of all causes possible in one place, their forms taken together.
 
-    What they usually amount to does not decide between laws that are one in these data.
+    What they usually amount to names none of several laws that are one in these data.
     """
     labels, logs, best, shares = [], [], [], []
     for label, every in by_label(task.suspects).items():
@@ -653,8 +654,11 @@ def _odds(
         best.append(forms[int(np.argmax(compared(now.log_evidence[forms])))])
         share = special.softmax(now.log_evidence[forms])
         shares.append(tuple(zip(forms, share.tolist(), strict=True)))
-    probability = special.softmax(_by_data(task, now, best, np.array(logs)))
-    ranked = np.argsort(-compared(logs), kind="stable")  # twins in the catalogue's order
+    odds = np.array(logs)
+    if special.softmax(odds).max() >= CERTAIN:
+        odds = _by_data(task, now, best, odds)
+    probability = special.softmax(odds)
+    ranked = np.argsort(-compared(odds), kind="stable")  # twins in the catalogue's order
     order = [i for i in ranked if probability[i] >= least]
     return tuple(Replacement(labels[i], best[i], float(probability[i]), shares[i]) for i in order)
 
