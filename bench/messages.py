@@ -14,8 +14,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1] / "pipeline"
 
 SPOKEN: dict[str, tuple[str, ...]] = {
-    "answer/positions.py": ("_to_do", "_ALONE", "_next", "_AGAIN"),
-    "answer/remarks.py": ("WORK", "other_way", "_size"),
+    "positions/answer.py": ("_to_do", "_ALONE", "_next", "_AGAIN"),
+    "answer/remarks.py": ("WORK", "other_way", "stiffness_text"),
     "answer/sentences.py": (
         *("_next", "_again", "_proposed", "_unchecked", "_pulled", "_joints"),
         *("_least_certain", "_NONE_OPEN", "_settled"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,10 +18,6 @@ from pipeline import tables
 from pipeline.answer import archive
 from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.contract import Answer, Which
-from pipeline.answer.of_positions import conclude
-from pipeline.answer.of_positions import identify_positions as positions
-from pipeline.answer.positions import PositionsResults
-from pipeline.answer.positions_and_pulls import PositionsAndPulls
 from pipeline.answer.recommended import (
     DecisionBasis,
     beside_positions,
@@ -30,7 +27,7 @@ from pipeline.answer.recommended import (
     recommend,
     springs_of_extended,
 )
-from pipeline.answer.results import CampaignAnswer, CampaignResults
+from pipeline.answer.results import CampaignAnswer, CampaignResults, WithPositions
 from pipeline.answer.tables import kept, predicted
 from pipeline.base import doors
 from pipeline.base.appearance import appearances
@@ -59,6 +56,10 @@ _MODEL = "pipeline.library.model_file:dumps"
 """Door of the library: the identified model as text, which it reads again."""
 _CONTROL = "pipeline.annex.reliability:control"
 """Door of the annex: how the readings check each other."""
+_POSITIONS = "pipeline.positions.campaign:identify_positions"
+_CONCLUDED = "pipeline.positions.campaign:conclude"
+_JOINED = "pipeline.positions.both:PositionsAndPulls"
+"""Doors of the positions: what they say, as an answer of their own, and beside pulls."""
 _LAST_RESORT = "campaign.toml"
 """File named when input is rejected for reasons that concern no single file."""
 
@@ -186,16 +187,17 @@ def campaign_answer(
 ) -> CampaignAnswer:
     """Run the stages up to stiffnesses, and what is wrong with data or model."""
     with raw.placing(), alone():
-        read = None if raw.settings.positions is None else positions(name, raw, keep, step)
-        if read is None or not raw.settings.of_positions:
+        if raw.settings.positions is None:
+            return _of_pulls(name, raw, None, keep, step)
+        read = doors.opened(_POSITIONS)(name, raw, keep, step)
+        if not raw.settings.of_positions:
             return _of_pulls(name, raw, read, keep, step)
-        return conclude(read, keep, step)
+        concluded: CampaignAnswer = doors.opened(_CONCLUDED)(read, keep, step)
+        return concluded
 
 
-def _of_pulls(
-    name: str, raw: Raw, read: PositionsResults | None, keep: Keep, step: Step
-) -> CampaignAnswer:
-    """Answer of a campaign of pulls, combined with its positions if there are any."""
+def _of_pulls(name: str, raw: Raw, read: Any | None, keep: Keep, step: Step) -> CampaignAnswer:
+    """Answer of a campaign of pulls, combined with what its positions say if there are any."""
     case, both = _joined(raw, read, keep, step)
     path = path_of(raw.settings.tolerance, raw.files, case.robot, case.tool)
     case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
@@ -250,14 +252,14 @@ def _of_pulls(
 
 
 def _joined(
-    raw: Raw, read: PositionsResults | None, keep: Keep, step: Step
-) -> tuple[Case, PositionsAndPulls | None]:
+    raw: Raw, read: Any | None, keep: Keep, step: Step
+) -> tuple[Case, WithPositions | None]:
     """Tables of the pulls, and their combination with positions if there are any."""
     raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
     case = ingested(raw, keep, step, plausible=False)
     if read is None:
         return case, None
-    both = PositionsAndPulls.of(case, read, step)
+    both: WithPositions = doors.opened(_JOINED).of(case, read, step)
     return both.case, both
 
 

@@ -81,6 +81,17 @@ def restricted(X, y, V):
     return np.linalg.slogdet(V)[1] + np.linalg.slogdet(X.T @ W @ X)[1] + chi2
 
 
+def rss(columns, y):
+    """Residual sum of squares of numpy's least squares."""
+    left = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+    return left @ left
+
+
+def twice(columns):
+    """The columns, with a combination of the first two as a sixth."""
+    return np.column_stack([columns, columns[:, 0] - 3 * columns[:, 1]])
+
+
 def any_system(rng, n, rank):
     """Rows that depend on the parameters in a few directions only; all kinds of errors."""
     size = 10.0 ** rng.uniform(-8, -6, n)

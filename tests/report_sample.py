@@ -39,6 +39,20 @@ def revised(old: Answer, change: Callable[[dict[str, Any]], object]) -> Answer:
     return Answer.model_validate(content, strict=False)
 
 
+def stiffer_one_way(content: dict[str, Any]) -> None:
+    """Joint 4 holds 2.40 MN m/rad at the test pose and 1.50 where its torque is negative."""
+    joint = content["stiffness"][3]
+    joint |= {"value": 2.4e6, "std": 2e4}
+    one = {"ci95": [None, None], "compliance": None, "compliance_std": None, "axis_turns": None}
+    joint["by_sign"] = {
+        "positive": {"value": 2.4e6, "std": 2e4} | one,
+        "negative": {"value": 1.5e6, "std": 1e4} | one,
+        "of": "pull",
+        "correlation": None,
+        "value_of": "positive",
+    }
+
+
 def _content() -> dict[str, Any]:
     joints = [_joint(number, nominal) for number, nominal in enumerate(NOMINAL, 1)]
     joints[6] |= {

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.annex.validate import AROUND_M, AROUND_RAD, deflections
 from pipeline.base.arrays import Array, Locked
 from pipeline.design.curves import ByAnchor, BySize, by_anchor, by_size
 from pipeline.design.information import station
@@ -18,7 +19,6 @@ from pipeline.design.search import Effort, Plan, evaluate, rounded, search
 from pipeline.design.spec import parse, revised, shipped
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot import Robot
-from pipeline.prediction.validate import AROUND_M, AROUND_RAD, deflections
 from pipeline.simulate.noise import tracker_errors
 
 MM = 1e3

@@ -6,8 +6,9 @@ cross-validation, the cell in three dimensions, residuals, budget, registration,
 method, and maps of the workspace. How readings check each other is computed here, too, as no other
 part of an answer depends on it.
 
-Door: `sections:sections`, `figures:PLOTS`; for the tables that only these need,
+Door: `sections:sections`, `figures:PLOTS`, `paper:printed`; for the tables that only these need,
 `figure_tables:pictured`, `figure_tables:of_positions` and `position_tables:identified`; for
-`reliability` and `influence` of the answer, `reliability:control`.
+`reliability` and `influence` of the answer, `reliability:control`; for the draws of its
+`validation`, `validate:validated` and `validate:means`.
 Tests: `tests/annex/`, and `tests/report/` for whole pages.
 """

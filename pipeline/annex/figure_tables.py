@@ -11,6 +11,7 @@ from pipeline.annex.position_tables import identified
 from pipeline.annex.posture import posture, standing_posture
 from pipeline.annex.scene import scene, scene_of_positions
 from pipeline.annex.seen_laws import laws
+from pipeline.annex.validate import none as no_validation
 from pipeline.annex.workspace import arm_in_plane, workspace
 from pipeline.annex.workspace import none as no_workspace
 from pipeline.answer.results import CampaignResults
@@ -36,6 +37,7 @@ def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
     arm = step(arm_in_plane)(right.case.cell, found.where)
     seen = step(laws)(values.first, values.fitted.data)
     posed = step(posture)(found.told.model.hypotheses[0], found.where)
+    checked = no_validation() if found.told.checked is None else found.told.checked
     return {
         "covariance": covariance_table(values.parameters, values.found.cov),
         "models": keep("46_models", models, tables.MODELS),
@@ -47,6 +49,7 @@ def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
         **_soft(found, keep, step),
         **_controlled(found, keep),
         "posture": keep("73_posture", posed, tables.POSTURE),
+        "validation": keep("60_validation", checked, tables.VALIDATION),
     }
 
 

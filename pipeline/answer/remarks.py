@@ -124,9 +124,10 @@ def both_stiffnesses(joint: Stiffness) -> str:
     load = "load with the arm's own weight" if both.of == "total" else "pull"
     first, other = sorted((both.positive, both.negative), key=lambda one: one.axis_turns != "plus")
     at_pose = both.positive if both.value_of == "positive" else both.negative
+    one, two = (stiffness_text(way, joint.unit) for way in (first, other))
     return (
-        f"{joint.called} is {_size(first, joint)} where the {load} turns {_way(first, joint)}, and "
-        f"{_size(other, joint)} where it turns {_way(other, joint)}; at the test pose it turns "
+        f"{joint.called} is {one} where the {load} turns {_way(first, joint)}, and "
+        f"{two} where it turns {_way(other, joint)}; at the test pose it turns "
         f"{_way(at_pose, joint)}."
     )
 
@@ -140,16 +141,16 @@ def other_way(joint: Stiffness, k: float = 1.0) -> str:
     if both is None:
         return ""
     other = both.negative if both.value_of == "positive" else both.positive
-    return f"; {_size(other, joint, k)} the other way"
+    return f"; {stiffness_text(other, joint.unit, k)} the other way"
 
 
-def _size(one: OneWay, joint: Stiffness, k: float = 1.0) -> str:
+def stiffness_text(one: Stiffness | OneWay, unit: str, k: float = 1.0) -> str:
     """`2.400 ± 0.020 MN·m/rad`, or `not determined`; ± is k standard uncertainties."""
     if one.value is None:
         return "not determined"
     factor, letter = common_prefix([one.value])
     shown = with_std(scaled(one.value, factor), scaled(one.std, factor / k))
-    return f"{shown} {prefixed(joint.unit, letter)}"
+    return f"{shown} {prefixed(unit, letter)}"
 
 
 def _way(one: OneWay, joint: Stiffness) -> str:

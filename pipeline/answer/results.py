@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import pandas as pd
 
@@ -17,6 +17,8 @@ from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.mistake import Mistake
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.tolerance import JudgedTolerance
+from pipeline.reduction.bring import Keep, Step
+from pipeline.reduction.case import Case
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.store.campaign import Raw
 from pipeline.system.fit import Fitted
@@ -47,7 +49,7 @@ class ReportedModel:
     Attributes:
         values: Its values.
         model: The identified machine with these values.
-        checked: Table VALIDATION; None if nothing is determined.
+        checked: Table VALIDATION; None if nothing is determined, or without the annex.
     """
 
     values: ModelValues
@@ -140,3 +142,35 @@ class CampaignResults:
     def verdict(self) -> Verdict:
         """The verdict on the campaign."""
         return verdict(self.facts)
+
+
+class WithPositions(Protocol):
+    """Positions and pulls of one robot; the outbuilding of positions makes it.
+
+    Attributes:
+        case: The campaign of pulls, its robot where the positions have it.
+    """
+
+    case: Case
+
+    @property
+    def agrees(self) -> bool:
+        """Whether both say the same of the springs."""
+
+    def given(self, step: Step) -> Fitted:
+        """The paper's model of the pulls alone, on the robot as delivered."""
+
+    def beside(self, stands: Fitted, diagnosis: Diagnosed) -> WithPositions:
+        """The same after the pulls."""
+
+    def facts(self, pulls: Facts) -> Facts:
+        """What the verdict of both follows from."""
+
+    def shown(self, pulls: Mapping[str, pd.DataFrame], keep: Keep) -> dict[str, pd.DataFrame]:
+        """The tables of the positions, beside those of the pulls."""
+
+    def answer(self, found: CampaignResults, pulls: Answer) -> Answer:
+        """One answer of both."""
+
+    def files(self, pulls: IdentifiedModel) -> dict[str, bytes]:
+        """Files to hand over, by name."""

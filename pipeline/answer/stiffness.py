@@ -19,7 +19,7 @@ from pipeline.answer.contract import (
     Stiffness,
 )
 from pipeline.answer.recommended import ModelValues
-from pipeline.base import linear
+from pipeline.base import doors, linear
 from pipeline.base.arrays import Array, Bools
 from pipeline.diagnosis.average import (
     Dependence,
@@ -35,13 +35,15 @@ from pipeline.diagnosis.average import (
 )
 from pipeline.machine import sides
 from pipeline.machine.cell import Cell
-from pipeline.machine.robot import Joint, Robot, axes
+from pipeline.machine.robot import Joint, axes
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.budget import budget
-from pipeline.system.combinations import Motion, parting
 
 _WHICH = "which_cause"
 """Source of the uncertainty about which cause is true."""
+
+_NEEDS = "pipeline.design.parting:needs"
+"""Door of the design: what would separate the members of a combination."""
 
 _SHOWN = 1e-3
 """Share of the variance up to which `which_cause` is treated as zero, being rounding [1]."""
@@ -258,30 +260,16 @@ def combination_entries(values: ModelValues) -> tuple[Combination, ...]:
     if n - int(alone.sum()) < 2:
         return ()
     N = information(values.hypotheses)
-    joints = fitted.case.robot.joints
-    out = []
-    for one in together(values.hypotheses, N, alone):
-        motion = parting(fitted.case.cell, fitted.system, fitted.data.pulls, N, one.of)
-        out.append(
-            Combination(
-                of=tuple(f"k_{joints[j].name}" for j in one.of),
-                weights=tuple(one.weights.tolist()),
-                value=one.value,
-                std=one.std,
-                ci95=(one.low, one.high),
-                unit=joints[int(one.of[0])].compliance_unit,
-                needs=_needs(fitted.case.robot, motion),
-            )
+    joints, needs = fitted.case.robot.joints, doors.found(_NEEDS)
+    return tuple(
+        Combination(
+            of=tuple(f"k_{joints[j].name}" for j in one.of),
+            weights=tuple(one.weights.tolist()),
+            value=one.value,
+            std=one.std,
+            ci95=(one.low, one.high),
+            unit=joints[int(one.of[0])].compliance_unit,
+            needs=needs(fitted, N, one.of) if needs else "",
         )
-    return tuple(out)
-
-
-def _needs(robot: Robot, motion: Motion) -> str:
-    """The motion of a joint that would best separate the members of a combination, in words."""
-    joint, unit = robot.joints[motion.joint], "deg"
-    to, low, high = (float(np.rad2deg(one)) for one in (motion.to, motion.low, motion.high))
-    if joint.prismatic:
-        to, low, high, unit = motion.to, motion.low, motion.high, "m"
-    at, before, after = (f"{round(one, 1):g}" for one in (to, low, high))
-    so_far = f"at {before} {unit}" if before == after else f"from {before} to {after} {unit}"
-    return f"the same pulls in poses with {joint.name} at {at} {unit} (so far {so_far})"
+        for one in together(values.hypotheses, N, alone)
+    )

@@ -14,8 +14,6 @@ from pipeline.base import doors
 from pipeline.base.arrays import Array, Parameter
 from pipeline.diagnosis.average import Springs
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.validate import none as no_validation
-from pipeline.prediction.validate import validate
 from pipeline.reduction.bring import Keep, Step
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.system import Estimate, System
@@ -93,11 +91,11 @@ def covariance_table(names: Sequence[Parameter], cov: Array) -> pd.DataFrame:
     return pd.DataFrame(cov, columns=named).assign(parameter=named)
 
 
-_SEED = 20261103
-"""Of its draws: another one moves numbers within what they say of their scatter."""
-
 _ANNEX = "pipeline.annex.figure_tables:pictured"
 """Tables of the figures behind the first page."""
+
+_VALIDATED = "pipeline.annex.validate:validated"
+"""Deflections drawn from what the estimate leaves open."""
 
 _CORRECTED = (("22_forces", tables.FORCES), ("23_displacements", tables.DISPLACEMENTS))
 """Tables that a mistake in the data changes, and that the answer rests on."""
@@ -107,9 +105,9 @@ def predicted(
     model: IdentifiedModel, values: ModelValues, where: PoseOfInterest, step: Step
 ) -> ReportedModel:
     """One model's values with what they predict."""
-    checked = None
-    if values.found.identifiable.any():
-        checked = step(validate)(values.hypotheses, where, np.random.default_rng(_SEED))
+    checked, validated = None, doors.found(_VALIDATED)
+    if validated and values.found.identifiable.any():
+        checked = step(validated)(values.hypotheses, where)
     return ReportedModel(values, model, checked)
 
 
@@ -131,11 +129,9 @@ def kept(found: CampaignResults, keep: Keep, step: Step) -> dict[str, pd.DataFra
         cov = covariance_table(names, estimate.cov)
         keep(f"41_covariance{suffix}", cov, tables.covariance(names))
     residuals = _residuals_table(system, values.first.estimate, values.left_out_m)
-    checked = no_validation() if found.told.checked is None else found.told.checked
     pictured = doors.found(_ANNEX)
     return (pictured(found, keep, step) if pictured else {}) | {
         "residuals": keep("42_residuals", residuals, tables.RESIDUALS),
-        "validation": keep("60_validation", checked, tables.VALIDATION),
         **_path(found, keep),
     }
 

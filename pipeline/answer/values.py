@@ -5,19 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from pipeline.answer import contract
 from pipeline.answer.contract import Drawn, Fit, NoiseFrom, TargetDeflection, Validation
 from pipeline.answer.recommended import ModelValues, left_out_mm
 from pipeline.answer.results import ReportedModel
 from pipeline.answer.stiffness import stiffness_entries
-from pipeline.base import linear
-from pipeline.base.arrays import Array
+from pipeline.base import doors, linear
 from pipeline.base.quantities import plain
 from pipeline.machine.cell import Cell
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.validate import by_payload
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system.assemble import second_order
@@ -38,11 +35,10 @@ def stated(values: ModelValues, model: IdentifiedModel, where: PoseOfInterest) -
 
 def values_entry(reported: ReportedModel, where: PoseOfInterest) -> contract.Values:
     """Stiffnesses, fit, deflection at the test pose and validation of one model."""
-    left, checked = reported.values.left_out_m, reported.checked
-    validation = (
-        None if checked is None else _validation_entry(checked, left, where, reported.values)
+    return contract.Values(
+        validation=_validation_entry(reported, where),
+        **stated(reported.values, reported.model, where),
     )
-    return contract.Values(validation=validation, **stated(reported.values, reported.model, where))
 
 
 def _fit_entry(fitted: Fitted, estimate: Estimate) -> Fit:
@@ -117,42 +113,22 @@ def _noise_statement(fitted: Fitted, estimate: Estimate) -> str:
     )
 
 
-def _validation_entry(
-    checked: pd.DataFrame, left_out_m: Array, where: PoseOfInterest, values: ModelValues
-) -> Validation:
-    """Means of Eq. (22) per target, with full covariance and as in Eq. (23), and held-out error.
-
-    Args:
-        checked: Table VALIDATION.
-        left_out_m: Cross-validation residuals [m]; NaN where no other pose predicts them.
-        where: The test pose.
-        values: The model's values, with the campaign from which they were estimated.
-    """
-    fitted = values.fitted
-    loads = by_payload(fitted.case.settings, fitted.data, values.first.system)
-    full = _drawn(checked, "covariance")
+def _validation_entry(reported: ReportedModel, where: PoseOfInterest) -> Validation | None:
+    """Held-out error, and what the annex draws of Eq. (22); None where nothing is determined."""
+    values, means = reported.values, doors.found(_MEANS)
+    if not values.found.identifiable.any():
+        return None
     return Validation(
-        test_pose=full.test_pose,
-        global_=full.global_,
-        held_out_rms_mm=left_out_mm(left_out_m),
-        independent=_drawn(checked, "independent"),
-        poses=int(checked["index"].max()),
+        held_out_rms_mm=left_out_mm(values.left_out_m),
         test_pose_stated=where.stated,
-        by_payload={name: None if r is None else 1e3 * r for name, r in loads.items()},
+        **(means(reported.checked, values) if means else _NOT_DRAWN),
     )
 
 
-def _drawn(checked: pd.DataFrame, draw: str) -> Drawn:
-    """Means for one distribution of the stiffnesses, `covariance` or `independent`."""
-    drawn = checked[checked["draw"] == draw]
-    near, far = (drawn[drawn["set"] == name] for name in ("test_pose", "global"))
-    return Drawn(test_pose=_means(near), global_=_means(far))
-
-
-def _means(rows: pd.DataFrame) -> contract.PerTarget:
-    """Mean relative error of each target, in their order."""
-    means = rows.groupby("target", sort=False)["mu"].mean()
-    return {str(target): float(mean) for target, mean in means.items()}
+_MEANS = "pipeline.annex.validate:means"
+"""Door of the annex: mean errors of predictions by target and by payload."""
+_NONE = Drawn(test_pose={}, global_={})
+_NOT_DRAWN = {"test_pose": {}, "global_": {}, "independent": _NONE, "poses": 0}
 
 
 def _deflection_entries(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.app.crash import shareable
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, place
-from pipeline.base.quantities import bracketed, common_prefix, prefixed, scaled, with_std
+from pipeline.base.quantities import bracketed, prefixed
 from pipeline.base.shown import in_json, printable
 from pipeline.store.campaign import CampaignFolder, find, label
 
@@ -137,11 +137,12 @@ def _stiffnesses(joints: Sequence[Stiffness]) -> list[str]:
 
     A line before them says what ± is here: on a report's first page it is twice as much.
     """
-    from pipeline.answer.remarks import other_way
+    from pipeline.answer.remarks import other_way, stiffness_text
 
     width = max((len(joint.axis) + 3 for joint in joints if joint.axis), default=0)
     rows = [
-        f"  {joint.axis or '':<{width}}{joint.name:<10} {stiffness_text(joint)}{other_way(joint)}"
+        f"  {joint.axis or '':<{width}}{joint.name:<10} "
+        f"{stiffness_text(joint, joint.unit)}{other_way(joint)}"
         for joint in joints
     ]
     return ["  ± is one standard uncertainty (k = 1):", *rows] if rows else []
@@ -165,15 +166,6 @@ def _within(answer: Answer) -> bool:
     """Whether the tolerance is certainly kept; also True if none is judged."""
     worst = None if answer.tolerance is None else answer.tolerance.worst
     return worst in (None, "pass")
-
-
-def stiffness_text(joint: Stiffness) -> str:
-    """A stiffness rounded as its uncertainty allows: `80.0 ± 1.6 MN·m/rad`."""
-    if joint.value is None:
-        return "not determined"
-    factor, letter = common_prefix([joint.value])
-    value = with_std(joint.value / factor, scaled(joint.std, factor))
-    return f"{value} {prefixed(joint.unit, letter)}"
 
 
 def _mixed(one: Combination) -> str:

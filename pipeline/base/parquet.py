@@ -7,7 +7,6 @@ threads would gain nothing.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pyarrow as pa
@@ -36,20 +35,3 @@ def write(path: Path, table: pa.Table) -> None:
     sink = pa.BufferOutputStream()
     pq.write_table(table, sink, compression="zstd")
     files.write(path, bytes(sink.getvalue()))
-
-
-def begins_and_ends(path: Path) -> bool:
-    """Whether a file looks like a complete Parquet file, by its first and last bytes."""
-    try:
-        with path.open("rb") as opened:
-            if os.fstat(opened.fileno()).st_size < 3 * len(_MAGIC):
-                return False
-            begin = opened.read(len(_MAGIC))
-            opened.seek(-len(_MAGIC), os.SEEK_END)
-            return begin == opened.read() == _MAGIC
-    except OSError:
-        return False
-
-
-_MAGIC = b"PAR1"
-"""First and last bytes of a Parquet file (format version 2)."""

@@ -79,7 +79,7 @@ def _of_single_pulls(found: CampaignResults, whole: Answer) -> Iterator[str]:
 
 
 def _tracker_drifts(found: CampaignResults) -> bool:
-    """A drift of the tracker is named."""
+    """A motion of the tracker, or of the base, from round to round is named."""
     effects = [cause.effect for cause in found.diagnosis.causes]
     return any(isinstance(one, Observation) and one.instrument for one in effects)
 
@@ -356,8 +356,8 @@ def combination_sentences(combinations: Sequence[Combination]) -> list[str]:
     """Two sentences per combination: what is determined, and how to separate its members."""
     return [
         f"{listed(one.of)} cannot be distinguished: of their compliances these poses determine "
-        f"{one.formula} = {bracketed(one.value, one.std)} {one.unit}. What "
-        f"would separate them best: {one.needs}."
+        f"{one.formula} = {bracketed(one.value, one.std)} {one.unit}."
+        + (f" What would separate them best: {one.needs}." if one.needs else "")
         for one in combinations
     ]
 

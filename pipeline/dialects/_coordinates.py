@@ -10,8 +10,9 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.covariance import flat, symmetric
 from pipeline.base.errors import InputError
+from pipeline.dialects._unit_words import UNIT_WORDS
 from pipeline.readers._reader import Meaning
-from pipeline.readers._units import UNIT_WORDS, in_unit, metres
+from pipeline.readers._units import in_unit, metres
 from pipeline.readers.export_settings import ExportSettings
 
 PACKED = "dms"

@@ -21,11 +21,11 @@ from pipeline.base.threads import WORTH_A_THREAD, spread
 from pipeline.dialects import _time
 from pipeline.dialects._cells import NOT_IN_NUMBERS, NUMBER_START, bare_number, cut_off, is_turn
 from pipeline.dialects._cut import HOPELESS, cut, hopeless
+from pipeline.dialects._unit_words import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers import pose_names
 from pipeline.readers._layout import Field, Layout, TypedRows
 from pipeline.readers._plain_rows import LARGEST_NUMBER
 from pipeline.readers._text import Text, shortened
-from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _GROUPED = r"^[+-]?[1-9][0-9]{0,2}(,[0-9]{3})+$"
 """Numbers whose commas may be thousands separators or, if there is one comma, a decimal mark; none

@@ -10,9 +10,9 @@ from importlib import resources
 
 from pipeline.base.errors import InputError
 from pipeline.dialects._cells import IN_BRACKETS, bare
+from pipeline.dialects._unit_words import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._text import Text, shortened
-from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _UNIT_WORDS = UNIT_WORDS | ANGLE_WORDS
 

@@ -39,10 +39,10 @@ from pipeline.dialects._named import (
 )
 from pipeline.dialects._table_times import SEARCHED, dated, form_of_times, sample, trusted_times
 from pipeline.dialects._titles import horizontal, name_a_place, no_level_range
+from pipeline.dialects._unit_words import UNIT_WORDS
 from pipeline.readers._layout import Field, Kind, Layout, TypedRows
 from pipeline.readers._reader import Export, Meaning
 from pipeline.readers._text import Text, shortened
-from pipeline.readers._units import UNIT_WORDS
 from pipeline.readers.export_settings import ExportSettings
 
 _UNCERTAINTIES = {

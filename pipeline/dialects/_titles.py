@@ -11,8 +11,8 @@ from pipeline.base.errors import InputError
 from pipeline.dialects._cells import IN_BRACKETS
 from pipeline.dialects._coordinates import AXES, VERTICALS
 from pipeline.dialects._named import DEVIATION, FOREIGN, Named, in_context, named
+from pipeline.dialects._unit_words import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._text import shortened
-from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _WORDS = re.compile(r"[^\W\d_]+|[0-9]+")

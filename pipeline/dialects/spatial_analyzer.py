@@ -32,11 +32,11 @@ from pipeline.dialects._delimited import rows
 from pipeline.dialects._export import export
 from pipeline.dialects._named import Header, Named
 from pipeline.dialects._table_times import form_of
+from pipeline.dialects._unit_words import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._iso import ISO
 from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, TypedRows
 from pipeline.readers._reader import Export, Meaning, OutgoingReadings, Reader, written
 from pipeline.readers._text import SAMPLE_LINES, Text
-from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers.export_settings import ExportSettings
 
 _T = TypeVar("_T")

@@ -314,8 +314,8 @@ def _known(place: Path, scatter: float | None) -> dict[str, _Entry]:
     except (TypeError, LookupError, AttributeError):
         return {}
     whole = {
-        part: all(parquet.begins_and_ends(_path(place, table, *part)) for table in _PROMISED)
-        and parquet.begins_and_ends(_path(place, "wear", part[0], "wear"))
+        part: all(_begins_and_ends(_path(place, table, *part)) for table in _PROMISED)
+        and _begins_and_ends(_path(place, "wear", part[0], "wear"))
         for part in {(entry.robot, _part(name)) for name, entry in known.items()}
     }
     return {name: one for name, one in known.items() if whole[one.robot, _part(name)]}
@@ -342,7 +342,7 @@ def _write(
     for name, promise in _PROMISED.items():
         path = _path(place, name, robot, part)
         kept = []
-        if parquet.begins_and_ends(path):
+        if _begins_and_ends(path):
             old = parquet.read(path)
             kept = [old.filter(pc.invert(pc.is_in(old["campaign"], pa.array(list(stale)))))]
         table = pa.concat_tables([promise.empty_table(), *kept, *(one[name] for one in rows)])
@@ -483,3 +483,20 @@ def _cause(rank: int, one: Cause) -> list[dict[str, Any]]:
         for size in one.parameters
     ]
     return [about | size for size in sizes or [{}]]
+
+
+def _begins_and_ends(path: Path) -> bool:
+    """Whether a file looks like a complete Parquet file, by its first and last bytes."""
+    try:
+        with path.open("rb") as opened:
+            if os.fstat(opened.fileno()).st_size < 3 * len(_MAGIC):
+                return False
+            begin = opened.read(len(_MAGIC))
+            opened.seek(-len(_MAGIC), os.SEEK_END)
+            return begin == opened.read() == _MAGIC
+    except OSError:
+        return False
+
+
+_MAGIC = b"PAR1"
+"""First and last bytes of a Parquet file (format version 2)."""

@@ -26,6 +26,7 @@ from pipeline.dialects._titles import (
     triples,
     uncertainties,
 )
+from pipeline.dialects._unit_words import ANGLE_WORDS
 from pipeline.intake import _polar
 from pipeline.intake._beside import Role, SheetTable, Why, roles_beside, roles_of_words, tells_apart
 from pipeline.intake._contents import Content
@@ -33,7 +34,6 @@ from pipeline.intake._log_words import force_unit
 from pipeline.intake._polar import Polar
 from pipeline.intake._sheet import Sheet, cells_of
 from pipeline.readers._layout import JOINT
-from pipeline.readers._units import ANGLE_WORDS
 from pipeline.readers.logs import SCALE
 
 _INSTRUMENT = re.compile(r"(instrument|station|tracker|stn|standpunkt)[ _:-]*\w*", re.IGNORECASE)

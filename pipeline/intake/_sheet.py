@@ -17,8 +17,8 @@ from pipeline.dialects._cells import MARKS, bare, cells_or_none, is_number, is_p
 from pipeline.dialects._coordinates import KIND_WORDS
 from pipeline.dialects._named import FOREIGN, UNIT_LINE, WORD, said_units
 from pipeline.dialects._titles import name_a_place, titled
+from pipeline.dialects._unit_words import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._text import Text
-from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _SEPARATORS = (";", "\t", "|", ",", " ")
 """Possible separators of cells; of two that cut a file alike the first is taken, which is the rarer

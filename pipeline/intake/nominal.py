@@ -20,11 +20,11 @@ import numpy as np
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain
 from pipeline.dialects._named import WORD
+from pipeline.dialects._unit_words import UNIT_WORDS
 from pipeline.dialects.workbook import sheets
 from pipeline.intake._sheet import WIDE_GAP
 from pipeline.readers._layout import JOINT
 from pipeline.readers._text import Text, is_workbook, opened
-from pipeline.readers._units import UNIT_WORDS
 from pipeline.readers.logs import LENGTH
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.settings import REACH_M

@@ -35,6 +35,7 @@ from pipeline.dialects._coordinates import (
 )
 from pipeline.dialects._named import is_unit_title, known_units
 from pipeline.dialects._titles import horizontal, titled
+from pipeline.dialects._unit_words import ANGLE_WORDS, UNIT_WORDS
 from pipeline.intake import _roles
 from pipeline.intake._beside import Role, SheetTable
 from pipeline.intake._contents import contents, mark_of
@@ -45,7 +46,7 @@ from pipeline.intake.question import ColumnRole, Question, QuestionTopic, Reply,
 from pipeline.readers._iso import ISO
 from pipeline.readers._layout import JOINT
 from pipeline.readers._text import Text, shortened
-from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS, USUAL_UNITS
+from pipeline.readers._units import USUAL_UNITS
 from pipeline.readers.export_settings import Columns, ExportSettings
 
 _COORDINATES = 'coordinates = "cartesian" (or "spherical", "cylindrical")'

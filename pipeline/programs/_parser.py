@@ -102,6 +102,25 @@ class ParserState:
     steady: set[str] = field(default_factory=set)
     framed: set[str] = field(default_factory=set)
     _met: set[tuple[str, int, str, str]] = field(default_factory=set)
+
+    def of_name(
+        self, name: str, index: str | None, first: int = 0
+    ) -> Sequence[Target | Uncorrected]:
+        """The points of a name that a motion has; all of an array that is not as it was taught.
+
+        Args:
+            name: The name.
+            index: Index into an array, as written; a computed one means any of its points.
+            first: Index of the first element.
+        """
+        points = self.points.get(name, [])
+        self.named.add(name)
+        once = len({one.name for one in points if isinstance(one, Target)}) == len(points)
+        if index and index.isdecimal() and once:
+            at = int(index[:9]) - first
+            return points[at : at + 1]
+        return points
+
     _known: dict[str, bytearray] = field(default_factory=dict)
 
     def account(self, source: Source, start: int, end: int) -> None:

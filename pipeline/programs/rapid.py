@@ -547,7 +547,7 @@ def _use(
         name = f"the target in line {found.source.line(entry.start)}"
         points = list(_points(found, name, [inline]))
     elif named := _POINT.match(text):
-        points = _named(found, named[1].lower(), named[2])
+        points = found.of_name(named[1].lower(), named[2], first=1)
     else:
         return f"{text} is computed at run time"
     if not points:
@@ -557,13 +557,3 @@ def _use(
         for one in points
     ]
     return found.use(stated, *frames)
-
-
-def _named(found: _Rapid, name: str, index: str | None) -> Sequence[Target | Uncorrected]:
-    """Points of a name; all elements of an array if the index is computed."""
-    points = found.points.get(name, [])
-    found.named.add(name)
-    single = len({one.name for one in points if isinstance(one, Target)}) == len(points)
-    if index and index.isdecimal() and single:
-        return points[int(index[:9]) - 1 : int(index[:9])]
-    return points

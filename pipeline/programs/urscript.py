@@ -231,7 +231,7 @@ def _use(found: _Script, entry: ListItem, tool: HeldState) -> str | None:
     if entry.text.startswith("[") or re.match(r"p\s*\[", entry.text):
         points = list(_points(found, f"the target in line {found.source.line(entry.start)}", entry))
     elif named := _NAMED.match(entry.text):
-        points = _named(found, named[1], named[2])
+        points = found.of_name(named[1], named[2])
     else:
         return f"{entry.text} is computed at run time"
     if not points:
@@ -267,13 +267,3 @@ def _inside(found: _Script, entry: ListItem) -> tuple[ListItem, tuple[float, ...
         found.named.add(arguments.text)
         near = next((p.values for p in points if isinstance(p, Target)), ())
     return _without(first, _ARGUMENT), near
-
-
-def _named(found: _Script, name: str, index: str | None) -> Sequence[Target | Uncorrected]:
-    """The points of a name; all of a list whose index is computed or that is assigned again."""
-    points = found.points.get(name, [])
-    found.named.add(name)
-    once = len({one.name for one in points if isinstance(one, Target)}) == len(points)
-    if index and index.isdecimal() and once:
-        return points[int(index[:9]) : int(index[:9]) + 1]
-    return points

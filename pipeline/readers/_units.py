@@ -9,25 +9,6 @@ from pipeline.base.arrays import Array
 Usual = Literal["mm", "m", "in"]
 USUAL_UNITS: tuple[str, ...] = get_args(Usual)
 """Units of length offered in questions, and tried if none is stated."""
-UNIT_WORDS = {
-    "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
-    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
-    "in": "in", "inch": "in", "inches": "in",
-    "um": "um", "µm": "um", "μm": "um", "micron": "um", "microns": "um",
-    "ft": "ft", "foot": "ft", "feet": "ft", "cm": "cm", "centimeter": "cm", "centimeters": "cm",
-    "centimetre": "cm", "centimetres": "cm",
-    "ftus": "ftUS", "usft": "ftUS", "us ft": "ftUS", "ft us": "ftUS", "ft-us": "ftUS",
-    **dict.fromkeys(
-        ("millimetri", "millimetro", "millimètre", "millimètres", "milímetros", "milimetros",
-         "milimetr", "milimetry", "milimetre", "миллиметры", "мм", "毫米", "밀리미터"), "mm"),
-    **dict.fromkeys(("metri", "metro", "metros", "mètre", "mètres", "metry", "метры", "米"), "m"),
-    "us-ft": "ftUS", "sft": "ftUS", "us survey foot": "ftUS", "us survey feet": "ftUS",
-    "survey feet": "ftUS", "us feet": "ftUS",
-}  # fmt: skip
-ANGLE_WORDS = {
-    "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg",
-    "rad": "rad", "radian": "rad", "radians": "rad", "gon": "gon", "gons": "gon",
-}  # fmt: skip
 _LONG = {"in": 0.0254, "ft": 0.3048, "ftUS": 1200 / 3937}
 """Inch, foot and US survey foot [m], by definition (1959; Mendenhall Order 1893); the latter makes
 18 m of rail 36 um longer."""

@@ -19,15 +19,18 @@ import pandas as pd
 from markupsafe import Markup
 
 from pipeline.answer.contract import Answer
+from pipeline.base import doors
 from pipeline.base.appearance import PLAIN, Appearance
 from pipeline.base.language import spoken
 from pipeline.base.quantities import typeset
 from pipeline.base.shown import runs
 from pipeline.base.version import __version__
-from pipeline.report.paper import printed
 from pipeline.report.record import Block, Report, ReportTable
 
 _HERE = files("pipeline.report")
+
+_PRINTED = "pipeline.annex.paper:printed"
+"""Door of the annex: which of its tables and figures are printed."""
 
 
 def render(
@@ -154,8 +157,10 @@ def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
 
     from pipeline.report.svg import FONTS
 
-    content = asdict(_typeset(printed(report))) | {"version": __version__, "worst": report.worst}
-    shown = {one.name: drawings[one.name] for one in printed(report).figures}
+    printed = doors.found(_PRINTED)
+    worst, report = report.worst, printed(report) if printed else report
+    content = asdict(_typeset(report)) | {"version": __version__, "worst": worst}
+    shown = {one.name: drawings[one.name] for one in report.figures}
     compiled = typst.compile(  # type: ignore[call-overload]  # its own stub lacks bytes
         _text("page.typ").encode(),
         sys_inputs={"report": json.dumps(content), "figures": json.dumps(shown)},

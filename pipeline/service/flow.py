@@ -35,7 +35,8 @@ from prefect.types.entrypoint import EntrypointType
 
 from pipeline.answer.archive import read
 from pipeline.answer.contract import Answer
-from pipeline.app.outcome import Outcome, failed, stiffness_text
+from pipeline.answer.remarks import stiffness_text
+from pipeline.app.outcome import Outcome, failed
 from pipeline.app.progress import Tell, reporting
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, UsageError
@@ -417,7 +418,8 @@ def _publish(campaign: CampaignFolder, answer: Answer) -> None:
     artifacts.create_table_artifact(
         key=f"{key}-stiffness",
         table=[
-            {"joint": joint.name, "stiffness": stiffness_text(joint)} for joint in answer.stiffness
+            {"joint": joint.name, "stiffness": stiffness_text(joint, joint.unit)}
+            for joint in answer.stiffness
         ],
         description=" ".join(answer.verdict_sentence[:2]),
     )

@@ -7,10 +7,10 @@ import pytest
 
 from pipeline.answer.diagnosis import mistake_entry
 from pipeline.answer.geometry import table_entries
-from pipeline.answer.positions import _chance
 from pipeline.faults.mistake import as_it_is, outlying
 from pipeline.machine.robot import load
 from pipeline.machine.robot.dh_parameters import changed, dh_parameters, nominal
+from pipeline.positions.answer import _chance
 
 
 @pytest.mark.parametrize("name", ["kr500_rail", "ur10", "fanuc_r2000ic"])

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from report_sample import answer, revised
+from report_sample import answer, revised, stiffer_one_way
 
 from pipeline.app.outcome import outcome
 from pipeline.store.campaign import CampaignFolder
@@ -13,20 +13,6 @@ def listed(found):
     folder = CampaignFolder(Path("hall"), Path("hall/data/raw/demo"))
     lines = outcome(folder, lambda _: found).text.splitlines()
     return {line.split()[0]: line for line in lines if " k_" in line}
-
-
-def stiffer_one_way(content):
-    """Joint 4 holds 2.40 MN m/rad at the test pose and 1.50 where its torque is negative."""
-    joint = content["stiffness"][3]
-    joint |= {"value": 2.4e6, "std": 2e4}
-    one = {"ci95": [None, None], "compliance": None, "compliance_std": None, "axis_turns": None}
-    joint["by_sign"] = {
-        "positive": {"value": 2.4e6, "std": 2e4} | one,
-        "negative": {"value": 1.5e6, "std": 1e4} | one,
-        "of": "pull",
-        "correlation": None,
-        "value_of": "positive",
-    }
 
 
 def test_a_joint_that_is_stiffer_one_way_has_both_numbers():

@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 from made_positions import ROBOT, read, weightless
 
-from pipeline.answer.positions import PositionsResults, answer
 from pipeline.diagnosis.positions import bounds_of, facts_of
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import outlying
@@ -22,6 +21,7 @@ from pipeline.geometry.joint_laws import LawSearchData
 from pipeline.geometry.scatter import start
 from pipeline.geometry.study import ModelStage, StageResult, Study, _without_blunders
 from pipeline.machine.robot.dh_parameters import changed, dh_parameters
+from pipeline.positions.answer import PositionsResults, answer
 from pipeline.store.campaign import in_memory
 
 

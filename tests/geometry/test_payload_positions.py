@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.answer.positions import payload_entries
 from pipeline.answer.remarks import contradicted
 from pipeline.geometry.calibrate import ModelStructure, calibrate
 from pipeline.geometry.initial import begin
@@ -19,6 +18,7 @@ from pipeline.library.kinematic_model import dumps, kinematic_model
 from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
+from pipeline.positions.answer import payload_entries
 
 # UR10 from its maker's table (distal DH)
 TABLE = list(

@@ -7,6 +7,7 @@ import pytest
 import scipy.sparse
 
 from pipeline.app.outcome import outcome
+from pipeline.design.parting import parting
 from pipeline.diagnosis.average import Hypothesis, information, together
 from pipeline.library import model_file
 from pipeline.library.compensate import compensate
@@ -20,7 +21,6 @@ from pipeline.report.render import render
 from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import CampaignFolder, dump, in_memory
-from pipeline.system.combinations import parting
 from pipeline.system.estimate import solve
 from pipeline.system.system import Errors, RowIndex, System
 from tests.made_system import any_system, dense

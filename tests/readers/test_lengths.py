@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.readers._units import UNIT_WORDS, in_unit, metres
+from pipeline.dialects._unit_words import UNIT_WORDS
+from pipeline.readers._units import in_unit, metres
 
 RAIL = {  # 18 m in each unit, by the definitions of 1893 and 1959
     "mm": 18000.0, "cm": 1800.0, "m": 18.0, "um": 18e6,

@@ -241,20 +241,9 @@ def test_a_cause_of_several_parameters_has_no_size_in_its_sentence(sample):
 
 def test_both_stiffnesses_of_a_joint_are_on_the_first_page(sample):
     """That at the test pose and that the other way, with U."""
-
-    def stiffer_one_way(content):
-        joint = content["stiffness"][3]
-        joint |= {"value": 2.4e6, "std": 2e4}
-        one = {"ci95": [None, None], "compliance": None, "compliance_std": None, "axis_turns": None}
-        joint["by_sign"] = {
-            "positive": {"value": 2.4e6, "std": 2e4} | one,
-            "negative": {"value": 1.5e6, "std": 1e4} | one,
-            "of": "pull",
-            "correlation": None,
-            "value_of": "positive",
-        }
-
-    note = certificate(report_sample.revised(sample[0], stiffer_one_way), sample[1]).note
+    note = certificate(
+        report_sample.revised(sample[0], report_sample.stiffer_one_way), sample[1]
+    ).note
 
     assert "4: 2.400 ± 0.040 MN·m/rad; 1.500 ± 0.020 MN·m/rad the other way." in plainly(note)
 

@@ -19,6 +19,7 @@ from pdf_text import filled, pages_of
 from pydantic import BaseModel
 from pypdf.generic import DictionaryObject
 
+from pipeline.annex.paper import printed
 from pipeline.annex.sections.stiffness import stiffness
 from pipeline.annex.summaries import courses
 from pipeline.answer.contract import Answer, Odd, Remark, Stiffness
@@ -26,7 +27,6 @@ from pipeline.base import quantities as numbers
 from pipeline.report.certificate import digest
 from pipeline.report.figures.catalogue import CATALOGUE, draw
 from pipeline.report.model import compose
-from pipeline.report.paper import printed
 from pipeline.report.record import (
     Column,
     Figure,

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from made_system import rss, twice
 
 from pipeline.base import linear
 from pipeline.system.blocks import Blocks
@@ -11,17 +12,6 @@ from pipeline.system.score_tests import left_beside
 RNG = np.random.default_rng(7)
 X = RNG.standard_normal((40, 5))
 Y = RNG.standard_normal(40)
-
-
-def rss(columns, y):
-    """Residual sum of squares of numpy's least squares."""
-    left = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
-    return left @ left
-
-
-def twice(columns):
-    """The columns, with a combination of the first two as a sixth."""
-    return np.column_stack([columns, columns[:, 0] - 3 * columns[:, 1]])
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-4, 1e6])

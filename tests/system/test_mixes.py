@@ -5,8 +5,9 @@ import pytest
 from made_system import any_system, dense
 
 from pipeline.base.arrays import Parameter
+from pipeline.design.parting import _values
 from pipeline.machine.robot import load
-from pipeline.system.combinations import _values, information, mixes
+from pipeline.system.combinations import information, mixes
 
 
 def parameters(n, units="rad/(N m)"):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from made_system import rss
 from scipy import linalg, stats
 
 from pipeline.system.score_tests import Base, by_products, left_out, padded
@@ -15,12 +16,6 @@ X = RNG.standard_normal((M, 4))
 Y = RNG.standard_normal(M) + X @ np.array([1.0, -2.0, 0.5, 3.0])
 D = RNG.standard_normal((M, 2)) + 0.8 * X[:, :2]
 """A suspect of two columns, nonzero in all rows and correlated with the base."""
-
-
-def rss(columns, y):
-    """Residual sum of squares of numpy's least squares."""
-    left = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
-    return left @ left
 
 
 def fit(base, more, y):

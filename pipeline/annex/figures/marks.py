@@ -119,3 +119,9 @@ def title(axes: Axes, name: str) -> None:
     wide = max(int(_PER_INCH * canvas.get_size_inches()[0] / columns), 12)
     lines = [part for line in name.split("\n") for part in textwrap.wrap(line, wide)]
     axes.set_title("\n".join(lines), fontsize=8.5, loc="left", y=1.0, pad=4)
+
+
+def rounded_down(value: float) -> float:
+    """The largest of 1, 2 or 5 times a power of ten that does not exceed the value."""
+    power = 10.0 ** np.floor(np.log10(max(value, 1e-300)))
+    return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
 
-from pipeline.annex.figures.marks import MARKERS, dots, legend_above, title
+from pipeline.annex.figures.marks import MARKERS, dots, legend_above, rounded_down, title
 from pipeline.annex.summaries import AXES, MOST_MARKS, arrows, registration_by_target, thinned
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import MM, plain
@@ -35,7 +35,7 @@ def _draw_arrows(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         title(view, name)
     for view in views[1:] if wide else views:
         view.set_xlabel("y [m]")
-    _key(canvas, drawn[0], _round_down(max(usual, 0.2 * longest)))
+    _key(canvas, drawn[0], rounded_down(max(usual, 0.2 * longest)))
     texts = [
         f"pose {r.pose}, {r.target}: {plain(r.rx)}, {plain(r.ry)}, {plain(r.rz)} mm"
         for r in each_row(vectors)
@@ -82,12 +82,6 @@ def _key(canvas: Canvas, arrows: Quiver, length: float) -> None:
     height = canvas.get_size_inches()[1]
     style = {"labelpos": "E", "coordinates": "figure", "color": RED}
     canvas.axes[0].quiverkey(arrows, 0.86, 1 - 0.13 / height, length, f"{length:g} mm", **style)
-
-
-def _round_down(value: float) -> float:
-    """The largest of 1, 2 or 5 times a power of ten that does not exceed the value."""
-    power = 10.0 ** np.floor(np.log10(max(value, 1e-300)))
-    return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)
 
 
 def _draw_registration(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:

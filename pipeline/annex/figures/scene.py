@@ -15,6 +15,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 
+from pipeline.annex.figures.marks import rounded_down
 from pipeline.annex.figures.sheet import FROM, PITCH, TO, View, outlines
 from pipeline.annex.scene import MOST_POSES
 from pipeline.answer.contract import Answer, JointType
@@ -69,14 +70,9 @@ def _magnified(tables: Tables) -> tuple[float, float]:
     arm = tables["scene"][tables["scene"]["part"] == "arm"]
     height = np.ptp(arm[[FROM[2], TO[2]]].to_numpy(float)) or 1.0
     return tuple(
-        _round(_REACH * height / max(float(np.median(_size(vectors, columns))), 1e-9))
+        rounded_down(_REACH * height / max(float(np.median(_size(vectors, columns))), 1e-9))
         for columns in (_MOVED, _LEFT)
     )  # type: ignore[return-value]  # two of them, which no generator says
-
-
-def _round(value: float) -> float:
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)
 
 
 def _size(vectors: pd.DataFrame, columns: Sequence[str]) -> Array:

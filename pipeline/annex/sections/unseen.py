@@ -28,16 +28,10 @@ _WIDE = 300.0
 
 def not_found(spots: Sequence[BlindSpot]) -> ReportTable | None:
     """Table of the effects that would have shown, those of one kind in one row."""
-    columns: list[Cells[_Group]] = [
-        *_who(),
-        _sizes("Typical magnitude", lambda spot: spot.typical),
-        _sizes(_LEAST, lambda spot: spot.smallest_visible),
-    ]
     title = "Effects that were examined and not found"
-    return table_of("not-found", title, columns, _alike(spots), _DETECTED)
+    return table_of("not-found", title, [*_who(), *_SIZES], _alike(spots), _DETECTED)
 
 
-_LEAST = "Minimal detectable magnitude"
 _DETECTED = "An effect of the minimal detectable magnitude is detected in 80 % of the cases."
 
 
@@ -60,20 +54,15 @@ def _never(spots: Sequence[BlindSpot]) -> ReportTable | None:
     columns: list[Cells[_Group]] = [
         *_who(),
         word_column("Why", lambda group: "; ".join(dict.fromkeys(spot.why for spot in group))),
-        word_column("What would reveal it", lambda group: group[0].needs),
+        _REVEALED,
     ]
     title = "Effects that these readings cannot detect at any magnitude"
     return table_of("blind-spots-never", title, columns, _alike(spots))
 
 
 def _small(spots: Sequence[BlindSpot]) -> ReportTable | None:
-    columns: list[Cells[_Group]] = [
-        *_who(),
-        _sizes("Typical magnitude", lambda spot: spot.typical),
-        _sizes(_LEAST, lambda spot: spot.smallest_visible),
-        word_column("What would reveal it", lambda group: group[0].needs),
-    ]
     title = "Effects that these readings detect only above their typical magnitude"
+    columns = [*_who(), *_SIZES, _REVEALED]
     return table_of("blind-spots", title, columns, _alike(spots), _DETECTED)
 
 
@@ -115,3 +104,10 @@ def _range(group: _Group, size: Callable[[BlindSpot], float | None]) -> tuple[st
     factor, letter = common_prefix(sizes) if one_prefix else (1.0, "")
     shown = dict.fromkeys(plain(value / factor, 2) for value in (sizes[0], sizes[-1]))
     return f"{' to '.join(shown)} {prefixed(unit, letter)}".rstrip(), sizes[0]
+
+
+_SIZES = (
+    _sizes("Typical magnitude", lambda spot: spot.typical),
+    _sizes("Minimal detectable magnitude", lambda spot: spot.smallest_visible),
+)
+_REVEALED: Cells[_Group] = word_column("What would reveal it", lambda group: group[0].needs)

@@ -16,11 +16,8 @@ import pandas as pd
 
 from pipeline import tables
 from pipeline.answer import contract
-from pipeline.answer import positions as of_positions
 from pipeline.answer.contract import About, Answer, Line
 from pipeline.answer.diagnosis import cause_entry
-from pipeline.answer.of_positions import model_file
-from pipeline.answer.positions import PositionsResults
 from pipeline.answer.recommended import joint_springs
 from pipeline.answer.results import CampaignResults
 from pipeline.base import doors
@@ -32,6 +29,9 @@ from pipeline.diagnosis.verdict import of_both, verdict
 from pipeline.geometry.with_pulls import as_estimated, beside_pulls, opened, unloaded_p_value
 from pipeline.machine.positions_estimate import called_for, laws_of_gears
 from pipeline.machine.robot.weight import weighs
+from pipeline.positions import answer as of_positions
+from pipeline.positions.answer import PositionsResults
+from pipeline.positions.campaign import model_file
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case

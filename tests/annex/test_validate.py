@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.annex.validate import deflections, validate
 from pipeline.base.arrays import Parameter
 from pipeline.base.errors import InputError
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure, load
-from pipeline.prediction.validate import deflections, validate
 from pipeline.reduction.pose_of_interest import PoseOfInterest, place_of_interest
 from pipeline.reduction.settings import AskedPose
 from pipeline.system.system import Estimate, Goodness

@@ -7,7 +7,7 @@ import pytest
 from made_system import dense, generalised
 from small_case import small
 
-from pipeline.prediction.validate import by_payload
+from pipeline.annex.validate import by_payload
 from pipeline.reduction.bring import bring
 from pipeline.reduction.weights import PULL
 from pipeline.system.fit import fit

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from pipeline.answer.contract import Drawn, PerTarget
+from pipeline.answer.recommended import ModelValues
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.linear import rms
@@ -25,6 +28,47 @@ from pipeline.tables import VALIDATION, frame
 
 AROUND_M, AROUND_RAD = 0.25, np.deg2rad(10.0)
 """Half width of the box around the test pose [m] or [rad]; the paper does not state its own."""
+
+
+_SEED = 20261103
+"""Of its draws: another one moves numbers within what they say of their scatter."""
+
+
+def validated(hypotheses: Sequence[Hypothesis], test: PoseOfInterest) -> pd.DataFrame:
+    """Table VALIDATION of an answer, see `validate`."""
+    return validate(hypotheses, test, np.random.default_rng(_SEED))
+
+
+def means(checked: pd.DataFrame, values: ModelValues) -> dict[str, Any]:
+    """Entries of `validation`: means of Eq. (22) per target, and held-out errors by payload.
+
+    Args:
+        checked: Table VALIDATION.
+        values: The model's values, with the campaign from which they were estimated.
+    """
+    fitted = values.fitted
+    loads = by_payload(fitted.case.settings, fitted.data, values.first.system)
+    full = _drawn(checked, "covariance")
+    return {
+        "test_pose": full.test_pose,
+        "global_": full.global_,
+        "independent": _drawn(checked, "independent"),
+        "poses": int(checked["index"].max()),
+        "by_payload": {name: None if r is None else 1e3 * r for name, r in loads.items()},
+    }
+
+
+def _drawn(checked: pd.DataFrame, draw: str) -> Drawn:
+    """Means for one distribution of the stiffnesses, `covariance` or `independent`."""
+    drawn = checked[checked["draw"] == draw]
+    near, far = (drawn[drawn["set"] == name] for name in ("test_pose", "global"))
+    return Drawn(test_pose=_means(near), global_=_means(far))
+
+
+def _means(rows: pd.DataFrame) -> PerTarget:
+    """Mean relative error of each target, in their order."""
+    means = rows.groupby("target", sort=False)["mu"].mean()
+    return {str(target): float(mean) for target, mean in means.items()}
 
 
 def validate(

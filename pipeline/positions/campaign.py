@@ -8,9 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.answer import positions
 from pipeline.answer.contract import Answer
-from pipeline.answer.positions import PositionsResults
 from pipeline.answer.results import CampaignAnswer
 from pipeline.base import doors
 from pipeline.base.arrays import Array
@@ -29,6 +27,8 @@ from pipeline.geometry.mechanism import layout
 from pipeline.geometry.positioned import Positioned, as_read, usable
 from pipeline.geometry.study import Study, study
 from pipeline.machine.cell import Tool, paper_cell
+from pipeline.positions import answer as of_positions
+from pipeline.positions.answer import PositionsResults
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 from pipeline.reduction.bring import Keep, Step
 from pipeline.store.campaign import Raw
@@ -70,7 +70,7 @@ def identify_positions(name: str, raw: Raw, keep: Keep, step: Step) -> Positions
 
 def conclude(results: PositionsResults, keep: Keep, step: Step) -> CampaignAnswer:
     """The end of a campaign of nothing but positions."""
-    found, given = results.found, positions.answer(results)
+    found, given = results.found, of_positions.answer(results)
     pictured = doors.found(_ANNEX)
     shown = {
         "rejected": results.rejected,
@@ -116,7 +116,7 @@ def _rejected(read: Positioned, off: Sequence[Mistake]) -> pd.DataFrame:
     bad = [
         (
             *at.rsplit(":", 1),
-            f"stands {plain(one.before, 3)} mm from where all others put it",
+            f"this reading is {plain(one.before, 3)} mm from where all others put its target",
         )
         for one in off
         for at in one.at
