@@ -1,7 +1,6 @@
-"""Absolute positions: kinematic parameters, compliances under the arm's own weight, joint laws.
+"""Where a robot stands: kinematic parameters, compliances under its own weight, laws of joints.
 
-`study.py` is the order: readings (`positioned.py`), a start (`initial.py`), the estimate of a
-`mechanism.py` (`calibrate.py`), outliers, causes of the catalogue and laws, each with its error at
-left-out poses (`left_out.py`). For a campaign of pulls `unloaded.py` asks the same of its unloaded
-reflectors, and `with_pulls.py` hands on what the positions of the same robot say.
+`mechanism.py` has them all, with springs under weight (`yielding.py`), laws (`laws.py`) and curves
+(`random_curve.py`). `unloaded.py` estimates the table from the unloaded reflectors of a campaign of
+pulls; campaigns of absolute positions are estimated in `pipeline/positions/study.py`.
 """

@@ -11,7 +11,6 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.errors import InputError
-from pipeline.geometry.estimate import between_knots
 from pipeline.geometry.laws import Inputs, JointLaw
 from pipeline.geometry.mechanism import (
     ArmWeights,
@@ -23,7 +22,7 @@ from pipeline.geometry.mechanism import (
     frame_of,
     layout,
 )
-from pipeline.geometry.random_curve import Curve
+from pipeline.geometry.random_curve import Curve, between_knots
 from pipeline.geometry.yielding import called
 from pipeline.library.kinematic_model import ARRAYS, ByPulls, KinematicModel
 from pipeline.library.model_file import parse as model_of

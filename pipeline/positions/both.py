@@ -1,6 +1,6 @@
 """A campaign of absolute positions and pulls of one robot: one estimate, one answer.
 
-Positions are identified first and say where the pulls' robot stands (`geometry.with_pulls`); what
+Positions are identified first and say where the pulls' robot stands (`positions.with_pulls`); what
 both say of the springs is estimated together (`diagnosis.combined`), and what that changes of the
 positions goes back into their model.
 """
@@ -26,12 +26,12 @@ from pipeline.diagnosis.combined import SpringAgreement, combined, spring_agreem
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.verdict import of_both, verdict
-from pipeline.geometry.with_pulls import as_estimated, beside_pulls, opened, unloaded_p_value
 from pipeline.machine.positions_estimate import called_for, laws_of_gears
 from pipeline.machine.robot.weight import weighs
 from pipeline.positions import answer as of_positions
 from pipeline.positions.answer import PositionsResults
 from pipeline.positions.campaign import model_file
+from pipeline.positions.with_pulls import as_estimated, beside_pulls, opened, unloaded_p_value
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case

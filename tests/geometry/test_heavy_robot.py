@@ -17,18 +17,18 @@ from heavy_robot import (
     waves,
 )
 
-from pipeline.geometry.cross_validation import Partition
-from pipeline.geometry.gross_errors import corrected
-from pipeline.geometry.initial import begin
 from pipeline.geometry.laws import JointLaw
 from pipeline.geometry.mechanism import ArmWeights, Payloads, layout, linearised
-from pipeline.geometry.study import ModelStage, study
 from pipeline.geometry.yielding import sizes, usual, yielding
 from pipeline.library.kinematic_model import dumps, kinematic_model
 from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.variants import counted_back, turned
 from pipeline.machine.robot.weight import carried, work
+from pipeline.positions.cross_validation import Partition
+from pipeline.positions.gross_errors import corrected
+from pipeline.positions.initial import begin
+from pipeline.positions.study import ModelStage, study
 
 RAIL = "kr500_rail_kuka"
 GRAVITY = np.array([0.0, 0.0, -9.80665])

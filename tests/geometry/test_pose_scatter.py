@@ -9,8 +9,8 @@ from scipy import stats
 from pipeline.base import linear
 from pipeline.geometry.laws import Inputs
 from pipeline.geometry.mechanism import Linear
-from pipeline.geometry.outliers import _columns
 from pipeline.geometry.scatter import PoseScatter, _Likelihood
+from pipeline.positions.outliers import _columns
 
 POSES, JOINTS = 40, 4
 

@@ -9,7 +9,7 @@ estimated, too (MacKay, Neural Computation 4, 1992).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -20,7 +20,7 @@ from scipy import sparse
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.mechanism import Linear, Mechanism, Payloads, layout
-from pipeline.geometry.random_curve import Curve
+from pipeline.geometry.random_curve import Curve, between_knots
 from pipeline.geometry.scatter import PoseScatter
 from pipeline.geometry.yielding import sizes, usual
 from pipeline.machine.positions_estimate import soften
@@ -193,25 +193,6 @@ def rows(about: Linear, mechanism: Mechanism, scatter: PoseScatter) -> ReadRows:
     knots = sum(curve.count for curve in mechanism.curves)
     here = ReadRows(W @ D, K, at, knots, np.einsum("mij,mj->mi", W, y), W, L)
     return replace(here, y=here.y + here.along(mechanism.at(layout(mechanism))))
-
-
-def between_knots(curves: Sequence[Curve], q: Array, Z: Array) -> tuple[Array, Ints]:
-    """Derivatives by the two knots of each curve, (m, r, 2 c), and these knots' indices, (m, 2 c).
-
-    Args:
-        curves: The c curves.
-        q: Joint values [m] or [rad], shape (m, n).
-        Z: Derivatives by motions of joints and bed, shape (m, r, n + 6).
-    """
-    K = np.empty((*Z.shape[:2], 2 * len(curves)))
-    at, before = np.empty((len(q), 2 * len(curves)), dtype=np.int64), 0
-    for k, curve in enumerate(curves):
-        knot, one, two = curve.between(q[:, curve.joint])
-        K[:, :, 2 * k] = Z[:, :, curve.screw] * one[:, None]
-        K[:, :, 2 * k + 1] = Z[:, :, curve.screw] * two[:, None]
-        at[:, 2 * k], at[:, 2 * k + 1] = before + knot, before + knot + 1
-        before += curve.count
-    return K, at
 
 
 @dataclass(frozen=True, eq=False)

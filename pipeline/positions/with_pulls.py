@@ -11,18 +11,6 @@ import scipy.linalg
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.base.tails import chi2_beyond
-from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.estimate import (
-    FIXED_SIGMA,
-    between_knots,
-    by_a_factor,
-    damping,
-    determined_joints,
-    padded,
-    precision,
-    rows,
-    softened,
-)
 from pipeline.geometry.mechanism import (
     ArmWeights,
     Mechanism,
@@ -31,6 +19,7 @@ from pipeline.geometry.mechanism import (
     layout,
     linearised,
 )
+from pipeline.geometry.random_curve import between_knots
 from pipeline.geometry.yielding import by_weight_alone, usual
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Elastic
@@ -38,6 +27,17 @@ from pipeline.machine.positions_estimate import PositionsEstimate, soften
 from pipeline.machine.robot import configure
 from pipeline.machine.robot.weight import carried, work
 from pipeline.machine.stated_tool import StatedTool
+from pipeline.positions.calibrate import Calibration
+from pipeline.positions.estimate import (
+    FIXED_SIGMA,
+    by_a_factor,
+    damping,
+    determined_joints,
+    padded,
+    precision,
+    rows,
+    softened,
+)
 from pipeline.reduction.bring import bring
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
