@@ -10,9 +10,9 @@ import pandas as pd
 
 from pipeline import tables
 from pipeline.base.arrays import Array
-from pipeline.geometry.laws import JointLaw
-from pipeline.geometry.mechanism import layout
 from pipeline.machine.effects.unlisted import NAME
+from pipeline.positions.laws import JointLaw
+from pipeline.positions.mechanism import layout
 from pipeline.reduction.bring import Keep
 
 if TYPE_CHECKING:

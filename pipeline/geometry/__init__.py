@@ -1,6 +1,6 @@
-"""Where a robot stands: kinematic parameters, compliances under its own weight, laws of joints.
+"""Where a robot stands, by the unloaded reflectors of a campaign of pulls.
 
-`mechanism.py` has them all, with springs under weight (`yielding.py`), laws (`laws.py`) and curves
-(`random_curve.py`). `unloaded.py` estimates the table from the unloaded reflectors of a campaign of
-pulls; campaigns of absolute positions are estimated in `pipeline/positions/study.py`.
+`unloaded.py` has the rows: frame, tool, DH parameters and the weight of the arm (`arm_weight.py`).
+`roughness.py` tells gross errors of parameters from their usual ones, `remastered.py` and
+`slipped.py` what changed in mid-campaign. Absolute positions are `pipeline/positions/`.
 """

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Locked, Strings
-from pipeline.geometry.mechanism import Mechanism, Payloads
 from pipeline.library.model_file import dumps as model_text
+from pipeline.positions.mechanism import Mechanism, Payloads
 from pipeline.prediction.model import IdentifiedModel
 
 if TYPE_CHECKING:

@@ -43,8 +43,7 @@ from pipeline.diagnosis.average import Springs
 from pipeline.diagnosis.facts import Facts, FoundCause
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
-from pipeline.geometry.mechanism import layout
-from pipeline.geometry.scatter import START
+from pipeline.geometry.unloaded import START
 from pipeline.machine.effect import in_place
 from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.axes import alone
@@ -53,6 +52,7 @@ from pipeline.positions.calibrate import Calibration
 from pipeline.positions.cross_validation import Partition
 from pipeline.positions.estimate import determined_joints as by_weight
 from pipeline.positions.facts import erring, facts_of
+from pipeline.positions.mechanism import layout
 from pipeline.positions.study import ModelStage, StageResult, Study
 from pipeline.store.campaign import Raw
 

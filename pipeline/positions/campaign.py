@@ -14,11 +14,11 @@ from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
 from pipeline.faults.mistake import Mistake
-from pipeline.geometry.mechanism import layout
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.positions import answer as of_positions
 from pipeline.positions.answer import PositionsResults
 from pipeline.positions.calibrate import Calibration
+from pipeline.positions.mechanism import layout
 from pipeline.positions.position_readings import (
     dated_beside,
     exchanged_beside,

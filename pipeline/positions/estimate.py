@@ -19,11 +19,12 @@ from scipy import sparse
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.mechanism import Linear, Mechanism, Payloads, layout
-from pipeline.geometry.random_curve import Curve, between_knots
-from pipeline.geometry.scatter import PoseScatter
-from pipeline.geometry.yielding import sizes, usual
+from pipeline.geometry.arm_weight import usual
 from pipeline.machine.positions_estimate import soften
+from pipeline.positions.mechanism import Linear, Mechanism, Payloads, layout
+from pipeline.positions.random_curve import Curve, between_knots
+from pipeline.positions.scatter import PoseScatter
+from pipeline.positions.yielding import sizes
 
 _DELIVERED_STD = {False: 1e-3, True: 1e-3}
 """Standard deviation of lengths [m] and angles [rad] of the DH parameters as delivered, where the

@@ -19,8 +19,7 @@ from pipeline.diagnosis.facts import (
     UnloadedFacts,
 )
 from pipeline.faults.mistake import Mistake
-from pipeline.geometry.mechanism import placed
-from pipeline.geometry.scatter import START
+from pipeline.geometry.unloaded import START
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.unlisted import AMPLITUDE, NAME
@@ -31,6 +30,7 @@ from pipeline.positions.catalogue_causes import CatalogueCause as Listed
 from pipeline.positions.cross_validation import LeftOutGain as Worth
 from pipeline.positions.cross_validation import Partition
 from pipeline.positions.joint_laws import NamedLaw
+from pipeline.positions.mechanism import placed
 from pipeline.positions.study import Study
 
 

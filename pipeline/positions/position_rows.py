@@ -30,11 +30,11 @@ from pipeline.faults.assignment import (
 from pipeline.faults.conventions import LOGGED, UNITS
 from pipeline.faults.exchanged import exchange_mistake
 from pipeline.faults.mistake import Mistake, length, lines_of
-from pipeline.geometry.mechanism import ArmWeights, Mechanism, placed
-from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import Robot, configure
 from pipeline.positions.initial import begin
+from pipeline.positions.mechanism import ArmWeights, Mechanism, placed
 from pipeline.positions.positioned import by_pose, weights_of
+from pipeline.positions.readings import PositionReadings
 from pipeline.readers.logs import AXES
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.settings import Settings

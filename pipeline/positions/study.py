@@ -17,10 +17,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.bootstrap import interval
-from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout, linearised
-from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.scatter import start
-from pipeline.geometry.yielding import balanced, other_forms, usual, yielding
+from pipeline.geometry.arm_weight import usual
 from pipeline.machine.effects._anatomy import rail
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
@@ -44,6 +41,10 @@ from pipeline.positions.cross_validation import (
 from pipeline.positions.gross_errors import TableMistake, corrected
 from pipeline.positions.initial import begin
 from pipeline.positions.joint_laws import LawSearchData, NamedLaw, NamedModel, with_laws
+from pipeline.positions.mechanism import ArmWeights, Mechanism, layout, linearised
+from pipeline.positions.readings import PositionReadings
+from pipeline.positions.scatter import start
+from pipeline.positions.yielding import balanced, other_forms, yielding
 from pipeline.system import alarms
 
 _ROUNDS = 10

@@ -11,16 +11,7 @@ import scipy.linalg
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.base.tails import chi2_beyond
-from pipeline.geometry.mechanism import (
-    ArmWeights,
-    Mechanism,
-    by_frame,
-    derivatives,
-    layout,
-    linearised,
-)
-from pipeline.geometry.random_curve import between_knots
-from pipeline.geometry.yielding import by_weight_alone, usual
+from pipeline.geometry.arm_weight import usual
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Elastic
 from pipeline.machine.positions_estimate import PositionsEstimate, soften
@@ -38,6 +29,16 @@ from pipeline.positions.estimate import (
     rows,
     softened,
 )
+from pipeline.positions.mechanism import (
+    ArmWeights,
+    Mechanism,
+    by_frame,
+    derivatives,
+    layout,
+    linearised,
+)
+from pipeline.positions.random_curve import between_knots
+from pipeline.positions.yielding import by_weight_alone
 from pipeline.reduction.bring import bring
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.verdict import verdict
-from pipeline.geometry.mechanism import ArmWeights, Payloads
-from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import load
 from pipeline.positions.facts import facts_of
+from pipeline.positions.mechanism import ArmWeights, Payloads
+from pipeline.positions.readings import PositionReadings
 from pipeline.positions.study import study
 
 DOWN = np.array([0.0, 0.0, -9.80665])

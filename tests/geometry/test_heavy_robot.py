@@ -17,9 +17,7 @@ from heavy_robot import (
     waves,
 )
 
-from pipeline.geometry.laws import JointLaw
-from pipeline.geometry.mechanism import ArmWeights, Payloads, layout, linearised
-from pipeline.geometry.yielding import sizes, usual, yielding
+from pipeline.geometry.arm_weight import usual
 from pipeline.library.kinematic_model import dumps, kinematic_model
 from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import configure, load
@@ -28,7 +26,10 @@ from pipeline.machine.robot.weight import carried, work
 from pipeline.positions.cross_validation import Partition
 from pipeline.positions.gross_errors import corrected
 from pipeline.positions.initial import begin
+from pipeline.positions.laws import JointLaw
+from pipeline.positions.mechanism import ArmWeights, Payloads, layout, linearised
 from pipeline.positions.study import ModelStage, study
+from pipeline.positions.yielding import sizes, yielding
 
 RAIL = "kr500_rail_kuka"
 GRAVITY = np.array([0.0, 0.0, -9.80665])
