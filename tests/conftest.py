@@ -99,7 +99,7 @@ def without_pages() -> Iterator[None]:
 
 @contextlib.contextmanager
 def without_drawings() -> Iterator[None]:
-    """Runs in this process leave pages and PDFs with blank figures.
+    """Runs in this process leave pages and PDFs with blank figures, but for those drawn by hand.
 
     Matplotlib takes three quarters of a report; tests of its words do not need it.
     """
@@ -107,7 +107,7 @@ def without_drawings() -> Iterator[None]:
 
     blank = by_hand('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>')
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pipeline.report.figures.catalogue.draw", lambda *_: blank)
+        patch.setattr("pipeline.report.figures.catalogue.drawn", lambda *_: blank)
         yield
 
 

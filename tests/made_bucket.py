@@ -1,6 +1,8 @@
-"""An S3 server whose objects may have any name and any false metadata."""
+"""An S3 server whose objects may have any name, any false metadata and any other content."""
 
+import contextlib
 import http.server
+import time
 from datetime import UTC, datetime
 from email.utils import formatdate
 from hashlib import md5
@@ -11,7 +13,20 @@ LONG_AGO = 1_700_000_000
 """Default time at which objects were stored [s since 1970]."""
 
 
-def handler(objects, listed=None, refused=(), times=None, changed=None, broken=None, more=False):
+def handler(
+    objects,
+    listed=None,
+    refused=(),
+    times=None,
+    changed=None,
+    broken=None,
+    more=False,
+    unlisted=(),
+    stated=None,
+    given=None,
+    slow=(),
+    digests=True,
+):
     """A handler of requests for one bucket.
 
     Args:
@@ -22,6 +37,11 @@ def handler(objects, listed=None, refused=(), times=None, changed=None, broken=N
         changed: The same, as the object tells it itself.
         broken: Status and code of an error that is answered, by name; that of the listing is empty.
         more: Each listing says that there is more.
+        unlisted: Names that listings leave out.
+        stated: Content by name by which an object is described, where that differs.
+        given: Content by name that is given, or a function that makes it anew each time.
+        slow: Names whose content comes a byte in a second.
+        digests: Whether objects have an `ETag` of one part.
     """
 
     class Handler(http.server.BaseHTTPRequestHandler):
@@ -36,6 +56,7 @@ def handler(objects, listed=None, refused=(), times=None, changed=None, broken=N
             elif listing:
                 said = {word: values[0] for word, values in query.items()}
                 told = {**objects, **(listed or {})}
+                told = {name: told[name] for name in told if name not in unlisted}
                 self._answer(200, _listing(told, times or {}, more, **_known(said)))
             else:
                 self._object(body=True)
@@ -53,9 +74,10 @@ def handler(objects, listed=None, refused=(), times=None, changed=None, broken=N
             elif name not in objects:
                 self._answer(404, b"<Error><Code>NoSuchKey</Code></Error>", body)
             else:
-                self._answer(200, objects[name], body)
+                data = ((given if body else stated) or {}).get(name, objects[name])
+                self._answer(200, data() if callable(data) else data, body, name in slow)
 
-        def _answer(self, code, data, body=True):
+        def _answer(self, code, data, body=True, slowly=False):
             whole, first = len(data), 0
             asked = self.headers.get("Range")
             if asked and code == 200 and data:
@@ -65,11 +87,14 @@ def handler(objects, listed=None, refused=(), times=None, changed=None, broken=N
             self.send_header("Content-Length", str(len(data)))
             if code == 206:
                 self.send_header("Content-Range", f"bytes {first}-{first + len(data) - 1}/{whole}")
-            self.send_header("ETag", f'"{md5(data).hexdigest()}"')
+            self.send_header("ETag", f'"{md5(data).hexdigest()}{"" if digests else "-2"}"')
             self.send_header("Last-Modified", formatdate(self._time(), usegmt=True))
             self.end_headers()
-            if body:
-                self.wfile.write(data)
+            step = 1 if slowly else len(data) + 1
+            with contextlib.suppress(OSError):  # nobody waits any more
+                for first in range(0, len(data) if body else 0, step):
+                    self.wfile.write(data[first : first + step])
+                    time.sleep(slowly)
 
         def log_message(self, *_):
             pass

@@ -378,7 +378,7 @@ def _model(found: CampaignResults, stated: FirstScreen) -> Iterator[str]:
         if effects
         else "Joint springs alone, one linear spring for each joint",
         Which.EXTENDED: f"Joint springs and {listed(effects or ['what was identified'])}",
-        Which.AVERAGED: f"The average over {count} models by their probability",
+        Which.AVERAGED: f"The average over {count} models, weighted by their probability",
     }[found.row.model]
     yield f"{whose}, from the {'corrected data' if found.mistakes else 'data as given'}."
     yield from _without(found)

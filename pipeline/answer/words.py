@@ -39,6 +39,7 @@ from pipeline.machine.effect import Effect, Table, in_place
 from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP, amount
 from pipeline.machine.robot import Robot, axes
 from pipeline.machine.robot.dh_parameters import dh_parameters
+from pipeline.reduction.growth import STEEL
 from pipeline.system.family import FAR_OFF
 
 _NOTICED = 1.15
@@ -88,6 +89,7 @@ MISTAKES = {
     "dead_sensor": "column that no sensor wrote",
     "copied_column": "force that was copied down its column",
     "tool_point": "wrong tool point",
+    "loose_target": "target that gives way with the pull",
     "tracker_moved": "tracker that was moved",
     "sign_or_convention": "wrong sign or axis convention",
 }
@@ -233,7 +235,7 @@ def _impossible(facts: Facts) -> str:
     """What fits best, and cannot be so large."""
     return (
         f"{capital(_named(facts.refused))} would explain the readings better, but only at a size "
-        "that no sound machine has: look there first."
+        "that nothing sound has: inspect it first."
     )
 
 
@@ -525,6 +527,23 @@ def _tracker_knocked(facts: Facts) -> str:
     )
 
 
+def _base_grew(facts: Facts) -> str:
+    assert facts.base is not None
+    assert facts.base.grown is not None
+    grown = facts.base.grown
+    most = int(np.argmax(np.abs(grown.growth)))
+    value, std = grown.growth[most], grown.std[most]
+    return (
+        f"From {grown.groups[0]} to {grown.groups[most]} the distances between the base reflectors "
+        f"became {'longer' if value > 0 else 'shorter'} by {with_std(1e3 * abs(value), 1e3 * std)} "
+        f"mm per metre, {plain(1e3 * abs(value) * grown.length_m, 2)} mm over their longest: the "
+        f"base frame {'grew' if value > 0 else 'shrank'}, as steel does by "
+        f"{plain(abs(value) / STEEL, 2)} K, or the tracker measured lengths otherwise (temperature "
+        "and pressure of its beam). Base reflectors alone cannot distinguish between the two. "
+        "Readings are corrected for it in proportion to time; the stiffnesses hardly depend on it."
+    )
+
+
 def _lasting(drift: Drift) -> str:
     """Between the first and the last reading."""
     if drift.effect.parameters[0].unit == PER_GROUP:
@@ -680,6 +699,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         "the same."
     ),
     Finding.TRACKER_KNOCKED: _tracker_knocked,
+    Finding.BASE_GREW: _base_grew,
     Finding.STANDS_ELSEWHERE: _stands_elsewhere,
     Finding.STANDS_ELSEWHERE_OR_RIVAL: lambda facts: (
         f"{_stands_elsewhere(facts)} The data cannot distinguish between "
@@ -699,8 +719,8 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     ),
     Finding.GAIN_UNCERTAIN: _gain_uncertain,
     Finding.TWO_LAWS: lambda facts: (
-        f"{_joint(facts, two_laws(facts))} has a law of its own: {_names(facts.causes)} describe "
-        "it only together."
+        f"{_joint(facts, two_laws(facts))} follows no law of the catalogue: "
+        f"{_names(facts.causes)} fit it only together."
     ),
     Finding.RIVALS: _rivals,
     Finding.OUTSIDE_CATALOGUE_POSSIBLE: _outside_possible,
@@ -840,6 +860,7 @@ _CORRECT: Mapping[str, str] = {
         "Check against the measurement record which of them belongs where and correct the file"
         f"{_AGAIN}"
     ),
+    "loose_target": f"Fasten that target, and measure the pulls again{_AGAIN}",
     "tool_point": f"Measure that point of the effector again and correct campaign.toml{_AGAIN}",
     **dict.fromkeys(
         ("mounted_turned", "joint_offset", "link_length", "link_offset"),

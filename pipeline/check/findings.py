@@ -79,7 +79,7 @@ def _of_single_pulls(found: CampaignResults, whole: Answer) -> Iterator[str]:
 
 
 def _tracker_drifts(found: CampaignResults) -> bool:
-    """A drift of the tracker is named."""
+    """A motion of the tracker, or of the base, from round to round is named."""
     effects = [cause.effect for cause in found.diagnosis.causes]
     return any(isinstance(one, Observation) and one.instrument for one in effects)
 

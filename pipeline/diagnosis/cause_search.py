@@ -12,6 +12,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, compared
 from pipeline.diagnosis.finding import WRONG_LAW
+from pipeline.diagnosis.verdict import CERTAIN
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects.nameless import NAMELESS
@@ -19,16 +20,13 @@ from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.measured import Measured
 from pipeline.system.detect import LackOfFit, Threshold, lack_of_fit, threshold
 from pipeline.system.elimination import eliminate
-from pipeline.system.evidence import ROUNDING, Scores
+from pipeline.system.evidence import LEAST_EVIDENCE, ROUNDING, Scores
 from pipeline.system.linearised import CurrentModel, Linearised, linearise
 from pipeline.system.noise_shape import NoiseShape
 from pipeline.system.whitened import Whitened, whiten
 
 _MOST = 3
 """Maximum number of causes named at once; more count as an unknown one."""
-
-LEAST_EVIDENCE = 3.0
-"""Minimum log evidence of a further cause [1], 20 to 1."""
 
 _BETTER = 0.1
 """Minimum advantage in log evidence by which a cause replaces another [1]; twins, which differ by
@@ -639,7 +637,10 @@ def _rivals(
 def _odds(
     task: SearchTask, now: Scores, rest: Sequence[int], least: float = 1e-3
 ) -> tuple[Replacement, ...]:
-    """Probabilities of all causes possible in one place, their forms taken together."""
+    """Probabilities of all causes possible in one place, their forms taken together.
+
+    What they usually amount to names none of several laws that are one in these data.
+    """
     labels, logs, best, shares = [], [], [], []
     for label, every in by_label(task.suspects).items():
         forms = [i for i in every if may_join(task.suspects, rest, i)]
@@ -650,10 +651,28 @@ def _odds(
         best.append(forms[int(np.argmax(compared(now.log_evidence[forms])))])
         share = special.softmax(now.log_evidence[forms])
         shares.append(tuple(zip(forms, share.tolist(), strict=True)))
-    probability = special.softmax(np.array(logs))
-    ranked = np.argsort(-compared(logs), kind="stable")  # twins in the catalogue's order
+    odds = np.array(logs)
+    if special.softmax(odds).max() >= CERTAIN:
+        odds = _by_data(task, now, best, odds)
+    probability = special.softmax(odds)
+    ranked = np.argsort(-compared(odds), kind="stable")  # twins in the catalogue's order
     order = [i for i in ranked if probability[i] >= least]
     return tuple(Replacement(labels[i], best[i], float(probability[i]), shares[i]) for i in order)
+
+
+def _by_data(task: SearchTask, now: Scores, causes: Sequence[int], logs: Array) -> Array:
+    """Log evidence of causes, those that are one with the likeliest by likelihood alone.
+
+    With as many unknowns and 1 - T / T_best < t^2, T their drops and t the tolerance of both laws,
+    their effects differ by less than either is known to.
+    """
+    first, drop = causes[int(np.argmax(compared(logs)))], now.drop[list(causes)]
+    known = np.array([task.suspects[i].tolerance for i in causes])
+    known = np.maximum(known, task.suspects[first].tolerance)
+    one = (now.rank[list(causes)] == now.rank[first]) & (drop > (1 - known**2) * now.drop[first])
+    gain = -0.5 * now.dof * np.log1p(-np.minimum(drop / now.rest, 1 - ROUNDING))
+    likely = logs.max() + gain - gain[list(causes).index(first)]
+    return np.where(one, np.maximum(logs, likely), logs)
 
 
 def lone_odds(task: SearchTask, found: SearchResult) -> list[tuple[int, float]]:

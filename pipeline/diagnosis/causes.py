@@ -12,7 +12,7 @@ from pipeline.base.linear import TINY
 from pipeline.base.tails import NORMAL_95, at_most
 from pipeline.diagnosis.amplitude import averaged, both_ways
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.diagnosis.cause_search import LEAST_EVIDENCE, SearchResult, SearchTask
+from pipeline.diagnosis.cause_search import SearchResult, SearchTask
 from pipeline.diagnosis.facts import (
     ALL_SPRINGS,
     CrossValidation,
@@ -28,10 +28,12 @@ from pipeline.diagnosis.hypotheses import accepted
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Noise, Pulls
+from pipeline.machine.effects.base_growth import over
 from pipeline.machine.effects.nameless import NAMELESS, mounting
 from pipeline.machine.effects.unlisted import height, undecided
 from pipeline.reduction.pose_of_interest import PoseOfInterest
 from pipeline.system import alarms
+from pipeline.system.evidence import LEAST_EVIDENCE
 from pipeline.system.linearised import Linearised, owners
 from pipeline.system.system import ScatterRatio
 
@@ -258,6 +260,15 @@ def _sizes(
 ) -> tuple[EffectSize, ...]:
     parts = zip(effect.parameters, value, std, strict=True)
     return tuple(EffectSize.symmetric(p, float(v), float(s), quantile) for p, v, s in parts)
+
+
+def of_growth(drift: Drift | None) -> tuple[FoundCause, ...]:
+    """The growth that the base reflectors show, by its largest value."""
+    if drift is None or (grown := drift.grown) is None:
+        return ()
+    most, effect = int(np.argmax(np.abs(grown.growth))), over(grown.begun, grown.growth)
+    sizes = _sizes(effect, grown.growth[[most]], grown.std[[most]])
+    return (FoundCause(effect, at_most(grown.p_value), sizes, grown.p_value),)
 
 
 def of_base(drift: Drift | None, causes: Sequence[FoundCause]) -> tuple[FoundCause, ...]:

@@ -15,7 +15,14 @@ from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.diagnosis.blindspots import blind_spots, not_found
 from pipeline.diagnosis.cause_search import SearchResult, SearchTask, by_label, search
-from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_motion, of_scatter
+from pipeline.diagnosis.causes import (
+    missing,
+    of_base,
+    of_displacements,
+    of_growth,
+    of_motion,
+    of_scatter,
+)
 from pipeline.diagnosis.facts import (
     CrossValidation,
     Determining,
@@ -134,7 +141,7 @@ def diagnose(
     proposed, joints = _to_measure(task, found, causes, worth, known, rng)
     return Diagnosed(
         facts=facts,
-        causes=facts.moved + drifts + held,
+        causes=facts.moved + of_growth(facts.base) + drifts + held,
         alone=single,
         blind_spots=blind,
         not_found=absent,

@@ -49,7 +49,10 @@ def motion(of: Fitted) -> tuple[tuple[Effect, ...], Drift | None]:
     if not timed(of.case.readings):
         effects = by_order(effects)
     scale = float(of.noise.scale[0])
-    return effects, drift(readings, scale, of.data.unloaded, effects, of.shape.wander)
+    found = drift(readings, scale, of.data.unloaded, effects, of.shape.wander)
+    if found is None or (grown := readings.course) is None or grown.p_value >= alarms.GREW:
+        return effects, found
+    return effects, replace(found, deformed_m=grown.std_m, grown=grown)
 
 
 def drift(

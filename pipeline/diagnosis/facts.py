@@ -17,6 +17,7 @@ from pipeline.faults.mistake import Mistake
 from pipeline.geometry.roughness import ScaleGrid
 from pipeline.machine.effect import Effect, Elastic, Observation
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
+from pipeline.reduction.course import Course
 from pipeline.system.linearised import CurrentModel, Linearised
 from pipeline.system.system import Estimate, ScatterRatio
 
@@ -199,7 +200,9 @@ class Drift(Locked):
         knocked: The two rounds between which the tracker moved most, then by `moved_m`, if it moved
             by more than any noise and no law in time describes it; else None.
         deformed_m: Changes of the reflectors' places between the rounds that no motion of the
-            tracker explains, rms per axis [m]; 0 where chance explains them.
+            tracker explains, rms per axis [m]; 0 where chance explains them. Where the base frame
+            grew, standard uncertainty of what is corrected.
+        grown: How it grew, which is corrected; None if it did not.
     """
 
     effect: Observation
@@ -215,6 +218,7 @@ class Drift(Locked):
     visible: float
     knocked: tuple[str, str] | None = None
     deformed_m: float = 0.0
+    grown: Course | None = None
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ class Finding(StrEnum):
     TRACKER_MOVED = "tracker_moved"
     TRACKER_MOVED_OR_KNOCKED = "tracker_moved_or_knocked"
     TRACKER_KNOCKED = "tracker_knocked"
+    BASE_GREW = "base_grew"
     STANDS_ELSEWHERE = "stands_elsewhere"
     STANDS_ELSEWHERE_OR_RIVAL = "stands_elsewhere_or_rival"
     GEOMETRY_REFUTED = "geometry_refuted"

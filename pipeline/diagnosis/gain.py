@@ -9,7 +9,6 @@ import numpy as np
 from pipeline.base.arrays import Array, compared
 from pipeline.base.bootstrap import interval
 from pipeline.diagnosis.cause_search import (
-    LEAST_EVIDENCE,
     SearchTask,
     may_join,
     merged,
@@ -17,6 +16,7 @@ from pipeline.diagnosis.cause_search import (
 )
 from pipeline.diagnosis.facts import CrossValidation, NamelessEqual, SoleCause
 from pipeline.system.elimination import coefficients
+from pipeline.system.evidence import LEAST_EVIDENCE
 from pipeline.system.whitened import Whitened
 
 _ASKED = 6

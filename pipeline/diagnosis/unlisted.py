@@ -26,7 +26,6 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, compared
 from pipeline.diagnosis.cause_search import (
-    LEAST_EVIDENCE,
     SearchResult,
     SearchTask,
     extends,
@@ -40,7 +39,7 @@ from pipeline.machine.effects import unlisted
 from pipeline.machine.effects.nameless import NAMELESS, nameless
 from pipeline.system import alarms
 from pipeline.system.detect import threshold
-from pipeline.system.evidence import Scores
+from pipeline.system.evidence import LEAST_EVIDENCE, Scores
 from pipeline.system.score_tests import Base
 from pipeline.system.whitened import Whitened
 

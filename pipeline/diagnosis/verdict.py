@@ -84,6 +84,11 @@ _BASE = (
         lambda f: f.base is not None and f.base.knocked is not None,
     ),
     VerdictRow(Finding.TRACKER_MOVED, Verdict.EXPLAINED, lambda f: f.drift is not None),
+    VerdictRow(
+        Finding.BASE_GREW,
+        Verdict.EXPLAINED,
+        lambda f: f.base is not None and f.base.grown is not None,
+    ),
 )
 
 _UNLOADED = (

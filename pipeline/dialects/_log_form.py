@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import count
 from unicodedata import normalize
 
 from pipeline.base.errors import InputError, at, listed
@@ -66,23 +68,15 @@ def opened(
             return 0 if found is None else 1 + holds(_ours(found.titles, own))
 
         file = as_text(name, data, sheet, mark, table, fits)
-        head = _found(file, own, key) or _header(file, _no_remark(file))
+        head = _found(file, own, key) or _no_remark(file)
         with at(line=head.line):
-            ours = _ours(head.titles, own)
+            ours = tuple(_ours(head.titles, own))
             _agree(head.titles, stated.columns, table)
             _unique(ours)
         file = squeezed(file) if head.delimiter == " " else file
-        early = above(file, head.line, head.delimiter, [ours.index(key)]) if key in ours else []
-        return Titled(
-            file,
-            head.line,
-            head.first,
-            head.delimiter,
-            tuple(ours),
-            head.written,
-            head.behind,
-            tuple(early),
-        )
+        early = above(file, head.line, head.delimiter, [ours.index(key)]) if key in ours else ()
+        units = head.written, head.behind, tuple(early)
+        return Titled(file, head.line, head.first, head.delimiter, ours, *units)
 
 
 def as_text(
@@ -129,16 +123,23 @@ def _found(file: Text, own: Mapping[str, str], key: str) -> LogHeader | None:
     return next(stated, next((one for one in some if key in _ours(one.titles, own)), None))
 
 
-def _no_remark(file: Text) -> int:
+def _no_remark(file: Text) -> LogHeader:
     """The first line that is neither blank nor a comment; if there is none, the first not blank."""
     plain = (n for n, line in file.lines(1, SAMPLE_LINES) if is_plain(line, MARKS))
-    return next(plain, file.first()[0])
+    n = next(plain, file.first()[0])
+    return _header(n, file.line(n), file.line(n + 1) if n < len(file) else None)
 
 
 def headers(file: Text) -> Iterator[LogHeader]:
     """The leading lines as headers, without rows of numbers."""
-    found = (_header(file, number) for number, _ in file.lines(1, SAMPLE_LINES))
-    return (one for one in found if not _of_numbers(one.written))
+    yield from _headers(tuple(line for _, line in file.lines(1, SAMPLE_LINES + 1)))
+
+
+@lru_cache(maxsize=32)
+def _headers(lines: tuple[str, ...]) -> tuple[LogHeader, ...]:
+    """Those of a file that begins so: `intake` opens it for every robot."""
+    found = map(_header, count(1), lines[:SAMPLE_LINES], (*lines[1:], None))
+    return tuple(one for one in found if not _of_numbers(one.written))
 
 
 def _of_numbers(cells: Sequence[str]) -> bool:
@@ -149,10 +150,10 @@ def _of_numbers(cells: Sequence[str]) -> bool:
     )
 
 
-def _header(file: Text, line: int) -> LogHeader:
+def _header(line: int, content: str, next_line: str | None) -> LogHeader:
     """A line as a header."""
-    delimiter = delimiter_of(file.line(line), " ")
-    titles, below = _with_below(file, line, delimiter)
+    delimiter = delimiter_of(content, " ")
+    titles, below = _with_below(content, next_line, delimiter)
     none = ("",) * len(titles)
     titles, lines = two_lines.titles(titles, below)
     if lines > 1:
@@ -164,14 +165,13 @@ def _header(file: Text, line: int) -> LogHeader:
     return LogHeader(line, line + (2 if of_units else 1), delimiter, tuple(joined), behind)
 
 
-def _with_below(file: Text, line: int, delimiter: str) -> tuple[list[str], list[str]]:
+def _with_below(content: str, next_line: str | None, delimiter: str) -> tuple[list[str], list[str]]:
     """The cells of a line, with no mark of a comment before them if it is none, and those below it.
 
     Those are empty if they are not as many.
     """
-    content = file.line(line)
     titles = _cut(content, delimiter)
-    below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
+    below = _cut(next_line, delimiter) if next_line is not None else []
     unmarked = _cut(_marked(content), delimiter) if is_remark(content, MARKS) else titles
     titles = unmarked if len(unmarked) == len(below) else titles
     return titles, below if len(below) == len(titles) else [""] * len(titles)

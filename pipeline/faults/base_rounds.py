@@ -55,7 +55,8 @@ def drifted(case: Case) -> list[Mistake]:
     (S / S')^(n/2), n = 3 poses - 6; chance exceeds 1 / a in less than a of all cases.
     """
     rounds = [] if case.stations else rounds_of(case.settings, case.readings)[:_MOST]
-    rows = unloaded(case)
+    since = pd.Series(seconds(case.readings), case.readings.index)
+    rows = unloaded(case).assign(since=since).dropna(subset="since")
     poses = rows["pose"].nunique()
     if len(rounds) < 2 or poses < FEWEST_POSES:
         return []
@@ -91,12 +92,11 @@ def _square(case: Case, rows: pd.DataFrame, rounds: list[Round]) -> float:
     Each reading is transformed into F_b by the rounds before and after it, in proportion to time.
     """
     seen, expected, _ = pairs(case, rows)
-    since = seconds(case.readings)[case.readings.index.get_indexer(rows.index)]
     begun = [one.begun for one in rounds]
     placed = np.zeros_like(seen)
     for mine, one in zip(np.eye(len(rounds)), rounds, strict=True):
         R, t = one.pose()
-        placed += np.interp(since, begun, mine)[:, None] * (seen @ R.T + t)
+        placed += np.interp(rows["since"].to_numpy(), begun, mine)[:, None] * (seen @ R.T + t)
     R, t = rigid(placed, expected)
     off = pd.DataFrame(placed @ R.T + t - expected).groupby(rows["pose"].to_numpy(int)).mean()
     return float(np.sum(off.to_numpy() ** 2))

@@ -1,9 +1,10 @@
 """A pose in which tracker or robot moved between its states, as a whole and not by the load.
 
-All pulls from some one on then have a common displacement, unlike that of a load: a rigid motion of
-the effector, six columns in addition to the model, is common to them (see `system.score_tests`). It
-is a mistake in the data if everything else fits once one pose has it. What happens in every pose
-belongs to the machine (lost motion, backlash), and is left to the diagnosis.
+All states of the pose from some one on, pulls and repeated zeros, then have a common displacement,
+unlike that of a load: a rigid motion of the effector, six columns in addition to the model, is
+common to them (see `system.score_tests`). It is a mistake in the data if everything else fits once
+one pose has it. What happens in every pose belongs to the machine (lost motion, backlash), and is
+left to the diagnosis.
 """
 
 from __future__ import annotations
@@ -18,19 +19,24 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, apart, left_out, length, lines_of, of_group, outlying
 from pipeline.faults.reading import Shifted, confirmed, shifted_readings
-from pipeline.reduction.case import Case
+from pipeline.reduction.measured import Measured
 from pipeline.system import alarms, odds
 from pipeline.system.assemble import by_force
 from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.simultaneous import cost
 
 _ALONE = 0.01
-"""P-value of a motion of another pose below which both belong to the machine [1]."""
+"""P-value of a motion of another pose, likelier there than one bad reading, below which both belong
+to the machine [1]."""
 
 _READ_UNDER_LOAD = ", or a zero there, of the reflectors or of the scale, was read under load"
 
 _FEWEST = 2
-"""Minimum number of displaced pulls; a single one may as well have another force."""
+"""Minimum number of displaced states, one of them a pull; a single one may as well have another
+force."""
+
+_States = list[tuple[int, int]]
+"""States of a pose in the order of time: index of the pull, or -1, and number of the zero."""
 
 
 def moved(asked: Screening, last: bool = False) -> list[Mistake]:
@@ -49,7 +55,7 @@ def moved(asked: Screening, last: bool = False) -> list[Mistake]:
     if estimate.p_value is None or not misfit <= odds.FITS:
         return []
     shifted = shifted_readings(asked.case, asked.reduced, asked.zeros, system, estimate)
-    D, from_pull, columns = _columns(shifted)
+    D, from_state, columns = _columns(shifted, asked.reduced.data)
     found = _flat(shifted.springs(system).beside(D))
     if not found.rank.any():
         return []
@@ -63,21 +69,21 @@ def moved(asked: Screening, last: bool = False) -> list[Mistake]:
     freer = _flat(shifted.poses_free(asked.reduced.data).beside(D))
     if p >= alarms.READING or not confirmed(freer, best, size, scale**2, seen=True):
         return []
-    place, first = divmod(best, from_pull)
+    place, first = divmod(best, from_state)
     pose = int(np.unique(shifted.stack.pose)[place])
     variance, base = max(rest, 1.0), shifted.springs(system)
     worth, zero = _worth(found, variance)[best], _by_zero(asked, shifted, base, pose, variance)
-    rivals = _by_one(asked, shifted, base, pose, variance), zero
+    rivals = float(_by_one(asked, shifted, base, variance)[place]), zero
     if max(rivals[: 2 - last]) >= worth:
         return []
-    beside = _flat(shifted.springs(system, columns[first] * _of(shifted, pose)).beside(D))
-    others = np.arange(len(found.drop)) // from_pull != place
-    if len(found.drop) * float(beside.p(max(rest, 1.0), dof)[others].min(initial=1.0)) < _ALONE:
+    base = shifted.springs(system, columns[first] * _of(shifted, pose))
+    beside, others = _flat(base.beside(D)), np.arange(len(found.drop)) // from_state
+    single = _by_one(asked, shifted, base, variance)
+    others = (others != place) & (_worth(beside, variance) > single[others])
+    if len(found.drop) * float(beside.p(variance, dof)[others].min(initial=1.0)) < _ALONE:
         return []
-    pulls = asked.reduced.data.pulls
-    repeats = np.sort(pulls.repeat[pulls.pose == pose])
-    zeroed = zero < worth
-    return [_finding(asked.case, pose, repeats, first, size, float(found.drop[best]), p, zeroed)]
+    known = _states(asked.reduced.data, pose), first + 1
+    return [_finding(asked, pose, *known, size, float(found.drop[best]), p, zero < worth)]
 
 
 def _worth(found: ScoreTests, variance: float) -> Array:
@@ -94,12 +100,13 @@ def _by_zero(asked: Screening, shifted: Shifted, base: Base, pose: int, variance
     return float(_worth(zero, variance)[np.unique(shifted.stack.pose) == pose].max())
 
 
-def _by_one(asked: Screening, shifted: Shifted, base: Base, pose: int, variance: float) -> float:
-    """Gain by the best single reading of a pose, which may look like a rotation of the effector."""
-    if asked.cell.tool.six:
-        return -np.inf
-    found = _worth(shifted.beside(base), variance)
-    return float(found[shifted.readings.pose == pose].max(initial=-np.inf))
+def _by_one(asked: Screening, shifted: Shifted, base: Base, variance: float) -> Array:
+    """Gain by the best single reading of each pose, which may look like a rotation, shape (p,)."""
+    poses, place = np.unique(shifted.readings.pose, return_inverse=True)
+    best = np.full(len(poses), -np.inf)
+    if not asked.cell.tool.six:
+        np.maximum.at(best, place, _worth(shifted.beside(base), variance))
+    return best
 
 
 def _of(shifted: Shifted, pose: int) -> Array:
@@ -107,39 +114,56 @@ def _of(shifted: Shifted, pose: int) -> Array:
     return (shifted.stack.pose == pose)[:, None].astype(float)
 
 
-def _columns(shifted: Shifted) -> tuple[Array, int, list[Array]]:
-    """Six motions common to all pulls of a pose from its n-th on.
-
-    They are zero where fewer than `_FEWEST` pulls follow, and for n > 0 where the zero was read
-    again.
+def _columns(shifted: Shifted, data: Measured) -> tuple[Array, int, list[Array]]:
+    """Six motions common to all states of a pose from its n-th on, n > 0.
 
     Returns:
-        Whitened by pose, (p, s, n, 6); n; and not whitened, one (R, 6) for each n.
+        Whitened by pose, (p, s, n, 6); the number of n; and not whitened, one (R, 6) for each n.
     """
     stack, white = shifted.stack, shifted.white
-    loaded = stack.pull >= 0
-    order = _order(stack.pose, stack.pull)
-    last = np.zeros(int(stack.pose.max()) + 1, dtype=np.int64)
-    np.maximum.at(last, stack.pose[loaded], order[loaded])
-    again = np.zeros(len(last), dtype=bool)
-    again[stack.pose[~loaded]] = True
-    most = max(int(last.max()) + 2 - _FEWEST, 1)
+    poses = {int(pose): _states(data, pose) for pose in np.unique(stack.pose)}
+    most = max(map(len, poses.values())) - 1
     each, plain = [], []
-    for first in range(most):
-        asked = (last[stack.pose] + 1 - first >= _FEWEST) & ((first == 0) | ~again[stack.pose])
-        one = stack.modes * (loaded & (order >= first) & asked)[:, None]
-        plain.append(one)
-        each.append(white.blocks.padded(white.by_pose(one)))
+    for first in range(1, most + 1):
+        share = np.zeros(len(stack.pose))
+        for pose, states in poses.items():
+            mine = stack.pose == pose
+            share[mine] = _shown(states, first, stack.pull[mine], stack.which[mine])
+        plain.append(stack.modes * share[:, None])
+        each.append(white.blocks.padded(white.by_pose(plain[-1])))
     return np.stack(each, axis=2), most, plain
 
 
-def _order(pose: Ints, pull: Ints) -> Ints:
-    """Index of each row's pull among those of its pose, from 0; -1 for zeros."""
-    out = np.full(len(pose), -1, dtype=np.int64)
-    for one in np.unique(pose):
-        mine = (pose == one) & (pull >= 0)
-        out[mine] = np.unique(pull[mine], return_inverse=True)[1]
-    return out
+def _states(data: Measured, pose: int) -> _States:
+    """The states of a pose; a zero without a time comes before its pulls."""
+    pulls = np.flatnonzero(data.pulls.pose == pose)
+    zeros = np.sort(data.zero_times[pulls[0]])
+    zeros = zeros[: max(int(np.isfinite(zeros).sum()), 1)]
+    time = np.nan_to_num(np.append(zeros, data.pulls.time[pulls]), nan=-np.inf)
+    every = [*((-1, nth) for nth in range(len(zeros))), *((int(pull), 0) for pull in pulls)]
+    return [every[k] for k in np.argsort(time, kind="stable")]
+
+
+def _shown(states: _States, first: int, pull: Ints, which: Ints) -> Array:
+    """Part of a motion since a state that each row of a pose shows; zero where none is asked.
+
+    A pull since it shows the motion, and every pull minus the mean of the zeros; a repeated zero
+    minus the mean of those before it.
+
+    Args:
+        states: Of the pose.
+        first: Index of the first state after the motion.
+        pull: Pull of each row, -1 for a repeated zero.
+        which: Number of the difference of zeros.
+    """
+    later = states[first:]
+    pulls = [one for one, _ in later if one >= 0]
+    zeros = np.array([float(one in later) for one in sorted(states) if one[0] < 0])
+    if not pulls or len(later) < _FEWEST:
+        return np.zeros(len(pull))
+    mean, nth = np.cumsum(zeros) / np.arange(1, len(zeros) + 1), np.minimum(which, len(zeros) - 1)
+    of_zero = zeros[nth] - mean[np.maximum(nth - 1, 0)]  # one group may hold several readings
+    return np.where(pull < 0, of_zero, np.isin(pull, pulls) - mean[-1])
 
 
 def _flat(found: ScoreTests) -> ScoreTests:
@@ -153,37 +177,36 @@ def _flat(found: ScoreTests) -> ScoreTests:
 
 
 def _finding(
-    case: Case,
+    asked: Screening,
     pose: int,
-    repeats: Ints,
+    states: _States,
     first: int,
     size: Array,
     drop: float,
     p: float,
     zeroed: bool,
 ) -> Mistake:
-    """The mistake; `repeats` are those of the pulls in use, from index `first` on displaced.
+    """The mistake. Unless the scale was surely `zeroed`, its zero is given as another possibility.
 
-    Unless the scale was surely `zeroed`, its zero is given as another possibility.
+    The states from index `first` on are displaced, or those before it.
     """
-    rows = case.readings[case.readings["pose"] == pose]
-    loaded = rows[rows["state"] == "loaded"]
-    zeros = rows[rows["state"] == "unloaded"]
-    out = zeros if first == 0 else loaded[loaded["repeat"].isin(repeats[first:])]
-    group = str(out["group"].iloc[0])
-    between = (
-        "its unloaded state and the first pull"
-        if first == 0
-        else f"pulls {repeats[first - 1]} and {repeats[first]}"
-    )
-    sigmas = float(np.sqrt(drop))
-    at = of_group(case, group, set(rows["target"]))
+    rows, repeat = asked.case.readings, asked.reduced.data.pulls.repeat
+    rows = rows[rows["pose"] == pose].sort_values("time", kind="stable")
+    (lost, kept), unloaded = _parts(states, first), rows["state"] == "unloaded"
+    zeros = rows["group"].astype(str)[unloaded].unique()
+    again = np.isin(rows["repeat"], [int(repeat[one]) for one, _ in lost if one >= 0])
+    out = rows[
+        np.where(unloaded, np.isin(rows["group"], [zeros[n] for k, n in lost if k < 0]), again)
+    ]
+    group, sigmas = str(out["group"].iloc[0]), float(np.sqrt(drop))
+    between = " and ".join(_named(one, repeat) for one, _ in states[first - 1 : first + 1])
+    at = of_group(asked.case, group, set(rows["target"]))
     return outlying(
         group,
         f"in pose {pose} the effector moved by {length(float(np.linalg.norm(size[:3])))} between "
         f"{between}, alike in all pulls that follow and whatever their force, {apart(sigmas)}: "
         f"the tracker was knocked there, or the robot moved{'' if zeroed else _READ_UNDER_LOAD}",
-        f"recomputed without {'pose ' + str(pose) if first == 0 else 'the pulls that follow'}",
+        f"recomputed without {kept or f'pose {pose}'}",
         before=sigmas,
         size=float(np.linalg.norm(size[:3])),
         p_value=p,
@@ -191,6 +214,25 @@ def _finding(
         correct=partial(left_out, at=lines_of(out)),
         at=at,
     )
+
+
+def _parts(states: _States, first: int) -> tuple[_States, str]:
+    """Which part of a pose is left out, and in words if the other one is kept.
+
+    That is the part with a zero and more pulls; without a zero and a pull none is.
+    """
+    parts = states[:first], states[first:]
+    before, after = (
+        sum(one >= 0 for one, _ in part) * any(one < 0 for one, _ in part) for part in parts
+    )
+    if after > before:
+        return parts[0], "its states before"
+    return (parts[1], "those that follow") if before else (parts[0], "")
+
+
+def _named(pull: int, repeat: Ints) -> str:
+    """A state of a pose in words."""
+    return f"pull {repeat[pull]}" if pull >= 0 else "its unloaded state"
 
 
 FAULT = Fault("outlier", moved)

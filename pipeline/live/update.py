@@ -199,6 +199,7 @@ _ADVICE = {
     "tracker_noise": "look for vibration, draught, sun on the beam and dirty reflectors",
     "joint_offset": "read the base reflectors again, as the tracker may have moved",
     "base_moved": "see what holds robot and tracker, and read the base reflectors again",
+    "base_growth": "read the temperature of the base, and check the tracker by a known length",
     "target_moved": "see whether its nest is loose, and measure the distances between the targets "
     "again before the next pose",
     "base_rotation": "read the base reflectors again, as the tracker may have moved",

@@ -310,11 +310,10 @@ def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tu
     twists = np.concatenate([effect.screws(loaded) for effect, _ in parts], axis=1)
     order = np.argsort(np.concatenate([effect.carrier for effect, _ in parts]), kind="stable")
     ends = np.cumsum([len(effect.carrier) for effect, _ in parts])[:-1]
-    m, k = twists.shape[:2]
     ends_points = np.concatenate([loaded.points, loaded.load_point[:, None]], axis=1)
     bent, at = twists, loaded.load_point
-    deflection, before = np.full((m, k), np.inf), np.full(m, np.nan)
-    still = np.zeros(m, dtype=bool)
+    deflection, before = np.full(twists.shape[:2], np.inf), np.full(len(twists), np.nan)
+    still = np.zeros(len(twists), dtype=bool)
     for _ in range(rounds):
         tau = torque(bent, at, loaded.force)
         amount = np.concatenate(
@@ -328,41 +327,51 @@ def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tu
         # a step no smaller than the previous one is rounding, or there is no equilibrium
         still |= (change < 1e-15) | (change >= before)
         deflection, before = amount, change
-        bent, motion = _chain(twists, deflection, order)
-        moved = np.einsum("mij,mtj->mti", motion[:, :3, :3] - np.eye(3), ends_points)
-        moved = moved + motion[:, None, :3, 3]
+        bent, R, t = _chain(twists, deflection, order)
+        moved = np.einsum("ijm,mtj->mti", R - np.eye(3)[:, :, None], ends_points) + t.T[:, None]
         at = loaded.load_point + moved[:, -1]
         if still.all():
             break
     return moved[:, :-1], at
 
 
-def _chain(twists: Array, deflection: Array, order: Ints) -> tuple[Array, Array]:
-    """Each screw displaced by the deflections of all preceding ones, and the total end motion."""
-    motion = np.broadcast_to(np.eye(4), (len(twists), 4, 4))
-    bent = np.empty_like(twists)
-    steps = _exponential(twists, deflection)
+def _chain(twists: Array, deflection: Array, order: Ints) -> tuple[Array, Array, Array]:
+    """Each screw displaced by the deflections of all preceding ones, and the total end motion.
+
+    Its rotation is (3, 3, m), its translation (3, m): poses are contiguous in memory.
+    """
+    m, n = deflection.shape
+    w, v = np.ascontiguousarray(twists.T).reshape(2, 3, n, m)
+    turns, shifts = _exponential(w * deflection.T, v * deflection.T)
+    before, at = np.empty((3, 3, n, m)), np.empty((3, n, m))
+    R, t = np.repeat(np.eye(3)[:, :, None], m, axis=2), np.zeros((3, m))
     for k in order:
-        R, t = motion[:, :3, :3], motion[:, :3, 3]
-        omega = np.einsum("mij,mj->mi", R, twists[:, k, :3])
-        bent[:, k, :3] = omega
-        bent[:, k, 3:] = np.einsum("mij,mj->mi", R, twists[:, k, 3:]) + cross(t, omega)
-        motion = motion @ steps[:, k]
-    return bent, motion
+        before[:, :, k], at[:, k] = R, t
+        R, t = _turned(R[:, :, None], turns[:, :, k]), t + _turned(R, shifts[:, k])
+    omega = _turned(before, w)
+    return np.concatenate([omega, _turned(before, v) + cross(at.T, omega.T).T]).T, R, t
 
 
-def _exponential(twists: Array, amount: Array) -> Array:
-    """Matrix exponentials of screws times amounts, (m, k, 6) and (m, k) -> (m, k, 4, 4)."""
-    S = np.zeros((*amount.shape, 4, 4))
-    a, b, c = np.moveaxis(twists[..., :3], -1, 0)
-    S[..., 0, 1], S[..., 0, 2], S[..., 1, 2] = -c, b, -a
-    S[..., 1, 0], S[..., 2, 0], S[..., 2, 1] = c, -b, a
-    S[..., :3, 3] = twists[..., 3:]
-    S *= amount[..., None, None]
-    total = np.eye(4) + S / 8
-    for i in range(7, 0, -1):  # deflections are milliradians: eight terms are below rounding
-        total = np.eye(4) + S @ total / i
-    return total
+def _turned(R: Array, vectors: Array) -> Array:
+    """R v, for rotations (3, 3, ...) and vectors (3, ...)."""
+    return R[:, 0] * vectors[0] + R[:, 1] * vectors[1] + R[:, 2] * vectors[2]
+
+
+def _exponential(w: Array, v: Array) -> tuple[Array, Array]:
+    """Rotation (3, 3, n, m) and translation (3, n, m) of screws w, v times their amounts.
+
+    R = cos|w| + a [w] + b w w', t = a v + b w x v + c (w . v) w, by series up to |w|^9: deflections
+    are milliradians.
+    """
+    x = np.sum(w * w, axis=0)
+    b = 1 / 2 - x * (1 / 24 - x * (1 / 720 - x / 40320))
+    c = 1 / 6 - x * (1 / 120 - x * (1 / 5040 - x / 362880))
+    a, near, after = 1 - c * x, [1, 2, 0], [2, 0, 1]
+    R = b * w[:, None] * w
+    R[range(3), range(3)] += 1 - b * x
+    R[after, near] += a * w
+    R[near, after] -= a * w
+    return R, a * v + b * cross(w.T, v.T).T + c * np.sum(w * v, axis=0) * w
 
 
 _FARTHEST = 1.0

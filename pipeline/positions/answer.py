@@ -437,7 +437,7 @@ def _sags(results: PositionsResults) -> bool:
     return any(one.effect.name == "gravity_sag" for one in results.facts.causes)
 
 
-_SAGS = "How far each joint sags is seen, but no masses are stated that would tell stiffness by it."
+_SAGS = "How far each joint sags is seen, but without stated masses no stiffness follows from it."
 _NO_SAG = "No sag is visible: the arm is weightless or balanced, or its controller compensates it."
 
 
@@ -446,7 +446,7 @@ def _model(results: PositionsResults) -> str:
     steps = list(pairwise(results.found.stages))
     between = Partition.BETWEEN
     each = [
-        f"{now.step.value} {percent(1 - now.mean(between) / before.mean(between))}"
+        f"{now.step.value} by {percent(1 - now.mean(between) / before.mean(between))}"
         for before, now in steps
         if now.found is not before.found
     ]
@@ -457,8 +457,8 @@ def _model(results: PositionsResults) -> str:
     corrected = results.row.data == contract.Data.CORRECTED
     data = "the corrected data" if corrected else "the data as given"
     return (
-        f"{capital(whose)}, from {data}. Each part reduces the cross-validation error "
-        f"of the model before it: {', '.join(each)}."
+        f"{capital(whose)}, from {data}. The cross-validation error "
+        f"falls with each part: {', '.join(each)}."
     )
 
 

@@ -114,6 +114,12 @@ class Calibration(Locked):
         """Logarithm of the marginal likelihood of the readings."""
         return self.solution.evidence + float(linear.log_det(self.rows.W).sum())
 
+    @cached_property
+    def by_readings(self) -> Posterior:
+        """The solution without an unknown common factor of all masses."""
+        own = self.rows, self.mechanism, self.known
+        return solved(*own) if self.mechanism.unknown else self.solution
+
     @property
     def left(self) -> Array:
         """Residuals: readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""
@@ -262,7 +268,7 @@ def _scaled(new: Prior, mechanism: Mechanism, earlier: Prior | None) -> Prior:
         for now, then in zip(new.groups, earlier.groups, strict=False):
             if now.stop - now.start == then.stop - then.start:
                 std[now] = earlier.std[then]
-    return replace(new, std=std, free=earlier.free)
+    return replace(new, std=std, free=earlier.free, returning=earlier.returning)
 
 
 def _only(known: Prior, mechanism: Mechanism, wanted: ModelStructure) -> Prior:

@@ -116,7 +116,7 @@ def _rejected(read: Positioned, off: Sequence[Mistake]) -> pd.DataFrame:
     bad = [
         (
             *at.rsplit(":", 1),
-            f"stands {plain(one.before, 3)} mm from where all others put it",
+            f"this reading is {plain(one.before, 3)} mm from where all others put its target",
         )
         for one in off
         for at in one.at

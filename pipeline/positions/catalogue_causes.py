@@ -32,6 +32,7 @@ from pipeline.positions.laws import JointLaw
 from pipeline.positions.mechanism import Mechanism, layout
 from pipeline.positions.yielding import LOADED, balanced
 from pipeline.system import alarms
+from pipeline.system.evidence import LEAST_EVIDENCE
 
 
 class _Amount(NamedTuple):
@@ -254,7 +255,8 @@ def causes(
     groups = list(_groups(found, names))
     out = []
     for group, p in zip(groups, chances(found, [one.at for one in groups], signs), strict=True):
-        if p < alarms.SUSPECT and _physical(group.cause):
+        called = p < alarms.SUSPECT and _evidence(found, group.at) > LEAST_EVIDENCE
+        if called and _physical(group.cause):
             near, far = judge.gains(found, group.at)
             if near.sure:
                 out.append(replace(group.cause, p=p, gain=near, carried=far))
@@ -288,6 +290,17 @@ def _physical(cause: CatalogueCause) -> bool:
     """False for springs whose compliances are all estimated negative."""
     springs = [one for one in cause.amounts if one.name.startswith("c_")]
     return not springs or any(one.value > 0 for one in springs)
+
+
+def _evidence(found: Calibration, at: Ints) -> float:
+    """Log of how much likelier parameters with their prior make the readings than zeros do.
+
+    T knows no prior: readings may call for more than an element of its kind can be. What it can be
+    then explains little, and its size is not told from zero.
+    """
+    C, P = found.by_readings.cov, precision(found.mechanism, found.known)[0]
+    own, x = linear.cholesky(C[np.ix_(at, at)]), found.solution.x[at]
+    return 0.5 * float(x @ own.solve(x) + own.log_det + linear.log_det(P[np.ix_(at, at)]))
 
 
 def _explained(found: Calibration, P: Array, at: Ints, copies: Array) -> Array:

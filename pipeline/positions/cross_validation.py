@@ -135,10 +135,8 @@ class LeftOutPoses:
         self, one: Calibration, other: Calibration, parting: Partition
     ) -> tuple[float, float]:
         """Confidence interval of the relative reduction of the error by the first."""
-        errors = [left_out.errors(found, self._parts[parting]) for found in (other, one)]
-        seen = np.tile(np.arange(6) < 3, errors[0].shape[1] // 6) & one.readings.read
-        block = np.broadcast_to(law_tests.blocks(one.readings)[:, None], seen.shape)[seen]
-        return interval(errors[0][seen], errors[1][seen], block, self._rng)[1]
+        errors = (left_out.errors(found, self._parts[parting]) for found in (other, one))
+        return self._compared(one.readings, *errors).ci95
 
     def _gain(self, found: Calibration, parting: Partition, without: slice | Ints) -> LeftOutGain:
         if self._made[0] is not found:
@@ -147,8 +145,13 @@ class LeftOutPoses:
         if parting not in known:
             parts = LeftOut(found, self._parts[parting])
             known[parting] = parts, parts.errors()
-        with_it, bare = known[parting][1], known[parting][0].errors(without)
-        seen = np.tile(np.arange(6) < 3, with_it.shape[1] // 6) & found.readings.read
-        block = np.broadcast_to(law_tests.blocks(found.readings)[:, None], seen.shape)[seen]
-        _, ci95 = interval(bare[seen], with_it[seen], block, self._rng)
-        return LeftOutGain(linear.rms(bare[seen]), linear.rms(with_it[seen]), ci95)
+        parts, with_it = known[parting]
+        return self._compared(found.readings, parts.errors(without), with_it)
+
+    def _compared(self, readings: PositionReadings, before: Array, after: Array) -> LeftOutGain:
+        """Gain from errors (m, 6 t) of left-out targets, of which the positions count."""
+        seen = np.tile(np.arange(6) < 3, before.shape[1] // 6) & readings.read
+        block = np.broadcast_to(law_tests.blocks(readings)[:, None], seen.shape)[seen]
+        before, after = before[seen], after[seen]
+        _, ci95 = interval(before, after, block, self._rng)
+        return LeftOutGain(linear.rms(before), linear.rms(after), ci95)

@@ -21,8 +21,8 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.arm_weight import usual
 from pipeline.machine.positions_estimate import soften
-from pipeline.positions.mechanism import Linear, Mechanism, Payloads, layout
-from pipeline.positions.random_curve import Curve, between_knots
+from pipeline.positions.mechanism import Linear, Mechanism, Payloads, balances, layout
+from pipeline.positions.random_curve import Curve
 from pipeline.positions.scatter import PoseScatter
 from pipeline.positions.yielding import sizes
 
@@ -45,6 +45,10 @@ _WAVE = 3e-4
 """Prior standard deviation of a law's amplitude [m or rad]: an arc minute, as data sheets of
 reducers state their transmission error and their lost motion."""
 
+_BALANCER = 1e-3
+"""Prior standard deviation of what a balancer turns the shoulder by [rad]: as the arm's weight, a
+nominal spring under its rated torque."""
+
 
 @dataclass(frozen=True, eq=False)
 class Prior(Locked):
@@ -59,6 +63,7 @@ class Prior(Locked):
         groups: Slices of parameters with a common scale, one per elastic element and per law.
         stated: Roughness of lengths [m] and of angles [rad] in the robot file; NaN where not
             stated.
+        returning: Whether scales of groups that have vanished may grow again.
     """
 
     mean: Array
@@ -68,6 +73,7 @@ class Prior(Locked):
     most: Array
     groups: tuple[slice, ...]
     stated: tuple[float, float]
+    returning: bool = False
 
     def roughness(self, turns: bool) -> float:
         """Present roughness of lengths [m] or of angles [rad]."""
@@ -85,7 +91,9 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     mean[where.compliance] = robot.nominal_compliance
     std[where.compliance] = robot.nominal_compliance
     std[where.payload] = np.maximum(payloads.std.ravel(), FIXED_SIGMA)
-    std[where.yields], std[where.laws] = sizes(mechanism.elements), _WAVE
+    std[where.yields] = sizes(mechanism.elements)
+    own = [_BALANCER if balances(robot, law) else _WAVE for law in mechanism.laws]
+    std[where.laws] = np.repeat(own, [law.amplitudes for law in mechanism.laws])
     if mechanism.unknown:
         mean[where.moments], std[where.moments] = (one.ravel() for one in usual(robot))
     free = np.zeros(len(turns), dtype=bool)
@@ -399,23 +407,23 @@ def rougher(known: Prior, found: Posterior) -> Prior:
         size = np.sqrt(rest.mean()) if len(rest) else middle
         std[mine], free[mine] = np.where(far, np.sqrt(second), max(size, 1e-6)), far
     for one in known.groups:
-        scale = _scale(found.x[one], np.diag(found.cov)[one], std[one])
+        scale = _scale(found.x[one], np.diag(found.cov)[one], std[one], known.returning)
         std[one] = np.minimum(std[one] * scale, known.most[one])
     return replace(known, std=std, free=free)
 
 
-def _scale(x: Array, var: Array, std: Array) -> float:
+def _scale(x: Array, var: Array, std: Array, returning: bool) -> float:
     """Factor by which the parameters exceed their prior scale (MacKay's fixed point), 0.1 to 10."""
-    if std[0] <= FIXED_SIGMA:
-        return 1.0
     known = float(np.sum(1 - np.minimum(var / std**2, 1.0)))
-    if known < _UNSEEN:
+    if std[0] <= FIXED_SIGMA or known < (_UNSEEN**2 if returning else _UNSEEN):
         return 1.0
-    return float(np.clip(np.sqrt(np.sum((x / std) ** 2) / known), 0.1, 10.0))
+    least = 0.1 if known > _UNSEEN else 1.0
+    return float(np.clip(np.sqrt(np.sum((x / std) ** 2) / known), least, 10.0))
 
 
 _UNSEEN = 1e-3
-"""Minimum effective number of determined parameters [1]; below it their scale stays as it is."""
+"""Minimum effective number of determined parameters [1]; below it their scale does not shrink, and
+below its square, which rounding reaches, it stays as it is."""
 
 
 _MEDIAN = 0.4549

@@ -24,7 +24,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.positions import random_curve
 from pipeline.positions.calibrate import Calibration
-from pipeline.positions.estimate import ReadRows, solved
+from pipeline.positions.estimate import ReadRows
 from pipeline.positions.laws import Inputs, JointLaw, LawVariable
 from pipeline.positions.mechanism import frame_of
 from pipeline.positions.readings import PositionReadings
@@ -110,10 +110,8 @@ def score(found: Calibration, signs: Array, copied: Array | None = None) -> _Law
         copied: Whitened residuals that the copies are made of, shape (m, r); by default those of
             the estimate.
     """
-    rows, there = found.rows, found.mechanism
-    # without an unknown factor of all masses
-    cov = (solved(rows, there, found.known) if there.unknown else found.solution).cov
-    n, dense = there.table.n, rows.D.shape[2]
+    rows, cov = found.rows, found.by_readings.cov
+    n, dense = found.mechanism.table.n, rows.D.shape[2]
     Z = rows.W @ found.linear.Z[:, found.linear.used, :n]
     e = rows.y - rows.along(found.solution.x)
     left = _as_noise(rows.variance(cov), e if copied is None else copied)
@@ -199,7 +197,7 @@ def candidates(inputs: Inputs, prismatic: Bools) -> Iterator[JointLaw]:
                 for order in _COUPLED:
                     yield JointLaw(joint, "coupling", "angle", other, order)
         yield from _of_surroundings(inputs, joint)
-        yield from _steps_in_time(inputs, joint)
+        yield from _steps(inputs, joint, _times(inputs))
 
 
 def _shortest(q: Array) -> float:
@@ -208,13 +206,8 @@ def _shortest(q: Array) -> float:
     return np.pi * (len(values) - 1) / max(float(np.ptp(values)), 1e-3)
 
 
-def _steps_in_time(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
-    """Steps in time of a joint's zero, because it slipped or was referenced anew."""
-    return _steps(inputs, joint, _times(inputs))
-
-
 def _steps(inputs: Inputs, joint: int, poses: Iterable[int]) -> Iterator[JointLaw]:
-    """Steps in time before the given poses."""
+    """Steps in time of a joint's zero, which slipped or was referenced anew before given poses."""
     when = inputs.series + inputs.time
     for pose in poses:
         before, after = when[[pose - 1, pose]]
@@ -359,7 +352,8 @@ _NOTHING = 1e-30
 
 def _most_by_a_joint(here: _LawScore, inputs: Inputs) -> float:
     """The largest T of a step in time of any joint."""
-    steps = [law for j in range(inputs.q.shape[1]) for law in _steps_in_time(inputs, j + 1)]
+    joints, times = range(1, inputs.q.shape[1] + 1), _times(inputs)
+    steps = [law for joint in joints for law in _steps(inputs, joint, times)]
     return max(
         float(one.explained(here.u[one.joint, :1]).max()) for one in _of_joints(here, steps, inputs)
     )

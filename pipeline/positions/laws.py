@@ -7,7 +7,7 @@ amplitudes b_k. A transmission error of arbitrary shape over the joint's own ang
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
@@ -38,13 +38,7 @@ class Inputs(Locked):
 
     def part(self, which: Array) -> Inputs:
         """The inputs of the selected poses."""
-        return Inputs(
-            self.q[which],
-            self.tau[which],
-            self.temperature[which],
-            self.time[which],
-            self.series[which],
-        )
+        return Inputs(*(getattr(self, one.name)[which] for one in fields(self)))
 
 
 @dataclass(frozen=True)

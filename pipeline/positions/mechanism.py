@@ -13,6 +13,7 @@ common to all readings of the pose.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -207,9 +208,9 @@ class Mechanism(Locked):
             inputs: Inputs with the torques of the weight, which the laws depend on.
         """
         out = loaded.tau * self.compliance
-        for law, part in zip(self.laws, self._parts(), strict=True):
+        for law, part in self._lawful():
             out[:, law.joint - 1] += law.basis(inputs) @ part
-        for curve, knots in zip(self.curves, self._knots(), strict=True):
+        for curve, knots in self.curved():
             if curve.screw < out.shape[1]:
                 out[:, curve.screw] += curve.value(inputs.q[:, curve.joint], knots)
         return np.asarray(out)
@@ -219,27 +220,30 @@ class Mechanism(Locked):
 
         T = f / c, with f the first two waves by which the joint turns over its own angle.
         """
-        out, joint = np.zeros(inputs.q.shape), balanced(self.table)
-        for law, part in zip(self.laws, self._parts(), strict=True):
-            if law.joint == joint and law.by_balancer:
-                out[:, joint - 1] += law.basis(inputs) @ part / self.springs[joint - 1]
+        out = np.zeros(inputs.q.shape)
+        for law, part in self._lawful():
+            if balances(self.table, law):
+                at = law.joint - 1
+                out[:, at] += law.basis(inputs) @ part / self.springs[at]
         return out
 
     def _bed(self, q: Array) -> Array:
         """Motion of the bed at the carriage from its straight shape [m], [rad], shape (m, 6)."""
         out = np.zeros((len(q), 6))
-        for curve, knots in zip(self.curves, self._knots(), strict=True):
+        for curve, knots in self.curved():
             if curve.screw >= self.table.n:
                 out[:, curve.screw - self.table.n] += curve.value(q[:, curve.joint], knots)
         return out
 
-    def _parts(self) -> list[Array]:
-        ends = np.cumsum([law.amplitudes for law in self.laws])[:-1]
-        return np.split(self.amplitudes, ends) if self.laws else []
+    def _lawful(self) -> Iterator[tuple[JointLaw, Array]]:
+        """Each law with its amplitudes."""
+        ends = np.cumsum([law.amplitudes for law in self.laws])
+        return zip(self.laws, np.split(self.amplitudes, ends), strict=False)
 
-    def _knots(self) -> list[Array]:
-        ends = np.cumsum([curve.count for curve in self.curves])[:-1]
-        return np.split(self.knots, ends) if self.curves else []
+    def curved(self) -> Iterator[tuple[Curve, Array]]:
+        """Each curve with its values at its knots."""
+        ends = np.cumsum([curve.count for curve in self.curves])
+        return zip(self.curves, np.split(self.knots, ends), strict=False)
 
     def moved(self, step: Array, layout: _ParameterLayout) -> Mechanism:
         """The mechanism with new parameters.
@@ -249,19 +253,11 @@ class Mechanism(Locked):
                 present poses.
             layout: Layout of `step`.
         """
-        tool = np.stack([
-            frame @ _motion(one)
-            for frame, one in zip(self.tool, step[layout.tool].reshape(-1, 6), strict=True)
-        ])  # fmt: skip
-        frames = np.stack([
-            frame @ _motion(one)
-            for frame, one in zip(self.frames, step[layout.frames].reshape(-1, 6), strict=True)
-        ])  # fmt: skip
         return replace(
             self,
             values=step[layout.letters],
-            tool=tool,
-            frames=frames,
+            tool=_moved(self.tool, step[layout.tool]),
+            frames=_moved(self.frames, step[layout.frames]),
             compliance=step[layout.compliance],
             payload=step[layout.payload].reshape(-1, 4),
             yields=step[layout.yields],
@@ -281,6 +277,11 @@ class Mechanism(Locked):
         return out
 
 
+def balances(robot: Robot, law: JointLaw) -> bool:
+    """Whether a law is what a balancer turns the shoulder by."""
+    return law.by_balancer and law.joint == balanced(robot)
+
+
 _TURNED = 2
 """Number of evaluations of torques and deflections, the first at the joint values of the
 controller: the error after the second is the square of the relative change of a torque by the
@@ -289,6 +290,12 @@ deflection, some 1e-5 of the deflection."""
 
 _STIFFEST = 0.1
 """Least compliance that turns deflections into torques, over the nominal one [1]."""
+
+
+def _moved(frames: Array, twists: Array) -> Array:
+    """Frames (k, 4, 4), each after a motion in itself, twists as of `_motion` (6 k,)."""
+    every = zip(frames, twists.reshape(-1, 6), strict=True)
+    return np.stack([frame @ _motion(one) for frame, one in every])
 
 
 def _motion(twist: Array) -> Array:

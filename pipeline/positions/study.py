@@ -255,6 +255,8 @@ def _base(data: LawSearchData, begun: Mechanism) -> tuple[Calibration, tuple[Cat
     wanted = ModelStructure(springs=heavy, yields=yields, moments=moments, bed=rail(robot),
                             laws=tuple(one.law for one in names))  # fmt: skip
     table = data.identify(begun, ModelStructure(springs=False))
+    # scales return once it is known whether masses are estimated: these take what curves do
+    table = replace(table, known=replace(table.known, returning=moments))
     found = data.identify(table.mechanism, wanted, table)
     best = _formed(found)
     now = found if best == found.wanted else data.identify(found.mechanism, best, found)
@@ -364,10 +366,12 @@ def _apart(
         then = replace(data, readings=data.readings.apart(moved.pose))
         new = int(then.readings.series[moved.pose])
         order = np.insert(np.arange(len(of)), new, new - 1).tolist()
-        trial = then.again(_with_frames(found, order))
+        # a frame for every series, copied from its original series
+        trial = then.again(replace(found, mechanism=_framed(found.mechanism, order)))
         if not LeftOutPoses(partings(data.readings, rng, on_rail), rng).better(trial, found):
             break
-        first = _place(every.readings, data.readings, moved.pose)
+        file, line = data.readings.file[moved.pose], data.readings.line[moved.pose]
+        first = int(np.argmax((every.readings.file == file) & (every.readings.line == line)))
         every = replace(every, readings=every.readings.apart(first))
         data, found = then, trial
         of.insert(new, of[new - 1])
@@ -375,19 +379,8 @@ def _apart(
     return every, data, found, of, chances
 
 
-def _place(every: PositionReadings, some: PositionReadings, pose: int) -> int:
-    """Index among all poses of a pose of the subset."""
-    same = (every.file == some.file[pose]) & (every.line == some.line[pose])
-    return int(np.argmax(same))
-
-
 _MOST_MOVES = 8
 """Maximum number of moves; an instrument that moves more often drifts."""
-
-
-def _with_frames(found: Calibration, of: Sequence[int] | Array) -> Calibration:
-    """The estimate with a frame for every series, copied from its original series."""
-    return replace(found, mechanism=_framed(found.mechanism, of))
 
 
 def _framed(mechanism: Mechanism, of: Sequence[int] | Array) -> Mechanism:

@@ -333,8 +333,11 @@ def once(log: Log, key: Sequence[str], still: float = 0.0) -> Log:
 
     Numbers that differ by no more than `still` [SI] are equal.
     """
-    rows = pd.DataFrame({**log.number, **log.word})
-    twice = rows[rows.duplicated(list(key), keep=False)]
+    rows = {**log.number, **log.word}
+    repeats = pd.DataFrame({name: rows[name] for name in key}).duplicated(keep=False)
+    if not repeats.any():
+        return log
+    twice = pd.DataFrame(rows)[repeats]
     why: dict[int, str] = {}
     for _, same in twice.groupby(list(key), sort=False):
         number = same[[*log.number]].to_numpy(float)

@@ -19,6 +19,7 @@ from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.readers._iso import NO_YEAR
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction._index import run
+from pipeline.reduction.course import CONTRADICTED, Course, course
 from pipeline.reduction.growth import BaseGrowth, by_temperature, with_reflectors
 from pipeline.reduction.settings import BASE_REFLECTORS, ONE_LINE, Settings
 from pipeline.tables import XYZ as XYZ
@@ -38,8 +39,6 @@ _ONE_PLACE = 1e-9
 [1]."""
 _REFLECTOR_M = 1e-2
 """Minimum distance of two reflectors [m]: the smallest ones have a diameter of half an inch."""
-_MISFIT = 1e-4
-"""p-value below which the base reflectors disagree by more than their stated uncertainties [1]."""
 _FEW = 15
 """Maximum number of readings for which every triple is tried."""
 _TRIALS = 500
@@ -67,6 +66,8 @@ class Registration(Locked):
         from_scatter: Whether `cov` is scaled by the residuals instead of resting on a stated noise.
         growth: Growth of the base frame relative to its stated size, see `growth`.
         nominal_std: Standard uncertainty per axis of the nominal positions [m].
+        course: What the base frame changed by from round to round, which is corrected; None if a
+            motion of the tracker or chance explains its rounds.
     """
 
     R: Array
@@ -79,6 +80,7 @@ class Registration(Locked):
     from_scatter: bool = False
     growth: BaseGrowth = field(default_factory=BaseGrowth)
     nominal_std: float = 0.0
+    course: Course | None = None
 
     @property
     def weighing(self) -> Array:
@@ -96,6 +98,26 @@ class Registration(Locked):
 
 
 def register(settings: Settings, readings: pd.DataFrame) -> Registration:
+    """Fit the tracker's pose as `_registered` does, as in the first round where rounds part.
+
+    Args:
+        settings: The campaign; `base_frame` has the nominal coordinates [m].
+        readings: Table READINGS.
+
+    Raises:
+        InputError: Fewer than three reflectors, all of them on one line, or a reading with a
+            singular covariance.
+    """
+    found = _registered(settings, readings)
+    grown = course(found.table, found.R) if len(found.table) else None
+    if grown is None:
+        return found
+    grown = grown.seen_from(found.R, found.t, 1 + found.growth.value)
+    still = _registered(settings, grown.as_in_first(readings, seconds(readings)))
+    return replace(still, course=grown, dof=still.dof - grown.unknowns)
+
+
+def _registered(settings: Settings, readings: pd.DataFrame) -> Registration:
     """Fit the tracker's pose to the nominal base reflectors by weighted least squares.
 
     It minimises sum_i r_i' (R C_i R')^-1 r_i, r_i = (1 + g) n_i - (R p_i + t) [m]: n_i the nominal
@@ -103,8 +125,8 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
     agree without), p_i the reading and C_i its covariance [m^2] in the tracker's frame.
     Gauss-Newton from the unweighted closed form (Kabsch, Acta Cryst. A32, 1976; Umeyama, IEEE
     Trans. PAMI 13, 1991). cov = (D' W D)^-1, times chi2 / dof where the noise is not stated or the
-    misfit is improbable (p < `_MISFIT`; Birge, Physical Review 40, 1932). Without [base_frame] the
-    readings are in F_b already.
+    misfit is improbable (p < `CONTRADICTED`; Birge, Physical Review 40, 1932). Without [base_frame]
+    the readings are in F_b already.
 
     Args:
         settings: The campaign; `base_frame` has the nominal coordinates [m].
@@ -162,7 +184,7 @@ def _about_nominal(table: pd.DataFrame, std: float) -> Array:
 
 def _contradicted(chi2: float, dof: int) -> bool:
     """Whether the base reflectors disagree by more than their stated uncertainties."""
-    return bool(special.chdtrc(dof, chi2) < _MISFIT)
+    return bool(special.chdtrc(dof, chi2) < CONTRADICTED)
 
 
 def _white(
@@ -255,7 +277,9 @@ def apart(nominal: Array) -> bool:
 def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
     """Table PLACED: the readings of the poses transformed into F_b, with their covariances."""
     rows = run(np.flatnonzero(readings["pose"].notna().to_numpy()))
-    poses = readings.iloc[rows]
+    poses, since = readings.iloc[rows], seconds(readings)[rows]
+    if registration.course is not None:
+        poses = registration.course.as_in_first(poses, since)
     R, t = registration.R, registration.t
     moved = R @ np.array([poses[axis].to_numpy() for axis in XYZ])
     moved += t[:, None]
@@ -267,7 +291,7 @@ def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
         **{name: poses[name].to_numpy().astype(np.int32) for name in ("pose", "repeat")},
         **dict(zip(XYZ, moved, strict=True)),
         **dict(zip(covariance.columns(), C, strict=True)),
-        "time_s": seconds(readings)[rows],
+        "time_s": since,
     }
     kept = {name: poses[name] for name in poses.columns if name not in new}
     return pd.DataFrame(kept | new, index=poses.index, copy=False)

@@ -14,13 +14,13 @@ from pipeline.prediction.decision import Decision
 @cache
 def nouns() -> dict[str, str]:
     """Noun of each cause by its name, so that it fits into any sentence."""
-    from pipeline.machine.effects import catalogue, payload, table, unlisted
+    from pipeline.machine.effects import base_growth, catalogue, payload, table, unlisted
     from pipeline.machine.robot import SHIPPED, load
 
     kinds = {tuple(j.prismatic for j in robot.joints): robot for robot in map(load, SHIPPED)}
     known = {e.name: e.noun for robot in kinds.values() for e in catalogue(robot)}
     known |= payload.NOUNS | table.NOUNS | {unlisted.NAME: "law outside the catalogue"}
-    return known | MISTAKES
+    return known | {"base_growth": base_growth.NOUN} | MISTAKES
 
 
 VERDICTS = {

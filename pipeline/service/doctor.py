@@ -17,8 +17,8 @@ from pipeline.base.errors import InputError
 from pipeline.base.preferences import Preferences
 from pipeline.service import server as service
 from pipeline.service import watch
+from pipeline.service.afar import Afar
 from pipeline.service.processes import alive
-from pipeline.service.storage import Store
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import recalled
 
@@ -135,8 +135,9 @@ def _preferences(root: Path) -> Iterator[CheckResult]:
         address = preferences.load(root).storage.raw
         yield CheckResult(what, True, text)
         if address is not None:
-            what, store = "storage", Store(address)
-            yield CheckResult(what, True, f"{len(store.marks())} objects at {store.shown}")
+            what = "storage"
+            with Afar(address) as store:
+                yield CheckResult(what, True, f"{len(store.marks())} objects at {store.shown}")
     except InputError as problem:
         yield CheckResult(what, False, str(problem))
 

@@ -21,6 +21,7 @@ from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError
 from pipeline.base.preferences import Storage
 from pipeline.base.shown import printable
+from pipeline.service.afar import Afar
 from pipeline.service.storage import Store
 from pipeline.store.campaign import MOST_ENTRIES, dump, recalled, unfit
 
@@ -68,13 +69,13 @@ def fetch(root: Path, storage: Storage) -> list[Outcome]:
     """Copy new and changed objects to data/raw; return what was rejected, and why."""
     if storage.raw is None:
         return []
-    store, note = Store(storage.raw), _Note.of(root)
-    refused: dict[str, PipelineError] = {}
+    note, refused = _Note.of(root), dict[str, PipelineError]()
     try:
-        for name, marks in _campaigns(store.marks()).items():
-            problem = _left_out(root / "data" / "raw", store, name, marks, note)
-            if problem is not None:
-                refused[name or _HERE] = problem
+        with Afar(storage.raw) as store:
+            for name, marks in _campaigns(store.marks()).items():
+                problem = _left_out(root / "data" / "raw", store, name, marks, note)
+                if problem is not None:
+                    refused[name or _HERE] = problem
     except PipelineError as problem:
         refused[_HERE] = problem
     note.keep(root)
@@ -175,7 +176,7 @@ def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: _Note) ->
         for name, mark in marks.items()
         if copied.get(name, ())[:2] != mark or not (raw / name).is_file()
     }
-    gone = [name for name in copied if name.startswith(f"{campaign}/") and name not in marks]
+    gone = _taken_out(store, campaign, marks, note)
     for name in (*new, *gone):
         if not _ours_to_change(raw / name, copied.get(name), new.get(name)):
             raise InputError(
@@ -191,6 +192,19 @@ def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: _Note) ->
         with files.writing(raw / name):
             (raw / name).unlink(missing_ok=True)
         del copied[name]
+
+
+def _taken_out(store: Store, campaign: str, marks: _Marks, note: _Note) -> list[str]:
+    """Copied objects that are no longer in the storage.
+
+    Raises:
+        InputError: One of them is there, and not listed.
+    """
+    gone = [name for name in note.copied if name.startswith(f"{campaign}/") and name not in marks]
+    if there := [name for name in gone if store.has(name)]:
+        thing = f"{store.shown} does not list {there[0]}, which is there"
+        raise InputError(thing, "run it again in a moment", passing=True)
+    return gone
 
 
 def _put_here(path: Path, data: bytes) -> None:
@@ -221,13 +235,14 @@ def unreported(root: Path, refused: list[Outcome]) -> list[Outcome]:
 def publish(root: Path, storage: Storage) -> list[Outcome]:
     """Copy changed reports and tables to the storage; return what was rejected, and why."""
     folders = ((root / "reports", storage.reports), (_processed(root), storage.processed))
-    wanted = [(folder, Store(url)) for folder, url in folders if url is not None]
+    wanted = [(folder, Afar(url)) for folder, url in folders if url is not None]
     if not wanted:
         return []
     note, refused = _Note.of(root), []
     for folder, store in wanted:
         try:
-            _put(root, folder, store, note)
+            with store:
+                _put(root, folder, store, note)
         except PipelineError as problem:
             refused.append(failed(_HERE, problem))
     note.keep(root)

@@ -100,16 +100,17 @@ class _Work(Protocol):
 
 
 def fingerprint(folder: Path) -> str:
-    """Hash of names, sizes and times of all files, and of the code; reads no content."""
+    """Hash of names, sizes and times of all files, and of the code; reads no content.
+
+    Of the two times of a file, nobody can set back the one of its last change of any kind.
+    """
     found = [campaigns.code_version().encode()]
-    found += [
-        b"%b:%d:%d" % (os.fsencode(name), size, time_ns) for name, size, time_ns in _in(folder)
-    ]
+    found += [b"%b:%d:%d:%d" % (os.fsencode(one[0]), *one[1:]) for one in _in(folder)]
     return files.sha256(b"\n".join(found))
 
 
-def _in(folder: Path) -> Iterator[tuple[str, int, int]]:
-    """Name, size and time [ns] of everything in a folder; links are not followed."""
+def _in(folder: Path) -> Iterator[tuple[str, int, int, int]]:
+    """Name, size and times [ns] of everything in a folder; links are not followed."""
     waiting, left = [os.fspath(folder)], _ENTRIES
     while waiting and left > 0:
         here = waiting.pop()
@@ -118,11 +119,11 @@ def _in(folder: Path) -> Iterator[tuple[str, int, int]]:
                 for entry in sorted(islice(entries, left), key=lambda one: one.name):
                     left -= 1
                     stat = entry.stat(follow_symlinks=False)
-                    yield entry.path, stat.st_size, stat.st_mtime_ns
+                    yield entry.path, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns
                     if entry.is_dir(follow_symlinks=False):
                         waiting.append(entry.path)
         except OSError as problem:  # a copy in progress renames files; a folder may be unreadable
-            yield here, -1, problem.errno or 0
+            yield here, -1, problem.errno or 0, 0
 
 
 def recall(campaign: CampaignFolder) -> _LastOutcome:

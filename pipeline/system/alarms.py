@@ -55,6 +55,9 @@ twice that 1e-26."""
 DRIFT = 0.05 * MOST_ALARMS - MOVED
 """False-alarm rate of a motion of the tracker that the base reflectors show [1]."""
 
+GREW = 0.01 * MOST_ALARMS
+"""False-alarm rate of a base frame that grew between its rounds [1]."""
+
 MISFIT = 0.04 * MOST_ALARMS
 """False-alarm rate of the chi-square test of the residuals with the noise stated or found [1]: a
 fit less probable than this is never called adequate."""
@@ -93,6 +96,7 @@ OF_PULLS = {
     "another frame of covariances": FRAME,
     "a tracker that moved": DRIFT,
     "a tracker that was knocked": MOVED,
+    "a base frame that grew": GREW,
     "too many readings far off": READING,
     "a misfit": MISFIT,
     "a larger scatter": SCATTER,

@@ -25,6 +25,8 @@ from pipeline.system.score_tests import ScoreTests
 WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])
 """Prior standard deviations of a parameter in its typical size [1]; all have the same weight."""
 
+LEAST_EVIDENCE = 3.0
+"""Minimum log evidence of a further cause [1], 20 to 1."""
 
 ROUNDING = 1e-4
 """Mean square in units of the noise below which residuals are rounding and no evidence."""

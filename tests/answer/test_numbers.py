@@ -3,11 +3,11 @@
 Each ends in an answer that JSON can hold and a report, or in one sentence.
 """
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from first_poses import TABLES, first
 
 from pipeline.answer.diagnosis import best_pose
 from pipeline.base.errors import InputError
@@ -84,28 +84,10 @@ def test_millimetres_read_as_metres_end_in_a_report(files):
     assert b"nan" not in pages["index.html"].split(b"<svg")[0]
 
 
-REDUCED = Path(__file__).parents[2] / "data" / "raw" / "fanuc_r2000ic"
-TABLES = ("displacements.csv", "forces.csv", "joints.csv")
-
-
-def reduced(poses, sigma=False):
-    """The FANUC campaign with its first poses only; its noise is stated or must be found."""
-    raw = {name: (REDUCED / name).read_bytes() for name in ("campaign.toml", *TABLES)}
-    for name in TABLES:
-        head, *rows = raw[name].decode().splitlines()
-        kept = [row for row in rows if int(row.split(",")[0]) <= poses]
-        raw[name] = "\n".join([head, *kept, ""]).encode()
-    if sigma:
-        raw["campaign.toml"] = raw["campaign.toml"].replace(
-            b"[joints]", b"sigma_m = 3e-5\n[joints]"
-        )
-    return raw
-
-
 @pytest.mark.parametrize(("poses", "sigma"), [(4, False), (3, False), (2, True)])
 def test_few_poses_get_an_honest_answer(poses, sigma):
     """With two poses of one reflector nothing can be tested, and no cause is named."""
-    found = answer(reduced(poses, sigma)).answer
+    found = answer(first(poses, sigma)).answer
 
     assert found.fit.dof == 3 * poses - 6
     assert not found.diagnosis.causes
@@ -114,7 +96,7 @@ def test_few_poses_get_an_honest_answer(poses, sigma):
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (lambda raw: reduced(2), "6 displacement coordinates for 6 stiffnesses leave none"),
+        (lambda raw: first(2), "6 displacement coordinates for 6 stiffnesses leave none"),
         *(
             (lambda raw, n=n: {**raw, n: raw[n].splitlines()[0]}, f"{n}: there is no row")
             for n in TABLES
@@ -132,7 +114,7 @@ def test_few_poses_get_an_honest_answer(poses, sigma):
 def test_tables_that_say_nothing_get_a_sentence(spoil, said):
     """Two poses without a noise, headers only, nothing at all, no force."""
     with pytest.raises(InputError, match=said):
-        campaign_answer("c", in_memory(spoil(reduced(3))))
+        campaign_answer("c", in_memory(spoil(first(3))))
 
 
 @pytest.mark.parametrize("apart", [-4e-16, 0.0, 4e-16])

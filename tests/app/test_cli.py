@@ -14,6 +14,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from first_poses import written
 
 from pipeline.app import cli
 from pipeline.run import run
@@ -67,7 +68,7 @@ def test_what_cannot_be_done_is_said_in_a_sentence(
 @pytest.mark.usefixtures("unseen")
 def test_strict_turns_a_misfit_into_exit_code_4(tmp_path, capsys):
     """Without --strict a verdict is no error."""
-    shutil.copytree(DATA / "fanuc_r2000ic", tmp_path / "data" / "raw" / "a")
+    written(tmp_path / "data" / "raw" / "a")
     words = ["run", "--engine", "local", "a", "--root", str(tmp_path)]
     plain, said = cli._exit_code(words), capsys.readouterr().out
     strict, again = cli._exit_code([*words, "--strict"]), capsys.readouterr().out

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from conftest import without_pages
 from filelock import FileLock
+from first_poses import written
 
 from pipeline.answer import archive
 from pipeline.answer.contract import Rejected
@@ -30,7 +31,7 @@ KEPT = PROJECT / "data" / "raw" / "fanuc_r2000ic"
 def finished(tmp_path_factory):
     """A project with one campaign that is done."""
     root = tmp_path_factory.mktemp("finished")
-    shutil.copytree(KEPT, root / "data" / "raw" / "c")
+    written(root / "data" / "raw" / "c")
     with without_pages():
         assert cli._exit_code(["run", "--engine", "local", "--root", str(root)]) == 0
     return root

@@ -138,13 +138,13 @@ def test_one_reading_off_is_no_drift():
     assert off.visible == np.inf
 
 
-def test_a_base_frame_that_grew_is_known_by_its_size():
-    """0.1 mm/m since the first round, whatever the tracker did beside; one that only moved is 0."""
+def test_a_base_frame_that_bent_is_known_by_its_size():
+    """Its other end twisted by 0.5 mm since the first round, by no growth; one that moved: 0."""
     settings, readings = case().settings, drifted({"base_end": 6.0})
     assert asked(readings).deformed_m == 0
     late = readings["group"] == "base_end"
     at = np.array([settings.base_frame[name] for name in readings.loc[late, "target"]])
-    off = 1e-4 * (at - at.mean(axis=0))
+    off = 5e-4 * np.sign((at - at.mean(axis=0))[:, :1] * (at - at.mean(axis=0))[:, 1:2]) * [0, 0, 1]
     points = readings.loc[late, XYZ].to_numpy(float)
     readings.loc[late, XYZ] = points + off @ register(settings, readings).R
 

@@ -74,10 +74,10 @@ def campaign(below, seed, first=140.0):
     )
 
 
-def base(size, c, height):
+def base(size, c, height, more=1.4, share=0.15):
     """A cantilever: its top turns about its middle, and shears by H^2 / 12 of that."""
-    at, turn = (0.0, 0.0, -FANUC.placement[0][2, 3] - height / 2), 0.15 * size * c[0]
-    softness = {"x": 1.4, "y": 1.0}  # in the plane across the axis
+    at, turn = (0.0, 0.0, -FANUC.placement[0][2, 3] - height / 2), share * size * c[0]
+    softness = {"x": more, "y": 1.0}  # in the plane across the axis
     axes_of = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}
 
     def spring(name, axis, slides, k):
@@ -116,9 +116,11 @@ def test_axes_between_those_of_two_forms_make_no_other_cause_certain():
 
 
 @pytest.mark.whole
-def test_where_the_first_joint_stays_its_bearing_is_a_rival():
-    """Pulls at one angle of joint 1 do not tell its anchors from what is behind it."""
-    verdict, [(name, rivals), *more] = causes(campaign(partial(base, height=0.0), 1, first=0.5))
+@pytest.mark.parametrize(("below", "first"), [({}, 0.5), ({"more": 1.0, "share": 1.8}, 140.0)])
+def test_where_both_are_one_its_bearing_is_a_rival(below, first):
+    """Pulls at one angle of joint 1, or a base as soft in both directions, of any size."""
+    made = campaign(partial(base, height=0.0, **below), 1, first=first)
+    verdict, [(name, rivals), *more] = causes(made)
 
     assert verdict == "ambiguous"
     assert name | rivals >= {"pedestal_tilt", "joint_tilt"}

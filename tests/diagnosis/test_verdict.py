@@ -123,7 +123,13 @@ def drift(undecided):
     )  # fmt: skip
 
 
-KNOCKED = SimpleNamespace(knocked=("first", "last"), moved_m=2.1e-3)
+KNOCKED = SimpleNamespace(knocked=("first", "last"), moved_m=2.1e-3, grown=None)
+GREW = SimpleNamespace(
+    knocked=None,
+    grown=SimpleNamespace(
+        groups=("first", "last"), growth=np.array([0, 8e-5]), std=np.array([0, 3e-6]), length_m=18
+    ),
+)
 ROLL = (cause("rail_roll"),)
 FOUND = Facts(detected=True, explains=True, causes=ROLL, gain=gain(0.5, 0.3), remainder=1.0)
 STRANGE = PossibleCause(effect("rail_pitch"), 0.6)
@@ -145,6 +151,7 @@ ROWS = {
     Finding.TRACKER_MOVED: (Facts(drift=drift(undecided=False)), Verdict.EXPLAINED),
     Finding.TRACKER_MOVED_OR_KNOCKED: (Facts(drift=drift(undecided=True)), Verdict.AMBIGUOUS),
     Finding.TRACKER_KNOCKED: (Facts(base=KNOCKED), Verdict.AMBIGUOUS),
+    Finding.BASE_GREW: (Facts(base=GREW), Verdict.EXPLAINED),
     Finding.STANDS_ELSEWHERE: (
         Facts(unloaded=MISPLACED, moved=(cause("joint_offset:3"),)),
         Verdict.EXPLAINED,

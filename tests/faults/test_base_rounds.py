@@ -99,6 +99,16 @@ def test_rounds_exchanged_while_the_tracker_drifts_show_in_the_effector(mm):
         np.testing.assert_allclose(here[XYZ], there[XYZ], atol=1e-9)
 
 
+def test_readings_without_a_time_show_no_drift():
+    """As those of a second export: the others are judged, and by themselves too few are not."""
+    right = small(12)
+    for without in (right.readings["pose"] > 6, right.readings["pose"].notna()):
+        rows = right.readings.copy()
+        rows.loc[without, "time"] = pd.NaT
+        case = exchanged(replace(right, readings=rows), "base_start", "base_end")
+        assert drifted(case) == []
+
+
 def read_late(shot, rounds, times):
     """As it was shot, but with rounds of the base read at other times."""
     rows = shot.readings.copy()

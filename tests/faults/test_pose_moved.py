@@ -60,6 +60,27 @@ def found(made):
     return screen(case, bring(case)).findings
 
 
+GROUPS = [
+    "pose04_rep0_unloaded", "pose04_rep1_loaded", "pose04_rep2_loaded", "pose04_rep3_loaded",
+    "pose04_rep4_unloaded",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("since", "lost"), [(1, GROUPS[:1]), (2, GROUPS[:2]), (3, GROUPS[3:])])
+def test_a_knock_between_zeros_before_and_after_leaves_the_smaller_part_out(since, lost):
+    """Each part has a zero of its own, from which the pulls that are kept are taken."""
+    case = case_of(knocked(files(pulls=PULLS | {"zero": "before_after"}), GROUPS[since]))
+
+    (one,) = moved(Screening(case, case.cell, case.robot.nominal_compliance))
+
+    assert one.where == lost[0]
+    assert one.size == pytest.approx(0.7e-3, rel=0.3)
+    assert "in pose 4 the effector moved" in one.evidence
+    left = one.correct(case).readings
+    assert list(left[left["pose"] == 4]["group"].unique()) == [g for g in GROUPS if g not in lost]
+    assert len(left[left["pose"] != 4]) == len(case.readings[case.readings["pose"] != 4])
+
+
 def test_a_scale_that_was_not_zeroed_is_no_knock_or_either_where_it_cannot_be_named():
     """All forces of a pose 300 N too large displace its pulls alike, too."""
     made = files()
@@ -167,4 +188,4 @@ def test_a_knock_is_told_by_the_pulls_that_are_in_use():
     (one,) = found(made | {"loads.csv": "\n".join(loads).encode()})
 
     assert one.where == "pose04_rep3_loaded"
-    assert "between pulls 2 and 3" in one.evidence
+    assert "between pull 2 and pull 3" in one.evidence

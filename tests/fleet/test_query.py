@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from conftest import without_pages
+from first_poses import written
 from openpyxl import load_workbook
 
 from bench.bench_query import copies, queries
@@ -32,7 +33,7 @@ NAMES = ["first", "b", "=c"]
 def finished(tmp_path_factory):
     """One campaign that was computed, and two with other numbers."""
     root = tmp_path_factory.mktemp("finished")
-    shutil.copytree(KEPT, root / "data" / "raw" / "first")
+    written(root / "data" / "raw" / "first")
     campaign = find(root, "first")
     with without_pages():
         run(campaign)

@@ -23,11 +23,16 @@ from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.variants import counted_back, turned
 from pipeline.machine.robot.weight import carried, work
+from pipeline.positions.calibrate import ModelStructure, calibrate
+from pipeline.positions.catalogue_causes import _evidence
 from pipeline.positions.cross_validation import Partition
+from pipeline.positions.estimate import FIXED_SIGMA, Posterior, Prior, prior, rougher, solved
 from pipeline.positions.gross_errors import corrected
 from pipeline.positions.initial import begin
+from pipeline.positions.joint_laws import _share
 from pipeline.positions.laws import JointLaw
 from pipeline.positions.mechanism import ArmWeights, Payloads, layout, linearised
+from pipeline.positions.scatter import start
 from pipeline.positions.study import ModelStage, study
 from pipeline.positions.yielding import sizes, yielding
 
@@ -205,6 +210,67 @@ def test_flanks_of_a_balanced_gear_part_where_weight_and_balancer_are_equal():
 
     assert (tau[:, 2] * total < 0).any()  # the balancer turns some round
     assert np.abs(at - right).max() < 0.03 * PLAY
+
+
+@pytest.mark.parametrize(("y", "size"), [(10.0, np.sqrt(99.0)), (0.5, 0.01)])
+def test_a_scale_that_has_vanished_returns_where_readings_call_for_it(y, size):
+    """Of b, read as y with unit variance, the likeliest variance is y^2 - 1; or none."""
+    none = np.zeros(0, dtype=bool)
+    known = Prior(
+        np.zeros(1), np.array([0.01]), none, none, np.array([1e3]), (slice(0, 1),),
+        (np.nan, np.nan), returning=True,
+    )  # fmt: skip
+    for _ in range(30):
+        var = 1 / (1 + known.std[0] ** -2)
+        known = rougher(known, Posterior(np.array([var * y]), np.array([[var]]), 0.0))
+
+    assert known.std[0] == pytest.approx(size, rel=1e-6)
+
+
+def test_a_balancer_turns_the_shoulder_as_far_as_the_weight_does():
+    """Amplitudes of a thousandth are hardly drawn to zero, and those of gears are."""
+    robot, rng = load(RAIL), np.random.default_rng(0)
+    machine = HeavyRobot(robot, np.zeros((8, 6)), Truth(np.zeros(7)))
+    there = begin(robot, read(machine, poses(rng, 1, 2, robot), rng), {})
+    laws = tuple(
+        JointLaw(j, "periodic", "angle", j, k) for j, k in ((3, 1), (3, 2), (3, 3), (4, 1))
+    )
+    there = replace(there, laws=laws, amplitudes=np.zeros(8))
+    std = prior(there, (np.nan, np.nan), NOTHING).std[layout(there).laws]
+
+    assert (std[:4] >= 1e-3).all()
+    assert std[4:] == pytest.approx(3e-4)
+
+
+def test_a_wave_is_looked_for_in_what_waves_of_the_model_leave():
+    q = np.linspace(-2.0, 2.0, 50)
+    f = 1e-4 * np.cos(2 * q) + 3e-5 * np.sin(9 * q)
+    constant = np.ones((50, 1))
+
+    assert _share(f, constant, 9 * q) < 0.2
+    beside = np.column_stack([constant, np.cos(2 * q), np.sin(2 * q)])
+    assert _share(f, beside, 9 * q) == pytest.approx(1.0)
+
+
+def test_evidence_of_an_element_is_that_of_readings_with_it_over_without():
+    robot, rng = load(RAIL), np.random.default_rng(1)
+    truth = Truth(robot.nominal_compliance * (np.arange(7) > 0), tilt={2: (5e-8, 2e-8)})
+    machine = HeavyRobot(robot, np.zeros((8, 6)), truth)
+    readings = read(machine, poses(rng, 2, 6, robot), rng)
+    elements = tuple(e for e in yielding(robot) if e.name == "joint_tilt")
+    found = calibrate(
+        begin(robot, readings, stated(rng)), readings, under_weight(len(readings)),
+        ModelStructure(yields=elements), start(robot, 1e-5),
+    )  # fmt: skip
+    first = layout(found.mechanism).yields.start
+
+    for k in range(len(elements)):
+        at = np.arange(first + 2 * k, first + 2 * k + 2)
+        std = found.known.std.copy()
+        std[at] = FIXED_SIGMA
+        without = solved(found.rows, found.mechanism, replace(found.known, std=std))
+        gain = found.solution.evidence - without.evidence
+        assert _evidence(found, at) == pytest.approx(gain, abs=1e-3)
 
 
 @pytest.mark.parametrize("play", [False, True])

@@ -216,8 +216,8 @@ def test_by_the_keyboard_alone(page, tmp_path):
     keys.type("hall")
     keys.press("Enter")
     page.wait_for_url("**/files")
-    reach(page, "or choose them")
-    with page.expect_file_chooser() as chooser:
+    with page.expect_file_chooser() as chooser:  # a busy browser is told of it after the next key
+        reach(page, "or choose them")
         keys.press("Enter")
     chooser.value.set_files([DEMO / name for name in ("tracker.csv", "loads.csv", "joints.csv")])
     page.get_by_text("344 readings").wait_for()

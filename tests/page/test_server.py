@@ -1,5 +1,8 @@
 """The pages behind their door: who gets in, what is refused, what is armed when."""
 
+import asyncio
+import contextlib
+import io
 import json
 import re
 import shutil
@@ -14,8 +17,9 @@ import pytest
 import uvicorn
 from markupsafe import Markup
 
+from pipeline.app import cli
 from pipeline.base.errors import UsageError
-from pipeline.page import server
+from pipeline.page import jobs, server
 
 DEMO = Path(__file__).parents[2] / "data" / "raw" / "kr500_demo"
 TOKEN = "a-token"
@@ -59,6 +63,26 @@ def demo(client):
         client, *(DEMO / one for one in ("tracker.csv", "loads.csv", "joints.csv", "campaign.toml"))
     )
     return client
+
+
+def carried_out(*words):
+    """A command in this process; one of its own takes a second of imports and is started above."""
+    with io.TextIOWrapper(io.BytesIO(), "utf-8") as out, io.StringIO() as said:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
+            code = cli._exit_code([*map(str, words)])
+        out.flush()
+        output, lines = out.buffer.getvalue(), tuple(said.getvalue().splitlines())
+    return jobs.CommandOutput(code, jobs._content(output), output, lines)
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Commands that only read are carried out in this process."""
+
+    async def command(*words):
+        return await asyncio.to_thread(carried_out, *words)
+
+    monkeypatch.setattr(server, "command", command)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +132,7 @@ def test_pages_load_nothing_from_elsewhere(demo):
 HOSTILE = "<script>alert(1)</script>'\"><img src=x onerror=alert(1)>{{7*7}}"
 
 
-def test_what_a_stranger_writes_is_shown_as_it_is(demo):
+def test_what_a_stranger_writes_is_shown_as_it_is(here, demo):
     """In a file's cells, in campaign.toml, in its comments."""
     text = demo.get("/c/hall/setup").text
     seen = text.partition('data-seen="')[2].partition('"')[0]
@@ -391,7 +415,7 @@ def test_a_log_that_was_not_recognised_is_chosen_among_the_files(client, tmp_pat
 
 
 @pytest.fixture
-def untitled(client):
+def untitled(here, client):
     """An export whose titles say nothing: U, V and W are the coordinates, T is the temperature."""
     drop(client, DEMO / "joints.csv", DEMO / "loads.csv")
     rows = [one.split(",") for one in (DEMO / "tracker.csv").read_text().splitlines()[1:]]

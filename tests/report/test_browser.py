@@ -16,7 +16,8 @@ from pipeline.fleet.overview import render_overview
 from pipeline.report.model import compose
 from pipeline.report.render import render
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+# the sample is drawn once for all
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("report")]
 
 
 AXE = package_files("axe_playwright_python").joinpath("axe.min.js").read_text("utf-8")

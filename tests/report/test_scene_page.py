@@ -14,7 +14,8 @@ from get_browser import browser_path
 
 from pipeline.report.render import render
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+# the sample is drawn once for all
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("report")]
 
 AXE = package_files("axe_playwright_python").joinpath("axe.min.js").read_text("utf-8")
 WIDTHS = (360, 600, 768, 1024, 1280, 1600, 1920, 2560)
@@ -292,7 +293,7 @@ def test_dark_has_colours_of_its_own(opened, whole):
         page = opened(scheme=scheme, html=whole)
         page.locator("select[name=pose]").select_option("Pose 3")
         shades[scheme] = page.evaluate(
-            """() => [".live .base", ".arm.chosen", ".live .fixed", "#figure-separability use"]
+            """() => [".live .base", ".arm.chosen", ".live .fixed", "#figure-separability rect"]
                .map((name) => getComputedStyle(document.querySelector(name)).fill)
                .map((c) => c.match(/\\d+/g).slice(0, 3).reduce((a, b) => a + +b, 0) / 765)"""
         )

@@ -17,6 +17,7 @@ from typing import ClassVar
 import pytest
 from conftest import without_pages
 from filelock import FileLock, Timeout
+from first_poses import written
 
 from pipeline.app import cli
 from pipeline.app.shell import run_all
@@ -222,7 +223,7 @@ LIES = {
 def honest(tmp_path_factory):
     """What a worker makes of the kept campaign."""
     root = tmp_path_factory.mktemp("honest")
-    shutil.copytree(KEPT, root / "data" / "raw" / "a")
+    written(root / "data" / "raw" / "a")
     raw = find(root, "a").read()
     with without_pages():
         return many.computed(many.Parcel("a", raw.key, dict(raw.files)))
@@ -232,7 +233,7 @@ def honest(tmp_path_factory):
 @pytest.mark.parametrize("lie", [None, *LIES])
 def test_what_a_worker_has_not_made_of_it_is_not_kept(tmp_path, monkeypatch, honest, lie):
     """Of another campaign, or changed on its way: a sentence, and no file; the true one is kept."""
-    shutil.copytree(KEPT, tmp_path / "data" / "raw" / "a")
+    written(tmp_path / "data" / "raw" / "a")
     monkeypatch.setattr(many, "computed", lambda _: LIES[lie](honest) if lie else honest)
 
     (done,) = many.outcomes(NearlyHere(), tmp_path, ["a"])
@@ -258,7 +259,7 @@ def test_an_error_of_a_worker_is_no_error_of_this_machine(
     tmp_path, monkeypatch, problem, code, said
 ):
     """Whether its machine or the program is to blame shows where the campaign is run here."""
-    shutil.copytree(KEPT, tmp_path / "data" / "raw" / "a")
+    written(tmp_path / "data" / "raw" / "a")
 
     def fails(_):
         raise problem
@@ -273,7 +274,7 @@ def test_an_error_of_a_worker_is_no_error_of_this_machine(
 
 def test_what_a_manifest_states_is_known_here(tmp_path, monkeypatch, honest):
     """A worker's word on code, verdict, machine and language is not taken."""
-    shutil.copytree(KEPT, tmp_path / "data" / "raw" / "a")
+    written(tmp_path / "data" / "raw" / "a")
     wrong = {"code": "0", "versions": 1, "verdict": 5, "robot": [], "machine": {}, "measured": 2,
              "language": "xx", "fields": "x", "look": 3, "wear": [1]}  # fmt: skip
     monkeypatch.setattr(many, "computed", lambda _: _sealed(honest, **wrong))

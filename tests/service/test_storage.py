@@ -2,6 +2,7 @@
 
 import contextlib
 import http.server
+import itertools
 import os
 import shutil
 import socket
@@ -16,10 +17,11 @@ import report_sample
 from pipeline.app.cli import _exit_code
 from pipeline.app.outcome import outcome
 from pipeline.base import files
-from pipeline.base.errors import InputError
+from pipeline.base.errors import CannotWrite, InputError
 from pipeline.base.preferences import Preferences, Storage, load
-from pipeline.service import listing
+from pipeline.service import afar, listing
 from pipeline.service import sync as mirror
+from pipeline.service.afar import Afar
 from pipeline.service.storage import Store
 from pipeline.service.watch import Clock, scan
 
@@ -44,18 +46,14 @@ class Work:
 
 @pytest.fixture(autouse=True)
 def _near(request, monkeypatch):
-    """Listings in this process; one of their own takes a second to begin."""
-    if "afar" not in request.fixturenames:
-
-        def marks(url):
-            return {name: (size, put) for name, size, put in listing.listed(url)}
-
-        monkeypatch.setattr(listing, "marks", marks)
+    """Storage asked in this process; one of its own takes a second to begin."""
+    if "by_a_process" not in request.fixturenames:
+        monkeypatch.setattr(mirror, "Afar", Store)
 
 
 @pytest.fixture
-def afar():
-    """Listings in a process of their own."""
+def by_a_process():
+    """Storage asked in a process of its own."""
 
 
 @pytest.fixture
@@ -417,7 +415,7 @@ def test_an_unreachable_storage_stops_no_campaign_and_is_told_once(tmp_path, mon
         second = list(scan(tmp_path, preferences, work, AT_ONCE))
 
     assert [outcome.campaign for outcome in first] == ["c", "storage"]
-    assert "(it cannot be reached); check the network" in said(first)[0]
+    assert "(it cannot be reached); check the network" in said(first[1:])[0]
     assert second == []
 
 
@@ -559,27 +557,107 @@ def test_an_object_that_is_only_listed_is_asked_for_again(made, tmp_path):
     assert (tmp_path / "data" / name).read_bytes() == b"y"
 
 
-def test_a_listing_is_that_of_its_own_process(made, afar):
-    """Names of any letters and what a driver complains of come back from there."""
-    made(GOOD | {"raw/ä\u202e 𝄞/x": b"x"})
-    here = {name: (size, put) for name, size, put in listing.listed(WHERE.raw)}
+NEXT = itertools.count(1000)
+LIES = {
+    "stated longer": {"stated": b"1,2\n" * 9},
+    "stated shorter": {"stated": b"1,2\n"},
+    "cut": {"given": b"1,2\n1,2"},
+    "empty": {"given": b""},
+    "cut elsewhere each time": {"given": lambda: (b"1,2\n" * 6)[: next(NEXT) % 9]},
+    "another each time": {"given": lambda: b"1,2\n" * 5 + b"%d" % next(NEXT)},
+}
 
-    assert listing.marks(WHERE.raw) == here
-    assert "ä\u202e 𝄞/x" in here
-    with pytest.raises(InputError, match="Unexpected query parameter"):
-        Store("s3://robots/raw?nonsense=1").marks()
+
+@pytest.mark.parametrize("digests", [True, False])
+@pytest.mark.parametrize("lie", LIES)
+def test_an_object_that_is_not_delivered_as_stated_is_not_taken(made, tmp_path, lie, digests):
+    """Neither what is missing nor what was there before it may become a reading."""
+    name = "raw/b/forces.csv"
+    objects = GOOD | {"raw/b/campaign.toml": b"x", name: b"1,2\n" * 5 + b"3,4\xa5"}
+    lies = {how: {name: content} for how, content in LIES[lie].items()}
+    made(objects, digests=digests, **lies)
+    refused = mirror.fetch(tmp_path, WHERE)
+    if lie == "another each time" and not digests:  # nothing says that it is another
+        assert refused == []
+        return
+
+    (one,) = refused
+    assert one.campaign == "b"
+    assert one.passing
+    assert "forces.csv" in said(refused)[0]
+    assert {path.parent.name for path in tmp_path.rglob("campaign.toml")} == {"Aa", "z"}
+    made(objects)
+    assert mirror.fetch(tmp_path, WHERE) == []
+    assert (tmp_path / "data" / name).read_bytes() == objects[name]
 
 
-def test_a_listing_without_an_end_is_ended(made, afar, tmp_path, monkeypatch):
+def test_a_digest_that_is_none_refuses_no_object(made, tmp_path):
+    """As with encryption by a key service: what is the same twice is taken."""
+    made(GOOD, stated={name: data[::-1] for name, data in GOOD.items()})
+
+    assert mirror.fetch(tmp_path, WHERE) == []
+    assert (tmp_path / "data/raw/z/campaign.toml").read_bytes() == b"good"
+
+
+def test_half_a_listing_removes_no_copy(made, tmp_path):
+    """What is not listed, and there when asked for, was not taken out of its campaign."""
+    name, objects = "raw/z/forces.csv", GOOD | {"raw/z/forces.csv": b"1,2"}
+    made(objects)
+    assert mirror.fetch(tmp_path, WHERE) == []
+    made(objects, unlisted=[name])
+    (half,) = mirror.fetch(tmp_path, WHERE)
+
+    assert half.passing
+    assert "does not list z/forces.csv, which is there" in said([half])[0]
+    assert (tmp_path / "data" / name).read_bytes() == b"1,2"
+
+
+def test_what_a_process_asks_is_what_is_there(bucket):
+    """Names of any letters, contents and what a driver complains of come back from there."""
+    name, data = "ä\u202e 𝄞/x", bytes(range(256)) * 9
+    with Afar(WHERE.raw) as there, Store(WHERE.raw) as here:
+        there.write(name, data)
+        assert there.marks() == here.marks()
+        assert there.read(name, there.marks()[name]) == data
+        assert [there.has(name), there.has("y")] == [True, False]
+        with pytest.raises(InputError, match="lists what is not there"):
+            there.read("y", (1, 0.0))
+    wrong = "s3://robots/raw?nonsense=1"
+    with Afar(wrong) as there:
+        with pytest.raises(InputError, match="Unexpected query parameter"):
+            there.marks()
+        with pytest.raises(CannotWrite, match="Unexpected query parameter"):
+            there.write("x", b"x")
+
+
+def test_a_listing_without_an_end_is_ended(made, by_a_process, tmp_path, monkeypatch):
     """The storage says each time that there is more: a sentence, and the look goes on."""
-    monkeypatch.setattr(listing, "_LONGEST_S", 2.0)
+    monkeypatch.setattr(afar, "_LISTING_S", 2.0)
     made(GOOD, more=True)
 
     (endless,) = mirror.fetch(tmp_path, WHERE)
 
     assert endless.passing
-    assert "its listing has no end within" in said([endless])[0]
+    assert "raw cannot be read (no answer within 2 s and 2 GiB)" in said([endless])[0]
     assert "give a folder that holds campaigns alone" in said([endless])[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("lost_s", "copied"), [(300.0, {"Aa", "z"}), (4.0, {"Aa"})])
+def test_what_comes_too_slowly_is_not_waited_for(
+    made, by_a_process, tmp_path, monkeypatch, lost_s, copied
+):
+    """Its campaign is left out, and the rest, too, once too much time is lost."""
+    monkeypatch.setattr(afar, "_OBJECT_S", 5.0)
+    monkeypatch.setattr(afar.Afar, "_left_s", lost_s)
+    objects = GOOD | {"raw/b/campaign.toml": b"x" * 999}
+    made(objects, slow=["raw/b/campaign.toml"])
+    (slow,) = mirror.fetch(tmp_path, WHERE)
+
+    assert slow.passing
+    words = "its objects come too slowly" if lost_s < 5 else "b/campaign.toml cannot be read (no"
+    assert words in said([slow])[0]
+    assert {path.parent.name for path in tmp_path.rglob("campaign.toml")} == copied
 
 
 def test_a_listing_of_more_than_campaigns_is_refused(made, tmp_path, monkeypatch):
@@ -589,7 +667,7 @@ def test_a_listing_of_more_than_campaigns_is_refused(made, tmp_path, monkeypatch
 
     (long,) = mirror.fetch(tmp_path, WHERE)
 
-    assert "has no end within" in said([long])[0]
+    assert "has more than" in said([long])[0]
 
 
 class Login(http.server.BaseHTTPRequestHandler):

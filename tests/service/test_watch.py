@@ -113,6 +113,23 @@ def test_a_rejected_campaign_is_reported_once_and_stops_nothing(tmp_path, runs):
     assert runs.of == ["a", "b", "a"]
 
 
+def test_a_file_mended_with_its_old_size_and_time_is_read_again(tmp_path, runs):
+    """A copy program restores both; what was rejected, or answered, was the file before."""
+    arrive(tmp_path, "a", "b")
+    runs.problem["a"] = InputError("is empty", "export it again", file="tracker.csv")
+    look(tmp_path, runs)
+    for name in "ab":
+        path = tmp_path / "data/raw" / name / "forces.csv"
+        before = path.stat()
+        path.write_bytes(path.read_bytes()[::-1])
+        os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+        assert path.stat()[6:9:2] == before[6:9:2]  # size, and time of the content
+    look(tmp_path, runs)
+    look(tmp_path, runs)
+
+    assert runs.of == ["a", "b", "a", "b"]
+
+
 def test_reports_that_cannot_be_looked_at_stop_no_other_campaign(tmp_path, runs):
     """A link to a name that no file system takes refuses every look, as a withdrawn permission."""
     arrive(tmp_path, "a")

@@ -132,11 +132,11 @@ def cross(a: Array, b: Array) -> Array:
     As for all arrays of a `Configuration`, poses are contiguous in memory: numpy then works on long
     rows, three times as fast as its own product on rows of three.
     """
-    m, *inner = np.broadcast_shapes(a.shape, b.shape)
-    out = np.empty((*inner, m)).transpose(len(inner), *range(len(inner)))
     x, y, z = a[..., 0], a[..., 1], a[..., 2]
     u, v, w = b[..., 0], b[..., 1], b[..., 2]
-    np.subtract(y * w, z * v, out=out[..., 0])
+    first = y * w
+    out = np.empty((*first.shape[1:], 3, len(first))).transpose(-1, *range(first.ndim))
+    np.subtract(first, z * v, out=out[..., 0])
     np.subtract(z * u, x * w, out=out[..., 1])
     np.subtract(x * v, y * u, out=out[..., 2])
     return out
