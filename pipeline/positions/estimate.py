@@ -22,7 +22,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.arm_weight import usual
 from pipeline.machine.positions_estimate import soften
 from pipeline.positions.mechanism import Linear, Mechanism, Payloads, balances, layout
-from pipeline.positions.random_curve import Curve
+from pipeline.positions.random_curve import Curve, between_knots
 from pipeline.positions.scatter import PoseScatter
 from pipeline.positions.yielding import sizes
 
