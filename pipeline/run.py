@@ -20,7 +20,6 @@ from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.contract import Answer, Which
 from pipeline.answer.recommended import (
     DecisionBasis,
-    beside_positions,
     decide,
     identified,
     joint_springs,
@@ -216,7 +215,7 @@ def _of_pulls(name: str, raw: Raw, read: Any | None, keep: Keep, step: Step) -> 
     row = decide(DecisionBasis.of(facts, diagnosis))
     values = of_pulls = recommend(row, springs, diagnosis, test_pose)
     if both is not None and both.agrees:
-        values = step(beside_positions)(of_pulls)
+        values = both.recommended(of_pulls, step)
     reported = predicted(values.model(name, word, row), values, test_pose, step)
     springs_only, delivered = reported, given if both is None else both.given(step)
     if row.model != Which.JOINT_SPRINGS or springs is not delivered:

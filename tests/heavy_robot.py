@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from pipeline.geometry.readings import PositionReadings
+from pipeline.positions.readings import PositionReadings
 
 MASS = np.array([900.0, 700.0, 480.0, 420.0, 90.0, 60.0, 25.0])
 CENTRE = np.array([

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pipeline.geometry.mechanism import ArmWeights, Payloads
-from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import load
+from pipeline.positions.mechanism import ArmWeights, Payloads
+from pipeline.positions.readings import PositionReadings
 
 ROBOT = load("ur10")
 # UR10 from its maker's table (distal DH), and the weights of its links

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -18,12 +20,14 @@ from pipeline.answer.results import CampaignResults
 from pipeline.answer.tables import covariance_table, rows_table
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
-from pipeline.geometry.study import Study
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Pulls
 from pipeline.reduction.bring import Keep, Step
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
+
+if TYPE_CHECKING:
+    from pipeline.positions.study import Study
 
 _Tables = dict[str, pd.DataFrame]
 

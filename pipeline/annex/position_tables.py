@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from pipeline import tables
 from pipeline.base.arrays import Array
-from pipeline.diagnosis.positions import UNLISTED
-from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.laws import JointLaw
-from pipeline.geometry.mechanism import layout
-from pipeline.geometry.study import Study
+from pipeline.machine.effects.unlisted import NAME
+from pipeline.positions.laws import JointLaw
+from pipeline.positions.mechanism import layout
 from pipeline.reduction.bring import Keep
+
+if TYPE_CHECKING:
+    from pipeline.positions.calibrate import Calibration
+    from pipeline.positions.study import Study
 
 _ACROSS = 400
 """Points of a curve that is drawn."""
@@ -129,7 +132,7 @@ def _laws(whole: Study) -> pd.DataFrame:
         parts.append(
             pd.DataFrame(
                 {
-                    "cause": f"{UNLISTED}:{law.joint}",
+                    "cause": f"{NAME}:{law.joint}",
                     "part": np.int32(count[law.joint]),
                     "pose": readings.pose[seen].astype(np.int32),
                     "repeat": readings.series[seen].astype(np.int32),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -15,11 +15,13 @@ from pipeline.annex.posture import TOOL_RADIUS
 from pipeline.answer.recommended import ModelValues
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import PAIRS, PLACES
-from pipeline.geometry.study import Study
 from pipeline.machine.cell import Cell, Tool, load
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Settings
+
+if TYPE_CHECKING:
+    from pipeline.positions.study import Study
 
 MOST_POSES = 40
 """Maximum number of poses in the picture; of more, those with the largest residuals and an even

@@ -23,10 +23,8 @@ from pipeline.diagnosis.average import (
     two_sided,
     weighed,
 )
-from pipeline.diagnosis.combined import combined
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Finding, Verdict
-from pipeline.diagnosis.hypotheses import usual
 from pipeline.diagnosis.unloaded_geometry import corrected
 from pipeline.diagnosis.verdict import of_both, verdict
 from pipeline.prediction import model as handover
@@ -246,23 +244,6 @@ def recommend(
         every = weighed([replace(alone.first, weight=rest), *diagnosis.too_small])
         return replace(alone, hypotheses=every, where=where)
     return ModelValues(stands, diagnosis.hypotheses, _left_out(diagnosis), where)
-
-
-def beside_positions(values: ModelValues) -> ModelValues:
-    """The same model estimated together with the absolute positions of the same campaign.
-
-    The cross-validation residuals of joint springs are then those of the joint estimate. Those with
-    causes are kept, since each fold of the pulls has chosen its causes by itself.
-    """
-    data, left = values.fitted.data, values.left_out_m
-    springs = not values.first.effects  # further hypotheses then have causes of a usual size
-    every = tuple(
-        combined(one, data, usual(one.effects[0]) if springs and one.effects else None).hypothesis
-        for one in values.hypotheses
-    )
-    if springs:
-        left = left_out(every[0].system)[: len(left)]
-    return replace(values, hypotheses=every, left_out_m=left)
 
 
 def _left_out(diagnosis: Diagnosed) -> Array:

@@ -166,6 +166,9 @@ class WithPositions(Protocol):
     def facts(self, pulls: Facts) -> Facts:
         """What the verdict of both follows from."""
 
+    def recommended(self, values: ModelValues, step: Step) -> ModelValues:
+        """A model of the pulls, estimated together with the positions."""
+
     def shown(self, pulls: Mapping[str, pd.DataFrame], keep: Keep) -> dict[str, pd.DataFrame]:
         """The tables of the positions, beside those of the pulls."""
 

@@ -21,8 +21,8 @@ from pipeline.base.quantities import (
     probability,
     with_std,
 )
+from pipeline.diagnosis.agreement import ChiSquare
 from pipeline.diagnosis.average import POSSIBLE
-from pipeline.diagnosis.combined import ChiSquare
 from pipeline.diagnosis.facts import (
     ALL_SPRINGS,
     Drift,

@@ -18,7 +18,6 @@ from pipeline.base.shown import typed
 from pipeline.base.toml import line_of, quoted
 from pipeline.check.contradictions import overload_entry, overloaded
 from pipeline.check.findings import growth_findings, limit_findings, shot_findings, treated_findings
-from pipeline.check.of_positions import of_positions
 from pipeline.check.proven import proven
 from pipeline.check.survey import (
     CampaignTimes,
@@ -48,6 +47,9 @@ from pipeline.run import ingested
 from pipeline.store.campaign import CampaignFolder, Raw
 from pipeline.tables import XYZ
 
+_POSITIONS = "pipeline.positions.checked:of_positions"
+"""Door of the positions: the check of a campaign of them."""
+
 _MOST_LINES = 40
 """Maximum number of lines of a kind on the screen."""
 _OTHER_UNIT = 2.2
@@ -63,7 +65,8 @@ def check(campaign: CampaignFolder) -> Outcome:
     """
     raw = campaign.read()
     if raw.settings.of_positions:
-        return of_positions(campaign.name, raw)
+        positions: Outcome = behind(_POSITIONS)(campaign.name, raw)
+        return positions
     wrong = wrong_lines(raw)
     try:
         with raw.placing():
@@ -79,7 +82,7 @@ def check(campaign: CampaignFolder) -> Outcome:
         return _refused(campaign, wrong, others, problem)
     told = _told(campaign, raw, case, reduced, wrong)
     if raw.settings.positions is not None:
-        told = _of_both(told, of_positions(campaign.name, raw))
+        told = _of_both(told, behind(_POSITIONS)(campaign.name, raw))
     return _with_tolerance(told, raw.settings, path, reduced.data.pulls.range_n)
 
 

@@ -4,6 +4,5 @@
 (`unloaded_geometry.py`) and base reflectors (`drift.py`), the search (`cause_search.py`, then laws
 in `unlisted.py`), rivals as `hypotheses.py`, what they improve (`gain.py`), and what could not have
 been seen (`blindspots.py`). All of it ends in `facts.py`, from which alone `verdict.py` reads the
-verdict (docs/verdict.md). Positions come to the same facts in `positions.py`, positions and pulls
-of one robot in `combined.py`.
+verdict (docs/verdict.md). Positions come to the same facts in their outbuilding.
 """

@@ -10,9 +10,9 @@ import numpy as np
 from pipeline.base.arrays import Array, Locked, Parameter
 from pipeline.base.linear import rms
 from pipeline.base.tails import NORMAL_95
+from pipeline.diagnosis.agreement import SpringAgreement
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.bounds import FAULTY, Bounds
-from pipeline.diagnosis.combined import SpringAgreement
 from pipeline.faults.mistake import Mistake
 from pipeline.geometry.roughness import ScaleGrid
 from pipeline.machine.effect import Effect, Elastic, Observation

@@ -25,7 +25,6 @@ from pipeline.diagnosis.facts import (
     UnloadedFacts,
 )
 from pipeline.geometry import remastered
-from pipeline.geometry.mechanism import reach
 from pipeline.geometry.roughness import (
     ScaleGrid,
     SuspectUnknowns,
@@ -36,13 +35,14 @@ from pipeline.geometry.roughness import (
     straight,
     unrefined,
 )
-from pipeline.geometry.scatter import START
 from pipeline.geometry.unloaded import (
+    START,
     USUAL,
     MidChange,
     PoseRows,
     Unloaded,
     off,
+    reach,
     unloaded,
 )
 from pipeline.machine.cell import Cell, load

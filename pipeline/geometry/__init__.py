@@ -1,7 +1,6 @@
-"""Absolute positions: kinematic parameters, compliances under the arm's own weight, joint laws.
+"""Where a robot stands, by the unloaded reflectors of a campaign of pulls.
 
-`study.py` is the order: readings (`positioned.py`), a start (`initial.py`), the estimate of a
-`mechanism.py` (`calibrate.py`), outliers, causes of the catalogue and laws, each with its error at
-left-out poses (`left_out.py`). For a campaign of pulls `unloaded.py` asks the same of its unloaded
-reflectors, and `with_pulls.py` hands on what the positions of the same robot say.
+`unloaded.py` has the rows: frame, tool, DH parameters and the weight of the arm (`arm_weight.py`).
+`roughness.py` tells gross errors of parameters from their usual ones, `remastered.py` and
+`slipped.py` what changed in mid-campaign. Absolute positions are `pipeline/positions/`.
 """

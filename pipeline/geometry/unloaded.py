@@ -27,9 +27,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.base.linear import rms
 from pipeline.base.tails import chi2_beyond
-from pipeline.geometry.mechanism import reach
-from pipeline.geometry.scatter import START
-from pipeline.geometry.yielding import carried_by, usual
+from pipeline.geometry.arm_weight import carried_by, usual
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Geometry, Pulls
 from pipeline.machine.positions_estimate import PositionsEstimate
@@ -38,6 +36,10 @@ from pipeline.machine.robot.dh_parameters import DhParameter, changed, dh_parame
 from pipeline.machine.robot.weight import by_moments, carried, work
 from pipeline.reduction.idle import Idle
 from pipeline.reduction.measured import STILL_M, Measured
+
+START = {True: 5e-5, False: 1e-4}
+"""Initial standard deviation of the unmodelled error of a sliding joint [m] and of a rotary
+one [rad]."""
 
 USUAL = (2e-4, 2e-4)
 """Standard deviation of lengths [m] and angles [rad] of a table as delivered, where the robot file
@@ -581,3 +583,13 @@ _FEWEST = 4
 def off(zeros: Unloaded, x: Array) -> float:
     """Rms residual of the positions over coordinates [m]."""
     return rms(zeros.seen(x))
+
+
+def reach(screws: Array, at: Array) -> Array:
+    """Motion of targets (m, t, 3) per unit of screws (m, k, 6), rows by target (m, 6 t, k)."""
+    m, t, k = len(at), at.shape[1], screws.shape[1]
+    along = np.ascontiguousarray(np.swapaxes(screws, 1, 2))  # m, 6, k
+    out = np.empty((m, t, 6, k))
+    out[:, :, :3] = along[:, None, 3:] + linear.turning(at) @ along[:, None, :3]
+    out[:, :, 3:] = along[:, None, :3]
+    return out.reshape(m, 6 * t, k)

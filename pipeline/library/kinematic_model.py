@@ -5,15 +5,17 @@ from __future__ import annotations
 import io
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Locked, Strings
-from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.mechanism import Mechanism, Payloads
 from pipeline.library.model_file import dumps as model_text
+from pipeline.positions.mechanism import Mechanism, Payloads
 from pipeline.prediction.model import IdentifiedModel
+
+if TYPE_CHECKING:
+    from pipeline.positions.calibrate import Calibration
 
 
 @dataclass(frozen=True, eq=False)

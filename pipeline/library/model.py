@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,14 +13,16 @@ from pipeline.base import files
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError, listed
 from pipeline.library import compensate as offsets
-from pipeline.library import compliance, model_file, target_model
+from pipeline.library import compliance, model_file
 from pipeline.library.compensate import Compensation
 from pipeline.library.compliance import CartesianStiffness
 from pipeline.library.joints import as_asked, loaded, point
-from pipeline.library.kinematic_model import KinematicModel
 from pipeline.machine.robot import Robot
 from pipeline.prediction.model import IdentifiedModel as Identified
 from pipeline.prediction.path import Path as JointPath
+
+if TYPE_CHECKING:
+    from pipeline.library.kinematic_model import KinematicModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,6 +195,8 @@ class PositionModel:
         Raises:
             InputError: Invalid shape, unit or joint limit, or an unknown payload.
         """
+        from pipeline.library import target_model  # of the positions, which pulls need not have
+
         rows, force = loaded(self.robot, q, force_n)
         carried = np.full(len(rows), self._number(payload), dtype=np.int64)
         warm = np.full(len(rows), float(temperature_c))
@@ -225,6 +230,8 @@ def load_position_model(path: Path | str) -> PositionModel:
     Raises:
         InputError: There is no such file, or it is not a model.
     """
+    from pipeline.library import target_model
+
     missing = InputError(
         "there is no such file", "give the path of a positions.npz", file=str(path)
     )
@@ -239,4 +246,6 @@ def position_model(data: bytes, name: str = "positions.npz") -> PositionModel:
     Raises:
         InputError: They are not a model.
     """
+    from pipeline.library import target_model
+
     return PositionModel(target_model.loads(data, name))

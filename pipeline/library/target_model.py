@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import io
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
-from pipeline.geometry.estimate import between_knots
-from pipeline.geometry.laws import Inputs, JointLaw
-from pipeline.geometry.mechanism import (
+from pipeline.library.kinematic_model import ARRAYS, ByPulls, KinematicModel
+from pipeline.library.model_file import parse as model_of
+from pipeline.library.targets import PredictedTargets
+from pipeline.library.under_force import UnderForce, under_force
+from pipeline.machine.robot.mdh import parse
+from pipeline.machine.robot.weight import link_moments
+from pipeline.positions.laws import Inputs, JointLaw
+from pipeline.positions.mechanism import (
     ArmWeights,
     Mechanism,
     Payloads,
@@ -23,13 +28,8 @@ from pipeline.geometry.mechanism import (
     frame_of,
     layout,
 )
-from pipeline.geometry.random_curve import Curve
-from pipeline.geometry.yielding import called
-from pipeline.library.kinematic_model import ARRAYS, ByPulls, KinematicModel
-from pipeline.library.model_file import parse as model_of
-from pipeline.library.under_force import UnderForce, under_force
-from pipeline.machine.robot.mdh import parse
-from pipeline.machine.robot.weight import link_moments
+from pipeline.positions.random_curve import Curve, between_knots
+from pipeline.positions.yielding import called
 
 LARGEST_MODEL = 2**28
 """Maximum size of a model [B]: the covariance of two thousand knots has 2^25."""
@@ -69,31 +69,6 @@ def springs(model: KinematicModel) -> KinematicModel:
             moments=model.mechanism.moments,
         ),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class PredictedTargets(Locked):
-    """Predicted poses of the targets.
-
-    Attributes:
-        at: Positions [m], F_b, shape (m, t, 3).
-        turn: Orientation, shape (m, t, 3, 3).
-        cov: Covariance of position [m^2] and of rotation about the axes of F_b [rad^2], (m, t, 6,
-            6).
-        moved: Displacement by the force [m], F_b, shape (m, t, 3).
-        moved_std: Its standard uncertainty, shape (m, t, 3).
-    """
-
-    at: Array
-    turn: Array
-    cov: Array
-    moved: Array
-    moved_std: Array
-
-    @property
-    def std(self) -> Array:
-        """Standard uncertainties, x, y, z [m] and about x, y, z [rad], (m, t, 6)."""
-        return np.sqrt(np.maximum(np.einsum("mtii->mti", self.cov), 0.0))
 
 
 def predict(

@@ -21,13 +21,13 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
-from pipeline.geometry.mechanism import Mechanism, layout
-from pipeline.geometry.yielding import by_weight_alone
 from pipeline.library.kinematic_model import ByPulls
 from pipeline.machine.cell import Cell, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
 from pipeline.machine.effect import Pulls
 from pipeline.machine.positions_estimate import laws_of_gears
+from pipeline.positions.mechanism import Mechanism, layout
+from pipeline.positions.yielding import by_weight_alone
 from pipeline.prediction.model import NOTHING_M, ModelHypothesis
 
 

@@ -41,19 +41,19 @@ from pipeline.base.quantities import p_value, percent, plain
 from pipeline.base.tails import NORMAL_95, chi2_beyond
 from pipeline.diagnosis.average import Springs
 from pipeline.diagnosis.facts import Facts, FoundCause
-from pipeline.diagnosis.positions import erring, facts_of
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
-from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.cross_validation import Partition
-from pipeline.geometry.estimate import determined_joints as by_weight
-from pipeline.geometry.mechanism import layout
-from pipeline.geometry.scatter import START
-from pipeline.geometry.study import ModelStage, StageResult, Study
+from pipeline.geometry.unloaded import START
 from pipeline.machine.effect import in_place
 from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.axes import alone
 from pipeline.machine.robot.weight import weighs
+from pipeline.positions.calibrate import Calibration
+from pipeline.positions.cross_validation import Partition
+from pipeline.positions.estimate import determined_joints as by_weight
+from pipeline.positions.facts import erring, facts_of
+from pipeline.positions.mechanism import layout
+from pipeline.positions.study import ModelStage, StageResult, Study
 from pipeline.store.campaign import Raw
 
 

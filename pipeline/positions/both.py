@@ -1,7 +1,7 @@
 """A campaign of absolute positions and pulls of one robot: one estimate, one answer.
 
-Positions are identified first and say where the pulls' robot stands (`geometry.with_pulls`); what
-both say of the springs is estimated together (`diagnosis.combined`), and what that changes of the
+Positions are identified first and say where the pulls' robot stands (`positions.with_pulls`); what
+both say of the springs is estimated together (`positions.combined`), and what that changes of the
 positions goes back into their model.
 """
 
@@ -18,24 +18,27 @@ from pipeline import tables
 from pipeline.answer import contract
 from pipeline.answer.contract import About, Answer, Line
 from pipeline.answer.diagnosis import cause_entry
-from pipeline.answer.recommended import joint_springs
+from pipeline.answer.recommended import ModelValues, joint_springs
 from pipeline.answer.results import CampaignResults
 from pipeline.base import doors
+from pipeline.diagnosis.agreement import SpringAgreement
 from pipeline.diagnosis.amplitude import yielding
-from pipeline.diagnosis.combined import SpringAgreement, combined, spring_agreement
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
+from pipeline.diagnosis.hypotheses import usual
 from pipeline.diagnosis.verdict import of_both, verdict
-from pipeline.geometry.with_pulls import as_estimated, beside_pulls, opened, unloaded_p_value
 from pipeline.machine.positions_estimate import called_for, laws_of_gears
 from pipeline.machine.robot.weight import weighs
 from pipeline.positions import answer as of_positions
 from pipeline.positions.answer import PositionsResults
 from pipeline.positions.campaign import model_file
+from pipeline.positions.combined import combined, spring_agreement
+from pipeline.positions.with_pulls import as_estimated, beside_pulls, opened, unloaded_p_value
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.system import alarms
+from pipeline.system.estimate import left_out
 from pipeline.system.fit import Fitted, fit
 
 _ANNEX = "pipeline.annex.position_tables:identified"
@@ -108,6 +111,11 @@ class PositionsAndPulls:
             positions=replace(mine, mistakes=()),
             agreement=self.agreement,
         )
+
+    def recommended(self, values: ModelValues, step: Step) -> ModelValues:
+        """A model of the pulls, estimated together with the positions."""
+        beside: ModelValues = step(beside_positions)(values)
+        return beside
 
     @cached_property
     def _alone(self) -> Answer:
@@ -220,6 +228,23 @@ class PositionsAndPulls:
                 for name, w, p in zip(names, agreement.weight, agreement.pulls, strict=True)
             ),
         )
+
+
+def beside_positions(values: ModelValues) -> ModelValues:
+    """The same model estimated together with the absolute positions of the same campaign.
+
+    The cross-validation residuals of joint springs are then those of the joint estimate. Those with
+    causes are kept, since each fold of the pulls has chosen its causes by itself.
+    """
+    data, left = values.fitted.data, values.left_out_m
+    springs = not values.first.effects  # further hypotheses then have causes of a usual size
+    every = tuple(
+        combined(one, data, usual(one.effects[0]) if springs and one.effects else None).hypothesis
+        for one in values.hypotheses
+    )
+    if springs:
+        left = left_out(every[0].system)[: len(left)]
+    return replace(values, hypotheses=every, left_out_m=left)
 
 
 _NO_MASSES = "No masses are stated"

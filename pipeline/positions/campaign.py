@@ -14,21 +14,21 @@ from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
 from pipeline.faults.mistake import Mistake
-from pipeline.faults.position_readings import (
+from pipeline.machine.cell import Tool, paper_cell
+from pipeline.positions import answer as of_positions
+from pipeline.positions.answer import PositionsResults
+from pipeline.positions.calibrate import Calibration
+from pipeline.positions.mechanism import layout
+from pipeline.positions.position_readings import (
     dated_beside,
     exchanged_beside,
     implausible_outliers,
     outliers,
     wrong_entries,
 )
-from pipeline.faults.position_rows import PositionSheet, position_rows
-from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.mechanism import layout
-from pipeline.geometry.positioned import Positioned, as_read, usable
-from pipeline.geometry.study import Study, study
-from pipeline.machine.cell import Tool, paper_cell
-from pipeline.positions import answer as of_positions
-from pipeline.positions.answer import PositionsResults
+from pipeline.positions.position_rows import PositionSheet, position_rows
+from pipeline.positions.positioned import Positioned, as_read, usable
+from pipeline.positions.study import Study, study
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 from pipeline.reduction.bring import Keep, Step
 from pipeline.store.campaign import Raw

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.base.errors import InputError, listed
-from pipeline.library.target_model import PredictedTargets
+from pipeline.library.targets import PredictedTargets
 from pipeline.machine.robot import Robot, configure
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.readers.export_settings import OWN_LOG

@@ -11,9 +11,9 @@ from pipeline.annex.figures.stiffness import _extremes
 from pipeline.annex.position_tables import _held_out
 from pipeline.annex.sections.geometry import _letters
 from pipeline.answer.contract import TableLetter
-from pipeline.geometry.cross_validation import Partition
-from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.study import ModelStage, StageResult, Study
+from pipeline.positions.cross_validation import Partition
+from pipeline.positions.readings import PositionReadings
+from pipeline.positions.study import ModelStage, StageResult, Study
 from pipeline.report.model import compose
 
 

@@ -46,13 +46,13 @@ from pipeline.diagnosis.facts import (
     FoundCause,
     UnloadedFacts,
 )
-from pipeline.diagnosis.positions import _listed
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.mistake import outlying
-from pipeline.geometry.catalogue_causes import OTHER_MASSES, CatalogueCause
 from pipeline.machine.effects import tracker_drift
 from pipeline.machine.robot import load
 from pipeline.machine.robot.dh_parameters import dh_parameters
+from pipeline.positions.catalogue_causes import OTHER_MASSES, CatalogueCause
+from pipeline.positions.facts import _listed
 from pipeline.prediction.decision import Decision
 from pipeline.report.certificate import _by_tolerance
 

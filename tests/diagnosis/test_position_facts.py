@@ -10,18 +10,18 @@ import pandas as pd
 import pytest
 from made_positions import ROBOT, read, weightless
 
-from pipeline.diagnosis.positions import bounds_of, facts_of
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import outlying
-from pipeline.geometry import outliers
-from pipeline.geometry.calibrate import ModelStructure
-from pipeline.geometry.cross_validation import distances, partings
-from pipeline.geometry.initial import begin
-from pipeline.geometry.joint_laws import LawSearchData
-from pipeline.geometry.scatter import start
-from pipeline.geometry.study import ModelStage, StageResult, Study, _without_blunders
 from pipeline.machine.robot.dh_parameters import changed, dh_parameters
+from pipeline.positions import outliers
 from pipeline.positions.answer import PositionsResults, answer
+from pipeline.positions.calibrate import ModelStructure
+from pipeline.positions.cross_validation import distances, partings
+from pipeline.positions.facts import bounds_of, facts_of
+from pipeline.positions.initial import begin
+from pipeline.positions.joint_laws import LawSearchData
+from pipeline.positions.scatter import start
+from pipeline.positions.study import ModelStage, StageResult, Study, _without_blunders
 from pipeline.store.campaign import in_memory
 
 

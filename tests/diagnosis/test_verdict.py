@@ -9,10 +9,10 @@ import pytest
 from pipeline.answer.diagnosis import cause_entry
 from pipeline.answer.words import why, wrong
 from pipeline.check.findings import enormous
+from pipeline.diagnosis.agreement import SpringAgreement
 from pipeline.diagnosis.bounds import Bounds
 from pipeline.diagnosis.cause_search import Replacement
 from pipeline.diagnosis.causes import missing
-from pipeline.diagnosis.combined import SpringAgreement
 from pipeline.diagnosis.diagnose import _refused
 from pipeline.diagnosis.facts import (
     NO_UNLOADED,

@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 from made_positions import TOOL, TURN, made, stands
 
-from pipeline.faults.position_readings import dated_beside, outliers
-from pipeline.faults.position_rows import PositionSheet, position_rows
-from pipeline.geometry.positioned import as_read, usable
-from pipeline.geometry.study import study
+from pipeline.positions.position_readings import dated_beside, outliers
+from pipeline.positions.position_rows import PositionSheet, position_rows
+from pipeline.positions.positioned import as_read, usable
+from pipeline.positions.study import study
 from pipeline.store.campaign import in_memory
 
 JOINTS = [f"theta{k}_deg" for k in range(1, 7)]

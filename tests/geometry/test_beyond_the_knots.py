@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.geometry.random_curve import along_bed, over
+from pipeline.positions.random_curve import along_bed, over
 
 
 def test_beyond_its_knots_a_curve_has_the_variance_of_its_prior():

@@ -11,12 +11,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.diagnosis.finding import Verdict
-from pipeline.diagnosis.positions import facts_of
 from pipeline.diagnosis.verdict import verdict
-from pipeline.geometry.mechanism import ArmWeights, Payloads
-from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.study import study
 from pipeline.machine.robot import load
+from pipeline.positions.facts import facts_of
+from pipeline.positions.mechanism import ArmWeights, Payloads
+from pipeline.positions.readings import PositionReadings
+from pipeline.positions.study import study
 
 DOWN = np.array([0.0, 0.0, -9.80665])
 TOOL = np.array([[0.14, 0.04, 0.09], [-0.09, 0.13, 0.07], [-0.07, -0.12, 0.15]])

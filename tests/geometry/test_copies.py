@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from made_positions import made, weightless
 
-from pipeline.geometry.calibrate import ModelStructure
-from pipeline.geometry.initial import begin
-from pipeline.geometry.joint_laws import LawSearchData
-from pipeline.geometry.law_tests import _as_noise, flips, law_tests
-from pipeline.geometry.laws import JointLaw
-from pipeline.geometry.scatter import start
 from pipeline.machine.robot import load
+from pipeline.positions.calibrate import ModelStructure
+from pipeline.positions.initial import begin
+from pipeline.positions.joint_laws import LawSearchData
+from pipeline.positions.law_tests import _as_noise, flips, law_tests
+from pipeline.positions.laws import JointLaw
+from pipeline.positions.scatter import start
 from pipeline.system.alarms import LAW
 
 POSES, ROWS, KNOWN, DRAWS = 30, 9, 60, 300

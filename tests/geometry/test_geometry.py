@@ -8,14 +8,14 @@ import pytest
 from made_positions import made, weightless
 from scipy.spatial.transform import Rotation
 
-from pipeline.geometry.cross_validation import Partition
-from pipeline.geometry.laws import Inputs, JointLaw
-from pipeline.geometry.mechanism import layout, linearised
-from pipeline.geometry.random_curve import matern, over
-from pipeline.geometry.study import ModelStage, study
 from pipeline.library.kinematic_model import dumps, kinematic_model
 from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import load
+from pipeline.positions.cross_validation import Partition
+from pipeline.positions.laws import Inputs, JointLaw
+from pipeline.positions.mechanism import layout, linearised
+from pipeline.positions.random_curve import matern, over
+from pipeline.positions.study import ModelStage, study
 
 
 def studied(readings, seed=0):

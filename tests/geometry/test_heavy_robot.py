@@ -17,23 +17,24 @@ from heavy_robot import (
     waves,
 )
 
-from pipeline.geometry.calibrate import ModelStructure, calibrate
-from pipeline.geometry.catalogue_causes import _evidence
-from pipeline.geometry.cross_validation import Partition
-from pipeline.geometry.estimate import FIXED_SIGMA, Posterior, Prior, prior, rougher, solved
-from pipeline.geometry.gross_errors import corrected
-from pipeline.geometry.initial import begin
-from pipeline.geometry.joint_laws import _share
-from pipeline.geometry.laws import JointLaw
-from pipeline.geometry.mechanism import ArmWeights, Payloads, layout, linearised
-from pipeline.geometry.scatter import start
-from pipeline.geometry.study import ModelStage, study
-from pipeline.geometry.yielding import sizes, usual, yielding
+from pipeline.geometry.arm_weight import usual
 from pipeline.library.kinematic_model import dumps, kinematic_model
 from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.variants import counted_back, turned
 from pipeline.machine.robot.weight import carried, work
+from pipeline.positions.calibrate import ModelStructure, calibrate
+from pipeline.positions.catalogue_causes import _evidence
+from pipeline.positions.cross_validation import Partition
+from pipeline.positions.estimate import FIXED_SIGMA, Posterior, Prior, prior, rougher, solved
+from pipeline.positions.gross_errors import corrected
+from pipeline.positions.initial import begin
+from pipeline.positions.joint_laws import _share
+from pipeline.positions.laws import JointLaw
+from pipeline.positions.mechanism import ArmWeights, Payloads, layout, linearised
+from pipeline.positions.scatter import start
+from pipeline.positions.study import ModelStage, study
+from pipeline.positions.yielding import sizes, yielding
 
 RAIL = "kr500_rail_kuka"
 GRAVITY = np.array([0.0, 0.0, -9.80665])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_positions import ROBOT, read
 
-from pipeline.geometry.initial import begin
+from pipeline.positions.initial import begin
 
 
 @pytest.mark.parametrize("size", [0.02, 0.5])

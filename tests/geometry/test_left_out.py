@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from made_positions import made, weightless
 
-from pipeline.geometry.calibrate import ModelStructure, calibrate
-from pipeline.geometry.estimate import precision
-from pipeline.geometry.initial import begin
-from pipeline.geometry.laws import JointLaw
-from pipeline.geometry.left_out import LeftOut, by_turns, errors
-from pipeline.geometry.mechanism import layout
-from pipeline.geometry.scatter import start
 from pipeline.machine.robot import load
+from pipeline.positions.calibrate import ModelStructure, calibrate
+from pipeline.positions.estimate import precision
+from pipeline.positions.initial import begin
+from pipeline.positions.laws import JointLaw
+from pipeline.positions.left_out import LeftOut, by_turns, errors
+from pipeline.positions.mechanism import layout
+from pipeline.positions.scatter import start
 
 WAVES = (JointLaw(2, "periodic", "angle", 2, 3.0), JointLaw(4, "periodic", "angle", 4, 2.0))
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pipeline.base import linear
-from pipeline.geometry.left_out import _Without
-from pipeline.geometry.outliers import _Asked
 from pipeline.geometry.roughness import ScaleGrid
+from pipeline.positions.left_out import _Without
+from pipeline.positions.outliers import _Asked
 from pipeline.system import alarms
 
 

@@ -9,16 +9,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.answer.remarks import contradicted
-from pipeline.geometry.calibrate import ModelStructure, calibrate
-from pipeline.geometry.initial import begin
-from pipeline.geometry.mechanism import ArmWeights, Payloads, layout
-from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.scatter import PoseScatter
 from pipeline.library.kinematic_model import dumps, kinematic_model
 from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
 from pipeline.positions.answer import payload_entries
+from pipeline.positions.calibrate import ModelStructure, calibrate
+from pipeline.positions.initial import begin
+from pipeline.positions.mechanism import ArmWeights, Payloads, layout
+from pipeline.positions.readings import PositionReadings
+from pipeline.positions.scatter import PoseScatter
 
 # UR10 from its maker's table (distal DH)
 TABLE = list(

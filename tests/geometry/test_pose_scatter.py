@@ -7,10 +7,10 @@ import pytest
 from scipy import stats
 
 from pipeline.base import linear
-from pipeline.geometry.laws import Inputs
-from pipeline.geometry.mechanism import Linear
-from pipeline.geometry.outliers import _columns
-from pipeline.geometry.scatter import PoseScatter, _Likelihood
+from pipeline.positions.laws import Inputs
+from pipeline.positions.mechanism import Linear
+from pipeline.positions.outliers import _columns
+from pipeline.positions.scatter import PoseScatter, _Likelihood
 
 POSES, JOINTS = 40, 4
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pipeline.base.errors import InputError
-from pipeline.geometry.positioned import as_read, usable
 from pipeline.machine.robot import load
+from pipeline.positions.positioned import as_read, usable
 from pipeline.reduction.settings import parse
 
 ROBOT = load("ur10")

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.geometry import law_tests
-from pipeline.geometry.estimate import solved
-from pipeline.geometry.positioned import as_read, usable
-from pipeline.geometry.study import study
 from pipeline.library.kinematic_model import kinematic_model
 from pipeline.library.target_model import predict
+from pipeline.positions import law_tests
+from pipeline.positions.estimate import solved
+from pipeline.positions.positioned import as_read, usable
+from pipeline.positions.study import study
 from pipeline.store.campaign import find
 from pipeline.system import alarms
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.geometry.positioned import as_read, usable
-from pipeline.geometry.study import study
 from pipeline.library.kinematic_model import kinematic_model
 from pipeline.library.target_model import predict
+from pipeline.positions.positioned import as_read, usable
+from pipeline.positions.study import study
 from pipeline.store.campaign import find
 
 ROOT = Path(__file__).parents[2]

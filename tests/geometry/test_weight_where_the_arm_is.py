@@ -9,12 +9,6 @@ import pytest
 from heavy_robot import TOOL, HeavyRobot, Truth, errors_of_table, read
 from mixed_campaign import HIGH, LOAD_POINT, LOW
 
-from pipeline.geometry.calibrate import ModelStructure, calibrate
-from pipeline.geometry.initial import begin
-from pipeline.geometry.mechanism import ArmWeights, Mechanism, Payloads, layout, linearised
-from pipeline.geometry.scatter import start
-from pipeline.geometry.with_pulls import by_masses, stance, unloaded_p_value
-from pipeline.geometry.yielding import Virtual, carried_on, yielding
 from pipeline.machine.cell import Cell, Tool, baseline, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects.gravity_sag import under_pulls
@@ -22,6 +16,12 @@ from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.machine.robot.weight import by_moments, carried, link_moments, stiffening
 from pipeline.machine.stated_tool import StatedTool
+from pipeline.positions.calibrate import ModelStructure, calibrate
+from pipeline.positions.initial import begin
+from pipeline.positions.mechanism import ArmWeights, Mechanism, Payloads, layout, linearised
+from pipeline.positions.scatter import start
+from pipeline.positions.with_pulls import by_masses, stance, unloaded_p_value
+from pipeline.positions.yielding import Virtual, carried_on, yielding
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 NOTHING = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))

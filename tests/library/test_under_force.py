@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from heavy_robot import TOOL
 
-from pipeline.geometry.mechanism import ArmWeights, Mechanism, Payloads, layout
-from pipeline.geometry.yielding import other_forms, yielding
 from pipeline.library.kinematic_model import ByPulls, KinematicModel, dumps
 from pipeline.library.target_model import loads, nominal, predict
 from pipeline.machine.cell import Tool, paper_cell
@@ -15,6 +13,8 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.machine.robot.weight import link_moments
+from pipeline.positions.mechanism import ArmWeights, Mechanism, Payloads, layout
+from pipeline.positions.yielding import other_forms, yielding
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])

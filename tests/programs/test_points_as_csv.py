@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 
-from pipeline.library.target_model import PredictedTargets
+from pipeline.library.targets import PredictedTargets
 from pipeline.programs.points_file import as_csv
 
 NAMES = np.array(['P "1"', "tool, 2"], dtype=object)

@@ -22,17 +22,18 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.laws import Inputs, JointLaw
-from pipeline.geometry.random_curve import Curve
-from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.yielding import Virtual, balanced, carried_by, carried_on
+from pipeline.geometry.arm_weight import carried_by
+from pipeline.geometry.unloaded import reach
 from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import rotation_about, translation_along
 from pipeline.machine.robot.dh_parameters import DhParameter, changed, dh_parameters, twists
 from pipeline.machine.robot.weight import by_moments, carried, payload_torques, work
+from pipeline.positions.laws import Inputs, JointLaw
+from pipeline.positions.random_curve import Curve
+from pipeline.positions.readings import PositionReadings
+from pipeline.positions.yielding import Virtual, balanced, carried_on
 
 
 @dataclass(frozen=True, eq=False)
@@ -526,16 +527,6 @@ def _within(readings: PositionReadings) -> Array:
         mine = np.flatnonzero(readings.series == series)
         out[mine] = np.linspace(0.0, 1.0, len(mine)) if len(mine) > 1 else 0.0
     return out
-
-
-def reach(screws: Array, at: Array) -> Array:
-    """Motion of targets (m, t, 3) per unit of screws (m, k, 6), rows as in `Linear` (m, 6 t, k)."""
-    m, t, k = len(at), at.shape[1], screws.shape[1]
-    along = np.ascontiguousarray(np.swapaxes(screws, 1, 2))  # m, 6, k
-    out = np.empty((m, t, 6, k))
-    out[:, :, :3] = along[:, None, 3:] + linear.turning(at) @ along[:, None, :3]
-    out[:, :, 3:] = along[:, None, :3]
-    return out.reshape(m, 6 * t, k)
 
 
 def _of_tool(at: Array, turn: Array) -> Array:

@@ -10,6 +10,7 @@ more than several lengths l from all data, it is zero with standard uncertainty 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -130,3 +131,22 @@ def _knots(q: Array, spacing: float) -> tuple[float, float, int]:
     """First knot, spacing and number of knots over a range of values."""
     first = float(q.min()) - spacing
     return first, spacing, int(np.ceil((q.max() - first) / spacing)) + 2
+
+
+def between_knots(curves: Sequence[Curve], q: Array, Z: Array) -> tuple[Array, Ints]:
+    """Derivatives by the two knots of each curve, (m, r, 2 c), and these knots' indices, (m, 2 c).
+
+    Args:
+        curves: The c curves.
+        q: Joint values [m] or [rad], shape (m, n).
+        Z: Derivatives by motions of joints and bed, shape (m, r, n + 6).
+    """
+    K = np.empty((*Z.shape[:2], 2 * len(curves)))
+    at, before = np.empty((len(q), 2 * len(curves)), dtype=np.int64), 0
+    for k, curve in enumerate(curves):
+        knot, one, two = curve.between(q[:, curve.joint])
+        K[:, :, 2 * k] = Z[:, :, curve.screw] * one[:, None]
+        K[:, :, 2 * k + 1] = Z[:, :, curve.screw] * two[:, None]
+        at[:, 2 * k], at[:, 2 * k + 1] = before + knot, before + knot + 1
+        before += curve.count
+    return K, at

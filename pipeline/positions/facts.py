@@ -19,21 +19,19 @@ from pipeline.diagnosis.facts import (
     UnloadedFacts,
 )
 from pipeline.faults.mistake import Mistake
-from pipeline.geometry.catalogue_causes import CatalogueCause as Listed
-from pipeline.geometry.cross_validation import LeftOutGain as Worth
-from pipeline.geometry.cross_validation import Partition
-from pipeline.geometry.joint_laws import NamedLaw
-from pipeline.geometry.mechanism import placed
-from pipeline.geometry.scatter import START
-from pipeline.geometry.study import Study
+from pipeline.geometry.unloaded import START
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue
-from pipeline.machine.effects.unlisted import AMPLITUDE
+from pipeline.machine.effects.unlisted import AMPLITUDE, NAME
 from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.axes import alone
-
-UNLISTED = "unlisted_law"
+from pipeline.positions.catalogue_causes import CatalogueCause as Listed
+from pipeline.positions.cross_validation import LeftOutGain as Worth
+from pipeline.positions.cross_validation import Partition
+from pipeline.positions.joint_laws import NamedLaw
+from pipeline.positions.mechanism import placed
+from pipeline.positions.study import Study
 
 
 def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> Facts:
@@ -89,7 +87,7 @@ causes [1]."""
 
 _WRONG = 0.01
 """Deviation of a DH parameter from which on it is an error of the table [m or rad]: Nubiola and
-Bonev found at most 2 mm and mrad as delivered (`geometry.estimate.ROUGH`)."""
+Bonev found at most 2 mm and mrad as delivered (`positions.estimate.ROUGH`)."""
 
 
 def _entries(found: Study, robot: Robot) -> Iterator[FoundCause]:
@@ -203,7 +201,7 @@ def _effect(law: NamedLaw, robot: Robot, parameter: Parameter) -> Effect:
     slides = bool(robot.prismatic[law.joint - 1])
     variable = "position" if law.variable == "angle" and slides else law.variable
     return Effect(
-        name=UNLISTED,
+        name=NAME,
         where=law.joint,
         noun=noun,
         place="joint",

@@ -10,11 +10,11 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.bootstrap import interval
-from pipeline.geometry import law_tests, left_out
-from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.left_out import LeftOut
-from pipeline.geometry.mechanism import frame_of
-from pipeline.geometry.readings import PositionReadings
+from pipeline.positions import law_tests, left_out
+from pipeline.positions.calibrate import Calibration
+from pipeline.positions.left_out import LeftOut
+from pipeline.positions.mechanism import frame_of
+from pipeline.positions.readings import PositionReadings
 
 
 class Partition(StrEnum):

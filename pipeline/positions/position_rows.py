@@ -2,8 +2,8 @@
 
 The robot predicts every target from the joint values, to millimetres with its table as delivered;
 poses are decimetres apart, and wrong units metres. Each series is aligned with the robot as a rigid
-body by most of its rows (`geometry.initial`), so that up to half of them may be wrong; if more are,
-the order in which most of them fit is sought first.
+body by most of its rows (`initial.py`), so that up to half of them may be wrong; if more are, the
+order in which most of them fit is sought first.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from pipeline.faults.assignment import (
 from pipeline.faults.conventions import LOGGED, UNITS
 from pipeline.faults.exchanged import exchange_mistake
 from pipeline.faults.mistake import Mistake, length, lines_of
-from pipeline.geometry.initial import begin
-from pipeline.geometry.mechanism import ArmWeights, Mechanism, placed
-from pipeline.geometry.positioned import by_pose, weights_of
-from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import Robot, configure
+from pipeline.positions.initial import begin
+from pipeline.positions.mechanism import ArmWeights, Mechanism, placed
+from pipeline.positions.positioned import by_pose, weights_of
+from pipeline.positions.readings import PositionReadings
 from pipeline.readers.logs import AXES
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.settings import Settings

@@ -16,12 +16,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Ints
+from pipeline.geometry.arm_weight import carried_by
 from pipeline.machine.effect import Effect, Elastic, Loaded, Pulls
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects._anatomy import arm, turning
 from pipeline.machine.robot import Configuration, Robot
 from pipeline.machine.robot.rating import relative
-from pipeline.machine.robot.weight import link_moments, weighs, work
+from pipeline.machine.robot.weight import weighs, work
 
 _NAMES = {"rail_roll", "rail_pitch", "rail_yaw", "rail_lateral", "rail_vertical", "pedestal_tilt",
           "joint_tilt", "link_bending"}  # fmt: skip
@@ -233,14 +234,6 @@ _STEP = 1e-4
 """Relative step of a torque in the numerical slope of a law [1]."""
 
 
-def carried_by(screws: Array, carrier: Ints, unit: Array) -> Array:
-    """Torques about screws per mass and first moment of each link that they carry, (m, v, 4 n)."""
-    m, n = unit.shape[:2]
-    behind = np.arange(1, n + 1) >= carrier[:, None]
-    both = screws @ unit.reshape(m, 4 * n, 6).swapaxes(1, 2)
-    return np.asarray(both * np.repeat(behind, 4, axis=1))
-
-
 def _loaded(here: Configuration) -> Loaded:
     """A robot loaded by its weight only."""
     m = len(here.q)
@@ -266,34 +259,3 @@ def carried_on(
         at = np.einsum("mij,mtj->mti", R, at) + shift[:, None]
         turn = np.einsum("mij,mtjk->mtik", R, turn)
     return at, turn
-
-
-def usual(robot: Robot) -> tuple[Array, Array]:
-    """Usual masses [kg] and first moments [kg m] of links, with wide uncertainties.
-
-    If the robot file states them, the means are those. Otherwise an arm of six axes weighs some
-    five times its payload, mostly in the first three links (KUKA KR 500 and ABB IRB 6640, by their
-    data sheets), each centred between its axes.
-
-    Returns:
-        Mean and standard deviation, each of shape (n, 4).
-    """
-    turns = turning(robot)
-    share = np.zeros(robot.n)
-    share[np.array(turns) - 1] = _SHARE[: len(turns)]
-    mass = _ARM * (robot.payload_kg or _PAYLOAD_KG) * share
-    ends = np.array([*(step[:3, 3] for step in robot.placement[1:]), robot.flange[:3, 3]])
-    half = 0.5 * np.linalg.norm(ends, axis=1) + _WIDE_M
-    mean = np.column_stack([mass, 0.5 * mass[:, None] * ends])
-    std = np.column_stack([mass, *[mass * half] * 3])
-    return link_moments(robot) if weighs(robot) else mean, np.maximum(std, 1e-3)
-
-
-_ARM = 5.0
-"""Mass of an arm over its rated payload [1]: an estimate for machining robots."""
-_SHARE = np.array([0.3, 0.28, 0.3, 0.05, 0.04, 0.03, 0.01])
-_PAYLOAD_KG = 200.0
-"""Payload of a robot whose file states none [kg]: a medium one for machining robots."""
-_WIDE_M = 0.1
-"""Standard deviation of the distance of a link's centre of mass from the line between its
-axes [m]."""

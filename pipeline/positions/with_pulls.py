@@ -11,10 +11,16 @@ import scipy.linalg
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.base.tails import chi2_beyond
-from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.estimate import (
+from pipeline.geometry.arm_weight import usual
+from pipeline.machine.cell import Tool
+from pipeline.machine.effect import Elastic
+from pipeline.machine.positions_estimate import PositionsEstimate, soften
+from pipeline.machine.robot import configure
+from pipeline.machine.robot.weight import carried, work
+from pipeline.machine.stated_tool import StatedTool
+from pipeline.positions.calibrate import Calibration
+from pipeline.positions.estimate import (
     FIXED_SIGMA,
-    between_knots,
     by_a_factor,
     damping,
     determined_joints,
@@ -23,7 +29,7 @@ from pipeline.geometry.estimate import (
     rows,
     softened,
 )
-from pipeline.geometry.mechanism import (
+from pipeline.positions.mechanism import (
     ArmWeights,
     Mechanism,
     by_frame,
@@ -31,13 +37,8 @@ from pipeline.geometry.mechanism import (
     layout,
     linearised,
 )
-from pipeline.geometry.yielding import by_weight_alone, usual
-from pipeline.machine.cell import Tool
-from pipeline.machine.effect import Elastic
-from pipeline.machine.positions_estimate import PositionsEstimate, soften
-from pipeline.machine.robot import configure
-from pipeline.machine.robot.weight import carried, work
-from pipeline.machine.stated_tool import StatedTool
+from pipeline.positions.random_curve import between_knots
+from pipeline.positions.yielding import by_weight_alone
 from pipeline.reduction.bring import bring
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured

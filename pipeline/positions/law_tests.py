@@ -22,12 +22,12 @@ from scipy import sparse, special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry import random_curve
-from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.estimate import ReadRows
-from pipeline.geometry.laws import Inputs, JointLaw, LawVariable
-from pipeline.geometry.mechanism import frame_of
-from pipeline.geometry.readings import PositionReadings
+from pipeline.positions import random_curve
+from pipeline.positions.calibrate import Calibration
+from pipeline.positions.estimate import ReadRows
+from pipeline.positions.laws import Inputs, JointLaw, LawVariable
+from pipeline.positions.mechanism import frame_of
+from pipeline.positions.readings import PositionReadings
 from pipeline.system import alarms
 
 _ORDERS = np.arange(0.5, 130.01, 0.25)

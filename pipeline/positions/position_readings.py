@@ -15,9 +15,9 @@ from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
 from pipeline.faults.assignment import lines
 from pipeline.faults.mistake import Mistake, length, outlying
-from pipeline.faults.position_rows import PositionSheet, PositionTable, in_order, laid, since
-from pipeline.geometry.gross_errors import TableMistake
-from pipeline.geometry.study import BadReading, Study
+from pipeline.positions.gross_errors import TableMistake
+from pipeline.positions.position_rows import PositionSheet, PositionTable, in_order, laid, since
+from pipeline.positions.study import BadReading, Study
 
 _USUAL_LOSS = 1e-3
 """Fraction of readings that an unattended instrument loses [1]; up to it, outliers are left out and

@@ -20,16 +20,17 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
-from pipeline.geometry import law_tests
-from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.cross_validation import NO_GAIN, LeftOutGain, LeftOutPoses
-from pipeline.geometry.estimate import precision
-from pipeline.geometry.laws import JointLaw
-from pipeline.geometry.mechanism import Mechanism, layout
-from pipeline.geometry.yielding import LOADED, balanced, carried_by
+from pipeline.geometry.arm_weight import carried_by
 from pipeline.machine.effects._anatomy import rail, turning
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.weight import by_moments
+from pipeline.positions import law_tests
+from pipeline.positions.calibrate import Calibration
+from pipeline.positions.cross_validation import NO_GAIN, LeftOutGain, LeftOutPoses
+from pipeline.positions.estimate import precision
+from pipeline.positions.laws import JointLaw
+from pipeline.positions.mechanism import Mechanism, layout
+from pipeline.positions.yielding import LOADED, balanced
 from pipeline.system import alarms
 from pipeline.system.evidence import LEAST_EVIDENCE
 

@@ -15,14 +15,14 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.geometry import left_out
-from pipeline.geometry.initial import begin
-from pipeline.geometry.mechanism import ArmWeights, linearised
-from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.effects._anatomy import rail, turning
 from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.machine.robot.dh_parameters import DhParameter, all_letters, nominal
 from pipeline.machine.robot.variants import alike, counted_back, differing, turned, variants
+from pipeline.positions import left_out
+from pipeline.positions.initial import begin
+from pipeline.positions.mechanism import ArmWeights, linearised
+from pipeline.positions.readings import PositionReadings
 
 _GROSS_ERROR_M = 0.01
 """Median deviation of the targets from the nominal robot [m] below which no gross error is sought:

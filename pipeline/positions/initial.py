@@ -6,11 +6,11 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
-from pipeline.geometry.mechanism import Mechanism
-from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.machine.robot.weight import link_moments
+from pipeline.positions.mechanism import Mechanism
+from pipeline.positions.readings import PositionReadings
 
 _ROUNDS = 30
 """Number of reweighting iterations, enough for the weights of outliers to become negligible."""

@@ -9,7 +9,7 @@ estimated, too (MacKay, Neural Computation 4, 1992).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -19,11 +19,12 @@ from scipy import sparse
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.mechanism import Linear, Mechanism, Payloads, balances, layout
-from pipeline.geometry.random_curve import Curve
-from pipeline.geometry.scatter import PoseScatter
-from pipeline.geometry.yielding import sizes, usual
+from pipeline.geometry.arm_weight import usual
 from pipeline.machine.positions_estimate import soften
+from pipeline.positions.mechanism import Linear, Mechanism, Payloads, balances, layout
+from pipeline.positions.random_curve import Curve, between_knots
+from pipeline.positions.scatter import PoseScatter
+from pipeline.positions.yielding import sizes
 
 _DELIVERED_STD = {False: 1e-3, True: 1e-3}
 """Standard deviation of lengths [m] and angles [rad] of the DH parameters as delivered, where the
@@ -201,25 +202,6 @@ def rows(about: Linear, mechanism: Mechanism, scatter: PoseScatter) -> ReadRows:
     knots = sum(curve.count for curve in mechanism.curves)
     here = ReadRows(W @ D, K, at, knots, np.einsum("mij,mj->mi", W, y), W, L)
     return replace(here, y=here.y + here.along(mechanism.at(layout(mechanism))))
-
-
-def between_knots(curves: Sequence[Curve], q: Array, Z: Array) -> tuple[Array, Ints]:
-    """Derivatives by the two knots of each curve, (m, r, 2 c), and these knots' indices, (m, 2 c).
-
-    Args:
-        curves: The c curves.
-        q: Joint values [m] or [rad], shape (m, n).
-        Z: Derivatives by motions of joints and bed, shape (m, r, n + 6).
-    """
-    K = np.empty((*Z.shape[:2], 2 * len(curves)))
-    at, before = np.empty((len(q), 2 * len(curves)), dtype=np.int64), 0
-    for k, curve in enumerate(curves):
-        knot, one, two = curve.between(q[:, curve.joint])
-        K[:, :, 2 * k] = Z[:, :, curve.screw] * one[:, None]
-        K[:, :, 2 * k + 1] = Z[:, :, curve.screw] * two[:, None]
-        at[:, 2 * k], at[:, 2 * k + 1] = before + knot, before + knot + 1
-        before += curve.count
-    return K, at
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,15 +9,15 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry import law_tests, random_curve
-from pipeline.geometry.calibrate import Calibration, ModelStructure, calibrate, likeliest
-from pipeline.geometry.catalogue_causes import CatalogueCause, CatalogueLaw, causes, chances
-from pipeline.geometry.cross_validation import NO_GAIN, LeftOutGain, LeftOutPoses, Partition
-from pipeline.geometry.laws import JointLaw, LawKind, LawVariable
-from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout
-from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.scatter import PoseScatter
 from pipeline.machine.effects._anatomy import rail
+from pipeline.positions import law_tests, random_curve
+from pipeline.positions.calibrate import Calibration, ModelStructure, calibrate, likeliest
+from pipeline.positions.catalogue_causes import CatalogueCause, CatalogueLaw, causes, chances
+from pipeline.positions.cross_validation import NO_GAIN, LeftOutGain, LeftOutPoses, Partition
+from pipeline.positions.laws import JointLaw, LawKind, LawVariable
+from pipeline.positions.mechanism import ArmWeights, Mechanism, layout
+from pipeline.positions.readings import PositionReadings
+from pipeline.positions.scatter import PoseScatter
 from pipeline.system import alarms
 
 _HALF = 0.5

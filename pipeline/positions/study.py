@@ -17,9 +17,13 @@ from scipy.spatial.transform import Rotation
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.bootstrap import interval
-from pipeline.geometry import law_tests, left_out, outliers
-from pipeline.geometry.calibrate import Calibration, ModelStructure, likeliest, tried
-from pipeline.geometry.catalogue_causes import (
+from pipeline.geometry.arm_weight import usual
+from pipeline.machine.effects._anatomy import rail
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.weight import weighs
+from pipeline.positions import law_tests, left_out, outliers
+from pipeline.positions.calibrate import Calibration, ModelStructure, likeliest, tried
+from pipeline.positions.catalogue_causes import (
     OTHER_MASSES,
     CatalogueCause,
     CatalogueLaw,
@@ -27,23 +31,20 @@ from pipeline.geometry.catalogue_causes import (
     renewed,
     weight,
 )
-from pipeline.geometry.cross_validation import (
+from pipeline.positions.cross_validation import (
     LeftOutGain,
     LeftOutPoses,
     Partition,
     distances,
     partings,
 )
-from pipeline.geometry.gross_errors import TableMistake, corrected
-from pipeline.geometry.initial import begin
-from pipeline.geometry.joint_laws import LawSearchData, NamedLaw, NamedModel, with_laws
-from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout, linearised
-from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.scatter import start
-from pipeline.geometry.yielding import balanced, other_forms, usual, yielding
-from pipeline.machine.effects._anatomy import rail
-from pipeline.machine.robot import Robot
-from pipeline.machine.robot.weight import weighs
+from pipeline.positions.gross_errors import TableMistake, corrected
+from pipeline.positions.initial import begin
+from pipeline.positions.joint_laws import LawSearchData, NamedLaw, NamedModel, with_laws
+from pipeline.positions.mechanism import ArmWeights, Mechanism, layout, linearised
+from pipeline.positions.readings import PositionReadings
+from pipeline.positions.scatter import start
+from pipeline.positions.yielding import balanced, other_forms, yielding
 from pipeline.system import alarms
 
 _ROUNDS = 10

@@ -19,11 +19,11 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.estimate import ReadRows, rows, solved
-from pipeline.geometry.left_out import distances
-from pipeline.geometry.mechanism import ArmWeights, Linear, linearised
-from pipeline.geometry.readings import PositionReadings
+from pipeline.positions.calibrate import Calibration
+from pipeline.positions.estimate import ReadRows, rows, solved
+from pipeline.positions.left_out import distances
+from pipeline.positions.mechanism import ArmWeights, Linear, linearised
+from pipeline.positions.readings import PositionReadings
 from pipeline.system import alarms
 from pipeline.system.simultaneous import chance
 

@@ -14,11 +14,11 @@ from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain
 from pipeline.base.shown import typed
 from pipeline.faults.mistake import Mistake
-from pipeline.faults.position_rows import PositionSheet, position_rows
-from pipeline.geometry.initial import begin
-from pipeline.geometry.left_out import distances
-from pipeline.geometry.mechanism import linearised
-from pipeline.geometry.positioned import Positioned, as_read, usable
+from pipeline.positions.initial import begin
+from pipeline.positions.left_out import distances
+from pipeline.positions.mechanism import linearised
+from pipeline.positions.position_rows import PositionSheet, position_rows
+from pipeline.positions.positioned import Positioned, as_read, usable
 from pipeline.store.campaign import Raw
 
 _FAR_M = 0.02

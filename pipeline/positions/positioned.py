@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.errors import InputError, listed
-from pipeline.geometry.mechanism import ArmWeights, Payloads
-from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import Robot
+from pipeline.positions.mechanism import ArmWeights, Payloads
+from pipeline.positions.readings import PositionReadings
 from pipeline.readers.logs import AXES, TARGET, TURNS, Log, joint_values, positions
 from pipeline.reduction.limits import LEEWAY
 from pipeline.reduction.settings import PositionsSettings, Settings

@@ -13,10 +13,10 @@ from scipy.spatial import cKDTree
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.calibrate import Calibration
-from pipeline.geometry.estimate import FIXED_SIGMA, ReadRows, factored, padded, precision
-from pipeline.geometry.mechanism import frame_of
-from pipeline.geometry.readings import PositionReadings
+from pipeline.positions.calibrate import Calibration
+from pipeline.positions.estimate import FIXED_SIGMA, ReadRows, factored, padded, precision
+from pipeline.positions.mechanism import frame_of
+from pipeline.positions.readings import PositionReadings
 
 PARTS = 10
 """Number of parts into which the poses are divided."""

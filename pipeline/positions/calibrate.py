@@ -10,8 +10,11 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
-from pipeline.geometry import random_curve
-from pipeline.geometry.estimate import (
+from pipeline.geometry.arm_weight import usual
+from pipeline.machine.effect import Elastic
+from pipeline.machine.robot import Robot
+from pipeline.positions import random_curve
+from pipeline.positions.estimate import (
     FIXED_SIGMA,
     Posterior,
     Prior,
@@ -27,13 +30,10 @@ from pipeline.geometry.estimate import (
     rows,
     solved,
 )
-from pipeline.geometry.laws import JointLaw
-from pipeline.geometry.mechanism import ArmWeights, Linear, Mechanism, layout, linearised
-from pipeline.geometry.readings import PositionReadings
-from pipeline.geometry.scatter import PoseScatter
-from pipeline.geometry.yielding import usual
-from pipeline.machine.effect import Elastic
-from pipeline.machine.robot import Robot
+from pipeline.positions.laws import JointLaw
+from pipeline.positions.mechanism import ArmWeights, Linear, Mechanism, layout, linearised
+from pipeline.positions.readings import PositionReadings
+from pipeline.positions.scatter import PoseScatter
 
 _SETTLED, _MOST = 8, 14
 """Numbers of linearisations: those that re-estimate scatter and prior scales, maximum. The product

@@ -16,12 +16,9 @@ from scipy import optimize
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
-from pipeline.geometry.mechanism import Linear
+from pipeline.geometry.unloaded import START
 from pipeline.machine.robot import Robot
-
-START = {True: 5e-5, False: 1e-4}
-"""Initial standard deviation of the unmodelled error of a sliding joint [m] and of a rotary
-one [rad]."""
+from pipeline.positions.mechanism import Linear
 
 _NOISE = (3e-5, 5e-5)
 """Initial noise of positions [m] and rotations [rad]."""
