@@ -663,13 +663,14 @@ def _odds(
 def _by_data(task: SearchTask, now: Scores, causes: Sequence[int], logs: Array) -> Array:
     """Log evidence of causes, those that are one with the likeliest by likelihood alone.
 
-    With as many unknowns and 1 - T / T_best < t^2, T their drops and t the tolerance of both laws,
-    their effects differ by less than either is known to.
+    With as many unknowns and 1 - T / T_best < t^2, T their drops and t the smaller tolerance, their
+    effects differ by less than both are known to; only where both sizes are possible.
     """
     first, drop = causes[int(np.argmax(compared(logs)))], now.drop[list(causes)]
     known = np.array([task.suspects[i].tolerance for i in causes])
-    known = np.maximum(known, task.suspects[first].tolerance)
+    known = np.minimum(known, task.suspects[first].tolerance)
     one = (now.rank[list(causes)] == now.rank[first]) & (drop > (1 - known**2) * now.drop[first])
+    one &= [bool(near) and _possible(task, now, i) for near, i in zip(one, causes, strict=True)]
     gain = -0.5 * now.dof * np.log1p(-np.minimum(drop / now.rest, 1 - ROUNDING))
     likely = logs.max() + gain - gain[list(causes).index(first)]
     return np.where(one, np.maximum(logs, likely), logs)

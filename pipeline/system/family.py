@@ -273,7 +273,7 @@ def family(seen: Array, pose: Ints, paper: bool) -> tuple[Family, Array]:
     """
     tried = _tried(paper)
     own = (seen @ tried.reshape(-1, seen.shape[1]).T).T.reshape(*tried.shape[:2], len(seen))
-    of = np.eye(int(pose.max()) + 1)[pose]
+    of = np.eye(int(pose.max(initial=-1)) + 1)[pose]
     each = np.array([[_logs(own, odd, b, of) for odd in _odd(seen)] for b in _MISTAKES])
     each += np.log(_ALIKE)[:, None, None]
     logs = special.logsumexp(each, axis=(0, 1)) - np.log(len(_MISTAKES))  # (f, scales)

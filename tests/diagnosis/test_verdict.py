@@ -246,13 +246,17 @@ def test_what_fits_only_at_an_impossible_size_is_said_to():
 
 
 def test_only_what_is_likeliest_in_a_place_is_impossible_there():
-    """Rejected labels that another cause beats are not reported."""
+    """Rejected labels that another cause beats are not reported, nor what was accepted later."""
     likely, other = Replacement("a", 0, 0.9), Replacement("b", 1, 0.1)
-    found = SimpleNamespace(rivals=((likely, other),), single=(), refused=("a", "b"))
-    case = SimpleNamespace(suspects=("effect a", "effect b"))
+    a, b = SimpleNamespace(label="a"), SimpleNamespace(label="b")
+    case = SimpleNamespace(suspects=(a, b))
 
-    assert _refused(case, found) == ("effect a",)
-    assert _refused(case, SimpleNamespace(rivals=(), single=(other,), refused=("b",))) == ()
+    def found(rivals=(), single=(), accepted=()):
+        return SimpleNamespace(rivals=rivals, single=single, refused=("a", "b"), accepted=accepted)
+
+    assert _refused(case, found(((likely, other),))) == (a,)
+    assert _refused(case, found(single=(other,))) == ()
+    assert _refused(case, found(((likely, other),), accepted=(0,))) == ()
 
 
 def test_a_cause_needs_a_certain_gain_where_nobody_knows_the_scatter():

@@ -12,7 +12,6 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from conftest import without_pages
-from first_poses import written
 from openpyxl import load_workbook
 
 from bench.bench_query import copies, queries
@@ -33,7 +32,7 @@ NAMES = ["first", "b", "=c"]
 def finished(tmp_path_factory):
     """One campaign that was computed, and two with other numbers."""
     root = tmp_path_factory.mktemp("finished")
-    written(root / "data" / "raw" / "first")
+    shutil.copytree(KEPT, root / "data" / "raw" / "first")
     campaign = find(root, "first")
     with without_pages():
         run(campaign)

@@ -62,6 +62,12 @@ class Bucket:
     def __init__(self, content, put):
         self.content, self.put = content, put
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        """Nothing was opened."""
+
     def marks(self):
         """Size and time of each."""
         return {name: (len(data), self.put) for name, data in self.content.items()}
@@ -76,7 +82,7 @@ def test_an_object_that_may_still_change_is_read_again(tmp_path, monkeypatch, ag
     """Two uploads in one second have one size and one time; an old object is read once."""
     put = float(int(time.time())) - age_s
     bucket = Bucket({"a/campaign.toml": b"x = 1", "a/loads.csv": b"100"}, put)
-    monkeypatch.setattr(sync, "Store", lambda url: bucket)
+    monkeypatch.setattr(sync, "Afar", lambda url: bucket)
     where = Storage(raw="s3://robots/raw")
     assert sync.fetch(tmp_path, where) == []
     bucket.content["a/loads.csv"] = b"200"
