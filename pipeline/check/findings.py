@@ -91,17 +91,8 @@ def growth_findings(residuals: contract.BaseResiduals | None) -> list[str]:
         return []
     seen = f"{with_std(1e3 * grown.seen, 1e3 * grown.seen_std)} mm per metre"
     if grown.expected is None:
-        if grown.probability < 0.5:  # it weighs next to nothing in the registration
-            return []
-        sure = "> 99.9" if grown.probability > 0.999 else f"{100 * grown.probability:.3g}"
-        warm = abs(grown.seen) < _APART * grown.expected_std  # else no hall is so warm, or so cold
-        advice = "state temperature_c" if warm else "check the tracker against a reference length"
-        return [
-            "The base reflectors differ from [base_frame] by a common scale factor, longer by "
-            f"{seen}, as steel {'' if warm else 'would be only '}at "
-            f"{REFERENCE_C + grown.seen / STEEL:.1f} °C (probability {sure} %): this is corrected; "
-            f"{advice}, or measure [base_frame] again."
-        ]
+        # of little probability it weighs next to nothing in the registration
+        return [_corrected(grown, seen)] if grown.probability >= 0.5 else []
     if abs(grown.seen - grown.expected) < _APART * np.hypot(grown.seen_std, grown.expected_std):
         return []
     return [
@@ -110,6 +101,20 @@ def growth_findings(residuals: contract.BaseResiduals | None) -> list[str]:
         f"by its reflectors by {seen}: the export may be compensated already, or [base_frame] was "
         f"measured at the same temperature."
     ]
+
+
+def _corrected(grown: contract.Growth, seen: str) -> str:
+    """That the base frame has another length than stated, `seen` of its own, and is corrected."""
+    assert grown.seen is not None
+    sure = "> 99.9" if grown.probability > 0.999 else f"{100 * grown.probability:.3g}"
+    warm = abs(grown.seen) < _APART * grown.expected_std  # else no hall is so warm, or so cold
+    advice = "state temperature_c" if warm else "check the tracker against a reference length"
+    return (
+        "The base reflectors differ from [base_frame] by a common scale factor, longer by "
+        f"{seen}, as steel {'' if warm else 'would be only '}at "
+        f"{REFERENCE_C + grown.seen / STEEL:.1f} °C (probability {sure} %): this is corrected; "
+        f"{advice}, or measure [base_frame] again."
+    )
 
 
 def registration_findings(

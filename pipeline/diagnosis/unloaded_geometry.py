@@ -54,6 +54,7 @@ from pipeline.machine.effects import (
     table,
     target_moved,
 )
+from pipeline.machine.robot import Robot
 from pipeline.machine.robot.dh_parameters import changed
 from pipeline.machine.robot.weight import weighs
 from pipeline.reduction.measured import Measured
@@ -528,11 +529,7 @@ def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, M
     table, slips = zeros.at_end @ x, np.zeros(cell.robot.n)
     np.add.at(slips, [one.joint - 1 for one in zeros.letters], table - x[zeros.columns.table])
     robot = changed(cell.robot, zeros.letters, table)
-    q, delta = data.pulls.q, data.delta[:, None]
-    for one in found.causes:
-        for facet in one.effect.facets:
-            if isinstance(facet, Geometry) and one.effect.name == "gravity_sag":
-                q = facet.geometry(zeros.robot, data.pulls, one.value)
+    q, delta = _sagged(zeros.robot, data.pulls, found), data.delta[:, None]
     pulls = zeros.as_changed(replace(data.pulls, q=q - slips), x)
     turn = x[zeros.columns.loose]
     for effect in base_rotation.effects(cell.robot):
@@ -545,6 +542,16 @@ def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, M
         pulls = replace(pulls, force=pulls.force - np.cross(turns, pulls.pulled * pulls.force))
         delta = delta - np.cross(turns[data.pull][:, None], delta)
     return replace(cell, robot=robot), replace(data, pulls=pulls, delta=delta[:, 0])
+
+
+def _sagged(robot: Robot, pulls: Pulls, found: UnloadedFacts) -> Array:
+    """Joint values of each pull as they are under the arm's own weight, (m, n)."""
+    q = pulls.q
+    for one in found.causes:
+        for facet in one.effect.facets:
+            if isinstance(facet, Geometry) and one.effect.name == "gravity_sag":
+                q = facet.geometry(robot, pulls, one.value)
+    return q
 
 
 def _bumps(zeros: Unloaded, x: Array, pulls: Pulls) -> Iterator[Array]:
