@@ -29,6 +29,8 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     "design/plan_figures.py": ("pose_picture", "_view"),
     "design/plan_sheet.py": (),
     "faults/*.py": (),
+    "positions/position_readings.py": (),
+    "positions/position_rows.py": (),
     "machine/effect.py": ("in_place",),
     "machine/effects/[!nu]*.py": (),
     "machine/effects/noise.py": (),
