@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.base.quantities import plain
+from pipeline.base.quantities import plain, with_std
 from pipeline.base.tails import chi2_beyond
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import symbol
@@ -584,8 +584,8 @@ def _told(which: str, gain: bool, off: float, std: float, mean: float) -> str:
     """
     per, unit = ((mean - off) / 100, "%") if gain else (1.0, "N")
     size, within = plain(abs(off) / per, 3), plain(std / per, 2)
-    by = f"are {size} {unit} +- {within} {unit} too large"
-    by = by if off > 0 else f"are {size} {unit} +- {within} {unit} too small"
+    by = f"are {size} {unit} ± {within} {unit} too large"
+    by = by if off > 0 else f"are {size} {unit} ± {within} {unit} too small"
     sigmas = apart(abs(off) / std)
     if gain:
         return f"{which} {by}, all in proportion, {sigmas}: the scale had another gain there"
@@ -616,7 +616,7 @@ def _finding(
     return outlying(
         where,
         f"the reading {where} (line {row['line']}) says {text}{shown:.6g} {as_shown}, and "
-        f"all other pulls agree with {agreed:.6g} +- {within:.2g} {as_shown}, "
+        f"all other pulls agree with {with_std(agreed, within)} {as_shown}, "
         f"{sigmas:.0f} standard deviations away{meant}",
         "recomputed without this pull",
         before=sigmas,

@@ -147,7 +147,7 @@ def test_what_the_model_misses_makes_the_reading_that_fits_less_certain():
     (found,) = scale_reading.FAULT.find(asked(typed(given, 5, 2, lambda f: 10 * f)))
 
     fits, std = (
-        float(part.split()[0]) for part in found.evidence.split("agree with ")[1].split("+- ")
+        float(part.split()[0]) for part in found.evidence.split("agree with ")[1].split("± ")
     )
     assert std == pytest.approx(freed(clean).N[9, 0, 0] ** -0.5 * np.sqrt(ratio), rel=0.2)
     assert abs(fits - force) < 3 * std
@@ -167,7 +167,7 @@ def test_a_mistyped_reading_is_found_with_what_it_should_be(case, factor):
     std = freed(asked(case)).N[9, 0, 0] ** -0.5
     assert found.size == pytest.approx(abs(factor - 1) * force, abs=4 * std)
     assert found.before == pytest.approx(found.size / std, rel=0.02)
-    told = float(found.evidence.split(" +- ")[1].split()[0])
+    told = float(found.evidence.split(" ± ")[1].split()[0])
     assert told == pytest.approx(std, rel=0.06)
     assert found.p_value < alarms.READING
     right = found.correct(wrong)
@@ -221,7 +221,7 @@ def test_a_scale_that_was_not_zeroed_in_a_pose(case, zeros):
     assert [one.where for one in found] == [f"loads.csv pose{k:02d}" for k in zeros]
     for one, (k, size) in zip(found, zeros.items(), strict=True):
         assert one.at == lines_of(case.loads[pose == k])
-        told, within = one.evidence.split(" are ")[1].split(" N too ")[0].split(" N +- ")
+        told, within = one.evidence.split(" are ")[1].split(" N too ")[0].split(" N ± ")
         assert float(told) == pytest.approx(abs(size), abs=4 * float(within))
         assert (" too large" in one.evidence) is (size > 0)
         assert set(one.correct(wrong).loads["pose"]) == set(pose) - {k}
@@ -417,7 +417,7 @@ def test_a_scale_is_as_sure_of_the_right_reading_as_it_states():
     (found,) = scale_reading.FAULT.find(asked(wrong))
 
     std = freed(asked(case)).N[9, 0, 0] ** -0.5
-    told = float(found.evidence.split(" +- ")[1].split()[0])
+    told = float(found.evidence.split(" ± ")[1].split()[0])
     assert told == pytest.approx(std, rel=0.06)
     assert std > 30.0
 
