@@ -158,7 +158,7 @@ class _Errors(Locked):
 
 def _in_proportion(read: Array, pulled: Bools) -> Array:
     """Error of each reading per newton of the mean reading of the pulls [1], shape (m,)."""
-    return np.asarray(read / read[pulled].mean())
+    return np.asarray(read / read[pulled].mean() if pulled.any() else read)
 
 
 @dataclass(frozen=True, eq=False)

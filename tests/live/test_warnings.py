@@ -112,7 +112,7 @@ def test_a_tracker_that_wanders_is_told_and_nobody_blames_the_robot(wandering):
     """Each state is displaced by a further random step of 0.04 mm per axis."""
     said = warned(load_campaign(wandering(10), name="hall"))
 
-    assert any(one.startswith("Tracker wander") and "read each zero" in one for one in said)
+    assert any(one.startswith("Tracker wander") and "read each zero" in one for one in said), said
     assert not any("robot" in one for one in said)
 
 

@@ -437,7 +437,7 @@ SLIPS = {
     "another payload": ("payloads", "loads.csv", b"\n4,1,light", b"\n4,1,heavy", "heavy", "N"),
     "F_b upside down": (
         "weights", "campaign.toml", b"[joints]", b"[gravity]\ndirection = [0, 0, 1]\n\n[joints]",
-        "move against the force", "reversed",
+        "move against them", "pull the other way",
     ),
 }  # fmt: skip
 
