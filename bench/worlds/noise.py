@@ -71,30 +71,6 @@ class Bursts:
 
 
 @dataclass(frozen=True)
-class Spells:
-    """Larger noise for some minutes, as of vibration or a draught, at random times.
-
-    Attributes:
-        every: Mean time from one spell to the next [min].
-        minutes: How long each lasts [min].
-        times: Factor of the noise.
-    """
-
-    every: float = 60.0
-    minutes: float = 4.0
-    times: float = 5.0
-
-    def __call__(self, hours: Array, at: Array, rng: np.random.Generator) -> Array:
-        """Errors [m]."""
-        time = 60 * (hours - hours[0])
-        begun = rng.uniform(0, time[-1], rng.poisson(time[-1] / self.every))
-        since = time[:, None] - begun
-        wide = np.any((since >= 0) & (since < self.minutes), axis=1)
-        errors = White()(hours, at, rng)
-        return np.asarray(errors * np.where(wide, self.times, 1.0)[:, None])
-
-
-@dataclass(frozen=True)
 class Polar:
     """A tracker by its data sheet: range and angles, e = d u + r (across, two axes); m and m/m.
 

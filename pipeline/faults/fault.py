@@ -129,13 +129,14 @@ class Screening:
         """Whether an outlying reading is a blunder rather than part of the noise's tails.
 
         The tails are estimated from all readings, outliers included: otherwise outliers removed one
-        by one would soon leave no tail. Every family counts by its probability.
+        by one would soon leave no tail. If the stated noise is likelier, it is used: uncertainty
+        about the tails must not excuse a reading that is far off.
         """
         if one.rivalled and not self.beside_causes:
             return False
         return (
             not one.may_be_noise
-            or self.family.mistaken(one.before**2, one.axes) > _BLUNDER_PROBABILITY
+            or self.family.rather.mistaken(one.before**2, one.axes) > _BLUNDER_PROBABILITY
         )
 
     @cached_property

@@ -6,9 +6,6 @@ A reading's error is normal with covariance lambda C, C the stated one, lambda i
     Eq. (18): lambda = 3 Beta(1/2, 1) s^2              bursts:  lambda = s^2, or k^2 s^2 in a part
     blunder:  log lambda uniform, in an unknown fraction
 
-A noisy spell of some minutes (vibration, a draught) has its bursts in part of the poses: there each
-reading is in a burst or not, in all others none is.
-
 (Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989: Student's t as a mixture; Tukey, A survey
 of sampling from contaminated distributions, 1960, for bursts; Box and Tiao, Biometrika 55, 1968,
 for blunders). The estimate of a reading's error from the other readings, x ~ N(0, lambda I + S),
@@ -26,17 +23,16 @@ from functools import cache
 import numpy as np
 from scipy import special
 
-from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.arrays import Array, Locked
 from pipeline.system.odds import DECIDES
 
 FREEDOM = (3.0, 4.0, 5.0, 7.0, 10.0, 15.0)
 """Trial degrees of freedom of Student's distribution; more look normal in any campaign."""
 
-BURSTS = ((0.03, 3.0, 1.0), (0.03, 5.0, 1.0), (0.1, 3.0, 1.0), (0.04, 5.0, 0.1))
-"""Trial triples: fraction of the readings in bursts, their width relative to the others, and the
-fraction of the poses in which they occur. Noise is bounded: no trial law has more than
-`FAILED_LOCKS` of its readings beyond `FAR_OFF` times the width of its core. What a campaign holds
-beyond that are mistakes."""
+BURSTS = ((0.03, 3.0), (0.03, 5.0), (0.1, 3.0))
+"""Trial pairs: fraction of the readings in bursts, and their width relative to the others.  Noise
+is bounded: no trial law has more than `FAILED_LOCKS` of its readings beyond `FAR_OFF` times the
+width of its core. What a campaign holds beyond that are mistakes."""
 
 FAR_OFF = 10.0
 """Distance from which a reading is far off, in widths of the core [1]: never reached by a normal
@@ -45,14 +41,10 @@ one."""
 FAILED_LOCKS = 0.013
 """Maximum fraction of readings that an instrument in order produces so far off [1]: of 1000 rows of
 a published stationary series of an absolute tracker 13 are farther off, and these are failed locks.
-Student's with 3 degrees of freedom gives 0.8 %, bursts five times as wide 0.8 %, noisy poses
-1.0 %."""
+Student's with 3 degrees of freedom gives 0.8 %, bursts five times as wide 0.8 %."""
 
 _FAMILIES = 1 + len(FREEDOM) + len(BURSTS)
 """Number of families: the stated one, Student's and bursts, in this order."""
-
-_POSES = np.append(np.ones(1 + len(FREEDOM)), [poses for *_, poses in BURSTS])
-"""Fraction of the poses in which each family is wider than the stated one, shape (f,)."""
 
 _OTHER = 0.0045
 """Prior probability of each other family [1]: an assumption, like every prior, by which about one
@@ -139,6 +131,17 @@ class Family(Locked):
         return float(self.weight[1:].sum())
 
     @property
+    def likely_heavy(self) -> bool:
+        """Whether tails heavier than stated are more likely than not."""
+        return self.heavy > PRESENT
+
+    @property
+    def rather(self) -> Family:
+        """This family if heavier tails are more likely than not, else the stated one."""
+        stated = np.eye(len(self.weight))[0]
+        return self if self.likely_heavy else replace(self, weight=stated)
+
+    @property
     def freedom(self) -> float:
         """Degrees of freedom of the likeliest Student distribution."""
         return FREEDOM[int(np.argmax(self.weight[1 : 1 + len(FREEDOM)]))]
@@ -188,8 +191,8 @@ class Family(Locked):
         odd = np.einsum("fw,wfk->fk", self.reach, _blunders(self.log_scale))
         return (1 - part) * _bulks(self.log_scale, self.paper), part * odd
 
-    def away(self, distance: float, others: Array) -> tuple[Array, Array]:
-        """Mean probability of readings this far off where a family is wide, mistakes excluded.
+    def away(self, distance: float, others: Array) -> Array:
+        """Mean probability of readings this far off, mistakes excluded, shape (f,).
 
         x ~ N(0, lambda + S) in each coordinate, its squares over max(1, S) summed. Only families
         with a weight of at least a hundredth are returned.
@@ -197,15 +200,11 @@ class Family(Locked):
         Args:
             distance: In standard uncertainties [1].
             others: Variance S of each reading's prediction from the others, shape (n, 3).
-
-        Returns:
-            It, and the fraction of the poses in which each family is wide, shape (f,).
         """
         unit = np.maximum(others, 1.0)
         widest = ((np.exp(_GRID)[:, None, None] + others) / unit).max(axis=2)
         each = special.chdtrc(3, distance**2 / widest).mean(axis=1)
-        likely = self.weight >= _COUNTS
-        return (_bulks(self.log_scale, self.paper, True) @ each)[likely], _POSES[likely]
+        return (_bulks(self.log_scale, self.paper) @ each)[self.weight >= _COUNTS]
 
     @property
     def width(self) -> float:
@@ -216,26 +215,25 @@ class Family(Locked):
         """The same family relative to the stated noise; the noise in use was `used` times that."""
         return replace(self, log_scale=self.log_scale + 2 * np.log(used))
 
-    def drawn(self, pose: Ints, draws: int, rng: np.random.Generator) -> Array:
-        """Random lambda of readings of these poses (n,), blunders excluded, shape (n, draws)."""
-        shape = len(pose), draws
-        which = rng.choice(len(self.weight), shape, p=self.weight)
-        out = 3 * rng.beta(0.5, 1.0, shape) if self.paper else np.ones(shape)
+    def drawn(self, n: int, rng: np.random.Generator) -> Array:
+        """Random lambda of n readings, blunders excluded."""
+        which = rng.choice(len(self.weight), n, p=self.weight)
+        out = 3 * rng.beta(0.5, 1.0, n) if self.paper else np.ones(n)
         for k, nu in enumerate(FREEDOM, 1):
             of = which == k
             out[of] *= nu / rng.chisquare(nu, int(of.sum()))
-        for k, (part, width, poses) in enumerate(BURSTS, 1 + len(FREEDOM)):
-            wide = (rng.random((int(pose.max()) + 1, draws)) < poses)[pose]
-            wide &= (rng.random(shape) < part / poses) & (which == k)
-            out[wide] *= width**2
+        for k, (part, width) in enumerate(BURSTS, 1 + len(FREEDOM)):
+            of = which == k
+            out[of] *= np.where(rng.random(int(of.sum())) < part, width**2, 1.0)
         return out * np.exp(self.log_scale[which])
 
 
 def _posterior_mean(found: Family, seen: Array) -> Array:
     """Posterior mean of each reading's lambda, with `seen` as from `likelihood`, (n,)."""
-    law = np.add(*found._laws)
-    mean = (seen @ (law * np.exp(_GRID)).T) / (seen @ law.T)
-    return np.asarray(mean @ found.weight)
+    own, odd = found._laws
+    joint = seen[None] * (own + odd)[:, None, :]
+    mean = (joint @ np.exp(_GRID)) / joint.sum(axis=2)
+    return np.asarray(found.weight @ mean)
 
 
 def likelihood(square: Array, variance: Array, now: Array) -> Array:
@@ -256,11 +254,8 @@ def likelihood(square: Array, variance: Array, now: Array) -> Array:
     return np.asarray(np.exp(out - out.max(axis=1, keepdims=True)))
 
 
-def family(seen: Array, pose: Ints, paper: bool) -> tuple[Family, Array]:
+def family(seen: Array, paper: bool) -> tuple[Family, Array]:
     """Estimate the family from the readings, and each reading's lambda.
-
-    L = prod_p (1 - u) prod_i L_stated + u prod_i L_family, p the poses, i their readings and u the
-    fraction of the poses in which the family is wide.
 
     p = P[chi2(1) > 2 (L_Student - L_stated)] / 2, L the log likelihoods at their best scale and
     freedom: 1 / nu is at the end of its range under the null (Self and Liang, J. Am. Stat. Assoc.
@@ -268,13 +263,11 @@ def family(seen: Array, pose: Ints, paper: bool) -> tuple[Family, Array]:
 
     Args:
         seen: `likelihood` of every reading, shape (n, K).
-        pose: Number of its pose, shape (n,).
         paper: Whether the stated family is that of Eq. (18).
     """
     tried = _tried(paper)
     own = (seen @ tried.reshape(-1, seen.shape[1]).T).T.reshape(*tried.shape[:2], len(seen))
-    of = np.eye(int(pose.max(initial=-1)) + 1)[pose]
-    each = np.array([[_logs(own, odd, b, of) for odd in _odd(seen)] for b in _MISTAKES])
+    each = np.array([[_logs(own, odd, b) for odd in _odd(seen)] for b in _MISTAKES])
     each += np.log(_ALIKE)[:, None, None]
     logs = special.logsumexp(each, axis=(0, 1)) - np.log(len(_MISTAKES))  # (f, scales)
     best = logs.max(axis=1)
@@ -295,19 +288,16 @@ def family(seen: Array, pose: Ints, paper: bool) -> tuple[Family, Array]:
 
 @cache
 def _tried(paper: bool) -> Array:
-    """`_bulks` where it is wide at every scale, shape (f, widths, K)."""
-    return np.stack([_bulks(np.full(_FAMILIES, scale), paper, True) for scale in _WIDTHS], axis=1)
+    """`_bulks` at every scale, shape (f, widths, K)."""
+    return np.stack([_bulks(np.full(_FAMILIES, scale), paper) for scale in _WIDTHS], axis=1)
 
 
-def _bulks(log_scale: Array, paper: bool, within: bool = False) -> Array:
-    """Probability of each log lambda under each family, blunders excluded, shape (f, K).
-
-    Of all readings, or `within` the poses where it is wide.
-    """
+def _bulks(log_scale: Array, paper: bool) -> Array:
+    """Probability of each log lambda under each family, blunders excluded, shape (f, K)."""
     scale = iter(log_scale.tolist())
     stated = [_stated(next(scale), paper)]
     student = [_student(nu, next(scale), paper) for nu in FREEDOM]
-    bursts = [_bursts(law, next(scale), paper, within) for law in BURSTS]
+    bursts = [_bursts(part, width, next(scale), paper) for part, width in BURSTS]
     return np.stack([*stated, *student, *bursts])
 
 
@@ -320,9 +310,8 @@ def _stated(log_scale: float, paper: bool) -> Array:
     return np.eye(len(_GRID))[at]
 
 
-def _bursts(law: tuple[float, float, float], log_scale: float, paper: bool, within: bool) -> Array:
+def _bursts(part: float, width: float, log_scale: float, paper: bool) -> Array:
     """The same where a part of the readings is wider."""
-    part, width = law[0] / (law[2] if within else 1.0), law[1]
     wide = _stated(log_scale + 2 * np.log(width), paper)
     return (1 - part) * _stated(log_scale, paper) + part * wide
 
@@ -362,14 +351,9 @@ def _odd(seen: Array) -> Iterator[Array]:
         yield (summed[end] - summed[start]) * _STEP / reach
 
 
-def _logs(own: Array, odd: Array, part: float, pose: Array) -> Array:
-    """Log likelihood of all readings, a fraction `part` of them mistakes, shape (f, scales).
-
-    `pose` has a 1 for each reading in the column of its pose, shape (n, p).
-    """
-    each = np.log((1 - part) * own + part * odd + 1e-300) @ pose
-    wide = _POSES[:, None, None]
-    return np.logaddexp(np.log(wide) + each, np.log(1 - wide + 1e-300) + each[:1]).sum(axis=2)
+def _logs(own: Array, odd: Array, part: float) -> Array:
+    """Log likelihood of all readings, a fraction `part` of them mistakes, shape (f, scales)."""
+    return np.asarray(np.log((1 - part) * own + part * odd + 1e-300).sum(axis=2))
 
 
 def _normed(share: Array) -> Array:

@@ -85,7 +85,7 @@ class NoiseShape(Locked):
     @property
     def likely(self) -> bool:
         """Whether heavier tails, or a wander, are more likely than not."""
-        return self.family.heavy > PRESENT or self.wander.probability > PRESENT
+        return self.family.likely_heavy or self.wander.probability > PRESENT
 
     @property
     def wide_m(self) -> float:
@@ -238,8 +238,7 @@ def _tails(
         readings = ReadingsOfRows.of(data, beyond.white)
     for turn in range(rounds):
         square, spread, good = estimates(beyond.base, readings)
-        pose = readings.blocks.index[good]
-        told, mean = family(likelihood(square, spread, variance)[good], pose, data.paper)
+        told, mean = family(likelihood(square, spread, variance)[good], data.paper)
         first = found if turn else told
         found = replace(told, p_value=first.p_value, profile=first.profile, widest=parts.widest)
         before, variance = variance, np.ones(len(variance))
@@ -292,8 +291,9 @@ def goodness(system: System, found: NoiseShape, rng: np.random.Generator) -> Goo
     if base.dof < _FEWEST or (heavy < _HEAVY and not found.family.paper):
         return Goodness.of(base.rest, base.dof)
     which = found.readings.columns(system)
+    n = len(found.variance)
     family = found.family if heavy >= _HEAVY else Family.stated(found.family.paper)
-    spread = family.drawn(found.readings.blocks.index, _DRAWS, rng)
+    spread = family.drawn(n * _DRAWS, rng).reshape(n, _DRAWS)
     e = rng.standard_normal((system.errors.G.shape[1], _DRAWS))
     e *= np.sqrt(np.where(which[:, None] >= 0, spread[which], 1.0))
     drawn = white.with_priors(np.asarray(system.errors.G @ e))

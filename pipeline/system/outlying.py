@@ -55,12 +55,11 @@ def far(
     The distance is in the reading's own uncertainty, or in that of the prediction from the others
     where this is larger: with x and S as in `family.likelihood`, the sum of x^2 / max(1, S).
 
-    p = k min_j P[Bin(n m / P, p_f(d_j)) >= j], the largest over the families with any weight: k of
-    n readings are far off, d_j is the distance of the j-th farthest and p_f(d) the mean probability
-    of a distance of d in family f where it is wide, in m of P poses, m ~ Bin(P, u_f); mistakes are
-    excluded: a bound for unequal probabilities (Hoeffding, Annals of Mathematical Statistics 27,
-    1956), and for k distances (Bonferroni). Readings of the base count as just far off; the
-    farthest reading alone is not asked, if there are others.
+    p = k min_j P[Bin(n, p_f(d_j)) >= j], the largest over the families with any weight: k of n
+    readings are far off, d_j is the distance of the j-th farthest and p_f(d) the mean probability
+    of a distance of d in family f, mistakes excluded: a bound for unequal probabilities (Hoeffding,
+    Annals of Mathematical Statistics 27, 1956), and for k distances (Bonferroni). Readings of the
+    base count as just far off; the farthest reading alone is not asked, if there are others.
 
     Args:
         seen: The campaign linearised at a model, all readings weighted alike.
@@ -78,10 +77,12 @@ def far(
     away, reached, others = _away(beyond.base, readings, distance)
     pose, target = _places(seen, readings)
     others = np.vstack([others, np.zeros((base[1], 3))])
+    if not len(others):
+        return OutlyingReadings.none()
     reached = np.sort(np.append(reached, np.full(base[0], distance)))[::-1]
-    k, poses = len(reached), readings.blocks.shape[0]
+    k = len(reached)
     every = [
-        _chance(j, len(others), poses, *family.away(float(reached[j - 1]), others))
+        _chance(j, len(others), family.away(float(reached[j - 1]), others))
         for j in range(2 if k > 1 else 1, k + 1)
     ]
     return OutlyingReadings(
@@ -96,7 +97,8 @@ def _away(base: Base, readings: ReadingsOfRows, distance: float) -> tuple[Ints, 
     predictions of its neighbours.
     """
     suspects, found = Suspects(readings.D, readings.blocks), np.zeros(0, np.int64)
-    reached, told = np.zeros(0), None
+    reached = np.zeros(0)
+    told = None
     while True:
         square, variance, good = estimates(base, readings)
         others = np.maximum(variance - 1.0, 0.0)
@@ -119,9 +121,5 @@ def _places(seen: Linearised, readings: ReadingsOfRows) -> tuple[Ints, Ints]:
     return data.pulls.pose[data.pull[of]], data.target[of]
 
 
-def _chance(k: int, n: int, poses: int, chances: Array, wide: Array) -> float:
-    """Probability of k of n readings or more, with their chances in a part `wide` of the poses."""
-    m = np.arange(-1, poses + 1)[:, None]
-    often = -np.diff(special.bdtrc(m, poses, wide), axis=0)
-    many = special.bdtrc(k - 1, np.rint(n * m[1:] / poses).astype(np.int64), chances)
-    return float(np.max(np.sum(often * np.nan_to_num(many), axis=0)))
+def _chance(k: int, n: int, chances: Array) -> float:
+    return float(np.max(special.bdtrc(k - 1, n, chances))) if k else 1.0

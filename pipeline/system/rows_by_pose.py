@@ -129,9 +129,9 @@ class ReadingsOfRows(Locked):
     @classmethod
     def unseen(cls, data: Measured) -> ReadingsOfRows:
         """The same without their effect on the rows, where it is not needed."""
-        (zero, first), pose = np.unique(data.zero, return_index=True), data.pulls.pose[data.pull]
-        blocks = Blocks.of(np.append(pose, pose[first]))
-        return cls(len(pose), zero, data.zero, np.zeros((0, 0, 0, 3)), blocks)
+        nothing = np.zeros(0, np.int64)
+        zero = np.unique(data.zero)
+        return cls(len(data.pull), zero, data.zero, np.zeros((0, 0, 0, 3)), Blocks.of(nothing))
 
     def columns(self, system: System) -> Ints:
         """Number of the reading behind each column of G, -1 where there is none, shape (E,)."""

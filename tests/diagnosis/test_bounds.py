@@ -179,7 +179,7 @@ def student(nu):
 @pytest.mark.parametrize("nu", [3.0, 5.0])
 def test_the_chance_of_a_far_reading_is_that_of_the_family(nu):
     """|t|^2 / 3 of a Student vector with nu degrees of freedom is F(3, nu), by scipy."""
-    (p,), _ = student(nu).away(FAR_OFF, np.zeros((4, 3)))
+    (p,) = student(nu).away(FAR_OFF, np.zeros((4, 3)))
 
     assert p == pytest.approx(stats.f.sf(FAR_OFF**2 / 3, 3, nu), rel=0.03)
 
@@ -192,7 +192,7 @@ def test_what_the_others_do_not_know_of_a_reading_has_a_part_in_its_chance():
     x = t + np.sqrt(others)[:, None] * rng.standard_normal((n, 4, 3))
     far_off = np.sum(x**2, axis=2) / np.maximum(others, 1) > FAR_OFF**2
 
-    (p,), _ = student(3.0).away(FAR_OFF, np.tile(others[:, None], 3))
+    (p,) = student(3.0).away(FAR_OFF, np.tile(others[:, None], 3))
 
     assert p == pytest.approx(far_off.mean(), rel=0.05)
 
@@ -201,19 +201,9 @@ def test_heavy_tails_explain_some_far_readings_and_not_a_dozen():
     """Of 1000 readings, Student's with 3 degrees of freedom throws eight so far, never thirty."""
     p = student(3.0).away(FAR_OFF, np.zeros((1, 3)))
 
-    assert _chance(10, 1000, 50, *p) > 0.1
-    assert _chance(30, 1000, 50, *p) < 1e-4
-    assert _chance(0, 1000, 50, *p) == pytest.approx(1.0)
-
-
-def test_noisy_poses_have_their_far_readings_together():
-    """A part of the poses drawn, in each a part of its twenty readings far off."""
-    rng, p, wide = np.random.default_rng(6), np.array([0.13]), np.array([0.1])
-    noisy = rng.random((200_000, 16)) < wide
-    count = rng.binomial(20 * noisy.sum(axis=1), p)
-
-    for k in (3, 8, 12):
-        assert _chance(k, 320, 16, p, wide) == pytest.approx((count >= k).mean(), rel=0.1)
+    assert _chance(10, 1000, p) > 0.1
+    assert _chance(30, 1000, p) < 1e-4
+    assert _chance(0, 1000, p) == 1.0
 
 
 @pytest.mark.parametrize(("times", "scattered"), [(14.0, False), (200.0, True)])

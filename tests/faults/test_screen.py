@@ -201,6 +201,11 @@ class Tails:
     def __init__(self, sure):
         self.sure, self.seen = sure, []
 
+    @property
+    def rather(self):
+        """It is what it is."""
+        return self
+
     def mistaken(self, square, axes):
         """The given certainty; arguments are recorded."""
         self.seen.append((square, axes))
