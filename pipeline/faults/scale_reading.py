@@ -1,4 +1,4 @@
-"""Readings of the scale that contradict all others, singly or by another law in a group of them.
+"""Readings of the scale that contradict all others, singly or by another zero in a group of them.
 
 A pull's reading is freed in addition to the model and given all other pulls; its difference from
 the log, in standard deviations, is the test statistic: the suspect of pull i is the whitened column
@@ -11,8 +11,8 @@ Procedures for the identification of multiple outliers in linear models, J. Am. 
 
 A scale that was not zeroed before a pose is one suspect more: the sum of the columns of the pulls
 of that pose, or of all since it or up to it, which explains all of them by one number of newtons.
-Another gain since a pose, or up to it, is that sum with each pull weighted by its reading. Groups
-may contain each other, and single readings that are wrong as well.
+Groups may contain each other, and single readings that are wrong as well. Another gain since a pose
+is none: a machine that warms up softens alike.
 """
 
 from __future__ import annotations
@@ -91,24 +91,21 @@ _ROUNDS = 8
 
 @dataclass(frozen=True, eq=False)
 class _Errors(Locked):
-    """Errors of the scale in some pulls: a wrong reading, or another zero or gain in several.
+    """Errors of the scale in some pulls: a wrong reading, or another zero in several.
 
     Attributes:
-        of: Error of each pull per newton of its size, 0 in pulls that do not have it, shape (m, n).
+        of: 1 in pulls that have it, else 0, shape (m, n).
         poses: Number of poses in which it is alike, shape (n,); 0 for a single reading.
-        gain: Whether it is in proportion to the readings, shape (n,).
     """
 
     of: Array
     poses: Ints
-    gain: Bools
 
     @classmethod
     def among(cls, case: Case, data: Measured) -> _Errors:
-        """Every reading; the zero in each pose; zero and gain in all since it, or before it.
+        """Every reading; the zero in each pose, in all since it, and in all before it.
 
-        A group has two pulls or more, and is not all of them, and for a gain not more than half:
-        another gain of all others is the same.
+        A group has two pulls or more, and is not all of them.
         """
         pulls, row = data.pulls, case.loads["line"].to_numpy()[rows_of(case, data)]
         begun = np.array([row[pulls.pose == pose].min() for pose in pulls.pose])
@@ -118,14 +115,9 @@ class _Errors(Locked):
         size = groups.sum(axis=1)
         groups = groups[(size >= _SEVERAL) & (size < pulled.sum())]
         poses = np.array([len(np.unique(pulls.pose[one])) for one in groups], dtype=np.int64)
-        runs = (poses > 1) & (2 * groups.sum(axis=1) <= pulled.sum())
-        gains = groups[runs] * _in_proportion(np.linalg.norm(pulls.force, axis=1), pulled)
-        zero = len(row) + len(groups)
-        return cls(
-            np.vstack([np.eye(len(row)), groups, gains]).T,
-            np.concatenate([np.zeros(len(row), dtype=np.int64), poses, poses[runs]]),
-            np.arange(zero + len(gains)) >= zero,
-        )
+        single = np.eye(len(row))
+        none = np.zeros(len(row), dtype=np.int64)
+        return cls(np.vstack([single, groups]).T, np.concatenate([none, poses]))
 
     @property
     def single(self) -> Bools:
@@ -139,12 +131,12 @@ class _Errors(Locked):
 
     def only(self, which: Ints | Bools) -> _Errors:
         """Some of them."""
-        return _Errors(self.of[:, which], self.poses[which], self.gain[which])
+        return _Errors(self.of[:, which], self.poses[which])
 
     def beside(self, held: _Errors) -> Bools:
         """Those beside which every group has two pulls without a wrong reading, shape (n,).
 
-        A reading is wrong once, and some pull has the usual zero and gain.
+        A reading is wrong once, and some pull has the usual zero.
         """
         wrong = np.any(held.there[:, held.single], axis=1)
         groups = held.there[:, ~held.single]
@@ -334,7 +326,7 @@ class _Righted(Locked):
         among, pull = self.among, self.system.rows.pull
         group = among.there & ~among.single
         pulled = np.asarray(group.any(axis=1))
-        other = np.where(among.gain, 1.0, _in_proportion(self.fits, pulled)[:, None])
+        other = _in_proportion(self.fits, pulled)[:, None]
         return self.white(self.each[:, None] * np.column_stack([group * other, pulled])[pull])
 
     def drops(self, base: Base) -> Array:
@@ -562,10 +554,9 @@ def _named(case: Case, data: Measured, righted: _Righted, k: int, std: float, p:
     if len(poses) > 1:
         where += f"-pose{poses[-1]:02d}"
         which = f"the {len(at)} forces of poses {poses[0]} to {poses[-1]} ({lines(at)})"
-    force = np.linalg.norm(data.pulls.force[pulls[0]])
     return outlying(
         f"{loads['file'].iloc[0]} {where}",
-        _told(which, bool(one.gain[0]), off, std, float(force / one.of[pulls[0], 0])),
+        _told(which, off, std),
         "recomputed without these pulls",
         before=abs(off) / std,
         size=float(abs(off)),
@@ -577,19 +568,12 @@ def _named(case: Case, data: Measured, righted: _Righted, k: int, std: float, p:
     )
 
 
-def _told(which: str, gain: bool, off: float, std: float, mean: float) -> str:
-    """By how much the forces of a group are too large or too small, in words.
-
-    `mean` is that of the readings to whose proportion a gain refers [N].
-    """
-    per, unit = ((mean - off) / 100, "%") if gain else (1.0, "N")
-    size, within = plain(abs(off) / per, 3), plain(std / per, 2)
-    by = f"are {size} {unit} ± {within} {unit} too large"
-    by = by if off > 0 else f"are {size} {unit} ± {within} {unit} too small"
-    sigmas = apart(abs(off) / std)
-    if gain:
-        return f"{which} {by}, all in proportion, {sigmas}: the scale had another gain there"
-    return f"{which} {by}, all alike, {sigmas}: the scale was not zeroed there"
+def _told(which: str, off: float, std: float) -> str:
+    """By how many newtons the forces of a group are too large or too small, in words."""
+    size, within = plain(abs(off), 3), plain(std, 2)
+    by = f"are {size} N ± {within} N too large"
+    by = by if off > 0 else f"are {size} N ± {within} N too small"
+    return f"{which} {by}, all alike, {apart(abs(off) / std)}: the scale was not zeroed there"
 
 
 def _finding(
