@@ -66,7 +66,7 @@ def test_a_mistyped_reading_is_named_and_left_out(change, changes):
     (finding,) = said.findings
     assert f"(line {LINE})" in finding.evidence
     right = next(p["force_n"] for p in made.truth["pulls"] if (p["pose"], p["repeat"]) == (4, 1))
-    fits = float(finding.evidence.split("agree with ")[-1].split(" +-")[0])
+    fits = float(finding.evidence.split("agree with ")[-1].split(" ±")[0])
     assert fits == pytest.approx(np.linalg.norm(right), rel=0.03)
     found = fit(said.case, bring(said.case)).estimate
     truth = np.array([1 / joint["value"] for joint in made.truth["stiffness"]])
