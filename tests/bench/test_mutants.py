@@ -1,0 +1,123 @@
+"""Bugs planted at random: drawn from a seed, in one place, and noticed by a test that sees them."""
+
+import textwrap
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from bench.mutants import play
+from bench.mutants.draw import bug, functions
+
+SOURCE = textwrap.dedent(
+    '''
+    """A module."""
+
+    LIMIT = 3
+
+
+    class Box:
+        @property
+        def volume(self):
+            return self.a * self.b - LIMIT
+
+
+    def nearest(values, at):
+        """The value next to a place."""
+        far = [abs(v - at) for v in values if v is not None]
+        return None if not far else values[min(range(len(far)), key=lambda n: far[n])]
+    '''
+)
+
+TEST = textwrap.dedent(
+    """
+    import pytest
+    from pipelet.room.lengths import Box, nearest
+
+
+    @pytest.fixture(scope="module")
+    def box():
+        return Box()
+
+
+    def test_the_nearest_value():
+        assert nearest([1.0, 4.0, 9.0], 5.0) == 4.0
+
+
+    def test_a_box(box):
+        box.a, box.b = 2, 5
+        assert box.volume == 7
+
+
+    def test_the_same_box(box):
+        assert isinstance(box, Box)
+    """
+)
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package with one room of one module, and a test of it beside it."""
+    room = tmp_path / "pipelet" / "room"
+    room.mkdir(parents=True)
+    (room / "lengths.py").write_text(SOURCE)
+    for folder in (room, room.parent):
+        (folder / "__init__.py").write_text("")
+    (tmp_path / "test_lengths.py").write_text(TEST)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return room.parent
+
+
+def test_sites_are_in_functions_and_not_in_strings() -> None:
+    found = {name: [site.kind for site in sites] for name, _, sites in functions(SOURCE)}
+    assert found["Box.volume"] == ["operator", "operator"]
+    assert sorted(found["nearest"]) == sorted(
+        ["filter dropped", "comparison", "operator", "branches exchanged", "not", "function"]
+    )
+
+
+def test_a_bug_is_one_changed_statement_of_its_seed(package: Path) -> None:
+    every = [bug(package, "room", seed) for seed in range(20)]
+    assert bug(package, "room", 3) == every[3]
+    assert len({one.after for one in every}) > 5
+    for one in every:
+        assert one.before != one.after
+        compile(one.source, one.file, "exec")
+        without = one.source.replace(one.after.splitlines()[0].strip(), "", 1)
+        assert without != one.source
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [("", "", 0), ("self.b - LIMIT", "self.b + LIMIT", 1), ("v - at", "v + at", 1)],
+    ids=["no bug", "in a property", "in a function"],
+)
+def test_a_planted_bug_fails_the_test_that_sees_it(
+    package: Path, old: str, new: str, code: int
+) -> None:
+    source = SOURCE.replace(old, new)
+    work = partial(play.tested_with, source, "pipelet.room.lengths", ["test_lengths.py"])
+    assert play.apart(work, 60) == code
+
+
+@pytest.mark.whole
+def test_each_test_is_known_by_the_functions_that_it_enters(package: Path) -> None:
+    told = play.apart(partial(play.reached, package, ["test_lengths.py"]), 60)
+    lines = SOURCE.splitlines()
+    volume = f"room/lengths.py:{1 + lines.index('    @property')}"
+    nearest = f"room/lengths.py:{1 + lines.index('def nearest(values, at):')}"
+    entered = {name.partition("::")[2]: set(one["of"]) for name, one in told.items()}
+    assert nearest in entered["test_the_nearest_value"]
+    assert volume in entered["test_a_box"]
+    assert not {nearest, volume} & entered["test_the_same_box"]
+
+
+def test_what_never_ends_is_stopped() -> None:
+    assert play.apart(_endless, 0.5) is None
+
+
+def _endless() -> None:
+    while True:
+        pass
