@@ -11,6 +11,7 @@ import scipy.sparse
 from pipeline.base import covariance
 from pipeline.base.arrays import Array, Ints
 from pipeline.machine.cell import Cell, jacobian, predict, sensitivity
+from pipeline.machine.effect import Wrench
 from pipeline.machine.robot import Robot
 from pipeline.reduction.measured import Measured
 from pipeline.system.system import Errors, RowIndex, System
@@ -98,7 +99,7 @@ def inputs(cell: Cell, data: Measured, values: Array) -> list[ErrorBlock]:
     """
     d, m = len(data.pull), len(data.pulls)
     unit = 1.0 if data.noise_stated or data.found_m else _SMALL_M
-    modes = _of_force(data, unit)
+    modes = _of_force(data, unit, _gain_std(cell, data, values))
     ends = np.cumsum([mode.shape[1] for mode in modes.values()])[:-1]
     moved = np.split(_moved(cell, data, values, np.concatenate([*modes.values()], 1)), ends, 2)
     pulled = dict(zip(modes, moved, strict=True))
@@ -150,10 +151,20 @@ def _scaled(cell: Cell, data: Measured, values: Array) -> Array:
     return np.asarray((moved * data.shifts[:, None])[..., None])
 
 
-def _of_force(data: Measured, unit: float) -> dict[str, Array]:
+def _gain_std(cell: Cell, data: Measured, values: Array) -> float:
+    """Standard uncertainty of the scale's gain [1]: its own, and that of every effect on it."""
+    of = cell.split(values)
+    added = [facet.gain_std(mine) for facet, mine in of if isinstance(facet, Wrench)]
+    return float(np.linalg.norm([data.scale.gain_sigma, *added]))
+
+
+def _of_force(data: Measured, unit: float, gain_std: float) -> dict[str, Array]:
     """Change of each force per standard uncertainty of each source of error, (m, r, 3) [N].
 
-    Directions are multiplied by `unit`.
+    Args:
+        data: The measurements.
+        unit: Factor of the directions [1].
+        gain_std: Standard uncertainty of the scale's gain [1].
     """
     force = data.pulls.force
     size = np.linalg.norm(force, axis=1, keepdims=True)
@@ -163,7 +174,7 @@ def _of_force(data: Measured, unit: float) -> dict[str, Array]:
         "direction": np.swapaxes(covariance.factors(data.direction_cov), 1, 2)
         * size[:, None]
         * unit,
-        "force_gain": (data.pulls.pulled * force)[:, None] * data.scale.gain_sigma,
+        "force_gain": (data.pulls.pulled * force)[:, None] * gain_std,
         "force_zero": data.pulls.pulled[..., None] * along * data.scale.zero_sigma_n,
         "payload_mass": along * (_of_body(data) * data.mass_std).T[..., None],
     }

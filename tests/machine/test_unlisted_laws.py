@@ -136,14 +136,31 @@ def test_a_law_moves_the_reflectors_as_a_machine_that_has_it(name):
 
 
 def test_the_scale_reads_another_force_by_the_law():
-    """The relative force error scales the displacements, according to the law for that pull."""
+    """The relative force error scales the displacements; it is none in the middle of the range."""
     x = KR500.nominal_compliance
     one = unlisted.effect(KR500, law("scale", "reading", "smooth", "time", 0, 1.0, (0.0, 2e4)))
     moved = sensitivity(CELL, PULLS, x, CELL.effects) @ x
 
     made = sensitivity(CELL, PULLS, x, [one])[..., 0]
 
-    np.testing.assert_allclose(made, moved * (PULLS.time / 2e4)[:, None, None], rtol=1e-6)
+    share = (PULLS.time / 2e4 - 0.5)[:, None, None]
+    np.testing.assert_allclose(made, moved * share, rtol=1e-6, atol=1e-6 * np.abs(moved).max())
+
+
+@pytest.mark.parametrize(
+    ("part", "variable", "kind", "std"),
+    [
+        ("reading", "time", "smooth", 0.03 / np.sqrt(12)),
+        ("reading", "time", "step", 0.03 / np.sqrt(12)),
+        ("reading", "force", "smooth", 0.0),
+        ("zero", "time", "smooth", 0.0),
+    ],
+)
+def test_when_a_gain_that_changes_with_time_was_right_is_not_known(part, variable, kind, std):
+    """A gain that changes by 3 % in all was right at any level of that range with equal odds."""
+    one = unlisted.effect(KR500, law("scale", part, kind, variable, 0, 1.0, (0.0, 2e4), at=1e4))
+
+    assert one.gain_std(np.array([-0.03])) == pytest.approx(std)
 
 
 def test_a_zero_of_the_scale_that_jumps_adds_the_same_force_to_every_later_pull():

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effect import HUNG, PULLED
-from pipeline.machine.effects import catalogue
+from pipeline.machine.effects import catalogue, unlisted
+from pipeline.machine.law import Law
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import Scale
@@ -72,6 +73,25 @@ def test_the_gain_moves_all_pulls_together(cell, data):
     change = misfit(cell, with_force(data, 1.002 * data.pulls.force)) - misfit(cell, data)
 
     assert change == pytest.approx(block(cell, data, "force_gain")[:, 0], abs=1e-12)
+
+
+def test_a_gain_that_drifts_leaves_the_mean_gain_open(cell, data):
+    """The scale's 2e-3, and 4 % of drift as a uniform distribution, by the law of propagation."""
+    drift = unlisted.effect(
+        cell.robot, Law("scale", "reading", "smooth", "time", 0, 1.0, 0.0, data.pulls.time.max())
+    )
+    drifting, x = cell.with_effects(drift), cell.robot.nominal_compliance
+
+    def gain(values):
+        errors = assemble(drifting, data, np.append(x, values)).errors
+        return errors.G[:, errors.source == "force_gain"].toarray()
+
+    still, moved = gain(0.0), gain(0.04)
+
+    assert still == pytest.approx(block(cell, data, "force_gain"), rel=1e-9)
+    assert np.linalg.norm(moved) / np.linalg.norm(still) == pytest.approx(
+        np.hypot(2e-3, 0.04 / np.sqrt(12)) / 2e-3, rel=0.03
+    )
 
 
 def test_the_zero_of_the_scale_moves_all_pulls_by_the_same_force(cell, data):

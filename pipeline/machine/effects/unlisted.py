@@ -625,17 +625,33 @@ def _of_guide(robot: Robot, law: Law) -> Effect:
 
 
 def _of_scale(law: Law) -> Effect:
-    """True force: the measured one times 1 + sum_k b_k g_k(v); plus that sum [N] for its zero."""
+    """True force: the measured one times 1 + sum_k b_k g_k(v); plus that sum [N] for its zero.
+
+    When a gain that changes with time was 1 is not known: any time of the campaign is as likely, so
+    that the law is zero at the middle of its range, with the standard uncertainty of a uniform
+    distribution over it. All springs are known no better than that.
+    """
     k = 3 if law.variable == "direction" else _width(law, False)
+    gains = law.part == "reading" and law.variable == "time"
+    middle = _basis(law, np.array([law.low, law.high])).mean(axis=0) if gains else 0.0
 
     def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
         along = direction(loaded) if law.part == "zero" else loaded.force
         by_direction = law.variable == "direction"
-        g = direction(loaded) if by_direction else _basis(law, variable(law, loaded))
+        g = direction(loaded) if by_direction else _basis(law, variable(law, loaded)) - middle
         return loaded.load_point, loaded.force + loaded.pulls.pulled * (g @ values)[:, None] * along
 
     unit, typical = ("N", _ZERO_N) if law.part == "zero" else ("1", 0.01)
-    return Wrench(**_said(law, "force", k, unit, typical), wrench=wrench)  # type: ignore[arg-type]
+    return Wrench(
+        **_said(law, "force", k, unit, typical),  # type: ignore[arg-type]
+        wrench=wrench,
+        gain_std=lambda values: _uniform(law, values) if gains else 0.0,
+    )
+
+
+def _uniform(law: Law, values: Array) -> float:
+    """Standard deviation of a uniform distribution over the range of a law [unit of its values]."""
+    return abs(height(law, values, np.zeros((len(values),) * 2))[0]) / float(np.sqrt(3.0))
 
 
 def _of_tracker(law: Law) -> Effect:
