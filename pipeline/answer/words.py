@@ -827,10 +827,10 @@ HOLDS: Mapping[Reason, str] = {
         "scale, is as it was identified."
     ),
     Reason.CAUSE_AND_RIVALS: (
-        "Joint springs alone do not explain the readings; with the identified cause the model does."
+        "Joint springs alone do not explain the readings; with what was identified they do."
     ),
     Reason.CAUSE_IDENTIFIED: (
-        "Joint springs alone do not explain the readings; with the identified cause the model does."
+        "Joint springs alone do not explain the readings; with what was identified they do."
     ),
     Reason.RIVALS: (
         "Joint springs alone do not explain the readings, and more than one cause may be true."
@@ -889,8 +889,8 @@ DO: Mapping[Reason, str] = {
     Reason.TOO_SMALL: "Use these stiffnesses.",
     Reason.SPRINGS_UNTOUCHED: "Use these stiffnesses.",
     Reason.WEIGHED_ANEW: "Use these stiffnesses with what was identified beside them.",
-    Reason.CAUSE_IDENTIFIED: "Predict with the model that includes the identified cause.",
-    Reason.CAUSE_AND_RIVALS: "Predict with the model that includes the identified cause.",
+    Reason.CAUSE_IDENTIFIED: "Predict with the extended model, which includes what was identified.",
+    Reason.CAUSE_AND_RIVALS: "Predict with the extended model, which includes what was identified.",
     Reason.RIVALS: (
         "Use the averaged values with their intervals, which cover every cause with a probability "
         f"above {100 * POSSIBLE:.0f} %, or find out first which cause it is."
@@ -909,7 +909,7 @@ DO: Mapping[Reason, str] = {
     Reason.MISTAKE_AND_TOO_SMALL: "use the values from the corrected data.",
     Reason.MISTAKE_SPRINGS_UNTOUCHED: "use the values from the corrected data.",
     Reason.MISTAKE_AND_CAUSE: (
-        "use the values from the corrected data, which include the identified cause."
+        "use the values from the corrected data, which include what was identified."
     ),
     Reason.MISTAKE_AND_RIVALS: (
         "use the averaged values from the corrected data with their intervals."
@@ -921,9 +921,9 @@ DO: Mapping[Reason, str] = {
 """What to do with the values; with a mistake in the data, after `correct`."""
 
 DO_DESPITE = (
-    "Use these stiffnesses: they allow for the identified cause, which is in the measurement."
+    "Use these stiffnesses: they allow for what was identified, which is in the measurement."
 )
-"""The same where the identified cause falsifies readings and deflects no robot."""
+"""The same where an identified cause falsifies readings and deflects no robot."""
 
 ABOUT: Mapping[About, str] = {
     About.VERDICT: "Verdict",

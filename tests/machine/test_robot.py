@@ -1,6 +1,7 @@
 """Robots: from DH parameters to frames, by three independent ways."""
 
 import tomllib
+from dataclasses import replace
 from importlib import resources
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from bench.as_pinocchio import model
 from pipeline.base.errors import InputError
 from pipeline.machine import robot as robots
-from pipeline.machine.robot import SHIPPED, configure, load
+from pipeline.machine.robot import SHIPPED, axes, configure, load
 from pipeline.machine.robot.configuration import torque, velocity
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.robot.variants import alike, differing, misread
@@ -357,3 +358,20 @@ def test_a_range_is_typical_of_stiffness_and_compliance_alike(kind):
     bare = joint.model_copy(update={f"stiffness_{kind}": None, f"stiffness_range_{kind}": None})
     assert 1e5 < bare.typical_stiffness < 1e9
     assert (bare.typical_stiffness > 1e7) == joint.prismatic
+
+
+@pytest.mark.parametrize(
+    ("own", "said"),
+    [
+        (["E1", "A1", "A2"], (None, "A1", "A2")),
+        (["theta1", "theta2", "theta3"], (None, None, None)),
+        (["rail", "shoulder", "3"], ("rail", "shoulder", None)),
+    ],
+)
+def test_a_joint_is_called_by_its_name_where_its_number_is_another(own, said):
+    """Behind a rail, A1 is the second joint; `joint 2 (A1)` cannot be taken for A2."""
+    robot = load("kr500_rail")
+    joints = [j.model_copy(update={"name": n}) for j, n in zip(robot.joints[:3], own, strict=True)]
+    some = replace(robot, joints=tuple(joints), controller=())
+
+    assert axes.alone(some) == said

@@ -265,7 +265,7 @@ def test_a_cause_of_the_instrument_is_no_reason_for_effective_values(sample, loc
 
     assert made.bars[1].enter == f"{taken.stiffness[1].value / 1e6:.3f}\N{NO-BREAK SPACE}MN·m/rad"
     assert ("effective" in made.note) == (location == "rail")
-    assert ("they allow for the identified cause" in to_do(answer)) == (location != "rail")
+    assert ("they allow for what was identified" in to_do(answer)) == (location != "rail")
 
 
 def test_what_to_measure_next_ends_with_a_sentence(sample):

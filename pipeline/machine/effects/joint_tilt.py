@@ -67,6 +67,19 @@ _AT_THE_WRIST = (
 )
 
 
+_AT_THE_FLANGE = (
+    "reflectors on the flange and on the tool; pulls at the effector do not distinguish it from a "
+    "tool that yields"
+)
+
+
+def _needs(robot: Robot, joint: int) -> str:
+    """What would tell the tilt from its rivals."""
+    if joint == robot.n:
+        return _AT_THE_FLANGE
+    return _AT_THE_WRIST if joint > robot.n - 3 else "poses that differ in this joint alone"
+
+
 def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
     c = compliance(robot, joint)
 
@@ -91,7 +104,7 @@ def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
         ),
         signature=f"everything behind joint {joint} turns about axes across it, "
         "that turn with the joint",
-        needs=_AT_THE_WRIST if joint > robot.n - 3 else "poses that differ in this joint alone",
+        needs=_needs(robot, joint),
         source="moment rigidity of RV reducers is five to seven times their torsional stiffness; "
         "full joint compliance after Klimchik et al., Complete stiffness model (2014)",
         carrier=(joint, joint),

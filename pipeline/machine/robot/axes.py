@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,18 +95,25 @@ def sense(robot: Robot, joint: int) -> int:
 
 
 def alone(robot: Robot) -> tuple[str | None, ...]:
-    """Name of the controller axis (A1, E1) that moves each joint alone with ratio 1 or -1.
+    """Name of the axis (A1, E1) that moves each joint alone with ratio 1 or -1.
 
-    None if there is no such axis, as behind a parallel link, or the robot file maps none.
+    None if there is no such axis, as behind a parallel link. Where the robot file maps no axes of
+    the controller, joints have the names of that file, None where it has the joint's own number.
     """
     if not robot.controller:
-        return (None,) * robot.n
+        own = (joint.name for joint in robot.joints)
+        return tuple(_unlike(name, number) for number, name in enumerate(own, start=1))
     mapped, out = of(robot), []
     for joint in range(robot.n):
         found = mapped.alone(joint)
         as_far = found is not None and bool(np.isclose(abs(found[1]), 1.0))
         out.append(mapped.names[found[0]] if found is not None and as_far else None)
     return tuple(out)
+
+
+def _unlike(name: str, number: int) -> str | None:
+    """The name of a joint, if a reader could take it for another than the one of this number."""
+    return None if re.findall(r"\d+", name) == [str(number)] else name
 
 
 def rounded(robot: Robot, q: Array, decimals: int = 6) -> Array:
