@@ -52,5 +52,5 @@ def _shown_in(one: Amplitude) -> tuple[float, str]:
 def sizes(cause: Cause) -> Iterator[str]:
     """Each parameter of a cause: `roll compliance of the carriage about the rail: 15 ± 1 ...`."""
     of = f" of the error in {cause.where}" if cause.evidence else ""
-    for one in cause.parameters:
+    for one in filter(lambda one: known(one.value), cause.parameters):
         yield f"{one.meaning}{of}: {amount(one)}"

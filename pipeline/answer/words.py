@@ -12,6 +12,7 @@ import numpy as np
 from pipeline.answer import contract
 from pipeline.answer.amounts import roughly
 from pipeline.answer.contract import About, Combination, Reason, Stiffness, ToMeasure
+from pipeline.base.arrays import Parameter
 from pipeline.base.quantities import (
     common_prefix,
     p_value,
@@ -501,10 +502,18 @@ def _sized(cause: FoundCause) -> str:
             sizes.append(f"{one.parameter.name} = {stands} {letter}, not {stated} {letter}")
             continue
         factor, letter = _THOUSANDTHS.get(unit, (1.0, unit))
-        sizes.append(f"{with_std(factor * one.value, factor * one.std)} {letter}")
+        of = _axis(one.parameter) if len(cause.amplitudes) > 1 else ""
+        sizes.append(f"{of}{with_std(factor * one.value, factor * one.std)} {letter}")
     same = [in_place(twin.where, twin.name, twin.axis).strip() for twin in cause.same_robot]
     also = f"; the same error {listed(same)} would give the same robot" if same else ""
     return f"{cause.effect.called} ({', '.join(sizes)}{also})"
+
+
+def _axis(parameter: Parameter) -> str:
+    """`along x ` or `about x ` before one component of a motion."""
+    _, _, axis = parameter.name.rpartition("_")
+    way = {"m": "along", "rad": "about"}.get(parameter.unit)
+    return f"{way} {axis} " if way and axis in ("x", "y", "z") else ""
 
 
 def _tracker_moved(facts: Facts) -> str:

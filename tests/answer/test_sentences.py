@@ -48,7 +48,7 @@ from pipeline.diagnosis.facts import (
 )
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.mistake import outlying
-from pipeline.machine.effects import tracker_drift
+from pipeline.machine.effects import base_moved, tracker_drift
 from pipeline.machine.robot import load
 from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.positions.catalogue_causes import OTHER_MASSES, CatalogueCause
@@ -441,6 +441,22 @@ def test_a_drift_is_told_with_its_size_and_its_hours(form, values, said):
     assert drifted(FoundCause(drifts[0], 1.0, sizes, 0.0), base) == said
     by_order = tracker_drift.by_order(drifts)
     assert not any(drifted(FoundCause(one, 1.0, sizes, 0.0), base) for one in by_order)
+
+
+def test_each_component_of_a_motion_is_called_by_its_axis():
+    """Millimetres and milliradians of one motion, each along or about its axis."""
+    moved = base_moved.since((1, 2), 3)
+    values = (-5.8e-3, 1e-4, 0.0, 0.0, 0.0, -4e-4)
+    sizes = [
+        EffectSize.symmetric(p, v, 2e-5) for p, v in zip(moved.parameters, values, strict=True)
+    ]
+    rigid = FoundCause(moved, 1.0, tuple(sizes), 0.0)
+    facts = Facts(moved=(rigid,), unloaded=UnloadedFacts(2e-3, 3e-5, {}))
+
+    said = wrong(facts, 0)
+
+    assert "(along x -5.800 ± 0.020 mm, along y 0.100 ± 0.020 mm, along z " in said
+    assert "about z -0.400 ± 0.020 mrad)" in said
 
 
 def test_links_of_other_masses_have_a_sentence_without_a_drift():
