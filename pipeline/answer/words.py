@@ -759,11 +759,6 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
 }
 """All but a mistake in the data, which is told before everything else."""
 
-_EACH_ALONE = (
-    "Joint springs explain pulls and positions each by itself, but not by the same stiffnesses: "
-    "do not rely on the stated uncertainties."
-)
-
 BECAUSE: Mapping[Reason, str] = {
     Reason.MISTAKE_AND_RIVALS: (
         "All values are from the corrected data, averaged by probability over the models that "
@@ -809,7 +804,10 @@ BECAUSE: Mapping[Reason, str] = {
         "likeliest cause."
     ),
     Reason.SPRINGS_UNTOUCHED: "What was identified does not change the joint springs.",
-    Reason.SPRINGS_DISAGREE: _EACH_ALONE,
+    Reason.SPRINGS_DISAGREE: (
+        "Joint springs explain pulls and positions each by itself, but not by the same "
+        "stiffnesses: do not rely on the stated uncertainties."
+    ),
     Reason.UNEXPLAINED: (
         "Joint springs do not explain the readings, nor do known causes explain all that is left: "
         "do not rely on the stated uncertainties."
@@ -821,16 +819,16 @@ BECAUSE: Mapping[Reason, str] = {
     ),
 }
 
-HOLDS: Mapping[Reason, str] = {
+HOLDS = {
+    **BECAUSE,
     Reason.WEIGHED_ANEW: (
         "Joint springs explain the readings, once the geometry of the robot, or the scatter of the "
         "scale, is as it was identified."
     ),
-    Reason.CAUSE_AND_RIVALS: (
-        "Joint springs alone do not explain the readings; with the identified cause the model does."
-    ),
-    Reason.CAUSE_IDENTIFIED: (
-        "Joint springs alone do not explain the readings; with the identified cause the model does."
+    **dict.fromkeys(
+        (Reason.CAUSE_AND_RIVALS, Reason.CAUSE_IDENTIFIED),
+        "Joint springs alone do not explain the readings; with the identified cause the model "
+        "does.",
     ),
     Reason.RIVALS: (
         "Joint springs alone do not explain the readings, and more than one cause may be true."
@@ -840,11 +838,6 @@ HOLDS: Mapping[Reason, str] = {
     ),
     Reason.SPRINGS_UNTOUCHED: (
         "Joint springs explain the readings; what else was identified does not change them."
-    ),
-    Reason.SPRINGS_DISAGREE: _EACH_ALONE,
-    Reason.UNEXPLAINED: (
-        "Joint springs do not explain the readings, nor do known causes explain all that is left: "
-        "do not rely on the stated uncertainties."
     ),
 }
 """Whether the model holds, where the data hold no mistake and there is something to say."""

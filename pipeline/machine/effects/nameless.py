@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pipeline.base.arrays import Array, Parameter
+from pipeline.base.arrays import Array, Parameter, vector
 from pipeline.machine.effect import (
     HUNG,
     PULLED,
@@ -306,9 +306,7 @@ def _acting(name: str, unit: str, size: float) -> dict[str, Any]:
         "name": name,
         "noun": words,
         "place": "force",
-        "parameters": tuple(
-            Parameter(f"{name}_{axis}", unit, size, -20 * size, 20 * size) for axis in "xyz"
-        ),
+        "parameters": vector(f"{name}_{{}}", unit, size, -20 * size, 20 * size),
         "signature": words,
         "needs": "",
         "source": "",

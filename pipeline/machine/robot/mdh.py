@@ -38,54 +38,9 @@ from pipeline.base.strict import (
 from pipeline.machine.robot.capsules import BASE, Capsule, Capsules, capsules
 from pipeline.machine.robot.steps import Fixed, screw_x, screw_z, turn_y
 
-SHIPPED = (
-    "kr500_rail",
-    "kr500_rail_kuka",
-    "fanuc_r2000ic",
-    "ur10",
-    "ur10e",
-    "kr210_l150",
-    "kr210_r2700_2",
-    "irb6640",
-    "kr120_r2700_2",
-    "kr150_r3100_2",
-    "kr210_r3100_2",
-    "kr240_r2900_2",
-    "kr300_r2700_2",
-    "kr240_r3330",
-    "kr360_r2830",
-    "kr500_r2800_2",
-    "kr560_r3100_2",
-    "kr800_r2800_2",
-    "irb4600_20_250",
-    "irb4600_40_255",
-    "irb4600_60_205",
-    "irb6700_200_260",
-    "irb6700_235_265",
-    "irb7600_150_350",
-    "fanuc_m20ia",
-    "fanuc_m20ia_10l",
-    "fanuc_m20ib_25",
-    "fanuc_m900ia_260l",
-    "fanuc_r2000ib_210f",
-    "fanuc_r2000ic_125l",
-    "fanuc_r2000ic_165f",
-    "fanuc_r2000ic_210l",
-    "fanuc_r2000ic_270f",
-    "gp12",
-    "gp25",
-    "gp35l",
-    "gp50",
-    "gp88",
-    "gp110",
-    "gp180",
-    "gp180_120",
-    "ur3e",
-    "ur5e",
-    "ur16e",
-    "ur20",
-    "ur30",
-)
+_FILES = resources.files(__package__)
+SHIPPED = tuple(sorted(one.name[:-5] for one in _FILES.iterdir() if one.name.endswith(".toml")))
+"""Names of the robots that ship, one for each robot file beside this module."""
 
 
 class Joint(Numbers):
@@ -587,5 +542,4 @@ def _plain(words: str) -> str:
 
 @cache
 def _shipped(name: str) -> Robot:
-    text = (resources.files(__package__) / f"{name}.toml").read_text("utf-8")
-    return parse(text, f"{name}.toml")
+    return parse((_FILES / f"{name}.toml").read_text("utf-8"), f"{name}.toml")
