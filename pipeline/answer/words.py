@@ -35,7 +35,7 @@ from pipeline.diagnosis.facts import (
 from pipeline.diagnosis.finding import WRONG_LAW, Finding, Verdict
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.faults.mistake import Mistake
-from pipeline.machine.effect import Effect, Table, in_place
+from pipeline.machine.effect import Table, in_place
 from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP, amount
 from pipeline.machine.robot import Robot, axes
 from pipeline.machine.robot.dh_parameters import dh_parameters
@@ -233,14 +233,11 @@ def told_of(facts: Facts, asked: Collection[Finding]) -> list[str]:
 
 def _impossible(facts: Facts) -> str:
     """What fits best, and cannot be so large."""
+    named = listed([effect.called for effect in facts.refused])
     return (
-        f"{capital(_named(facts.refused))} would explain the readings better, but only at a size "
-        "that nothing sound has: inspect it first."
+        f"{capital(named)} would explain the readings better, but only at a size that nothing "
+        "sound has: inspect it first."
     )
-
-
-def _named(effects: Sequence[Effect]) -> str:
-    return listed([effect.called for effect in effects])
 
 
 def _identified(facts: Facts) -> str:

@@ -445,9 +445,8 @@ def own_joints(robot: Robot) -> list[Quantity]:
 
 def controller_axes(robot: Robot) -> list[Quantity]:
     """Columns of the controller's axes; those that move a prismatic joint are lengths."""
-    slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
-    axes = zip(robot.controller, slides, strict=True)
-    return [Quantity(axis, LENGTH if slide else ANGLE) for axis, slide in axes]
+    axes = zip(robot.controller, robot.slides, strict=True)
+    return [Quantity(axis, LENGTH if slides else ANGLE) for axis, slides in axes]
 
 
 def has_joints(robot: Robot, titles: Sequence[str]) -> bool:

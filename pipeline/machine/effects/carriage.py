@@ -23,6 +23,10 @@ from pipeline.machine.robot.configuration import rotation_about, translation_alo
 ALONG, ACROSS, UP = range(3)
 """Indices of the rail's axes in `rail_axes`."""
 
+LARGE = {"m/N": 1000.0, "rad/(N m)": 3000.0}
+"""Load on the guides of a rail at which a law of it has its typical deflection [N] or [N m], by the
+unit of the compliance."""
+
 
 def rotation(loaded: Loaded, axis: int) -> Array:
     """Screw of a rotation of the carriage about an axis of the rail, shape (m, 1, 6)."""

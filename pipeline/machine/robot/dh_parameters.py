@@ -82,7 +82,8 @@ def dh_parameters(robot: Robot) -> tuple[DhParameter, ...]:
     left out.
     """
     file = file_of(robot)
-    return tuple(one for one in _all(file) if not _moves_the_base(one))
+    every = (one for one in _all(file) if one.carrier)
+    return tuple(one for one in every if one.joint > 1 or one.axis != _Z)
 
 
 def all_letters(robot: Robot) -> tuple[DhParameter, ...]:
@@ -136,10 +137,6 @@ def _of_z(row: Joint, number: int, file: RobotFile) -> Iterator[DhParameter]:
     names = ("joint_offset", "link_turn") if row.prismatic else ("link_offset", "joint_offset")
     yield DhParameter(names[0], number, shift, False, number, np.eye(4), _Z)
     yield DhParameter(names[1], number, "theta_deg", True, number, np.eye(4), _Z)
-
-
-def _moves_the_base(letter: DhParameter) -> bool:
-    return letter.carrier == 0 or (letter.joint == 1 and letter.axis == _Z)
 
 
 def twists(configuration: Configuration, wanted: Sequence[DhParameter]) -> Array:

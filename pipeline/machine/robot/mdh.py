@@ -293,9 +293,13 @@ class Robot(Locked):
         values = _row("axes", axes, names)
         if not self.controller:
             return np.where(self.prismatic, 1e-3 * values, np.deg2rad(values))
-        slides = self.prismatic.astype(float) @ np.abs(self.controller_matrix) > 0
-        si = np.where(slides, 1e-3 * values, np.deg2rad(values))
+        si = np.where(self.slides, 1e-3 * values, np.deg2rad(values))
         return np.asarray(si @ self.controller_matrix.T + self.controller_offset)
+
+    @cached_property
+    def slides(self) -> Bools:
+        """True for axes of the controller that move a prismatic joint, shape (axes,)."""
+        return np.asarray(self.prismatic.astype(float) @ np.abs(self.controller_matrix) > 0)
 
     @cached_property
     def nominal_compliance(self) -> Array:
@@ -366,7 +370,7 @@ def _links(file: RobotFile) -> dict[str, tuple[int, Array]]:
     """Number of each link and the frame of its row in that of its joint, (4, 4)."""
     behind = [np.eye(4)] * len(file.joint)
     if file.convention == "standard":
-        behind = [_distal(row) for row in file.joint]
+        behind = [along_z(row, "standard") @ along_x(row, "standard") for row in file.joint]
     rows = {row.name: (k, T) for k, (row, T) in enumerate(zip(file.joint, behind, strict=True), 1)}
     return {BASE: (0, np.eye(4)), **rows}
 
@@ -377,11 +381,6 @@ def _weighing(row: Joint, T: Array) -> Joint:
         return row
     x, y, z = (T[:3, :3] @ row.centre_of_mass_m + T[:3, 3]).tolist()
     return row.model_copy(update={"centre_of_mass_m": (x, y, z)})
-
-
-def _distal(row: Joint) -> Array:
-    """Transformation of a distal row after its joint, (4, 4)."""
-    return along_z(row, "standard") @ along_x(row, "standard")
 
 
 def parse(text: str, file: str) -> Robot:
