@@ -35,7 +35,8 @@ _ROWS = (
     ("deploy", "service", "Schedule the scan for new campaigns on a Prefect server."),
     ("doctor", "service", "Check this machine: what is missing, and how to install it."),
 )
-"""Name, folder and help of each command; its function, of that name, is in `command.py` of it."""
+"""Name, folder and help of each command; its function, of that name, is in the folder's module
+`command`."""
 
 COMMANDS = {name: _Command(f"pipeline.{room}.command:{name}", line) for name, room, line in _ROWS}
 """The commands in the order of `--help`; those of outbuildings that are not installed are not
