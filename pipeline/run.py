@@ -8,7 +8,7 @@ task).
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -40,7 +40,7 @@ from pipeline.faults.mistake import told_once
 from pipeline.machine.robot import Robot
 from pipeline.prediction.tolerance import HeldOutError, judge, path_of
 from pipeline.reduction.bring import Keep, Reduced, Step, bring, conformed, plain
-from pipeline.reduction.case import Case
+from pipeline.reduction.case import Case, FilesAsRead
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.stations import one_station
@@ -130,17 +130,8 @@ def as_ingested(
         loads=keep("11_loads", got.loads, tables.LOADS),
         joints=keep("12_joints", got.joints, tables.joints(raw.robot)),
         rejected=keep("13_rejected", got.rejected, tables.REJECTED),
-        displacements=got.displacements,
-        forces=got.forces,
-        stale=got.stale,
-        contradictions=got.contradictions,
-        renamed=got.renamed,
-        lost=got.lost,
-        unused=got.unused,
-        treated=got.treated,
-        aside=got.aside,
-        torques=got.torques,
         stations=stations,
+        **{one.name: getattr(got, one.name) for one in fields(FilesAsRead)},
     )
     return case, got.doubt
 

@@ -222,11 +222,7 @@ RESIDUALS = _promise(
     *_ROW,
     _number("residual_m", "m", "c - B x"),
     _number("whitened", "1", "residual in standard deviations, uncorrelated within its pose"),
-    _number(
-        "left_out_m",
-        "m",
-        "pose left out of the estimate, NaN where it stays open",
-    ),
+    _number("left_out_m", "m", "pose left out of the estimate, NaN where it stays open"),
 )
 
 RELIABILITY = _promise(
@@ -491,16 +487,8 @@ def examined(robot: Robot) -> pa.Schema:
         _number("time_s", "s", "time of the loaded readings after the first reading"),
         _number("residual_m", "m", "with the joint springs alone"),
         _number("residual_extended_m", "m", "with the named causes"),
-        _number(
-            "left_out_m",
-            "m",
-            "springs alone, pose left out, NaN where it stays open",
-        ),
-        _number(
-            "left_out_extended_m",
-            "m",
-            "causes found without the pose, NaN where open",
-        ),
+        _number("left_out_m", "m", "springs alone, pose left out, NaN where it stays open"),
+        _number("left_out_extended_m", "m", "causes found without the pose, NaN where open"),
         *_joint_values(robot, "joint value"),
         *[_number(f"tau_{j.name}", "N" if j.prismatic else "N m", work) for j in robot.joints],
     )

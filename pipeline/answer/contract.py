@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from datetime import date
 from enum import StrEnum
+from operator import not_ as _nothing
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
@@ -145,11 +146,6 @@ class Odd(StrEnum):
     SCATTERED = "scattered"
     TOGETHER = "together"
     DEPENDS = "depends"
-
-
-def _nothing(value: object) -> bool:
-    """What a campaign of chain, scale and tracker does not have is no key of its answer."""
-    return not value
 
 
 class Fact(BaseModel):

@@ -33,7 +33,6 @@ from pipeline.machine.robot import Robot
 from pipeline.reduction.register import timed
 from pipeline.system.estimate import left_out
 from pipeline.system.fit import Fitted
-from pipeline.system.system import ScatterRatio
 from pipeline.system.variance import NAMES, Components
 
 _LIMITS = "pipeline.design.room:cell_limits"
@@ -88,7 +87,12 @@ def diagnosis_of_good_data(
         refused=diagnosis.refused,
         misfit_sits_at=tuple(contract.MisfitPlace(**asdict(one)) for one in diagnosis.misfits),
         detection=_detection(diagnosis),
-        scatter=_scatter(diagnosis.scatter),
+        scatter=contract.Scatter(
+            tracker_over_stated=diagnosis.scatter.tracker,
+            tracker_over_stated_std=diagnosis.scatter.tracker_std,
+            scale_over_tracker=diagnosis.scatter.force,
+            known_from=diagnosis.scatter.known_from,
+        ),
         equilibrium=Equilibrium(diagnosis.equilibrium),
         noise_floor_mm=diagnosis.noise_floor_m * 1e3,
     )
@@ -103,15 +107,6 @@ def _detection(diagnosis: Diagnosed) -> contract.Detection:
         lack_of_fit_p=contract.PosesPulls(poses=poses, pulls=pulls),
         remainder_over_scatter=diagnosis.rough,
         remainder_p=contract.Remainder(poses=left_poses, pulls=left_pulls, further_cause=further),
-    )
-
-
-def _scatter(found: ScatterRatio) -> contract.Scatter:
-    return contract.Scatter(
-        tracker_over_stated=found.tracker,
-        tracker_over_stated_std=found.tracker_std,
-        scale_over_tracker=found.force,
-        known_from=found.known_from,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from pipeline.answer.contract import (
 )
 from pipeline.answer.recommended import ModelValues
 from pipeline.base import doors, linear
-from pipeline.base.arrays import Array, Bools
+from pipeline.base.arrays import Array
 from pipeline.diagnosis.average import (
     Dependence,
     Hypothesis,
@@ -67,12 +66,14 @@ def stiffness_entries(
     parts = _parts(hypotheses, cell.robot.n)
     names = axes.alone(cell.robot)
     system, depends = hypotheses[0].system, dependences(hypotheses)
-    odd = _Odd(found, linear.nothing(system.B * system.typical), _partners(hypotheses, found))
+    idle, partners = linear.nothing(system.B * system.typical), _partners(hypotheses, found)
     out = []
     for k, joint in enumerate(cell.robot.joints):
         silent = stiffness_entry(joint, found, k, _budget(found, parts, k), names[k])
         on = [one for one in depends if one.spring == k]
-        said = tuple(_remarks(silent, odd.of(k), on, _called(cell, odd.partners[k])))
+        odd = _odd(found, k, bool(idle[k]), partners[k])
+        others = tuple(f"k_{cell.robot.joints[j].name}" for j in partners[k])
+        said = tuple(_remarks(silent, odd, on, others))
         complete = silent.model_copy(update={"remarks": said, "by_sign": both.get(k)})
         out.append(complete.model_copy(update={"finding": remarks.finding(complete)}))
     return tuple(out)
@@ -198,34 +199,27 @@ def _remarks(
         yield _dependence(cause, [one for one in on if one.cause == cause], joint.identifiable)
 
 
-@dataclass(frozen=True, eq=False)
-class _Odd:
-    """Peculiarities of springs that follow from their estimates.
+def _odd(found: Springs, k: int, idle: bool, partners: Sequence[int]) -> Odd | None:
+    """The peculiarity of spring k that follows from its estimate, or None.
 
-    Attributes:
+    Args:
         found: All springs.
-        idle: Whether no pull loads a spring, shape (n,).
-        partners: For each spring, the others in combination with which alone it is determined.
+        k: Index of the spring.
+        idle: Whether no pull loads it.
+        partners: The others in combination with which alone it is determined.
     """
-
-    found: Springs
-    idle: Bools
-    partners: Sequence[Sequence[int]]
-
-    def of(self, k: int) -> Odd | None:
-        """The peculiarity of spring k, or None."""
-        x, std, low = self.found.value[k], self.found.std[k], self.found.low[k]
-        if self.idle[k]:
-            return Odd.NO_LEVER
-        if np.isfinite(std) and self.found.high[k] < 0:
-            return Odd.NEGATIVE
-        if self.partners[k]:
-            return Odd.TOGETHER
-        if not self.found.identifiable[k]:
-            return Odd.UNCERTAIN if np.isfinite(std) else Odd.MIXED
-        if low <= 0:
-            return Odd.ZERO_BESIDE_A_CAUSE if x - 2 * std > 0 else Odd.MAY_BE_ZERO
-        return None
+    x, std, low = found.value[k], found.std[k], found.low[k]
+    if idle:
+        return Odd.NO_LEVER
+    if np.isfinite(std) and found.high[k] < 0:
+        return Odd.NEGATIVE
+    if partners:
+        return Odd.TOGETHER
+    if not found.identifiable[k]:
+        return Odd.UNCERTAIN if np.isfinite(std) else Odd.MIXED
+    if low <= 0:
+        return Odd.ZERO_BESIDE_A_CAUSE if x - 2 * std > 0 else Odd.MAY_BE_ZERO
+    return None
 
 
 def _partners(hypotheses: Sequence[Hypothesis], found: Springs) -> list[list[int]]:
@@ -238,10 +232,6 @@ def _partners(hypotheses: Sequence[Hypothesis], found: Springs) -> list[list[int
         for k in one.of.tolist():
             out[k] = sorted({*out[k], *one.of.tolist()} - {k})
     return out
-
-
-def _called(cell: Cell, joints: Sequence[int]) -> tuple[str, ...]:
-    return tuple(f"k_{cell.robot.joints[j].name}" for j in joints)
 
 
 def _dependence(cause: str, on: Sequence[Dependence], identifiable: bool) -> Remark:

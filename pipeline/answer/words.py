@@ -36,7 +36,7 @@ from pipeline.diagnosis.facts import (
 from pipeline.diagnosis.finding import WRONG_LAW, Finding, Verdict
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.faults.mistake import Mistake
-from pipeline.machine.effect import Effect, Table, in_place
+from pipeline.machine.effect import Table, in_place
 from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP, amount
 from pipeline.machine.robot import Robot, axes
 from pipeline.machine.robot.dh_parameters import dh_parameters
@@ -234,14 +234,11 @@ def told_of(facts: Facts, asked: Collection[Finding]) -> list[str]:
 
 def _impossible(facts: Facts) -> str:
     """What fits best, and cannot be so large."""
+    named = listed([effect.called for effect in facts.refused])
     return (
-        f"{capital(_named(facts.refused))} would explain the readings better, but only at a size "
-        "that nothing sound has: inspect it first."
+        f"{capital(named)} would explain the readings better, but only at a size that nothing "
+        "sound has: inspect it first."
     )
-
-
-def _named(effects: Sequence[Effect]) -> str:
-    return listed([effect.called for effect in effects])
 
 
 def _identified(facts: Facts) -> str:
@@ -768,11 +765,6 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
 }
 """All but a mistake in the data, which is told before everything else."""
 
-_EACH_ALONE = (
-    "Joint springs explain pulls and positions each by itself, but not by the same stiffnesses: "
-    "do not rely on the stated uncertainties."
-)
-
 BECAUSE: Mapping[Reason, str] = {
     Reason.MISTAKE_AND_RIVALS: (
         "All values are from the corrected data, averaged by probability over the models that "
@@ -800,13 +792,13 @@ BECAUSE: Mapping[Reason, str] = {
         "scatter of the scale, as it was identified."
     ),
     Reason.CAUSE_AND_RIVALS: (
-        "Joint springs alone do not explain the readings; the values below include the "
-        "identified cause, averaged by probability over the laws it may have and over what else "
-        "may be true."
+        "Joint springs alone do not explain the readings; the values below include what "
+        "was identified, averaged by probability over the laws it may have and over what else may "
+        "be true."
     ),
     Reason.CAUSE_IDENTIFIED: (
-        "Joint springs alone do not explain the readings; the values below include the "
-        "identified cause."
+        "Joint springs alone do not explain the readings; the values below include what "
+        "was identified."
     ),
     Reason.RIVALS: (
         "Joint springs alone do not explain the readings, and more than one cause may be true: "
@@ -818,7 +810,10 @@ BECAUSE: Mapping[Reason, str] = {
         "likeliest cause."
     ),
     Reason.SPRINGS_UNTOUCHED: "What was identified does not change the joint springs.",
-    Reason.SPRINGS_DISAGREE: _EACH_ALONE,
+    Reason.SPRINGS_DISAGREE: (
+        "Joint springs explain pulls and positions each by itself, but not by the same "
+        "stiffnesses: do not rely on the stated uncertainties."
+    ),
     Reason.UNEXPLAINED: (
         "Joint springs do not explain the readings, nor do known causes explain all that is left: "
         "do not rely on the stated uncertainties."
@@ -830,16 +825,15 @@ BECAUSE: Mapping[Reason, str] = {
     ),
 }
 
-HOLDS: Mapping[Reason, str] = {
+HOLDS = {
+    **BECAUSE,
     Reason.WEIGHED_ANEW: (
         "Joint springs explain the readings, once the geometry of the robot, or the scatter of the "
         "scale, is as it was identified."
     ),
-    Reason.CAUSE_AND_RIVALS: (
-        "Joint springs alone do not explain the readings; with what was identified they do."
-    ),
-    Reason.CAUSE_IDENTIFIED: (
-        "Joint springs alone do not explain the readings; with what was identified they do."
+    **dict.fromkeys(
+        (Reason.CAUSE_AND_RIVALS, Reason.CAUSE_IDENTIFIED),
+        "Joint springs alone do not explain the readings; with what was identified they do.",
     ),
     Reason.RIVALS: (
         "Joint springs alone do not explain the readings, and more than one cause may be true."
@@ -849,11 +843,6 @@ HOLDS: Mapping[Reason, str] = {
     ),
     Reason.SPRINGS_UNTOUCHED: (
         "Joint springs explain the readings; what else was identified does not change them."
-    ),
-    Reason.SPRINGS_DISAGREE: _EACH_ALONE,
-    Reason.UNEXPLAINED: (
-        "Joint springs do not explain the readings, nor do known causes explain all that is left: "
-        "do not rely on the stated uncertainties."
     ),
 }
 """Whether the model holds, where the data hold no mistake and there is something to say."""

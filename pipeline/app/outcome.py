@@ -98,7 +98,7 @@ def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
         f"{name}: {first}",
         *(f"  {line}" for line in more),
         *_stiffnesses(answer.stiffness),
-        *(f"  {_mixed(one)}" for one in answer.combinations),
+        *map(_mixed, answer.combinations),
         *_sizes(answer.diagnosis.causes),
         f"  {campaign.reports / 'index.html'}",
     ]
@@ -108,7 +108,7 @@ def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
         text="\n".join(lines),
         exit_code=InputError.exit_code if answer.rejected else 0,
         misfit=answer.diagnosis.verdict != "adequate"
-        or not _all_determined(answer)
+        or not all(joint.identifiable for joint in answer.stiffness)
         or not _within(answer),
         complaints=[f"{name}: {line}" for line in sentences(answer.rejected)],
         verdict=str(answer.diagnosis.verdict),
@@ -158,10 +158,6 @@ def _first_screen(answer: Answer) -> list[str]:
     return [first.text, *(f"{ABOUT[one.about]}: {one.text}" for one in chosen)]
 
 
-def _all_determined(answer: Answer) -> bool:
-    return all(joint.identifiable for joint in answer.stiffness)
-
-
 def _within(answer: Answer) -> bool:
     """Whether the tolerance is certainly kept; also True if none is judged."""
     worst = None if answer.tolerance is None else answer.tolerance.worst
@@ -170,7 +166,7 @@ def _within(answer: Answer) -> bool:
 
 def _mixed(one: Combination) -> str:
     """A determined combination: `c_theta2 + 0.58 c_theta4   (8.50 ± 0.11) × 10⁻⁵ rad/(N·m)`."""
-    return f"{one.formula}   {bracketed(one.value, one.std)} {prefixed(one.unit, '')}"
+    return f"  {one.formula}   {bracketed(one.value, one.std)} {prefixed(one.unit, '')}"
 
 
 def named(root: Path, meant: Meant, work: Callable[[CampaignFolder], Outcome]) -> Outcome:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,3 +70,21 @@ class Parameter:
     lower: float = -np.inf
     upper: float = np.inf
     meaning: str = ""
+
+
+def vector(
+    name: str,
+    unit: str,
+    typical: float,
+    lower: float,
+    upper: float,
+    meaning: str = "",
+    axes: Iterable[str] = "xyz",
+) -> tuple[Parameter, ...]:
+    """A parameter for each axis, which replaces `{}` in name and meaning."""
+    return tuple(
+        Parameter(
+            *(name.replace("{}", axis), unit, typical, lower, upper), meaning.replace("{}", axis)
+        )
+        for axis in axes
+    )

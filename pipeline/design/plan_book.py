@@ -130,17 +130,14 @@ def _pulls(proposal: BoundedPlan) -> tuple[list[str], list[_Row], int]:
 
 def _axes(proposal: BoundedPlan) -> tuple[list[str], list[_Row]]:
     """Titles, and a row for each pose, including those without a pull."""
-    problem, measurement = proposal.problem, proposal.measurement
-    robot, q, way = problem.robot, measurement.q, measurement.approach
-    if (beside := proposal.unpulled) is not None:
-        q = np.concatenate([q, beside.q])
-        way = np.append(way, np.resize([1, -1], len(beside.q)))
+    problem, (q, way) = proposal.problem, proposal.stands()
+    robot = problem.robot
     mapped = axes.of(robot)
     shown: Array = axes.displayed(robot, from_log_units(robot, printed(problem, q))).round(6)
     units = ["mm" if slides else "deg" for slides in mapped.slides]
     named = [f"{name} [{unit}]" for name, unit in zip(mapped.names, units, strict=True)]
     ends = [[int(one)] if robot.prismatic[0] else [] for one in way]
-    wide = max(2, len(str(len(measurement.q))))
+    wide = max(2, len(str(len(proposal.measurement.q))))
     rows = [
         [k, f"pose{k:0{wide}d}_rep0_unloaded", *at, *end]
         for k, (at, end) in enumerate(zip(shown.tolist(), ends, strict=True), 1)

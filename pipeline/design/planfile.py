@@ -58,18 +58,13 @@ def _file_name(robot: str) -> str:
 
 def plan_content(proposal: BoundedPlan) -> dict[str, Any]:
     """The entries of the plan; what the problem does not state keeps the simulator's default."""
-    spec, measurement = proposal.problem.spec, proposal.measurement
-    every = measurement.q
-    approach = measurement.approach.astype(int)
-    if (beside := proposal.unpulled) is not None:
-        every = np.concatenate([every, beside.q])
-        approach = np.append(approach, np.resize([1, -1], len(beside.q)))
+    spec, (every, approach) = proposal.problem.spec, proposal.stands()
     q = printed(proposal.problem, every)
     content: dict[str, Any] = {
         "name": spec.name,
         "robot": _file_name(spec.robot),
         "seed": 1,
-        "poses": {"q": q.tolist(), "approach": approach.tolist()},
+        "poses": {"q": q.tolist(), "approach": approach.astype(int).tolist()},
         "pulls": _pulls(proposal),
         **tooled({name: list(at) for name, at in spec.tool.items()}, spec),
         "tracker": _tracker(proposal),

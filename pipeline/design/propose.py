@@ -64,6 +64,14 @@ class BoundedPlan:
             return of_plan(self.problem, self.plan)
         return of_mixed(self.problem, self.mixed)
 
+    def stands(self) -> tuple[Array, Array]:
+        """Joint values (m, n) and approach (m,) of every pose, also of those without a pull."""
+        q, way = self.measurement.q, self.measurement.approach
+        if self.unpulled is None:
+            return q, way
+        more = np.resize([1, -1], len(self.unpulled.q))
+        return np.concatenate([q, self.unpulled.q]), np.append(way, more)
+
     def sights(self) -> list[Detectability]:
         """Detectability of every cause with this plan."""
         return seen_by(cause_tests(self.problem), self.measurement)

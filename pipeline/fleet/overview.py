@@ -9,7 +9,6 @@ from urllib.parse import quote
 from pipeline.answer.contract import Answer, Cause, Stiffness
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import (
-    MISSING,
     common_prefix,
     p_value,
     plain,
@@ -18,7 +17,7 @@ from pipeline.base.quantities import (
 )
 from pipeline.diagnosis.average import POSSIBLE
 from pipeline.fleet.history import NO_SCATTER, Change, changes, ordered, trusted
-from pipeline.fleet.sentences import alarm, changed_of, joints_table, of, robots_tables
+from pipeline.fleet.sentences import alarm, chance_told, changed_of, joints_table, of, robots_tables
 from pipeline.fleet.trends import Trend, chance, robots, together, trends, within_a_day
 from pipeline.fleet.wear_table import RobotWear
 from pipeline.report import words
@@ -242,7 +241,7 @@ def _trend_table(
         word_column("Joint", lambda t: called[t.name]),
         number_column("Campaigns", lambda t: t.campaigns, str),
         measured_column("First to last [%]", lambda t: (t.first_to_last, t.first_to_last_std)),
-        number_column("Chance of such scatter", lambda t: t.p_value, _chance),
+        number_column("Chance of such scatter", lambda t: t.p_value, chance_told),
         word_column("Result", _held),
     ]
     note = (
@@ -250,10 +249,6 @@ def _trend_table(
         "error that all campaigns share, such as the scale's gain, cancels here and is not seen."
     )
     return table_of(f"trend-{place}", "Has a stiffness changed?", columns, found, note)
-
-
-def _chance(p: float | None) -> str:
-    return MISSING if p is None else p_value(p)
 
 
 def _held(trend: Trend) -> str:

@@ -147,7 +147,7 @@ def _of_type(
         word_column("Measured", lambda one: one.last.isoformat()),
         word_column("Verdict of the newest", lambda one: _verdict(last.get(one.machine))),
         *(_a_joint(k, joint.axis or joint.name) for k, joint in enumerate(own[0].joints)),
-        number_column("Chance of such change", lambda one: one.p_value, _chance),
+        number_column("Chance of such change", lambda one: one.p_value, chance_told),
     ]
     ranked = sorted(own, key=lambda one: (urgency(one), one.p_value or 1.0, one.machine))
     note = (
@@ -183,7 +183,8 @@ def _verdict(answer: Answer | None) -> str:
     return "" if answer is None else words.VERDICTS[answer.diagnosis.verdict][0]
 
 
-def _chance(p: float | None) -> str:
+def chance_told(p: float | None) -> str:
+    """`p = 0.33`; a dash without a test."""
     return MISSING if p is None else p_value(p)
 
 
@@ -220,7 +221,7 @@ def joints_table(place: int, robot: RobotWear) -> ReportTable | None:
     ]
     note = (
         f"From {robot.campaigns} campaigns; chance of so much change in all joints together: "
-        f"{_chance(robot.p_value)}. Given its type: with what the {robot.robots} "
+        f"{chance_told(robot.p_value)}. Given its type: with what the {robot.robots} "
         f"{'robot' if robot.robots == 1 else 'robots'} of the type say of it. Scatter: what a "
         f"stiffness differs by from day to day beyond its uncertainty. An error that all campaigns "
         f"share, such as the scale's gain, cancels here and is not seen."

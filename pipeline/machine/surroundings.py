@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import not_ as _nothing
 from typing import Annotated, Any
 
 import numpy as np
@@ -65,11 +66,6 @@ def _is_table(value: object) -> bool:
     """Whether it is a table or a list of tables, unlike a point."""
     first = next(iter(value), None) if isinstance(value, list) else value
     return isinstance(first, Mapping)
-
-
-def _nothing(value: object) -> bool:
-    """Whether a value is empty, so that it is not written."""
-    return not value
 
 
 class Surrounded(Strict):

@@ -5,8 +5,8 @@ values at the targets (`aim.py`, `inverse.py`), and one file per language (`lang
 offsets come from `prediction`. A table of joint values is also a path; for it, `predict` states the
 positions of the targets.
 
-Door: `programs.command:compensate`, `programs.predict:predict`; `programs.path_file:read`, the path
-that [tolerance] names.
+Door: `programs.command:compensate` and `predict`; `programs.path_file:read`, the path that
+[tolerance] names.
 Tests: `tests/programs/`.
 """
 

@@ -22,6 +22,7 @@ from pipeline.programs.corrected import (
     spare_input,
     write,
 )
+from pipeline.programs.predict import predict as predict
 
 _NAMED = "[NAME=]X,Y,Z,A,B,C, as the program writes poses"
 

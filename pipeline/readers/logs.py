@@ -19,53 +19,21 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, listed
 from pipeline.base.strict import LEAST_FORCE, LEAST_MASS, STANDARD_GRAVITY
 from pipeline.machine.robot import Robot
+from pipeline.readers._log_table import GroupState as GroupState
+from pipeline.readers._log_table import Log as Log
+from pipeline.readers._log_table import Quantity as Quantity
 from pipeline.readers._log_table import (
-    NUMBER_LIMIT,
-    GroupState,
-    Log,
-    Quantity,
     Titled,
     known_columns,
-    once,
     opened,
     suffixed,
-    table,
     typed,
     whole_numbers,
 )
+from pipeline.readers._log_table import once as once
+from pipeline.readers._log_table import table as table
 from pipeline.readers.export_settings import OWN_LOG, JointForm, LogForm
 from pipeline.readers.pose_names import coded
-
-__all__ = [
-    "AXES",
-    "FORCE",
-    "LENGTH",
-    "MASS",
-    "NUMBER_LIMIT",
-    "POSE",
-    "REPEAT",
-    "SCALE",
-    "TARGET",
-    "TEMPERATURE",
-    "TURNS",
-    "GroupState",
-    "Log",
-    "Quantity",
-    "columns",
-    "displacements",
-    "forces",
-    "forces_of_pulls",
-    "group_name",
-    "joint_values",
-    "joints",
-    "loads",
-    "of_loads",
-    "of_poses",
-    "once",
-    "positions",
-    "table",
-    "with_joints",
-]
 
 FORCE = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": 0.45359237 * STANDARD_GRAVITY}
 """Units of force [N]; those of weight are converted with standard gravity."""
@@ -477,9 +445,8 @@ def own_joints(robot: Robot) -> list[Quantity]:
 
 def controller_axes(robot: Robot) -> list[Quantity]:
     """Columns of the controller's axes; those that move a prismatic joint are lengths."""
-    slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
-    axes = zip(robot.controller, slides, strict=True)
-    return [Quantity(axis, LENGTH if slide else ANGLE) for axis, slide in axes]
+    axes = zip(robot.controller, robot.slides, strict=True)
+    return [Quantity(axis, LENGTH if slides else ANGLE) for axis, slides in axes]
 
 
 def has_joints(robot: Robot, titles: Sequence[str]) -> bool:
@@ -563,9 +530,4 @@ def with_joints(
     from_controller = bool(axes) and len(there[1]) > len(there[0])
     known_columns(stated, "positions", [*own, *axes, *others])
     log = typed(file, [*(axes if from_controller else own), *others], stated, "positions")
-    if not from_controller:
-        return log
-    values = np.column_stack([log.number[axis.stem] for axis in axes])
-    q = values @ robot.controller_matrix.T + robot.controller_offset
-    number = log.number | {j.name: q[:, k] for k, j in enumerate(robot.joints)}
-    return Log(log.file, number, log.word, log.line, log.rejected)
+    return _of_joints(log, robot, ()) if from_controller else log

@@ -19,8 +19,9 @@ from pipeline.base.errors import InputError, listed
 from pipeline.base.threads import WORTH_A_THREAD, spread
 from pipeline.base.toml import quoted
 from pipeline.readers import Export
+from pipeline.readers._log_table import NUMBER_LIMIT
 from pipeline.readers._text import shortened
-from pipeline.readers.logs import NUMBER_LIMIT, GroupState, group_name
+from pipeline.readers.logs import GroupState, group_name
 from pipeline.readers.pose_names import coded
 from pipeline.reduction._index import numbered
 from pipeline.reduction.settings import Naming, Settings

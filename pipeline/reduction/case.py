@@ -46,8 +46,38 @@ class ExportTreatment:
     settled: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FilesAsRead:
+    """What reading the files of a campaign found beside its tables.
+
+    Attributes:
+        displacements: Table DISPLACEMENTS of a campaign that arrives reduced, else None.
+        forces: Table FORCES of a campaign that arrives reduced, else None.
+        torques: Torques of the joints in their log: pose, repeat (NaN where it has none), tau1 ...;
+            None where it has none.
+        stale: Readings that repeat another one of their state, whether or not they are left out.
+        contradictions: Readings of one target in one state that differ, left out.
+        renamed: Groups that had each other's name, which were given their own.
+        lost: Readings of known targets that are not used.
+        unused: Groups of the exports none of whose readings is used.
+        treated: Exports that were not used unchanged.
+        aside: What campaign.toml sets aside.
+    """
+
+    displacements: pa.Table | None = None
+    forces: pa.Table | None = None
+    torques: pd.DataFrame | None = None
+    stale: tuple[RepeatedReading, ...] = ()
+    contradictions: tuple[Contradiction, ...] = ()
+    renamed: tuple[ExchangedNames, ...] = ()
+    lost: UnusedReadings = NONE_LOST
+    unused: tuple[str, ...] = ()
+    treated: tuple[ExportTreatment, ...] = ()
+    aside: tuple[NamedAside, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
-class Case:
+class Case(FilesAsRead):
     """The ingested campaign.
 
     Attributes:
@@ -57,16 +87,6 @@ class Case:
         loads: Table LOADS, likewise.
         joints: Table `tables.joints(robot)`.
         rejected: Table REJECTED.
-        displacements: Table DISPLACEMENTS of a campaign that arrives reduced.
-        forces: Table FORCES of a campaign that arrives reduced.
-        stale: Readings that repeat another one of their state, whether or not they are left out.
-        contradictions: Readings of one target in one state that differ, left out.
-        renamed: Groups that had each other's name, which were given their own.
-        lost: Readings of known targets that are not used.
-        unused: Groups of the exports none of whose readings is used.
-        treated: Exports that were not used unchanged.
-        aside: What campaign.toml sets aside.
-        torques: Torques of the joints as logged, see `ingest._Ingested`; None where there are none.
         stations: Later stations of the tracker; readings are as from the first one.
         stance: Estimates from absolute positions of the same robot, if any.
     """
@@ -77,16 +97,6 @@ class Case:
     loads: pd.DataFrame
     joints: pd.DataFrame
     rejected: pd.DataFrame
-    displacements: pa.Table | None = None
-    forces: pa.Table | None = None
-    stale: tuple[RepeatedReading, ...] = ()
-    contradictions: tuple[Contradiction, ...] = ()
-    renamed: tuple[ExchangedNames, ...] = ()
-    lost: UnusedReadings = NONE_LOST
-    unused: tuple[str, ...] = ()
-    treated: tuple[ExportTreatment, ...] = ()
-    aside: tuple[NamedAside, ...] = ()
-    torques: pd.DataFrame | None = None
     stations: tuple[Station, ...] = ()
     stance: PositionsEstimate | None = None
 

@@ -32,19 +32,13 @@ from pipeline.readers.reflector_sets import ReflectorSet
 from pipeline.reduction import _pulls, _raw_readings, _size, limits, set_aside
 from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._raw_readings import (
-    NONE_LOST,
-    Contradiction,
-    ExchangedNames,
     RawReadings,
     Rejection,
-    RepeatedReading,
-    UnusedReadings,
 )
-from pipeline.reduction.case import ExportTreatment
+from pipeline.reduction.case import ExportTreatment, FilesAsRead
 from pipeline.reduction.digits import rounding
 from pipeline.reduction.effector import tool
 from pipeline.reduction.register import read_apart
-from pipeline.reduction.set_aside import NamedAside
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
 from pipeline.reduction.weights import PULL
 
@@ -64,8 +58,8 @@ _NAMES = (
 )
 
 
-@dataclass(frozen=True)
-class _Ingested:
+@dataclass(frozen=True, eq=False)
+class _Ingested(FilesAsRead):
     """Content of a raw campaign, as tables that conform to their schemas.
 
     Attributes:
@@ -73,35 +67,14 @@ class _Ingested:
         rejected: Table REJECTED.
         readings: Table READINGS; empty for a campaign that arrives reduced.
         loads: Table LOADS; empty for a campaign that arrives reduced.
-        displacements: Table DISPLACEMENTS of a campaign that arrives reduced, else None.
-        forces: Table FORCES of a campaign that arrives reduced, else None.
-        torques: Torques of the joints in their log: pose, repeat (NaN where it has none), tau1 ...;
-            None where it has none.
         doubt: Why the values are implausible, where this was not to be an error.
-        stale: Readings that repeat another one of their state, whether or not they are left out.
-        contradictions: Readings of one target in one state that differ, left out.
-        renamed: Groups that had each other's name.
-        lost: Readings of known targets that are not used.
-        unused: Groups of the exports none of whose readings is used.
-        treated: Exports that were not used unchanged.
-        aside: What campaign.toml sets aside.
     """
 
     joints: pa.Table
     rejected: pa.Table
     readings: pa.Table = field(default_factory=tables.READINGS.empty_table)
     loads: pa.Table = field(default_factory=tables.LOADS.empty_table)
-    displacements: pa.Table | None = None
-    forces: pa.Table | None = None
-    torques: pd.DataFrame | None = None
     doubt: InputError | None = None
-    stale: tuple[RepeatedReading, ...] = ()
-    contradictions: tuple[Contradiction, ...] = ()
-    renamed: tuple[ExchangedNames, ...] = ()
-    lost: UnusedReadings = NONE_LOST
-    unused: tuple[str, ...] = ()
-    treated: tuple[ExportTreatment, ...] = ()
-    aside: tuple[NamedAside, ...] = ()
 
 
 def ingest(
@@ -586,7 +559,7 @@ def _joints(joints: logs.Log, robot: Robot) -> pa.Table:
 
 
 def _torques(log: logs.Log, robot: Robot) -> pd.DataFrame | None:
-    """The table described in `_Ingested.torques`."""
+    """The table described in `FilesAsRead.torques`."""
     names = [f"tau{j}" for j in range(1, robot.n + 1)]
     if not {*names} & {*log.number}:
         return None

@@ -169,12 +169,25 @@ class Naming(Strict):
         return ours | {word.lower(): state for word, state in self.states.items()}
 
 
-class Scale(LogForm):
+class _Device(Strict):
+    """Which device of its type; kept and shown, not evaluated.
+
+    Attributes:
+        serial: Serial number.
+        certificate: Of its last calibration.
+        calibrated: Date of that calibration.
+    """
+
+    serial: Name | None = None
+    certificate: Name | None = None
+    calibrated: datetime.date | None = None
+
+
+class Scale(LogForm, _Device):
     """The spring scale: its log, which holds weights and payloads too, and its uncertainty.
 
     A scale that shows `zero_n` with nothing on it, and `gain` newtons for each further one, pulls
-    with (reading - zero_n) / gain. Serial number, certificate (ISO 376) and its date are kept and
-    shown, not evaluated.
+    with (reading - zero_n) / gain. Its certificate is by ISO 376.
     """
 
     file: FileName = "loads.csv"
@@ -185,9 +198,6 @@ class Scale(LogForm):
     gain_sigma: Relative = 0.0
     zero_sigma_n: ForceUncertainty = 0.0
     mass_sigma_kg: MassUncertainty = 0.0
-    serial: Name | None = None
-    certificate: Name | None = None
-    calibrated: datetime.date | None = None
 
 
 class _Gravity(Strict):
@@ -337,7 +347,7 @@ class AskedPose(Strict):
     def _joints(self, robot: Robot, stated: Array) -> Array:
         if self.axes is None:
             return from_log_units(robot, stated)
-        return axes.from_shown(robot, stated)
+        return robot.from_controller(stated)
 
     def within_limits(self, robot: Robot) -> None:
         """Check that the robot can take the pose.
@@ -356,14 +366,11 @@ class AskedPose(Strict):
         raise InputError(
             f"test_pose.{self.key} has {of} = {one * value:.7g} {unit}, outside its limits "
             f"{one * joint.lower:g} to {one * joint.upper:g} {unit}",
-            self._hint(robot) or "give a pose that the robot can take",
+            "; or ".join([*self._as_axes(robot), *self._with_other_sign(robot)])
+            or "give a pose that the robot can take",
             file="campaign.toml",
             key=["test_pose", self.key],
         )
-
-    def _hint(self, robot: Robot) -> str:
-        """What was probably meant: the controller's axes, or one value with the other sign."""
-        return "; or ".join([*self._as_axes(robot), *self._with_other_sign(robot)])
 
     def _with_other_sign(self, robot: Robot) -> Iterator[str]:
         stated = np.array(self.said)
@@ -378,7 +385,7 @@ class AskedPose(Strict):
         if self.axes is not None or len(names) != len(stated):
             return
         shown = np.where(axes.of(robot).slides, 1e3 * stated, stated)
-        if not _beyond(robot, axes.from_shown(robot, shown)).any():
+        if not _beyond(robot, robot.from_controller(shown)).any():
             yield (
                 f"are these what the controller shows for {', '.join(names)}? Then write "
                 f"axes = [{', '.join(f'{x:g}' for x in shown)}] (mm and degrees)"
@@ -408,7 +415,7 @@ class ToleranceSettings(Strict):
     path: FileName | None = None
 
 
-class Instrument(Strict):
+class Instrument(_Device):
     """The instrument that measured the effector: its kind, and what it measures.
 
     Attributes:
@@ -421,7 +428,6 @@ class Instrument(Strict):
             (ISO 10360-10); one error for the whole campaign.
         model: If its data sheet is known, this gives the noise of readings for which no other is
             stated.
-        serial: Kept and shown, not evaluated; so are certificate and its date.
     """
 
     kind: Literal["laser_tracker", "camera", "arm", "unknown"] = "laser_tracker"
@@ -429,9 +435,6 @@ class Instrument(Strict):
     sigma_rad: Scatter | None = None
     length_sigma_rel: Relative = 0.0
     model: Name | None = None
-    serial: Name | None = None
-    certificate: Name | None = None
-    calibrated: datetime.date | None = None
 
     @model_validator(mode="after")
     def a_rotation_is_of_poses(self) -> Instrument:
@@ -455,19 +458,13 @@ class _RepairSettings(Strict):
     what: Name | None = None
 
 
-class UnitSettings(Strict):
+class UnitSettings(_Device):
     """One machine of its type; kept and shown, and campaigns of other machines are not its history.
 
     Attributes:
-        serial: Its serial number.
-        certificate: Of its last calibration.
-        calibrated: Date of that calibration.
         history: Repairs, which are not wear; one campaign of the machine that lists them is enough.
     """
 
-    serial: Name | None = None
-    certificate: Name | None = None
-    calibrated: datetime.date | None = None
     history: tuple[_RepairSettings, ...] = ()
 
 

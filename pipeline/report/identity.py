@@ -19,6 +19,7 @@ IDENTITY_NAMES = ("Campaign", "Operator", "Software")
 def rows(answer: Answer) -> Iterator[LabelledText]:
     """Data for filing; what is not stated is omitted."""
     found = answer.identity
+    slides = any(one.joint_type == JointType.PRISMATIC for one in answer.stiffness)
     every = (
         ("Campaign", answer.name),
         ("Measured", _when(answer, found)),
@@ -27,16 +28,11 @@ def rows(answer: Answer) -> Iterator[LabelledText]:
         ("Instrument", _instrument(answer.instrument)),
         ("Scatter of the readings", _scatter(answer.noise.used_over_stated)),
         ("Scale", "" if found.force_n is None else _unit(found.scale)),
-        (f"Temperature of {'rail and base' if _slides(answer) else 'base'}", _warm(found)),
+        (f"Temperature of {'rail and base' if slides else 'base'}", _warm(found)),
         ("Poses and pulls", _counts(found)),
         ("Software", f"pipeline {answer.versions.get('pipeline', '')}".rstrip()),
     )
     yield from ((name, text) for name, text in every if text)
-
-
-def _slides(answer: Answer) -> bool:
-    """Whether the robot has a prismatic joint, as on a rail."""
-    return any(one.joint_type == JointType.PRISMATIC for one in answer.stiffness)
 
 
 def _list(*parts: str) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from pipeline.base.quantities import MISSING, known, plain, typeset, with_std
 
@@ -88,21 +88,28 @@ class ReportTable:
         return _EDGES_REM + _LETTER_REM * max(letters, default=0)
 
 
+class _Printed:
+    """Base of records with texts in which numbers and units are set as they are printed."""
+
+    printed: ClassVar[tuple[str, ...]] = ("text",)
+
+    def __post_init__(self) -> None:
+        """Set them."""
+        for name in self.printed:
+            object.__setattr__(self, name, typeset(getattr(self, name)))
+
+
 @dataclass(frozen=True)
-class Paragraph:
+class Paragraph(_Printed):
     """A paragraph; a `finding` is something to act on."""
 
     kind: str = field(default="text", init=False)
     text: str
     tone: str = "plain"
 
-    def __post_init__(self) -> None:
-        """Set numbers and units as they are printed."""
-        object.__setattr__(self, "text", typeset(self.text))
-
 
 @dataclass(frozen=True)
-class Figure:
+class Figure(_Printed):
     """The texts of a figure, whose drawing is found by its name.
 
     Attributes:
@@ -113,16 +120,13 @@ class Figure:
         held: Whether it stays at its place in the text on paper, too.
     """
 
+    printed = ("caption",)
     kind: str = field(default="figure", init=False)
     name: str
     title: str
     caption: str
     alt: str
     held: bool = False
-
-    def __post_init__(self) -> None:
-        """Set numbers and units as they are printed."""
-        object.__setattr__(self, "caption", typeset(self.caption))
 
 
 Block = ReportTable | Paragraph | Figure
@@ -149,15 +153,11 @@ def section_of(key: str, title: str, blocks: Iterable[Block | None]) -> Section 
 
 
 @dataclass(frozen=True)
-class Item:
+class Item(_Printed):
     """One line of the first screen: its label, which may be empty, and its text."""
 
     label: str
     text: str
-
-    def __post_init__(self) -> None:
-        """Set numbers and units as they are printed."""
-        object.__setattr__(self, "text", typeset(self.text))
 
 
 def unlabelled(*texts: str) -> tuple[Item, ...]:
@@ -166,7 +166,7 @@ def unlabelled(*texts: str) -> tuple[Item, ...]:
 
 
 @dataclass(frozen=True)
-class StiffnessBar:
+class StiffnessBar(_Printed):
     """One stiffness of the certificate.
 
     Attributes:
@@ -178,20 +178,16 @@ class StiffnessBar:
             None if nothing is drawn.
     """
 
+    printed = ("value", "beside", "enter")
     name: str
     value: str
     beside: str
     enter: str
     track: tuple[float, float, float] | None = None
 
-    def __post_init__(self) -> None:
-        """Set numbers and units as they are printed."""
-        for name in ("value", "beside", "enter"):
-            object.__setattr__(self, name, typeset(getattr(self, name)))
-
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(_Printed):
     """The first page: decisions, findings, and the data for filing.
 
     Attributes:
@@ -211,6 +207,7 @@ class Certificate:
         digest: First digits of the digest of result.json, which identifies this answer.
     """
 
+    printed = ("found", "to_do", "measure", "note")
     found: str
     to_do: str
     measure: str
@@ -225,11 +222,6 @@ class Certificate:
     digest: str
     logo: str = ""
     sign: tuple[str, ...] = ("Measured", "Checked", "Released")
-
-    def __post_init__(self) -> None:
-        """Set numbers and units as they are printed."""
-        for name in ("found", "to_do", "measure", "note"):
-            object.__setattr__(self, name, typeset(getattr(self, name)))
 
 
 _TONES = ("good", "neutral", "attention", "bad")

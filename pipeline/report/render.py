@@ -33,6 +33,23 @@ _PRINTED = "pipeline.annex.paper:printed"
 """Door of the annex: which of its tables and figures are printed."""
 
 
+@contextlib.contextmanager
+def _uncollected() -> Iterator[None]:
+    """Suspend the collection of cyclic garbage, which takes a tenth of the time of a report.
+
+    Figures consist of reference cycles that all live until the report is done; they are then
+    collected at once.
+    """
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+@_uncollected()
 def render(
     answer: Answer,
     tables: Mapping[str, pd.DataFrame],
@@ -57,36 +74,6 @@ def render(
     Returns:
         Content by path relative to the report's folder: index.html, report.pdf, figures/*.svg.
     """
-    with _uncollected():
-        return _rendered(answer, tables, run_time_s, previous, beside, wear, look)
-
-
-@contextlib.contextmanager
-def _uncollected() -> Iterator[None]:
-    """Suspend the collection of cyclic garbage, which takes a tenth of the time of a report.
-
-    Figures consist of reference cycles that all live until the report is done; they are then
-    collected at once.
-    """
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
-
-
-def _rendered(
-    answer: Answer,
-    tables: Mapping[str, pd.DataFrame],
-    run_time_s: float | None,
-    previous: Answer | None,
-    beside: Collection[str],
-    wear: str | None,
-    look: Appearance,
-) -> dict[str, bytes]:
-    """Render every file of a report; arguments and result as for `render`."""
     from pipeline.report.figures.catalogue import draw, live  # matplotlib imports for half a second
     from pipeline.report.model import compose
 

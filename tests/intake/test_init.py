@@ -747,7 +747,7 @@ def test_inspect_proposes_joints_for_the_robot_of_the_campaign(tmp_path, capsys)
     named_robot = capsys.readouterr().out
 
     assert code == 0
-    assert "joints as fanuc_r2000ic calls them: name the robot in campaign.toml" in alone
+    assert "joints as fanuc_m20ia calls them: name the robot in campaign.toml" in alone
     assert tomllib.loads(named_robot.partition("\n\n")[2])["joints"]["columns"] == {
         "Position": "pose", **{f"Axe {k} [rad]": f"joint_{k}_rad" for k in range(1, 7)}
     }  # fmt: skip

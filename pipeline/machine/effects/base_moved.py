@@ -5,7 +5,7 @@ Before that the effector stood where F_b puts it; since then it is read at p + v
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Parameter
+from pipeline.base.arrays import Array, vector
 from pipeline.machine.effect import Loaded, Observation
 
 
@@ -28,14 +28,8 @@ def since(before: tuple[int, ...], pose: int) -> Observation:
         shows_unloaded=True,
         form=f"since pose {pose}",
         parameters=(
-            *(
-                Parameter(f"v_{axis}", "m", 1e-3, -0.1, 0.1, f"motion of the robot along {axis}")
-                for axis in "xyz"
-            ),
-            *(
-                Parameter(f"w_{axis}", "rad", 1e-3, -0.1, 0.1, f"turn of the robot about {axis}")
-                for axis in "xyz"
-            ),
+            *vector("v_{}", "m", 1e-3, -0.1, 0.1, meaning="motion of the robot along {}"),
+            *vector("w_{}", "rad", 1e-3, -0.1, 0.1, meaning="turn of the robot about {}"),
         ),
         signature=f"since pose {pose} all unloaded reflectors stand off as one rigid motion would "
         "move them, before that they do not; the displacements hardly show it",

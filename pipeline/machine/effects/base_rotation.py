@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Parameter
+from pipeline.base.arrays import Array, vector
 from pipeline.machine.effect import Compound, Loaded, Observation, Wrench
 
 
@@ -27,9 +27,8 @@ _SAID: dict[str, Any] = {
     "noun": "rotation of the base frame",
     "place": "metrology",
     "shows_unloaded": True,
-    "parameters": tuple(
-        Parameter(f"e_{axis}", "rad", 2e-3, -0.1, 0.1, f"rotation of the base frame about {axis}")
-        for axis in "xyz"
+    "parameters": vector(
+        "e_{}", "rad", 2e-3, -0.1, 0.1, meaning="rotation of the base frame about {}"
     ),
     "signature": "displacements and forces are rotated together against the robot; lengths do not "
     "change",

@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Parameter
+from pipeline.base.arrays import Array, Parameter, vector
 from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import carriage, compliance, rail, rail_axes
 from pipeline.machine.robot import Robot, configure
@@ -22,6 +22,10 @@ from pipeline.machine.robot.configuration import rotation_about, translation_alo
 
 ALONG, ACROSS, UP = range(3)
 """Indices of the rail's axes in `rail_axes`."""
+
+LARGE = {"m/N": 1000.0, "rad/(N m)": 3000.0}
+"""Load on the guides of a rail at which a law of it has its typical deflection [N] or [N m], by the
+unit of the compliance."""
 
 
 def rotation(loaded: Loaded, axis: int) -> Array:
@@ -148,12 +152,10 @@ def _tilting(robot: Robot, form: str, deep_m: float) -> Elastic:
         place="base",
         form=form,
         tolerance=_BETWEEN,
-        parameters=tuple(
-            Parameter(
-                *(f"c_pedestal_{axis}", "rad/(N m)", c, 0.0, 50 * c),
-                f"tilt compliance of the pedestal about {axis}",
-            )
-            for axis in ("xyz"[int(unit.argmax())] for unit in across)
+        parameters=vector(
+            *("c_pedestal_{}", "rad/(N m)", c, 0.0, 50 * c),
+            meaning="tilt compliance of the pedestal about {}",
+            axes=("xyz"[int(unit.argmax())] for unit in across),
         ),
         signature="everything turns about axes fixed in the base, whatever the arm does; where "
         "joint 1 hardly turns, the same as a tilt of its bearing",

@@ -6,7 +6,7 @@ is the distance between the two; only the component across the pull matters.
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Parameter
+from pipeline.base.arrays import Array, vector
 from pipeline.machine.effect import PULLED, Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
 
@@ -24,12 +24,8 @@ effects = Wrench(
     name="chain_offset",
     noun="offset of the chain reflectors",
     place="force",
-    parameters=tuple(
-        Parameter(
-            *(f"d_{axis}_over_L", "1", 8e-3, -0.2, 0.2),
-            f"offset of the chain along {axis} over its length",
-        )
-        for axis in "xyz"
+    parameters=vector(
+        "d_{}_over_L", "1", 8e-3, -0.2, 0.2, meaning="offset of the chain along {} over its length"
     ),
     signature="the force seems to act aslant, in a direction fixed in the tool; "
     "in proportion to the load",

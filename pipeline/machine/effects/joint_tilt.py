@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Parameter
+from pipeline.base.arrays import Array, Parameter, vector
 from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import compliance, turning
 from pipeline.machine.robot import Robot
@@ -95,12 +95,10 @@ def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
         where=joint,
         form=form,
         tolerance=_BETWEEN if form else 0.03,
-        parameters=tuple(
-            Parameter(
-                *(f"c_tilt{joint}_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c),
-                "tilt compliance of the bearing of {joint} about " + axis,
-            )
-            for axis in "xy"
+        parameters=vector(
+            *(f"c_tilt{joint}_{{}}", "rad/(N m)", c / 6, 0.0, 5 * c),
+            meaning="tilt compliance of the bearing of {joint} about {}",
+            axes="xy",
         ),
         signature=f"everything behind joint {joint} turns about axes across it, "
         "that turn with the joint",

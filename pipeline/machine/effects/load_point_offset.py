@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Parameter
+from pipeline.base.arrays import Array, vector
 from pipeline.machine.effect import (
     HUNG,
     MOUNTED,
@@ -50,11 +50,8 @@ def _said(form: str) -> dict[str, Any]:
         "noun": "offset of the load point or the targets",
         "place": "force",
         "form": form,
-        "parameters": tuple(
-            Parameter(
-                f"dl_{axis}", "m", 5e-3, -0.5, 0.5, f"correction of the stated point along {axis}"
-            )
-            for axis in "xyz"
+        "parameters": vector(
+            "dl_{}", "m", 5e-3, -0.5, 0.5, meaning="correction of the stated point along {}"
         ),
         "signature": "torques of the wrist are off by the force times a lever fixed in the tool, "
         "or displacements by their rotation times it",

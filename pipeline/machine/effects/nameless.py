@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pipeline.base.arrays import Array, Parameter
+from pipeline.base.arrays import Array, Parameter, vector
 from pipeline.machine.effect import (
     HUNG,
     PULLED,
@@ -53,6 +53,7 @@ from pipeline.machine.effects._anatomy import (
     rail_ends,
     turning,
 )
+from pipeline.machine.effects.carriage import LARGE
 from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import translation_along
@@ -69,10 +70,6 @@ _TURN_RAD = 0.05
 
 _OFFSET_M = 5e-3
 """Typical error of a point measured on a tool [m], as in the catalogue."""
-
-_LARGE = {"m/N": 1000.0, "rad/(N m)": 3000.0}
-"""Load on the guides of a rail at which nonlinear contact reaches its typical deflection [N] or [N
-m], by the unit of compliance."""
 
 _FADES_MIN = (5, 20)
 """Time constants of the load memory of a joint [min]: some load steps of a pose, or some poses; a
@@ -97,7 +94,7 @@ def nameless(robot: Robot) -> tuple[Effect, ...]:
     shoulder = (arm(robot) or (None,))[0]
     guides = [one for one in carriage.effects(robot) if one.name in _GUIDES]
     return (
-        *(_bearing(robot, joint) for joint in _own_bearings(robot, numbers)),
+        *(_bearing(robot, joint) for joint in (*numbers[rail(robot) :], robot.n + 1)),
         *(_cross_talk(robot, *pair) for pair in _coupled(numbers)),
         *(_angle(robot, joint) for joint in numbers if joint != shoulder),
         *(_warming(robot, joint) for joint in range(1, robot.n + 1)),
@@ -128,11 +125,6 @@ def mounting(robot: Robot) -> tuple[Effect, ...]:
     """Mounting errors that this robot can have."""
     places = arm(robot)
     return (_turned(), *((_on_the_forearm(places[2] - 1),) if places else ()))
-
-
-def _own_bearings(robot: Robot, numbers: Sequence[int]) -> list[int]:
-    """Revolute joints and the flange (n + 1), but not the first joint of an arm on a rail."""
-    return [*(numbers[1:] if rail(robot) else numbers), robot.n + 1]
 
 
 def _coupled(numbers: Sequence[int]) -> list[tuple[int, int]]:
@@ -273,13 +265,13 @@ def _contact(guide: Elastic) -> Effect:
     (spring,) = guide.parameters
 
     def response(loaded: Loaded, load: Array) -> Array:
-        return np.sign(load) * np.sqrt(np.abs(load) * _LARGE[spring.unit])
+        return np.sign(load) * np.sqrt(np.abs(load) * LARGE[spring.unit])
 
     return _effect("guide_contact", _short(guide), spring.typical, (1,), response, guide.twists)
 
 
 def _by_moment(tilt: Elastic) -> Effect:
-    size, large = tilt.parameters[0].typical, _LARGE["rad/(N m)"]
+    size, large = tilt.parameters[0].typical, LARGE["rad/(N m)"]
 
     def response(loaded: Loaded, load: Array) -> Array:
         return np.asarray(load * np.sqrt(np.abs(load) / large))
@@ -306,9 +298,7 @@ def _acting(name: str, unit: str, size: float) -> dict[str, Any]:
         "name": name,
         "noun": words,
         "place": "force",
-        "parameters": tuple(
-            Parameter(f"{name}_{axis}", unit, size, -20 * size, 20 * size) for axis in "xyz"
-        ),
+        "parameters": vector(f"{name}_{{}}", unit, size, -20 * size, 20 * size),
         "signature": words,
         "needs": "",
         "source": "",

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Bools, Parameter
+from pipeline.base.arrays import Array, Bools, Parameter, vector
 from pipeline.machine.effect import MOUNTED, Effect, Loaded, Pulls, Wrench
 
 NOUNS = {"payload_mass": "wrong mass", "payload_center": "wrong centre of mass"}
@@ -50,12 +50,9 @@ def _centre(name: str) -> Effect:
         where=name,
         noun=NOUNS["payload_center"],
         place="force",
-        parameters=tuple(
-            Parameter(
-                *(f"dc_{axis}", "m", 5e-3, -0.5, 0.5),
-                f"correction of the stated centre of mass along {axis}",
-            )
-            for axis in "xyz"
+        parameters=vector(
+            *("dc_{}", "m", 5e-3, -0.5, 0.5),
+            meaning="correction of the stated centre of mass along {}",
         ),
         signature="torques of the wrist are off by the payload's weight times a lever fixed in it",
         needs="the centre weighed or from the drawing, or the joint torques",

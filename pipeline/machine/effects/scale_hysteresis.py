@@ -20,14 +20,6 @@ from pipeline.machine.effects._anatomy import direction
 from pipeline.machine.robot import Robot
 
 
-def _by_branch(loaded: Loaded) -> Array:
-    return loaded.force * loaded.pulls.branch[:, None]
-
-
-def _slackening(loaded: Loaded) -> Array:
-    return loaded.force * (loaded.pulls.branch < 0)[:, None]
-
-
 def _loop(loaded: Loaded) -> Array:
     size, pulls = np.linalg.norm(loaded.force, axis=1), loaded.pulls
     _, pose = np.unique(pulls.pose, return_inverse=True)
@@ -36,28 +28,20 @@ def _loop(loaded: Loaded) -> Array:
     return direction(loaded) * ((peak[pose] - size) * (pulls.branch < 0))[:, None]
 
 
-def _constant(loaded: Loaded) -> Array:
-    return direction(loaded) * loaded.pulls.branch[:, None]
-
-
-def _by_step(loaded: Loaded) -> Array:
-    return loaded.force * (loaded.pulls.repeat[:, None] - 1.0)
-
-
 def effects(robot: Robot) -> tuple[Wrench, ...]:
     """One effect in five forms, on any robot."""
     return (
         _effect(
             "by branch",
             Parameter("h_scale", "1", 0.005, -0.1, 0.1, "hysteresis of the scale over its reading"),
-            _by_branch,
+            lambda loaded: loaded.force * loaded.pulls.branch[:, None],
         ),
         _effect(
             "slackening",
             Parameter(
                 "h_down", "1", 0.01, -0.2, 0.2, "difference of the scale's reading on the way down"
             ),
-            _slackening,
+            lambda loaded: loaded.force * (loaded.pulls.branch < 0)[:, None],
         ),
         _effect(
             "loop",
@@ -67,14 +51,14 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
         _effect(
             "constant",
             Parameter("f_hysteresis", "N", 10.0, -150.0, 150.0, "hysteresis of the scale"),
-            _constant,
+            lambda loaded: direction(loaded) * loaded.pulls.branch[:, None],
         ),
         _effect(
             "by step",
             Parameter(
                 "h_step", "1", 0.002, -0.03, 0.03, "change of the scale's reading with each step"
             ),
-            _by_step,
+            lambda loaded: loaded.force * (loaded.pulls.repeat[:, None] - 1.0),
         ),
     )
 

@@ -5,7 +5,7 @@ Before that the target was where [tool] has it; since then it is measured at p +
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Parameter
+from pipeline.base.arrays import Array, vector
 from pipeline.machine.effect import Loaded, Observation
 
 
@@ -32,10 +32,7 @@ def since(name: str, target: int, before: tuple[int, ...], pose: int) -> Observa
         place="metrology",
         shows_unloaded=True,
         form=f"since pose {pose}",
-        parameters=tuple(
-            Parameter(f"v_{axis}", "m", 1e-3, -0.1, 0.1, f"motion of the target along {axis}")
-            for axis in "xyz"
-        ),
+        parameters=vector("v_{}", "m", 1e-3, -0.1, 0.1, meaning="motion of the target along {}"),
         signature=f"since pose {pose} one target stands off by one vector of the flange frame, "
         "before that it does not; the displacements do not show it",
         needs="the distances between the targets measured again",

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Parameter
+from pipeline.base.arrays import Array, vector
 from pipeline.machine.effect import Effect, Loaded, Observation
 from pipeline.machine.robot import Robot
 
@@ -79,13 +79,9 @@ def _effect(form: str, letter: str, unit: str, typical: float, most: float) -> O
         place="metrology",
         form=form,
         tolerance=0.2,
-        parameters=tuple(
-            Parameter(
-                *(f"{letter}_{axis}", unit, typical, -most, most),
-                f"drift of the tracker along {axis}"
-                + (" until it is warm" if letter == "a" else ""),
-            )
-            for axis in "xyz"
+        parameters=vector(
+            *(f"{letter}_{{}}", unit, typical, -most, most),
+            meaning="drift of the tracker along {}" + " until it is warm" * (letter == "a"),
         ),
         signature="what is read late after its zero is off more; base_start and base_end disagree",
         needs=NEEDS,

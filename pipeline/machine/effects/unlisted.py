@@ -26,7 +26,7 @@ from pipeline.base.arrays import Array, Parameter, compared
 from pipeline.base.quantities import plain
 from pipeline.machine.effect import Effect, Elastic, Loaded, Observation, Pulls, Wrench, in_place
 from pipeline.machine.effects._anatomy import compliance, direction, rail, rated_torque, turning
-from pipeline.machine.effects.carriage import ACROSS, ALONG, UP, rotation, translation
+from pipeline.machine.effects.carriage import ACROSS, ALONG, LARGE, UP, rotation, translation
 from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.machine.law import Law, parse
 from pipeline.machine.robot import Robot, axes
@@ -73,9 +73,6 @@ _GUIDES = {
     "pitch": (partial(rotation, axis=ACROSS), 1e-8, "rad/(N m)"),
 }
 """Guides of the carriage: screw, typical compliance as in the catalogue, unit."""
-
-_LARGE = {"m/N": 1000.0, "rad/(N m)": 3000.0}
-"""Load on a guide at which power laws have the typical deflection [N] or [N m]."""
 
 _ZERO_N = 20.0
 """Typical jump of a scale's zero [N], as of `scale_zero`."""
@@ -171,8 +168,8 @@ def _effect(robot: Robot, law: Law) -> Effect:
     if law.where == "tracker":
         return _of_tracker(law)
     if law.where == "rail":
-        return _of_guide(robot, law) if law.part in _GUIDES else _of_joint(robot, law, 1)
-    return _of_joint(robot, law, int(law.where))
+        return _of_guide(robot, law) if law.part in _GUIDES else _spring(robot, law, 1)
+    return _PARTS.get(law.part, _spring)(robot, law, int(law.where))
 
 
 # laws that are tried
@@ -464,12 +461,6 @@ _SMOOTH = {
 }
 
 
-def _of_joint(robot: Robot, law: Law, joint: int) -> Effect:
-    """A law of a joint's spring, bearing, gear or link."""
-    made = _PARTS.get(law.part, _spring)
-    return made(robot, law, joint)
-
-
 def _spring(robot: Robot, law: Law, joint: int) -> Effect:
     """Compliance that follows the law: deflection tau g(v)."""
     place = "rail" if law.where == "rail" else "joint"
@@ -611,7 +602,7 @@ def _of_guide(robot: Robot, law: Law) -> Effect:
     def response(loaded: Loaded, load: Array) -> Array:
         if law.variable == "force":
             return np.asarray(
-                np.sign(load) * np.abs(load) ** law.order * _LARGE[unit] ** (1 - law.order)
+                np.sign(load) * np.abs(load) ** law.order * LARGE[unit] ** (1 - law.order)
             )
         g = _basis(law, variable(law, loaded))
         return np.asarray(load * (g if k == g.shape[1] else np.insert(g, 0, 1.0, axis=1)))

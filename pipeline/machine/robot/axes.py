@@ -56,8 +56,7 @@ def of(robot: Robot) -> Axes:
     """The controller's axes; the joints themselves if the robot file does not map them."""
     if not robot.controller:
         return joints(robot)
-    slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
-    return Axes(robot.controller, slides, robot.controller_matrix, robot.controller_offset)
+    return Axes(robot.controller, robot.slides, robot.controller_matrix, robot.controller_offset)
 
 
 def displayed(robot: Robot, q: Array) -> Array:
@@ -70,11 +69,6 @@ def displayed(robot: Robot, q: Array) -> Array:
     mapped = of(robot)
     values = mapped.values(np.atleast_2d(q)).reshape(*np.shape(q)[:-1], len(mapped.names))
     return np.asarray(np.where(mapped.slides, 1e3 * values, np.rad2deg(values)))
-
-
-def from_shown(robot: Robot, values: Array) -> Array:
-    """The inverse of `displayed`, to m and rad, (..., n)."""
-    return robot.from_controller(values)
 
 
 def joints(robot: Robot) -> Axes:

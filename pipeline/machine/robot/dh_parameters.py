@@ -81,16 +81,18 @@ def dh_parameters(robot: Robot) -> tuple[DhParameter, ...]:
     Letters before the first joint, and the zero and offset of that joint, only define F_b and are
     left out.
     """
-    file = _file(robot)
-    return tuple(one for one in _all(file) if not _moves_the_base(one))
+    file = file_of(robot)
+    every = (one for one in _all(file) if one.carrier)
+    return tuple(one for one in every if one.joint > 1 or one.axis != _Z)
 
 
 def all_letters(robot: Robot) -> tuple[DhParameter, ...]:
     """Every letter of a robot's table, including those that only define F_b."""
-    return tuple(_all(_file(robot)))
+    return tuple(_all(file_of(robot)))
 
 
-def _file(robot: Robot) -> RobotFile:
+def file_of(robot: Robot) -> RobotFile:
+    """The robot's file as it is written."""
     return _parsed(robot.text, robot.name)
 
 
@@ -137,10 +139,6 @@ def _of_z(row: Joint, number: int, file: RobotFile) -> Iterator[DhParameter]:
     yield DhParameter(names[1], number, "theta_deg", True, number, np.eye(4), _Z)
 
 
-def _moves_the_base(letter: DhParameter) -> bool:
-    return letter.carrier == 0 or (letter.joint == 1 and letter.axis == _Z)
-
-
 def twists(configuration: Configuration, wanted: Sequence[DhParameter]) -> Array:
     """Unit twist of each letter in F_b, shape (m, k, 6).
 
@@ -162,7 +160,7 @@ def twists(configuration: Configuration, wanted: Sequence[DhParameter]) -> Array
 
 def changed(robot: Robot, wanted: Sequence[DhParameter], values: Array) -> Robot:
     """The robot with values [m] or [rad], shape (k,), added to letters of its table (and text)."""
-    file = _file(robot)
+    file = file_of(robot)
     rows = [row.model_dump(exclude_none=True) for row in file.joint]
     for letter, value in zip(wanted, values, strict=True):
         row = rows[letter.joint - 1]
@@ -174,7 +172,7 @@ def changed(robot: Robot, wanted: Sequence[DhParameter], values: Array) -> Robot
 
 def nominal(robot: Robot, wanted: Sequence[DhParameter]) -> Array:
     """Tabulated value of each letter [m] or [rad], shape (k,)."""
-    file = _file(robot)
+    file = file_of(robot)
     items = [getattr(file.joint[one.joint - 1], one.key) or 0.0 for one in wanted]
     return np.array(
         [np.deg2rad(s) if one.turns else s for one, s in zip(wanted, items, strict=True)]

@@ -38,54 +38,9 @@ from pipeline.base.strict import (
 from pipeline.machine.robot.capsules import BASE, Capsule, Capsules, capsules
 from pipeline.machine.robot.steps import Fixed, screw_x, screw_z, turn_y
 
-SHIPPED = (
-    "kr500_rail",
-    "kr500_rail_kuka",
-    "fanuc_r2000ic",
-    "ur10",
-    "ur10e",
-    "kr210_l150",
-    "kr210_r2700_2",
-    "irb6640",
-    "kr120_r2700_2",
-    "kr150_r3100_2",
-    "kr210_r3100_2",
-    "kr240_r2900_2",
-    "kr300_r2700_2",
-    "kr240_r3330",
-    "kr360_r2830",
-    "kr500_r2800_2",
-    "kr560_r3100_2",
-    "kr800_r2800_2",
-    "irb4600_20_250",
-    "irb4600_40_255",
-    "irb4600_60_205",
-    "irb6700_200_260",
-    "irb6700_235_265",
-    "irb7600_150_350",
-    "fanuc_m20ia",
-    "fanuc_m20ia_10l",
-    "fanuc_m20ib_25",
-    "fanuc_m900ia_260l",
-    "fanuc_r2000ib_210f",
-    "fanuc_r2000ic_125l",
-    "fanuc_r2000ic_165f",
-    "fanuc_r2000ic_210l",
-    "fanuc_r2000ic_270f",
-    "gp12",
-    "gp25",
-    "gp35l",
-    "gp50",
-    "gp88",
-    "gp110",
-    "gp180",
-    "gp180_120",
-    "ur3e",
-    "ur5e",
-    "ur16e",
-    "ur20",
-    "ur30",
-)
+_FILES = resources.files(__package__)
+SHIPPED = tuple(sorted(one.name[:-5] for one in _FILES.iterdir() if one.name.endswith(".toml")))
+"""Names of the robots that ship, one for each robot file beside this module."""
 
 
 class Joint(Numbers):
@@ -338,9 +293,13 @@ class Robot(Locked):
         values = _row("axes", axes, names)
         if not self.controller:
             return np.where(self.prismatic, 1e-3 * values, np.deg2rad(values))
-        slides = self.prismatic.astype(float) @ np.abs(self.controller_matrix) > 0
-        si = np.where(slides, 1e-3 * values, np.deg2rad(values))
+        si = np.where(self.slides, 1e-3 * values, np.deg2rad(values))
         return np.asarray(si @ self.controller_matrix.T + self.controller_offset)
+
+    @cached_property
+    def slides(self) -> Bools:
+        """True for axes of the controller that move a prismatic joint, shape (axes,)."""
+        return np.asarray(self.prismatic.astype(float) @ np.abs(self.controller_matrix) > 0)
 
     @cached_property
     def nominal_compliance(self) -> Array:
@@ -411,7 +370,7 @@ def _links(file: RobotFile) -> dict[str, tuple[int, Array]]:
     """Number of each link and the frame of its row in that of its joint, (4, 4)."""
     behind = [np.eye(4)] * len(file.joint)
     if file.convention == "standard":
-        behind = [_distal(row) for row in file.joint]
+        behind = [along_z(row, "standard") @ along_x(row, "standard") for row in file.joint]
     rows = {row.name: (k, T) for k, (row, T) in enumerate(zip(file.joint, behind, strict=True), 1)}
     return {BASE: (0, np.eye(4)), **rows}
 
@@ -422,11 +381,6 @@ def _weighing(row: Joint, T: Array) -> Joint:
         return row
     x, y, z = (T[:3, :3] @ row.centre_of_mass_m + T[:3, 3]).tolist()
     return row.model_copy(update={"centre_of_mass_m": (x, y, z)})
-
-
-def _distal(row: Joint) -> Array:
-    """Transformation of a distal row after its joint, (4, 4)."""
-    return along_z(row, "standard") @ along_x(row, "standard")
 
 
 def parse(text: str, file: str) -> Robot:
@@ -587,5 +541,4 @@ def _plain(words: str) -> str:
 
 @cache
 def _shipped(name: str) -> Robot:
-    text = (resources.files(__package__) / f"{name}.toml").read_text("utf-8")
-    return parse(text, f"{name}.toml")
+    return parse((_FILES / f"{name}.toml").read_text("utf-8"), f"{name}.toml")

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from pipeline.base import toml
+from pipeline.machine.robot.dh_parameters import file_of
 from pipeline.machine.robot.mdh import Robot, RobotFile, placements
 from pipeline.machine.robot.steps import Fixed
 
@@ -14,17 +15,13 @@ _VISIBLE_M = 0.01
 """Length below which a wrong sign would go unnoticed [m]."""
 
 
-def _file(robot: Robot) -> RobotFile:
-    return RobotFile.model_validate(toml.loads(robot.text, robot.name))
-
-
 def variants(robot: Robot) -> Iterator[tuple[str, Robot]]:
     """The robot with one sign of its table reversed, or its table read in the other convention.
 
     Yields:
         `d_5`, `alpha_3`, `standard_dh` or `modified_dh`, and the robot.
     """
-    file = _file(robot)
+    file = file_of(robot)
     for j, row in enumerate(file.joint):
         for key, letter in _LENGTHS.items():
             if abs(getattr(row, key) or 0.0) > _VISIBLE_M:
@@ -37,13 +34,13 @@ def variants(robot: Robot) -> Iterator[tuple[str, Robot]]:
 
 def turned(robot: Robot, joint: int, degrees: float, key: str = "theta_deg") -> Robot:
     """The robot with some degrees added to an angle of one row: zero (theta) or twist (alpha)."""
-    file, j = _file(robot), joint - 1
+    file, j = file_of(robot), joint - 1
     return _with_row(robot, file, j, {key: getattr(file.joint[j], key) + degrees})
 
 
 def counted_back(robot: Robot, joint: int) -> Robot:
     """The robot with one joint's sense reversed, Rz(-q) Tz(-r) = Rx(pi) Rz(q) Tz(r) Rx(-pi)."""
-    file, j = _file(robot), joint - 1
+    file, j = file_of(robot), joint - 1
     rows, row = list(file.joint), file.joint[j]
     changes: dict[str, object] = {"theta_deg": -row.theta_deg, "alpha_deg": row.alpha_deg + 180.0}
     key = "r_m" if file.convention == "khalil" else "d_m"
@@ -67,7 +64,7 @@ def counted_back(robot: Robot, joint: int) -> Robot:
 
 def misread(robot: Robot) -> tuple[str, str]:
     """The robot's file with its letters under the other convention, and the true convention."""
-    file = _file(robot)
+    file = file_of(robot)
     wrong, _ = _other_convention(file)
     text = toml.dumps(wrong.model_dump(exclude_none=True, exclude={"capsules", "capsules_source"}))
     return text, "standard_dh" if file.convention == "standard" else "modified_dh"
@@ -112,7 +109,7 @@ def differing(robot: Robot, other: Robot) -> str | None:
 
     None if there are none or several, or if their conventions differ.
     """
-    one, two = _file(robot), _file(other)
+    one, two = file_of(robot), file_of(other)
     if one.convention != two.convention:
         return None
     apart = [
