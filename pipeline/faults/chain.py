@@ -243,13 +243,15 @@ def _give(case: Case, group: Strings, pose: Ints) -> Array:
     """
     rows = case.readings[case.readings["state"] == "loaded"]
     rows = rows[rows["target"].isin(case.settings.naming.measured)]
-    rows = rows.drop_duplicates(["group", "target"]).set_index(["target", "group"])[XYZ]
-    names = rows.index.unique("target")
-    at = np.array([rows.loc[name].reindex(group).to_numpy(float) for name in names])
+    pull = pd.Index(group).get_indexer(pd.Index(rows["group"]))
+    rows, pull = rows[pull >= 0], pull[pull >= 0]
+    target, names = pd.factorize(rows["target"])
+    at = np.full((len(names), len(group), 3), np.nan)
+    at[target[::-1], pull[::-1]] = rows[XYZ].to_numpy(float)[::-1]  # of several readings the first
     out = np.full(len(group), np.nan)
     for one in np.unique(pose):
         here = np.flatnonzero(pose == one)
-        whole = at[:, here][np.isfinite(at[:, here]).all(axis=(1, 2))] if len(at) else at
+        whole = at[:, here][np.isfinite(at[:, here]).all(axis=(1, 2))]
         if len(whole):
             centre = whole.mean(axis=0) - whole.mean(axis=(0, 1))
             out[here] = centre @ linear.principal(centre)[2][0]

@@ -11,17 +11,19 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 
 import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import covariance
-from pipeline.base.arrays import Array, Bools, Ints, Strings
+from pipeline.base.arrays import Array, Ints, Strings
 from pipeline.base.linear import rigid
+from pipeline.faults import unloaded_points as shown
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, lines_of
+from pipeline.faults.unloaded_points import UnloadedPoints, by_base
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import SHIPPED, Robot, configure, load
@@ -29,15 +31,12 @@ from pipeline.machine.robot.dh_parameters import dh_parameters, twists
 from pipeline.machine.robot.variants import alike, differing, variants
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
-from pipeline.reduction.register import XYZ, agreeing
+from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Point
 
 GROSS_ANCHORED_M = 0.3
 """Deviation from the table in a base frame, however poor its reflectors, from which on it is
 gross [m]."""
-
-_BASE = 3
-"""Minimum number of base reflectors that determine a frame."""
 
 FEWEST_POSES = 3
 """Minimum number of poses; with fewer, a rigid motion can hide a wrong table."""
@@ -72,6 +71,10 @@ _DH_SAYS = {
 }
 
 
+_Way = Callable[[UnloadedPoints], float | None]
+"""How the deviation of the reflectors is measured: `_miss` or `_anchored_miss`."""
+
+
 def symbol(unit: str) -> str:
     """A unit of force as it is written: kN, daN, kgf."""
     return f"{unit[:-1]}N" if unit.endswith("n") else unit
@@ -86,6 +89,7 @@ class _SupposedMistake:
         where: As in `Mistake`.
         says: What was mistaken for what.
         correct: Correction of a case.
+        moves: The same correction of its unloaded points alone, of which hundreds are tried.
         write: What to write instead; empty where `says` shows it.
         single: Whether it is only tested by itself and not together with another mistake, because
             there are many of its kind.
@@ -95,6 +99,7 @@ class _SupposedMistake:
     where: str
     says: str
     correct: Callable[[Case], Case]
+    moves: Callable[[UnloadedPoints], UnloadedPoints]
     write: str = ""
     single: bool = False
 
@@ -106,35 +111,35 @@ def conventions(case: Case) -> list[Mistake]:
     measured, or where no single mistake and no pair explains their positions. What moves the whole
     robot rigidly shows only against the base reflectors, which are tested second.
     """
-    for how, gross in ((miss, GROSS_DISTANCE_M), (anchored_miss, GROSS_ANCHORED_M)):
-        before = how(case)
+    points = unloaded_points(case)
+    for how, gross in ((_miss, GROSS_DISTANCE_M), (_anchored_miss, GROSS_ANCHORED_M)):
+        before = how(points)
         if before is not None and before >= gross:
-            return _search(case, how, gross, before)
+            return _search(case, points, how, gross, before)
     return []
 
 
 def _search(
-    case: Case, how: Callable[[Case], float | None], gross: float, before: float
+    case: Case, points: UnloadedPoints, how: _Way, gross: float, before: float
 ) -> list[Mistake]:
     singles = list(supposed_mistakes(case))
-    for tried in ([(h,) for h in singles], _pairs(singles) if how is miss else []):
-        misses = [
-            _after(case, chosen, how, min(gross, before / CLEARLY_NEARER)) for chosen in tried
-        ]
+    most = min(gross, before / CLEARLY_NEARER)
+    for tried in ([(h,) for h in singles], _pairs(singles) if how is _miss else []):
+        misses = [_after(points, chosen, how, most) for chosen in tried]
         best = int(np.argmin([*misses, np.inf]))
         if best < len(tried) and misses[best] < gross and CLEARLY_NEARER * misses[best] < before:
-            if _is_this_robot(case, tried[best][0], how, misses[best]):
+            if _is_this_robot(points, tried[best][0], how, misses[best]):
                 return []  # with another length, which the table is asked about later
             return [_finding(case, h, before, misses[best]) for h in tried[best]]
     return []
 
 
 def _is_this_robot(
-    case: Case, chosen: _SupposedMistake, how: Callable[[Case], float | None], after: float
+    points: UnloadedPoints, chosen: _SupposedMistake, how: _Way, after: float
 ) -> bool:
     """Whether one length of the robot explains the reflectors clearly better than another robot."""
-    other = chosen.where in SHIPPED and how is miss
-    return other and CLEARLY_NEARER * _by_one_length(case) < after
+    other = chosen.where in SHIPPED and how is _miss
+    return other and CLEARLY_NEARER * _by_one_length(points) < after
 
 
 def _pairs(singles: Sequence[_SupposedMistake]) -> list[tuple[_SupposedMistake, ...]]:
@@ -144,7 +149,7 @@ def _pairs(singles: Sequence[_SupposedMistake]) -> list[tuple[_SupposedMistake, 
 
 
 def _after(
-    case: Case, chosen: Sequence[_SupposedMistake], how: Callable[[Case], float | None], most: float
+    points: UnloadedPoints, chosen: Sequence[_SupposedMistake], how: _Way, most: float
 ) -> float:
     """Deviation of the reflectors with some mistakes corrected [m]; infinite if not informative.
 
@@ -152,19 +157,20 @@ def _after(
     readings to a point fits a point.
     """
     for hypothesis in chosen:
-        case = hypothesis.correct(case)
-    value = how(case)
+        points = hypothesis.moves(points)
+    value = how(points)
     if value is None or value >= most:
         return np.inf
-    return np.inf if CLEARLY_NEARER * value > _apart(case) else value
+    return np.inf if CLEARLY_NEARER * value > _apart(points) else value
 
 
-def _apart(case: Case) -> float:
+def _apart(points: UnloadedPoints) -> float:
     """Distance of the poses from each other, as read or by the table, the smaller one [m], rms."""
-    zeros = unloaded(case)
-    target = zeros["target"].to_numpy()
-    both = (pd.DataFrame(each).groupby(target) for each in pairs(case, zeros)[:2])
-    return min(float(np.sqrt(each.var(ddof=0).sum(axis=1).mean())) for each in both)
+    of = [points.target == one for one in np.unique(points.target)]
+    return min(
+        float(np.sqrt(np.mean([each[here].var(axis=0).sum() for here in of])))
+        for each in (points.seen, points.expected)
+    )
 
 
 def _finding(case: Case, h: _SupposedMistake, before: float, after: float) -> Mistake:
@@ -186,10 +192,13 @@ def miss(case: Case) -> float | None:
 
     None where too few poses were read.
     """
-    zeros = unloaded(case)
-    if zeros["pose"].nunique() < FEWEST_POSES:
+    return _miss(unloaded_points(case))
+
+
+def _miss(points: UnloadedPoints) -> float | None:
+    if len(points.q) < FEWEST_POSES:
         return None
-    return _off(*pairs(case, zeros))
+    return _off(points.seen, points.expected, points.state)
 
 
 def _off(seen: Array, expected: Array, state: Ints) -> float:
@@ -199,13 +208,11 @@ def _off(seen: Array, expected: Array, state: Ints) -> float:
     return float(np.sqrt(np.median(square)))
 
 
-def _by_one_length(case: Case) -> float:
-    """The smallest deviation as in `miss` that any other value of one length leaves [m]."""
-    zeros = unloaded(case)
-    seen, expected, state = pairs(case, zeros)
-    poses, at = np.unique(zeros["pose"].to_numpy(int), return_inverse=True)
-    lengths = [one for one in dh_parameters(case.robot) if not one.turns]
-    along = twists(configure(case.robot, case.q(poses)), lengths)[at, :, 3:]
+def _by_one_length(points: UnloadedPoints) -> float:
+    """The smallest deviation as in `_miss` that any other value of one length leaves [m]."""
+    seen, expected, state = points.seen, points.expected, points.state
+    lengths = [one for one in dh_parameters(points.robot) if not one.turns]
+    along = twists(configure(points.robot, points.q), lengths)[points.at, :, 3:]
     found = [np.inf]
     for axis in np.moveaxis(along, 1, 0):
         value = 0.0
@@ -229,11 +236,14 @@ def anchored_miss(case: Case) -> float | None:
 
     None without three base reflectors.
     """
-    where = anchored(case) if case.settings.base_frame else None
+    return _anchored_miss(unloaded_points(case))
+
+
+def _anchored_miss(points: UnloadedPoints) -> float | None:
+    where = points.frame if points.nominal else None
     if where is None:
         return None
-    seen, expected, _ = pairs(case, unloaded(case))
-    away = np.linalg.norm(seen @ where[0].T + where[1] - expected, axis=1)
+    away = np.linalg.norm(points.seen @ where[0].T + where[1] - points.expected, axis=1)
     return float(np.median(away)) if len(away) else None
 
 
@@ -243,26 +253,9 @@ def anchored(case: Case) -> tuple[Array, Array] | None:
 
     Without [base_frame] the readings are taken to be in F_b.
     """
-    rows, nominal = case.readings, case.settings.base_frame
-    if not nominal:
-        return np.eye(3), np.zeros(3)
-    base = rows[rows["pose"].isna() & rows["target"].isin(list(nominal))]
-    if base["target"].nunique() < _BASE:
-        return None
-    points = np.array([nominal[name] for name in base["target"]])
-    seen = base[XYZ].to_numpy(float)
-    kept = _not_alone(agreeing(seen, points), pd.factorize(base["target"])[0])
-    return rigid(seen[kept], points[kept])
-
-
-def _not_alone(agree: Bools, reflector: Ints) -> Bools:
-    """Mask without readings that disagree while another one of the same reflector agrees.
-
-    One that is metres off would rotate the frame by degrees. A reflector of which all readings
-    disagree has the wrong name or position, which is tested elsewhere.
-    """
-    known = np.bincount(reflector, agree) > 0
-    return np.asarray(agree | ~known[reflector])
+    rows = case.readings[case.readings["pose"].isna()]
+    names = rows["target"].to_numpy(object)
+    return by_base(rows[XYZ].to_numpy(float), names, case.settings.base_frame)
 
 
 @lru_cache(maxsize=1)  # used by a dozen tests of one campaign
@@ -271,6 +264,26 @@ def unloaded(case: Case) -> pd.DataFrame:
     rows = case.readings
     known = rows["target"].isin(case.settings.measured) & (rows["state"] == "unloaded")
     return rows[known & rows["pose"].isin(case.joints["pose"])]
+
+
+def unloaded_points(case: Case) -> UnloadedPoints:
+    """The unloaded readings of a campaign as arrays, with all that its table places them by."""
+    zeros = unloaded(case)
+    poses, at = np.unique(zeros["pose"].to_numpy(int), return_inverse=True)
+    alone = case.readings[case.readings["pose"].isna()]
+    return UnloadedPoints(
+        seen=zeros[XYZ].to_numpy(float),
+        state=pd.factorize(zeros["group"])[0],
+        target=pd.Index(case.settings.measured).get_indexer(pd.Index(zeros["target"])),
+        at=at,
+        q=case.q(poses),
+        robot=case.robot,
+        measured=tuple(case.settings.measured),
+        tool=case.tool.points,
+        base=alone[XYZ].to_numpy(float),
+        names=alone["target"].to_numpy(object),
+        nominal=case.settings.base_frame,
+    )
 
 
 def pairs(case: Case, rows: pd.DataFrame) -> tuple[Array, Array, Ints]:
@@ -313,14 +326,27 @@ def _moved_onto(seen: Array, expected: Array) -> Array:
 def supposed_mistakes(case: Case) -> Iterator[_SupposedMistake]:
     """Every mistake that is tested."""
     for factor, (unit, says) in UNITS.items():
-        yield _SupposedMistake("unit_mixup", unit, f"in the tracker export {says}", scaled(factor))
+        yield _SupposedMistake(
+            "unit_mixup",
+            unit,
+            f"in the tracker export {says}",
+            scaled(factor),
+            partial(shown.scaled, factor),
+        )
     for ending, unit, factor, says in LOGGED:
         columns = [column for column in case.joint_columns if column.endswith(ending)]
         if columns:
             says = f"in the joint log {says}"
-            yield _SupposedMistake("unit_mixup", unit, says, partial(_logged, columns, factor))
+            yield _SupposedMistake(
+                "unit_mixup", unit, says, partial(_logged, columns, factor),
+                partial(shown.logged, [case.joint_columns.index(c) for c in columns], factor),
+            )  # fmt: skip
     yield _SupposedMistake(
-        "sign_or_convention", "left_handed", "the tracker's frame is left-handed", _mirrored
+        "sign_or_convention",
+        "left_handed",
+        "the tracker's frame is left-handed",
+        _mirrored,
+        shown.mirrored,
     )
     if case.robot.controller_matrix.shape[1] == case.robot.n:
         yield _SupposedMistake(
@@ -328,11 +354,12 @@ def supposed_mistakes(case: Case) -> Iterator[_SupposedMistake]:
             "controller_axes",
             "the joint log holds the controller's axes under the names of the joints",
             _from_controller,
+            shown.from_controller,
         )
     yield from _columns(case)
     for where, says, robot in _robots(case.robot):
         correct = partial(replace, robot=robot)
-        yield _SupposedMistake("sign_or_convention", where, says, correct, single=True)
+        yield _SupposedMistake("sign_or_convention", where, says, correct, correct, single=True)
     yield from _names(case)
     yield from _turned(case)
 
@@ -349,12 +376,13 @@ def _turned(case: Case) -> Iterator[_SupposedMistake]:
     tables = {"tool": {name: settings.tool[name] for name in names if name in settings.tool},
               "base_frame": settings.base_frame}  # fmt: skip
     for table, places in tables.items():
-        for turn in _TURNS if places else ():
+        for turn, how in _as_turned(table) if places else ():
             yield _SupposedMistake(
                 "sign_or_convention",
                 table,
-                f"[{table}] is in another frame{_as_turned(turn, table)}",
+                f"[{table}] is in another frame{how}",
                 partial(_with_places, table, moved := _at(turn, places)),
+                partial(shown.with_places, table, moved),
                 write="; write " + ", ".join(
                     f"{name} = [{', '.join(f'{x:.7g}' for x in at)}]" for name, at in moved.items()
                 ) + f" into [{table}]",
@@ -367,11 +395,19 @@ def _at(turn: Array, places: Mapping[str, Point]) -> dict[str, Point]:
     return {name: tuple((turn @ at + 0.0).tolist()) for name, at in places.items()}
 
 
-def _as_turned(turn: Array, table: str) -> str:
-    """`, turned by 180 deg about z of the flange: [x, y, z] there is [-x, -y, z] here`."""
+@cache
+def _as_turned(table: str) -> tuple[tuple[Array, str], ...]:
+    """Every turn with what it means for a table.
+
+    `, turned by 180 deg about z of the flange: [x, y, z] there is [-x, -y, z] here`.
+    """
     maybe, frame = (", maybe the controller's", "the flange") if table == "tool" else ("", "F_b")
-    signed = (("-" if row.sum() < 0 else "") + "xyz"[int(np.abs(row).argmax())] for row in turn)
-    return f"{maybe}, {_turn(turn, frame)}: [x, y, z] there is [{', '.join(signed)}] here"
+    found = []
+    for turn in _TURNS:
+        signed = (("-" if row.sum() < 0 else "") + "xyz"[int(np.abs(row).argmax())] for row in turn)
+        here = ", ".join(signed)
+        found.append((turn, f"{maybe}, {_turn(turn, frame)}: [x, y, z] there is [{here}] here"))
+    return tuple(found)
 
 
 def _turn(turn: Array, frame: str) -> str:
@@ -396,7 +432,7 @@ def _with_places(table: str, places: Mapping[str, Point], case: Case) -> Case:
 
 def _columns(case: Case) -> Iterator[_SupposedMistake]:
     """Single columns of the joint log that may be wrong."""
-    for column, joint in zip(case.joint_columns, case.robot.joints, strict=True):
+    for k, (column, joint) in enumerate(zip(case.joint_columns, case.robot.joints, strict=True)):
         for ending, unit, factor, says in _LOGGED_ALONE if len(case.joint_columns) > 1 else ():
             if column.endswith(ending):
                 yield _SupposedMistake(
@@ -404,6 +440,7 @@ def _columns(case: Case) -> Iterator[_SupposedMistake]:
                     f"{joint.name}_{unit}",
                     f"in the joint log {joint.name} {says}",
                     partial(_logged, [column], factor),
+                    partial(shown.logged, [k], factor),
                     single=True,
                 )
         yield _SupposedMistake(
@@ -411,6 +448,7 @@ def _columns(case: Case) -> Iterator[_SupposedMistake]:
             f"{joint.name}_reversed",
             f"in the joint log {joint.name} has the opposite sign",
             partial(_logged, [column], -1.0),
+            partial(shown.logged, [k], -1.0),
             single=True,
         )
     for one, other in itertools.combinations(case.joint_columns, 2):
@@ -421,6 +459,9 @@ def _columns(case: Case) -> Iterator[_SupposedMistake]:
                 f"{'/'.join(names)} columns",
                 f"in the joint log {' and '.join(names)} stand in each other's column",
                 partial(_in_columns, one, other),
+                partial(
+                    shown.in_columns, case.joint_columns.index(one), case.joint_columns.index(other)
+                ),
                 single=True,
             )
 
@@ -435,6 +476,7 @@ def _names(case: Case) -> Iterator[_SupposedMistake]:
                 f"the targets {', '.join(case.settings.measured)} carry the names of "
                 f"{', '.join(names)} in every group",
                 partial(renamed, names=names),
+                partial(shown.renamed, names),
             )
 
 

@@ -370,10 +370,13 @@ def scale_outliers(asked: Screening) -> list[Mistake]:
     if not _FEWEST <= len(data.pulls) <= _MOST:
         return []
     among = _Errors.among(asked.case, data)
-    righted = _righted(asked, among, np.zeros(0, np.int64))
-    if righted is None or _chance(righted.freed, righted.system)[righted.next] > alarms.SCALE:
+    start = _righted(asked, among, _NONE)
+    if start is None or _chance(start.freed, start.system)[start.next] > alarms.SCALE:
         return []
-    for one in (among, among.only(among.poses < 2)):  # several poses may look like all since one
+    starts = [start]
+    if (among.poses > 1).any():  # several poses may look like all since one
+        starts += filter(None, [_righted(asked, among.only(among.poses < 2), _NONE)])
+    for one in starts:
         righted = _together(asked, one)
         found = [] if righted is None else _judged(asked, righted)
         if found:
@@ -381,10 +384,13 @@ def scale_outliers(asked: Screening) -> list[Mistake]:
     return []
 
 
-def _together(asked: Screening, among: _Errors) -> _Righted | None:
+_NONE: Ints = np.zeros(0, np.int64)
+"""No error."""
+
+
+def _together(asked: Screening, start: _Righted) -> _Righted | None:
     """The errors beside which nothing else stands out; None if there are none, or too many."""
-    righted, tried = _righted(asked, among, np.zeros(0, np.int64)), set[tuple[int, ...]]()
-    which = righted.more if righted else np.zeros(0, np.int64)
+    among, which, tried = start.among, start.more, set[tuple[int, ...]]()
     most = min(len(among.of) // _PART, _TOGETHER)
     while 0 < len(which) <= most and tuple(which) not in tried:
         tried.add(tuple(which))

@@ -6,14 +6,15 @@ of a group, which the robot does not change; for the scale see `scale_rows`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
-from pipeline.base.arrays import Bools
+from pipeline.base.arrays import Array, Bools, Strings
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import LOGGED, UNITS, anchored, pairs, scaled, unloaded
 from pipeline.faults.exchanged import misplaced
@@ -46,9 +47,7 @@ def _coordinates(case: Case) -> Iterator[Mistake]:
     [tool], of the base reflectors by [base_frame].
     """
     rows = case.readings
-    times = rows["group"].map(
-        {name: _too_small(case, one) for name, one in rows.groupby("group", sort=False)}
-    )
+    times = _times(case)
     right = _near(times, 1.0)
     for factor, (unit, says) in UNITS.items():
         wrong = _near(times, factor)
@@ -97,16 +96,29 @@ def _near(times: pd.Series[float], factor: float) -> pd.Series[bool]:
     return times.div(factor).between(0.9, 1.1)
 
 
-def _too_small(case: Case, group: pd.DataFrame) -> float:
-    """Spread of a group's targets as stated over that as read; NaN where it is unknown."""
-    base = bool(group["pose"].isna().all())
-    places = case.settings.base_frame if base else case.tool.named
-    here = group[group["target"].isin(list(places))].drop_duplicates("target")
-    if len(here) < 2:
+def _times(case: Case) -> pd.Series[float]:
+    """Spread of each reading's group as stated over that as read; NaN where it is unknown."""
+    rows = case.readings
+    alone, target = rows["pose"].isna().to_numpy(), rows["target"].to_numpy(object)
+    at, times = rows[XYZ].to_numpy(float), np.full(len(rows), np.nan)
+    base, effector = case.settings.base_frame, case.tool.named
+    for mine in rows.groupby("group", sort=False).indices.values():
+        places = base if alone[mine].all() else effector
+        times[mine] = _too_small(places, target[mine], at[mine])
+    return pd.Series(times, rows.index)
+
+
+def _too_small(places: Mapping[str, ArrayLike], target: Strings, at: Array) -> float:
+    """As `_times`, of the readings (r, 3) of one group; of a target the first one."""
+    first: dict[str, int] = {}
+    for k, name in enumerate(target):
+        if name in places:
+            first.setdefault(name, k)
+    if len(first) < 2:
         return np.nan
     stated, read = (
         float(np.std(points, axis=0) @ np.std(points, axis=0))
-        for points in (np.array([places[t] for t in here["target"]]), here[XYZ].to_numpy(float))
+        for points in (np.array([places[name] for name in first]), at[list(first.values())])
     )
     return float(np.sqrt(stated / max(read, STILL_M**2)))
 

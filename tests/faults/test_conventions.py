@@ -21,6 +21,7 @@ from pipeline.faults.conventions import (
     scaled,
     supposed_mistakes,
     unloaded,
+    unloaded_points,
 )
 from pipeline.faults.placement import placement
 from pipeline.machine.instrument import InstrumentNoise, beam_covariance
@@ -172,22 +173,37 @@ def test_every_hypothesis_undoes_its_own_mistake(where, plant):
     """Of all hypotheses, those with its name restore the good campaign, and no other does."""
     bad = plant(good())
     assert miss(bad) > 0.03 or anchored_miss(bad) > 0.3
-    exact = []
-    for h in supposed_mistakes(bad):
-        right = h.correct(bad)
-        if (
-            np.allclose(right.readings[XYZ], good().readings[XYZ], rtol=1e-12, atol=1e-12)
-            and np.allclose(
-                right.joints[good().joint_columns], good().joints[good().joint_columns],
-                rtol=1e-12, atol=1e-14,
-            )
-            and right.settings == good().settings
-            and right.robot is good().robot
-            and (right.readings["target"] == good().readings["target"]).all()
-        ):  # fmt: skip
-            exact.append(h.where)
+    points, right = (unloaded_points(case) for case in (bad, good()))
 
-    assert exact == [where]
+    exact = [h for h in supposed_mistakes(bad) if alike(h.moves(points), right)]
+
+    assert [h.where for h in exact] == [where]
+    same(exact[0].correct(bad), good())
+
+
+def alike(one, other):
+    """The same readings, in the same places by the same robot, and the same base reflectors."""
+    pairs = ((getattr(p, name) for p in (one, other)) for name in ("seen", "q", "tool", "base"))
+    return (
+        all(np.allclose(*pair, rtol=1e-12, atol=1e-14) for pair in pairs)
+        and (one.target == other.target).all()
+        and (one.names == other.names).all()
+        and one.nominal == other.nominal
+        and one.robot is other.robot
+    )
+
+
+def test_what_is_tried_on_the_points_is_what_the_case_is_corrected_by():
+    """Every hypothesis moves the unloaded points to where they are in the campaign it corrects."""
+    names = good().readings["target"].astype(str)
+    bad = with_readings(good(), target=names.where(names != "B1", "P1"))
+    points = unloaded_points(bad)
+
+    odd = [h.says for h in supposed_mistakes(bad)
+           if not alike(h.moves(points), unloaded_points(h.correct(bad)))]  # fmt: skip
+
+    assert odd == []
+    assert {"B2", "P1"} < set(points.names)
 
 
 @pytest.mark.parametrize("names", list(permutations(["P1", "P2", "P3"]))[1:])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 
 from pipeline.base import toml
 from pipeline.machine.robot.dh_parameters import file_of
@@ -15,12 +16,17 @@ _VISIBLE_M = 0.01
 """Length below which a wrong sign would go unnoticed [m]."""
 
 
-def variants(robot: Robot) -> Iterator[tuple[str, Robot]]:
+@lru_cache(maxsize=4)  # a screening asks for those of one robot several times
+def variants(robot: Robot) -> tuple[tuple[str, Robot], ...]:
     """The robot with one sign of its table reversed, or its table read in the other convention.
 
-    Yields:
-        `d_5`, `alpha_3`, `standard_dh` or `modified_dh`, and the robot.
+    Returns:
+        `d_5`, `alpha_3`, `standard_dh` or `modified_dh`, and the robot, of each.
     """
+    return tuple(_variants(robot))
+
+
+def _variants(robot: Robot) -> Iterator[tuple[str, Robot]]:
     file = file_of(robot)
     for j, row in enumerate(file.joint):
         for key, letter in _LENGTHS.items():
