@@ -11,7 +11,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.machine.effects._anatomy import rail
 from pipeline.positions import law_tests, random_curve
-from pipeline.positions.calibrate import Calibration, ModelStructure, calibrate, likeliest
+from pipeline.positions.calibrate import Calibration, ModelStructure, calibrate, likeliest, tried
 from pipeline.positions.catalogue_causes import CatalogueCause, CatalogueLaw, causes, chances
 from pipeline.positions.cross_validation import NO_GAIN, LeftOutGain, LeftOutPoses, Partition
 from pipeline.positions.laws import JointLaw, LawKind, LawVariable
@@ -198,11 +198,11 @@ def _of_own_angles(
     found = data.identify(springs.mechanism, wanted, springs)
     waves = [law for j in joints if (law := _one_wave(springs, found, clues, j)) is not None]
     found = _better(data, found, [(law,) for law in waves], judge)
-    series = [own for j, _ in found.wanted.curves if (own := _series(found, j))]
+    series = [more for j, _ in found.wanted.curves if (more := _series(found, j))]
     found = _better(data, found, series, judge)
     p = {_curve_of(j): chance for j, chance in bent.items()}
     own = [law for law in found.mechanism.laws if law.joint - 1 in bent and _own_angle(law)]
-    return found, {_key(law): bent[law.joint - 1] for law in own} | p
+    return found, p | {_key(law): bent[law.joint - 1] for law in own}
 
 
 def _of_all_else(
@@ -240,12 +240,15 @@ def _better(
 ) -> Calibration:
     """The estimate with waves of one joint each in place of its curve.
 
-    They are taken where the readings are likelier and held-out poses are predicted as well.
+    They are taken where the readings are likelier, about one linearisation first, and held-out
+    poses are predicted as well.
     """
     found = bent
     for laws in waves:
         rest = tuple(one for one in found.wanted.curves if one[0] != laws[0].joint - 1)
         wanted = replace(found.wanted, laws=(*found.mechanism.laws, *laws), curves=rest)
+        if tried(found, wanted).likely < found.likely:
+            continue
         trial = data.identify(found.mechanism, wanted, found)
         if trial.likely > found.likely and judge.as_good(trial, found):
             found = trial
@@ -309,10 +312,10 @@ def _one_wave(
     Waves of the model over the same angle are taken from the curve first: it may be in their place.
     """
     every = [(c.law, c.p) for c in clues if c.law and c.joint == joint + 1]
-    tried = [(law, p) for law, p in every if law.kind == "periodic"]
-    if not tried:
+    waves = [(law, p) for law, p in every if law.kind == "periodic"]
+    if not waves:
         return None
-    first, p = tried[0]
+    first, p = waves[0]
     q, inputs, there = found.readings.q[:, joint], found.linear.inputs, found.mechanism
     f = next(one.value(q, knots) for one, knots in there.curved() if one.screw == joint)
     own = [law.basis(inputs) for law in there.laws if law.joint == joint + 1 and _own_angle(law)]
