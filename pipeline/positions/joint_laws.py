@@ -311,11 +311,10 @@ def _one_wave(
 
     Waves of the model over the same angle are taken from the curve first: it may be in their place.
     """
-    every = [(c.law, c.p) for c in clues if c.law and c.joint == joint + 1]
-    waves = [(law, p) for law, p in every if law.kind == "periodic"]
-    if not waves:
+    every = ((c.law, c.p) for c in clues if c.law and c.joint == joint + 1)
+    first, p = next((one for one in every if one[0].kind == "periodic"), (None, 1.0))
+    if first is None:
         return None
-    first, p = waves[0]
     q, inputs, there = found.readings.q[:, joint], found.linear.inputs, found.mechanism
     f = next(one.value(q, knots) for one, knots in there.curved() if one.screw == joint)
     own = [law.basis(inputs) for law in there.laws if law.joint == joint + 1 and _own_angle(law)]
