@@ -308,23 +308,29 @@ def _one_wave(
 
     It explains at least `_HALF` of the curve over the poses, or is significant by itself: a curve
     between few poses contains none of a wave much shorter than it, and would only hide it.
-
-    Waves of the model over the same angle are taken from the curve first: it may be in their place.
     """
     every = ((c.law, c.p) for c in clues if c.law and c.joint == joint + 1)
     first, p = next((one for one in every if one[0].kind == "periodic"), (None, 1.0))
     if first is None:
         return None
-    q, inputs, there = found.readings.q[:, joint], found.linear.inputs, found.mechanism
-    f = next(one.value(q, knots) for one, knots in there.curved() if one.screw == joint)
-    own = [law.basis(inputs) for law in there.laws if law.joint == joint + 1 and _own_angle(law)]
-    X = np.hstack([np.ones((len(q), 1)), *own])
     orders = first.order + law_tests.NEAR
-    shares = [_share(f, X, order * q) for order in orders]
+    shares = _shares(found, joint, orders)
     best = int(np.argmax(shares))
     if shares[best] >= _HALF:
         return replace(first, order=float(orders[best]))
     return law_tests.sharpened(springs, first) if p < alarms.LAW else None
+
+
+def _shares(found: Calibration, joint: int, orders: Array) -> list[float]:
+    """Fraction of the variance of a joint's curve that a wave of each order explains.
+
+    Waves of the model over the same angle are taken from the curve first: it may be in their place.
+    """
+    q, inputs, there = found.readings.q[:, joint], found.linear.inputs, found.mechanism
+    f = next(one.value(q, knots) for one, knots in there.curved() if one.screw == joint)
+    own = [law.basis(inputs) for law in there.laws if law.joint == joint + 1 and _own_angle(law)]
+    X = np.hstack([np.ones((len(q), 1)), *own])
+    return [_share(f, X, order * q) for order in orders]
 
 
 def _share(f: Array, X: Array, phase: Array) -> float:
