@@ -11,7 +11,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.machine.effects._anatomy import rail
 from pipeline.positions import law_tests, random_curve
-from pipeline.positions.calibrate import Calibration, ModelStructure, calibrate, likeliest
+from pipeline.positions.calibrate import Calibration, ModelStructure, calibrate, likeliest, tried
 from pipeline.positions.catalogue_causes import CatalogueCause, CatalogueLaw, causes, chances
 from pipeline.positions.cross_validation import NO_GAIN, LeftOutGain, LeftOutPoses, Partition
 from pipeline.positions.laws import JointLaw, LawKind, LawVariable
@@ -196,10 +196,13 @@ def _of_own_angles(
         ],
     )
     found = data.identify(springs.mechanism, wanted, springs)
-    waves = [law for j in joints if (law := _one_wave(found, clues, j)) is not None]
+    waves = [law for j in joints if (law := _one_wave(springs, found, clues, j)) is not None]
+    found = _better(data, found, [(law,) for law in waves], judge)
+    series = [more for j, _ in found.wanted.curves if (more := _series(found, j))]
+    found = _better(data, found, series, judge)
     p = {_curve_of(j): chance for j, chance in bent.items()}
-    p |= {_key(law): bent[law.joint - 1] for law in waves}
-    return _better(data, found, waves, judge), p
+    own = [law for law in found.mechanism.laws if law.joint - 1 in bent and _own_angle(law)]
+    return found, p | {_key(law): bent[law.joint - 1] for law in own}
 
 
 def _of_all_else(
@@ -230,17 +233,38 @@ def _of_all_else(
 
 
 def _better(
-    data: LawSearchData, bent: Calibration, waves: Sequence[JointLaw], judge: LeftOutPoses
+    data: LawSearchData,
+    bent: Calibration,
+    waves: Sequence[tuple[JointLaw, ...]],
+    judge: LeftOutPoses,
 ) -> Calibration:
-    """The estimate with waves in place of curves, where held-out poses are predicted as well."""
+    """The estimate with waves of one joint each in place of its curve.
+
+    They are taken where the readings are likelier, about one linearisation first, and held-out
+    poses are predicted as well.
+    """
     found = bent
-    for law in waves:
-        rest = tuple(one for one in found.wanted.curves if one[0] != law.joint - 1)
-        wanted = replace(found.wanted, laws=(*found.mechanism.laws, law), curves=rest)
+    for laws in waves:
+        rest = tuple(one for one in found.wanted.curves if one[0] != laws[0].joint - 1)
+        wanted = replace(found.wanted, laws=(*found.mechanism.laws, *laws), curves=rest)
+        if tried(found, wanted).likely < found.likely:
+            continue
         trial = data.identify(found.mechanism, wanted, found)
-        if judge.as_good(trial, found):
+        if trial.likely > found.likely and judge.as_good(trial, found):
             found = trial
     return found
+
+
+def _series(found: Calibration, joint: int) -> tuple[JointLaw, ...]:
+    """Further waves of what turns with a joint, from 0; those that are not there shrink to none."""
+    span, known = float(np.ptp(found.readings.q[:, joint])), found.mechanism.laws
+    if found.mechanism.table.prismatic[joint]:
+        return ()
+    return tuple(
+        law
+        for law in law_tests.of_output(joint + 1)
+        if law.order * span > np.pi and not any(_alike(law, one) for one in known)
+    )
 
 
 _Key = tuple[str, int, str, int | None, float, float]
@@ -278,23 +302,35 @@ def _own_angle(law: JointLaw) -> bool:
 
 
 def _one_wave(
-    found: Calibration, clues: Sequence[law_tests.LawTest], joint: int
+    springs: Calibration, found: Calibration, clues: Sequence[law_tests.LawTest], joint: int
 ) -> JointLaw | None:
-    """The wave that explains at least `_HALF` of a joint's curve over the poses, if any.
+    """The wave that may take the place of a joint's curve, if any.
+
+    It explains at least `_HALF` of the curve over the poses, or is significant by itself: a curve
+    between few poses contains none of a wave much shorter than it, and would only hide it.
+    """
+    every = ((c.law, c.p) for c in clues if c.law and c.joint == joint + 1)
+    first, p = next((one for one in every if one[0].kind == "periodic"), (None, 1.0))
+    if first is None:
+        return None
+    orders = first.order + law_tests.NEAR
+    shares = _shares(found, joint, orders)
+    best = int(np.argmax(shares))
+    if shares[best] >= _HALF:
+        return replace(first, order=float(orders[best]))
+    return law_tests.sharpened(springs, first) if p < alarms.LAW else None
+
+
+def _shares(found: Calibration, joint: int, orders: Array) -> list[float]:
+    """Fraction of the variance of a joint's curve that a wave of each order explains.
 
     Waves of the model over the same angle are taken from the curve first: it may be in their place.
     """
-    tried = [c.law for c in clues if c.law and c.law.kind == "periodic" and c.joint == joint + 1]
-    if not tried:
-        return None
     q, inputs, there = found.readings.q[:, joint], found.linear.inputs, found.mechanism
     f = next(one.value(q, knots) for one, knots in there.curved() if one.screw == joint)
     own = [law.basis(inputs) for law in there.laws if law.joint == joint + 1 and _own_angle(law)]
     X = np.hstack([np.ones((len(q), 1)), *own])
-    orders = tried[0].order + law_tests.NEAR
-    shares = [_share(f, X, order * q) for order in orders]
-    best = int(np.argmax(shares))
-    return replace(tried[0], order=float(orders[best])) if shares[best] >= _HALF else None
+    return [_share(f, X, order * q) for order in orders]
 
 
 def _share(f: Array, X: Array, phase: Array) -> float:

@@ -244,6 +244,24 @@ def _of_surroundings(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
             yield JointLaw(joint, "smooth", name, None, 1.0, float(v.mean()), float(np.ptp(v)) / 2)
 
 
+def _of_output(law: JointLaw) -> bool:
+    """Whether a wave is of what turns with the joint, whose error is the same after every turn."""
+    own = law.kind == "periodic" and law.source == law.joint
+    return own and law.order <= _BOLTS and law.order == round(law.order)
+
+
+def of_output(joint: int) -> tuple[JointLaw, ...]:
+    """Every such wave of a joint, from 1."""
+    orders = map(float, range(1, _BOLTS + 1))
+    return tuple(JointLaw(joint, "periodic", "angle", joint, order) for order in orders)
+
+
+_BOLTS = 12
+"""Most periods per turn of what turns with a joint [1]: flanges and reducers have up to a dozen
+bolts, and each one's error repeats itself a whole number of times in a turn; other orders are of
+shafts that turn faster."""
+
+
 @dataclass(frozen=True, eq=False)
 class LawTest(Locked):
     """Test of one law.
@@ -312,10 +330,10 @@ class _JointLaws(Locked):
 
 
 def _of_joints(here: _LawScore, laws: Iterable[JointLaw], inputs: Inputs) -> list[_JointLaws]:
-    """Laws by joint and number of amplitudes."""
-    kinds: dict[tuple[int, int], list[JointLaw]] = {}
+    """Laws by joint, number of amplitudes and family."""
+    kinds: dict[tuple[int, int, bool], list[JointLaw]] = {}
     for law in laws:
-        kinds.setdefault((law.joint, law.amplitudes), []).append(law)
+        kinds.setdefault((law.joint, law.amplitudes, _of_output(law)), []).append(law)
     return [_JointLaws.of(here, kinds[kind], inputs) for kind in sorted(kinds)]
 
 
@@ -341,8 +359,12 @@ MOST_LAWS = 18
 
 
 def _by_chi_square(every: Sequence[_JointLaws], one: _JointLaws, T: Array | float) -> Array:
-    """Probability that any of all laws reaches T of laws of one joint by chance (Bonferroni)."""
-    count = sum(len(each.laws) for each in every)
+    """Probability that any law of a family reaches T of laws of one joint by chance (Bonferroni).
+
+    It is multiplied by the number of families.
+    """
+    families = [_of_output(each.laws[0]) for each in every for _ in each.laws]
+    count = len(set(families)) * families.count(_of_output(one.laws[0]))
     return np.asarray(count * special.gammaincc(0.5 * one.inverse.shape[1], 0.5 * T))
 
 
@@ -494,8 +516,11 @@ def law_tests(
 
     Each T is standardised by its values in the copies, which for laws are made of the residuals
     after all that is certainly one. p is the probability of the largest of all standardised values
-    being as large: from its rank among the copies, and beyond them from an extreme-value
-    distribution fitted to them. It is at least that of T by chi-square against all laws.
+    of its family being as large, times the number of families (Bonferroni): from its rank among the
+    copies, and beyond them from an extreme-value distribution fitted to them. It is at least that
+    of T by chi-square against all laws of the family. Waves of what turns with a joint are one
+    family (`_of_output`), all else is another: a few dozen of the likeliest waves need not stand
+    out of thousands of other orders.
 
     Args:
         found: The estimate.
@@ -520,9 +545,10 @@ def law_tests(
         of.append((None, joint + 1, each[0], 0.0))
     if not of:
         return []
+    of_output = np.array([law is not None and _of_output(law) for law, *_ in of], dtype=bool)
     return _least_likely_first([
         LawTest(law, joint, float(t), float(min(max(p, least), 1.0)))
-        for (law, joint, t, least), p in zip(of, beyond_copies(np.concatenate(T)), strict=True)
+        for (law, joint, t, least), p in zip(of, _beyond_family(of_output, T), strict=True)
     ])  # fmt: skip
 
 
@@ -536,6 +562,16 @@ def _least_likely_first(found: Sequence[LawTest]) -> list[LawTest]:
         found,
         key=lambda one: (least[one.joint, one.law is None], one.p >= alarms.LAW, -one.statistic),
     )
+
+
+def _beyond_family(of_output: Bools, T: Sequence[Array]) -> Array:
+    """Probability that any candidate of its family is as large, times the number of families."""
+    families, every = np.unique(of_output), np.concatenate(T)
+    out = np.empty(len(every))
+    for family in families:
+        mine = of_output == family
+        out[mine] = len(families) * beyond_copies(every[mine])
+    return out
 
 
 def beyond_copies(T: Array) -> Array:

@@ -6,8 +6,9 @@ from made_positions import made, weightless
 
 from pipeline.machine.robot import load
 from pipeline.positions.calibrate import ModelStructure
+from pipeline.positions.cross_validation import LeftOutPoses, partings
 from pipeline.positions.initial import begin
-from pipeline.positions.joint_laws import LawSearchData
+from pipeline.positions.joint_laws import LawSearchData, _of_own_angles
 from pipeline.positions.law_tests import _as_noise, flips, law_tests
 from pipeline.positions.laws import JointLaw
 from pipeline.positions.scatter import start
@@ -61,3 +62,46 @@ def test_waves_do_not_hide_themselves_in_the_copies():
 
     sure = {one.joint for one in tests if one.p < LAW and one.law.order == 16}
     assert sure == {1, 2, 3, 4, 5, 6}
+
+
+def _searched(ripple, seed, laws):
+    """Data of a UR10 with ripples, its estimate without laws, tests of these, and the copies."""
+    rng = np.random.default_rng(seed)
+    robot, readings = load("ur10"), made(120, rng, ripple)
+    data = LawSearchData(readings, weightless(120), (np.nan, np.nan), start(robot, None))
+    found = data.identify(begin(robot, readings, {}), ModelStructure(springs=False))
+    return data, found, law_tests(found, flips(readings, rng), laws, [False] * 6), rng
+
+
+def _waves(orders):
+    return [JointLaw(j, "periodic", "angle", j, float(n)) for j in range(1, 7) for n in orders]
+
+
+@pytest.mark.parametrize(("order", "seen"), [(7.0, True), (7.5, False)])
+def test_an_error_that_repeats_itself_each_turn_need_not_stand_out_of_all_orders(order, seen):
+    """T of 26 is rare among some seventy waves of what turns with a joint, not among 3000."""
+
+    def ripple(q):
+        return 1.0e-5 * np.sin(order * q) * (np.arange(6) == 3)
+
+    tests = _searched(ripple, 3, _waves(np.arange(4, 130, 0.25)))[2]
+
+    of = next(one for one in tests if one.law and (one.joint, one.law.order) == (4, order))
+    assert (of.p < LAW) == seen
+
+
+def test_two_waves_that_no_curve_of_few_poses_contains_take_its_place():
+    """Neither wave explains half of the curve."""
+
+    def both(q):
+        return 6e-5 * (np.sin(12 * q) + np.cos(7 * q + 1)) * (np.arange(6) == 2)
+
+    data, found, clues, rng = _searched(both, 5, _waves(np.arange(4, 65, 0.5)))
+    judge = LeftOutPoses(partings(data.readings, rng, False), rng)
+
+    found, _ = _of_own_angles(data, found, clues, judge)
+
+    assert found.wanted.curves == ()
+    size = {law.order: float(np.linalg.norm(part)) for law, part in found.mechanism._lawful()}
+    assert size[12.0] == pytest.approx(6e-5, rel=0.2)
+    assert size[7.0] == pytest.approx(6e-5, rel=0.2)

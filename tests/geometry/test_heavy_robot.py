@@ -1,6 +1,7 @@
 """Heavy arms of unknown mass on crooked rails, against machines computed with Pinocchio only."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -23,6 +24,7 @@ from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.variants import counted_back, turned
 from pipeline.machine.robot.weight import carried, work
+from pipeline.positions import study as of_study
 from pipeline.positions.calibrate import ModelStructure, calibrate
 from pipeline.positions.catalogue_causes import _evidence
 from pipeline.positions.cross_validation import Partition
@@ -242,6 +244,17 @@ def test_a_balancer_turns_the_shoulder_as_far_as_the_weight_does():
     assert std[4:] == pytest.approx(3e-4)
 
 
+def test_a_tool_that_nobody_states_is_as_usual():
+    """Half the payload, a quarter of a metre beside the flange's axis or before it."""
+    robot = load(RAIL)
+    mean, std = (one[-1] for one in usual(robot))
+    tool = 0.5 * robot.payload_kg * np.array([1.0, 0.25, 0.0, 0.25])
+
+    assert (np.abs(tool) < 1.2 * std).all()
+    assert mean[0] < std[0]
+    assert (std < 1.2 * robot.payload_kg).all()
+
+
 def test_a_wave_is_looked_for_in_what_waves_of_the_model_leave():
     q = np.linspace(-2.0, 2.0, 50)
     f = 1e-4 * np.cos(2 * q) + 3e-5 * np.sin(9 * q)
@@ -384,3 +397,21 @@ def test_masses_of_the_file_are_believed_only_if_the_readings_agree(wrong):
         right = most[joint] * (truth.joints[joint] if one.unit == "rad" else 1.0)
         assert one.value == pytest.approx(right, abs=4 * one.std)
     assert np.abs(off).max() < 3.5
+
+
+@pytest.mark.parametrize("better", [False, True])
+def test_masses_that_a_balancer_hid_are_taken_with_a_search_of_their_own(monkeypatch, better):
+    """Beside the laws found with masses of the file, other masses are tried once more."""
+    plain = SimpleNamespace(wanted=ModelStructure(), mechanism=None)
+    heavier = SimpleNamespace(wanted=ModelStructure(moments=True), mechanism=None)
+    first, second = SimpleNamespace(found=plain), SimpleNamespace(found=heavier)
+    data = SimpleNamespace(identify=lambda begun, wanted, earlier: SimpleNamespace(wanted=wanted))
+    monkeypatch.setattr(of_study, "_otherwise", lambda *_: SimpleNamespace(found=heavier))
+    monkeypatch.setattr(of_study, "with_laws", lambda *_: second)
+    monkeypatch.setattr(of_study, "_weigh", lambda *_: "other" if better else None)
+
+    base, whole, other = of_study._searched_otherwise(data, plain, first, (), {}, None)
+
+    assert whole is (second if better else first)
+    assert base.wanted.moments == better
+    assert other == ("other" if better else None)
