@@ -200,8 +200,8 @@ def _of_own_angles(
     found = _better(data, found, [(law,) for law in waves], judge)
     found = _better(data, found, [_series(found, j) for j, _ in found.wanted.curves], judge)
     p = {_curve_of(j): chance for j, chance in bent.items()}
-    own = [law for law in found.mechanism.laws if law.joint - 1 in bent and _own_angle(law)]
-    return found, p | {_key(law): bent[law.joint - 1] for law in own}
+    own = filter(_own_angle, found.mechanism.laws)
+    return found, p | {_key(law): bent.get(law.joint - 1, 1.0) for law in own}
 
 
 def _of_all_else(
