@@ -198,11 +198,10 @@ def _of_own_angles(
     found = data.identify(springs.mechanism, wanted, springs)
     waves = [law for j in joints if (law := _one_wave(springs, found, clues, j)) is not None]
     found = _better(data, found, [(law,) for law in waves], judge)
-    series = [more for j, _ in found.wanted.curves if (more := _series(found, j))]
-    found = _better(data, found, series, judge)
+    found = _better(data, found, [_series(found, j) for j, _ in found.wanted.curves], judge)
     p = {_curve_of(j): chance for j, chance in bent.items()}
-    own = [law for law in found.mechanism.laws if law.joint - 1 in bent and _own_angle(law)]
-    return found, p | {_key(law): bent[law.joint - 1] for law in own}
+    own = filter(_own_angle, found.mechanism.laws)
+    return found, p | {_key(law): bent.get(law.joint - 1, 1.0) for law in own}
 
 
 def _of_all_else(
@@ -244,7 +243,7 @@ def _better(
     poses are predicted as well.
     """
     found = bent
-    for laws in waves:
+    for laws in filter(None, waves):
         rest = tuple(one for one in found.wanted.curves if one[0] != laws[0].joint - 1)
         wanted = replace(found.wanted, laws=(*found.mechanism.laws, *laws), curves=rest)
         if tried(found, wanted).likely < found.likely:
