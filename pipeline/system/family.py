@@ -217,7 +217,7 @@ class Family(Locked):
 
     @property
     def _laws(self) -> tuple[Array, Array, Array]:
-        """Probability of each log lambda and of being good, or in a spell, or wrong, (f, K) each."""
+        """Probability of each log lambda and of being good, in a spell, or wrong, (f, K) each."""
         part = self.mistakes[:, None]
         odd = np.einsum("fw,wfk->fk", self.reach, _blunders(self.log_scale))
         quiet, wide = _bulks(self.log_scale, self.paper)
@@ -327,11 +327,10 @@ def family(seen: Array, states: States, paper: bool, spells: bool = True) -> tup
     each = np.array([[_logs(own, wide, odd, b, states) for odd in _odd(seen)] for b in _MISTAKES])
     each += np.log(_ALIKE)[:, None, None]
     logs = special.logsumexp(each, axis=(0, 1)) - np.log(len(_MISTAKES))  # (f, scales)
-    best = logs.max(axis=1)
     free = special.logsumexp(logs, axis=1) - np.log(len(_WIDTHS))
     if not spells or _odds(free)[_SPELL].sum() <= PRESENT:
         logs[_SPELL], free[_SPELL] = -np.inf, -np.inf
-    weight = _odds(free)
+    weight, best = _odds(free), logs.max(axis=1)
     scale = _WIDTHS[logs.argmax(axis=1)]
     heavier = np.append(best[1 : 1 + len(FREEDOM)], best[_SPELL])
     p = 0.5 * float(special.chdtrc(1, max(2 * (heavier.max() - best[0]), 0.0)))
