@@ -37,7 +37,7 @@ BURSTS = ((0.03, 3.0), (0.03, 5.0), (0.1, 3.0))
 is bounded: no trial law has more than `FAILED_LOCKS` of its readings beyond `FAR_OFF` times the
 width of its core. What a campaign holds beyond that are mistakes."""
 
-SPELLS = ((0.2, 3.0), (0.05, 5.0))
+SPELLS = ((0.2, 3.0), (0.04, 5.0))
 """Trial pairs: fraction of the poses in a spell, and the width of the readings there relative to
 the others, within the same bound."""
 

@@ -13,7 +13,6 @@ no spell, however far off it is.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,35 +57,6 @@ class States(Locked):
         """Whether each reading with these keys (m, 2) is of each state, shape (t, m)."""
         return np.asarray((self.key[:, None, :] == keys).all(axis=2))
 
-    @property
-    def _count(self) -> Ints:
-        """Number of states of each pose, shape (p,)."""
-        return np.bincount(self.pose)
-
-    def _padded(self, gains: Array) -> Array:
-        """Sums of g over the states before each of a pose and in all, shape (..., p, q + 1)."""
-        by_state = gains @ np.eye(len(self.key))[self.of]
-        out = np.zeros((*gains.shape[:-1], len(self._count), int(self._count.max(initial=0)) + 1))
-        out[..., self.pose, self.nth + 1] = by_state
-        return np.cumsum(out, axis=-1)
-
-    def _spans(self) -> Iterator[tuple[int, Bools]]:
-        """Each length of a spell, and at which states of each pose it may begin, (p, q + 1 - l)."""
-        count = self._count
-        for length in range(1, int(count.max(initial=0)) + 1):
-            begins = np.arange(int(count.max()) + 1 - length)
-            fits = (begins + length <= count[:, None]) & (length >= np.minimum(_LEAST, count))[
-                :, None
-            ]
-            yield length, fits
-
-    def _spells(self, sums: Array) -> Iterator[tuple[int, Array]]:
-        """Each length, and g of every span of it minus the log of their number."""
-        number = sum(fits.sum(axis=1) for _, fits in self._spans())
-        for length, fits in self._spans():
-            gain = sums[..., length:] - sums[..., : sums.shape[-1] - length]
-            yield length, np.where(fits, gain - np.log(number)[:, None], -np.inf)
-
     def ratio(self, gains: Array, share: Array) -> Array:
         """Sum of ln(L / L_quiet) over the poses, shape (...).
 
@@ -94,25 +64,36 @@ class States(Locked):
             gains: g of each reading, shape (..., n).
             share: u, shape (...).
         """
-        sums = self._padded(gains)
-        mean = np.full(sums.shape[:-1], -np.inf)
-        for _, each in self._spells(sums):
-            mean = np.logaddexp(mean, special.logsumexp(each, axis=-1))
-        u = np.asarray(share)[..., None]
-        return np.asarray(np.logaddexp(np.log1p(-u), np.log(u) + mean).sum(axis=-1))
+        return np.asarray(self._spells(gains, share)[1].sum(axis=-1))
 
     def noisy(self, gains: Array, share: Array) -> Array:
         """Probability that each state is in a spell, arguments as for `ratio`, shape (..., t)."""
-        sums = self._padded(gains)
-        u = np.asarray(share)[..., None]
-        every = [(length, np.log(u)[..., None] + each) for length, each in self._spells(sums)]
-        whole = np.log1p(-u) + np.zeros(sums.shape[:-1])
-        for _, each in every:
-            whole = np.logaddexp(whole, special.logsumexp(each, axis=-1))
-        begun = np.zeros(sums.shape)
-        for length, each in every:
+        spells, whole = self._spells(gains, share)
+        begun = np.zeros((*whole.shape, len(spells) + 1))
+        for length, each in enumerate(spells, 1):
             p = np.exp(each - whole[..., None])
-            begun[..., : p.shape[-1]] += p
+            begun[..., :-length] += p
             begun[..., length:] -= p
-        covered = np.cumsum(begun, axis=-1)
-        return np.asarray(covered[..., self.pose, self.nth])
+        return np.asarray(np.cumsum(begun, axis=-1)[..., self.pose, self.nth])
+
+    def _spells(self, gains: Array, share: Array) -> tuple[list[Array], Array]:
+        """Log likelihood ratios, with their priors, of every spell and of each pose (..., p).
+
+        Those of spells of 1, 2, ... q states by their first one, shape (..., p, q + 1 - length).
+        """
+        count = np.bincount(self.pose)
+        q, u = int(count.max(initial=0)), np.asarray(share)[..., None]
+        own = np.zeros((*gains.shape[:-1], len(count), q + 1))
+        order = np.argsort(self.of, kind="stable")
+        first = np.searchsorted(self.of[order], np.arange(len(self.key)))
+        own[..., self.pose, self.nth + 1] = np.add.reduceat(gains[..., order], first, axis=-1)
+        before = np.cumsum(own, axis=-1)
+        prior = np.log(u) - np.log(np.maximum(count * (count - 1) // 2, 1))
+        spells, whole = [], np.log1p(-u) + np.zeros(own.shape[:-1])
+        for length in range(1, q + 1):
+            fits = np.arange(length, q + 1) <= count[:, None]
+            fits &= (length >= np.minimum(_LEAST, count))[:, None]
+            each = before[..., length:] - before[..., : q + 1 - length] + prior[..., None]
+            spells.append(np.where(fits, each, -np.inf))
+            whole = np.logaddexp(whole, special.logsumexp(spells[-1], axis=-1))
+        return spells, whole
