@@ -269,6 +269,7 @@ def _tails(
         variance *= less
         beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
         readings = ReadingsOfRows.of(data, beyond.white)
+    start = variance
     for turn in range(rounds):
         square, spread, good = estimates(beyond.base, readings)
         states = States.each(readings.state[good])
@@ -276,12 +277,25 @@ def _tails(
         first = found if turn else told
         found = replace(told, p_value=first.p_value, profile=first.profile, widest=parts.widest)
         before, variance = variance, np.ones(len(variance))
-        variance[good] = mean
+        variance[good] = _between(told, mean, start[good]) if turn + 1 < rounds else mean
         beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
         readings = ReadingsOfRows.of(data, beyond.white)
         if np.abs(np.log(variance / before)).max() < _STILL:
             break
+    if found.in_spells and rounds > 1:
+        variance[good] = mean
+        beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
+        readings = ReadingsOfRows.of(data, beyond.white)
     return readings, found, variance, beyond
+
+
+def _between(found: Family, mean: Array, start: Array) -> Array:
+    """Variances of readings for the next round, from their posterior means and the first ones.
+
+    In spells only those of gross errors change: what a reading says of the spell of its pose is how
+    far it is from the others of a quiet pose, and nothing once they are taken to be noisy.
+    """
+    return np.where(mean > FAR_OFF**2, mean, start) if found.in_spells else mean
 
 
 def _overstated(beyond: RowsByPose) -> float:

@@ -131,6 +131,23 @@ def test_what_goes_with_the_pull_is_no_noise(world, off_m):
 
 
 @pytest.mark.whole
+def test_a_noisy_pose_stays_one_from_round_to_round():
+    """Its displacements scatter 4.5 times as much; once weighed so, they would say no more of it."""
+    case = ingested(in_memory(written("normal")[3]), conformed, plain)
+    right = fit(case, bring(case))
+    seen = linearise(CurrentModel(case.cell, right.estimate.value, 7), right.plain, ())
+    pose = int(np.unique(seen.rows.pose)[3])
+    more = 4.4 * 3e-5 * np.random.default_rng(2).standard_normal(len(seen.y))
+    y = seen.y + np.where(seen.rows.pose == pose, more, 0.0)
+
+    readings, found, variance, _ = tails(replace(seen, y=y), ())
+
+    mine = (readings.state[:, 0] == pose) & (readings.state[:, 1] >= 0)
+    assert found.in_spells
+    assert np.median(variance[mine]) > 5 * np.median(variance[~mine])
+
+
+@pytest.mark.whole
 @pytest.mark.parametrize("times", [1.5, 2.0])
 def test_noise_stated_too_large_is_white(times):
     """Each reading then has the variance that is there, and nothing is left for a wander."""
