@@ -132,7 +132,7 @@ def test_what_goes_with_the_pull_is_no_noise(world, off_m):
 
 @pytest.mark.whole
 def test_a_noisy_pose_stays_one_from_round_to_round():
-    """Its displacements scatter 4.5 times as much; once weighed so, they would say no more of it."""
+    """Its displacements scatter 4.5 times as much; weighed so, they would say no more of that."""
     case = ingested(in_memory(written("normal")[3]), conformed, plain)
     right = fit(case, bring(case))
     seen = linearise(CurrentModel(case.cell, right.estimate.value, 7), right.plain, ())
