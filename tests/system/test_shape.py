@@ -132,12 +132,15 @@ def test_what_goes_with_the_pull_is_no_noise(world, off_m):
 
 @pytest.mark.whole
 def test_a_noisy_pose_stays_one_from_round_to_round():
-    """Its displacements scatter 4.5 times as much; weighed so, they would say no more of that."""
+    """Its readings scatter three times as much; weighed so, they would say no more of that."""
     case = ingested(in_memory(written("normal")[3]), conformed, plain)
     right = fit(case, bring(case))
     seen = linearise(CurrentModel(case.cell, right.estimate.value, 7), right.plain, ())
-    pose = int(np.unique(seen.rows.pose)[3])
-    more = 4.4 * 3e-5 * np.random.default_rng(2).standard_normal(len(seen.y))
+    pose, rng = int(np.unique(seen.rows.pose)[3]), np.random.default_rng(2)
+    zero, loaded = (
+        np.sqrt(8) * 3e-5 * rng.standard_normal(shape) for shape in ((3, 3), (len(seen.y), 1))
+    )
+    more = loaded[:, 0] - zero[seen.data.target].ravel()
     y = seen.y + np.where(seen.rows.pose == pose, more, 0.0)
 
     readings, found, variance, _ = tails(replace(seen, y=y), ())
