@@ -237,7 +237,11 @@ class Family(Locked):
         unit = np.maximum(others, 1.0)
         widest = ((np.exp(_GRID)[:, None, None] + others) / unit).max(axis=2)
         each = special.chdtrc(3, distance**2 / widest)
-        quiet, wide = (law @ each for law in _bulks(self.log_scale, self.paper))
+        laws = _bulks(self.log_scale, self.paper)
+        quiet, wide = (law @ each for law in laws)
+        for k, (_, width) in enumerate(SPELLS, _FAMILIES - len(SPELLS)):  # the others are as wide
+            more = ((np.exp(_GRID)[:, None, None] + width**2 * others) / unit).max(axis=2)
+            wide[k] = laws[1][k] @ special.chdtrc(3, distance**2 / more)
         noisy = self._noisy(keys)
         return ((1 - noisy) * quiet + noisy * wide).mean(axis=1)[self.weight >= _COUNTS]
 
