@@ -71,6 +71,30 @@ class Bursts:
 
 
 @dataclass(frozen=True)
+class Spells:
+    """Larger noise for some minutes, as of vibration, sun or a draught, at random times.
+
+    Attributes:
+        every: Mean time from one spell to the next [min].
+        minutes: How long each lasts [min].
+        times: Factor of the noise, drawn for each spell between these.
+    """
+
+    every: float = 60.0
+    minutes: float = 8.0
+    times: tuple[float, float] = (3.0, 6.0)
+
+    def __call__(self, hours: Array, at: Array, rng: np.random.Generator) -> Array:
+        """Errors [m]."""
+        time = 60 * (hours - hours[0])
+        begun = rng.uniform(0, time[-1], rng.poisson(time[-1] / self.every))
+        since = time[:, None] - begun
+        there = (since >= 0) & (since < self.minutes)
+        wide = np.where(there, rng.uniform(*self.times, len(begun)), 1.0).max(axis=1, initial=1.0)
+        return np.asarray(White()(hours, at, rng) * wide[:, None])
+
+
+@dataclass(frozen=True)
 class Polar:
     """A tracker by its data sheet: range and angles, e = d u + r (across, two axes); m and m/m.
 

@@ -14,7 +14,7 @@ from bench.league.play import Plan
 from bench.worlds import blunders
 from bench.worlds.blunders import Spoil, nothing, tracker_moves
 from bench.worlds.cell import Cell, Manner, random_plan
-from bench.worlds.noise import Bursts, Noise, Polar, Student, Turn, Wander, White
+from bench.worlds.noise import Bursts, Noise, Polar, Spells, Student, Turn, Wander, White
 from bench.worlds.payloads import Carrying
 from bench.worlds.sixd import SIGMA_RAD, Poses
 from bench.worlds.tables import Table
@@ -204,6 +204,7 @@ NOISE = (
     _noise("student5_axes", Student(5, True), "Student t 5, each axis by itself", "heavy_tails"),
     _noise("student3_axes", Student(3, True), "Student t 3, each axis by itself", "heavy_tails"),
     _noise("bursts", Bursts(), "5 % of the readings four times wider", "heavy_tails"),
+    _noise("spells", Spells(), "three to six times wider for 8 min, every 60 min", "heavy_tails"),
     _noise("wander10", Wander(1, 10), "wander of 1 sigma over 10 min", "tracker_wander"),
     _noise(
         "wander60", Wander(1, 60), "wander of 1 sigma over 60 min", "tracker_wander", allowed=DRIFT

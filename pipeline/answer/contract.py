@@ -526,7 +526,8 @@ class Cause(Placed):
     )
     form: str | None = None
     probability: _Share = Field(
-        description="that it acts; with its rivals and `outside_catalogue` 1, where those stand"
+        description="that it acts and nothing outside the catalogue does, beside which it may act, "
+        "too; with its rivals and `outside_catalogue` 1, where those stand"
     )
     parameters: tuple[Amplitude, ...]
     p_value: _Number = Field(description="chance of so much evidence without it")

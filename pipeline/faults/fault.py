@@ -136,8 +136,18 @@ class Screening:
             return False
         return (
             not one.may_be_noise
-            or self.family.rather.mistaken(one.before**2, one.axes) > _BLUNDER_PROBABILITY
+            or self.family.rather.mistaken(one.before**2, one.axes, self._state(one))
+            > _BLUNDER_PROBABILITY
         )
+
+    def _state(self, one: Mistake) -> tuple[int, int] | None:
+        """Pose and pull of a single reading, -1 for a zero; None for one of the base."""
+        rows = self.case.readings
+        mine = rows[(rows["group"] == one.where.rpartition("/")[0]) & rows["pose"].notna()]
+        if not len(mine):
+            return None
+        row = mine.iloc[0]
+        return int(row["pose"]), int(row["repeat"]) if row["state"] == "loaded" else -1
 
     @cached_property
     def spread(self) -> tuple[float, int]:

@@ -5,13 +5,15 @@ A reading's error is normal with covariance lambda C, C the stated one, lambda i
     normal:   lambda = s^2                             Student: lambda = s^2 nu / chi2(nu)
     Eq. (18): lambda = 3 Beta(1/2, 1) s^2              bursts:  lambda = s^2, or k^2 s^2 in a part
     blunder:  log lambda uniform, in an unknown fraction
+    spells:   lambda = s^2, or k^2 s^2 in successive readings of a part of the poses
 
 (Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989: Student's t as a mixture; Tukey, A survey
 of sampling from contaminated distributions, 1960, for bursts; Box and Tiao, Biometrika 55, 1968,
 for blunders). The estimate of a reading's error from the other readings, x ~ N(0, lambda I + S),
 determines the likelihood of its lambda; the product of these densities over all readings determines
-the likelihood of the family. V then has each reading's lambda at its posterior mean over lambda and
-family, so no test switches anything on or off.
+the likelihood of the family; a spell (`spells.py`) is that of a pose, and a reading is judged by
+what the others of its pose are like. V then has each reading's lambda at its posterior mean over
+lambda, spells and family, so no test switches anything on or off.
 """
 
 from __future__ import annotations
@@ -23,8 +25,9 @@ from functools import cache
 import numpy as np
 from scipy import special
 
-from pipeline.base.arrays import Array, Locked
+from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.system.odds import DECIDES
+from pipeline.system.spells import States
 
 FREEDOM = (3.0, 4.0, 5.0, 7.0, 10.0, 15.0)
 """Trial degrees of freedom of Student's distribution; more look normal in any campaign."""
@@ -33,6 +36,10 @@ BURSTS = ((0.03, 3.0), (0.03, 5.0), (0.1, 3.0))
 """Trial pairs: fraction of the readings in bursts, and their width relative to the others.  Noise
 is bounded: no trial law has more than `FAILED_LOCKS` of its readings beyond `FAR_OFF` times the
 width of its core. What a campaign holds beyond that are mistakes."""
+
+SPELLS = ((0.2, 3.0), (0.04, 5.0))
+"""Trial pairs: fraction of the poses in a spell, and the width of the readings there relative to
+the others, within the same bound."""
 
 FAR_OFF = 10.0
 """Distance from which a reading is far off, in widths of the core [1]: never reached by a normal
@@ -43,8 +50,17 @@ FAILED_LOCKS = 0.013
 a published stationary series of an absolute tracker 13 are farther off, and these are failed locks.
 Student's with 3 degrees of freedom gives 0.8 %, bursts five times as wide 0.8 %."""
 
-_FAMILIES = 1 + len(FREEDOM) + len(BURSTS)
-"""Number of families: the stated one, Student's and bursts, in this order."""
+_FAMILIES = 1 + len(FREEDOM) + len(BURSTS) + len(SPELLS)
+"""Number of families: the stated one, Student's, bursts and spells, in this order."""
+
+_SPELL = np.arange(_FAMILIES) >= _FAMILIES - len(SPELLS)
+"""Which of them have spells, shape (f,)."""
+
+_SHARES = np.array([share for share, _ in SPELLS])
+"""Fraction of the poses in a spell under each of those."""
+
+_NO_STATE = -1, -1
+"""Key of readings that belong to no pose."""
 
 _OTHER = 0.0045
 """Prior probability of each other family [1]: an assumption, like every prior, by which about one
@@ -106,7 +122,7 @@ class Family(Locked):
     """Distribution of the noise of single readings.
 
     Attributes:
-        weight: Probability of the stated family, each of `FREEDOM` and of `BURSTS`, shape (f,).
+        weight: Probability of the stated family, each of `FREEDOM`, `BURSTS` and `SPELLS`, (f,).
         log_scale: log s^2 of each, relative to the noise in use when it was found, shape (f,).
         mistakes: Fraction of the readings that are mistakes under each, posterior mean, shape (f,).
         p_value: Probability of tails this heavy if the stated family were true.
@@ -114,6 +130,8 @@ class Family(Locked):
         profile: Log likelihood at each of `_WIDTHS`, maximised over the families, shape (k,).
         widest: Variance of a reading where the beam makes it largest, over the stated one [1].
         reach: Fraction of its mistakes in each range of `_REACH`, shape (f, w).
+        states: The states of the poses.
+        noisy: Probability that each of them is in a spell, under each family, shape (f, t).
     """
 
     weight: Array
@@ -124,6 +142,8 @@ class Family(Locked):
     profile: Array = field(default_factory=lambda: np.zeros(len(_WIDTHS)))
     widest: float = 1.0
     reach: Array = field(default_factory=lambda: np.tile(np.eye(len(_REACH))[-1], (_FAMILIES, 1)))
+    states: States = field(default_factory=States.none)
+    noisy: Array = field(default_factory=lambda: np.zeros((_FAMILIES, 0)))
 
     @property
     def heavy(self) -> float:
@@ -134,6 +154,11 @@ class Family(Locked):
     def likely_heavy(self) -> bool:
         """Whether tails heavier than stated are more likely than not."""
         return self.heavy > PRESENT
+
+    @property
+    def in_spells(self) -> bool:
+        """Whether the noise comes in spells."""
+        return float(self.weight[_SPELL].sum()) > PRESENT
 
     @property
     def rather(self) -> Family:
@@ -172,26 +197,33 @@ class Family(Locked):
         usual = float(np.exp(np.mean(np.log(_MISTAKES))))
         return cls(np.append(1.0, none[1:]), none, none + usual, 1.0, paper)
 
-    def mistaken(self, square: float, axes: int = 3) -> float:
+    def mistaken(self, square: float, axes: int = 3, state: tuple[int, int] | None = None) -> float:
         """Probability that a reading this far off is a blunder and not part of this family.
 
         Args:
             square: Squared error in standard uncertainties, as stated or, where readings scatter
                 more, as found.
             axes: Number of coordinates that the square is the sum of.
+            state: Its key in `States`; None for a reading of the base.
         """
         seen = np.exp(-0.5 * (axes * _GRID + square / self.widest * np.exp(-_GRID)))
-        own, odd = (law @ seen for law in self._laws)
-        return float(self.weight @ (odd / (odd + own)))
+        quiet, wide, odd = (law @ seen for law in self._laws)
+        noisy = self._noisy(np.array([state or _NO_STATE]))[:, 0]
+        return float(self.weight @ ((1 - noisy) * odd / (odd + quiet) + noisy * odd / (odd + wide)))
+
+    def _noisy(self, keys: Ints) -> Array:
+        """Probability under each family that readings of these states are in a spell, (f, n)."""
+        return self.noisy @ self.states.among(keys)
 
     @property
-    def _laws(self) -> tuple[Array, Array]:
-        """Probability of each log lambda and of being good, or a mistake, shape (f, K) each."""
+    def _laws(self) -> tuple[Array, Array, Array]:
+        """Probability of each log lambda and of being good, in a spell, or wrong, (f, K) each."""
         part = self.mistakes[:, None]
         odd = np.einsum("fw,wfk->fk", self.reach, _blunders(self.log_scale))
-        return (1 - part) * _bulks(self.log_scale, self.paper), part * odd
+        quiet, wide = _bulks(self.log_scale, self.paper)
+        return (1 - part) * quiet, (1 - part) * wide, part * odd
 
-    def away(self, distance: float, others: Array) -> Array:
+    def away(self, distance: float, others: Array, keys: Ints) -> Array:
         """Mean probability of readings this far off, mistakes excluded, shape (f,).
 
         x ~ N(0, lambda + S) in each coordinate, its squares over max(1, S) summed. Only families
@@ -200,11 +232,18 @@ class Family(Locked):
         Args:
             distance: In standard uncertainties [1].
             others: Variance S of each reading's prediction from the others, shape (n, 3).
+            keys: Its pose and pull as in `States`, shape (n, 2).
         """
         unit = np.maximum(others, 1.0)
         widest = ((np.exp(_GRID)[:, None, None] + others) / unit).max(axis=2)
-        each = special.chdtrc(3, distance**2 / widest).mean(axis=1)
-        return (_bulks(self.log_scale, self.paper) @ each)[self.weight >= _COUNTS]
+        each = special.chdtrc(3, distance**2 / widest)
+        laws = _bulks(self.log_scale, self.paper)
+        quiet, wide = (law @ each for law in laws)
+        for k, (_, width) in enumerate(SPELLS, _FAMILIES - len(SPELLS)):  # the others are as wide
+            more = ((np.exp(_GRID)[:, None, None] + width**2 * others) / unit).max(axis=2)
+            wide[k] = laws[1][k] @ special.chdtrc(3, distance**2 / more)
+        noisy = self._noisy(keys)
+        return ((1 - noisy) * quiet + noisy * wide).mean(axis=1)[self.weight >= _COUNTS]
 
     @property
     def width(self) -> float:
@@ -215,25 +254,43 @@ class Family(Locked):
         """The same family relative to the stated noise; the noise in use was `used` times that."""
         return replace(self, log_scale=self.log_scale + 2 * np.log(used))
 
-    def drawn(self, n: int, rng: np.random.Generator) -> Array:
-        """Random lambda of n readings, blunders excluded."""
-        which = rng.choice(len(self.weight), n, p=self.weight)
-        out = 3 * rng.beta(0.5, 1.0, n) if self.paper else np.ones(n)
+    def drawn(self, keys: Ints, draws: int, rng: np.random.Generator) -> Array:
+        """Random lambda of readings (n, 2) of `States`, blunders excluded, shape (n, draws).
+
+        Spells are where they probably were.
+        """
+        shape = len(keys), draws
+        which = rng.choice(len(self.weight), shape, p=self.weight)
+        out = 3 * rng.beta(0.5, 1.0, shape) if self.paper else np.ones(shape)
         for k, nu in enumerate(FREEDOM, 1):
             of = which == k
             out[of] *= nu / rng.chisquare(nu, int(of.sum()))
         for k, (part, width) in enumerate(BURSTS, 1 + len(FREEDOM)):
             of = which == k
             out[of] *= np.where(rng.random(int(of.sum())) < part, width**2, 1.0)
-        return out * np.exp(self.log_scale[which])
+        for k, (_, width) in enumerate(SPELLS, _FAMILIES - len(SPELLS)):
+            noisy = rng.random((len(self.states.key), draws)) < self.noisy[k][:, None]
+            out[(self.states.among(keys).T @ noisy) & (which == k)] *= width**2
+        return np.asarray(out * np.exp(self.log_scale[which]))
 
 
-def _posterior_mean(found: Family, seen: Array) -> Array:
-    """Posterior mean of each reading's lambda, with `seen` as from `likelihood`, (n,)."""
-    own, odd = found._laws
-    joint = seen[None] * (own + odd)[:, None, :]
-    mean = (joint @ np.exp(_GRID)) / joint.sum(axis=2)
-    return np.asarray(found.weight @ mean)
+def _with_spells(found: Family, seen: Array, states: States) -> tuple[Family, Array]:
+    """The family with the spells of each pose, and the posterior mean of each reading's lambda.
+
+    Args:
+        found: The family.
+        seen: As from `likelihood`, shape (n, K).
+        states: Of these readings.
+    """
+    quiet, wide, odd = found._laws
+    laws = quiet + odd, wide + odd
+    chance = [law @ seen.T for law in laws]  # (f, n)
+    mean = [(law * np.exp(_GRID)) @ seen.T / p for law, p in zip(laws, chance, strict=True)]
+    noisy = np.zeros((_FAMILIES, len(states.key)))
+    noisy[_SPELL] = states.noisy(np.log(chance[1] / chance[0])[_SPELL], _SHARES)
+    each = noisy[:, states.of]
+    lam = found.weight @ ((1 - each) * mean[0] + each * mean[1])
+    return replace(found, states=states, noisy=noisy), np.asarray(lam)
 
 
 def likelihood(square: Array, variance: Array, now: Array) -> Array:
@@ -254,51 +311,68 @@ def likelihood(square: Array, variance: Array, now: Array) -> Array:
     return np.asarray(np.exp(out - out.max(axis=1, keepdims=True)))
 
 
-def family(seen: Array, paper: bool) -> tuple[Family, Array]:
+def family(seen: Array, states: States, paper: bool, spells: bool = True) -> tuple[Family, Array]:
     """Estimate the family from the readings, and each reading's lambda.
 
     p = P[chi2(1) > 2 (L_Student - L_stated)] / 2, L the log likelihoods at their best scale and
     freedom: 1 / nu is at the end of its range under the null (Self and Liang, J. Am. Stat. Assoc.
-    82, 1987).
+    82, 1987). Where spells are likelier than not, theirs counts if it is larger.
 
     Args:
         seen: `likelihood` of every reading, shape (n, K).
+        states: The states of these readings.
         paper: Whether the stated family is that of Eq. (18).
+        spells: Whether spells are tried, too; they count only where they are likelier than not.
     """
-    tried = _tried(paper)
-    own = (seen @ tried.reshape(-1, seen.shape[1]).T).T.reshape(*tried.shape[:2], len(seen))
-    each = np.array([[_logs(own, odd, b) for odd in _odd(seen)] for b in _MISTAKES])
+    own, wide = (
+        (seen @ law.reshape(-1, seen.shape[1]).T).T.reshape(*law.shape[:2], len(seen))
+        for law in _tried(paper)
+    )
+    each = np.array([[_logs(own, wide, odd, b, states) for odd in _odd(seen)] for b in _MISTAKES])
     each += np.log(_ALIKE)[:, None, None]
     logs = special.logsumexp(each, axis=(0, 1)) - np.log(len(_MISTAKES))  # (f, scales)
-    best = logs.max(axis=1)
     free = special.logsumexp(logs, axis=1) - np.log(len(_WIDTHS))
-    before = np.append(1 - (_FAMILIES - 1) * _OTHER, np.full(_FAMILIES - 1, _OTHER))
-    weight = special.softmax(free + np.log(before))
+    if not spells or _odds(free)[_SPELL].sum() <= PRESENT:
+        logs[_SPELL], free[_SPELL] = -np.inf, -np.inf
+    weight, best = _odds(free), logs.max(axis=1)
     scale = _WIDTHS[logs.argmax(axis=1)]
-    student = best[1 : 1 + len(FREEDOM)]
-    p = 0.5 * float(special.chdtrc(1, max(2 * (student.max() - best[0]), 0.0)))
+    heavier = np.append(best[1 : 1 + len(FREEDOM)], best[_SPELL])
+    p = 0.5 * float(special.chdtrc(1, max(2 * (heavier.max() - best[0]), 0.0)))
     among = special.softmax(special.logsumexp(each, axis=3), axis=(0, 1))
     part = np.einsum("b,bwf->fw", np.array(_MISTAKES), among)
     mistakes, reach = part.sum(axis=1), part / part.sum(axis=1, keepdims=True)
     if 2 * (best[0] - logs[0, np.abs(_WIDTHS).argmin()]) < DECIDES:
         scale[0] = 0.0  # keep the scale that is stated or was found in contrasts
     told = Family(weight, scale, mistakes, p, paper, logs.max(axis=0), reach=reach)
-    return told, _posterior_mean(told, seen)
+    return _with_spells(told, seen, states)
+
+
+def _odds(free: Array) -> Array:
+    """Probability of each family by its log likelihood, shape (f,)."""
+    before = np.append(1 - np.count_nonzero(~_SPELL[1:]) * _OTHER, np.full(_FAMILIES - 1, _OTHER))
+    return np.asarray(special.softmax(free + np.log(before)))
 
 
 @cache
 def _tried(paper: bool) -> Array:
-    """`_bulks` at every scale, shape (f, widths, K)."""
-    return np.stack([_bulks(np.full(_FAMILIES, scale), paper) for scale in _WIDTHS], axis=1)
+    """`_bulks` at every scale, shape (2, f, widths, K)."""
+    return np.stack([_bulks(np.full(_FAMILIES, scale), paper) for scale in _WIDTHS], axis=2)
 
 
 def _bulks(log_scale: Array, paper: bool) -> Array:
-    """Probability of each log lambda under each family, blunders excluded, shape (f, K)."""
+    """Probability of each log lambda under each family, blunders excluded, shape (2, f, K).
+
+    Of a reading of a quiet pose, and of one in a spell; they differ where there are spells only.
+    """
     scale = iter(log_scale.tolist())
     stated = [_stated(next(scale), paper)]
     student = [_student(nu, next(scale), paper) for nu in FREEDOM]
     bursts = [_bursts(part, width, next(scale), paper) for part, width in BURSTS]
-    return np.stack([*stated, *student, *bursts])
+    spells = [(next(scale), 2 * np.log(width)) for _, width in SPELLS]
+    quiet = [_stated(one, paper) for one, _ in spells]
+    wide = [_stated(one + more, paper) for one, more in spells]
+    both = [*stated, *student, *bursts]
+    return np.stack([np.stack([*both, *quiet]), np.stack([*both, *wide])])
 
 
 def _stated(log_scale: float, paper: bool) -> Array:
@@ -328,7 +402,8 @@ def _student(nu: float, log_scale: float, paper: bool) -> Array:
 
 def _least(log_scale: Array) -> Array:
     """Least log lambda of a mistake: `_SCATTER` standard uncertainties without bursts, (f,)."""
-    own = np.array([1.0, *(nu / (nu - 2) for nu in FREEDOM), *np.ones(len(BURSTS))])
+    own = np.ones(_FAMILIES)
+    own[1 : 1 + len(FREEDOM)] = [nu / (nu - 2) for nu in FREEDOM]
     return np.asarray(log_scale + np.log(_SCATTER**2 * own))
 
 
@@ -351,9 +426,21 @@ def _odd(seen: Array) -> Iterator[Array]:
         yield (summed[end] - summed[start]) * _STEP / reach
 
 
-def _logs(own: Array, odd: Array, part: float) -> Array:
-    """Log likelihood of all readings, a fraction `part` of them mistakes, shape (f, scales)."""
-    return np.asarray(np.log((1 - part) * own + part * odd + 1e-300).sum(axis=2))
+def _logs(own: Array, wide: Array, odd: Array, part: float, states: States) -> Array:
+    """Log likelihood of all readings, a fraction `part` of them mistakes, shape (f, scales).
+
+    Args:
+        own: Likelihood of each as a good one outside of spells, shape (f, scales, n).
+        wide: The same in a spell.
+        odd: The same as a mistake.
+        part: Fraction of mistakes.
+        states: The states of the readings.
+    """
+    quiet = np.log((1 - part) * own + part * odd + 1e-300)
+    noisy = np.log((1 - part) * wide[_SPELL] + part * odd[_SPELL] + 1e-300)
+    logs = quiet.sum(axis=2)
+    logs[_SPELL] += states.ratio(noisy - quiet[_SPELL], _SHARES[:, None])
+    return np.asarray(logs)
 
 
 def _normed(share: Array) -> Array:

@@ -10,8 +10,9 @@ these alone, which leaves far more degrees of freedom for the noise.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from pipeline.system.family import FAR_OFF, PRESENT, Family, family, likelihood
 from pipeline.system.linearised import Linearised
 from pipeline.system.odds import DECIDES
 from pipeline.system.rows_by_pose import ReadingsOfRows, RowsByPose, columns, estimates, free
+from pipeline.system.spells import States
 from pipeline.system.system import Goodness, System
 from pipeline.system.wander import Wander, wander
 from pipeline.system.whiten import whitener
@@ -136,6 +138,14 @@ class NoiseShape(Locked):
         return bool(abs(own - theirs) > _SEEN * unit or changed)
 
 
+_Told = tuple[ReadingsOfRows, Family, Array, RowsByPose]
+"""The readings, their family, the variance of each (n,) relative to the noise without tails, and
+the rows weighted accordingly."""
+
+_End = tuple[BeamNoise, _Told, Wander]
+"""Beam, tails and wander."""
+
+
 def shape(
     seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool = False
 ) -> NoiseShape:
@@ -155,20 +165,38 @@ def shape(
     """
     # one iteration only: weights derived from weights favour readings that deviate in the
     # same direction, and uncertainties come out too small
-    parts, told = _seen(seen, accepted, 1, loose)
-    readings, found, variance, beyond = told
-    if accepted is None:
-        variance = np.ones(len(variance))
+    ends = partial(_seen, accepted=accepted, rounds=1, loose=loose)
+    parts, told = ends(seen)
+    slow = _wander(seen, parts, told[3])
+    if told[1].in_spells:
+        parts, told, slow = _against_wander(seen, ends, (parts, told, slow))
+    variance = np.ones(len(told[2])) if accepted is None else told[2]
+    return NoiseShape(told[1], variance, told[0], slow, accepted is not None, parts)
+
+
+def _against_wander(
+    seen: Linearised, ends: Callable[..., tuple[BeamNoise, _Told]], spells: _End
+) -> _End:
+    """Beam, tails and wander of noise in spells, or without spells if a wander explains them.
+
+    A wander that is likelier than not where no spells are tried is taken for them if beside it, as
+    a part of V, they are not likelier than not any more: it is smooth in time and common to all
+    targets, a spell is neither.
+    """
+    parts, told = ends(seen, spells=False)
+    slow = _wander(seen, parts, told[3])
+    if slow.probability <= PRESENT:
+        return spells
+    beside = replace(seen, data=replace(seen.data, wander=slow.factor))
+    return spells if ends(beside)[1][1].in_spells else (parts, told, slow)
+
+
+def _wander(seen: Linearised, parts: BeamNoise, beyond: RowsByPose) -> Wander:
+    """The wander beside beam and tails."""
     springs = seen.B * np.array(
         [one.typical for one in seen.model.cell.parameters[: seen.model.springs]]
     )
-    slow = wander(parts.on(seen.data), beyond, beyond.base.dof >= _FEWEST, springs)
-    return NoiseShape(found, variance, readings, slow, accepted is not None, parts)
-
-
-_Told = tuple[ReadingsOfRows, Family, Array, RowsByPose]
-"""The readings, their family, the variance of each (n,) relative to the noise without tails, and
-the rows weighted accordingly."""
+    return wander(parts.on(seen.data), beyond, beyond.base.dof >= _FEWEST, springs)
 
 
 def tails(
@@ -189,7 +217,11 @@ def tails(
 
 
 def _seen(
-    seen: Linearised, accepted: tuple[int, ...] | None, rounds: int, loose: bool
+    seen: Linearised,
+    accepted: tuple[int, ...] | None,
+    rounds: int,
+    loose: bool,
+    spells: bool = True,
 ) -> tuple[BeamNoise, _Told]:
     """BeamNoise and tails; where there are tails, both again with the readings so weighted."""
     X, data = _taken_out(seen, accepted, loose), replace(seen.data, bends=False)
@@ -197,7 +229,7 @@ def _seen(
     flat = replace(seen.model.cell, equilibrium="undeformed")
     others = inputs(flat, data, seen.model.values)
     parts = _beam(seen, Q, dof, data, others)
-    told = _tails(seen, Q, data, others, parts, rounds)
+    told = _tails(seen, Q, data, others, parts, rounds, spells)
     if told[1].heavy < _HEAVY and np.abs(np.log(told[2])).max() < _STILL:
         return parts, told
     # where most readings are off the model is wrong, which makes no part of the noise smaller
@@ -206,7 +238,7 @@ def _seen(
     parts = _beam(seen, Q, dof, weighed, others)
     along, across = np.sqrt(min(middle, 1.0)) * np.array(parts.found)
     parts = replace(parts, found=(float(along), float(across)))
-    return parts, _tails(seen, Q, data, others, parts, rounds)
+    return parts, _tails(seen, Q, data, others, parts, rounds, spells)
 
 
 def _beam(
@@ -223,6 +255,7 @@ def _tails(
     others: Sequence[ErrorBlock],
     parts: BeamNoise,
     rounds: int,
+    spells: bool,
 ) -> _Told:
     """Tails of the readings of `stated`, after the beam is applied, with fixed effects Q."""
     data = parts.on(stated)
@@ -236,18 +269,33 @@ def _tails(
         variance *= less
         beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
         readings = ReadingsOfRows.of(data, beyond.white)
+    start = variance
     for turn in range(rounds):
         square, spread, good = estimates(beyond.base, readings)
-        told, mean = family(likelihood(square, spread, variance)[good], data.paper)
+        states = States.each(readings.state[good])
+        told, mean = family(likelihood(square, spread, variance)[good], states, data.paper, spells)
         first = found if turn else told
         found = replace(told, p_value=first.p_value, profile=first.profile, widest=parts.widest)
         before, variance = variance, np.ones(len(variance))
-        variance[good] = mean
+        variance[good] = _between(told, mean, start[good]) if turn + 1 < rounds else mean
         beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
         readings = ReadingsOfRows.of(data, beyond.white)
         if np.abs(np.log(variance / before)).max() < _STILL:
             break
+    if found.in_spells and rounds > 1:
+        variance[good] = mean
+        beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
+        readings = ReadingsOfRows.of(data, beyond.white)
     return readings, found, variance, beyond
+
+
+def _between(found: Family, mean: Array, start: Array) -> Array:
+    """Variances of readings for the next round, from their posterior means and the first ones.
+
+    In spells only those of gross errors change: what a reading says of the spell of its pose is how
+    far it is from the others of a quiet pose, and nothing once they are taken to be noisy.
+    """
+    return np.where(mean > FAR_OFF**2, mean, start) if found.in_spells else mean
 
 
 def _overstated(beyond: RowsByPose) -> float:
@@ -291,9 +339,8 @@ def goodness(system: System, found: NoiseShape, rng: np.random.Generator) -> Goo
     if base.dof < _FEWEST or (heavy < _HEAVY and not found.family.paper):
         return Goodness.of(base.rest, base.dof)
     which = found.readings.columns(system)
-    n = len(found.variance)
     family = found.family if heavy >= _HEAVY else Family.stated(found.family.paper)
-    spread = family.drawn(n * _DRAWS, rng).reshape(n, _DRAWS)
+    spread = family.drawn(found.readings.state, _DRAWS, rng)
     e = rng.standard_normal((system.errors.G.shape[1], _DRAWS))
     e *= np.sqrt(np.where(which[:, None] >= 0, spread[which], 1.0))
     drawn = white.with_priors(np.asarray(system.errors.G @ e))

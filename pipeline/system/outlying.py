@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.system.assemble import errors
 from pipeline.system.family import FAR_OFF, Family
 from pipeline.system.linearised import Linearised
@@ -74,15 +74,16 @@ def far(
     beyond = RowsByPose.of(seen, X, errors(flat, data, values))
     readings = ReadingsOfRows.of(data, beyond.white)
     distance = FAR_OFF * max(family.width, 1 / used)
-    away, reached, others = _away(beyond.base, readings, distance)
-    pose, target = _places(seen, readings)
+    away, reached, good, others = _away(beyond.base, readings, distance)
+    pose, target = readings.state[:, 0], readings.targets(data)
+    there = np.vstack([readings.state[good], np.full((base[1], 2), -1)])
     others = np.vstack([others, np.zeros((base[1], 3))])
     if not len(others):
         return OutlyingReadings.none()
     reached = np.sort(np.append(reached, np.full(base[0], distance)))[::-1]
     k = len(reached)
     every = [
-        _chance(j, len(others), family.away(float(reached[j - 1]), others))
+        _chance(j, len(others), family.away(float(reached[j - 1]), others, there))
         for j in range(2 if k > 1 else 1, k + 1)
     ]
     return OutlyingReadings(
@@ -90,35 +91,28 @@ def far(
     )
 
 
-def _away(base: Base, readings: ReadingsOfRows, distance: float) -> tuple[Ints, Array, Array]:
-    """Readings beyond a distance, their distances, and S of all controlled readings, (n, 3).
+def _away(
+    base: Base, readings: ReadingsOfRows, distance: float
+) -> tuple[Ints, Array, Bools, Array]:
+    """Readings beyond a distance, their distances, which are controlled, and S of these, (n, 3).
 
     The farthest of each pose are freed and all others tested again, since an outlier shifts the
     predictions of its neighbours.
     """
     suspects, found = Suspects(readings.D, readings.blocks), np.zeros(0, np.int64)
-    reached = np.zeros(0)
-    told = None
+    reached, told = np.zeros(0), None
     while True:
         square, variance, good = estimates(base, readings)
         others = np.maximum(variance - 1.0, 0.0)
-        told = others[good] if told is None else told
+        told = (good, others[good]) if told is None else told
         off = np.sum(square / np.maximum(others, 1.0), axis=1)
         far_off = np.where(good & (off > distance**2), np.sum(square / variance, axis=1), 0.0)
         worst = suspects.farthest(far_off)
         if not len(worst):
-            return found, reached, told
+            return found, reached, *told
         worst = worst[np.argsort(-far_off[worst], kind="stable")]
         found, reached = np.append(found, worst), np.append(reached, np.sqrt(off[worst]))
         base = base.more(suspects.rows(base, worst))
-
-
-def _places(seen: Linearised, readings: ReadingsOfRows) -> tuple[Ints, Ints]:
-    """Pose and target of every reading, loaded ones first."""
-    data = seen.data
-    first = np.unique(data.zero, return_index=True)[1]
-    of = np.concatenate([np.arange(readings.loaded), first])
-    return data.pulls.pose[data.pull[of]], data.target[of]
 
 
 def _chance(k: int, n: int, chances: Array) -> float:

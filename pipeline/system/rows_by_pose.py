@@ -102,6 +102,7 @@ class ReadingsOfRows(Locked):
         loaded: Number of loaded readings: one for each displacement, in that order.
         zero: Number in `Measured.zero` of each unloaded reading.
         zero_of: Number of the zero of each displacement, shape (d,).
+        state: Pose of each reading, loaded ones first, and its pull, -1 for zeros, shape (n, 2).
         D: Effect of one standard uncertainty of each reading, along three axes, on the rows of its
             pose, whitened, shape (p, s, q, 3).
         blocks: Readings by pose, at most q each.
@@ -110,6 +111,7 @@ class ReadingsOfRows(Locked):
     loaded: int
     zero: Ints
     zero_of: Ints
+    state: Ints
     D: Array
     blocks: Blocks
 
@@ -124,14 +126,17 @@ class ReadingsOfRows(Locked):
         raw[at, :, of.place[:d]] = covariance.factors(data.loaded_cov)
         raw[at, :, of.place[d:][number]] = covariance.factors(data.zero_cov)
         D = white.by_pose(raw.reshape(3 * d, -1)).reshape(3 * d, -1, 3)
-        return cls(d, zero, data.zero, blocks.padded(D), of)
+        return cls(d, zero, data.zero, _states(data), blocks.padded(D), of)
+
+    def targets(self, data: Measured) -> Ints:
+        """Index of the target of each reading, loaded ones first, shape (n,)."""
+        return data.target[_first(data)]
 
     @classmethod
     def unseen(cls, data: Measured) -> ReadingsOfRows:
         """The same without their effect on the rows, where it is not needed."""
-        nothing = np.zeros(0, np.int64)
-        zero = np.unique(data.zero)
-        return cls(len(data.pull), zero, data.zero, np.zeros((0, 0, 0, 3)), Blocks.of(nothing))
+        zero, state, none = np.unique(data.zero), _states(data), np.zeros((0, 0, 0, 3))
+        return cls(len(data.pull), zero, data.zero, state, none, Blocks.of(state[:0, 0]))
 
     def columns(self, system: System) -> Ints:
         """Number of the reading behind each column of G, -1 where there is none, shape (E,)."""
@@ -150,6 +155,18 @@ class ReadingsOfRows(Locked):
         of_zero = np.ones(int(data.zero.max()) + 1)
         of_zero[self.zero] = variance[self.loaded :]
         return data.reweighed(variance[: self.loaded], of_zero[data.zero])
+
+
+def _first(data: Measured) -> Ints:
+    """A displacement of each loaded reading, and of each zero."""
+    return np.append(np.arange(len(data.pull)), np.unique(data.zero, return_index=True)[1])
+
+
+def _states(data: Measured) -> Ints:
+    """Pose of each reading, loaded ones first, and its pull, -1 for zeros, shape (n, 2)."""
+    pulls, of = data.pulls, data.pull[_first(data)]
+    nth = np.where(np.arange(len(of)) < len(data.pull), pulls.repeat[of], -1)
+    return np.column_stack([pulls.pose[of], nth])
 
 
 def estimates(base: Base, readings: ReadingsOfRows) -> tuple[Array, Array, Bools]:

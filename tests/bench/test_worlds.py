@@ -18,7 +18,7 @@ from bench.worlds.__main__ import chosen
 from bench.worlds.cell import READING_S, Manner, build, random_plan
 from bench.worlds.files import line, raw
 from bench.worlds.judge import Interval, Judged, Spoilt, Truth, forces_doubted, judged, shift
-from bench.worlds.noise import SIGMA_M, Bursts, Student, Turn, Wander, White
+from bench.worlds.noise import SIGMA_M, Bursts, Spells, Student, Turn, Wander, White
 from bench.worlds.run import SEEDS, Fixture, Played, asked, contest, fixtures
 from bench.worlds.table import lines, spoken
 from bench.worlds.visible import Adjustment, from_table
@@ -210,6 +210,17 @@ def test_noise_has_the_variance_and_the_tails_of_its_name(noise, kurtosis):
 
     assert e.var() == pytest.approx(1.75 if isinstance(noise, Bursts) else 1.0, rel=0.03)
     assert np.mean(e**4) / e.var() ** 2 == pytest.approx(kurtosis, rel=0.25)
+
+
+def test_a_noisy_spell_lasts_some_minutes():
+    """Of 8 min every 60 min or so, in which successive readings scatter 4.5 times as much."""
+    hours = np.arange(200_000) / 60 / 4
+    e = Spells()(hours, np.zeros((200_000, 3)), np.random.default_rng(4)) / SIGMA_M
+    wide = np.abs(e).max(axis=1) > 5
+
+    share = 1 - np.exp(-8 / 60)
+    assert e.var() == pytest.approx(1 + 20 * share, rel=0.1)
+    assert wide[1:][wide[:-1]].mean() > 0.6 * wide.mean() / share
 
 
 def test_student_noise_has_one_scale_per_reading_or_one_per_axis():

@@ -169,6 +169,10 @@ def test_readings_far_off_are_counted_with_their_places(case):
     assert far(seen(case), Family.stated()).p_value == 1.0
 
 
+NOWHERE = np.full((4, 2), -1)
+"""Keys of four readings of no pose."""
+
+
 def student(nu):
     """Student's family with nu degrees of freedom."""
     weight = np.zeros(len(Family.stated().weight))
@@ -179,7 +183,7 @@ def student(nu):
 @pytest.mark.parametrize("nu", [3.0, 5.0])
 def test_the_chance_of_a_far_reading_is_that_of_the_family(nu):
     """|t|^2 / 3 of a Student vector with nu degrees of freedom is F(3, nu), by scipy."""
-    (p,) = student(nu).away(FAR_OFF, np.zeros((4, 3)))
+    (p,) = student(nu).away(FAR_OFF, np.zeros((4, 3)), NOWHERE)
 
     assert p == pytest.approx(stats.f.sf(FAR_OFF**2 / 3, 3, nu), rel=0.03)
 
@@ -192,14 +196,14 @@ def test_what_the_others_do_not_know_of_a_reading_has_a_part_in_its_chance():
     x = t + np.sqrt(others)[:, None] * rng.standard_normal((n, 4, 3))
     far_off = np.sum(x**2, axis=2) / np.maximum(others, 1) > FAR_OFF**2
 
-    (p,) = student(3.0).away(FAR_OFF, np.tile(others[:, None], 3))
+    (p,) = student(3.0).away(FAR_OFF, np.tile(others[:, None], 3), NOWHERE)
 
     assert p == pytest.approx(far_off.mean(), rel=0.05)
 
 
 def test_heavy_tails_explain_some_far_readings_and_not_a_dozen():
     """Of 1000 readings, Student's with 3 degrees of freedom throws eight so far, never thirty."""
-    p = student(3.0).away(FAR_OFF, np.zeros((1, 3)))
+    p = student(3.0).away(FAR_OFF, np.zeros((1, 3)), NOWHERE[:1])
 
     assert _chance(10, 1000, p) > 0.1
     assert _chance(30, 1000, p) < 1e-4

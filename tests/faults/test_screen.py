@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from small_case import screen, small
 
@@ -25,6 +26,14 @@ class Bench:
     settings: object = field(default_factory=lambda: SimpleNamespace(displacements=None))
     robot: object = field(default_factory=lambda: SimpleNamespace(nominal_compliance=np.ones(2)))
     cell: object = field(default_factory=lambda: Cell())
+
+    @property
+    def readings(self):
+        """A zero, a pull and a base round."""
+        return pd.DataFrame({
+            "group": ["pose4_rep0", "pose4_rep2", "base"], "pose": [4, 4, None],
+            "state": ["unloaded", "loaded", "base"], "repeat": [0, 2, 0],
+        })  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -199,16 +208,17 @@ class Tails:
     """A family with this certainty for any blunder, that records its arguments."""
 
     def __init__(self, sure):
-        self.sure, self.seen = sure, []
+        self.sure, self.seen, self.states = sure, [], []
 
     @property
     def rather(self):
         """It is what it is."""
         return self
 
-    def mistaken(self, square, axes):
+    def mistaken(self, square, axes, state):
         """The given certainty; arguments are recorded."""
         self.seen.append((square, axes))
+        self.states.append(state)
         return self.sure
 
 
@@ -232,6 +242,19 @@ def test_evidence_along_one_axis_is_weighed_along_one(tests, monkeypatch):
 
     assert singles_of(files, None, ScreeningBase(case.cell, np.ones(2), tails)).findings == ()
     assert tails.seen == [(36.0, 1)]
+
+
+@pytest.mark.parametrize(
+    ("where", "state"),
+    [("pose4_rep0/P1", (4, -1)), ("pose4_rep2/P1", (4, 2)), ("base/B1", None)],
+)
+def test_a_reading_is_judged_in_its_state(where, state):
+    """Pose and pull, -1 for a zero; one of the base is of no pose."""
+    tails, one = Tails(0.5), replace(mistake("a1"), name="outlier", where=where, unit="sigma")
+    one = replace(one, size=1e-3, size_unit="m", p_value=1e-6)
+
+    assert not Screening(Bench(()), Cell(), np.ones(1), accepted=tails).sure(one)
+    assert tails.states == [state]
 
 
 @pytest.mark.parametrize("sure", [0.95, 0.5])

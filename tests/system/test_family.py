@@ -13,10 +13,17 @@ from pipeline.system.family import (
     FAILED_LOCKS,
     FAR_OFF,
     FREEDOM,
+    SPELLS,
     Family,
     family,
     likelihood,
 )
+from pipeline.system.spells import States
+
+KEYS = np.column_stack([np.arange(300) // 15, np.arange(300) // 3 % 5 - 1])
+"""Pose, and pull or -1 for zeros, of each of 300 readings: twenty poses of five states of three."""
+
+STATES = States.each(KEYS)
 
 
 def errors(nu, n, rng):
@@ -52,7 +59,7 @@ def test_the_likelihood_is_the_normal_density():
 def test_students_tails_are_seen(nu):
     """300 readings, as 16 poses have; the degrees of freedom are found within a factor of two."""
     found = [
-        family(seen(errors(nu, 300, rng), 0.6, rng), False)[0]
+        family(seen(errors(nu, 300, rng), 0.6, rng), STATES, False)[0]
         for rng in map(np.random.default_rng, range(10))
     ]
 
@@ -63,7 +70,7 @@ def test_students_tails_are_seen(nu):
 def test_normal_readings_keep_the_stated_family():
     """Forty campaigns: none is called heavy-tailed, and variances do not change."""
     rngs = [np.random.default_rng(100 + k) for k in range(40)]
-    found = [family(seen(errors(np.inf, 300, rng), 0.6, rng), False) for rng in rngs]
+    found = [family(seen(errors(np.inf, 300, rng), 0.6, rng), STATES, False) for rng in rngs]
 
     assert sum(one.p_value < 0.003 for one, _ in found) <= 1
     assert np.median([np.median(variance) for _, variance in found]) == pytest.approx(1.0, abs=0.03)
@@ -74,15 +81,58 @@ def test_one_gross_reading_is_a_blunder_and_not_a_tail():
     rng = np.random.default_rng(5)
     normal = errors(np.inf, 300, rng)
     normal[7] = [100.0, 0.0, 0.0]
-    told, variance = family(seen(normal, 0.6, rng), False)
+    told, variance = family(seen(normal, 0.6, rng), STATES, False)
 
     assert told.heavy < 0.3
     assert told.mistaken(100.0**2) > 0.95
     assert variance[7] > 1e3
-    wild, _ = family(seen(errors(3.0, 300, rng), 0.6, rng), False)
+    wild, _ = family(seen(errors(3.0, 300, rng), 0.6, rng), STATES, False)
     assert wild.mistaken(8.0**2) < 0.5
     assert told.mistaken(12.0**2) > 0.9
     assert told.mistaken(2.0**2) < 1e-3
+
+
+def in_spells(width, rng):
+    """All readings of pose 3 and the last three states of pose 11 are wider."""
+    wide = (KEYS[:, 0] == 3) | ((KEYS[:, 0] == 11) & (KEYS[:, 1] > 0))
+    return np.where(wide, width, 1.0)[:, None] * rng.standard_normal((300, 3))
+
+
+@pytest.mark.parametrize("width", [3.0, 4.0, 6.0])
+def test_a_reading_is_judged_by_the_others_of_its_pose(width):
+    """In a spell none is a mistake that its width explains; elsewhere one as far off is."""
+    for rng in map(np.random.default_rng, range(300, 305)):
+        told, variance = family(seen(in_spells(width, rng), 0.6, rng), STATES, False)
+
+        assert told.in_spells
+        assert told.mistaken((2.5 * width) ** 2, 3, (3, 2)) < 0.1
+        assert told.mistaken(200.0**2, 3, (3, 2)) > 0.9
+        assert told.mistaken(8.5**2, 3, (7, 2)) > 0.9
+        assert told.mistaken(8.5**2) > 0.9  # of the base
+        assert np.median(variance[KEYS[:, 0] == 3]) == pytest.approx(width**2, rel=0.8)
+        assert np.median(variance[KEYS[:, 0] == 7]) == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("off", [8.5, 12.0, 30.0])
+def test_a_lone_bad_reading_makes_no_spell(off):
+    """The other readings of its pose are quiet."""
+    for rng in map(np.random.default_rng, range(320, 330)):
+        e = errors(np.inf, 300, rng)
+        e[100] = off * np.sqrt(1.6) * np.array([0.6, 0.0, 0.8])
+        told, _ = family(seen(e, 0.6, rng), STATES, False)
+
+        assert not told.in_spells
+        assert told.rather.mistaken(off**2, 3, tuple(KEYS[100])) > 0.9
+
+
+def test_what_is_drawn_has_spells_where_they_were():
+    """In other states lambda is one."""
+    rng = np.random.default_rng(9)
+    told, _ = family(seen(in_spells(5.0, rng), 0.6, rng), STATES, False)
+    mean = told.drawn(KEYS, 200, rng).mean(axis=1) / np.exp(told.log_scale[told.weight.argmax()])
+
+    assert mean[KEYS[:, 0] == 3].mean() > 8
+    assert mean[KEYS[:, 0] == 7].mean() == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3])
@@ -106,10 +156,10 @@ def test_drawn_variances_are_those_of_the_family():
     weight = np.zeros(len(Family.stated().weight))
     weight[1 + FREEDOM.index(5.0)] = 1.0
     told = replace(Family.stated(), weight=weight)
-    drawn = told.drawn(200_000, np.random.default_rng(2))
+    drawn = told.drawn(KEYS[:100], 2000, np.random.default_rng(2)).ravel()
 
     assert stats.kstest(5.0 / drawn, stats.chi2(5).cdf).pvalue > 1e-3
-    paper = Family.stated(True).drawn(400_000, np.random.default_rng(3))
+    paper = Family.stated(True).drawn(KEYS[:100], 4000, np.random.default_rng(3))
     assert paper.mean() == pytest.approx(1.0, rel=0.01)
     assert 3 * (paper**2).mean() / paper.mean() ** 2 == pytest.approx(5.4, rel=0.01)
 
@@ -122,8 +172,8 @@ def test_tails_of_the_paper_are_not_heavier_than_stated():
     e = np.sqrt(3) * rng.standard_normal((300, 1)) * direction
     told = seen(e, 0.6, rng)
 
-    assert family(told, True)[0].p_value > 0.01
-    assert family(told, False)[0].p_value < 1e-3
+    assert family(told, STATES, True)[0].p_value > 0.01
+    assert family(told, STATES, False)[0].p_value < 1e-3
 
 
 def student(nu, core, rng):
@@ -153,7 +203,7 @@ def test_what_the_tails_explain_is_no_wider_core(drawn, core, wider):
     for rng in map(np.random.default_rng, range(40, 50)):
         e = drawn(rng)
         used = np.sqrt(np.mean(e**2))
-        found.append(family(seen(e / used, 0.6, rng), False)[0].core(used))
+        found.append(family(seen(e / used, 0.6, rng), STATES, False)[0].core(used))
 
     told = sum(one.p_value < 0.003 for one in found)
     assert told >= 9 if wider else told == 0
@@ -167,18 +217,21 @@ def test_no_law_throws_more_than_an_instrument_in_order():
     student = [stats.f.sf(FAR_OFF**2 / 3, 3, nu) for nu in FREEDOM]
     bursts = [part * stats.chi2.sf((FAR_OFF / width) ** 2, 3) for part, width in BURSTS]
 
-    assert max(*student, *bursts) < FAILED_LOCKS
+    spells = [share * stats.chi2.sf((FAR_OFF / width) ** 2, 3) for share, width in SPELLS]
+
+    assert max(*student, *bursts, *spells) < FAILED_LOCKS
 
 
 @pytest.mark.parametrize("many", [20, 40])
 @pytest.mark.parametrize("used", [1.0, 2.5])
 def test_many_readings_alike_far_off_are_mistakes_and_no_tails(many, used):
-    """Some of 300 normal readings 12 standard uncertainties off, whatever noise is in use."""
+    """Some of 300 normal readings, in any poses, off by 12 standard uncertainties of any noise."""
     rng = np.random.default_rng(many)
     e = errors(np.inf, 300, rng)
     direction = rng.standard_normal((many, 3))
-    e[:many] += 12 * direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    found = family(seen(e / used, 0.6 / used**2, rng), False)[0].of(used)
+    direction *= 12 / np.linalg.norm(direction, axis=1, keepdims=True)
+    e[rng.choice(300, many, replace=False)] += direction
+    found = family(seen(e / used, 0.6 / used**2, rng), STATES, False)[0].of(used)
 
     assert not found.likely_heavy
     assert found.width == pytest.approx(1.0, rel=0.1)
@@ -192,7 +245,7 @@ def test_tails_stay_tails_beside_a_bound():
     The deviations they cause are no mistakes.
     """
     found = [
-        family(seen(drawn(rng), 0.6, rng), False)[0].rather
+        family(seen(drawn(rng), 0.6, rng), STATES, False)[0].rather
         for rng in map(np.random.default_rng, range(70, 75))
         for drawn in (partial(errors, 3.0, 300), partial(bursts, 1.0))
     ]

@@ -37,6 +37,7 @@ def case():
     [
         ("student3", "heavy_tails"),
         ("wander10", "tracker_wander"),
+        ("spells", "heavy_tails"),
         pytest.param("bursts", "heavy_tails", marks=pytest.mark.slow),
     ],
 )
@@ -127,6 +128,26 @@ def test_what_goes_with_the_pull_is_no_noise(world, off_m):
 
     assert beside_free.likely is (world == "wander10")
     assert beside_springs.likely is (world == "wander10" or off_m > 0)
+
+
+@pytest.mark.whole
+def test_a_noisy_pose_stays_one_from_round_to_round():
+    """Its readings scatter three times as much; weighed so, they would say no more of that."""
+    case = ingested(in_memory(written("normal")[3]), conformed, plain)
+    right = fit(case, bring(case))
+    seen = linearise(CurrentModel(case.cell, right.estimate.value, 7), right.plain, ())
+    pose, rng = int(np.unique(seen.rows.pose)[3]), np.random.default_rng(2)
+    zero, loaded = (
+        np.sqrt(8) * 3e-5 * rng.standard_normal(shape) for shape in ((3, 3), (len(seen.y), 1))
+    )
+    more = loaded[:, 0] - zero[seen.data.target].ravel()
+    y = seen.y + np.where(seen.rows.pose == pose, more, 0.0)
+
+    readings, found, variance, _ = tails(replace(seen, y=y), ())
+
+    mine = (readings.state[:, 0] == pose) & (readings.state[:, 1] >= 0)
+    assert found.in_spells
+    assert np.median(variance[mine]) > 5 * np.median(variance[~mine])
 
 
 @pytest.mark.whole

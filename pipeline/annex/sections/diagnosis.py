@@ -37,6 +37,10 @@ from pipeline.report.record import (
 )
 from pipeline.report.summaries import Tables
 
+_RATHER = 0.5
+"""Probability of something outside the catalogue above which that of a cause is said to be without
+it [1]: the model that it belongs to is more likely wrong than right."""
+
 _WORTH_SAYING = 0.01
 """Probability of a cause outside the catalogue from which on it is mentioned [1]."""
 
@@ -147,6 +151,12 @@ def _probability_sentence(one: Cause) -> str:
     alone = f"; without it, such readings would occur by chance with {p_value(one.p_value)}"
     chance = probability(one.probability)
     known = "" if one.p_value is None else alone
+    other = one.outside_catalogue
+    if other and other.probability > _RATHER:
+        return (
+            f"That it, and nothing outside the catalogue, is there has a probability of {chance}"
+            f"{known}. It may act beside what is missing, which no model here has."
+        )
     return f"Its probability is {chance}{known}."
 
 
