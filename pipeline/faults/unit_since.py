@@ -62,8 +62,8 @@ def _coordinates(case: Case) -> Iterator[Mistake]:
         found = of_unit(
             where=unit,
             says=since if later else f"in {len(at)} rows of the tracker export {says}",
-            why=f"the targets of these groups are {factor:.4g} times as far from each other if so, "
-            "as those of the others are",
+            why=f"as read, the targets of these groups are {1 / factor:.4g} times as far from each "
+            "other as in all other groups",
             at=at,
             factor=factor,
             correct=partial(_regauged, at=frozenset(at), factor=factor),
