@@ -97,6 +97,7 @@ _CALLS = {
     "re",
     "getattr",
     "Parameter",
+    "vector",
     "_shift",
     "_turn",
     "rename",
