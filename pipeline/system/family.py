@@ -268,7 +268,7 @@ class Family(Locked):
         for k, (part, width) in enumerate(BURSTS, 1 + len(FREEDOM)):
             of = which == k
             out[of] *= np.where(rng.random(int(of.sum())) < part, width**2, 1.0)
-        for k, (_, width) in enumerate(SPELLS, _FAMILIES - len(SPELLS)):
+        for k, (_, width) in enumerate(SPELLS if self.in_spells else (), _FAMILIES - len(SPELLS)):
             noisy = rng.random((len(self.states.key), draws)) < self.noisy[k][:, None]
             out[(self.states.among(keys).T @ noisy) & (which == k)] *= width**2
         return np.asarray(out * np.exp(self.log_scale[which]))

@@ -37,7 +37,6 @@ def case():
     [
         ("student3", "heavy_tails"),
         ("wander10", "tracker_wander"),
-        ("spells", "heavy_tails"),
         pytest.param("bursts", "heavy_tails", marks=pytest.mark.slow),
     ],
 )
