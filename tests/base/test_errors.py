@@ -4,9 +4,11 @@ import itertools
 import pickle
 
 import pytest
+from pydantic import Field, ValidationError
 
 from pipeline.base import errors
 from pipeline.base.errors import CannotWrite, InputError, Unfinished, UsageError
+from pipeline.base.strict import Strict
 
 
 def test_the_gravest_exit_code_is_returned() -> None:
@@ -78,3 +80,51 @@ def test_a_place_is_file_and_line() -> None:
     assert errors.place(None, 3) == ""
     assert errors.place("a", None) == "a: "
     assert errors.place("a", 3) == "a:3: "
+
+
+class Inner(Strict):
+    """A table."""
+
+    x: int
+
+
+class File(Strict):
+    """A file with an entry of each kind."""
+
+    at: tuple[float, float] = (0.0, 0.0)
+    few: list[int] = Field([1, 2], min_length=2, max_length=3)
+    name: str = Field("a", pattern="^[a-z]+$")
+    word: str = Field("a", pattern="^[a-z_.-]+$")
+    size: float = Field(1.0, ge=1, lt=5)
+    inner: Inner = Inner(x=1)
+
+
+@pytest.mark.parametrize(
+    ("content", "path", "said"),
+    [
+        ({"at": [1.0]}, ["at", "1"], "value 2 is missing"),
+        ({"inner": {}}, ["inner", "x"], "is missing"),
+        ({"inner": {"y": 2}}, ["inner", "y"], "unknown key"),
+        ({"size": 9, "sice": 2}, ["sice"], "unknown key"),
+        ({"inner": 3}, ["inner"], "should be a table"),
+        ({"few": 3}, ["few"], "should be a list in square brackets"),
+        ({"name": 3}, ["name"], "should be text in quotation marks"),
+        ({"few": [1]}, ["few"], "there are 1 here and at least 2 are needed"),
+        ({"few": [1] * 4}, ["few"], "there are 4 here and at most 3 are needed"),
+        ({"name": "A"}, ["name"], '"A" is not a name of letters and digits'),
+        ({"word": "A"}, ["word"], '"A" is not a name of letters, digits, dots'),
+        ({"size": 0.5}, ["size"], "0.5 should be at least 1"),
+        ({"size": 5}, ["size"], "5 should be less than 5"),
+        ({"size": "big"}, ["size"], '"big" should be a number'),
+        ({"inner": {"x": 1.5}}, ["inner", "x"], "1.5 should be a whole number"),
+    ],
+)
+def test_what_is_wrong_with_an_entry_is_said_in_words_of_the_file(
+    content: dict[str, object], path: list[str], said: str
+) -> None:
+    """With its path; an unknown key decides, as it may be another one misspelt."""
+    with pytest.raises(ValidationError) as wrong:
+        File.model_validate(content)
+    where, message = errors.first_wrong(wrong.value)
+    assert where == path
+    assert message.startswith(said)

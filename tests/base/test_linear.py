@@ -314,6 +314,8 @@ def test_many_small_factors_are_those_of_each():
     np.testing.assert_allclose(W[..., 1], np.eye(3), atol=1e-11)
     with pytest.raises(np.linalg.LinAlgError, match="no variance"):
         linear.triangular(np.zeros((2, 2, 1)))
+    with pytest.raises(np.linalg.LinAlgError, match="no variance"):
+        linear.triangular(np.stack([np.eye(2), np.diag([1.0, 0.0])], axis=-1))
 
 
 def test_directions_longer_than_a_length_are_spanned():
