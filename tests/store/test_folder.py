@@ -378,9 +378,20 @@ def test_what_is_dumped_is_recalled(tmp_path: Path) -> None:
         store.dump({"a": float("nan")})
 
 
-def test_the_version_is_that_of_every_file_of_the_package() -> None:
-    """A hash of all of them and the versions of what numbers depend on."""
-    assert len(store.code_version()) == 64
+def test_other_code_is_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Content and names of all files of a package, of any kind; what Python caches does not."""
+    monkeypatch.setattr(store, "__file__", str(tmp_path / "store" / "campaign.py"))
+    version, seen = store.code_version.__wrapped__, []
+    for name, content in (("a.py", "1"), ("a.py", "2"), ("in/b.toml", "2"), ("in/c.toml", "2")):
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(content)
+        seen.append(version())
+    (tmp_path / "in" / "__pycache__").mkdir()
+    (tmp_path / "in" / "__pycache__" / "b.pyc").write_text("3")
+
+    assert version() == seen[-1]
+    assert len({*seen}) == 4
     assert {"pipeline", "numpy", "pin", "matplotlib"} <= {*store.versions()}
 
 
