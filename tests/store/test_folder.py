@@ -395,13 +395,46 @@ def test_other_code_is_another_version(tmp_path: Path, monkeypatch: pytest.Monke
     assert {"pipeline", "numpy", "pin", "matplotlib"} <= {*store.versions()}
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="the administrator may list every folder")
-def test_a_share_that_is_gone_is_said_and_tried_again(tmp_path: Path) -> None:
-    """Not an empty list."""
-    raw = tmp_path / "data" / "raw"
-    raw.mkdir(parents=True)
-    raw.chmod(0)
-    with pytest.raises(InputError, match="cannot be listed") as wrong:
+def test_a_share_that_is_gone_is_said_and_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not an empty list, as a project without campaigns has."""
+
+    def gone(path: Path) -> list[str]:
+        raise PermissionError(13, "Permission denied")
+
+    assert store.every(tmp_path) == []
+    monkeypatch.setattr(store.os, "listdir", gone)
+    with pytest.raises(InputError, match=r"cannot be listed \(Permission denied\)") as wrong:
         store.every(tmp_path)
-    raw.chmod(0o755)
     assert wrong.value.passing
+
+
+def test_a_folder_that_cannot_be_listed_is_named(
+    folder: CampaignFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The campaign itself, or the one in it."""
+    (folder.folder / "in").mkdir()
+    scandir = os.scandir
+
+    def closed(path: Path) -> object:
+        if path.name == name:
+            raise PermissionError(13, "Permission denied")
+        return scandir(path)
+
+    monkeypatch.setattr(store.os, "scandir", closed)
+    for name, said in (("demo", "demo"), ("in", "in/")):
+        with pytest.raises(InputError, match="cannot be listed") as wrong:
+            list(store.within(folder.folder, 2))
+        assert wrong.value.file == said
+
+
+def test_a_linked_folder_is_not_entered(folder: CampaignFolder, tmp_path: Path) -> None:
+    """It counts as a file; what is in it does not."""
+    (tmp_path / "far").mkdir()
+    (tmp_path / "far" / "a.csv").touch()
+    (folder.folder / "link").symlink_to(tmp_path / "far")
+
+    found = list(store.within(folder.folder, 3))
+    assert "link" in found
+    assert not any(name.startswith("link/") for name in found)
