@@ -410,8 +410,9 @@ def test_a_share_that_is_gone_is_said_and_tried_again(
     assert wrong.value.passing
 
 
+@pytest.mark.parametrize(("name", "said"), [("demo", "demo"), ("in", "in/")])
 def test_a_folder_that_cannot_be_listed_is_named(
-    folder: CampaignFolder, monkeypatch: pytest.MonkeyPatch
+    folder: CampaignFolder, name: str, said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The campaign itself, or the one in it."""
     (folder.folder / "in").mkdir()
@@ -423,10 +424,9 @@ def test_a_folder_that_cannot_be_listed_is_named(
         return scandir(path)
 
     monkeypatch.setattr(store.os, "scandir", closed)
-    for name, said in (("demo", "demo"), ("in", "in/")):
-        with pytest.raises(InputError, match="cannot be listed") as wrong:
-            list(store.within(folder.folder, 2))
-        assert wrong.value.file == said
+    with pytest.raises(InputError, match="cannot be listed") as wrong:
+        list(store.within(folder.folder, 2))
+    assert wrong.value.file == said
 
 
 def test_a_linked_folder_is_not_entered(folder: CampaignFolder, tmp_path: Path) -> None:
