@@ -47,6 +47,9 @@ _CALLED = {
     "hstack": "vstack",
 }
 
+_CHECKING = {"strict", "check_finite", "overwrite_a", "overwrite_c"}
+"""Arguments that check values or save time: another one gives the same results."""
+
 
 @dataclass(frozen=True)
 class Bug:
@@ -107,8 +110,15 @@ def functions(source: str) -> Iterator[tuple[str, ast.FunctionDef, list[_Site]]]
     tree = ast.parse(source)
     number = {id(node): n for n, node in enumerate(ast.walk(tree))}
     for name, node in _named(tree, ""):
-        inside = [one for part in node.body for one in ast.walk(part)]
+        inside = [one for part in node.body for one in _computing(part)]
         yield name, node, [site for one in inside for site in _sites(one, number[id(one)])]
+
+
+def _computing(part: ast.AST) -> Iterator[ast.AST]:
+    """Nodes of a statement on which its result depends."""
+    every = list(ast.walk(part))
+    checks = [one.value for one in every if isinstance(one, ast.keyword) and one.arg in _CHECKING]
+    return (one for one in every if not any(one is check for check in checks))
 
 
 def _named(tree: ast.AST, of: str) -> Iterator[tuple[str, ast.FunctionDef]]:

@@ -56,7 +56,7 @@ def appearances(root: Path) -> Callable[[Mapping[str, Any], AppearanceFacts], Ap
     house = None if preferred.templates is None else opened(_HOUSE)(root, preferred.templates)
 
     def look(about: Mapping[str, Any], facts: AppearanceFacts) -> Appearance:
-        language = about.get("language") or preferred.language
+        language = str(about.get("language") or preferred.language)
         if house is None:
             return Appearance(language)
         fields = house.fields(facts, about.get("fields") or {})

@@ -29,3 +29,12 @@ def test_what_a_quarter_of_all_draws_does_not_confirm_is_not_proven():
     assert left == pytest.approx(1 - 1 / 1.942, abs=0.02)
     assert unproven(before, 0.9 * after, pose, np.random.default_rng(1)) == 0.0
     assert unproven(before, 1.1 * before, pose, np.random.default_rng(1)) == 0.5
+
+
+def test_the_rarer_the_draws_without_a_gain_the_less_is_unproven():
+    """Of three poses one without a gain, drawn thrice: 1 in 27; e / 27 ln 27 = 0.332."""
+    after = np.array([0.5, 0.5, 1.0])
+
+    left = unproven(np.ones(3), after, np.arange(3), np.random.default_rng(1))
+
+    assert left == pytest.approx(1 - 1 / 1.332, abs=0.04)

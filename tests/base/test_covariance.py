@@ -139,3 +139,46 @@ def test_all_readings_have_an_uncertainty_or_none(matrices):
     with pytest.raises(InputError, match="2 of 9 readings have no uncertainty"):
         covariance.stated(known)
     assert not covariance.stated(np.zeros(5, dtype=bool))
+
+
+def test_what_is_the_same_for_all_is_worked_on_once(matrices):
+    """One call with one matrix for equal ones, one with all for different ones; same shape."""
+    asked = []
+
+    def trace(C):
+        asked.append(len(C))
+        return np.einsum("mii->m", C)
+
+    equal = np.repeat(matrices[:1], 5, axis=0)
+    nearly = equal.copy()
+    nearly[4, 2, 2] *= 2
+    for C, calls in ((equal, 1), (nearly, 5), (matrices[:1], 1), (matrices[:0], 0)):
+        asked.clear()
+        np.testing.assert_array_equal(covariance.alike(C, trace), np.einsum("mii->m", C))
+        assert asked == [calls]
+
+
+def test_readings_are_weighed_alike_where_one_covariance_is_unknown(matrices):
+    """Unit matrices for all of them, or their own."""
+    table = pd.DataFrame(dict(zip(covariance.columns(), six(matrices), strict=True)))
+    np.testing.assert_array_equal(covariance.weighing(table), matrices)
+
+    table.loc[3, "cyz_m2"] = np.nan
+    np.testing.assert_array_equal(covariance.weighing(table), np.tile(np.eye(3), (9, 1, 1)))
+    assert covariance.known(six(covariance.matrices(table))).tolist() == [k != 3 for k in range(9)]
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("size", [1e-6, 1e3])
+def test_singular_is_a_matter_of_proportion_alike_along_each_axis(axis, size):
+    """Beside 1 and 1 a variance of 1e-13 is rounding, one of 4e-13 is not, in any unit."""
+    C = np.tile(np.eye(3), (2, 1, 1))
+    C[:, axis, axis] = [1e-13, 4e-13]
+
+    assert covariance.singular(six(C * size)).tolist() == [True, False]
+
+
+def test_the_scatter_of_half_a_picometre_is_none():
+    """In absolute terms, where all variances are that small."""
+    tiny = np.array([0.5e-24, 2e-24])[:, None, None] * np.eye(3)
+    assert covariance.singular(six(tiny)).tolist() == [True, False]

@@ -219,3 +219,139 @@ def test_the_factor_of_a_covariance_follows_no_direction_that_rounding_chose(ran
 
     assert np.allclose(found @ np.swapaxes(found, 1, 2), C, atol=1e-11)
     assert np.ptp(found, axis=0).max() < 1e-5
+
+
+UNITS = 10.0 ** np.array([3, -4, 0, 2, -1])
+"""Units of five parameters, apart by orders of magnitude."""
+
+
+def test_projected_products_are_inverted_in_their_own_units():
+    """Columns after a base is taken out, by numpy's projection; a column of the base adds none."""
+    rng = np.random.default_rng(12)
+    base, A = rng.normal(size=(30, 3)), rng.normal(size=(30, 5)) * UNITS
+    Q = np.linalg.qr(base)[0]
+    free = A - Q @ (Q.T @ A)
+    whole = np.einsum("mk,mk->k", A, A)
+    hidden = A.copy()
+    hidden[:, 2] = base @ [1.0, -2.0, 0.5]
+    less = hidden - Q @ (Q.T @ hidden)
+    squares = np.einsum("mk,mk->k", hidden, hidden)
+
+    found, rank = linear.left(free.T @ free, whole)
+    assert found * np.outer(UNITS, UNITS) == pytest.approx(
+        np.linalg.inv((free / UNITS).T @ (free / UNITS)), rel=1e-9, abs=1e-12
+    )
+    assert int(rank) == 5
+    both = [free.T @ free, less.T @ less]
+    many, ranks = linear.left(np.stack(both), np.stack([whole, squares]))
+    assert ranks.tolist() == [5, 4]
+    assert many[0] == pytest.approx(found, rel=1e-6)
+    rest = np.delete(less / UNITS, 2, axis=1)
+    seen = np.delete(np.delete(many[1] * np.outer(UNITS, UNITS), 2, 0), 2, 1)
+    assert seen == pytest.approx(np.linalg.inv(rest.T @ rest), rel=1e-6, abs=1e-9)
+    assert np.abs(many[1][2] * UNITS[2] * UNITS).max() < 1e-6
+
+
+def test_ranks_of_many_are_those_of_each():
+    """Products of columns of rank 5 to 2, and of nothing, in any units."""
+    rng = np.random.default_rng(13)
+    rows = [rng.normal(size=(30, r)) @ rng.normal(size=(r, 5)) * UNITS for r in (5, 4, 3, 2)]
+    N = np.stack([one.T @ one for one in [*rows, np.zeros((30, 5))]])
+
+    assert linear.ranks(N).tolist() == [linear.rank(one) for one in N] == [5, 4, 3, 2, 0]
+    assert linear.ranks(N[:1]).tolist() == [5]
+    assert linear.ranks(N.reshape(1, 5, 5, 5)).shape == (1, 5)
+    for one, products, r in zip(rows, N, (5, 4, 3, 2), strict=False):
+        mixes = linear.determined(products)
+        assert mixes.shape == (5, r)
+        assert mixes.T @ mixes == pytest.approx(np.eye(r), abs=1e-9)
+        lost = np.linalg.svd(one / UNITS)[2][r:].T / UNITS[:, None]
+        assert np.abs(mixes.T @ lost / np.linalg.norm(lost, axis=0)).max(initial=0) < 1e-6
+
+
+def test_a_direction_whose_components_cancel_is_lost_with_each_of_its_parameters():
+    """Parameters of which only sums are determined: each by itself is not, whatever the signs."""
+    rng = np.random.default_rng(14)
+    A = rng.normal(size=(30, 4))
+    A[:, 3] = -A[:, 0] + A[:, 1]
+    cov = linear.covariance(A.T @ A)
+
+    assert np.isinf(np.diag(cov)).tolist() == [True, True, False, True]
+    Q = np.linalg.qr(A[:, [0, 1, 2]])[0]
+    alone = A[:, 2] - Q[:, :2] @ (Q[:, :2].T @ A[:, 2])
+    assert cov[2, 2] == pytest.approx(1 / (alone @ alone))
+    assert linear.inverse(A.T @ A) == pytest.approx(np.linalg.pinv(A.T @ A), abs=0.2)
+
+
+def test_a_cholesky_factor_solves_and_inverts():
+    """As numpy, in any units, for one right side and for several; another matrix has none."""
+    rng = np.random.default_rng(15)
+    A = rng.normal(size=(30, 5)) * UNITS
+    N, y = A.T @ A, rng.normal(size=(5, 2)) * UNITS[:, None]
+    found = linear.cholesky(N)
+    scaled = np.linalg.inv(N / np.outer(UNITS, UNITS))
+
+    assert found.inverse * np.outer(UNITS, UNITS) == pytest.approx(scaled, rel=1e-9, abs=1e-13)
+    expected = scaled @ (y / UNITS[:, None]) / UNITS[:, None]
+    np.testing.assert_allclose(found.solve(y), expected, rtol=1e-9)
+    np.testing.assert_allclose(found.solve(y[:, 0]), expected[:, 0], rtol=1e-9)
+    assert found.log_det == pytest.approx(np.linalg.slogdet(N)[1])
+    with pytest.raises(np.linalg.LinAlgError):
+        linear.cholesky(np.array([[1.0, 2.0], [2.0, 1.0]]))
+
+
+def test_many_small_factors_are_those_of_each():
+    """L L' = V and L W = 1 along the last axis, also where one error drowns the others."""
+    half = np.random.default_rng(16).normal(size=(6, 4, 4))
+    V = half @ half.swapaxes(1, 2)
+    L, W = (np.moveaxis(one, -1, 0) for one in linear.triangular(np.moveaxis(V, 0, -1)))
+
+    np.testing.assert_allclose(L, np.linalg.cholesky(V), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(W @ L, np.broadcast_to(np.eye(4), V.shape), atol=1e-9)
+    drowned = np.eye(3) + 1e24
+    L, W = linear.triangular(np.stack([drowned, np.eye(3)], axis=-1))
+    assert np.isfinite(W).all()
+    np.testing.assert_allclose(W[..., 1], np.eye(3), atol=1e-11)
+    with pytest.raises(np.linalg.LinAlgError, match="no variance"):
+        linear.triangular(np.zeros((2, 2, 1)))
+    with pytest.raises(np.linalg.LinAlgError, match="no variance"):
+        linear.triangular(np.stack([np.eye(2), np.diag([1.0, 0.0])], axis=-1))
+
+
+def test_directions_longer_than_a_length_are_spanned():
+    """In absolute terms: of 3, 2 and 0.5 two exceed one; a basis of independent columns is one."""
+    rng = np.random.default_rng(17)
+    Q = np.linalg.qr(rng.normal(size=(9, 3)))[0]
+    P = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    found = linear.span(Q * [3.0, 2.0, 0.5] @ P, 1.0)
+
+    assert found @ found.T == pytest.approx(Q[:, :2] @ Q[:, :2].T, abs=1e-12)
+    basis = linear.independent(Q * [3.0, 2.0, 0.5] @ P)
+    assert basis.shape == (9, 3)
+    assert basis @ basis.T == pytest.approx(Q @ Q.T, abs=1e-12)
+
+
+def test_zero_is_told_beside_the_longest_column():
+    """Lengths are relative: a billionth of the longest is nothing, a bit more is something."""
+    A = np.diag([2.0, 3e-9, 1e-9, 0.0])
+    assert linear.nothing(A).tolist() == [False, False, True, True]
+    assert linear.nothing(1e12 * A).tolist() == [False, False, True, True]
+    N, size = linear.unit(A.T @ A)
+    assert np.isinf(size).tolist() == [False, False, True, True]
+    assert np.diag(N) == pytest.approx([1, 1, 0, 0])
+
+
+def test_a_small_rotation_moves_a_lever_by_the_cross_product():
+    """By numpy's cross product, and by the rotation itself, for any number of levers."""
+    rng = np.random.default_rng(18)
+    levers, w = rng.normal(size=(2, 4, 3)), 1e-6 * rng.normal(size=3)
+    found = linear.turning(levers) @ w
+
+    np.testing.assert_allclose(found, np.cross(w, levers), rtol=1e-12)
+    exact = Rotation.from_rotvec(w).apply(levers.reshape(-1, 3)).reshape(levers.shape) - levers
+    np.testing.assert_allclose(found, exact, atol=1e-11)
+
+
+def test_the_root_mean_square_of_three_and_four():
+    """sqrt((9 + 16) / 2), whatever the shape."""
+    assert linear.rms(np.array([[3.0], [-4.0]])) == pytest.approx(np.sqrt(12.5))

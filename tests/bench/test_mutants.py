@@ -77,6 +77,12 @@ def test_sites_are_in_functions_and_not_in_strings() -> None:
     )
 
 
+def test_an_argument_that_only_checks_is_no_site() -> None:
+    source = "def f(a, b):\n    return zip(a.sum(keepdims=True), b, strict=True)"
+    ((_, _, sites),) = functions(source)
+    assert [site.kind for site in sites] == ["flag"]
+
+
 def test_a_bug_is_one_changed_statement_of_its_seed(package: Path) -> None:
     every = [bug(package, "room", seed) for seed in range(20)]
     assert bug(package, "room", 3) == every[3]

@@ -126,3 +126,36 @@ def test_a_point_deviates_as_it_was_read_and_an_unread_one_as_the_mean():
     found = said.moved(np.outer([1.0, 1.0, 2.0, -1.0], np.ones(6)), names)
 
     assert found == pytest.approx(np.array([off[2], off.mean(axis=0), 2 * off[0], -off[1]]))
+
+
+def test_independent_errors_make_up_the_covariance_of_all_that_positions_tell():
+    """(F a, K a + W w) of unit errors has C, of any rank; each variant is one of a."""
+    rng = np.random.default_rng(5)
+    said, *_ = drawn(rng)
+    size = np.sqrt(np.diag(said.cov))
+    n, k = len(said.compliance), len(size)
+    for rank in (k, 9):
+        root = size[:, None] * rng.normal(size=(k, rank))
+        one = replace(said, cov=root @ root.T)
+        F, K, W = one.parts
+        whole = np.block([[K, W], [F, np.zeros((k - n, n))]])
+        made = whole @ whole.T
+        np.testing.assert_allclose(
+            made / np.outer(size, size), one.cov / np.outer(size, size), atol=1e-6
+        )
+        assert F.shape[1] == min(rank, k - n)
+        assert len(one.variants) == F.shape[1]
+        for a, (_, points) in enumerate(one.variants):
+            off = np.concatenate([points[name] - one.points[name] for name in one.points])
+            assert off == pytest.approx(F[:, a], abs=1e-12)
+
+
+def test_springs_without_their_common_factor_are_less_uncertain():
+    """V0 = C - f c c' over compliances only, and nothing is subtracted without one."""
+    said, *_ = drawn(np.random.default_rng(1))
+    c, n = said.compliance, len(said.compliance)
+
+    assert said.springs == n
+    np.testing.assert_array_equal(said.apart, said.cov[:n, :n])
+    found = replace(said, factor=0.04).apart
+    np.testing.assert_allclose(said.cov[:n, :n] - found, 0.04 * np.outer(c, c))

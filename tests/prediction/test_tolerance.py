@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,12 +13,21 @@ import pytest
 from pipeline.base.errors import InputError
 from pipeline.check.report import check
 from pipeline.library import holds
-from pipeline.machine.robot import load
+from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.mdh import parse as robot_of
 from pipeline.prediction.decision import Decision, decide
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.path import Path
-from pipeline.prediction.tolerance import HeldOutError, nominal, stretches, table, tip
+from pipeline.prediction.path import Path, against_pulls
+from pipeline.prediction.tolerance import (
+    HeldOutError,
+    TipDeflection,
+    judge,
+    nominal,
+    path_of,
+    stretches,
+    table,
+    tip,
+)
 from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import parse
 from pipeline.run import campaign_answer
@@ -94,6 +104,155 @@ def test_nothing_is_decided_by_a_model_that_does_not_explain_the_readings():
     assert [one.decisions(1e-6) for one in by] == [[Decision.FAIL], [Decision.UNDECIDED]]
     rows = table(model, Path(np.array([1]), q[None], force[None]), by[1], 1.0)
     assert rows["decision"].tolist() == ["undecided"]
+
+
+@cache
+def _nominal():
+    return nominal(load("kr500_rail"), tool(parse(simulate(PLAN).files["campaign.toml"].decode())))
+
+
+def by_hand(*hypotheses):
+    """The plan's robot with its nominal stiffnesses, or these hypotheses."""
+    model = _nominal()
+    return replace(model, hypotheses=hypotheses) if hypotheses else model
+
+
+def test_the_nominal_robot_is_certain_of_its_springs():
+    """A pull along the rail moves every point along it by F / k of the drive, without more."""
+    model = by_hand()
+    robot = model.robot
+    q, _ = _pose(1.0)
+    ahead = (
+        configure(robot, q[None] + np.eye(7)[0]).flange_origin
+        - configure(robot, q[None]).flange_origin
+    )
+    rail = ahead[0] / np.linalg.norm(ahead)
+    found = model.predict(q, 500.0 * rail)
+
+    assert found.displacement[0] @ rail > 500.0 / robot.joints[0].typical_stiffness
+    assert model.value == pytest.approx([1 / k for k in _typical(robot)])
+    assert not found.cov.any()
+    assert (model.campaign, model.verdict, dict(model.recommended)) == ("", "", {})
+
+
+def _typical(robot):
+    return [joint.typical_stiffness for joint in robot.joints]
+
+
+def test_the_uncertainty_of_a_deflection_is_the_one_along_it():
+    """By draws of two compliances that compensate each other or add up; never across."""
+    one = by_hand().hypotheses[0]
+    rng, u = np.random.default_rng(4), 0.1 * one.value
+    q, force = _pose(1000.0)
+    for sign in (1, -1):
+        cov = np.diag(u**2)
+        cov[1, 2] = cov[2, 1] = 0.99 * sign * u[1] * u[2]
+        found = tip(by_hand(replace(one, cov=cov)), q[None], force[None], HeldOutError(None, 1.0))
+        drawn = rng.multivariate_normal(one.value, cov, 4000)
+        J = np.stack(
+            [
+                by_hand(replace(one, value=x)).predict(q, force).displacement[0]
+                for x in np.diag(one.value)
+            ],
+            axis=1,
+        )
+        size = np.linalg.norm(drawn / one.value @ J.T, axis=1)
+        bent = by_hand().at_load_point(q, force).std[0] @ np.abs(found.moved[0]) / found.size[0]
+        assert abs(found.std[0] - np.std(size)) < 0.03 * np.std(size) + bent
+        assert found.size[0] == pytest.approx(np.linalg.norm(J.sum(axis=1)))
+
+
+def test_the_floor_grows_with_the_force_beyond_the_hardest_pull_only():
+    """3 um to 2 kN, then in proportion: 4 kN give 6 um; none if no pose was left out."""
+    force = np.array([[0.0, 0.0, -500.0], [1200.0, 0.0, 1600.0], [0.0, -4000.0, 0.0]])
+
+    assert HeldOutError(3e-6, 2000.0).floor(force) == pytest.approx([3e-6, 3e-6, 6e-6])
+    assert HeldOutError(None, 2000.0).floor(force).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_hypotheses_that_may_be_true_are_each_alone_and_others_are_not_asked():
+    """Of 0.5, 0.45 and 0.05 the last does not count; a single one has no rivals."""
+    one = by_hand().hypotheses[0]
+    q, force = _pose(1000.0)
+    shown = HeldOutError(1e-6, 3e3)
+    many = by_hand(
+        *(replace(one, weight=w, value=k * one.value) for w, k in ((0.5, 1), (0.45, 2), (0.05, 9)))
+    )
+    found = tip(many, q[None], force[None], shown)
+    single = tip(by_hand(one), q[None], force[None], shown)
+
+    assert [each.size[0] / single.size[0] for each in found.each] == pytest.approx([1.0, 2.0])
+    assert found.size[0] / single.size[0] == pytest.approx(0.5 + 0.9 + 0.45)
+    assert single.each == ()
+
+
+def test_the_table_of_a_path_has_places_forces_and_deflections_by_point():
+    """Each column from its own source, in SI."""
+    model = by_hand()
+    q, force = _pose(1000.0)
+    path = Path(np.array([11, 30]), np.stack([q, q - 0.1]), np.stack([force, [90.0, -80.0, 70.0]]))
+    std = np.array([1e-6, 2e-6])
+    moved = np.array([[1e-3, 2e-3, -2e-3], [0.0, 3e-4, 4e-4]])
+    found = TipDeflection(moved, np.array([3e-3, 5e-4]), std)
+    rows = table(model, path, found, 1e-3)
+
+    at = configure(model.robot, path.q).points(model.tool.load_point[None])[:, 0]
+    np.testing.assert_allclose(rows[["x_m", "y_m", "z_m"]], at, atol=1e-12)
+    np.testing.assert_array_equal(rows[["fx_n", "fy_n", "fz_n"]], path.force)
+    np.testing.assert_array_equal(rows[["dx_m", "dy_m", "dz_m"]], moved)
+    assert rows["point"].tolist() == [1, 2]
+    assert rows["pose"].tolist() == [11, 30]
+    assert rows["deflection_m"].tolist() == [3e-3, 5e-4]
+    assert rows["std_m"].tolist() == std.tolist()
+    assert rows["decision"].tolist() == ["fail", "pass"]
+
+
+def test_a_tolerance_is_judged_at_the_pose_and_along_the_path():
+    """As `tip` by itself, for each; without a path no table."""
+    model = by_hand()
+    q, force = _pose(1000.0)
+    shown = HeldOutError(1e-5, 3e3, False)
+    path = Path(np.array([4, 5]), np.stack([q, q]), np.stack([2 * force, 3 * force]))
+    both, alone = (judge(model, q, force, shown, one, 1e-3) for one in (path, None))
+
+    own = tip(model, path.q, path.force, shown)
+    assert both.at.moved.shape == (1, 3)
+    np.testing.assert_array_equal(both.at.moved, tip(model, q[None], force[None], shown).moved)
+    np.testing.assert_array_equal(both.path["deflection_m"], own.size)
+    assert both.path["decision"].tolist() == ["undecided", "undecided"]
+    assert not both.at.holds
+    assert alone.path is None
+    assert path_of(None, {}, model.robot, model.tool) is None
+
+
+@pytest.mark.parametrize(
+    ("said", "runs"),
+    [("p", [("p", 0, 0)]), ("ppf", [("p", 0, 1), ("f", 2, 2)]), ("pfup", None)],
+)
+def test_stretches_cover_a_path_without_gap_or_overlap(said, runs):
+    """Rows, both ends included."""
+    word = {"p": "pass", "f": "fail", "u": "undecided"}
+    found = list(stretches(np.array([word[one] for one in said], dtype=object)))
+
+    if runs is None:
+        runs = [(one, k, k) for k, one in enumerate(said)]
+    assert found == [
+        type(one)(Decision(word[w]), a, b) for one, (w, a, b) in zip(found, runs, strict=True)
+    ]
+
+
+def test_forces_beside_the_pulls_are_told_with_both_ranges():
+    """Of several forces the largest counts; without known pulls nothing is told."""
+    force = np.array([30.0, 3500.0, 800.0])
+
+    (said,) = against_pulls(force, (1000.0, 3000.0))
+    assert said.startswith(
+        "The forces reach 3500 N; the campaign pulled with 1000 to 3000 N: beyond"
+    )
+    assert against_pulls(force[:1], (1000.0, 3000.0))[0].endswith(
+        "1000 to 3000 N: check their unit."
+    )
+    assert against_pulls(force, None) == against_pulls(force, (1000.0, 3500.0)) == []
 
 
 @pytest.mark.parametrize(("weight", "said"), [(0.06, "undecided"), (0.04, "pass")])
@@ -180,7 +339,6 @@ def test_a_stiffness_that_nobody_knows_leaves_it_undecided(found):
 
 def test_a_cartesian_path_is_judged_as_its_joint_values_are(files, found):
     """The same point as x, y, z and KUKA's angles of the load point."""
-    from pipeline.machine.robot import configure
     from pipeline.programs.path_file import read
 
     model = found[0].model
