@@ -445,11 +445,14 @@ def _model(results: PositionsResults) -> str:
     """What the model holds, and what each part of it is worth."""
     steps = list(pairwise(results.found.stages))
     between = Partition.BETWEEN
-    each = [
-        f"{now.step.value} by {percent(1 - now.mean(between) / before.mean(between))}"
+    gains = [
+        (now.step.value, percent(gain), gain)
         for before, now in steps
         if now.found is not before.found
+        for gain in [1 - now.mean(between) / before.mean(between)]
     ]
+    each = [f"{part} by {size}" for part, size, gain in gains if gain > 0]
+    idle = [part for part, _, gain in gains if gain <= 0]
     parts = ["table", "springs under the arm's weight"]
     listed_, laws = (_those(results.facts.causes, law) for law in (False, True))
     parts += ["causes of the catalogue"] if listed_ else []
@@ -458,7 +461,8 @@ def _model(results: PositionsResults) -> str:
     data = "the corrected data" if corrected else "the data as given"
     return (
         f"{capital(whose)}, from {data}. The cross-validation error "
-        f"falls with each part: {', '.join(each)}."
+        f"falls with each part: {', '.join(each)}"
+        f"{f'; with {listed(idle)} it does not fall' if idle else ''}."
     )
 
 
