@@ -67,13 +67,13 @@ OUTSTANDING = 5.0
 _MISFIT = 1e-6
 """P-value below which the readings' noise alone does not explain the reflectors' positions [1]."""
 
-_MOST = 4
+MOST_CAUSES = 4
 """Maximum number of causes named in one table."""
 
 _SEED = 20261123
 """Seed of the draws; another one changes numbers within their stated scatter."""
 
-_WIDE = 0.1
+WIDE = 0.1
 """Largest size of a suspect [m or rad]; for masses it is ten times their usual size."""
 
 _POWER = 0.84
@@ -192,9 +192,9 @@ def _suspects(zeros: Unloaded, effects: Sequence[Effect]) -> Iterator[_Suspect]:
     where = zeros.columns
     for k, letter in enumerate(zeros.letters, where.table.start):
         if letter.label in known:
-            yield _Suspect(letter.label, (k,), _WIDE, effect=known[letter.label])
+            yield _Suspect(letter.label, (k,), WIDE, effect=known[letter.label])
     for label, at, wide in (
-        ("base_rotation", where.loose, _WIDE),
+        ("base_rotation", where.loose, WIDE),
         ("gravity_sag", where.masses, 10.0),
     ):
         if label in known and at.stop > at.start:
@@ -210,7 +210,7 @@ def _suspects(zeros: Unloaded, effects: Sequence[Effect]) -> Iterator[_Suspect]:
             effect = target_moved.since(name, one.target, one.before, one.since)
         label, columns = f"{effect.label} {effect.form}", tuple(range(at.start, at.stop))
         ways = 1 + (one.joint > 0)
-        yield _Suspect(label, columns, _WIDE, ways * tries, effect=effect)
+        yield _Suspect(label, columns, WIDE, ways * tries, effect=effect)
 
 
 def _unseen(effects: Sequence[Effect], asked: Sequence[_Suspect]) -> set[str]:
@@ -254,7 +254,7 @@ class _Search:
     def done(self) -> _Search:
         """Add causes one by one while each of them is far beyond the rest."""
         now = self
-        for _ in range(_MOST):
+        for _ in range(MOST_CAUSES):
             more = now.with_free((*now.free, now.likeliest()))
             if not all(more.far(one) for one in more.free):
                 return now

@@ -116,16 +116,14 @@ def _sums(rows: PoseRows, size: float) -> tuple[Array, Array, Array]:
     return D.T @ D, D.T @ y, np.asarray(y @ y + log_det)
 
 
-@dataclass(frozen=True, eq=False)
-class ScaleGrid(Locked):
-    """Estimates for every cell of the grid of scales.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RoughnessGrid(Locked):
+    """Estimates for every cell of a grid of roughnesses of a table.
 
     Attributes:
-        zeros: The readings.
         free: Suspects with a wide prior.
         std: Prior standard deviations, shape (c, K).
         rough: Roughness of lengths [m] and angles [rad], shape (c, 2).
-        transmission: Joints' errors over their usual size, shape (c,).
         width: Logarithm of the cell's share of the grid, shape (c,).
         x: Estimates, shape (c, K).
         cov: Their covariances, shape (c, K, K).
@@ -134,16 +132,14 @@ class ScaleGrid(Locked):
             may have all of it with one more suspect free.
     """
 
-    zeros: Unloaded
     free: tuple[SuspectUnknowns, ...]
     std: Array
     rough: Array
-    transmission: Array
     width: Array
     x: Array
     cov: Array
     log: Array
-    unrefined: ScaleGrid | None = None
+    unrefined: RoughnessGrid | None = None
 
     @cached_property
     def weight(self) -> Array:
@@ -181,11 +177,6 @@ class ScaleGrid(Locked):
     def roughness(self) -> Array:
         """Rms roughness of lengths [m] and angles [rad], shape (2,)."""
         return np.asarray(np.sqrt(self.weight @ self.rough**2))
-
-    @property
-    def per_letter(self) -> Array:
-        """Roughness of each geometric parameter, shape (k,)."""
-        return np.where(self.zeros.turns, self.roughness[1], self.roughness[0])
 
     def p_exact(self) -> float:
         """Probability by chance of such roughness in a robot that exactly matches its table.
@@ -237,6 +228,25 @@ class ScaleGrid(Locked):
         whole = C + np.einsum("ck,kl->ckl", beside**2, np.eye(len(at)))
         far = np.einsum("ck,ck->c", x, linear.solve(whole, x))
         return float(self.weight @ special.chdtrc(len(at), far))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ScaleGrid(RoughnessGrid):
+    """Estimates for every cell of the grid of scales, with the joints' errors as the third.
+
+    Attributes:
+        zeros: The readings.
+        transmission: Joints' errors over their usual size, shape (c,).
+    """
+
+    zeros: Unloaded
+    transmission: Array
+    unrefined: ScaleGrid | None = None
+
+    @property
+    def per_letter(self) -> Array:
+        """Roughness of each geometric parameter, shape (k,)."""
+        return np.where(self.zeros.turns, self.roughness[1], self.roughness[0])
 
 
 def cells(zeros: Unloaded, sums: _PoseProducts, free: Sequence[SuspectUnknowns] = ()) -> ScaleGrid:
@@ -331,9 +341,31 @@ def _estimated(
     which: Ints,
     width: Array,
 ) -> ScaleGrid:
-    """Estimates in units of the prior standard deviations, for numerical stability."""
-    b = sums.b[which]
-    M = sums.A[which]  # a copy of a hundred megabytes at most: no more of them than needed
+    x, cov, log = of_cells(sums.A[which], sums.b[which], sums.square[which], std)
+    return ScaleGrid(
+        zeros=zeros,
+        free=tuple(free),
+        std=std,
+        rough=rough,
+        transmission=sums.sizes[which],
+        width=width,
+        x=x,
+        cov=cov,
+        log=log,
+    )
+
+
+def of_cells(M: Array, b: Array, square: Array, std: Array) -> tuple[Array, Array, Array]:
+    """Estimates (c, K), their covariances (c, K, K) and log marginal likelihoods (c,) of cells.
+
+    In units of the prior standard deviations, for numerical stability.
+
+    Args:
+        M: D' V^-1 D of each cell, which this overwrites, shape (c, K, K).
+        b: D' V^-1 y, shape (c, K).
+        square: y' V^-1 y + log det V, shape (c,).
+        std: Prior standard deviations, shape (c, K).
+    """
     diagonal = np.einsum("cii->ci", M)
     size = np.sqrt(1.0 + diagonal * std**2)
     unit = std / size
@@ -345,10 +377,10 @@ def _estimated(
     cov *= unit[:, None, :]
     x = np.einsum("cij,cj->ci", cov, b)
     log_det += 2 * np.log(size).sum(axis=1)
-    log = -0.5 * (sums.square[which] - np.einsum("ci,ci->c", b, x) + log_det)
+    log = -0.5 * (square - np.einsum("ci,ci->c", b, x) + log_det)
     dark = ~np.isfinite(log)  # where the table is unobservable, as from one pose repeated
     x[dark], cov[dark], log[dark] = 0.0, 0.0, -1e300
-    return ScaleGrid(zeros, tuple(free), std, rough, sums.sizes[which], width, x, cov, log)
+    return x, cov, log
 
 
 def left_out(found: ScaleGrid, rows: PoseRows) -> Array:
@@ -375,10 +407,10 @@ def same(
     N = linear.unit(sums.A[0][np.ix_(at, at)])[0]
     k = len(at) - 2
     S = N[k:, k:] - N[k:, :k] @ linear.inverse(N[:k, :k]) @ N[:k, k:]
-    there = S[0, 0] > _ALIKE and S[1, 1] > _ALIKE  # else it is equivalent to F_b or the tool
-    return bool(there and S[0, 1] ** 2 > (1 - _ALIKE) * S[0, 0] * S[1, 1])
+    there = S[0, 0] > ALIKE and S[1, 1] > ALIKE  # else it is equivalent to F_b or the tool
+    return bool(there and S[0, 1] ** 2 > (1 - ALIKE) * S[0, 0] * S[1, 1])
 
 
-_ALIKE = 1e-6
+ALIKE = 1e-6
 """Difference of the squared cosine of two columns from one below which they count as the same [1],
 and fraction of a squared length below which nothing is left of a column."""

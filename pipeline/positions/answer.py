@@ -37,7 +37,7 @@ from pipeline.answer.words import (
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
-from pipeline.base.quantities import p_value, percent, plain
+from pipeline.base.quantities import p_value, percent, plain, with_std
 from pipeline.base.tails import NORMAL_95, chi2_beyond
 from pipeline.diagnosis.average import Springs
 from pipeline.diagnosis.facts import Facts, FoundCause
@@ -138,7 +138,7 @@ def answer(results: PositionsResults) -> Answer:
         budget=(),
         noise=contract.FoundNoise(from_=_noise_from(last.found), contrasts=0, components=()),
         rejected=rejected,
-        findings=(*contradicted(payloads, "positions"), *_instrument(found)),
+        findings=(*contradicted(payloads, "positions"), *_untested(payloads), *_instrument(found)),
         registration=None,
         identity=identity_entry(
             raw.settings, None, np.arange(len(last.found.readings)), np.zeros((0, 3))
@@ -196,6 +196,50 @@ def _chance(off: Array, std: Array, cov: Array) -> float:
 
 _TOLD = 0.01
 """Part of a stated variance that the readings have to take away to tell something."""
+
+
+def _untested(payloads: Sequence[contract.Payload]) -> Iterator[str]:
+    """A sentence on each payload whose mass is found as stated because the readings do not tell."""
+    for one in payloads:
+        if one.found is not None and one.stated.mass_std_kg > 0:
+            told = by_readings(one.stated.mass_kg, one.stated.mass_std_kg, one.found)
+            yield from () if told is None else (_not_told(one, *told),)
+
+
+def by_readings(mass_kg: float, std_kg: float, found: contract.Body) -> tuple[float, float] | None:
+    """Mass and standard uncertainty by the readings alone [kg]; None if they test what is stated.
+
+    With the share s of the stated variance u^2 that the readings take away, d = estimate - stated,
+
+        mass = stated + d / s,   std = u sqrt((1 - s) / s)
+
+    Args:
+        mass_kg: Stated mass.
+        std_kg: Its stated standard uncertainty u.
+        found: The payload by springs, positions and what is stated together.
+    """
+    share = 1 - (found.mass_std_kg / std_kg) ** 2
+    if share > _TOLD:
+        return None
+    if share < _ROUNDED:
+        return mass_kg, np.inf
+    off = found.mass_kg - mass_kg
+    return mass_kg + off / share, std_kg * float(np.sqrt((1 - share) / share))
+
+
+_ROUNDED = 1e-6
+"""Part of a stated variance that is lost in rounding [1]."""
+
+
+def _not_told(one: contract.Payload, mass_kg: float, std_kg: float) -> str:
+    told = f"by themselves they put it at {with_std(mass_kg, std_kg)} kg"
+    if std_kg > one.stated.mass_kg:
+        told = "they hardly tell it"
+    return (
+        f"These readings do not test the stated mass of the payload {one.name}, "
+        f"{with_std(one.stated.mass_kg, one.stated.mass_std_kg)} kg: {told}, and the stiffnesses "
+        "rest on the stated one."
+    )
 
 
 def _body(values: Array, std: Array) -> contract.Body:
@@ -445,11 +489,14 @@ def _model(results: PositionsResults) -> str:
     """What the model holds, and what each part of it is worth."""
     steps = list(pairwise(results.found.stages))
     between = Partition.BETWEEN
-    each = [
-        f"{now.step.value} by {percent(1 - now.mean(between) / before.mean(between))}"
+    gains = [
+        (now.step.value, percent(gain), gain)
         for before, now in steps
         if now.found is not before.found
+        for gain in [1 - now.mean(between) / before.mean(between)]
     ]
+    each = [f"{part} by {size}" for part, size, gain in gains if gain > 0]
+    idle = [part for part, _, gain in gains if gain <= 0]
     parts = ["table", "springs under the arm's weight"]
     listed_, laws = (_those(results.facts.causes, law) for law in (False, True))
     parts += ["causes of the catalogue"] if listed_ else []
@@ -458,7 +505,8 @@ def _model(results: PositionsResults) -> str:
     data = "the corrected data" if corrected else "the data as given"
     return (
         f"{capital(whose)}, from {data}. The cross-validation error "
-        f"falls with each part: {', '.join(each)}."
+        f"falls with each part: {', '.join(each)}"
+        f"{f'; with {listed(idle)} it does not fall' if idle else ''}."
     )
 
 

@@ -32,6 +32,7 @@ from pipeline.positions.estimate import (
 )
 from pipeline.positions.laws import JointLaw
 from pipeline.positions.mechanism import ArmWeights, Linear, Mechanism, layout, linearised
+from pipeline.positions.outstanding import outstanding
 from pipeline.positions.readings import PositionReadings
 from pipeline.positions.scatter import PoseScatter
 
@@ -152,7 +153,8 @@ def calibrate(
     known = _only(_scaled(before, mechanism, known), mechanism, wanted)
     now = _LinearFit(mechanism, known, scatter, linearised(readings, mechanism, weights))
     for turn in range(_MOST):
-        now = now.rescaled(wanted, _UPDATES if turn < _SETTLED else 0)
+        if turn < _SETTLED:
+            now = now.with_outstanding().rescaled(wanted, _UPDATES)
         fit, moved, now, straight = now, *now.stepped(readings, weights)
         if straight:
             break
@@ -210,6 +212,12 @@ class _LinearFit:
             if abs(now.likely - before.likely) < _FLAT:
                 break
         return now
+
+    def with_outstanding(self) -> _LinearFit:
+        """The fit with those DH parameters free that are far beyond the rest of the table."""
+        free = outstanding(self.known, self.found)
+        same = np.array_equal(free, self.known.free)
+        return self if same else replace(self, known=replace(self.known, free=free))
 
     def stepped(
         self, readings: PositionReadings, weights: ArmWeights

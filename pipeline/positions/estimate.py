@@ -31,10 +31,6 @@ _DELIVERED_STD = {False: 1e-3, True: 1e-3}
 robot file states none: Nubiola and Bonev (Robotics and Computer-Integrated Manufacturing 29, 2013)
 found 0.1 to 2 mm and mrad on an industrial robot."""
 
-_OUTSTANDING = 5.0
-"""Ratio to the roughness of the other parameters, or to the stated one, beyond which a parameter
-gets a standard deviation of its own [1]."""
-
 _LOOSE = 1e3
 """Prior standard deviation of parameters of which nothing is known: frames and tool [m or rad]."""
 
@@ -389,27 +385,19 @@ def padded(head: Array, size: int) -> Array:
 
 
 def rougher(known: Prior, found: Posterior) -> Prior:
-    """Prior with the roughness of the estimated DH parameters; outlying ones get their own."""
+    """Prior with the roughness of the estimated DH parameters; free ones get their own."""
     k = len(known.turns)
-    x, var = found.x[:k], np.diag(found.cov)[:k]
-    std, free = known.std.copy(), known.free.copy()
+    second = found.x[:k] ** 2 + np.diag(found.cov)[:k]
+    std = known.std.copy()
+    std[:k][known.free] = np.sqrt(second[known.free])
     for turns in (False, True):
-        mine = np.flatnonzero(known.turns == turns)
-        if not len(mine):
-            continue
-        second = x[mine] ** 2 + var[mine]
-        middle = np.sqrt(np.median(second) / _MEDIAN)
-        limit = _OUTSTANDING * max(
-            middle, _DELIVERED_STD[turns] if np.isnan(known.stated[turns]) else 0.0
-        )
-        far = np.sqrt(second) > limit
-        rest = second[~far]
-        size = np.sqrt(rest.mean()) if len(rest) else middle
-        std[mine], free[mine] = np.where(far, np.sqrt(second), max(size, 1e-6)), far
+        rest = np.flatnonzero((known.turns == turns) & ~known.free)
+        if len(rest):
+            std[rest] = max(float(np.sqrt(second[rest].mean())), 1e-6)
     for one in known.groups:
         scale = _scale(found.x[one], np.diag(found.cov)[one], std[one], known.returning)
         std[one] = np.minimum(std[one] * scale, known.most[one])
-    return replace(known, std=std, free=free)
+    return replace(known, std=std)
 
 
 def _scale(x: Array, var: Array, std: Array, returning: bool) -> float:
@@ -424,10 +412,6 @@ def _scale(x: Array, var: Array, std: Array, returning: bool) -> float:
 _UNSEEN = 1e-3
 """Minimum effective number of determined parameters [1]; below it their scale does not shrink, and
 below its square, which rounding reaches, it stays as it is."""
-
-
-_MEDIAN = 0.4549
-"""Median of the square of a standard normal variable [1]."""
 
 
 def larger(mechanism: Mechanism, found: Posterior) -> Mechanism:

@@ -21,7 +21,7 @@ from pipeline.diagnosis.facts import (
 from pipeline.faults.mistake import Mistake
 from pipeline.geometry.unloaded import START
 from pipeline.machine.effect import Effect
-from pipeline.machine.effects import catalogue
+from pipeline.machine.effects import catalogue, table
 from pipeline.machine.effects.unlisted import AMPLITUDE, NAME
 from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
@@ -31,6 +31,7 @@ from pipeline.positions.cross_validation import LeftOutGain as Worth
 from pipeline.positions.cross_validation import Partition
 from pipeline.positions.joint_laws import NamedLaw
 from pipeline.positions.mechanism import placed
+from pipeline.positions.outstanding import same_robot
 from pipeline.positions.study import Study
 
 
@@ -85,41 +86,24 @@ causes [1]."""
 # --- entries of the table ------------------------------------------------------------------------
 
 
-_WRONG = 0.01
-"""Deviation of a DH parameter from which on it is an error of the table [m or rad]: Nubiola and
-Bonev found at most 2 mm and mrad as delivered (`positions.estimate.ROUGH`)."""
-
-
 def _entries(found: Study, robot: Robot) -> Iterator[FoundCause]:
     """DH parameters that are off by far more than the rest of the table."""
     final = found.final
     std = np.sqrt(np.diag(final.solution.cov))
-    for k, letter in enumerate(final.mechanism.letters):
-        off = float(final.mechanism.values[k])
-        if not final.known.free[k] or abs(off) < _WRONG:
-            continue
-        unit = "rad" if letter.turns else "m"
-        parameter = Parameter(letter.name, unit, _WRONG, meaning=letter.meaning)
-        effect = Effect(
-            name=letter.name,
-            where=letter.joint,
-            noun=f"wrong {letter.name.replace('_', ' ')}",
-            place="joint",
-            parameters=(parameter,),
-            signature="the targets stand elsewhere than the robot file places them",
-            needs="the data sheet of the robot",
-            source="geometry.estimate.ROUGH",
-            axis=alone(robot)[letter.joint - 1],
-        )
-        size = EffectSize.symmetric(parameter, off, float(std[k]))
-        yield FoundCause(effect, 1.0, (size,), 0.0)
+    known = {one.label: one for one in (*catalogue(robot), *table.effects(robot))}
+    effects = [known[letter.label] for letter in final.mechanism.letters]
+    for k in np.flatnonzero(final.known.free).tolist():
+        effect, off = effects[k], float(final.mechanism.values[k])
+        size = EffectSize.symmetric(effect.parameters[0], off, float(std[k]))
+        twins = tuple(effects[other] for other in same_robot(final.known, final.solution, k))
+        yield FoundCause(effect, 1.0, (size,), 0.0, same_robot=twins)
 
 
 def _off(one: FoundCause) -> TableCause:
     """The cause as one of the unloaded positions, which it then explains."""
     size = one.amplitudes[0]
     values = np.array([size.value]), np.array([size.std])
-    return TableCause(one.effect, *values, one.p_value, one.probability, (), ())
+    return TableCause(one.effect, *values, one.p_value, one.probability, (), one.same_robot)
 
 
 # --- causes of the catalogue ----------------------------------------------------------------------

@@ -185,7 +185,7 @@ def study(
     data, found, late = _without_blunders(every, data, whole.found, late.which)
     if data is not before:
         whole, parts = replace(whole, found=found), partings(data.readings, rng, rail(robot))
-    steps = *_steps(data, begun, base, before), (ModelStage.LAWS, whole.found)
+    steps = *_steps(data, begun, base, names), (ModelStage.LAWS, whole.found)
     stages = tuple(
         StageResult(step, found, {k: distances(found, part) for k, part in parts.items()})
         for step, found in steps
@@ -318,13 +318,14 @@ def _searched_otherwise(
 
 
 def _steps(
-    data: LawSearchData, begun: Mechanism, base: Calibration, before: LawSearchData
+    data: LawSearchData, begun: Mechanism, base: Calibration, names: Sequence[CatalogueLaw]
 ) -> Iterator[tuple[ModelStage, Calibration]]:
-    """Stages before the laws; `base` is the estimate from the data `before`."""
+    """Stages before the laws; `base` has all of the catalogue, and waves that any gear may have."""
     plain = list(_plain(data, begun))
     yield from zip((ModelStage.TABLE, ModelStage.LETTERS, ModelStage.SPRINGS), plain, strict=True)
-    if base.wanted != plain[-1].wanted:
-        yield ModelStage.CATALOGUE, base if data is before else data.again(base)
+    wanted = replace(base.wanted, laws=tuple(one.law for one in names if one.name))
+    if wanted != plain[-1].wanted:
+        yield ModelStage.CATALOGUE, data.identify(base.mechanism, wanted, base)
 
 
 def _plain(data: LawSearchData, begun: Mechanism) -> Iterator[Calibration]:

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from pipeline.answer.contract import Body
 from pipeline.answer.remarks import contradicted
 from pipeline.library.kinematic_model import dumps, kinematic_model
 from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
-from pipeline.positions.answer import payload_entries
+from pipeline.positions.answer import by_readings, payload_entries
 from pipeline.positions.calibrate import ModelStructure, calibrate
 from pipeline.positions.initial import begin
 from pipeline.positions.mechanism import ArmWeights, Payloads, layout
@@ -285,3 +286,26 @@ def test_intervals_hold_the_truth_over_30_campaigns():
     assert 0.90 < held[0] < 0.99, held  # 180 springs
     assert 0.93 < held[1] < 0.97, held  # 1800 coordinates
     assert held[2] < 0.85, held
+
+
+@pytest.mark.parametrize(("alone", "std"), [(155.0, 8.0), (200.0, 40.0), (180.0, 0.05)])
+def test_a_mass_that_readings_hardly_test_is_told_as_they_have_it_by_themselves(alone, std):
+    """The mean of it and the stated one, weighed by their uncertainties, is nearly the stated one.
+
+    A mass that the readings know about as well as the file needs no such remark.
+    """
+    stated, u = 180.0, 0.2
+    weight = u**-2 + std**-2
+    both = (stated / u**2 + alone / std**2) / weight
+    body = Body(mass_kg=both, mass_std_kg=weight**-0.5, center_m=(0, 0, 0), center_std_m=(0, 0, 0))
+
+    told = by_readings(stated, u, body)
+
+    assert told == (None if std < 1 else pytest.approx((alone, std), rel=1e-3))
+
+
+def test_a_mass_of_which_nothing_is_read_has_no_value_of_its_own():
+    """Rounding of the last digits would make one up."""
+    body = Body(mass_kg=180.0, mass_std_kg=0.2, center_m=(0, 0, 0), center_std_m=(0, 0, 0))
+
+    assert by_readings(180.0, 0.2, body) == (180.0, np.inf)
