@@ -80,12 +80,13 @@ def test_it_is_named_beside_a_fault_of_the_model():
     assert [f.where for f in said.findings] == ["loads.csv pose04 rep1"]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "effect",
     [
         "scale_curvature=8x",
-        "scale_zero=8x",
         "joint_hysteresis:2=4x",
+        "scale_zero=8x",
     ],
 )
 def test_what_is_wrong_in_many_pulls_is_no_mistyped_reading(effect):
