@@ -98,9 +98,12 @@ def _unlike(items: list[pytest.Item]) -> tuple[list[pytest.Item], list[pytest.It
 
 
 def _values(item: pytest.Item) -> set[tuple[str, int]]:
-    """Name of each parameter of a variant, and which of its values it has."""
+    """Name of each parameter of a variant, and which of its values it has, by identity.
+
+    `callspec.indices` would be the number of the variant.
+    """
     call = getattr(item, "callspec", None)  # nothing public tells
-    return set(call.indices.items()) if call else set()
+    return {(name, id(value)) for name, value in call.params.items()} if call else set()
 
 
 def _shares(item: pytest.Item) -> bool:
