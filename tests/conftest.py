@@ -72,14 +72,38 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _sample(items: list[pytest.Item]) -> None:
-    """Of a test marked `sampled(n)`, all but the first n are slow: variants that differ little."""
-    played: dict[str, int] = defaultdict(int)
+    """Of a test marked `sampled(n)`, all but n are slow: variants that differ little."""
+    variants: dict[str, list[pytest.Item]] = defaultdict(list)
     for item in items:
-        if (few := item.get_closest_marker("sampled")) is not None:
-            name = item.nodeid.partition("[")[0]
-            played[name] += not item.get_closest_marker("slow")
-            if played[name] > few.args[0]:
-                item.add_marker(pytest.mark.slow)
+        if item.get_closest_marker("sampled") is not None and not item.get_closest_marker("slow"):
+            variants[item.nodeid.partition("[")[0]].append(item)
+    for each in variants.values():
+        for item in _unlike(each)[1]:
+            item.add_marker(pytest.mark.slow)
+
+
+def _unlike(items: list[pytest.Item]) -> tuple[list[pytest.Item], list[pytest.Item]]:
+    """As many variants of a test as its mark says, and the rest.
+
+    Each is the first with the most parameters that none before it has: with two seeds and two
+    kinds, two variants are one of each kind, not two seeds of the first.
+    """
+    few = next(items[0].iter_markers("sampled")).args[0]
+    left, taken, seen = list(items), list[pytest.Item](), set[tuple[str, int]]()
+    for _ in range(min(few, len(left))):
+        taken.append(max(left, key=lambda item: len(_values(item) - seen)))
+        seen |= _values(taken[-1])
+        left.remove(taken[-1])
+    return taken, left
+
+
+def _values(item: pytest.Item) -> set[tuple[str, int]]:
+    """Name of each parameter of a variant, and which of its values it has, by identity.
+
+    `callspec.indices` would be the number of the variant.
+    """
+    call = getattr(item, "callspec", None)  # nothing public tells
+    return {(name, id(value)) for name, value in call.params.items()} if call else set()
 
 
 def _shares(item: pytest.Item) -> bool:

@@ -5,6 +5,7 @@ import os
 import re
 
 import pytest
+from conftest import without_drawings
 
 from pipeline.app import cli
 from pipeline.base.errors import InputError
@@ -107,8 +108,8 @@ KEPT = {
 }
 """What costs only its own rows, or its pose: the rest is estimated and the loss is listed."""
 
-DRAWN = "pose without load"
-"""Its report is drawn, too, with what was left out."""
+WRITTEN = "pose without load"
+"""Its report is written, too, with what was left out."""
 
 MENDED = {"metres as mm"}
 """What only a wrong unit explains: refused as given, with the corrected result beside it."""
@@ -118,14 +119,20 @@ LIKE_ANOTHER = {"comma", "text for a number", "load without pose", "duplicate re
 """Each is kept out by the same hand as another case, and takes a whole answer to see."""
 
 
+@pytest.fixture
+def undrawn():
+    """Pages and PDF, with blank figures."""
+    with without_drawings():
+        yield
+
+
 @pytest.mark.sampled(8)
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in LIKE_ANOTHER)) for n in CASES]
 )
 def test_bad_input_is_named_and_refused(name, tmp_path, capsys, request):
     """Exit 5, every word an engineer needs, no traceback; good rows are kept where that is safe."""
-    if name != DRAWN:
-        request.getfixturevalue("unseen")
+    request.getfixturevalue("undrawn" if name == WRITTEN else "unseen")
     file, change, words = CASES[name]
     folder = tmp_path / "data" / "raw" / "c"
     folder.mkdir(parents=True)

@@ -93,7 +93,7 @@ def test_an_innocent_robot_is_let_go(noise_scale):
     assert found.facts.gain is None, "no cause, so nothing that could improve a prediction"
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("planted", "label"),
     [
@@ -238,6 +238,7 @@ def test_scatter_beyond_the_certificate_is_named():
     assert found.scatter.tracker == pytest.approx(2.2, abs=4 * found.scatter.tracker_std)
 
 
+@pytest.mark.whole
 def test_a_scale_that_scatters_weighs_less_in_the_extended_stiffnesses():
     """Named with its factor; the springs hold the truth, with larger uncertainty."""
     stiffness = (1.2 / KR500.nominal_compliance).tolist()

@@ -171,6 +171,7 @@ def rippled(answer):
     assert cause["p_value"] < 1e-3
 
 
+@pytest.mark.whole
 def test_a_law_that_nobody_listed_is_found():
     """A machine whose second gear ripples with its teeth, diagnosed alone."""
     case = ingested(in_memory(hiding(36, tooth_stiffness=1.0).files), conformed, plain)

@@ -131,6 +131,7 @@ def recording(q_deg, rng, form, home=None):
     return "\n".join(["Trace Messung", "", head, *lines, ""]).encode("utf-8")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("form", "name"), [("rtde", "ur10e"), ("trace", "kr210_r2700_2")])
 @pytest.mark.parametrize("homed", [True, False])
 def test_a_recording_is_read_where_the_robot_stood(form, name, homed):

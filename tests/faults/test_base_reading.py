@@ -176,6 +176,7 @@ def before(case, k):
     return rows[k - 1] - rows[k]
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("k", range(1, 8))
 @pytest.mark.parametrize("off", [at_the_tracker, before, lambda case, k: 2.0, lambda c, k: 2e-2])
 def test_a_reading_is_named_however_far_it_is_off(case, k, off):
@@ -265,7 +266,7 @@ def in_rounds(rounds, course, rng, step_h=0.7):
     return replace(made, readings=pd.concat(every, ignore_index=True))
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("size", [6e-4, 19.0])
 @pytest.mark.parametrize("k", [1, 7, 13, 20])
 def test_of_three_reflectors_beside_a_drift_the_one_that_is_off_is_named(k, size):
@@ -282,6 +283,7 @@ def test_of_three_reflectors_beside_a_drift_the_one_that_is_off_is_named(k, size
     assert base_outlier(registered(late), 1.0) == []
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("k", [1, 4, 8, 13])
 def test_a_stale_reading_is_named_though_the_tracker_was_knocked(k):
     """Between any two rounds, of three reflectors: metres are not a motion of a tracker."""

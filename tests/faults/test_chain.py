@@ -114,10 +114,12 @@ CHAINS = [
 ]
 
 
+@pytest.mark.sampled(len(CHAINS))
+@pytest.mark.parametrize("seeds", [range(4), range(4, 8), range(8, 12)])
 @pytest.mark.parametrize("chain", CHAINS)
-def test_a_good_chain_is_not_accused(chain):
+def test_a_good_chain_is_not_accused(chain, seeds):
     """Chains sag and stretch, hang differently in every pose, and load points return late."""
-    for seed in range(12):
+    for seed in seeds:
         assert not chain_outlier(read(np.random.default_rng([seed, 9]), **chain))
 
 

@@ -398,6 +398,7 @@ TURNS = {
 """The turn as it is to be made: the half one is its own inverse, a quarter is made back."""
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("how", OTHER_AXES)
 @pytest.mark.parametrize("table", ["tool", "base_frame"])
 def test_a_table_in_a_frame_of_other_axes_is_turned_back(table, how):

@@ -48,6 +48,7 @@ def test_the_forces_of_two_poses_are_put_back(seed, pair):
     )
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(3, 9))
 def test_forces_in_their_rows_are_left_there(seed):
     """Also if readings scatter by a fifth more than stated."""

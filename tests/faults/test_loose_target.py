@@ -40,6 +40,7 @@ def yielding(**size_m):
     return each
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("size", [5e-4, 2e-3, -2e-2])
 @pytest.mark.parametrize("name", ["P1", "P3"])
 def test_one_target_that_yields_is_one_mistake(name, size):

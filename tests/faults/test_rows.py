@@ -75,6 +75,7 @@ def test_a_robot_that_stands_off_its_table_has_no_wrong_row(off_table, clean):
     assert not wrong_rows(case_of(clean))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("change", "pose"),
     [
@@ -160,6 +161,7 @@ def four():
     return files(base_frame=CORNERS)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("name", "axis"), [("B2", 0), ("B4", 1)])
 def test_a_wrong_nominal_of_a_base_reflector_is_named(four, name, axis):
     """One of four, 10 mm along or across the rail."""

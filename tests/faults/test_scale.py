@@ -45,7 +45,7 @@ def exchanged(typed):
     return typed[1] + typed[0] + typed[2:]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("change", "changes"),
     [
@@ -73,6 +73,7 @@ def test_a_mistyped_reading_is_named_and_left_out(change, changes):
     assert np.all(np.abs(found.value - truth) < 4 * found.std)
 
 
+@pytest.mark.whole
 def test_it_is_named_beside_a_fault_of_the_model():
     """Twice the force in one line, while the rail has an unreported backlash."""
     said = screened(mistyped(campaign("rail_backlash").files, times(2)))
@@ -80,12 +81,13 @@ def test_it_is_named_beside_a_fault_of_the_model():
     assert [f.where for f in said.findings] == ["loads.csv pose04 rep1"]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "effect",
     [
         "scale_curvature=8x",
-        "scale_zero=8x",
         "joint_hysteresis:2=4x",
+        "scale_zero=8x",
     ],
 )
 def test_what_is_wrong_in_many_pulls_is_no_mistyped_reading(effect):
@@ -121,6 +123,7 @@ def test_a_tracker_knocked_during_a_pull_is_not_laid_on_the_scale():
     assert not screened({**files, "tracker.csv": knocked}).findings
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("factor", "named"), [(0.8, 0), (4.0, 3)])
 def test_a_pose_that_is_off_by_one_factor_has_no_mistyped_readings(factor, named):

@@ -315,6 +315,7 @@ def test_a_pose_whose_two_pulls_share_a_factor_waits_for_the_causes(case, factor
     assert [one.rivalled for one in found] == 2 * [bool(waits)]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_beside_other_pulls_that_stand_out_none_waits_to_be_named(seed):
     """Each pull moves by 0.3 mm on its own: one force 30 % off dominates, or is none."""

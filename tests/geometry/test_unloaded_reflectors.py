@@ -43,6 +43,7 @@ def logged(**off_deg):
     return clean() | {"joints.csv": joints.to_csv(index=False).encode()}
 
 
+@pytest.mark.whole
 def test_a_wrong_joint_zero_is_named_with_its_size():
     """The log of joint 3 is 0.1 degrees too large; the displacements would not show it."""
     found = said(logged(theta3_deg=0.1))
