@@ -16,7 +16,7 @@ from pipeline.machine.robot import load
 from pipeline.positions.facts import facts_of
 from pipeline.positions.mechanism import ArmWeights, Payloads
 from pipeline.positions.readings import PositionReadings
-from pipeline.positions.study import study
+from pipeline.positions.study import ModelStage, study
 
 DOWN = np.array([0.0, 0.0, -9.80665])
 TOOL = np.array([[0.14, 0.04, 0.09], [-0.09, 0.13, 0.07], [-0.07, -0.12, 0.15]])
@@ -174,3 +174,5 @@ def test_an_arm_without_a_defect_is_given_no_law_and_no_cause(
     assert {one.name for one in found.causes} == (set() if masses else {"gravity_sag"})
     green = Verdict.ADEQUATE if masses else Verdict.EXPLAINED
     assert verdict(facts_of(found, robot)) is green
+    waves = [one.found.wanted.laws for one in found.stages if one.step is ModelStage.CATALOGUE]
+    assert {law.joint for law in waves[0]} <= {2}  # a balancer's; others' gain is that of laws
