@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from importlib import resources
 
 from pipeline.base.errors import InputError
@@ -132,6 +133,7 @@ class Header:
         return all(self.where(role) is not None for role in roles)
 
 
+@lru_cache(10_000)
 def named(title: str) -> Named:
     """Role and unit of a column, derived from its title."""
     rest = bare(title).lower()
