@@ -36,10 +36,23 @@ def main(
         name: Name of the program as typed.
     """
     _prepare_streams()
-    code = _exit_code(arguments, app, name)
-    if arguments is None:  # otherwise the process is the caller's
-        threading.Thread(target=_end_at_last, args=[code], daemon=True).start()
-    sys.exit(code)
+    try:
+        code = _exit_code(arguments, app, name)
+        if arguments is None:  # otherwise the process is the caller's
+            threading.Thread(target=_end_at_last, args=[code], daemon=True).start()
+        sys.exit(code)
+    finally:
+        if arguments is None:
+            _discard_unwritten()
+
+
+def _discard_unwritten() -> None:
+    """Discard what a full disk or an ended reader does not take: Python would end with 120."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _end_at_last(code: int) -> None:

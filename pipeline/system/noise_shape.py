@@ -235,9 +235,10 @@ def _seen(
     # where most readings are off the model is wrong, which makes no part of the noise smaller
     middle = float(np.median(told[2]))
     weighed = told[0].scaled(data, told[2] / max(middle, 1.0))
-    parts = _beam(seen, Q, dof, weighed, others)
-    along, across = np.sqrt(min(middle, 1.0)) * np.array(parts.found)
-    parts = replace(parts, found=(float(along), float(across)))
+    again = _beam(seen, Q, dof, weighed, others)
+    if not (middle > 1.0 and again.along < parts.along):
+        along, across = np.sqrt(min(middle, 1.0)) * np.array(again.found)
+        parts = replace(again, found=(float(along), float(across)))
     return parts, _tails(seen, Q, data, others, parts, rounds, spells)
 
 

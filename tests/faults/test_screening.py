@@ -19,7 +19,7 @@ from pipeline.machine.robot import load
 from pipeline.machine.robot.variants import variants
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.pose_of_interest import place_of_interest
-from pipeline.run import ingested, run
+from pipeline.run import campaign_answer, ingested, run
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.simulate.plan import TOOL
 from pipeline.store.campaign import find, in_memory
@@ -117,14 +117,18 @@ def test_physics_is_no_bad_data(effect):
     assert not findings(campaign(effect).files)
 
 
+@pytest.mark.whole
 def test_an_outlier_is_seen_beside_a_fault_of_the_model():
-    """A beam break of 1 mm while the rail has an unreported backlash."""
+    """A beam break of 1 mm while the rail has an unreported backlash: both are found.
+
+    Screened before the backlash is in the model, the pose of that reading may be in a spell.
+    """
     made = campaign("outlier=1e-3", "rail_backlash")
 
-    found = findings(made.files)
+    found = campaign_answer("both", in_memory(made.files)).answer.diagnosis.causes
 
     truth = {effect["name"]: effect["where"] for effect in made.truth["effects"]}
-    assert [(f.name, f.where) for f in found] == [("outlier", truth["outlier"])]
+    assert {(one.name, one.where) for one in found} == set(truth.items())
 
 
 @pytest.mark.whole
