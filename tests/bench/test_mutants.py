@@ -1,8 +1,12 @@
 """Bugs planted at random: drawn from a seed, in one place, and noticed by a test that sees them."""
 
+import json
+import os
+import subprocess
+import sys
 import textwrap
-from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -103,14 +107,16 @@ def test_a_bug_is_one_changed_statement_of_its_seed(package: Path) -> None:
 def test_a_planted_bug_fails_the_test_that_sees_it(
     package: Path, old: str, new: str, code: int
 ) -> None:
-    source = SOURCE.replace(old, new)
-    work = partial(play.tested_with, source, "pipelet.room.lengths", ["test_lengths.py"])
-    assert play.apart(work, 60) == code
+    (package.parent / "changed.txt").write_text(SOURCE.replace(old, new))
+    told = _by_itself(
+        "partial(play.tested_with, Path('changed.txt').read_text(), 'pipelet.room.lengths', TESTS)"
+    )
+    assert told == code
 
 
 @pytest.mark.whole
 def test_each_test_is_known_by_the_functions_that_it_enters(package: Path) -> None:
-    told = play.apart(partial(play.reached, package, ["test_lengths.py"]), 60)
+    told = _by_itself("partial(play.reached, Path('pipelet').resolve(), TESTS)")
     lines = SOURCE.splitlines()
     volume = f"room/lengths.py:{1 + lines.index('    @property')}"
     nearest = f"room/lengths.py:{1 + lines.index('def nearest(values, at):')}"
@@ -118,6 +124,26 @@ def test_each_test_is_known_by_the_functions_that_it_enters(package: Path) -> No
     assert nearest in entered["test_the_nearest_value"]
     assert volume in entered["test_a_box"]
     assert not {nearest, volume} & entered["test_the_same_box"]
+
+
+def _by_itself(work: str) -> Any:
+    """Told by a player that is no test: pytest within pytest shares its modules."""
+    code = (
+        "import json; from functools import partial; from pathlib import Path\n"
+        "from bench.mutants import play\n"
+        "TESTS = ['test_lengths.py']\n"
+        f"print(json.dumps(play.apart({work}, 60)))"
+    )
+    root = Path(__file__).parents[2]
+    paths = os.pathsep.join([str(Path.cwd()), str(root)])
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return json.loads(done.stdout)
 
 
 def test_what_never_ends_is_stopped() -> None:

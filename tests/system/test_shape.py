@@ -52,7 +52,7 @@ def test_noise_of_another_family_is_named_and_accuses_nobody(world, name):
     assert name in names
     assert not set(names) - {"heavy_tails", "tracker_wander"}  # and not larger noise in addition
     said = [line["text"] for line in answer["first_screen"] if line["about"] == "wrong"]
-    words = {"heavy_tails": "(heavy tails)", "tracker_wander": "The instrument wandered by"}
+    words = {"heavy_tails": "(heavy tails)", "tracker_wander": "The instrument wanders by"}
     assert words[name] in said[0]
     assert said[-1].startswith("Nothing else detectable")
 
