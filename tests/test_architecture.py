@@ -427,6 +427,7 @@ def command(folder, *words):
 SETS = [[*OUTBUILDINGS], *([name] for name in OUTBUILDINGS)]
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("names", SETS, ids=["all", *OUTBUILDINGS])
 def test_the_core_runs_without(tmp_path, names):

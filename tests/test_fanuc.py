@@ -59,6 +59,7 @@ def test_a_physical_cause_predicts_left_out_poses_better(found):
     assert (found.estimate.value[:6] > 0).all()
 
 
+@pytest.mark.whole
 def test_what_else_could_stand_there_is_said(found):
     """The tilting bearing has the bending forearm as a rival; the tool points are suspected."""
     first = found.causes[0]
@@ -70,6 +71,7 @@ def test_what_else_could_stand_there_is_said(found):
     assert verdict(found.facts) in ("ambiguous", "explained")
 
 
+@pytest.mark.whole
 def test_a_turned_effector_does_as_well_as_an_offset_of_the_load_point(found):
     """It is unnamed, and competes with the named cause."""
     offset = next(c for c in found.causes if c.effect.name == "load_point_offset")
@@ -77,6 +79,7 @@ def test_a_turned_effector_does_as_well_as_an_offset_of_the_load_point(found):
     assert "effector_turned" in [one.effect.name for one in offset.as_good]
 
 
+@pytest.mark.whole
 def test_noise_that_nobody_stated_is_what_the_causes_leave(found):
     """Residuals of 0.22 mm without causes, 0.12 mm with them: intervals are based on the latter."""
     left = found.estimate.residual
@@ -101,6 +104,7 @@ def by_hand(fanuc, effect):
     return 1 - np.linalg.norm(short[1]) / np.linalg.norm(short[0])
 
 
+@pytest.mark.whole
 def test_one_cause_alone_does_it_and_the_others_are_told_beside_it(fanuc, found):
     """The tilting bearing alone removes a fifth; forearm and a wrong point follow, less likely."""
     first, *others = found.alone

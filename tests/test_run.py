@@ -132,6 +132,7 @@ def fanuc():
     return told({path.name: path.read_bytes() for path in folder.iterdir()})
 
 
+@pytest.mark.whole
 def test_real_fanuc_pulls_agree_with_an_independent_least_squares():
     """Equal weights, joints only: k_1..k_6, residual 0.220 mm, 0.2339 mm at left-out poses."""
     B, c = fanuc_by_hand()

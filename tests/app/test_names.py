@@ -515,6 +515,7 @@ def test_a_rejection_names_a_file_also_where_none_is_to_blame(tmp_path, say):
     assert json.loads(out)["error"]["file"] == "campaign.toml"
 
 
+@pytest.mark.whole
 def test_terminal_escapes_in_an_export_are_shown_not_obeyed(tmp_path, say, capsys):
     """On stdout and stderr, as text and as JSON."""
     put(tmp_path, **{"tracker.csv": GOOD["tracker.csv"].replace(b"P1", b"\x1b[31mP\xc2\x9b1")})

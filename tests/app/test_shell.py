@@ -170,6 +170,7 @@ def test_status_of_a_campaign_that_cannot_be_read_is_5(done, say):
     assert "index.html is of an earlier input" in err
 
 
+@pytest.mark.whole
 def test_a_report_of_an_earlier_input_is_told(done, say):
     """By `status` when the input changed, by `run` when it was rejected."""
     report = str(done / "reports" / "c" / "index.html")

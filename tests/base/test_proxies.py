@@ -33,6 +33,7 @@ class Well(http.server.BaseHTTPRequestHandler):
         """Log nothing."""
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["no_proxy", "NO_PROXY"])
 def test_pages_of_this_machine_are_asked_directly(name):
     """By urllib and by Prefect's httpx, whatever the proxies; the user's exclusions are kept."""

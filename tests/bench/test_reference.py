@@ -11,6 +11,7 @@ STATED = ("zeros", "common", "weights", "poses")
 """Cases whose standard uncertainties need no scatter found by iteration."""
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("case", names())
 def test_nine_digits_are_right(case):
     """Of every estimate and of the sum of squares, however ill-conditioned the poses."""

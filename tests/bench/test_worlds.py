@@ -160,6 +160,7 @@ def test_what_moves_is_measured_in_standard_uncertainties(clean):
     assert not forces_doubted({**factor, "findings": []}, answer)
 
 
+@pytest.mark.sampled(16)
 @pytest.mark.parametrize("name", WORLDS)
 def test_every_world_writes_a_campaign(name):
     """Each reading has its line, in the order of time, and the table names what was read."""
@@ -212,6 +213,7 @@ def test_noise_has_the_variance_and_the_tails_of_its_name(noise, kurtosis):
     assert np.mean(e**4) / e.var() ** 2 == pytest.approx(kurtosis, rel=0.25)
 
 
+@pytest.mark.whole
 def test_a_noisy_spell_lasts_some_minutes():
     """Of 8 min every 60 min or so, in which successive readings scatter 4.5 times as much."""
     hours = np.arange(200_000) / 60 / 4
@@ -235,6 +237,7 @@ def test_student_noise_has_one_scale_per_reading_or_one_per_axis():
     assert abs(np.corrcoef(np.log(apart[:, 0]), np.log(apart[:, 1]))[0, 1]) < 0.02
 
 
+@pytest.mark.whole
 def test_a_wander_forgets_with_its_time():
     """Its covariance between readings t apart is s^2 exp(-t / T), beside white noise."""
     hours = np.arange(200_000) * 0.1

@@ -183,7 +183,7 @@ def test_the_test_pose_carries_a_payload_of_its_own(place):
     assert 1e-4 < scale < 2e-2
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", [world.name for world in PAYLOADS if world.rules.carries.torques])
 def test_the_log_weighs_what_is_mounted(name):
     """Mass and centre by least squares of cross products on joints.csv as it is written."""

@@ -198,6 +198,7 @@ def test_a_wrong_line_is_said_with_exit_5_and_comes_before_the_run(said):
     assert "correct campaign.toml, then: pipeline check c" in out
 
 
+@pytest.mark.whole
 def test_a_reading_at_the_origin_is_said_with_its_line(said):
     """Programs write (0, 0, 0) for what was not measured; a row that is set aside is no problem."""
     rows = FILES["tracker.csv"] + b"base_end,B1,0.0,0.0,0.0,2026-11-03T12:00:00\n"
@@ -221,6 +222,7 @@ def test_a_line_that_stops_the_campaign_is_named_before_its_symptom(said):
     assert json.loads(out)["error"]["line"] == line + 1
 
 
+@pytest.mark.whole
 def test_a_joint_log_in_another_unit_is_told(said):
     """Whether or not its values exceed the robot's limits."""
     rows = FILES["joints.csv"].decode().splitlines()
@@ -433,6 +435,7 @@ def test_a_load_point_metres_from_every_reflector_is_named_with_its_place_in_met
     assert "if these are inches, write [0.15, 0, 0.25]" in out + err
 
 
+@pytest.mark.whole
 def test_times_that_a_mapping_leaves_out_are_told_with_their_titles(said):
     """They are not lost silently: without them drift is not sought."""
     head, *rows = FILES["tracker.csv"].decode().splitlines()

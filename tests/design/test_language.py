@@ -60,6 +60,7 @@ def prose(report):
     return words(dataclasses.replace(report, sections=kept))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("language", OTHERS)
 def test_nothing_stays_english(report, language):
     """But names, and the sources that a robot file states."""

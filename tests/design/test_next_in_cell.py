@@ -71,6 +71,7 @@ def complaints(case, proposal):
     )
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("draws", [1, pytest.param(24, marks=pytest.mark.slow)])
 def test_every_next_pose_can_be_shot(asked, draws):
     """Nothing touches, every beam arrives within the acceptance; a hundred of them in all."""

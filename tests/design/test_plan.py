@@ -362,6 +362,7 @@ def test_the_sheet_says_which_readings_nobody_controls(proposal, readings):
     assert f"pose {worst.pose}" in section.blocks[0].text
 
 
+@pytest.mark.whole
 def test_each_place_of_the_anchor_is_searched_as_if_alone(proposal):
     """All are searched together; the anchor stays where it is, and poses anew are no worse."""
     both, alone = (
@@ -470,6 +471,7 @@ def test_further_poses_build_on_what_is_known(written, realistic):
     assert np.abs(last.plan.M - known - gained).max() < 1e-9 * np.abs(known).max()
 
 
+@pytest.mark.whole
 def test_a_campaign_noisier_than_stated_is_known_less_of(tmp_path):
     """Three times the scatter of the tracker: nearly a ninth of the information, not all of it."""
     base = changed(

@@ -159,6 +159,7 @@ def test_what_was_driven_otherwise_is_what_is_used(proposal, measured, tmp_path,
     assert np.abs(off[0]).max() == pytest.approx(0.5, abs=1e-5)
 
 
+@pytest.mark.whole
 def test_the_workbook_gives_the_answer_of_the_csv_files(proposal, measured, tmp_path):
     """The same numbers, in cells or in CSV: the same stiffnesses, to the digits that were typed."""
     found = []

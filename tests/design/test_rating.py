@@ -117,6 +117,7 @@ def test_a_force_that_the_robot_would_not_hold_is_told_and_the_robot_called_by_i
     assert any(line.startswith("The hardest pull, 3") for line in found.findings)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(("payload", "told"), [("50", True), ("300", False)])
 def test_check_tells_a_force_that_the_robot_would_not_hold(tmp_path, capsys, payload, told):
     """A warning that rejects nothing, and none for a pull that a robot holds."""

@@ -296,6 +296,7 @@ def test_every_pose_of_a_design_can_be_shot(robot, seed):
     assert complaints(problem, plan, tool, cell) == [[]] * len(plan.q)
 
 
+@pytest.mark.whole
 def test_every_pose_without_a_pull_can_be_shot():
     """The same check of poses in which reflectors are read only."""
     problem = in_cell(plan={"unloaded": 6})
@@ -307,6 +308,7 @@ def test_every_pose_without_a_pull_can_be_shot():
     assert [one for one in said if "line from load_point" not in one] == []  # there is no chain
 
 
+@pytest.mark.whole
 def test_the_free_design_would_not_be_shot():
     """The check does find fault: with poses that were chosen without a cell."""
     roomless = problem_of("paper_reference", {})

@@ -93,6 +93,7 @@ def test_an_innocent_robot_is_let_go(noise_scale):
     assert found.facts.gain is None, "no cause, so nothing that could improve a prediction"
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("planted", "label"),
@@ -230,6 +231,7 @@ def test_hidden_twins_of_the_stiffnesses_are_blind_spots():
     assert blind["rail_yaw"].smallest_visible is None
 
 
+@pytest.mark.whole
 def test_scatter_beyond_the_certificate_is_named():
     """Readings that scatter 2.2 times as stated are a cause, not a missing spring."""
     found, *_ = examined(25, noise_scale=2.2)
@@ -259,6 +261,7 @@ def test_a_scale_that_scatters_weighs_less_in_the_extended_stiffnesses():
     assert np.all((found.estimate.std > 1.085 * before.std)[1:6])  # no force loads joint 7
 
 
+@pytest.mark.whole
 def test_the_extended_model_gives_back_the_planted_size_and_the_springs():
     """Springs and cause, estimated together, are within their uncertainty."""
     found, _, _, _, before = examined(26, "rail_roll=2x")

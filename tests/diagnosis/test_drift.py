@@ -88,6 +88,7 @@ def test_a_drift_is_named_with_its_size():
     assert "knocked" in found.effect.needs
 
 
+@pytest.mark.whole
 def test_the_answer_names_it_and_blames_no_reflector():
     """In result.json it is a cause in the metrology, with its size."""
     lines = files()["tracker.csv"].decode().splitlines()

@@ -328,6 +328,7 @@ def with_causes(one, *effects):
     return Hypothesis(0.5, effects, cell, system, solve(system, start)), data
 
 
+@pytest.mark.whole
 def test_a_cause_that_positions_hold_is_one_parameter():
     """The estimate of the pulls is added to the held value, and both give one number."""
     one = world(4)
@@ -343,6 +344,7 @@ def test_a_cause_that_positions_hold_is_one_parameter():
     assert found.elements.chi2 == pytest.approx(float(more @ more), rel=0.6, abs=2.0)
 
 
+@pytest.mark.whole
 def test_springs_are_averaged_where_each_hypothesis_lacks_another_element():
     """The first six parameters, whatever follows them."""
     one = world(4)

@@ -68,6 +68,7 @@ def test_a_wrong_zero_is_found_with_what_it_is_worth(causes, stood):
     assert stood.believed
 
 
+@pytest.mark.whole
 def test_what_the_instrument_wanders_by_is_no_cause(off, causes, stood):
     """The zero moves targets by a millimetre: half of that, and it may be the instrument."""
     moved = np.hypot(stood.miss_m, stood.left_m)

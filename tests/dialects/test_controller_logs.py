@@ -36,6 +36,7 @@ def read_as_init(name, data, whose):
     return log, logs.joint_values(log, robot)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("brand", SUFFIX)
 @pytest.mark.parametrize("name", ["kr210_r2700_2", "irb6640", "kr500_rail"])
 def test_the_program_of_a_plan_is_the_joint_log_of_the_plan(name, brand):

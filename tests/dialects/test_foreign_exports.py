@@ -47,6 +47,7 @@ def right(export, kind):
     np.testing.assert_allclose(export.position, kind.places, atol=kind.tolerance, rtol=0)
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("name", KINDS)
 def test_every_kind_is_read_or_asked(name, tmp_path, capsys):
     """Read if only the unit is open; otherwise the proposal with the answers reads it."""

@@ -108,6 +108,7 @@ def truth(robot, q):
     return [data.oMf[built.getFrameId(name)].translation for name in ("flange", *POINTS)]
 
 
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_files_have_the_robot_where_it_is(name):
     """Tool points at any joint values, in MJCF and SDF, agree with Pinocchio to a nanometre."""

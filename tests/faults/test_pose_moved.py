@@ -126,6 +126,7 @@ def test_a_knock_between_two_pulls_leaves_the_later_ones_out():
     assert set(left[left["pose"] == 4]["group"]) == {"pose04_rep0_unloaded", "pose04_rep1_loaded"}
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "hidden", [["joint_lost_motion:3=3x"], [], ["rail_roll=2x"], ["joint_hysteresis:2=3x"]]

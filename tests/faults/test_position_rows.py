@@ -95,6 +95,7 @@ def test_joint_rows_off_by_one_are_named_from_where_on_they_are(right, first):
     assert np.allclose(joints(put_right), right[JOINTS])
 
 
+@pytest.mark.whole
 def test_joint_rows_that_are_shuffled_find_their_positions(right):
     """Tool and frame are unknown: order and frame are found together."""
     order = np.random.default_rng(2).permutation(60)

@@ -272,6 +272,7 @@ def test_every_variant_of_a_table_stands_elsewhere():
         assert miss(moved) > 0.03 or anchored_miss(moved) > 0.3, name
 
 
+@pytest.mark.whole
 def test_two_mistakes_at_once_are_both_named():
     """Radians for degrees, and a left-handed tracker frame."""
     made = campaign("unit_mixup:rad", "sign_or_convention:left_handed")
@@ -284,6 +285,7 @@ def test_two_mistakes_at_once_are_both_named():
     }
 
 
+@pytest.mark.whole
 def test_the_corrected_result_is_that_of_good_data():
     """With the unit corrected, the stiffnesses are those of the campaign without the mistake."""
     clean = case_of(campaign().files)

@@ -119,6 +119,7 @@ def test_what_a_killed_run_or_somebody_took_away_is_made_again(lost, project):
     assert ask(project, question) == before
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("damage", ["cut", "noise", "inside"])
 @pytest.mark.parametrize("table", ["stiffness", "wear"])
 def test_a_damaged_table_is_made_again(damage, table, project, capsys):

@@ -50,6 +50,7 @@ def test_a_ripple_is_named_with_joint_kind_and_order(rippled):
     assert law.gain.reduction > 0.5
 
 
+@pytest.mark.whole
 def test_a_wrong_table_is_corrected_and_poses_left_out_are_predicted(rippled):
     _, found, _ = rippled
 
@@ -59,6 +60,7 @@ def test_a_wrong_table_is_corrected_and_poses_left_out_are_predicted(rippled):
     assert after.mean(Partition.SPACE) < 0.06e-3
 
 
+@pytest.mark.whole
 def test_predictions_of_poses_never_measured_hold_the_truth(rippled):
     readings, found, ripple = rippled
     model = kinematic_model("made", found.final)
@@ -97,6 +99,7 @@ def test_a_reading_metres_off_is_left_out_and_moves_nothing():
     assert found.stages[-1].mean(Partition.BETWEEN) < 0.04e-3
 
 
+@pytest.mark.whole
 def test_a_model_comes_back_from_its_file(rippled):
     _, found, _ = rippled
     model = kinematic_model("made", found.final)
@@ -111,6 +114,7 @@ def test_a_model_comes_back_from_its_file(rippled):
     assert json.dumps(again.payloads) == '["tool"]'
 
 
+@pytest.mark.whole
 def test_derivatives_are_those_of_differences():
     """The linearised estimate, against finite differences of the nonlinear model."""
     readings = made(12, np.random.default_rng(3))

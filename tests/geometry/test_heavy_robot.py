@@ -317,6 +317,7 @@ def test_derivatives_by_weight_and_bearings_are_those_of_differences(play):
                 assert np.abs(slope - here.D[..., k]).max() < 0.02 * scale
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("mistaken", "name", "where"),

@@ -135,6 +135,7 @@ def test_a_reflector_that_slipped_is_named_with_its_pose(seed, pose, size_m):
     assert one.value == pytest.approx(size_m * np.array([2, -1, 2]) / 3, abs=2e-4)
 
 
+@pytest.mark.whole
 def test_what_positions_leave_unsure_is_no_change():
     """A bed that may be bent behind some place moves all poses there alike: neighbours, not time.
 
@@ -162,6 +163,7 @@ def test_what_positions_leave_unsure_is_no_change():
     assert found.left_m < 0.3 * silent.miss_m
 
 
+@pytest.mark.whole
 def test_a_tracker_that_was_bumped_is_one_cause_and_a_drift_another():
     """A shift of both base and effector is reported once: rounds distinguish drift from knock."""
     case = bumped(clean(3), 7, 2e-3, 5e-4)

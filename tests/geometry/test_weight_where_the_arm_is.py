@@ -112,6 +112,7 @@ def sagged(machine, q):
     return x[own]
 
 
+@pytest.mark.whole
 def test_masses_that_are_off_count_as_springs_that_are(arm):
     """Heavier links in the file: springs change as `by_masses` states for them together.
 

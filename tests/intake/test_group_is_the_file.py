@@ -91,6 +91,7 @@ def test_words_that_share_one_are_states_of_one_kind(words, rest):
     assert unloaded == {name for name in names if name.partition("_")[2] in words[:rest]}
 
 
+@pytest.mark.whole
 def test_a_folder_is_read_or_told(tmp_path, capsys):
     """Without an export beside it a folder is read; else the number of its files is told."""
     _, split = by_file(french)

@@ -87,6 +87,7 @@ def _polar_folder():
     return files
 
 
+@pytest.mark.whole
 def test_a_short_list_of_places_beside_files_in_polar_coordinates_is_no_export():
     """Their titles say distance and angles by the units only; one answer holds for all of them."""
     turned = {name: (y, -x, z + 300) for name, (x, y, z) in BASE.items()}
@@ -492,6 +493,7 @@ def test_positions_listed_one_file_each_in_a_folder_are_one_joint_log(tmp_path, 
     assert "not looked at" not in capsys.readouterr().err
 
 
+@pytest.mark.whole
 def test_what_is_stated_holds_for_exports_beside_those_that_need_nothing():
     """`init --stated`: columns and unit of files that do not say them, a round of the base does."""
     base = "group;target;x_mm;y_mm;z_mm\n" + "".join(

@@ -134,6 +134,7 @@ def test_numbers_alone_are_states_if_one_of_them_is_zero():
     assert ways_to_read(shifted) == ()  # all in one place: nothing tells which is the pose
 
 
+@pytest.mark.whole
 def test_inner_folders_are_looked_at_beside_a_sketch(tmp_path, capsys):
     """What lies above is a list of places, a log that no robot has, and the type of the robot."""
     folder = tmp_path / "data/raw/c"

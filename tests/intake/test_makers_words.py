@@ -48,6 +48,7 @@ MAKERS = {
 }
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("maker", MAKERS)
 def test_axes_of_a_maker_are_known_beside_other_columns(hall, maker):
     """With a speed or a TCP position beside them, columns are not guessed by order."""
@@ -109,6 +110,7 @@ def test_a_force_has_its_unit_in_the_title_or_in_every_cell(hall, unit, form):
     assert log.number["pose"].tolist() == [float(p) for p, *_ in rows]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "title", ["point", "Pos.", "Punkt", "P#", "Station", "n° point", "Posa", "q17"]
 )

@@ -175,6 +175,7 @@ def test_one_pose_has_no_axis_of_poses(result, q):
     assert result.model.predict(q, [FORCE_N]).displacement_m.shape == (1, 3)
 
 
+@pytest.mark.whole
 def test_a_result_draws_the_figures_of_its_report(result, tmp_path):
     """Byte by byte; a notebook displays them, and an unknown name is refused with a list."""
     pages = render(result.answer, result.tables)

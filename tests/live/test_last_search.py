@@ -63,6 +63,7 @@ def test_what_contradicts_calls_the_search(standing, lines):
     assert isinstance(standing.beside(read(*SEVEN, *lines)), tuple)
 
 
+@pytest.mark.whole
 def test_another_reading_in_an_old_place_calls_the_search(standing):
     """Whether it is read again further down, or the file is rewritten with another number."""
     again = [wide(SEVEN[3], 0.01)]

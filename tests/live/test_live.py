@@ -115,6 +115,7 @@ def test_what_cannot_be_read_yet_is_no_alarm():
     assert next(iter(sentences(late))).startswith("Nothing to say yet: tracker.csv")
 
 
+@pytest.mark.whole
 def test_the_end_is_the_run():
     files = table(*(line for k in range(1, 6) for line in of_pose(k)))
     state = LiveState("demo")

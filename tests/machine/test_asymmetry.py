@@ -255,6 +255,7 @@ def test_a_joint_is_pulled_by_the_sign_that_is_told():
     assert joint_4().by_sign.value_of == ("positive" if moment > 0 else "negative")
 
 
+@pytest.mark.whole
 def test_a_prediction_has_the_stiffness_of_its_torque():
     """Pulled in both senses at further poses: compared with the machine's own deflections."""
     plan, _, stiffness, run = soft_one_way()
@@ -303,6 +304,7 @@ def test_a_corrected_path_says_both_stiffnesses_and_where_each_holds():
     assert both.each_way[0].towards_plus == 2 * ways.towards_plus
 
 
+@pytest.mark.whole
 def test_the_tangent_at_zero_torque_is_between_both():
     """Without load no sign applies: the Cartesian compliance is finite and that of the mean."""
     *_, run = soft_one_way()
@@ -404,6 +406,7 @@ def test_a_heavy_arm_has_its_kink_where_the_total_torque_is_zero():
     assert "load with the arm's own weight" in both_stiffnesses(answer.stiffness[2])
 
 
+@pytest.mark.whole
 def test_two_campaigns_are_compared_on_one_side():
     """Test poses with torques of opposite sign on a joint do not mean wear of its gear."""
     before = joint_4()

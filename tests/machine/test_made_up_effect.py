@@ -61,6 +61,7 @@ def catalogued(monkeypatch):
         known.cache_clear()
 
 
+@pytest.mark.whole
 def test_a_made_up_effect_goes_from_simulator_to_report(catalogued, tmp_path):
     """Planted by name, identified with its size, named by its noun, delivered with its value."""
     plan = revised(

@@ -22,6 +22,7 @@ def found(made):
     return pipeline.identify(pipeline.load_campaign(made.encoded()))
 
 
+@pytest.mark.whole
 def test_one_answer_has_springs_table_and_positions(found):
     """Nothing is wrong, and it says which springs come from what."""
     answer = found.answer
@@ -37,6 +38,7 @@ def test_one_answer_has_springs_table_and_positions(found):
     assert "the pulls tell how heavy the arm is" in " ".join(answer.verdict_sentence)
 
 
+@pytest.mark.whole
 def test_springs_hold_and_are_known_no_worse_than_by_either_kind(made, found):
     """The truth is within four standard uncertainties, none of which is larger than alone."""
     for joint, one, c in zip(
@@ -47,6 +49,7 @@ def test_springs_hold_and_are_known_no_worse_than_by_either_kind(made, found):
             assert alone is None or joint.compliance_std < 1.001 * alone.std
 
 
+@pytest.mark.whole
 def test_weight_alone_knows_no_spring_of_an_arm_of_unknown_mass(found):
     """The pulls determine the mass, and with it the weight determines springs."""
     both = [one for one in found.answer.springs_by.each if one.by_weight is not None]
@@ -55,6 +58,7 @@ def test_weight_alone_knows_no_spring_of_an_arm_of_unknown_mass(found):
     assert all(one.by_weight.std > 0.9 * one.by_weight.value for one in both)
 
 
+@pytest.mark.whole
 def test_gain_of_the_sag_is_of_a_coordinate(found):
     """As that of all causes: below the mean distance, which no rms of distances is."""
     sag = next(one for one in found.answer.diagnosis.causes if one.name == "gravity_sag")
@@ -64,6 +68,7 @@ def test_gain_of_the_sag_is_of_a_coordinate(found):
     assert 0.5 < sag.gain.held_out_rms_after_mm / with_.between_mm < 0.9
 
 
+@pytest.mark.whole
 def test_pulls_act_on_the_deflected_robot_of_the_positions(found):
     """No error of second order is left, and table and tool err as the positions tell."""
     sources = {one.source for joint in found.answer.stiffness for one in joint.budget}
@@ -126,6 +131,7 @@ def test_no_sag_bounds_no_stiffness_where_masses_are_not_stated():
     assert "stiffer than" not in told
 
 
+@pytest.mark.whole
 def test_positions_are_predicted_with_the_springs_of_both(made, found):
     """Unloaded and under a force at the load point, against Pinocchio, to three uncertainties."""
     rng = np.random.default_rng(9)

@@ -229,6 +229,7 @@ def test_where_it_was_measured_it_is_predicted_and_elsewhere_not(told):
     assert None not in found.answer.test_pose_deflection[0].std_mm
 
 
+@pytest.mark.whole
 def test_a_path_says_where_it_rests_on_what_is_not_known(told):
     """Offsets for two points, one of them where the robot was measured."""
     model = told("197 poses of two joints")[1].model

@@ -291,6 +291,7 @@ def test_a_path_passes_and_fails_by_stretches(found):
     assert worst.deflection_mm == pytest.approx(2.9 * mm, rel=0.02)
 
 
+@pytest.mark.whole
 def test_u_is_never_below_what_left_out_poses_were_missed_by(found):
     """The model's own uncertainty is far smaller here: the error at left-out poses decides."""
     answer, model = found[0].answer, found[0].model

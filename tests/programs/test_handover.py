@@ -159,6 +159,7 @@ def path_rows(path, rows):
     return JointPath(path.pose[rows], path.q[rows], path.force[rows], path.controller)
 
 
+@pytest.mark.whole
 def test_measurements_are_never_written_beside(demo):
     """A path that lies in data/raw is answered in the campaign's reports, and nowhere in there."""
     raw = demo / "data" / "raw"
@@ -174,6 +175,7 @@ def test_measurements_are_never_written_beside(demo):
     path.unlink()
 
 
+@pytest.mark.whole
 def test_beyond_the_hardest_pull_one_counts_on_less(demo, path):
     """Three times the force is three times the error at left-out poses, where that decides."""
     model = model_file.load(demo / "reports" / "kr500_demo" / "model.toml")

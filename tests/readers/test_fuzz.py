@@ -420,7 +420,7 @@ def run(bench, name, seeds):
     return outcomes
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("count", [25, pytest.param(60, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", VARIANTS)
 def test_damaged_exports_are_refused_or_read_honestly(benches, name, count):

@@ -39,6 +39,7 @@ def readings(rng, off):
     return table.assign(pose=np.nan, time=pd.NaT, file="tracker.csv", line=1)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("stated", [6e-5, None], ids=["stated", "from its digits"])
 def test_the_frame_is_as_uncertain_as_the_survey(stated):
     """The rotation scatters from survey to survey by what is stated of them."""

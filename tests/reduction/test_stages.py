@@ -138,6 +138,7 @@ def test_a_base_reading_that_is_left_out_takes_its_three_coordinates_with_it():
     assert np.abs(found.t - T0).max() < 1e-9
 
 
+@pytest.mark.whole
 def test_registration_claims_the_scatter_it_has(settings):
     """Over 400 noisy registrations the rotation scatters as its covariance states."""
     rng = np.random.default_rng(9)

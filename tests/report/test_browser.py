@@ -278,6 +278,7 @@ def test_a_value_stays_beside_its_mark_while_the_page_scrolls(opened):
     assert abs(tip.bounding_box()["y"] - mark.bounding_box()["y"] - gap) < 1.0
 
 
+@pytest.mark.whole
 def test_a_smuggled_script_does_not_run(browser, tmp_path):
     """Even markup that got past the escaping could not run: the page allows its own script only."""
     answer = report_sample.answer().model_copy(update={"campaign": "SMUGGLED"})

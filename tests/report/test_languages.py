@@ -85,6 +85,7 @@ def made():
     return {"en": report_sample.rendered(), "de": german, "fr": french}
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("language", OTHERS)
 def test_page_and_paper_are_in_that_language(made, language):
     """Both say so to who has them read aloud; the annexes say that they are in English."""

@@ -276,6 +276,7 @@ def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):
     ]
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     "path",
     [
@@ -629,6 +630,7 @@ def test_a_pull_far_off_its_law_keeps_its_mark(sample, far):
     assert "10000" in tips[3]
 
 
+@pytest.mark.whole
 def test_hostile_names_stay_names(sample):
     """Names from raw files are shown as they are; they are neither HTML, nor Jinja, nor Typst."""
     tables = dict(sample[1])
@@ -698,6 +700,7 @@ def test_tables_of_the_pdf_have_header_cells(reader, sample):
     assert kinds.count("/TH") == values + sum(len(table.columns) for table in tables)
 
 
+@pytest.mark.whole
 def test_nothing_short_is_cut_by_a_page(files, sample):
     """A figure stands with its caption, and a short table with its last row, on one page.
 

@@ -273,6 +273,7 @@ def test_the_page_sees_what_the_still_sees(opened, made):
     assert np.abs(off).max() < 0.5
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("scheme", ["dark", pytest.param("light", marks=pytest.mark.slow)])
 def test_axe_finds_nothing_in_the_scene(opened, scheme):
     """Roles, names and contrast pass with a pose picked."""

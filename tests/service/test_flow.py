@@ -118,6 +118,7 @@ for one in asyncio.run(there.get_dates(4, begin)):
 """
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("zone", "begin", "utc"),

@@ -113,6 +113,7 @@ def test_a_reading_is_judged_by_the_others_of_its_pose(width):
         assert np.median(variance[KEYS[:, 0] == 7]) == pytest.approx(1.0, abs=0.2)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("off", [8.5, 12.0, 30.0])
 def test_a_lone_bad_reading_makes_no_spell(off):
     """The other readings of its pose are quiet."""
@@ -196,6 +197,7 @@ WIDTHS = [
 ]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("drawn", "core", "wider"), WIDTHS)
 def test_what_the_tails_explain_is_no_wider_core(drawn, core, wider):
     """The variance in use is that of core and tails; the core is also stated separately."""

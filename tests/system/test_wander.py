@@ -110,6 +110,7 @@ def test_the_likelihood_is_that_of_dense_algebra():
     assert got - got[0] == pytest.approx(np.array(out) - out[0], rel=1e-8, abs=1e-6)
 
 
+@pytest.mark.whole
 def test_a_wander_is_found_and_white_noise_has_none():
     """One standard uncertainty over ten minutes; its size is found."""
     data = measured()
