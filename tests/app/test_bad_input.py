@@ -133,7 +133,8 @@ def undrawn():
     "name",
     [
         pytest.param(
-            n, marks=[pytest.mark.slow] * (n in LIKE_ANOTHER) + [pytest.mark.whole] * (n in ANSWERED)
+            n,
+            marks=[pytest.mark.slow] * (n in LIKE_ANOTHER) + [pytest.mark.whole] * (n in ANSWERED),
         )
         for n in CASES
     ],

@@ -4,7 +4,6 @@ import contextlib
 import json
 import os
 import re
-import shutil
 import sqlite3
 import subprocess
 import sys
@@ -20,22 +19,24 @@ from pipeline.store import campaign as campaigns
 
 HERE = Path(__file__).parents[2]
 STAGES = "select substr(name, 1, instr(name, '-') - 1), state_type from task_run"
-KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
 
 
-def project(root, *names):
-    """A project root with copies of the kept campaign."""
+def project(files, root, *names):
+    """A project root with copies of a campaign."""
     for name in names:
-        shutil.copytree(KEPT, root / "data" / "raw" / name)
+        folder = root / "data" / "raw" / name
+        folder.mkdir(parents=True)
+        for file, content in files.items():
+            (folder / file).write_bytes(content)
     return root
 
 
 @pytest.mark.prefect
 @pytest.mark.xdist_group("prefect")
-def test_prefect_gives_the_answer_of_the_plain_run(tmp_path):
+def test_prefect_gives_the_answer_of_the_plain_run(small_campaign, tmp_path):
     """Two campaigns through Prefect, the first broken: one answer each, byte for byte our own."""
-    root = project(tmp_path / "prefect", "broken", "good")
-    plain = project(tmp_path / "plain", "good")
+    root = project(small_campaign.files, tmp_path / "prefect", "broken", "good")
+    plain = project(small_campaign.files, tmp_path / "plain", "good")
     (root / "data" / "raw" / "broken" / "joints.csv").write_bytes(b"no table at all")
     environment = {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")}
 
@@ -72,13 +73,13 @@ def test_prefect_gives_the_answer_of_the_plain_run(tmp_path):
     ]
     ((table,),) = kept(root, "select data from artifact where key = 'good-stiffness'")
     shown = json.loads(json.loads(table))
-    assert good["recommended"]["model"] == "averaged"
+    assert good["recommended"]["model"] == "joint_springs"
     for row, entry in zip(shown, good["stiffness"], strict=True):
         assert row["joint"] == entry["name"]
         if entry["value"] is None:
             assert row["stiffness"] == "not determined"
             continue
-        value, prefix = re.match(r"(\S+) ± \S+ ([kM])N·m/rad$", row["stiffness"]).groups()
+        value, prefix = re.match(r"(\S+) ± \S+ ([kM])N(?:/m|·m/rad)$", row["stiffness"]).groups()
         of_one = {"k": 1e3, "M": 1e6}[prefix]
         assert abs(float(value) * of_one - entry["value"]) < 0.1 * entry["std"]
     assert kept(root, "select message from log where message like '%Traceback%'") == []
@@ -147,9 +148,11 @@ def test_a_cron_line_means_the_clock_on_the_wall(tmp_path, zone, begin, utc):
 
 
 @pytest.mark.parametrize("address", ["http://127.0.0.1:9/api", "not an address"])
-def test_a_server_that_does_not_answer_is_a_sentence(tmp_path, address, monkeypatch, capsys):
+def test_a_server_that_does_not_answer_is_a_sentence(
+    small_campaign, tmp_path, address, monkeypatch, capsys
+):
     """Before Prefect is begun, which would end in an error of its own."""
-    root = project(tmp_path, "a")
+    root = project(small_campaign.files, tmp_path, "a")
     for name in [one for one in os.environ if one.startswith("PREFECT_")]:
         monkeypatch.delenv(name)
     monkeypatch.setenv("PREFECT_API_URL", address)
