@@ -9,6 +9,7 @@ import os
 import sys
 import threading
 import time
+import warnings
 from typing import Any
 
 import typer
@@ -68,7 +69,11 @@ def _end_at_last(code: int) -> None:
 
 
 def _prepare_streams() -> None:
-    """Discard output to a closed stream, and print characters that cannot be encoded as `?`."""
+    """Discard output to a closed stream, print characters that cannot be encoded as `?`.
+
+    A warning is its sentence, without the line of our code that it comes from.
+    """
+    warnings.formatwarning = lambda message, *_: f"{message}\n"
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:

@@ -220,3 +220,16 @@ def test_a_nominal_entry_is_shown_in_full():
     table = _letters(SimpleNamespace(geometry=rows))
 
     assert [row[2].text for row in table.rows] == ["1075", "1142.5", "90"]
+
+
+def test_poses_that_do_not_adjoin_make_no_map():
+    """Every second row and column of the grid, and the test pose: there is no cell to shade."""
+    tables = report_sample.tables()
+    grid = tables["workspace"]
+    apart = grid[(grid["row"] < 0) | ((grid["row"] % 2 == 0) & (grid["column"] % 2 == 0))]
+    assert len(apart) >= 20
+
+    names = {one.name for one in compose(_answer(), tables | {"workspace": apart}).figures}
+
+    assert "workspace" not in names
+    assert "workspace" in {one.name for one in compose(_answer(), tables).figures}

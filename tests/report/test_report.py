@@ -38,7 +38,7 @@ from pipeline.report.record import (
 )
 from pipeline.report.render import pdf, render
 from pipeline.report.summaries import has
-from pipeline.report.svg import STYLE, drawn
+from pipeline.report.svg import STYLE, by_hand, drawn
 from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -60,6 +60,24 @@ def sample():
 def files():
     """All files of its report."""
     return report_sample.rendered()
+
+
+def test_a_figure_that_cannot_be_drawn_costs_itself_alone(sample, monkeypatch):
+    """A sentence stands in its place, in page and PDF; the others are there, and it is told."""
+    broken, other = CATALOGUE[0], CATALOGUE[1]
+    monkeypatch.setattr(
+        "pipeline.report.figures.catalogue._drawn",
+        lambda plot, *_: {}["gone"] if plot is broken else by_hand(_SQUARE),
+    )
+
+    with pytest.warns(UserWarning, match=f"figure {broken.name} could not be drawn .*KeyError"):
+        lost = draw(broken.name, *sample)
+
+    assert f"The figure {broken.name} could not be drawn" in lost.svg
+    assert draw(other.name, *sample).svg == _SQUARE
+
+
+_SQUARE = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>'
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ def _levels_of(tables: Tables) -> Array:
 
 
 def _map(canvas: Canvas, soft: pd.DataFrame, levels: Array, arm: pd.DataFrame | None) -> Tips:
-    swept, here = soft[soft["row"] >= 0].reset_index(drop=True), soft.iloc[0]
+    swept, here = _swept(soft), soft.iloc[0]
     canvas.set_size_inches(5.6, 3.9)
     axes, beside = canvas.subplots(1, 2, width_ratios=(1, 0.05))
     per_newton = 1e6 * swept["worst_m_per_n"].to_numpy(float)
@@ -72,6 +72,11 @@ def _softness(row: Any) -> str:
     return f"reach {row.reach_m:.2f} m, height {row.height_m:.2f} m: {per_newton} µm/N"
 
 
+def _swept(soft: pd.DataFrame) -> pd.DataFrame:
+    """The poses of the joint grid, without the test pose."""
+    return soft[soft["row"] >= 0].reset_index(drop=True)
+
+
 def _triangles(swept: pd.DataFrame) -> Array:
     """Two triangles for every cell of the joint grid whose four corners exist, shape (k, 3)."""
     row, column = swept[["row", "column"]].to_numpy(int).T
@@ -83,8 +88,8 @@ def _triangles(swept: pd.DataFrame) -> Array:
 
 
 def _told(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
-    if model is None or len(soft) < 20:
-        return None
+    if model is None or len(soft) < 20 or not len(_triangles(_swept(soft))):
+        return None  # limits may leave poses of the grid that do not adjoin
     here, worst = soft.iloc[0], soft.iloc[int(soft["worst_m_per_n"].to_numpy().argmax())]
     size = 1e6 * soft["worst_m_per_n"]
     axis = "xyz"[int(np.abs(here[[f"direction_{a}" for a in "xyz"]].to_numpy(float)).argmax())]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -26,13 +27,30 @@ def figures(names: Sequence[str], answer: Answer, tables: Tables) -> list[Figure
 
 
 def draw(name: str, answer: Answer, tables: Tables, say: Say = str) -> Drawing:
-    """Draw one figure of the report; `say` translates the texts of those on the certificate."""
-    plot = _PLOTS[name]
+    """Draw one figure of the report; `say` translates the texts of those on the certificate.
+
+    One that cannot be drawn costs neither report nor answer: a sentence stands in its place.
+    """
+    try:
+        return _drawn(_PLOTS[name], answer, tables, say)
+    except Exception as problem:
+        lost = f"The figure {name} could not be drawn (internal error, {type(problem).__name__})"
+        warnings.warn(f"{lost}; the answer and its other figures are complete.", stacklevel=1)
+        return by_hand(_LOST.format(lost))
+
+
+_LOST = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 560 40" width="560" height="40">'
+    '<text x="8" y="24" font-size="12">{}.</text></svg>'
+)
+
+
+def _drawn(plot: Plot, answer: Answer, tables: Tables, say: Say) -> Drawing:
     if plot.spoken:
         return by_hand(plot.spoken(answer, tables, say))
     if plot.by_hand:
         return by_hand(plot.by_hand(answer, tables))
-    return drawn(name, lambda canvas: plot.draw(canvas, answer, tables))
+    return drawn(plot.name, lambda canvas: plot.draw(canvas, answer, tables))
 
 
 def live(name: str, answer: Answer, tables: Tables) -> dict[str, Any] | None:
