@@ -109,7 +109,7 @@ def diagnose(
         surroundings: What a proposed pose must avoid.
     """
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
-    known = twins(cell.robot)
+    known = twins(cell.robot, data.pulls.weighed)
     cell, data, stood, task, spread = _to_search(
         (cell, data, estimate, whole, known, noise), shape, drift, surroundings
     )
@@ -373,7 +373,7 @@ def search_task(
         noise: Noise found in the campaign; by default estimated from its pulls.
     """
     whole = catalogue(cell.robot, data.pulls) if whole is None else whole
-    known = known or twins(cell.robot)
+    known = known or twins(cell.robot, data.pulls.weighed)
     never = {*known.unmoved, *known.of_stiffness, *(effect.label for effect, _ in cell.held)}
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
     data = replace(data, tool_std=data.tool_std or _POINTS_M, bends=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import combinations
 
@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.machine.cell import Cell, Tool, paper_cell, sensitivity
-from pipeline.machine.effect import Effect, Pulls
+from pipeline.machine.effect import HUNG, PULLED, Effect, Pulls
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot
 
@@ -25,7 +25,7 @@ _NOTHING_M = 1e-12
 
 @dataclass(frozen=True)
 class Twins:
-    """Effects that loading at the tip can never separate, whatever the poses.
+    """Effects that such loads at the tip can never separate, whatever the poses.
 
     Attributes:
         of_stiffness: Effects whose signatures are all within those of the joint springs.
@@ -75,10 +75,17 @@ def rich_tool(rng: np.random.Generator) -> Tool:
 
 
 @lru_cache(maxsize=8)
-def twins(robot: Robot) -> Twins:
-    """Twins among the causes of a robot, from the ranks of a rich random design."""
+def twins(robot: Robot, weighed: bool = False) -> Twins:
+    """Twins among the causes of a robot, from the ranks of a rich random design.
+
+    Args:
+        robot: The robot.
+        weighed: Whether weights hang beside the pulls: they tell the scale's gain from the springs.
+    """
     rng = np.random.default_rng(20)
     cell, pulls = paper_cell(robot, rich_tool(rng)), rich_pulls(robot, rng)
+    if weighed:
+        pulls = replace(pulls, by=np.where(np.arange(len(pulls)) % 2, PULLED, HUNG))
     x = robot.nominal_compliance * rng.uniform(0.7, 1.4, robot.n)
     effects = catalogue(robot)
     baseline = _matrix(cell, pulls, x, cell.effects)

@@ -95,6 +95,11 @@ class Pulls(Locked):
         return (self.by == PULLED)[:, None].astype(float)
 
     @property
+    def weighed(self) -> bool:
+        """Whether some loads are pulls and some are weights or payloads."""
+        return bool(np.unique(self.by == PULLED).size > 1)
+
+    @property
     def range_n(self) -> tuple[float, float]:
         """Smallest and largest force magnitude [N]."""
         size = np.linalg.norm(self.force, axis=1)

@@ -1,14 +1,18 @@
 """Twins: effects that no campaign separates, by ranks of matrices computed here."""
 
+from dataclasses import replace
 from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import linalg
+from small_case import asked, small
 
+from pipeline.diagnosis.diagnose import search_task
 from pipeline.diagnosis.isolability import Twins, _compare, rich_pulls, rich_tool, twins
 from pipeline.machine.cell import baseline, paper_cell, sensitivity
+from pipeline.machine.effect import HUNG, PULLED
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 
@@ -125,6 +129,28 @@ def test_the_twins_of_a_robot_are_those_of_another_design(name):
     assert set(found.of_stiffness) == stiff
     assert {frozenset(pair) for pair in found.pairs} == pairs
     assert pairs
+
+
+def test_weights_beside_pulls_tell_the_gain_of_the_scale_from_the_springs():
+    """Nothing else; weights alone say nothing of a scale."""
+    robot = load("kr500_rail")
+    pulled, both = twins(robot), twins(robot, weighed=True)
+
+    assert {*pulled.of_stiffness} - {*both.of_stiffness} == {"scale_gain"}
+    assert both.unmoved == pulled.unmoved
+
+
+@pytest.mark.parametrize(("every", "asked_for"), [(2, True), (1, False), (99, False)])
+def test_the_gain_is_a_suspect_where_weights_hang_beside_pulls(every, asked_for):
+    """Every second load is a weight, every one, or none."""
+    at = asked(small())
+    pulls = at.reduced.data.pulls
+    by = np.where(np.arange(1, len(pulls) + 1) % every, PULLED, HUNG)
+    data = replace(at.reduced.data, pulls=replace(pulls, by=by))
+
+    task, _ = search_task(at.cell, data, at.estimate)
+
+    assert ("scale_gain" in {one.label for one in task.suspects}) == asked_for
 
 
 def test_rich_pulls_are_as_varied_as_they_can_be():
