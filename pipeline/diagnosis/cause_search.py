@@ -18,6 +18,7 @@ from pipeline.machine.effect import Effect
 from pipeline.machine.effects.nameless import NAMELESS
 from pipeline.machine.surroundings import Surrounded
 from pipeline.reduction.measured import Measured
+from pipeline.system import alarms
 from pipeline.system.detect import LackOfFit, Threshold, lack_of_fit, threshold
 from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import LEAST_EVIDENCE, ROUNDING, Scores
@@ -217,6 +218,7 @@ class SearchResult(Locked):
         strange: For each accepted cause, what could replace it from outside the catalogue; empty
             where nothing competes.
         refused: Labels of causes that would need a physically impossible magnitude.
+        beyond: P-value by scatter of the likeliest law outside the catalogue that is not accepted.
     """
 
     seen: Linearised
@@ -235,11 +237,18 @@ class SearchResult(Locked):
     rivals: tuple[tuple[Replacement, ...], ...]
     strange: tuple[NamelessReplacement, ...]
     refused: tuple[str, ...]
+    beyond: float = 1.0
 
     @property
     def detected(self) -> bool:
         """Whether the joint springs alone fail to explain the data."""
-        return bool(self.scores.p().min() < self.threshold.p) or self.lack_first.found
+        listed = bool(self.scores.p().min() < self.threshold.p)
+        return listed or self.lack_first.found or self.structured
+
+    @property
+    def structured(self) -> bool:
+        """Whether some law stands out of the scatter, but not with certainty as that law."""
+        return self.beyond < alarms.STRUCTURE
 
     @property
     def stranger(self) -> NamelessReplacement | None:
@@ -259,7 +268,8 @@ class SearchResult(Locked):
     @property
     def clean(self) -> bool:
         """Whether nothing is left to explain."""
-        return not self.lack.found and self.left >= _FURTHER * self.threshold.p
+        left = self.left < _FURTHER * self.threshold.p
+        return not (left or self.lack.found or self.structured)
 
 
 def remainder(view: Whitened) -> float | None:

@@ -75,8 +75,8 @@ def with_unlisted_laws(
     Laws are also tested where the catalogue explains the data: what its own tests do not see may
     stand out in one of theirs, whether nothing was detected or a listed cause absorbed a part.
 
-    Case and result are returned unchanged where no law is found in addition to the catalogue, or
-    where the laws do not improve predictions of left-out poses.
+    Where no law is found in addition to the catalogue, or where the laws do not improve predictions
+    of left-out poses, the result keeps only how improbable the likeliest of them is by scatter.
 
     Args:
         task: What stays the same during the search.
@@ -84,12 +84,16 @@ def with_unlisted_laws(
         start: Initial compliances.
     """
     rng, every = np.random.default_rng(_SEED), _every(task, found)
-    if _open_(found, rng) or _likely(task, found, found.accepted, every, rng):
-        task, found = _extended(*_searched(task, found, (), every, start, rng), start, rng)
-        if found.accepted:
-            again = _searched(task, found, found.accepted, every, start, rng)
-            task, found = _extended(*again, start, rng)
-    return task, found
+    before, beyond = found, 1.0
+    if not _open_(found, rng):
+        laws, beyond = _likely(task, found, found.accepted, every, rng)
+        if not laws:
+            return task, replace(found, beyond=beyond)
+    task, found = _extended(*_searched(task, found, (), every, start, rng), start, rng)
+    if found.accepted:
+        again = _searched(task, found, found.accepted, every, start, rng)
+        task, found = _extended(*again, start, rng)
+    return task, replace(found, beyond=beyond) if found is before else found
 
 
 def _extended(
@@ -123,7 +127,7 @@ def _searched(
     rng: np.random.Generator,
 ) -> tuple[SearchTask, SearchResult]:
     """Result with laws among the suspects, if one is accepted and carries over to other poses."""
-    laws = _likely(task, found, beside, every, rng)
+    laws, _ = _likely(task, found, beside, every, rng)
     if not laws:
         return task, found
     wider = replace(task, suspects=task.suspects + tuple(laws), nameless=())
@@ -164,8 +168,10 @@ def _likely(
     beside: tuple[int, ...],
     laws: tuple[Effect, ...],
     rng: np.random.Generator,
-) -> dict[Effect, float]:
+) -> tuple[dict[Effect, float], float]:
     """Laws that are significant given some causes, likeliest first, each with its p-value.
+
+    And the smallest p-value by scatter alone of all that are likelier than not.
 
     Args:
         task: What stays the same during the search.
@@ -175,27 +181,29 @@ def _likely(
         rng: Source of the draws.
     """
     if not laws:
-        return {}
+        return {}, 1.0
     view, first = _view(task, found, beside, laws), len(beside)
     now = statistics_given(view.suspects, view.beside(view.base), range(first))
     evidence, p = now.log_evidence[first:], now.p()[first:]
     if not ((evidence > LEAST_EVIDENCE) & (p < alarms.LAW)).any():  # the family's p is not smaller
-        return {}
+        return {}, 1.0
     limit = threshold(view, view.base, now.dof, rng, _DRAWS)
     by_scatter = -np.expm1(limit.independent * np.log1p(-np.minimum(p, 1 - 1e-15)))
     able = (evidence > LEAST_EVIDENCE) & (by_scatter < alarms.LAW)
     if not able.any():
-        return {}
+        return {}, 1.0
+    beyond = float(by_scatter[able].min())
     fresh = [one.law is None or one.law.more is None for one in laws]
-    by_structure = np.where(fresh, _by_structure(view, now, rng)[first:], 0.0)
+    by_structure = np.where(fresh, _by_structure(view, now)[first:], 0.0)
     chance = np.maximum(by_scatter, by_structure)
     able &= chance < alarms.LAW
     if not able.any():
-        return {}
+        return {}, beyond
     able &= evidence > evidence[able].max() - _WITHIN
     ranked = [int(i) for i in np.argsort(-compared(evidence), kind="stable") if able[i]]
     robot = task.cell.robot
-    return {unlisted.worded(robot, laws[i]): float(chance[i]) for i in _with_room(laws, ranked)}
+    kept = _with_room(laws, ranked)
+    return {unlisted.worded(robot, laws[i]): float(chance[i]) for i in kept}, beyond
 
 
 def _with_room(laws: Sequence[Effect], ranked: Sequence[int]) -> Iterator[int]:
@@ -226,8 +234,10 @@ def _view(
     return few.whitened(few.linearised(model, near).beside(laws), listed)
 
 
-def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Array:
+def _by_structure(view: Whitened, now: Scores) -> Array:
     """Probability of as large a statistic anywhere, given random signs of poses' residuals, (n,).
+
+    The same signs each time: a law that was significant is so when it is asked again.
 
     T_j = g' N^+ g of each copy, g = sum over poses of s_p D_p' P y. Blocks of different ranks are
     compared by -dof / 2 ln(1 - T / rest) - rank / 2 ln dof (Schwarz, Annals of Statistics 6, 1978),
@@ -238,7 +248,7 @@ def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Arra
     left = base.blocks.rows(base.left)
     D = base.beyond(view.A[:, view.first : view.first + len(view.owner)])
     parts, known = (_of_poses(view, X * left[:, None]) for X in (D, base.blocks.rows(base.Q)))
-    signs = _signs(len(parts), rng)
+    signs = _signs(len(parts), np.random.default_rng(_SEED))
     rest = base.rest - np.sum((signs @ known) ** 2, axis=1)
     at = view.at
     size, axes = linear.directions(now.cov)

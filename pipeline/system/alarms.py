@@ -58,7 +58,7 @@ DRIFT = 0.05 * MOST_ALARMS - MOVED
 GREW = 0.01 * MOST_ALARMS
 """False-alarm rate of a base frame that grew between its rounds [1]."""
 
-MISFIT = 0.04 * MOST_ALARMS
+MISFIT = 0.035 * MOST_ALARMS
 """False-alarm rate of the chi-square test of the residuals with the noise stated or found [1]: a
 fit less probable than this is never called adequate."""
 
@@ -68,6 +68,10 @@ the model, and the joint springs are kept."""
 
 LAW = 0.10 * MOST_ALARMS
 """False-alarm rate of a law that is not in the catalogue, in displacements or in positions [1]."""
+
+STRUCTURE = 0.01 * MOST_ALARMS
+"""False-alarm rate of any such law in displacements standing out of the scatter alone [1]: not
+certain as a law, since flipped signs of poses may give it, too, but more than noise."""
 
 GEOMETRY = 0.05 * MOST_ALARMS
 """False-alarm rate of one cause among all that unloaded readings are tested for, and of DH
@@ -101,6 +105,7 @@ OF_PULLS = {
     "a misfit": MISFIT,
     "a larger scatter": SCATTER,
     "a law that nobody listed": LAW,
+    "structure of no certain law": STRUCTURE,
     "a wrong table": GEOMETRY,
     "loose targets": LOOSE,
 }
