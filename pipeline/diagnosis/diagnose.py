@@ -154,7 +154,7 @@ def diagnose(
         **_told_apart(task, found, facts.helps),
         **_left_out(found, worth, facts.helps),
         stood_off_m=(stood.miss_m, stood.left_m),
-        too_small=() if sets else too_small(task, found),
+        too_small=() if sets else too_small(task, found, facts.helps),
         as_stated=stated,
     )
 
