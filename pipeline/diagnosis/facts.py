@@ -447,6 +447,14 @@ class FoundCause(Locked):
         unnamed = self.unnamed.probability if self.unnamed else 0.0
         return max(self.missing, self.unproven, unnamed)
 
+    @property
+    def of_one_driver(self) -> float:
+        """Share of the laws of its place that depend on the same as the stated one [1]."""
+        drivers = [
+            (one.effect.law and one.effect.law.driver, one.probability) for one in self.either
+        ]
+        return 1.0 - sum(share for driver, share in drivers if driver != drivers[0][0])
+
     def stated(self, share: float) -> float:
         """Probability of a cause of the catalogue, from its share given that one is present."""
         return (1.0 - self.outside) * share

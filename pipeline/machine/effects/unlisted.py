@@ -540,8 +540,8 @@ def _slips(robot: Robot, law: Law, joint: int) -> Effect:
 
     def response(loaded: Loaded, tau: Array) -> Array:
         beyond = np.maximum(np.abs(tau) - law.at, 0.0)
-        slip = np.sign(tau) * (beyond if law.order else beyond > 0)
-        return np.asarray(_stays(loaded.pulls, slip[:, 0])[:, None])
+        slip = np.asarray(np.sign(tau) * (beyond if law.order else beyond > 0))
+        return _stays(loaded.pulls, slip[:, 0])[:, None]
 
     unit, typical = "rad", 5e-5
     if law.order:
