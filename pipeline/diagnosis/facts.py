@@ -202,7 +202,7 @@ class Drift(Locked):
         deformed_m: Changes of the reflectors' places between the rounds that no motion of the
             tracker explains, rms per axis [m]; 0 where chance explains them. Where the base frame
             grew, standard uncertainty of what is corrected.
-        grown: How it grew, which is corrected; None if it did not.
+        grown: How it grew in F_b, which is corrected; None if it did not.
     """
 
     effect: Observation
