@@ -20,6 +20,7 @@ from pipeline.diagnosis.cause_search import (
     merged,
     remainder,
 )
+from pipeline.diagnosis.verdict import CERTAIN
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect
 from pipeline.system.assemble import TRACKED, assemble
@@ -73,11 +74,12 @@ def beside_small(sets: Sequence[Hypothesis], small: Sequence[Hypothesis]) -> tup
 def too_small(task: SearchTask, found: SearchResult, helps: bool) -> tuple[Hypothesis, ...]:
     """The accepted causes with one that may be present undetected, each above `POSSIBLE`.
 
-    Empty where something is detected that no cause explains and predicts (`helps`). The weights are
-    relative to the accepted causes alone, or none, which have the remaining probability. Each
-    magnitude combines the readings with a normal prior about zero of `_USUAL` typical magnitudes.
+    Empty where something is detected that no cause certainly explains and predicts (`helps`): what
+    a rival leaves is no small cause. The weights are relative to the accepted causes alone, or
+    none, which have the remaining probability. Each magnitude combines the readings with a normal
+    prior about zero of `_USUAL` typical magnitudes.
     """
-    if found.detected and not (found.explains and helps):
+    if found.detected and not (found.explains and helps and _certain(task, found)):
         return ()
     odds = further_odds(task, found)
     total = 1.0 + sum(each for _, each in odds)
@@ -88,6 +90,17 @@ def too_small(task: SearchTask, found: SearchResult, helps: bool) -> tuple[Hypot
         _other(task, found, one) for one in sorted(likely, key=lambda one: -compared(one.weight))
     ]
     return tuple(_as_usual(one) for one in every if np.isfinite(one.estimate.std).all())
+
+
+def _certain(task: SearchTask, found: SearchResult) -> bool:
+    """Whether each accepted cause is identified against its rivals and what has no name."""
+    strange = found.stranger.probability if found.stranger else 0.0
+    places = zip(found.accepted, found.rivals, strict=True)
+    mine = [
+        sum(one.probability for one in rivals if one.label == task.suspects[accepted].label)
+        for accepted, rivals in places
+    ]
+    return min((*mine, 1.0 - strange)) >= CERTAIN
 
 
 def _as_usual(one: Hypothesis) -> Hypothesis:

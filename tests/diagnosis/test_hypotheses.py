@@ -66,7 +66,6 @@ def test_each_set_has_its_own_fit_and_says_what_it_has_instead(tilted):
     """The accepted cause first, then a rival of a quarter, and an unnamed one."""
     case, found, _ = tilted
     mine, rival = found.accepted[0], other(case, "joint_tilt:4")
-    found = replace(found, left=0.0)  # so that no cause is too small to name
     odds = placed(
         case, found, {mine: 0.7, rival: 0.3}, (NamelessReplacement(0.2, len(case.suspects), (0,)),)
     )
@@ -158,6 +157,9 @@ def test_beside_what_no_cause_explains_none_is_too_small(tilted):
     assert found.detected
     assert too_small(case, found, helps=False) == ()
     assert too_small(case, replace(found, left=0.0), helps=True) == ()
+    mine, rival = found.accepted[0], other(case, "joint_tilt:4")
+    assert too_small(case, placed(case, found, {mine: 0.94, rival: 0.06}), helps=True) == ()
+    assert too_small(case, placed(case, found, {mine: 0.96, rival: 0.04}), helps=True)
 
 
 @pytest.mark.parametrize("copies", [1.0, 1e-4, 0.0])
