@@ -511,7 +511,7 @@ def unloaded(
         beside=np.concatenate(
             [
                 _beside(data.stance, pulls.q, tool.targets[target]),
-                grown.parting(at, pulls.time_zero) if grown else np.zeros((len(at), 3, 0)),
+                _parting(grown, at, pulls.time_zero),
             ],
             axis=2,
         ),
@@ -525,6 +525,11 @@ def _beside(known: PositionsEstimate | None, q: Array, names: Strings) -> Array:
     if known is None or known.unsure is None:
         return np.zeros((len(q), 3, 0))
     return known.unsure(q, names)
+
+
+def _parting(grown: Course | None, at: Array, time: Array) -> Array:
+    """Motions by the growth that readings are corrected for, if the robot does not share it."""
+    return np.zeros((len(at), 3, 0)) if grown is None else grown.parting(at, time)
 
 
 @dataclass(frozen=True, eq=False)
