@@ -18,6 +18,7 @@ from pipeline.answer.geometry import (
 from pipeline.answer.inputs import (
     assumptions,
     identity_entry,
+    left_out_entries,
     measured_on,
     of_campaign,
     payload_entries,
@@ -82,7 +83,10 @@ def answer(found: CampaignResults) -> Answer:
         extended=_extended_entry(found),
         budget=budget_entries(values.stiffness),
         noise=noise_entry(found.right),
-        rejected=rejected_entries(given.case.rejected),
+        rejected=(
+            *rejected_entries(given.case.rejected),
+            *left_out_entries(given.case, found.right.case, found.mistakes),
+        ),
         set_aside=tuple(contract.SetAside(**asdict(one)) for one in given.case.aside),
         findings=(),
         registration=registration_entry(found.right.reduced.registration),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from datetime import date
 from typing import Any
 
@@ -17,6 +17,7 @@ from pipeline.base import doors, files
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import listed
 from pipeline.base.linear import rms
+from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.reduction._raw_readings import UnusedReadings
 from pipeline.reduction.case import Case
@@ -75,6 +76,29 @@ def rejected_entries(rejected: pd.DataFrame) -> tuple[Rejected, ...]:
         Rejected(file=file, line=None if pd.isna(line) else int(line), reason=reason)
         for file, line, reason in rejected[["file", "line", "reason"]].itertuples(index=False)
     )
+
+
+def left_out_entries(given: Case, right: Case, mistakes: Sequence[Mistake]) -> tuple[Rejected, ...]:
+    """Rows that are not in the corrected data, each with the evidence for the mistake in it."""
+    why = {at: one.evidence for one in mistakes for at in one.at}
+    pairs = (given.readings, right.readings), (given.loads, right.loads)
+    lost = dict.fromkeys(at for all_, kept in pairs for at in _gone(all_, kept))
+    places = (at.rpartition(":") for at in lost)
+    return tuple(
+        Rejected(file=file, line=int(line), reason=why.get(f"{file}:{line}", _WITH_IT))
+        for file, _, line in places
+    )
+
+
+_WITH_IT = "a reading of its pull, or its pose, is left out, without which it says nothing"
+
+
+def _gone(given: pd.DataFrame, kept: pd.DataFrame) -> list[str]:
+    """Lines of a table that another one lacks: `file:line`."""
+    if len(kept) >= len(given):
+        return []
+    still = set(lines_of(kept))
+    return [at for at in lines_of(given) if at not in still]
 
 
 def lost_told(lost: UnusedReadings) -> Iterator[str]:

@@ -25,6 +25,7 @@ from pipeline.diagnosis.average import (
 )
 from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Finding, Verdict
+from pipeline.diagnosis.hypotheses import beside_small
 from pipeline.diagnosis.unloaded_geometry import corrected
 from pipeline.diagnosis.verdict import of_both, verdict
 from pipeline.prediction import model as handover
@@ -59,8 +60,8 @@ class DecisionBasis:
 
     @property
     def unseen(self) -> bool:
-        """Whether the model fits, but causes that are too small to name may be present."""
-        return self.verdict == Verdict.ADEQUATE and self.too_small
+        """Whether springs alone are the model, but causes too small to name may be present."""
+        return self.too_small and not self.modelled and not self.unexplained
 
     @property
     def named(self) -> bool:
@@ -118,14 +119,21 @@ TABLE: tuple[DecisionRow, ...] = (
     DecisionRow(Reason.MISTAKE_AND_RIVALS, _AVERAGED, _CORRECTED, lambda f: f.causes and f.rivals),
     DecisionRow(Reason.MISTAKE_AND_CAUSE, _EXTENDED, _CORRECTED, lambda f: f.causes),
     DecisionRow(Reason.MISTAKE_AND_UNEXPLAINED, _SPRINGS, _CORRECTED, lambda f: f.unexplained),
+    DecisionRow(
+        Reason.MISTAKE_SPRINGS_UNTOUCHED, _AVERAGED, _CORRECTED, lambda f: f.named and f.unseen
+    ),
     DecisionRow(Reason.MISTAKE_SPRINGS_UNTOUCHED, _SPRINGS, _CORRECTED, lambda f: f.named),
     DecisionRow(Reason.MISTAKE_AND_TOO_SMALL, _AVERAGED, _CORRECTED, lambda f: f.unseen),
     DecisionRow(Reason.MISTAKE, _SPRINGS, _CORRECTED, lambda _: True),
+    DecisionRow(
+        Reason.WEIGHED_ANEW, _AVERAGED, _GIVEN, lambda f: f.causes and not f.beside and f.rivals
+    ),
     DecisionRow(Reason.WEIGHED_ANEW, _EXTENDED, _GIVEN, lambda f: f.causes and not f.beside),
     DecisionRow(Reason.CAUSE_AND_RIVALS, _AVERAGED, _GIVEN, lambda f: f.explained and f.rivals),
     DecisionRow(Reason.CAUSE_IDENTIFIED, _EXTENDED, _GIVEN, lambda f: f.explained),
     DecisionRow(Reason.RIVALS, _AVERAGED, _GIVEN, lambda f: f.causes and f.rivals),
     DecisionRow(Reason.CAUSE_DOUBTFUL, _EXTENDED, _GIVEN, lambda f: f.causes),
+    DecisionRow(Reason.SPRINGS_UNTOUCHED, _AVERAGED, _GIVEN, lambda f: f.named and f.unseen),
     DecisionRow(Reason.SPRINGS_UNTOUCHED, _SPRINGS, _GIVEN, lambda f: f.named),
     DecisionRow(Reason.SPRINGS_DISAGREE, _SPRINGS, _GIVEN, lambda f: f.disagree),
     DecisionRow(Reason.UNEXPLAINED, _SPRINGS, _GIVEN, lambda f: f.unexplained),
@@ -238,10 +246,9 @@ def recommend(
     """
     if row.model == _SPRINGS:
         return joint_springs(stands)
-    if row.reason.unseen:
+    if not diagnosis.hypotheses:
         alone = joint_springs(stands)
-        rest = 1.0 - sum(one.weight for one in diagnosis.too_small)
-        every = weighed([replace(alone.first, weight=rest), *diagnosis.too_small])
+        every = weighed(beside_small(alone.hypotheses, diagnosis.too_small))
         return replace(alone, hypotheses=every, where=where)
     return ModelValues(stands, diagnosis.hypotheses, _left_out(diagnosis), where)
 

@@ -331,9 +331,14 @@ def law_told(cause: FoundCause) -> str:
 
 def _or(cause: FoundCause) -> str:
     """A cause and what it could be instead, with their probabilities."""
-    every = (PossibleCause(cause.effect, cause.probability), *cause.rivals[:_RIVALS])
+    one_law = (PossibleCause(cause.effect, 1.0),)
+    laws = cause.either if cause.of_one_driver < 1 else one_law
     mine, *others = (
-        f"{one.effect.called}, {100 * cause.stated(one.probability):.0f} %" for one in every
+        f"{effect.called}, {100 * cause.stated(share):.0f} %"
+        for effect, share in (
+            *((one.effect, cause.probability * one.probability) for one in laws),
+            *((one.effect, one.probability) for one in cause.rivals[:_RIVALS]),
+        )
     )
     twin = "its twin, from which no pull can distinguish it" if cause.twins else "a similar cause"
     if ALL_SPRINGS in cause.twins:

@@ -13,9 +13,10 @@ from pipeline.answer.inputs import miss_m
 from pipeline.answer.remarks import contradicted
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import capital
-from pipeline.base import covariance
+from pipeline.base import covariance, linear
 from pipeline.base.errors import listed
 from pipeline.base.quantities import bracketed, common_prefix, plain, prefixed, with_std
+from pipeline.base.tails import chi2_beyond
 from pipeline.check.contradictions import along_the_beam, overloaded
 from pipeline.diagnosis.facts import FoundCause, UnloadedFacts
 from pipeline.machine.effect import Effect, Observation, Pulls
@@ -30,8 +31,11 @@ from pipeline.reduction.growth import REFERENCE_C, STEEL
 from pipeline.reduction.limits import beyond
 from pipeline.reduction.register import XYZ, Registration
 from pipeline.reduction.settings import Settings
+from pipeline.system import alarms
+from pipeline.system.contrasts import repeated_zeros
 from pipeline.system.estimate import MISFIT_P
 from pipeline.system.family import FAR_OFF
+from pipeline.system.fit import Fitted
 from pipeline.system.one_pose import OnePose
 
 _APART = 3.0
@@ -57,6 +61,8 @@ def findings(found: CampaignResults, whole: Answer, stated: Sequence[str]) -> It
     yield from shot_findings(case, found.given.data.pulls)
     yield from treated_findings(case)
     yield from pose_findings(found.one_pose)
+    if not _tracker_drifts(found):
+        yield from return_findings(found.right)
     yield from misshapen_findings(found.diagnosis.facts.unloaded)
     yield from contradicted(whole.payloads)
     yield from overloaded(whole.overload)
@@ -347,6 +353,38 @@ def misshapen_findings(stood: UnloadedFacts) -> list[str]:
         f"{which}, measured unloaded only, {'is' if few else 'are'} left out of the estimate of "
         "the DH parameters: the distances between the reflectors are not those of the other "
         f"poses, so one of the readings is an outlier. Measure {'it' if few else 'them'} again."
+    ]
+
+
+def return_findings(fitted: Fitted) -> list[str]:
+    """Sentence on poses whose unloaded reflectors stand elsewhere after a pull than before it.
+
+    chi2 = sum d' C^-1 d over the differences d of the zeros of a pose, C their covariance with the
+    noise in use, and with the scatter of the pose where that is more; p < `alarms.READING` over all
+    poses.
+    """
+    data, stated = fitted.data, fitted.reduced.data
+    zeros = repeated_zeros(fitted.case.settings, fitted.reduced.placed)
+    if not (data.noise_stated and len(zeros.pose)):
+        return []
+    wider = np.einsum("dii->d", data.zero_cov) / np.einsum("dii->d", stated.zero_cov)
+    pose = data.pulls.pose[data.pull]
+    noise = {int(k): max(fitted.scatter**2, float(wider[pose == k].max())) for k in np.unique(pose)}
+    off, most = [], 0.0
+    for k, scale in noise.items():
+        mine = zeros.pose == k
+        d, C = zeros.delta[mine], zeros.cov[mine] * scale
+        chi2 = float(np.einsum("zi,zij,zj->", d, linear.inverse(C), d))
+        if len(d) and chi2_beyond(chi2, d.size) * len(noise) < alarms.READING:
+            off.append(str(k))
+            most = max(most, float(np.linalg.norm(d, axis=1).max()))
+    if not off:
+        return []
+    return [
+        f"The unloaded reflectors did not return in pose{'s' * (len(off) > 1)} {listed(off)}: they "
+        f"stand up to {1e3 * most:.2f} mm from where they stood before the pulls, more than noise "
+        "explains: a joint slipped, something gave way for good, or the tracker moved. "
+        "Displacements are measured from the mean of both readings."
     ]
 
 

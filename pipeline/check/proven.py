@@ -75,7 +75,7 @@ def _estimated(case: Case, reduced: Reduced | None) -> Iterator[str]:
     effects, moves = motion(given)
     certain = search_task(cell, data, given.estimate)[0].certain_noise
     wander, stiff = between_poses(given.shape, moves), as_stiff(cell, given.estimate)
-    stood = from_unloaded(stiff, data, certain, effects, wander)
+    stood = from_unloaded(stiff, data, certain, effects, wander, moves.grown if moves else None)
     facts = Facts(unloaded=stood, moved=of_motion(stood, moves)[0])
     yield from told_of(facts, _OF_THE_TABLE)
 

@@ -686,12 +686,19 @@ def _by_data(task: SearchTask, now: Scores, causes: Sequence[int], logs: Array) 
     return np.where(one, np.maximum(logs, likely), logs)
 
 
-def lone_odds(task: SearchTask, found: SearchResult) -> list[tuple[int, float]]:
-    """Each cause as the only one, in its best form, with its posterior odds against none.
+def further_odds(task: SearchTask, found: SearchResult) -> list[tuple[int, float]]:
+    """Each further cause in its best form, with its posterior odds against the accepted ones alone.
 
-    A priori some cause is as likely as none, and all causes are equally likely.
+    A priori some further cause is as likely as none, and all causes are equally likely.
     """
-    every, now = by_label(task.suspects).values(), found.scores
+    view, accepted = found.view, found.view.model.accepted
+    now = statistics_given(task.suspects, view.beside(view.base), accepted)
+    named = {task.suspects[i].label for i in accepted}
+    every = [
+        forms
+        for label, forms in by_label(task.suspects).items()
+        if label not in named and task.suspects[forms[0]].law is None
+    ]
     best = [forms[int(np.argmax(compared(now.log_evidence[forms])))] for forms in every]
     odds = [float(np.exp(_together(task, now, forms))) / len(best) for forms in every]
     return list(zip(best, odds, strict=True))

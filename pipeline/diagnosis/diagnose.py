@@ -154,7 +154,7 @@ def diagnose(
         **_told_apart(task, found, facts.helps),
         **_left_out(found, worth, facts.helps),
         stood_off_m=(stood.miss_m, stood.left_m),
-        too_small=() if sets else too_small(task, found),
+        too_small=() if sets else too_small(task, found, facts.helps),
         as_stated=stated,
     )
 
@@ -169,7 +169,8 @@ def _to_search(
     cell, data, estimate, whole = given[:4]
     task, spread = search_task(*given)
     wander, stiff = between_poses(shape, drift), as_stiff(cell, estimate)
-    stood = from_unloaded(stiff, data, task.certain_noise, whole, wander)
+    grown = drift.grown if drift is not None else None
+    stood = from_unloaded(stiff, data, task.certain_noise, whole, wander, grown)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         task, spread = search_task(cell, data, estimate, whole, *given[4:])

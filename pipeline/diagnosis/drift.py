@@ -52,6 +52,8 @@ def motion(of: Fitted) -> tuple[tuple[Effect, ...], Drift | None]:
     found = drift(readings, scale, of.data.unloaded, effects, of.shape.wander)
     if found is None or (grown := readings.course) is None or grown.p_value >= alarms.GREW:
         return effects, found
+    R, t, scale = readings.R, readings.t, 1 + readings.growth.value
+    grown = grown.seen_from(R.T, -t @ R / scale, 1 / scale)
     return effects, replace(found, deformed_m=grown.std_m, grown=grown)
 
 

@@ -202,7 +202,7 @@ class Drift(Locked):
         deformed_m: Changes of the reflectors' places between the rounds that no motion of the
             tracker explains, rms per axis [m]; 0 where chance explains them. Where the base frame
             grew, standard uncertainty of what is corrected.
-        grown: How it grew, which is corrected; None if it did not.
+        grown: How it grew in F_b, which is corrected; None if it did not.
     """
 
     effect: Observation
@@ -446,6 +446,14 @@ class FoundCause(Locked):
         """Probability that the apparent cause is not of the catalogue."""
         unnamed = self.unnamed.probability if self.unnamed else 0.0
         return max(self.missing, self.unproven, unnamed)
+
+    @property
+    def of_one_driver(self) -> float:
+        """Share of the laws of its place that depend on the same as the stated one [1]."""
+        drivers = [
+            (one.effect.law and one.effect.law.driver, one.probability) for one in self.either
+        ]
+        return 1.0 - sum(share for driver, share in drivers if driver != drivers[0][0])
 
     def stated(self, share: float) -> float:
         """Probability of a cause of the catalogue, from its share given that one is present."""

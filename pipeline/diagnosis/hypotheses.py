@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -16,10 +16,11 @@ from pipeline.diagnosis.average import LEAST_PROBABILITY, POSSIBLE, Hypothesis, 
 from pipeline.diagnosis.cause_search import (
     SearchResult,
     SearchTask,
-    lone_odds,
+    further_odds,
     merged,
     remainder,
 )
+from pipeline.diagnosis.verdict import CERTAIN
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect
 from pipeline.system.assemble import TRACKED, assemble
@@ -40,10 +41,10 @@ widths over which the evidence is averaged (`system.evidence.WIDTHS`)."""
 def hypotheses(
     task: SearchTask, found: SearchResult, moved: bool, helps: bool
 ) -> tuple[Hypothesis, ...]:
-    """The accepted causes, and every set with likely rivals in their places; empty without causes.
+    """The accepted causes, then sets with likely rivals in their places or one more beside.
 
-    A scale that scatters more than stated, or a moved robot, requires the same springs with new
-    weights.
+    Empty without causes. A scale that scatters more than stated, or a moved robot, requires the
+    same springs with new weights.
 
     Args:
         task: What stays the same during the search.
@@ -51,36 +52,62 @@ def hypotheses(
         moved: The robot is not where its log says; the task already includes that.
         helps: The causes predict left-out poses better than the joint springs alone do.
     """
+    small = too_small(task, found, helps)
     if not (found.accepted and helps):
         if not moved and task.force_noise == 1:
             return ()
         only = _hypothesis(task, found.first.model, found.first.seen, 1.0)
-        return (_tested(task, only, found.first.seen),)
+        return weighed(beside_small([_tested(task, only, found.first.seen)], small))
     first, *others = _likely(task, found)
     own = _hypothesis(task, found.view.model, found.seen, first.weight)
     own = _tested(task, own, found.seen)
-    return weighed([own, *(_other(task, found, one) for one in others)])
+    every = [own, *(_other(task, found, one) for one in others)]
+    return weighed(beside_small(every, small))
 
 
-def too_small(task: SearchTask, found: SearchResult) -> tuple[Hypothesis, ...]:
-    """Single causes that may be present undetected where none is detected, each above `POSSIBLE`.
+def beside_small(sets: Sequence[Hypothesis], small: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """The sets, which have the probability that those with a cause too small to name leave."""
+    rest = 1.0 - sum(one.weight for one in small)
+    return (*(replace(one, weight=rest * one.weight) for one in sets), *small)
 
-    Their weights are relative to a model without causes, which has the remaining probability. Each
-    magnitude combines the readings with a normal prior about zero of `_USUAL` typical magnitudes.
+
+def too_small(task: SearchTask, found: SearchResult, helps: bool) -> tuple[Hypothesis, ...]:
+    """The accepted causes with one that may be present undetected, each above `POSSIBLE`.
+
+    Empty where something is detected that no cause certainly explains and predicts (`helps`): what
+    a rival leaves is no small cause. The weights are relative to the accepted causes alone, or
+    none, which have the remaining probability. Each magnitude combines the readings with a normal
+    prior about zero of `_USUAL` typical magnitudes.
     """
-    if found.detected or found.accepted:
+    if found.detected and not (found.explains and helps and _certain(task, found)):
         return ()
-    odds = lone_odds(task, found)
+    odds = further_odds(task, found)
     total = 1.0 + sum(each for _, each in odds)
-    likely = [_Set((i,), each / total) for i, each in odds if each / total > POSSIBLE]
+    likely = [
+        _Set((*found.accepted, i), each / total) for i, each in odds if each / total > POSSIBLE
+    ]
     every = [
         _other(task, found, one) for one in sorted(likely, key=lambda one: -compared(one.weight))
     ]
-    return tuple(
-        replace(one, estimate=_usual(one.estimate, one.effects[0]), sized=None)
-        for one in every
-        if np.isfinite(one.estimate.std).all()
-    )
+    return tuple(_as_usual(one) for one in every if np.isfinite(one.estimate.std).all())
+
+
+def _certain(task: SearchTask, found: SearchResult) -> bool:
+    """Whether each accepted cause is identified against its rivals and what has no name."""
+    strange = found.stranger.probability if found.stranger else 0.0
+    places = zip(found.accepted, found.rivals, strict=True)
+    mine = [
+        sum(one.probability for one in rivals if one.label == task.suspects[accepted].label)
+        for accepted, rivals in places
+    ]
+    return min((*mine, 1.0 - strange)) >= CERTAIN
+
+
+def _as_usual(one: Hypothesis) -> Hypothesis:
+    """The hypothesis whose last cause is as large as undetected ones usually are."""
+    last = one.effects[-1]
+    sized = None if one.sized is None else _usual(one.sized, last)
+    return replace(one, estimate=_usual(one.estimate, last), sized=sized)
 
 
 def _usual(estimate: Estimate, effect: Effect) -> Estimate:

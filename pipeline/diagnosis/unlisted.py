@@ -195,7 +195,7 @@ def _likely(
     beyond = float(by_scatter[able].min())
     fresh = [one.law is None or one.law.more is None for one in laws]
     by_structure = np.where(fresh, _by_structure(view, now)[first:], 0.0)
-    chance = np.maximum(by_scatter, by_structure)
+    chance = np.maximum(by_scatter, _least_of_place(laws, np.where(able, by_structure, 1.0)))
     able &= chance < alarms.LAW
     if not able.any():
         return {}, beyond
@@ -204,6 +204,17 @@ def _likely(
     robot = task.cell.robot
     kept = _with_room(laws, ranked)
     return {unlisted.worded(robot, laws[i]): float(chance[i]) for i in kept}, beyond
+
+
+def _least_of_place(laws: Sequence[Effect], chance: Array) -> Array:
+    """For each law the least chance of all laws of its place, shape (n,).
+
+    That something there follows a law is what structure tells; which law it is, the evidence does.
+    """
+    places, of = np.unique([one.label for one in laws], return_inverse=True)
+    least = np.full(len(places), np.inf)
+    np.minimum.at(least, of, chance)
+    return least[of]
 
 
 def _with_room(laws: Sequence[Effect], ranked: Sequence[int]) -> Iterator[int]:

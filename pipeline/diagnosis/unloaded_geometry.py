@@ -57,6 +57,7 @@ from pipeline.machine.effects import (
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.dh_parameters import changed
 from pipeline.machine.robot.weight import weighs
+from pipeline.reduction.course import Course
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.system import Estimate
@@ -98,7 +99,12 @@ class _Suspect(SuspectUnknowns):
 
 
 def from_unloaded(
-    cell: Cell, data: Measured, scale: float, effects: Sequence[Effect], wander_m: float = 0.0
+    cell: Cell,
+    data: Measured,
+    scale: float,
+    effects: Sequence[Effect],
+    wander_m: float = 0.0,
+    grown: Course | None = None,
 ) -> UnloadedFacts:
     """Estimate the table from the unloaded positions, and find the parameters that are far off.
 
@@ -110,9 +116,10 @@ def from_unloaded(
         scale: Scatter of the tracker over its stated standard uncertainty.
         effects: The catalogue.
         wander_m: Slow error of the instrument common to all targets, which moves whole poses [m].
+        grown: Growth of the base frame, with which the robot may have grown or not.
     """
     known = weighs(cell.robot)
-    zeros = unloaded(cell.robot, cell.tool, None if known else _sag(effects), data, scale)
+    zeros = unloaded(cell.robot, cell.tool, None if known else _sag(effects), data, scale, grown)
     if zeros is None:
         return NO_UNLOADED
     asked = tuple(_suspects(zeros, effects))

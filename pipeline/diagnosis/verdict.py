@@ -59,7 +59,7 @@ def _gain_uncertain(facts: Facts) -> bool:
 
 def certain(cause: FoundCause) -> bool:
     """Whether a cause is identified rather than one of several that fit equally well."""
-    return not cause.twins and cause.probability >= CERTAIN
+    return not cause.twins and cause.probability * cause.of_one_driver >= CERTAIN
 
 
 def two_laws(facts: Facts) -> int | str | None:

@@ -34,6 +34,7 @@ from pipeline.machine.positions_estimate import PositionsEstimate
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.dh_parameters import DhParameter, changed, dh_parameters, twists
 from pipeline.machine.robot.weight import by_moments, carried, work
+from pipeline.reduction.course import Course
 from pipeline.reduction.idle import Idle
 from pipeline.reduction.measured import STILL_M, Measured
 
@@ -457,7 +458,12 @@ def _by_pose(zeros: Unloaded, y: Array, D: Array, Z: Array) -> PoseRows:
 
 
 def unloaded(
-    robot: Robot, tool: Tool, sag: Geometry | None, data: Measured, scale: float
+    robot: Robot,
+    tool: Tool,
+    sag: Geometry | None,
+    data: Measured,
+    scale: float,
+    grown: Course | None = None,
 ) -> Unloaded | None:
     """The unloaded positions; None where too few poses were read unloaded.
 
@@ -467,6 +473,7 @@ def unloaded(
         sag: Effect of the arm's own weight on its joints, or None.
         data: The measurements; `unloaded` may be NaN.
         scale: Scatter of the tracker over its stated standard uncertainty.
+        grown: Growth of the base frame that the readings are corrected for, in F_b, if any.
     """
     _, first = np.unique(data.zero, return_index=True)
     first = first[np.isfinite(data.unloaded[first]).all(axis=1)]
@@ -501,7 +508,13 @@ def unloaded(
         tool_std=data.tool_std,
         misshapen=misshapen,
         turned=None if turned is None else turned * better,
-        beside=_beside(data.stance, pulls.q, tool.targets[target]),
+        beside=np.concatenate(
+            [
+                _beside(data.stance, pulls.q, tool.targets[target]),
+                _parting(grown, at, pulls.time_zero),
+            ],
+            axis=2,
+        ),
     )
     off = found.seen(np.zeros(found.columns.count))
     return replace(found, place=(off if turned is None else off[::2]).mean(axis=0))
@@ -512,6 +525,11 @@ def _beside(known: PositionsEstimate | None, q: Array, names: Strings) -> Array:
     if known is None or known.unsure is None:
         return np.zeros((len(q), 3, 0))
     return known.unsure(q, names)
+
+
+def _parting(grown: Course | None, at: Array, time: Array) -> Array:
+    """Motions by the growth that readings are corrected for, if the robot does not share it."""
+    return np.zeros((len(at), 3, 0)) if grown is None else grown.parting(at, time)
 
 
 @dataclass(frozen=True, eq=False)

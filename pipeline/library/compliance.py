@@ -86,16 +86,17 @@ def _tangent(one: ModelHypothesis, pulls: Pulls, points: Array | None) -> Array:
     """Derivative of the entries of C by each parameter, shape (m, 36, k)."""
     cell = one.at(points)
     loaded = load(cell, pulls, one.value)
-    columns = []
-    for effect, part in cell.split(one.value):
-        found = np.zeros((len(pulls), 36, len(part)))
-        if isinstance(effect, Elastic):
-            s = _motions(effect, loaded)
-            given = np.einsum("mvw,mwj->mvj", _law(effect, loaded), s)
-            for v, k in enumerate(effect.parameter_of):
-                found[:, :, k] += (s[:, v, :, None] * given[:, v, None, :]).reshape(-1, 36)
-        columns.append(found)
-    return np.concatenate(columns, axis=-1)
+    found, begin = np.zeros((len(pulls), 36, len(one.value))), 0
+    for effect in cell.effects:
+        for facet in effect.facets:
+            if isinstance(facet, Elastic):
+                s = _motions(facet, loaded)
+                given = np.einsum("mvw,mwj->mvj", _law(facet, loaded), s)
+                for v, k in enumerate(facet.parameter_of):
+                    pair = s[:, v, :, None] * given[:, v, None, :]
+                    found[:, :, begin + k] += pair.reshape(-1, 36)
+        begin += len(effect.parameters)
+    return found
 
 
 def _motions(effect: Elastic, loaded: Loaded) -> Array:

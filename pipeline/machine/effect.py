@@ -38,6 +38,8 @@ class Pulls(Locked):
         acts_at: Point of application in the flange frame [m], shape (m, 3); NaN for the tool's load
             point.
         body: Name of the payload, empty for other loads, shape (m,).
+        zeros_after: Fraction of the pose's unloaded readings that were taken after the pull [1],
+            shape (m,); 0 by default.
     """
 
     pose: Ints
@@ -51,6 +53,7 @@ class Pulls(Locked):
     by: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     acts_at: Array = field(default_factory=lambda: np.zeros((0, 3)))
     body: Strings = field(default_factory=lambda: np.zeros(0, dtype=object))
+    zeros_after: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         """Fill in the defaults: pulls by a chain at the load point, without a payload."""
@@ -60,6 +63,8 @@ class Pulls(Locked):
             object.__setattr__(self, "acts_at", np.full((len(self.pose), 3), np.nan))
         if len(self.body) != len(self.pose):
             object.__setattr__(self, "body", np.full(len(self.pose), "", dtype=object))
+        if len(self.zeros_after) != len(self.pose):
+            object.__setattr__(self, "zeros_after", np.zeros(len(self.pose)))
         super().__post_init__()
 
     def __len__(self) -> int:

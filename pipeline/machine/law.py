@@ -63,6 +63,11 @@ class Law:
         """Key of what the law describes: place, part, variable and source joint."""
         return self.where, self.part, self.variable, self.source
 
+    @property
+    def driver(self) -> str:
+        """What it depends on: its variable, or of a joint that slips for good, an overload."""
+        return "overload" if self.part == "slips" else self.variable
+
     def extends(self, other: Law) -> bool:
         """Whether it is the other law plus one further shape."""
         return self.more is not None and self.shapes[:-1] == other.shapes

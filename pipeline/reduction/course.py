@@ -67,6 +67,29 @@ class Course(Locked):
             gradient=R.T @ self.gradient @ R,
         )
 
+    def parting(self, points: Array, since: Array) -> Array:
+        """What the correction moves points by if the robot did not grow with its base [m].
+
+        a S_r l of the strain alone, and translations g_r a L along x, y and z, as nobody knows
+        which point of the base stayed where it was: S_r the symmetric part of the gradient, L the
+        longest extent; each is uncertain by itself, that is as large once.
+
+        Args:
+            points: Positions [m], shape (m, 3).
+            since: Seconds after the first reading, NaN as in the first round, shape (m,).
+
+        Returns:
+            Shape (m, 3, 4).
+        """
+        known = np.nan_to_num(since)
+        share = np.column_stack(
+            [np.interp(known, self.begun, one) for one in np.eye(len(self.begun))]
+        )
+        strain = (self.gradient + np.swapaxes(self.gradient, 1, 2)) / 2
+        own = np.einsum("mr,rij,mj->mi", share, strain, points - self.centre)
+        away = (share @ self.growth * self.length_m)[:, None, None] * np.eye(3)
+        return np.concatenate([own[:, :, None], away], axis=2)
+
     def as_in_first(self, readings: pd.DataFrame, since: Array) -> pd.DataFrame:
         """Table READINGS with all positions as they would have been read in the first round.
 

@@ -241,9 +241,10 @@ def measured(
     order = order[pull[order] >= 0]
     rows, pull, target = rows.iloc[order], pull[order], target[order]
     zero_time = rows.groupby(pull)["zero_time_s"].mean().reindex(range(len(pulls))).to_numpy()
+    zero_times = _zero_times(placed, pulls["pose"].to_numpy())
     loaded_cov, zero_cov, stated = _covariances(rows)
     data = Measured(
-        pulls=_pulls(settings, robot, pulls, zero_time),
+        pulls=_pulls(settings, robot, pulls, zero_time, zero_times),
         pull=pull,
         target=target,
         name=rows["target"].to_numpy(object),
@@ -264,7 +265,7 @@ def measured(
         mass_std=pulls["mass_std_n"].to_numpy(float),
         center_std=pulls["center_std_m"].to_numpy(float),
         rotation_found=registration.from_scatter,
-        zero_times=_zero_times(placed, pulls["pose"].to_numpy()),
+        zero_times=zero_times,
         paper=placed is not None and bool((placed["covariance_from"] == "paper").any()),
         tracked=settings.instrument.kind == "laser_tracker",
         length_rel=settings.instrument.length_sigma_rel,
@@ -278,8 +279,12 @@ def measured(
     return _in_poses(data, robot, effector, settings.instrument) if effector.six else data
 
 
-def _pulls(settings: Settings, robot: Robot, pulls: pd.DataFrame, zero_time: Array) -> Pulls:
+def _pulls(
+    settings: Settings, robot: Robot, pulls: pd.DataFrame, zero_time: Array, zero_times: Array
+) -> Pulls:
     """What loads the robot, and where it stands."""
+    time = pulls["time_s"].to_numpy(float)
+    later = np.sum(zero_times > time[:, None], axis=1)
     values = [tables.joint_column(j.name, j.prismatic) for j in robot.joints]
     return Pulls(
         pose=pulls["pose"].to_numpy(np.int64),
@@ -288,11 +293,12 @@ def _pulls(settings: Settings, robot: Robot, pulls: pd.DataFrame, zero_time: Arr
         force=_side_by_side(pulls, _FORCE),
         branch=pulls["branch"].to_numpy(float),
         approach=pulls["approach"].to_numpy(float),
-        time=pulls["time_s"].to_numpy(float),
+        time=time,
         time_zero=zero_time,
         by=pulls["by"].to_numpy(np.int64),
         acts_at=_side_by_side(pulls, _AT),
         body=_payloads(settings, pulls),
+        zeros_after=later / np.maximum(np.isfinite(zero_times).sum(axis=1), 1),
     )
 
 

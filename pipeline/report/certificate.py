@@ -380,9 +380,13 @@ _OF_THE_MEASUREMENT = ("force", "metrology", "noise")
 
 
 def _acting(answer: Answer) -> set[str]:
-    """Causes of the answer's model that deflect the robot."""
+    """Causes of the answer's model that deflect the robot, without those too small to name.
+
+    Such a one stands beside all that was identified, a rival in its place.
+    """
     aside = {c.name for c in answer.diagnosis.causes if c.location in _OF_THE_MEASUREMENT}
-    return {c.name for one in answer.recommended.hypotheses for c in one.causes} - aside
+    sets = [{c.name for c in one.causes} for one in answer.recommended.hypotheses]
+    return {name for one in sets if not one > sets[0] for name in one} - aside
 
 
 def _substituted(answer: Answer) -> bool:

@@ -45,6 +45,8 @@ def test_what_changes_no_model_only_weighs_the_springs_anew():
     row = decide(DecisionBasis(False, "explained", modelled=True, rivals=False, beside=False))
 
     assert (row.model, row.data, row.reason) == (EXTENDED, GIVEN, Reason.WEIGHED_ANEW)
+    row = decide(DecisionBasis(False, "explained", modelled=True, rivals=True, beside=False))
+    assert (row.model, row.data, row.reason) == (AVERAGED, GIVEN, Reason.WEIGHED_ANEW)
 
 
 @pytest.mark.parametrize(
@@ -52,19 +54,17 @@ def test_what_changes_no_model_only_weighs_the_springs_anew():
     [
         (False, "adequate", AVERAGED, Reason.TOO_SMALL),
         (True, "adequate", AVERAGED, Reason.MISTAKE_AND_TOO_SMALL),
-        (False, "explained", SPRINGS, Reason.SPRINGS_UNTOUCHED),
+        (False, "explained", AVERAGED, Reason.SPRINGS_UNTOUCHED),
+        (True, "explained", AVERAGED, Reason.MISTAKE_SPRINGS_UNTOUCHED),
         (False, "unexplained", SPRINGS, Reason.UNEXPLAINED),
         (True, "unexplained", SPRINGS, Reason.MISTAKE_AND_UNEXPLAINED),
     ],
 )
-def test_what_is_too_small_to_name_counts_where_nothing_else_is_wrong(
-    mistakes, verdict, model, reason
-):
-    """Springs are averaged over it only beside the verdict that nothing is missing."""
+def test_what_is_too_small_to_name_counts_where_the_model_holds(mistakes, verdict, model, reason):
+    """Springs are averaged over it unless something is missing that no cause explains."""
     row = decide(DecisionBasis(mistakes, verdict, modelled=False, rivals=False, too_small=True))
 
     assert (row.model, row.reason) == (model, reason)
-    assert reason.unseen is (model == AVERAGED)
 
 
 def test_every_campaign_has_a_row_and_every_row_a_campaign():

@@ -17,8 +17,9 @@ from pipeline.machine.cell import predict
 
 @pytest.fixture(scope="module")
 def tilted():
-    """A campaign with a tilting third joint, searched among five causes."""
-    at = asked(small(3, poses={"count": 7}, hidden={"effects": ["joint_tilt:3=2x"]}))
+    """A campaign with a third joint that tilts, and a carriage that rolls by too little to name."""
+    hidden = {"effects": ["joint_tilt:3=2x", "rail_roll=0.25x"]}
+    at = asked(small(3, poses={"count": 7}, hidden=hidden))
     case, _ = search_task(at.cell, at.reduced.data, at.estimate)
     wanted = ("joint_tilt:3", "joint_tilt:4", "joint_tilt:6", "rail_roll")
     few = tuple(one for one in case.suspects if one.label in wanted)
@@ -101,30 +102,64 @@ def test_a_cause_too_small_to_name_is_averaged_over(unnoticed):
     odds = np.exp(found.scores.log_evidence) / len(case.suspects)
     share = odds / (1 + odds.sum())
 
-    small_ones = too_small(case, found)
+    small_ones = too_small(case, found, helps=True)
 
     likely = {one.label: w for one, w in zip(case.suspects, share, strict=True) if w > 0.05}
     assert {one.effects[0].label: one.weight for one in small_ones} == pytest.approx(likely)
     assert "joint_tilt:3" in likely
     for one in small_ones:
-        k, typical = len(one.effects[0].parameters), [p.typical for p in one.effects[0].parameters]
-        own, cov = dense(one.system)
-        rows = np.linalg.inv(np.linalg.cholesky(cov)) / one.ratio
-        prior = np.eye(len(own))[-k:] / (2.5 * np.array(typical))[:, None]
-        scale = np.array([p.typical for p in one.system.parameters])
-        X, y = np.vstack([rows, prior]) * scale, np.append(rows @ own, np.zeros(k))
-        x = np.linalg.lstsq(X, y, rcond=None)[0] * scale
-        std = np.sqrt(np.diag(np.linalg.inv(X.T @ X))) * scale
-        np.testing.assert_allclose(one.estimate.value, x, rtol=1e-4, atol=1e-4 * np.abs(x).max())
-        np.testing.assert_allclose(one.estimate.std, std, rtol=1e-3)
+        with_prior_of_its_last(one)
 
 
-def test_where_a_cause_is_detected_none_is_too_small(tilted):
-    """It is named or left unexplained; undetected causes are not averaged over."""
+def with_prior_of_its_last(one):
+    """A hypothesis agrees with numpy's where its last cause has rows of the prior."""
+    k, typical = len(one.effects[-1].parameters), [p.typical for p in one.effects[-1].parameters]
+    own, cov = dense(one.system)
+    rows = np.linalg.inv(np.linalg.cholesky(cov)) / one.ratio
+    prior = np.eye(len(own))[-k:] / (2.5 * np.array(typical))[:, None]
+    scale = np.array([p.typical for p in one.system.parameters])
+    X, y = np.vstack([rows, prior]) * scale, np.append(rows @ own, np.zeros(k))
+    x = np.linalg.lstsq(X, y, rcond=None)[0] * scale
+    std = np.sqrt(np.diag(np.linalg.inv(X.T @ X))) * scale
+    np.testing.assert_allclose(one.estimate.value, x, rtol=1e-4, atol=1e-4 * np.abs(x).max())
+    np.testing.assert_allclose(one.estimate.std, std, rtol=1e-3)
+
+
+def test_a_cause_too_small_to_name_is_averaged_over_beside_an_identified_one(tilted):
+    """It stands beside that one, which keeps the probability that is left and its first place."""
+    case, found, _ = tilted
+    assert found.explains
+    mine = found.accepted[0]
+    now, labels = found.view.beside(found.view.base), [one.label for one in case.suspects]
+    forms = {label: [i for i, one in enumerate(labels) if one == label] for label in labels}
+    del forms[case.suspects[mine].label]
+    odds = {
+        label: np.exp(now.log_evidence[every]).mean() / len(forms) for label, every in forms.items()
+    }
+    total = 1 + sum(odds.values())
+    likely = {label: each / total for label, each in odds.items() if each / total > 0.05}
+    assert "rail_roll" in likely
+
+    small_ones = too_small(case, found, helps=True)
+    first, *others = hypotheses(case, placed(case, found, {mine: 1.0}), moved=False, helps=True)
+
+    assert {one.effects[-1].label: one.weight for one in small_ones} == pytest.approx(likely)
+    assert first.weight == pytest.approx(1 - sum(likely.values()))
+    assert [one.effects[0] for one in (first, *others)] == [case.suspects[mine]] * (1 + len(likely))
+    for one in small_ones:
+        with_prior_of_its_last(one)
+
+
+def test_beside_what_no_cause_explains_none_is_too_small(tilted):
+    """What is left, and what the causes do not predict, is not what a small cause does."""
     case, found, _ = tilted
 
     assert found.detected
-    assert too_small(case, found) == ()
+    assert too_small(case, found, helps=False) == ()
+    assert too_small(case, replace(found, left=0.0), helps=True) == ()
+    mine, rival = found.accepted[0], other(case, "joint_tilt:4")
+    assert too_small(case, placed(case, found, {mine: 0.94, rival: 0.06}), helps=True) == ()
+    assert too_small(case, placed(case, found, {mine: 0.96, rival: 0.04}), helps=True)
 
 
 @pytest.mark.parametrize("copies", [1.0, 1e-4, 0.0])
@@ -172,7 +207,7 @@ def test_the_system_of_a_model_leaves_what_the_model_leaves(tilted):
 def test_what_a_model_leaves_over_the_scatter_widens_its_uncertainties(tilted, monkeypatch):
     """Residuals of 1.5 times the scatter scale all uncertainties; they are never reduced."""
     case, found, _ = tilted
-    odds = placed(case, found, {found.accepted[0]: 1.0})
+    odds = replace(placed(case, found, {found.accepted[0]: 1.0}), left=0.0)
     _, plain = _solved(case, found.view.model, found.seen)
     for left, factor in ((1.5, 1.5), (0.5, 1.0), (None, 1.0)):
         monkeypatch.setattr(module, "remainder", lambda _, left=left: left)

@@ -227,6 +227,18 @@ def test_laws_are_undecided_where_none_leads_by_twenty_to_one(shares, told):
     assert len(_either(case, found, 0)) == told
 
 
+def test_structure_tells_of_a_place_that_it_follows_a_law_not_which():
+    """A slip in four poses is as structured as its copies with other signs; creep there is not."""
+    laws = [
+        SimpleNamespace(label=label)
+        for label in ("unlisted_law:5", "unlisted_law:3", "unlisted_law:5", "unlisted_law:scale")
+    ]
+
+    least = search._least_of_place(laws, np.array([3e-4, 0.2, 0.125, 0.5]))
+
+    assert least.tolist() == [3e-4, 0.2, 3e-4, 0.5]
+
+
 @pytest.mark.slow
 def test_what_a_law_lacks_is_no_listed_cause():
     """An eccentric wheel, |sin| of the angle, is a law of its joint, without other causes."""

@@ -25,11 +25,13 @@ from pipeline.diagnosis.facts import (
 )
 from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.diagnosis.verdict import TABLE, findings, of_both, verdict
-from pipeline.machine.effects import catalogue
+from pipeline.machine.effects import catalogue, unlisted
+from pipeline.machine.law import parse
 from pipeline.machine.robot import load
 from pipeline.system.outlying import OutlyingReadings
 
-EFFECTS = {(effect.label, effect.form): effect for effect in catalogue(load("kr500_rail"))}
+ROBOT = load("kr500_rail")
+EFFECTS = {(effect.label, effect.form): effect for effect in catalogue(ROBOT)}
 
 
 def effect(label):
@@ -231,6 +233,33 @@ def test_each_row_gives_its_verdict_and_a_sentence(finding):
     assert said[0].isupper()
     assert said.endswith(".")
     assert "_" not in said, "a machine's name in a sentence"
+
+
+def of_joint_5(*laws):
+    """A cause that follows one of some laws, each with its share."""
+    every = [(unlisted.effect(ROBOT, parse("5", form)), share) for form, share in laws]
+    either = tuple(PossibleCause(one, share) for one, share in every)
+    return FoundCause(either[0].effect, 1.0, (), 1e-9, either=either)
+
+
+CREEP, SLIP = "creep smooth time 0 1 0 9 0 False", "slips step torque 5 1 -9 9 4 False"
+WAVE = "spring periodic angle 5 {} -9 9 0 False"
+
+
+@pytest.mark.parametrize(
+    ("cause", "expected", "said"),
+    [
+        (of_joint_5((CREEP, 0.88), (SLIP, 0.12)), Verdict.AMBIGUOUS, "12 %"),
+        (of_joint_5((CREEP, 0.96), (SLIP, 0.04)), Verdict.EXPLAINED, "over 99.9 %"),
+        (of_joint_5((WAVE.format(2), 0.6), (WAVE.format(6), 0.4)), Verdict.EXPLAINED, "over 99.9"),
+    ],
+)
+def test_laws_of_one_place_that_depend_on_different_things_are_rivals(cause, expected, said):
+    """Creep and slip are; waves of different orders predict alike where they were taught."""
+    facts = replace(FOUND, causes=(cause,))
+
+    assert verdict(facts) is expected
+    assert said in wrong(facts, 0)
 
 
 def test_what_fits_only_at_an_impossible_size_is_said_to():

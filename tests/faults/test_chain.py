@@ -40,6 +40,8 @@ def read(
     back_m=0.0,
     softens=0.0,
     fixed=False,
+    sigma_m=SIGMA_M,
+    gives=1.0,
 ):
     """A campaign of chains in a room: anchor, load point that gives way, links between them.
 
@@ -54,13 +56,15 @@ def read(
         softens: How much more it gives way under 3 kN than in proportion to the force [1].
         fixed: Whether the far end stays where it is, as at an anchor, however far the near one
             comes.
+        sigma_m: Scatter of a reading per axis, also as stated.
+        gives: How far the load point gives way, over what it usually does.
     """
     rows, loads = [], []
     hung = 0.6 + hung_m * rng.standard_normal(poses)
     for pose in range(poses):
         load = rng.uniform([6.0, -2, -2], [10.0, 2, 2])
         anchor = load + rng.uniform(1.5, 6) * _unit(rng.standard_normal(3))
-        give = rng.uniform(1e-3, 5e-3) * rng.standard_normal(3)
+        give = gives * rng.uniform(1e-3, 5e-3) * rng.standard_normal(3)
         for k, force in enumerate(steps):
             late = back_m * (k == len(steps) - 1) * _unit(give)
             moved = give * force / 3000 * (1 + softens * force / 3000) - late
@@ -71,15 +75,15 @@ def read(
             ends = np.array([at + 0.15 * (u + droop), at + (0.15 + length) * _unit(u + droop)])
             if fixed:
                 ends[1] = load + (0.15 + hung[pose]) * _unit(anchor - load)
-            ends += SIGMA_M * rng.standard_normal((2, 3))
+            ends += sigma_m * rng.standard_normal((2, 3))
             group = f"pose{pose + 1:02d}_rep{k + 1}_loaded"
             loads.append((pose + 1, k + 1, force + 2 * rng.standard_normal()))
-            points = [*ends, *(load + moved + TOOL + SIGMA_M * rng.standard_normal((3, 3)))]
+            points = [*ends, *(load + moved + TOOL + sigma_m * rng.standard_normal((3, 3)))]
             for name, point in zip(("Pl1", "Pl2", "P1", "P2", "P3"), points, strict=True):
                 rows.append((group, name, pose + 1, k + 1, "loaded", *point))
     readings = pd.DataFrame(rows, columns=["group", "target", "pose", "repeat", "state", *XYZ])
     for name in (c for c in case().readings.columns if c not in readings):
-        readings[name] = SIGMA_M**2 if name in ("cxx_m2", "cyy_m2", "czz_m2") else 0.0
+        readings[name] = sigma_m**2 if name in ("cxx_m2", "cyy_m2", "czz_m2") else 0.0
     return replace(
         case(),
         readings=readings,
@@ -121,6 +125,25 @@ def test_a_good_chain_is_not_accused(chain, seeds):
     """Chains sag and stretch, hang differently in every pose, and load points return late."""
     for seed in seeds:
         assert not chain_outlier(read(np.random.default_rng([seed, 9]), **chain))
+
+
+@pytest.mark.parametrize(("along", "off_m"), [(1.0, 1.2e-4), (0.0, 2e-4)])
+def test_what_turns_no_force_by_more_than_a_scale_scatters_is_not_named(along, off_m):
+    """However certain it is: by a tracker of 2 micrometres, an end is off by 60 to 100 of them."""
+    given = read(np.random.default_rng(5), sigma_m=2e-6, gives=0.05)
+    rows = given.readings.set_index(["group", "target"])[XYZ]
+    u = _unit(
+        np.subtract(*(rows.loc[("pose04_rep2_loaded", k)].to_numpy() for k in ("Pl2", "Pl1")))
+    )
+    way = u if along else _unit(np.cross(u, [0.1, 0.2, 0.9]))
+
+    small, large = (
+        chain_outlier(spoiled(given, "pose04_rep2_loaded", "Pl1", size * way))
+        for size in (off_m, 3 * off_m)
+    )
+
+    assert not small
+    assert [f.where for f in large] == ["pose04_rep2_loaded/Pl1"]
 
 
 @pytest.mark.parametrize("end", ["Pl1", "Pl2"])

@@ -17,6 +17,7 @@ from pipeline.diagnosis.unloaded_geometry import corrected, from_unloaded
 from pipeline.machine.effects import catalogue, tracker_drift
 from pipeline.machine.robot import configure
 from pipeline.machine.robot.dh_parameters import changed, dh_parameters
+from pipeline.reduction.course import Course
 from pipeline.reduction.register import register
 from pipeline.run import campaign_answer
 from pipeline.simulate import Plan, simulate
@@ -294,3 +295,66 @@ def test_a_campaign_in_which_a_joint_was_mastered_anew_is_explained():
     assert (one.where, one.form) == (4, "since pose 8")
     assert "changed at pose 8" in " ".join(said.verdict_sentence)
     assert said.recommended.model in {Which.EXTENDED, Which.JOINT_SPRINGS}
+
+
+def grown_by(data, growth):
+    """A course of growth from the first zero to the last, of a base frame 10 m long."""
+    ends = np.array([0.0, 1.0])
+    return Course(
+        groups=("begin", "end"),
+        begun=ends * data.pulls.time_zero.max(),
+        centre=np.array([0.0, 4.0, 0.0]),
+        shift=np.zeros((2, 3)),
+        gradient=ends[:, None, None] * growth * np.eye(3),
+        growth=ends * growth,
+        std=np.zeros(2),
+        length_m=10.0,
+        p_value=0.0,
+        std_m=0.0,
+        unknowns=1,
+    )
+
+
+def test_a_robot_that_stays_while_its_base_grows_about_any_point_is_one_of_the_ways():
+    """It moves by -g a (p - p_A) in the corrected frame, p_A what of the base stayed in place."""
+    data = asked(clean(3)).reduced.data
+    course, late = grown_by(data, 8e-5), data.pulls.time_zero.max()
+    points, stays = np.array([[1.0, 2.0, 3.0], [-2.0, 9.0, 0.5]]), np.array([0.3, -3.0, 0.1])
+
+    ways = course.parting(points, np.array([0.25, 1.0]) * late)
+
+    size = np.array([-1.0, *(stays - course.centre) / course.length_m])
+    share = np.array([[0.25], [1.0]])
+    np.testing.assert_allclose(ways @ size, -8e-5 * share * (points - stays), atol=1e-18)
+
+
+@pytest.mark.whole
+def test_a_robot_that_did_not_grow_with_its_base_changed_nothing():
+    """The correction by 80 ppm moves it along the rail as a zero that changed would, too."""
+    made = asked(clean(3))
+    data = made.reduced.data
+    course = grown_by(data, 8e-5)
+    share = data.pulls.time_zero[data.pull] / data.pulls.time_zero.max()
+    moved = data.unloaded - 8e-5 * share[:, None] * (data.unloaded - course.centre)
+    still = replace(data, unloaded=moved)
+    every = catalogue(made.case.robot)
+
+    named, none = (
+        from_unloaded(made.cell, still, 1.0, every, 0.0, one).causes for one in (None, course)
+    )
+
+    assert [one.effect.since for one in named] == [True]
+    assert none == ()
+
+
+@pytest.mark.whole
+def test_a_zero_that_changed_is_named_beside_a_base_that_grew():
+    """A joint of the arm, by 2 mrad, with its pose."""
+    made = asked(relogged(clean(3), 3, 7, 2e-3))
+    data = made.reduced.data
+
+    (one,) = from_unloaded(
+        made.cell, data, 1.0, catalogue(made.case.robot), 0.0, grown_by(data, 8e-5)
+    ).causes
+
+    assert (one.effect.label, one.effect.form) == ("joint_offset:3", "since pose 7")

@@ -1,6 +1,7 @@
 """Laws outside the catalogue: what each moves, its odds, its form and its words."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -288,3 +289,38 @@ def test_what_is_not_decided_of_a_law_is_said():
     )
     assert said(steady, replace(steady, order=2.0)) == "stiffness that changes with time"
     assert said(six) == unlisted.effect(KR500, six).noun
+
+
+@pytest.mark.parametrize(
+    ("order", "expected"), [(1.0, [-50, -100, 50, 250, 250]), (0.0, [0, -1, 0, 1, 1])]
+)
+def test_what_slipped_stays_and_moves_the_zeros_read_since(order, expected):
+    """Beyond 150 N m, by the excess or by one angle; half of pose 1's zeros follow its pulls."""
+    slips = unlisted.effect(KR500, law(5, "slips", "step", "torque", 5, order, at=150.0))
+    pulls = replace(
+        PULLS.part(np.arange(5)),
+        pose=np.array([1, 1, 1, 2, 2]),
+        time=np.array([10.0, 20.0, 30.0, 40.0, 50.0]),
+        zeros_after=np.array([0.5, 0.5, 0.5, 0.0, 0.0]),
+    )
+    tau = np.array([100.0, -200.0, 300.0, 400.0, 50.0])
+    mixed = np.array([3, 2, 0, 4, 1])
+
+    for rows in (np.arange(5), mixed):
+        made = slips.response(SimpleNamespace(pulls=pulls.part(rows)), tau[rows, None])
+        np.testing.assert_allclose(made[:, 0], np.array(expected, float)[rows])
+
+
+def test_joints_may_slip_only_where_a_later_reading_shows_that_it_stays():
+    """A second pull of the pose, or a zero after the first one."""
+    alone = PULLS.part(np.unique(PULLS.pose, return_index=True)[1])
+    after = replace(alone, zeros_after=np.full(len(alone), 0.5))
+    twice = replace(alone, pose=np.arange(len(alone)) // 2)
+    tau = np.linspace(-300.0, 500.0, len(alone))
+
+    tried = [
+        {one.at for one in unlisted._of_torques(pulls, tau, 4) if one.part == "slips"}
+        for pulls in (alone, after, twice)
+    ]
+
+    assert tried == [set(), *[{75.0, 150.0, 225.0, 300.0, 375.0}] * 2]

@@ -6,6 +6,7 @@ import hashlib
 import re
 import xml.etree.ElementTree as ET
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from pipeline.annex.figures.heldout import judged
 from pipeline.answer.amounts import amount
 from pipeline.answer.contract import About, Amplitude, Line, Reason
 from pipeline.answer.words import DO
-from pipeline.report.certificate import _bars, certificate, digest, found, to_do
+from pipeline.report.certificate import _acting, _bars, certificate, digest, found, to_do
 from pipeline.report.figures.catalogue import draw
 from pipeline.report.model import compose
 from pipeline.report.render import page
@@ -477,3 +478,20 @@ def test_what_is_not_determined_looks_unlike_what_is_uncertain(sample):
     (tip,) = [one["data-tip"] for one in dashed if "data-tip" in one]
     assert tip.endswith("not determined")
     assert "as nominal (within 5 % or U)" in "".join(drawn.itertext())
+
+
+def test_a_cause_too_small_to_name_asks_for_no_effective_values():
+    """It stands beside all that was identified, here an error of the scale; a rival does not."""
+
+    def answer(*sets):
+        named = [[SimpleNamespace(name=name) for name in one] for one in sets]
+        return SimpleNamespace(
+            diagnosis=SimpleNamespace(
+                causes=[SimpleNamespace(name="scale_zero", location="force")]
+            ),
+            recommended=SimpleNamespace(hypotheses=[SimpleNamespace(causes=one) for one in named]),
+        )
+
+    assert _acting(answer(["scale_zero"], ["scale_zero", "rail_roll"])) == set()
+    assert _acting(answer(["scale_zero"], ["rail_roll"])) == {"rail_roll"}
+    assert _acting(answer(["rail_roll"], ["rail_roll", "scale_zero"])) == {"rail_roll"}

@@ -240,6 +240,9 @@ def _of_torques(pulls: Pulls, tau: Array, joint: int) -> Iterator[Law]:
     for knee in _KNEES[:-1]:
         yield Law(joint, "knees", "smooth", "torque", joint, 2.0, low, high, knee * most)
     yield Law(joint, "jump", "step", "torque", joint, 0.0, low, high)
+    if pulls.zeros_after.any() or len(np.unique(pulls.pose)) < len(pulls):
+        for order, knee in product((0.0, 1.0), _KNEES):
+            yield Law(joint, "slips", "step", "torque", joint, order, low, high, knee * most)
     yield Law(joint, "tips", "step", "torque", joint, 0.0, low, high, _TIPS_NM)
     for part in ("bearing_x", "bearing_y", "bearing_z"):
         force = _ends(np.linalg.norm(pulls.force, axis=1))
@@ -426,6 +429,7 @@ _NOUNS = {
     "knee": "stiffness that changes at a torque",
     "knees": "stiffness with three slopes over the torque",
     "jump": "turn that sets in with the torque",
+    "slips": "slip under load",
     "tips": "play of the bearing",
     "creep": "creep under load",
     "sinks": "sinking after the unloaded reading",
@@ -528,6 +532,44 @@ def _creeps(robot: Robot, law: Law, joint: int) -> Effect:
     return Elastic(**described, carrier=(joint,), response=response)  # type: ignore[arg-type]
 
 
+def _slips(robot: Robot, law: Law, joint: int) -> Effect:
+    """A joint that slips for good in every pull beyond a torque, by one angle or by the excess.
+
+    What slipped in earlier pulls of the pose stays, and moves the zeros that were read since.
+    """
+
+    def response(loaded: Loaded, tau: Array) -> Array:
+        beyond = np.maximum(np.abs(tau) - law.at, 0.0)
+        slip = np.asarray(np.sign(tau) * (beyond if law.order else beyond > 0))
+        return _stays(loaded.pulls, slip[:, 0])[:, None]
+
+    unit, typical = "rad", 5e-5
+    if law.order:
+        unit, typical = (
+            robot.joints[joint - 1].compliance_unit,
+            2 * _PART * compliance(robot, joint),
+        )
+    described = _said(law, "joint", 1, unit, typical)
+    return Elastic(**described, carrier=(joint,), response=response)  # type: ignore[arg-type]
+
+
+def _stays(pulls: Pulls, slip: Array) -> Array:
+    """What slips so far in a pose make a joint deviate by from its zero, shape (m,).
+
+    s_1 + ... + s_l - sum_k a_k s_k over the pulls k of the pose in the order of time, with a_k the
+    fraction of its zeros read after pull k.
+    """
+    order = np.lexsort((pulls.repeat, np.nan_to_num(pulls.time), pulls.pose))
+    pose = pulls.pose[order]
+    first = np.flatnonzero(np.diff(pose, prepend=pose[:1] - 1))
+    of = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(pose))))
+    total = np.cumsum(slip[order])
+    out = np.empty(len(slip))
+    zero = np.bincount(of, (pulls.zeros_after * slip)[order])
+    out[order] = total - (total - slip[order])[first][of] - zero[of]
+    return out
+
+
 def _grows(robot: Robot, law: Law, joint: int) -> Effect:
     """Growth of a joint's link since the zero, along the axes of its frame."""
     described = _said(law, "joint", 3, "m/h", 1e-4)
@@ -585,6 +627,7 @@ _PARTS: dict[str, Callable[[Robot, Law, int], Effect]] = {
     "creep": _creeps,
     "sinks": _creeps,
     "grows": _grows,
+    "slips": _slips,
     "tips": _tips,
     "pair": _pair,
     "bearing_x": _bearing,
