@@ -111,6 +111,7 @@ def dumps(model: KinematicModel) -> bytes:
         "payloads": list(model.payloads),
         "laws": [vars(law) for law in there.laws],
         "curves": [vars(curve) for curve in there.curves],
+        "loose": there.loose,
         "unknown": there.unknown,
         "series": model.series,
         "yields": [[one.label, one.form] for one in there.elements],

@@ -13,6 +13,7 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.geometry.arm_weight import usual
 from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Robot
+from pipeline.machine.robot.weight import weighs
 from pipeline.positions import random_curve
 from pipeline.positions.estimate import (
     FIXED_SIGMA,
@@ -319,6 +320,7 @@ def _equipped(begun: Mechanism, readings: PositionReadings, wanted: ModelStructu
         yields=np.concatenate([np.zeros(0), *yields]),
         moments=moments,
         compliance=compliance,
+        loose=wanted.moments or (wanted.springs and weighs(begun.table)),
         unknown=wanted.moments,
         laws=wanted.laws,
         amplitudes=_amplitudes(begun, wanted),

@@ -19,7 +19,7 @@ from scipy import sparse
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.arm_weight import usual
+from pipeline.geometry.arm_weight import stated_moments, usual
 from pipeline.machine.positions_estimate import soften
 from pipeline.positions.mechanism import Linear, Mechanism, Payloads, balances, layout
 from pipeline.positions.random_curve import Curve, between_knots
@@ -90,8 +90,9 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     std[where.yields] = sizes(mechanism.elements)
     own = [_BALANCER if balances(robot, law) else _WAVE for law in mechanism.laws]
     std[where.laws] = np.repeat(own, [law.amplitudes for law in mechanism.laws])
-    if mechanism.unknown:
-        mean[where.moments], std[where.moments] = (one.ravel() for one in usual(robot))
+    if mechanism.loose:
+        weight = usual(robot) if mechanism.unknown else stated_moments(robot)
+        mean[where.moments], std[where.moments] = (one.ravel() for one in weight)
     free = np.zeros(len(turns), dtype=bool)
     most = std.copy()
     most[where.yields] = np.where(soften(mechanism.elements), std[where.yields], _WAVE)

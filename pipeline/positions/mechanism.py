@@ -112,7 +112,8 @@ class Mechanism(Locked):
             shape (n,).
         payload: Deviation of mass [kg] and centre [m] of each payload from the stated one, (p, 4).
         moments: Mass [kg] and first moment in its frame [kg m] of each link, shape (n, 4).
-        unknown: Whether the moments are estimated.
+        loose: Whether the moments are estimated; stated ones are known to some per cent only.
+        unknown: Whether nobody states them, so that not even their common factor is known.
         elements: Elastic elements other than the joint springs.
         yields: Parameters of the elements, concatenated.
         laws: Laws of the joints.
@@ -128,6 +129,7 @@ class Mechanism(Locked):
     compliance: Array
     payload: Array
     moments: Array
+    loose: bool = False
     unknown: bool = False
     elements: tuple[Elastic, ...] = ()
     yields: Array = field(default_factory=lambda: np.zeros(0))
@@ -261,7 +263,7 @@ class Mechanism(Locked):
             compliance=step[layout.compliance],
             payload=step[layout.payload].reshape(-1, 4),
             yields=step[layout.yields],
-            moments=step[layout.moments].reshape(-1, 4) if self.unknown else self.moments,
+            moments=step[layout.moments].reshape(-1, 4) if self.loose else self.moments,
             amplitudes=step[layout.laws],
             knots=step[layout.knots],
         )
@@ -271,7 +273,7 @@ class Mechanism(Locked):
         out = np.zeros(layout.size)
         out[layout.letters], out[layout.compliance] = self.values, self.compliance
         out[layout.payload], out[layout.yields] = self.payload.ravel(), self.yields
-        if self.unknown:
+        if self.loose:
             out[layout.moments] = self.moments.ravel()
         out[layout.laws], out[layout.knots] = self.amplitudes, self.knots
         return out
@@ -317,7 +319,7 @@ class _ParameterLayout:
         compliance: One of each joint.
         payload: Four of each payload: mass and centre.
         yields: Parameters of the elastic elements.
-        moments: Four of each link: mass and first moment; empty where they are known.
+        moments: Four of each link: mass and first moment; empty where no weight acts.
         laws: Amplitudes of the laws.
         knots: Values of the curves at their knots.
     """
@@ -352,7 +354,7 @@ def layout(mechanism: Mechanism) -> _ParameterLayout:
         len(mechanism.compliance),
         mechanism.payload.size,
         len(mechanism.yields),
-        mechanism.moments.size if mechanism.unknown else 0,
+        mechanism.moments.size if mechanism.loose else 0,
         len(mechanism.amplitudes),
         sum(curve.count for curve in mechanism.curves),
     )
@@ -495,7 +497,7 @@ def derivatives(
     amounts = stand.yields.answers(stand.borne)[:, None]
     for v, k in enumerate(stand.yields.parameter.tolist()):
         D[..., where.yields.start + k] += yielding[..., v] * amounts[..., v]
-    if mechanism.unknown:
+    if mechanism.loose:
         unit = by_moments(stand.bent, weights.gravity)
         joints = np.arange(1, mechanism.table.n + 1)
         own = mechanism.compliance[:, None] * carried_by(stand.bent.twists, joints, unit)
