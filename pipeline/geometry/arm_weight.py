@@ -59,7 +59,7 @@ def stated_moments(robot: Robot) -> tuple[Array, Array]:
 
 _STATED = 0.05
 """Relative standard uncertainty of the mass and first moment of a link in its robot file [1], an
-estimate: drawings contain castings, whose own mass is within 5 to 12 % (GB/T 11351, middle grades),
+estimate: drawings contain castings, whose own mass is within 5 to 20 % by grade (GB/T 11351),
 but no cables, grease, hoses and dress packs."""
 _LEAST = 1e-3
 """Least standard uncertainty of a mass [kg] or first moment [kg m]: none is exact, and none

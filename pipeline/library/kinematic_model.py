@@ -77,7 +77,7 @@ def kinematic_model(
         mechanism=found.mechanism,
         six=found.readings.six,
         targets=found.readings.targets,
-        cov=found.solution.cov,
+        cov=found.cov,
         joints=found.scatter.joints,
         bodies=found.weights.payloads,
         gravity=found.weights.gravity,

@@ -24,6 +24,7 @@ from pipeline.positions.estimate import (
     by_a_factor,
     held_step,
     larger,
+    of_scales,
     padded,
     precision,
     prior,
@@ -121,6 +122,11 @@ class Calibration(Locked):
         """The solution without an unknown common factor of all masses."""
         own = self.rows, self.mechanism, self.known
         return solved(*own) if self.mechanism.unknown else self.solution
+
+    @cached_property
+    def cov(self) -> Array:
+        """Covariance of the parameters, including the uncertainty of the scales of their priors."""
+        return self.solution.cov + of_scales(self.known, self.solution)
 
     @property
     def left(self) -> Array:

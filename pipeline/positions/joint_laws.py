@@ -353,7 +353,7 @@ def _named(found: Calibration, p: dict[_Key, float], judge: LeftOutPoses) -> tup
 
 def _slices(found: Calibration) -> Iterator[tuple[NamedLaw, _Key, slice]]:
     """Each law and curve as it would be named, its key, and the slice of its parameters."""
-    mechanism, x, cov = found.mechanism, found.solution.x, found.solution.cov
+    mechanism, x, cov = found.mechanism, found.solution.x, found.cov
     where, inputs = layout(mechanism), found.linear.inputs
     for k, law in enumerate(mechanism.laws):
         part = _of_law(mechanism, k)
