@@ -205,10 +205,14 @@ class _LinearFit:
         own = self.known, self.scatter, self.here, self.rows
         return Calibration(moved, readings, weights, *own, found, wanted)
 
-    def rescaled(self, wanted: ModelStructure, most: int) -> _LinearFit:
-        """The fit with scatter and scales of the priors that the readings make likeliest."""
+    def rescaled(self, wanted: ModelStructure, most: int, least: float = -np.inf) -> _LinearFit:
+        """The fit with scatter and scales of the priors that the readings make likeliest.
+
+        Updates gain less and less; they end where as much as the last one gained would not bring
+        the log evidence to `least` any more.
+        """
         now = self
-        for _ in range(most):
+        for left in reversed(range(most)):
             before = now
             now = replace(
                 before,
@@ -216,7 +220,8 @@ class _LinearFit:
                 known=_only(rougher(before.known, before.found), before.mechanism, wanted),
                 scatter=again(before.rows, before.here, before.found, before.scatter),
             )
-            if abs(now.likely - before.likely) < _FLAT:
+            gained = now.likely - before.likely
+            if abs(gained) < _FLAT or now.likely + left * gained < least:
                 break
         return now
 
@@ -232,7 +237,9 @@ class _LinearFit:
         """The mechanism and fit after a step, and whether the iteration ends.
 
         Where products of parameters bend the objective so much that a step to the solution does
-        not lessen it as predicted, the step is damped (Levenberg and Marquardt).
+        not lessen it as predicted, the step is damped (Levenberg and Marquardt). A damped step is
+        small in any case: the iteration then ends where the whole one promises nothing, or where
+        no step is small enough, as between the flanks of a gear.
         """
         where, x = layout(self.mechanism), self.found.x
         x0, P = self.mechanism.at(where), precision(self.mechanism, self.known)[0]
@@ -261,7 +268,8 @@ class _LinearFit:
         turned = np.abs(moved.compliance - self.mechanism.compliance)
         still = (turned < _STILL * np.maximum(std, _LEAST_STD * nominal)).all()
         straight = float(np.quantile(np.abs(left - expected), _MOST_OF_THEM)) < _STRAIGHT
-        ends = straight and still and not damped
+        settled = not damped or slope @ (x - x0) < 2 * _FLAT
+        ends = (straight and still and settled) or damped > _MOST_DAMPED
         return moved, replace(self, mechanism=moved, here=then, damped=damped), bool(ends)
 
 
@@ -359,14 +367,20 @@ def likeliest(
     """
     best, taken = -np.inf if known is None else known, choices[0]
     for wanted in choices if known is None else choices[1:]:
-        if (now := tried(found, wanted).likely) < best:
+        if (now := tried(found, wanted, best).likely) < best:
             break
         best, taken = now, wanted
     return taken, best
 
 
-def tried(found: Calibration, wanted: ModelStructure) -> Calibration:
-    """Estimate with another structure from one linearisation, about an estimate."""
+def tried(found: Calibration, wanted: ModelStructure, least: float = -np.inf) -> Calibration:
+    """Estimate with another structure from one linearisation, about an estimate.
+
+    Args:
+        found: An estimate.
+        wanted: Another structure.
+        least: Log evidence below which the estimate is not needed.
+    """
     mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
     here = found.linear
     anew = wanted.bed or wanted.moments or wanted.yields != found.wanted.yields
@@ -376,5 +390,5 @@ def tried(found: Calibration, wanted: ModelStructure) -> Calibration:
     if len(known.std) != layout(mechanism).dense:
         new = prior(mechanism, known.stated, found.weights.payloads)
         known = _only(_scaled(new, mechanism, known), mechanism, wanted)
-    fit = _LinearFit(mechanism, known, scatter, here).rescaled(wanted, _UPDATES)
+    fit = _LinearFit(mechanism, known, scatter, here).rescaled(wanted, _UPDATES, least)
     return fit.ended(fit.mechanism, found.readings, found.weights, wanted)

@@ -246,7 +246,7 @@ def _better(
     for laws in filter(None, waves):
         rest = tuple(one for one in found.wanted.curves if one[0] != laws[0].joint - 1)
         wanted = replace(found.wanted, laws=(*found.mechanism.laws, *laws), curves=rest)
-        if tried(found, wanted).likely < found.likely:
+        if tried(found, wanted, found.likely).likely < found.likely:
             continue
         trial = data.identify(found.mechanism, wanted, found)
         if trial.likely > found.likely and judge.as_good(trial, found):
