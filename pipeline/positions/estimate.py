@@ -183,7 +183,7 @@ class ReadRows(Locked):
         dense, D = self.D.shape[2], self.D.reshape(-1, self.D.shape[2])
         half = D @ cov[:dense, :dense]  # products of all rows, not one for each pose
         if self.knots:
-            half += 2 * (self._sparse @ cov[dense:, :dense])
+            half += self._sparse @ (2 * cov[dense:, :dense])
         out = half.reshape(self.D.shape) @ np.swapaxes(self.D, 1, 2)
         if self.knots:
             own = cov[dense:, dense:][self.at[:, :, None], self.at[:, None, :]]
