@@ -387,7 +387,8 @@ def tried(found: Calibration, wanted: ModelStructure, least: float = -np.inf) ->
     if found.mechanism.curves or anew:
         here = linearised(found.readings, mechanism, found.weights)
     known = found.known
-    if len(known.std) != layout(mechanism).dense:
+    new_masses = mechanism.unknown != found.mechanism.unknown
+    if new_masses or len(known.std) != layout(mechanism).dense:
         new = prior(mechanism, known.stated, found.weights.payloads)
         known = _only(_scaled(new, mechanism, known), mechanism, wanted)
     fit = _LinearFit(mechanism, known, scatter, here).rescaled(wanted, _UPDATES, least)
