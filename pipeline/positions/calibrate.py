@@ -85,6 +85,10 @@ class ModelStructure:
     moments: bool = False
     bed: bool = False
 
+    def weighs(self, robot: Robot) -> bool:
+        """Whether masses are parameters: nobody states them, or springs depend on stated ones."""
+        return self.moments or (self.springs and weighs(robot))
+
 
 @dataclass(frozen=True, eq=False)
 class Calibration(Locked):
@@ -263,14 +267,17 @@ class _LinearFit:
             damped = max(10 * damped, 1.0)
         if gain > _KEPT[1] * promised:
             damped = damped / 10 if damped > 1 else 0.0
-        nominal = self.mechanism.table.nominal_compliance
-        std = np.sqrt(np.diag(self.found.cov))[where.compliance]
-        turned = np.abs(moved.compliance - self.mechanism.compliance)
-        still = (turned < _STILL * np.maximum(std, _LEAST_STD * nominal)).all()
         straight = float(np.quantile(np.abs(left - expected), _MOST_OF_THEM)) < _STRAIGHT
-        settled = not damped or slope @ (x - x0) < 2 * _FLAT
-        ends = (straight and still and settled) or damped > _MOST_DAMPED
-        return moved, replace(self, mechanism=moved, here=then, damped=damped), bool(ends)
+        settled = slope @ (x - x0) < 2 * _FLAT if damped else True
+        ends = damped > _MOST_DAMPED or all([straight, settled, self._still(moved)])
+        return moved, replace(self, mechanism=moved, here=then, damped=damped), ends
+
+    def _still(self, moved: Mechanism) -> bool:
+        """Whether a step has hardly changed the compliances."""
+        nominal, part = self.mechanism.table.nominal_compliance, layout(self.mechanism).compliance
+        std = np.sqrt(np.diag(self.found.cov))[part]
+        turned = np.abs(moved.compliance - self.mechanism.compliance)
+        return bool((turned < _STILL * np.maximum(std, _LEAST_STD * nominal)).all())
 
 
 _KEPT, _TINY = (0.25, 0.75), 1e-6
@@ -334,7 +341,7 @@ def _equipped(begun: Mechanism, readings: PositionReadings, wanted: ModelStructu
         yields=np.concatenate([np.zeros(0), *yields]),
         moments=moments,
         compliance=compliance,
-        loose=wanted.moments or (wanted.springs and weighs(begun.table)),
+        loose=wanted.weighs(begun.table),
         unknown=wanted.moments,
         laws=wanted.laws,
         amplitudes=_amplitudes(begun, wanted),
