@@ -46,6 +46,7 @@ def nominal(model: KinematicModel) -> KinematicModel:
         values=np.zeros_like(there.values),
         compliance=there.table.nominal_compliance,
         moments=link_moments(there.table),
+        loose=False,
         unknown=False,
         elements=(),
         yields=np.zeros(0),
@@ -237,6 +238,7 @@ def _loaded(kept: dict[str, Any]) -> KinematicModel:
     table = parse(content["table"], content["name"])
     mechanism = Mechanism(
         table=table,
+        loose=content.get("loose", content["unknown"]),
         unknown=content["unknown"],
         elements=called(table, content["yields"]),
         laws=tuple(JointLaw(**one) for one in content["laws"]),

@@ -292,7 +292,7 @@ def _extended(stage: StageResult) -> contract.Extended:
 def _stiffness_entries(found: Calibration) -> tuple[contract.Stiffness, ...]:
     """One record per joint, from what the arm's own weight does to it."""
     part, robot = layout(found.mechanism).compliance, found.mechanism.table
-    x, cov = found.solution.x[part], found.solution.cov[part, part]
+    x, cov = found.solution.x[part], found.cov[part, part]
     std = np.sqrt(np.diag(cov))
     known = by_weight(found.mechanism, found.known, x, std**2)
     springs = Springs(x, cov, x - NORMAL_95 * std, x + NORMAL_95 * std, known)
@@ -333,7 +333,7 @@ def _letter_entries(found: Calibration) -> tuple[contract.TableLetter, ...]:
     return table_entries(
         mechanism.table,
         mechanism.values,
-        np.diag(found.solution.cov)[:k],
+        np.diag(found.cov)[:k],
         np.array([known.roughness(letter.turns) for letter in mechanism.letters]),
         known.std[:k],
     )
@@ -342,7 +342,7 @@ def _letter_entries(found: Calibration) -> tuple[contract.TableLetter, ...]:
 def _letter_combinations(found: Calibration) -> tuple[contract.TableCombination, ...]:
     """What is determined of several entries of the robot's table together."""
     k = len(found.mechanism.values)
-    cov = found.solution.cov[:k, :k]
+    cov = found.cov[:k, :k]
     return table_combinations(_letter_entries(found), cov, cov, found.known.std[:k])
 
 

@@ -13,6 +13,7 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.geometry.arm_weight import usual
 from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Robot
+from pipeline.machine.robot.weight import weighs
 from pipeline.positions import random_curve
 from pipeline.positions.estimate import (
     FIXED_SIGMA,
@@ -23,6 +24,7 @@ from pipeline.positions.estimate import (
     by_a_factor,
     held_step,
     larger,
+    of_scales,
     padded,
     precision,
     prior,
@@ -83,6 +85,10 @@ class ModelStructure:
     moments: bool = False
     bed: bool = False
 
+    def weighs(self, robot: Robot) -> bool:
+        """Whether masses are parameters: nobody states them, or springs depend on stated ones."""
+        return self.moments or (self.springs and weighs(robot))
+
 
 @dataclass(frozen=True, eq=False)
 class Calibration(Locked):
@@ -120,6 +126,11 @@ class Calibration(Locked):
         """The solution without an unknown common factor of all masses."""
         own = self.rows, self.mechanism, self.known
         return solved(*own) if self.mechanism.unknown else self.solution
+
+    @cached_property
+    def cov(self) -> Array:
+        """Covariance of the parameters, including the uncertainty of the scales of their priors."""
+        return self.solution.cov + of_scales(self.known, self.solution)
 
     @property
     def left(self) -> Array:
@@ -198,10 +209,14 @@ class _LinearFit:
         own = self.known, self.scatter, self.here, self.rows
         return Calibration(moved, readings, weights, *own, found, wanted)
 
-    def rescaled(self, wanted: ModelStructure, most: int) -> _LinearFit:
-        """The fit with scatter and scales of the priors that the readings make likeliest."""
+    def rescaled(self, wanted: ModelStructure, most: int, least: float = -np.inf) -> _LinearFit:
+        """The fit with scatter and scales of the priors that the readings make likeliest.
+
+        Updates gain less and less; they end where as much as the last one gained would not bring
+        the log evidence to `least` any more.
+        """
         now = self
-        for _ in range(most):
+        for left in reversed(range(most)):
             before = now
             now = replace(
                 before,
@@ -209,7 +224,8 @@ class _LinearFit:
                 known=_only(rougher(before.known, before.found), before.mechanism, wanted),
                 scatter=again(before.rows, before.here, before.found, before.scatter),
             )
-            if abs(now.likely - before.likely) < _FLAT:
+            gained = now.likely - before.likely
+            if abs(gained) < _FLAT or now.likely + left * gained < least:
                 break
         return now
 
@@ -225,7 +241,9 @@ class _LinearFit:
         """The mechanism and fit after a step, and whether the iteration ends.
 
         Where products of parameters bend the objective so much that a step to the solution does
-        not lessen it as predicted, the step is damped (Levenberg and Marquardt).
+        not lessen it as predicted, the step is damped (Levenberg and Marquardt). A damped step is
+        small in any case: the iteration then ends where the whole one promises nothing, or where
+        no step is small enough, as between the flanks of a gear.
         """
         where, x = layout(self.mechanism), self.found.x
         x0, P = self.mechanism.at(where), precision(self.mechanism, self.known)[0]
@@ -249,13 +267,17 @@ class _LinearFit:
             damped = max(10 * damped, 1.0)
         if gain > _KEPT[1] * promised:
             damped = damped / 10 if damped > 1 else 0.0
-        nominal = self.mechanism.table.nominal_compliance
-        std = np.sqrt(np.diag(self.found.cov))[where.compliance]
-        turned = np.abs(moved.compliance - self.mechanism.compliance)
-        still = (turned < _STILL * np.maximum(std, _LEAST_STD * nominal)).all()
         straight = float(np.quantile(np.abs(left - expected), _MOST_OF_THEM)) < _STRAIGHT
-        ends = straight and still and not damped
-        return moved, replace(self, mechanism=moved, here=then, damped=damped), bool(ends)
+        settled = slope @ (x - x0) < 2 * _FLAT if damped else True
+        ends = damped > _MOST_DAMPED or all([straight, settled, self._still(moved)])
+        return moved, replace(self, mechanism=moved, here=then, damped=damped), ends
+
+    def _still(self, moved: Mechanism) -> bool:
+        """Whether a step has hardly changed the compliances."""
+        nominal, part = self.mechanism.table.nominal_compliance, layout(self.mechanism).compliance
+        std = np.sqrt(np.diag(self.found.cov))[part]
+        turned = np.abs(moved.compliance - self.mechanism.compliance)
+        return bool((turned < _STILL * np.maximum(std, _LEAST_STD * nominal)).all())
 
 
 _KEPT, _TINY = (0.25, 0.75), 1e-6
@@ -319,6 +341,7 @@ def _equipped(begun: Mechanism, readings: PositionReadings, wanted: ModelStructu
         yields=np.concatenate([np.zeros(0), *yields]),
         moments=moments,
         compliance=compliance,
+        loose=wanted.weighs(begun.table),
         unknown=wanted.moments,
         laws=wanted.laws,
         amplitudes=_amplitudes(begun, wanted),
@@ -351,22 +374,29 @@ def likeliest(
     """
     best, taken = -np.inf if known is None else known, choices[0]
     for wanted in choices if known is None else choices[1:]:
-        if (now := tried(found, wanted).likely) < best:
+        if (now := tried(found, wanted, best).likely) < best:
             break
         best, taken = now, wanted
     return taken, best
 
 
-def tried(found: Calibration, wanted: ModelStructure) -> Calibration:
-    """Estimate with another structure from one linearisation, about an estimate."""
+def tried(found: Calibration, wanted: ModelStructure, least: float = -np.inf) -> Calibration:
+    """Estimate with another structure from one linearisation, about an estimate.
+
+    Args:
+        found: An estimate.
+        wanted: Another structure.
+        least: Log evidence below which the estimate is not needed.
+    """
     mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
     here = found.linear
     anew = wanted.bed or wanted.moments or wanted.yields != found.wanted.yields
     if found.mechanism.curves or anew:
         here = linearised(found.readings, mechanism, found.weights)
     known = found.known
-    if len(known.std) != layout(mechanism).dense:
+    new_masses = mechanism.unknown != found.mechanism.unknown
+    if new_masses or len(known.std) != layout(mechanism).dense:
         new = prior(mechanism, known.stated, found.weights.payloads)
         known = _only(_scaled(new, mechanism, known), mechanism, wanted)
-    fit = _LinearFit(mechanism, known, scatter, here).rescaled(wanted, _UPDATES)
+    fit = _LinearFit(mechanism, known, scatter, here).rescaled(wanted, _UPDATES, least)
     return fit.ended(fit.mechanism, found.readings, found.weights, wanted)

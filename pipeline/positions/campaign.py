@@ -130,7 +130,7 @@ def _model(name: str, found: Calibration, given: Answer) -> IdentifiedModel:
     mechanism, part = found.mechanism, layout(found.mechanism).compliance
     points = mechanism.tool[:, :3, 3]
     cell = paper_cell(mechanism.robot, Tool(points[0], found.readings.targets, points))
-    cov: Array = found.solution.cov[part, part].copy()
+    cov: Array = found.cov[part, part].copy()
     known = np.array([one.identifiable for one in given.stiffness])
     cov[~known], cov[:, ~known] = 0.0, 0.0
     cov[~known, ~known] = np.inf

@@ -120,7 +120,7 @@ class _Group(NamedTuple):
 def _groups(found: Calibration, names: tuple[CatalogueLaw, ...]) -> Iterator[_Group]:
     """Every cause of the catalogue in the model, with the indices of its parameters."""
     mechanism, where = found.mechanism, layout(found.mechanism)
-    x, std = found.solution.x, np.sqrt(np.diag(found.solution.cov))
+    x, std = found.solution.x, np.sqrt(np.diag(found.cov))
     first = where.yields.start
     for effect in mechanism.elements:
         at = np.arange(first, first + len(effect.parameters))
@@ -186,7 +186,7 @@ def _of_bed(found: Calibration) -> Iterator[_Group]:
         axis, rows = curve.screw - n, curve.rows(q).toarray()
         free = plain if axis < 3 else plain[:, :1]  # a tilted line is a rotation of the frame
         rows = rows - free @ linear.least_squares(free, rows)
-        f, cov = rows @ found.solution.x[part], found.solution.cov[np.ix_(part, part)]
+        f, cov = rows @ found.solution.x[part], found.cov[np.ix_(part, part)]
         rms = linear.rms(f)
         slope = rows.T @ f / len(f) / max(rms, 1e-300)
         unit, spread = "m" if axis < 3 else "rad", float(np.sqrt(slope @ cov @ slope))
@@ -207,7 +207,7 @@ def weight(found: Calibration) -> CatalogueCause:
     any payload.
     """
     mechanism, where = found.mechanism, layout(found.mechanism)
-    n, cov = mechanism.table.n, found.solution.cov
+    n, cov = mechanism.table.n, found.cov
     at = np.r_[where.compliance, where.moments]
     c, std = mechanism.compliance, np.sqrt(np.diag(cov)[where.compliance])
     here = configure(mechanism.robot, found.readings.q)

@@ -19,7 +19,7 @@ from scipy import sparse
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.arm_weight import usual
+from pipeline.geometry.arm_weight import stated_moments, usual
 from pipeline.machine.positions_estimate import soften
 from pipeline.positions.mechanism import Linear, Mechanism, Payloads, balances, layout
 from pipeline.positions.random_curve import Curve, between_knots
@@ -90,8 +90,9 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     std[where.yields] = sizes(mechanism.elements)
     own = [_BALANCER if balances(robot, law) else _WAVE for law in mechanism.laws]
     std[where.laws] = np.repeat(own, [law.amplitudes for law in mechanism.laws])
-    if mechanism.unknown:
-        mean[where.moments], std[where.moments] = (one.ravel() for one in usual(robot))
+    if mechanism.loose:
+        weight = usual(robot) if mechanism.unknown else stated_moments(robot)
+        mean[where.moments], std[where.moments] = (one.ravel() for one in weight)
     free = np.zeros(len(turns), dtype=bool)
     most = std.copy()
     most[where.yields] = np.where(soften(mechanism.elements), std[where.yields], _WAVE)
@@ -182,7 +183,7 @@ class ReadRows(Locked):
         dense, D = self.D.shape[2], self.D.reshape(-1, self.D.shape[2])
         half = D @ cov[:dense, :dense]  # products of all rows, not one for each pose
         if self.knots:
-            half += 2 * (self._sparse @ cov[dense:, :dense])
+            half += self._sparse @ (2 * cov[dense:, :dense])
         out = half.reshape(self.D.shape) @ np.swapaxes(self.D, 1, 2)
         if self.knots:
             own = cov[dense:, dense:][self.at[:, :, None], self.at[:, None, :]]
@@ -412,6 +413,31 @@ def _scale(x: Array, var: Array, std: Array, returning: bool) -> float:
 _UNSEEN = 1e-3
 """Minimum effective number of determined parameters [1]; below it their scale does not shrink, and
 below its square, which rounding reaches, it stays as it is."""
+
+
+def of_scales(known: Prior, found: Posterior) -> Array:
+    """Contribution of the estimated scales of groups to the covariance of the estimate, (k, k).
+
+    The posterior takes the scale s of each group g of elements or laws as known. The estimate
+    changes with it by
+
+        dx / d log s = 2 C E_g P_g (x_g - m_g),    var log s = 1 / (2 tr (1 - P_g C_gg)^2 + w^-2),
+
+    with C the posterior covariance, P_g the prior precision, and w = `_SCALES` (Kass and Steffey,
+    Journal of the American Statistical Association 84, 1989).
+    """
+    C, spread = found.cov, np.zeros_like(found.cov)
+    for one in known.groups:
+        P, off = known.std[one] ** -2, found.x[one] - known.mean[one]
+        seen = np.eye(len(P)) - P[:, None] * C[one, one]
+        moved = 2 * C[:, one] @ (P * off)
+        spread += np.outer(moved, moved) / (2 * np.sum(seen * seen.T) + _SCALES**-2)
+    return spread
+
+
+_SCALES = 1.4
+"""Standard deviation of the natural logarithm of the size of an element or a law over the usual one
+[1], a factor of four: an estimate, which counts only where the readings hardly tell the size."""
 
 
 def larger(mechanism: Mechanism, found: Posterior) -> Mechanism:

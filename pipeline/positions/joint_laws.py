@@ -246,7 +246,7 @@ def _better(
     for laws in filter(None, waves):
         rest = tuple(one for one in found.wanted.curves if one[0] != laws[0].joint - 1)
         wanted = replace(found.wanted, laws=(*found.mechanism.laws, *laws), curves=rest)
-        if tried(found, wanted).likely < found.likely:
+        if tried(found, wanted, found.likely).likely < found.likely:
             continue
         trial = data.identify(found.mechanism, wanted, found)
         if trial.likely > found.likely and judge.as_good(trial, found):
@@ -353,7 +353,7 @@ def _named(found: Calibration, p: dict[_Key, float], judge: LeftOutPoses) -> tup
 
 def _slices(found: Calibration) -> Iterator[tuple[NamedLaw, _Key, slice]]:
     """Each law and curve as it would be named, its key, and the slice of its parameters."""
-    mechanism, x, cov = found.mechanism, found.solution.x, found.solution.cov
+    mechanism, x, cov = found.mechanism, found.solution.x, found.cov
     where, inputs = layout(mechanism), found.linear.inputs
     for k, law in enumerate(mechanism.laws):
         part = _of_law(mechanism, k)

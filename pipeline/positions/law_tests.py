@@ -363,8 +363,10 @@ def _by_chi_square(every: Sequence[_JointLaws], one: _JointLaws, T: Array | floa
 
     It is multiplied by the number of families.
     """
-    families = [_of_output(each.laws[0]) for each in every for _ in each.laws]
-    count = len(set(families)) * families.count(_of_output(one.laws[0]))
+    families = [_of_output(each.laws[0]) for each in every]
+    sizes = [len(each.laws) for each in every]
+    mine = _of_output(one.laws[0])
+    count = len(set(families)) * sum(n for n, of in zip(sizes, families, strict=True) if of == mine)
     return np.asarray(count * special.gammaincc(0.5 * one.inverse.shape[1], 0.5 * T))
 
 

@@ -13,9 +13,9 @@ common to all readings of the pose.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -112,7 +112,8 @@ class Mechanism(Locked):
             shape (n,).
         payload: Deviation of mass [kg] and centre [m] of each payload from the stated one, (p, 4).
         moments: Mass [kg] and first moment in its frame [kg m] of each link, shape (n, 4).
-        unknown: Whether the moments are estimated.
+        loose: Whether the moments are estimated; stated ones are known to some per cent only.
+        unknown: Whether nobody states them, so that not even their common factor is known.
         elements: Elastic elements other than the joint springs.
         yields: Parameters of the elements, concatenated.
         laws: Laws of the joints.
@@ -128,6 +129,7 @@ class Mechanism(Locked):
     compliance: Array
     payload: Array
     moments: Array
+    loose: bool = False
     unknown: bool = False
     elements: tuple[Elastic, ...] = ()
     yields: Array = field(default_factory=lambda: np.zeros(0))
@@ -261,7 +263,7 @@ class Mechanism(Locked):
             compliance=step[layout.compliance],
             payload=step[layout.payload].reshape(-1, 4),
             yields=step[layout.yields],
-            moments=step[layout.moments].reshape(-1, 4) if self.unknown else self.moments,
+            moments=step[layout.moments].reshape(-1, 4) if self.loose else self.moments,
             amplitudes=step[layout.laws],
             knots=step[layout.knots],
         )
@@ -271,7 +273,7 @@ class Mechanism(Locked):
         out = np.zeros(layout.size)
         out[layout.letters], out[layout.compliance] = self.values, self.compliance
         out[layout.payload], out[layout.yields] = self.payload.ravel(), self.yields
-        if self.unknown:
+        if self.loose:
             out[layout.moments] = self.moments.ravel()
         out[layout.laws], out[layout.knots] = self.amplitudes, self.knots
         return out
@@ -317,7 +319,7 @@ class _ParameterLayout:
         compliance: One of each joint.
         payload: Four of each payload: mass and centre.
         yields: Parameters of the elastic elements.
-        moments: Four of each link: mass and first moment; empty where they are known.
+        moments: Four of each link: mass and first moment; empty where no weight acts.
         laws: Amplitudes of the laws.
         knots: Values of the curves at their knots.
     """
@@ -352,7 +354,7 @@ def layout(mechanism: Mechanism) -> _ParameterLayout:
         len(mechanism.compliance),
         mechanism.payload.size,
         len(mechanism.yields),
-        mechanism.moments.size if mechanism.unknown else 0,
+        mechanism.moments.size if mechanism.loose else 0,
         len(mechanism.amplitudes),
         sum(curve.count for curve in mechanism.curves),
     )
@@ -366,20 +368,34 @@ class Linear(Locked):
 
     Attributes:
         y: Reading minus mechanism [m], [rad], shape (m, 6 t); zero where not read.
-        D: Derivatives by all parameters except the knots, shape (m, 6 t, dense).
-        Z: Derivatives by the joint values, and by the motions of a bed that is not straight,
-            (m, 6 t, n or n + 6).
+        slopes: Computes D and Z, which a step that ends an iteration does not need.
         read: Mask of the rows that were read, shape (m, 6 t).
         inputs: Variables that the laws depend on.
         at: Positions of the targets according to the mechanism [m], F_b, shape (m, t, 3).
     """
 
     y: Array
-    D: Array
-    Z: Array
+    slopes: Callable[[], tuple[Array, Array]]
     read: Bools
     inputs: Inputs
     at: Array
+
+    @property
+    def D(self) -> Array:
+        """Derivatives by all parameters except the knots, shape (m, 6 t, dense)."""
+        return self._by_all[0]
+
+    @property
+    def Z(self) -> Array:
+        """Derivatives by the joint values and by motions of a bed that is not straight.
+
+        Shape (m, 6 t, n or n + 6).
+        """
+        return self._by_all[1]
+
+    @cached_property
+    def _by_all(self) -> tuple[Array, Array]:
+        return self.slopes()
 
     @cached_property
     def used(self) -> Ints:
@@ -458,14 +474,23 @@ def linearised(readings: PositionReadings, mechanism: Mechanism, weights: ArmWei
     turned = Rotation.from_matrix(off).as_rotvec().reshape(at.shape)
     y = np.concatenate([seen_at - at, turned], axis=2).reshape(len(readings), -1)
     read = readings.read
+    y[~read] = 0.0
+    return Linear(y, partial(_slopes, readings, mechanism, weights, stand), read, stand.inputs, at)
+
+
+def _slopes(
+    readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights, stand: PlacedRobot
+) -> tuple[Array, Array]:
+    """D and Z of `Linear`."""
+    read = readings.read
     D, Z = derivatives(mechanism, stand, weights)
-    of = by_frame(at)
+    of = by_frame(stand.at)
     for series in range(len(readings.names)):
         mine = readings.series == series
         D[mine, :, frame_of(mechanism, series)] = of[mine]
     if not read.all():
-        D[~read], Z[~read], y[~read] = 0.0, 0.0, 0.0
-    return Linear(y, D, Z, read, stand.inputs, at)
+        D[~read], Z[~read] = 0.0, 0.0
+    return D, Z
 
 
 def derivatives(
@@ -493,21 +518,20 @@ def derivatives(
         hung = weights.by_payload(mechanism.compliance[:, None] * torques)
         D[..., where.payload] = Z @ hung
     amounts = stand.yields.answers(stand.borne)[:, None]
-    for v, k in enumerate(stand.yields.parameter.tolist()):
-        D[..., where.yields.start + k] += yielding[..., v] * amounts[..., v]
-    if mechanism.unknown:
+    of = stand.yields.parameter[:, None] == np.arange(len(mechanism.yields))
+    D[..., where.yields] = (yielding * amounts) @ of.astype(float)
+    if mechanism.loose:
         unit = by_moments(stand.bent, weights.gravity)
         joints = np.arange(1, mechanism.table.n + 1)
         own = mechanism.compliance[:, None] * carried_by(stand.bent.twists, joints, unit)
         more = stand.yields.by_moments(unit, stand.borne)
         more *= mechanism.yields[stand.yields.parameter][:, None]
         D[..., where.moments] = Z @ own + yielding @ more
-    at_law = where.laws.start
-    for law in mechanism.laws:
-        own = 1 + law.by_balancer * turned[:, law.joint - 1, None]
-        for g in (own * law.basis(stand.inputs)).T:
-            np.multiply(Z[..., law.joint - 1], g[:, None], out=D[..., at_law])
-            at_law += 1
+    if mechanism.laws:
+        factor = [1 + law.by_balancer * turned[:, law.joint - 1, None] for law in mechanism.laws]
+        g = [one * law.basis(stand.inputs) for one, law in zip(factor, mechanism.laws, strict=True)]
+        joint = np.repeat([law.joint - 1 for law in mechanism.laws], [one.shape[1] for one in g])
+        np.multiply(Z[..., joint], np.hstack(g)[:, None], out=D[..., where.laws])
     if stand.bed is not None:
         Z = np.concatenate([Z, reach(stand.bed, at)], axis=2)
     return D, Z

@@ -20,7 +20,6 @@ from pipeline.machine.robot.weight import carried, work
 from pipeline.machine.stated_tool import StatedTool
 from pipeline.positions.calibrate import Calibration
 from pipeline.positions.estimate import (
-    FIXED_SIGMA,
     by_a_factor,
     damping,
     determined_joints,
@@ -167,7 +166,7 @@ def _apart(found: Calibration) -> tuple[Array, float]:
     """Covariance without the common factor of all masses, and its variance, zero where known."""
     v, cov = softened(found.mechanism), found.solution.cov
     factor = 1 / float(v @ linear.cholesky(cov).solve(v)) if found.mechanism.unknown else 0.0
-    return cov - factor * np.outer(v, v) + by_masses(found), factor
+    return cov - factor * np.outer(v, v), factor
 
 
 def _with_none(
@@ -235,33 +234,6 @@ def _without_masses(found: Calibration) -> float:
     )
     turns = ~there.table.prismatic
     return float(np.sum((often * now)[:, turns]) / np.sum(now[:, turns] ** 2))
-
-
-def by_masses(found: Calibration) -> Array:
-    """Contribution of errors of the stated masses to the covariance of the estimate, (k, k).
-
-    A link heavier by a fraction e than stated moves the readings by E e, which least squares turns
-    into
-
-        C X'W E e,    e ~ N(0, _MASSES^2) of each link,
-
-    mostly softer springs. Zero where the masses are estimated.
-    """
-    there, size = found.mechanism, len(found.solution.x)
-    if there.unknown or not there.moments.any():
-        return np.zeros((size, size))
-    loose = replace(there, unknown=True)
-    here = linearised(found.readings, loose, found.weights)
-    D = here.D[:, here.used, layout(loose).moments]
-    each = np.einsum("mrjk,jk->jmr", D.reshape(*D.shape[:2], *there.moments.shape), there.moments)
-    X = [replace(found.rows, y=np.einsum("mij,mj->mi", found.rows.W, one)).b for one in each]
-    S = found.solution.cov @ np.stack(X, axis=1)
-    return np.asarray(_MASSES**2 * S @ S.T)
-
-
-_MASSES = 0.05
-"""Relative standard uncertainty of the mass of a link in its robot file [1]: drawings contain
-castings, but no cables, grease, hoses and dress packs."""
 
 
 def _held(found: Calibration, free: Collection[int]) -> Iterator[int]:
@@ -367,8 +339,8 @@ def beside_pulls(
 
     with repeated linearisation, since the product of a weight and a compliance is nonlinear.
 
-    Masses stated in the robot file become parameters, too, with the uncertainty of `by_masses`: the
-    readings determine the sag and the pulls the springs, and the masses follow.
+    The readings determine the sag and the pulls the springs; the masses, stated ones within their
+    uncertainty, follow.
 
     Args:
         found: The estimate from the positions alone, with the weight of the arm determined by
@@ -377,7 +349,6 @@ def beside_pulls(
         value: z: springs and elements, and errors of letters and points, shape (s,).
         cov: Their covariance C_z, shape (s, s).
     """
-    found = _doubted(found)
     there, where = found.mechanism, layout(found.mechanism)
     targets, held = found.readings.targets.tolist(), _parameters(found, known.held)
     T = _chosen(found, held, [targets.index(name) for name in known.points if name in targets])
@@ -395,29 +366,6 @@ def beside_pulls(
     now = np.concatenate([(T @ there.at(where))[: known.springs], zero])
     said = after @ (value / size) - before @ z0 - N @ now
     return _with(found, T.T @ N @ T, T.T @ said)
-
-
-def _doubted(found: Calibration) -> Calibration:
-    """The estimate with the stated masses as parameters, with a relative std of `_MASSES`."""
-    there = found.mechanism
-    if there.unknown or not there.moments.any():
-        return found
-    loose, known = replace(there, unknown=True), found.known
-    at, last = layout(loose), layout(there).moments.start
-    std = np.maximum(_MASSES * np.abs(there.moments.ravel()), FIXED_SIGMA)
-    known = replace(
-        known,
-        mean=np.insert(known.mean, last, there.moments.ravel()),
-        std=np.insert(known.std, last, std),
-        most=np.insert(known.most, last, std),
-        groups=tuple(
-            slice(one.start + at.moments.stop - last, one.stop + at.moments.stop - last)
-            if one.start >= last
-            else one
-            for one in known.groups
-        ),
-    )
-    return _about(replace(found, known=known), loose, np.zeros((at.size, at.size)))
 
 
 def _with(found: Calibration, N: Array, said: Array) -> Calibration:

@@ -24,7 +24,7 @@ def rows() -> Linear:
     Z = np.where(read[..., None], rng.normal(size=(POSES, 12, JOINTS)), 0.0)
     none = np.zeros(POSES)
     inputs = Inputs(np.zeros((POSES, JOINTS)), np.zeros((POSES, JOINTS)), none, none, none)
-    return Linear(np.zeros((POSES, 12)), Z, Z, read, inputs, np.zeros((POSES, 2, 3)))
+    return Linear(np.zeros((POSES, 12)), lambda: (Z, Z), read, inputs, np.zeros((POSES, 2, 3)))
 
 
 def errors(rows: Linear, s: np.ndarray) -> np.ndarray:
