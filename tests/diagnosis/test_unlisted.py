@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy import stats
+from small_case import asked, small
 from unlisted_laws import CELL, KR500, PULLS, RNG, law, turning, with_and_without
 
 from bench.league.hidden import SECRETS
@@ -16,8 +17,9 @@ from bench.league.run import answer_of
 from pipeline.answer.diagnosis import diagnosis_of_good_data
 from pipeline.diagnosis import unlisted as search
 from pipeline.diagnosis.cause_search import Replacement, may_join, merged, statistics_given
+from pipeline.diagnosis.cause_search import search as find
 from pipeline.diagnosis.causes import _either
-from pipeline.diagnosis.diagnose import diagnose
+from pipeline.diagnosis.diagnose import diagnose, search_task
 from pipeline.diagnosis.isolability import twins
 from pipeline.library.model_file import dumps, parse
 from pipeline.machine.cell import load
@@ -118,7 +120,7 @@ def test_structure_within_poses_is_no_law():
     for _ in range(200):
         own = rng.standard_normal((POSES, ROWS // POSES)) * rng.lognormal(0, 1, (POSES, 1))
         made, now = view(own.ravel())
-        hits += search._by_structure(made, now, rng).min() < 0.1
+        hits += search._by_structure(made, now).min() < 0.1
 
     assert hits <= stats.binom.ppf(0.999, 200, 0.1)
 
@@ -129,11 +131,36 @@ def test_a_law_over_all_poses_is_one():
     first = view(np.zeros(ROWS))[0].A[:, BASE]
     made, now = view(first + 0.05 * np.random.default_rng(5).standard_normal(ROWS))
 
-    p = search._by_structure(made, now, np.random.default_rng(6))
+    p = search._by_structure(made, now)
     assert int(np.argmin(p)) == 0
     reached = round(p[0] * (1 + search._FLIPS)) - 1
     alike = 2.0 ** (1 - len(np.unique(PULLS.pose)))
     assert reached <= stats.binom.ppf(0.999, search._FLIPS, alike)
+
+
+@pytest.fixture(scope="module")
+def clean():
+    """A search in a campaign in which nothing is hidden."""
+    at = asked(small())
+    task, _ = search_task(at.cell, at.reduced.data, at.estimate)
+    return task, find(task, at.estimate.value, np.random.default_rng(1)), at.estimate.value
+
+
+@pytest.mark.parametrize(("law", "open_"), [(1e-3, False), (1e-5, True)])
+@pytest.mark.parametrize("certain", [True, False])
+def test_what_stands_out_of_the_scatter_is_no_fit(clean, monkeypatch, law, open_, certain):
+    """Nor where the law of it is certain and predicts left-out poses no better."""
+    roll = next(e for e in catalogue(KR500) if e.label == "rail_roll")
+    laws = {roll: law} if certain else {}
+    monkeypatch.setattr(search, "_likely", lambda *_: (laws, law))
+    monkeypatch.setattr(search, "_searched", lambda task, found, *_: (task, found))
+    task, found, start = clean
+    assert not found.detected
+
+    _, end = search.with_unlisted_laws(task, found, start)
+
+    assert end.detected == end.structured == open_
+    assert end.clean != open_
 
 
 def hiding(seed, **sizes):
