@@ -49,6 +49,7 @@ from pipeline.answer.words import (
 )
 from pipeline.base.quantities import (
     common_prefix,
+    p_value,
     percent,
     plain,
     prefixed,
@@ -253,10 +254,13 @@ def _larger_scatter(estimate: Estimate) -> str:
     """Clause of a model that misses nothing, where readings scatter more than their noise."""
     if estimate.p_value is None:
         return ""
+    chance = p_value(estimate.p_value)
+    if estimate.goodness.tails:  # single readings far off, which the uncertainties include
+        return f", though even noise with such tails rarely leaves so much ({chance})"
     factor = float(np.sqrt(estimate.chi2 / estimate.dof))
     return (
-        f", but for scatter {factor:.2f} times as large as the noise that is used "
-        f"(p = {estimate.p_value:.0e}): take every uncertainty that many times larger"
+        f", but their scatter exceeds the noise that is assumed by a factor of {factor:.2f} "
+        f"({chance}): multiply every uncertainty by it"
     )
 
 

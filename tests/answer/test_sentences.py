@@ -31,6 +31,7 @@ from pipeline.answer.remarks import remark_sentences
 from pipeline.answer.sentences import (
     _next,
     _of_robot,
+    _of_springs,
     _out,
     _uncalibrated,
     _without,
@@ -465,3 +466,20 @@ def test_links_of_other_masses_have_a_sentence_without_a_drift():
     cause = CatalogueCause("gravity_sag", None, OTHER_MASSES, ())
 
     assert drifted(_listed(cause, robot), None) == ""
+
+
+@pytest.mark.parametrize(
+    ("tails", "said"),
+    [
+        (False, ", but their scatter exceeds the noise that is assumed by a factor of 2.00 "
+                "(p = 0.0025): multiply every uncertainty by it."),
+        (True, ", though even noise with such tails rarely leaves so much (p = 0.0025)."),
+    ],
+)  # fmt: skip
+def test_no_uncertainty_is_multiplied_by_tails_that_it_includes(tails, said):
+    """Chi-squared of readings far off says nothing of the others, which they weigh less than."""
+    left = SimpleNamespace(
+        dof=100, chi2=400.0, p_value=0.0025, goodness=SimpleNamespace(tails=tails)
+    )
+
+    assert _of_springs(left, False) == f"Joint springs explain the readings{said}"
