@@ -935,7 +935,7 @@ ABOUT: Mapping[About, str] = {
     About.NUMBERS: "For the controller",
     About.TOLERANCE: "Tolerance",
     About.TEST_POSE: "Test pose",
-    About.WRONG: "What is wrong",
+    About.WRONG: "Findings",
     About.NOT_FOUND: "Examined and not found",
     About.NEXT: "What to measure next",
 }
