@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.answer.contract import Body, JointType, Odd, OneWay, Payload, Remark, Stiffness
 from pipeline.answer.words import listed
-from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
+from pipeline.base.quantities import common_prefix, plain, prefixed, scaled, with_std
 
 _CONTRADICTS = 0.001
 """p-value below which mass and centre contradict the stated ones [1]."""
@@ -145,10 +145,12 @@ def other_way(joint: Stiffness, k: float = 1.0) -> str:
 
 
 def stiffness_text(one: Stiffness | OneWay, unit: str, k: float = 1.0) -> str:
-    """`2.400 ± 0.020 MN·m/rad`, or `not determined`; ± is k standard uncertainties."""
+    """`2.400 ± 0.020 MN·m/rad`, ± k standard uncertainties; a lower limit if it may be rigid."""
     if one.value is None:
         return "not determined"
-    factor, letter = common_prefix([one.value])
+    (least, most), (factor, letter) = one.ci95, common_prefix([one.value])
+    if most is None and least:
+        return f"above {plain(least / factor, 2)} {prefixed(unit, letter)} (95 %)"
     shown = with_std(scaled(one.value, factor), scaled(one.std, factor / k))
     return f"{shown} {prefixed(unit, letter)}"
 

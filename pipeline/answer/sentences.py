@@ -271,7 +271,7 @@ def _predicted(found: CampaignResults) -> str:
         return "no pose can be predicted from the others"
     of = "" if found.facts.positions is None else " of displacements"
     text = f"cross-validation error{of} {plain(error)} mm rms per coordinate"
-    if without is None or found.told.values is found.springs.values:
+    if without is None or plain(without) == plain(error):
         return text
     return f"{text} ({plain(without)} mm {_instead(found)})"
 

@@ -11,7 +11,7 @@ from typing import TypeGuard
 
 MISSING = "–"
 
-_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
+_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 MM = 1e3
 """Millimetres per metre; millimetres are the unit of pages and result.json."""
@@ -165,7 +165,7 @@ def common_prefix(values: Iterable[float | None]) -> tuple[float, str]:
     if not sizes:
         return 1.0, ""
     middle = sizes[len(sizes) // 2]
-    power = min(max(3 * math.floor(math.log10(middle) / 3), -12), 9)
+    power = min(max(3 * math.floor(math.log10(middle) / 3), -9), 9)
     return 10.0**power, _PREFIXES[power]
 
 

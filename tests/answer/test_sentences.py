@@ -27,7 +27,7 @@ from pipeline.answer.contract import (
     Tip,
     Tolerance,
 )
-from pipeline.answer.remarks import remark_sentences
+from pipeline.answer.remarks import remark_sentences, stiffness_text
 from pipeline.answer.sentences import (
     _next,
     _of_robot,
@@ -483,3 +483,14 @@ def test_no_uncertainty_is_multiplied_by_tails_that_it_includes(tails, said):
     )
 
     assert _of_springs(left, False) == f"Joint springs explain the readings{said}"
+
+
+@pytest.mark.parametrize(
+    ("limits", "said"),
+    [((2.17e8, None), "above 0.22 GN/m (95 %)"), ((1.0e9, 2.0e9), "1.31 ± 0.34 GN/m")],
+)
+def test_a_stiffness_that_may_be_rigid_is_a_lower_limit(limits, said):
+    """Beside a symmetric ± of three times the value nobody would know how stiff it is at least."""
+    one = SimpleNamespace(value=1.31e9, std=0.34e9, ci95=limits)
+
+    assert stiffness_text(one, "N/m") == said
