@@ -89,10 +89,10 @@ def _lever(found: Calibration) -> Array:
 
 
 def _of_carriage(found: Calibration) -> Array | None:
-    """Errors of a carriage (6,), if they and not the arm's joints move the targets most.
+    """Errors of a carriage (6,), if they move the targets more than the joints of the arm do.
 
     What moves along the rail may be its drive, and what turns about the axis of joint 1 that joint:
-    the other motions decide.
+    the other motions decide. They are also more than what joints usually do.
     """
     if not found.wanted.bed:
         return None
@@ -101,9 +101,9 @@ def _of_carriage(found: Calibration) -> Array | None:
     shared = replace(now, joints=np.append(usual, np.repeat(_BED, 3)))
     for _ in range(_UPDATES):
         shared = again(found.rows, found.linear, found.solution, shared)
-    moves = _lever(found) * shared.joints**2
-    carriage = moves[robot.n :]
+    lever = _lever(found)
+    moves = lever * shared.joints**2
     axes = configure(found.mechanism.robot, found.readings.q[:1]).axes[0, :2, :, 2]
-    own = 1 - axes.ravel() ** 2
-    along = float(carriage[:3] @ axes[0] ** 2)
-    return shared.joints[robot.n :] if 2 * carriage @ own > moves[1:].sum() - along else None
+    own = moves[robot.n :] @ (1 - axes.ravel() ** 2)
+    arm = moves[2 : robot.n].sum(), (lever[1 : robot.n] * usual[1:] ** 2).sum()
+    return shared.joints[robot.n :] if own > max(arm) else None
