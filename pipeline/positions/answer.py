@@ -569,7 +569,7 @@ def _erring(found: Study, robot: Robot) -> str | None:
     errs = unusual(found)
     if errs is None:
         return None
-    if errs.carriage is not None:
+    if errs.carriage is not None and errs.on_rail:
         shift, turn = (1e3 * float(one.max()) for one in np.split(errs.carriage, 2))
         return (
             f"The carriage errs by {plain(shift, 2)} mm and {plain(turn, 2)} mrad from pose to "
@@ -580,17 +580,20 @@ def _erring(found: Study, robot: Robot) -> str | None:
     worst = errs.joints[0]
     joints, usual = found.final.scatter.joints[worst], START[bool(robot.prismatic[worst])]
     unit = "mm" if robot.prismatic[worst] else "mrad"
-    yaw = found.final.wanted.bed and worst == 1
+    also = "" if errs.carriage is None else _CARRIAGE
     return (
         f"{capital(_called(robot, worst + 1))} errs by {plain(1e3 * joints, 2)} {unit} from "
         f"pose to pose (standard deviation; usual is {plain(1e3 * usual, 2)}), which no law "
         "that was tried explains: backlash, a slipping encoder, several effects that hide each "
         "other, or poses that are not those of the joint log"
-        f"{_YAW if yaw else ''}."
+        f"{also}."
     )
 
 
-_YAW = "; the poses do not tell it from a carriage that turns about the same axis"
+_CARRIAGE = (
+    "; these poses do not tell it from a carriage that is loose, or on a rail that is not straight "
+    "over lengths shorter than from one station to the next"
+)
 
 
 def _next(results: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:

@@ -31,11 +31,11 @@ natural logarithm: nine well determined joints of two real arms (`ur10_ipa`, `ur
 1.26)."""
 
 _BESIDE = 2.0
-"""The same from which on identified causes do not explain the readings [1]."""
+"""The same from which on identified causes do not explain the readings, where it counts [1]."""
 
 _SHARE = 0.25
-"""Minimum fraction of the squared motion of the targets by errors of joints that unusual ones
-cause [1]."""
+"""Minimum fraction of the squared motion of the targets by errors at a pose that such errors cause
+beside identified causes, or those of a carriage beside joints [1]."""
 
 _BED = (1e-4, 2e-4)
 """Initial standard deviations of a carriage's error at a pose, positions [m] and angles [rad]."""
@@ -49,13 +49,15 @@ class PoseErrors(NamedTuple):
 
     Attributes:
         joints: Joints that err unusually, from 0, the one that moves the targets most first.
-        carriage: Standard deviation of a carriage at a pose along and about x, y, z of F_b [m],
-            [rad], (6,), where such motions move the targets more than the joints of the arm do;
-            else None.
+        carriage: Standard deviations of errors of a carriage at a pose along and about x, y, z of
+            F_b [m], [rad], (6,), that would explain what is left as well; None without a rail, or
+            if they explain little of it.
+        on_rail: Whether joints cannot explain it, so that it is the carriage.
     """
 
     joints: tuple[int, ...]
     carriage: Array | None = None
+    on_rail: bool = False
 
 
 def unusual(found: Study) -> PoseErrors | None:
@@ -63,12 +65,14 @@ def unusual(found: Study) -> PoseErrors | None:
     final = found.final
     slides, s = final.mechanism.table.prismatic, final.scatter.joints
     ratio = s / np.where(slides, START[True], START[False])
-    far = ratio > _BESIDE if found.causes or found.laws else _chances(final, ratio) < alarms.ERRING
+    far, beside = _chances(final, ratio) < alarms.ERRING, ratio > _BESIDE
     moves = _lever(final)[: len(s)] * s**2
-    if moves[far].sum() < _SHARE * moves.sum() or not far.any():
+    if (found.causes or found.laws) and moves[beside].sum() >= _SHARE * moves.sum():
+        far |= beside
+    if not far.any():
         return None
     joints = [j for j in np.argsort(-moves).tolist() if far[j]]
-    return PoseErrors(tuple(joints), _of_carriage(final))
+    return PoseErrors(tuple(joints), *_of_carriage(final))
 
 
 def _chances(found: Calibration, ratio: Array) -> Array:
@@ -88,22 +92,25 @@ def _lever(found: Calibration) -> Array:
     return np.asarray(np.mean(np.sum(shifts**2, axis=2), axis=(0, 1)))
 
 
-def _of_carriage(found: Calibration) -> Array | None:
-    """Errors of a carriage (6,), if they move the targets more than the joints of the arm do.
+def _of_carriage(found: Calibration) -> tuple[Array | None, bool]:
+    """Errors of a carriage (6,) beside usual ones of joints, and whether it must be the carriage.
 
     What moves along the rail may be its drive, and what turns about the axis of joint 1 that joint:
-    the other motions decide. They are also more than what joints usually do.
+    the other motions decide, if they move the targets more than the joints of the arm do, both as
+    estimated beside them and as usual.
     """
     if not found.wanted.bed:
-        return None
-    robot, now = found.mechanism.table, found.scatter
+        return None, False
+    robot, lever = found.mechanism.table, _lever(found)
     usual = _MEDIAN * np.where(robot.prismatic, START[True], START[False])
-    shared = replace(now, joints=np.append(usual, np.repeat(_BED, 3)))
+    shared = replace(found.scatter, joints=np.append(usual, np.repeat(_BED, 3)))
     for _ in range(_UPDATES):
         shared = again(found.rows, found.linear, found.solution, shared)
-    lever = _lever(found)
     moves = lever * shared.joints**2
+    carriage = moves[robot.n :]
+    if carriage.sum() < _SHARE * moves.sum():
+        return None, False
     axes = configure(found.mechanism.robot, found.readings.q[:1]).axes[0, :2, :, 2]
-    own = moves[robot.n :] @ (1 - axes.ravel() ** 2)
     arm = moves[2 : robot.n].sum(), (lever[1 : robot.n] * usual[1:] ** 2).sum()
-    return shared.joints[robot.n :] if own > max(arm) else None
+    own = carriage @ (1 - axes.ravel() ** 2)
+    return shared.joints[robot.n :], bool(own > max(arm))
