@@ -68,11 +68,11 @@ def weightless(m):
     return ArmWeights(np.zeros(3), tool, np.zeros(m, dtype=np.int64))
 
 
-def read(m=60, seed=1, noise=2e-5, targets=1):
+def read(m=60, seed=1, noise=2e-5, targets=1, joint=1e-5):
     """Points on the effector of a machine computed by other formulas."""
     rng = np.random.default_rng(seed)
     readings = made(m, rng, noise=0.0)
-    at, turn = stands(readings.q, 1e-5 * rng.standard_normal(readings.q.shape))
+    at, turn = stands(readings.q, joint * rng.standard_normal(readings.q.shape))
     axes = turn @ TURN.T
     points = np.array([TOOL, TOOL + np.array([0.1, 0, 0]), TOOL + np.array([0, 0.15, 0.05])])[
         :targets

@@ -51,8 +51,9 @@ from pipeline.machine.robot.weight import weighs
 from pipeline.positions.calibrate import Calibration
 from pipeline.positions.cross_validation import Partition
 from pipeline.positions.estimate import determined_joints as by_weight
-from pipeline.positions.facts import erring, facts_of
+from pipeline.positions.facts import facts_of
 from pipeline.positions.mechanism import layout
+from pipeline.positions.pose_errors import unusual
 from pipeline.positions.study import ModelStage, StageResult, Study
 from pipeline.store.campaign import Raw
 
@@ -564,18 +565,35 @@ def _those(causes: Sequence[FoundCause], law: bool) -> list[FoundCause]:
 
 
 def _erring(found: Study, robot: Robot) -> str | None:
-    """The joint that moves the targets most from pose to pose beyond all laws, if unusually."""
-    worst = erring(found, robot)
-    if worst is None:
+    """What moves the targets from pose to pose beyond all laws, if unusually."""
+    errs = unusual(found)
+    if errs is None:
         return None
+    if errs.carriage is not None and errs.on_rail:
+        shift, turn = (1e3 * float(one.max()) for one in np.split(errs.carriage, 2))
+        return (
+            f"The carriage errs by {plain(shift, 2)} mm and {plain(turn, 2)} mrad from pose to "
+            "pose (largest standard deviations of a direction), which neither a smooth rail nor "
+            "joints explain: a rail that is not straight over lengths shorter than from one "
+            "station to the next, or a carriage that is loose on it."
+        )
+    worst = errs.joints[0]
     joints, usual = found.final.scatter.joints[worst], START[bool(robot.prismatic[worst])]
     unit = "mm" if robot.prismatic[worst] else "mrad"
+    also = "" if errs.carriage is None else _CARRIAGE
     return (
         f"{capital(_called(robot, worst + 1))} errs by {plain(1e3 * joints, 2)} {unit} from "
         f"pose to pose (standard deviation; usual is {plain(1e3 * usual, 2)}), which no law "
         "that was tried explains: backlash, a slipping encoder, several effects that hide each "
-        "other, or poses that are not those of the joint log."
+        "other, or poses that are not those of the joint log"
+        f"{also}."
     )
+
+
+_CARRIAGE = (
+    "; these poses do not tell it from a carriage that is loose, or on a rail that is not straight "
+    "over lengths shorter than from one station to the next"
+)
 
 
 def _next(results: PositionsResults, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:

@@ -32,6 +32,7 @@ from pipeline.positions.cross_validation import Partition
 from pipeline.positions.joint_laws import NamedLaw
 from pipeline.positions.mechanism import placed
 from pipeline.positions.outstanding import same_robot
+from pipeline.positions.pose_errors import unusual
 from pipeline.positions.study import Study
 
 
@@ -50,37 +51,16 @@ def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> 
     )
     moved = tuple(_entries(found, robot))
     table_m = float(np.sqrt(max(first**2 - last**2, 0.0)))
+    errs = unusual(found) is not None
     return Facts(
-        detected=bool(causes),
-        explains=erring(found, robot) is None,
+        detected=bool(causes) or errs,
+        explains=not errs,
         causes=causes,
         unloaded=UnloadedFacts(table_m, last, {}, causes=tuple(map(_off, moved))),
         moved=moved,
         mistakes=mistakes,
         bounds=bounds_of(found),
     )
-
-
-def erring(found: Study, robot: Robot) -> int | None:
-    """The joint, from 0, that moves the targets most from pose to pose beyond all laws.
-
-    None if it errs as usual. Otherwise identified causes do not explain the readings.
-    """
-    n = robot.n
-    joints, Z = found.final.scatter.joints[:n], found.final.linear.Z[..., :n]
-    usual = np.where(robot.prismatic, START[True], START[False])
-    positions = Z.reshape(len(Z), -1, 6, n)[:, :, :3]
-    moves = np.mean(np.sum(positions**2, axis=2), axis=(0, 1)) * joints**2
-    worst = int(np.argmax(moves))
-    few = joints[worst] < _UNUSUAL * usual[worst] or moves[worst] < _SHARE * moves.sum()
-    return None if few else worst
-
-
-_UNUSUAL = 2.0
-"""Error of a joint at a pose over the usual one, from which on it is unusual [1]."""
-_SHARE = 0.25
-"""Minimum fraction of the squared motion of the targets by errors of joints that the worst of them
-causes [1]."""
 
 
 # --- entries of the table ------------------------------------------------------------------------

@@ -77,6 +77,10 @@ GEOMETRY = 0.05 * MOST_ALARMS
 """False-alarm rate of one cause among all that unloaded readings are tested for, and of DH
 parameters with larger errors than usual throughout [1]."""
 
+ERRING = 0.01 * MOST_ALARMS
+"""False-alarm rate of a joint that errs from pose to pose by more than usual, where no cause was
+found [1]."""
+
 LOOSE = 0.01 * MOST_ALARMS - MOVED
 """False-alarm rate of targets that seem to move against each other under load [1]."""
 
@@ -116,6 +120,7 @@ OF_POSITIONS = {
     "a law that nobody listed": LAW,
     "a wrong table": GEOMETRY,
     "an instrument that stood elsewhere": MOVED,
+    "a joint that errs from pose to pose": ERRING,
 }
 """Every such test of a campaign of positions, with its rate."""
 
