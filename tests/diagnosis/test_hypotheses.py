@@ -171,11 +171,12 @@ def test_a_law_stands_out_from_scatter_and_from_copies_of_other_signs(tilted, mo
         unlisted, "_by_structure", lambda view, *_: np.full(len(view.suspects), copies)
     )
 
-    likely = unlisted._likely(case, found, (), every, np.random.default_rng(3))
+    likely, beyond = unlisted._likely(case, found, (), every, np.random.default_rng(3))
 
     assert bool(likely) == (copies < 1)
     assert all(p >= copies for p in likely.values())
     assert all(p < 1e-3 for p in likely.values())
+    assert beyond < 1e-3  # whatever copies show
 
 
 def dense(system):
