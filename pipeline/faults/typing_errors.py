@@ -40,6 +40,19 @@ def intended(
     return None
 
 
+def factor(given: float, fits: float, std: float) -> float | None:
+    """A factor in tenths, such as 1.1, of the number that fits, if one leads to the given number.
+
+    Args:
+        given: Number as logged.
+        fits: Number according to all other data.
+        std: Its standard uncertainty.
+    """
+    times = round(given / fits, 1) if fits else 0.0
+    whole = times <= 0 or times == round(times)  # an exact multiple is no error of a gain
+    return None if whole or abs(given / times - fits) > WITHIN * std else times
+
+
 def _scaled(given: float, units: Mapping[str, float]) -> Iterator[tuple[float, str]]:
     yield from ((given * ten, "the decimal point in the wrong place") for ten in _TENS)
     yield from ((given * size, f"read in {unit}") for unit, size in units.items())

@@ -76,6 +76,10 @@ parameters with larger errors than usual throughout [1]."""
 LOOSE = 0.01 * MOST_ALARMS - MOVED
 """False-alarm rate of targets that seem to move against each other under load [1]."""
 
+TOOL_POINT = 0.005 * MOST_ALARMS
+"""False-alarm rate of any point of [tool] being farther off than its stated uncertainty
+explains [1]."""
+
 COMPONENT = 0.003
 """False-alarm rate of each noise component that repeats show to be larger than stated [1]; it
 changes weights and uncertainties only."""
@@ -103,6 +107,7 @@ OF_PULLS = {
     "a law that nobody listed": LAW,
     "a wrong table": GEOMETRY,
     "loose targets": LOOSE,
+    "a wrong point of the tool": TOOL_POINT,
 }
 """Every test that can cost a campaign of pulls the verdict `adequate`, with its rate."""
 
