@@ -33,7 +33,7 @@ from pipeline.faults.conventions import symbol
 from pipeline.faults.exchanged_pulls import rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, apart, lines_of, outlying, pulls_of, without_pulls
-from pipeline.faults.typing_errors import WITHIN, factor, intended
+from pipeline.faults.typing_errors import GUESSES, WITHIN, factor, intended
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import HUNG, MOUNTED, PULLED
 from pipeline.readers.logs import FORCE, SCALE
@@ -647,8 +647,7 @@ def _meant(given: float, fits: float, std: float, unit: str, units: Mapping[str,
     if found is None:
         return ""
     text = f"; {found[1]}, {found[0]:.6g} {unit} may have been meant"
-    guess = found[1].startswith("one digit")  # some digit often fits
-    times = factor(given, fits, std) if guess else None
+    times = factor(given, fits, std) if found[1] in GUESSES else None
     if times is None:
         return text
     return f"{text}, but {plain(given / times, 4)} {unit} times {times:.1f} agrees as well"

@@ -9,6 +9,9 @@ from types import MappingProxyType
 _TENS = (10.0, 0.1, 100.0, 0.01, 1000.0, 0.001)
 """Factors of a missing or misplaced decimal point [1]."""
 
+GUESSES = ("one digit wrong", "one digit lost", "one digit too many")
+"""Slips with so many outcomes that one of them often fits by chance."""
+
 WITHIN = 3.0
 """Standard uncertainties within which a number agrees with the pulls [1]."""
 
