@@ -9,7 +9,7 @@ is one exchange, and counts if every content in it then fits as well as contents
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import optimize
@@ -23,6 +23,9 @@ table would occur in many places."""
 _NOWHERE = 10.0
 """Misfit, over the reduction required of a move, above which a place counts as no place at all [1],
 so that as many other contents as possible find theirs."""
+
+_FEW = 6
+"""Maximum number of lines or members named in a sentence [1]; `readings` has all of them."""
 
 _ENDED = 4
 """Minimum number of contents in a cycle with one content that fits nowhere, as a missing or
@@ -55,6 +58,10 @@ class Ring:
         first = {there - here for here, there in self.moves if abs(there - here) == 1}
         return len(self.members) > 2 and len(first) == 1 and len(step) <= 2
 
+    def among(self, places: Ints) -> Ring:
+        """The ring with its members, which are indices of some places, as these places."""
+        return replace(self, members=tuple(int(places[k]) for k in self.members))
+
     def where(self, names: Sequence[str]) -> str:
         """`a/b` for two members, else first and last and how they are arranged, by their names."""
         if len(names) == 2:
@@ -73,11 +80,13 @@ def shift(order: Ints, step: int, ended: bool) -> Ring:
     return Ring(tuple(int(k) for k in order[::step]), ended)
 
 
-def in_words(names: Sequence[str]) -> str:
-    """The members in words."""
-    if len(names) == 2:
-        return " and ".join(sorted(names))
-    return f"{min(names)} to {max(names)} ({len(names)})"
+def in_words(ring: Ring, names: Sequence[str]) -> str:
+    """The members in words: a range of neighbours, others one by one."""
+    if ring.by_one and max(ring.members) - min(ring.members) < len(names):
+        return f"{min(names)} to {max(names)} ({len(names)})"
+    ordered = [name for _, name in sorted(zip(ring.members, names, strict=True))]
+    few = ordered if len(ordered) <= _FEW else [*ordered[:_FEW], f"{len(ordered) - _FEW} more"]
+    return f"{', '.join(few[:-1])} and {few[-1]}"
 
 
 def misplacement(ring: Ring | None, one: str) -> str:
@@ -92,10 +101,6 @@ def misplacement(ring: Ring | None, one: str) -> str:
     if ring.ended:
         return f"one {one} too early; those of the last belong nowhere"
     return f"one {one} too early; those of the last belong to the first"
-
-
-_FEW = 6
-"""Maximum number of lines named in a sentence; `readings` has all of them."""
 
 
 def lines(at: Sequence[str]) -> str:

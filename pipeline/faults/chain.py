@@ -12,14 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+from scipy.sparse.csgraph import connected_components
 
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
+from pipeline.base.quantities import plain, with_std
 from pipeline.faults.exchanged_pulls import odd_forces
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.labels import anchors, unlike
@@ -46,6 +48,10 @@ the scatter of a scale."""
 
 _SHORT_M = 1.5e-4
 """Minimum error of a distance that is reported [m]."""
+
+_YIELDS_M = 0.01
+"""Motion of the load point between two pulls of a pose that no robot exceeds [m]: if both ends of
+the chain moved farther, it was pulled towards another anchor."""
 
 _APART = 5.0
 """Minimum ratio of an outlying direction to the residuals of the other pulls of its pose [1]."""
@@ -79,6 +85,34 @@ class _Chain(Locked):
     stated: bool
     give: Array
     free: Bools
+
+    @cached_property
+    def towards(self) -> Ints:
+        """Number of the set of each pull, shape (m,): pulls of one pose towards one anchor."""
+        out = np.zeros(len(self.pose), np.int64)
+        for pose in np.unique(self.pose):
+            here = np.flatnonzero(self.pose == pose)
+            number = connected_components(~_towards_another(self.ends[here]))[1]
+            out[here] = number + out.max(initial=0) + 1
+        return out
+
+
+def _towards_another(ends: Array) -> Bools:
+    """Whether two pulls of a pose go towards different anchors, (n, 2, 3) -> (n, n).
+
+    Both ends are then elsewhere, the far one by more than `GROSS_DISTANCE_M` and the near one by
+    more than a robot yields, and the lines through them meet, at the load point; a bad reading
+    moves one end, and two bad ones hardly leave lines that meet.
+
+    distance of the lines = |(b - a) . n|,  n = u x v / |u x v|
+    """
+    apart = ends[:, None] - ends
+    moved = np.linalg.norm(apart, axis=-1) > (_YIELDS_M, GROSS_DISTANCE_M)
+    u = ends[:, 1] - ends[:, 0]
+    n = np.cross(u[:, None], u)
+    off = np.abs(np.sum(apart[:, :, 0] * n, axis=-1))
+    meet = off < GROSS_DISTANCE_M * np.linalg.norm(n, axis=-1)
+    return np.asarray(moved.all(axis=-1) & meet)
 
 
 @dataclass(frozen=True)
@@ -175,9 +209,10 @@ def _with_direction(chain: _Chain, near: _Off, names: Sequence[str]) -> tuple[_O
 
 
 def _told_direction(size: float, sigmas: float) -> str:
+    off = with_std(1e3 * size, 1e3 * size / sigmas)
     return (
-        f"the chain points {1e3 * size:.2f} mrad away from where the other pulls of the pose "
-        f"put it, {apart(sigmas)}"
+        f"the chain's direction deviates by {off} mrad from that of the other pulls of the pose, "
+        f"{apart(sigmas)}"
     )
 
 
@@ -309,11 +344,11 @@ def _each(X: Array, y: Array) -> ScoreTests:
 
 
 def _turned(chain: _Chain) -> _Turned:
-    """Directions against the other pulls of the pose, in poses with four pulls or more.
+    """Directions against the other pulls of the set, in sets of four pulls or more.
 
     For each pull the law of the course that is most favourable to it is used.
     """
-    index = np.unique(chain.pose, return_inverse=True)[1]
+    index = chain.towards
     known = np.isfinite(chain.force)
     pulls = np.flatnonzero(known & (np.bincount(index, known)[index] >= 4))
     if not len(pulls):
@@ -340,44 +375,44 @@ def _direction(chain: _Chain) -> _Off | None:
 
 
 def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Array, Array]:
-    """Every pull's direction freed from a straight course in each pose.
+    """Every pull's direction freed from a straight course in each set of pulls.
 
-    w = a_p + b_p x + e for the two coordinates w [rad] across the mean direction of pose p, in the
+    w = a_p + b_p x + e for the two coordinates w [rad] across the mean direction of set p, in the
     tracker's frame, x the course over its largest value.
 
     Args:
         chain: The chain.
-        pulls: Indices of the tested pulls, of poses with at least four, shape (n,).
+        pulls: Indices of the tested pulls, of sets of at least four, shape (n,).
         course: Variable in which directions are linear, shape (m,).
 
     Returns:
-        P-values, size over the residuals of the other pulls of the pose, size [rad], size in
+        P-values, size over the residuals of the other pulls of the set, size [rad], size in
             standard deviations, all (n,).
     """
     u = (chain.ends[:, 1] - chain.ends[:, 0])[pulls]
     u = u / np.linalg.norm(u, axis=1, keepdims=True)
-    poses = Blocks.of(chain.pose[pulls])
-    mean = poses.padded(u).sum(axis=1)
+    sets = Blocks.of(chain.towards[pulls])
+    mean = sets.padded(u).sum(axis=1)
     across = linear.principal(mean[:, None])[2][:, 1:]
-    x = np.abs(poses.padded(course[pulls])).max(axis=1)[poses.index]
+    x = np.abs(sets.padded(course[pulls])).max(axis=1)[sets.index]
     X = np.stack([np.ones(len(pulls)), course[pulls] / x], axis=1)
-    w = np.einsum("nij,nj->ni", across[poses.index], u)
+    w = np.einsum("nij,nj->ni", across[sets.index], u)
     rows = np.einsum("nk,ij->nikj", X, np.eye(2)).reshape(2 * len(pulls), -1)
-    base = Base.of(rows, w.ravel(), np.repeat(poses.index, 2), own=True)
+    base = Base.of(rows, w.ravel(), np.repeat(sets.index, 2), own=True)
     p, s = base.blocks.shape
     one = np.eye(s).reshape(s, s // 2, 2)
     off = base.beside(np.broadcast_to(one, (p, *one.shape)) * base.blocks.there[:, :, None, None])
     own = np.sum(base.left**2, axis=1)[:, None]
-    left = 2 * np.maximum(poses.count - 3, 1)[:, None]
+    left = 2 * np.maximum(sets.count - 3, 1)[:, None]
     apart = np.sqrt(off.drop / 2 / np.maximum((own - off.drop) / left, 1e-30))
     size = np.linalg.norm(off.size, axis=2)
     sigmas = np.sqrt(off.drop / off.variance())
     p_value = off.p()
-    return tuple(poses.rows(one) for one in (p_value, apart, size, sigmas))  # type: ignore[return-value]
+    return tuple(sets.rows(one) for one in (p_value, apart, size, sigmas))  # type: ignore[return-value]
 
 
 def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:
-    """Index of the end that deviates from the other pulls of the pose, and by how much [m].
+    """Index of the end that deviates from the other pulls of the set, and by how much [m].
 
     None where neither is clearly the worse one.
     """
@@ -388,8 +423,8 @@ def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:
 
 
 def _misses(chain: _Chain, pull: int) -> tuple[float, float] | None:
-    """Deviation of both ends from the other pulls of the pose [m], if there are at least three."""
-    same = (chain.pose == chain.pose[pull]) & np.isfinite(chain.force)
+    """Deviation of both ends from the other pulls of the set [m], if there are at least three."""
+    same = (chain.towards == chain.towards[pull]) & np.isfinite(chain.force)
     others = same & (np.arange(len(same)) != pull)
     if others.sum() < 3 or not same[pull]:
         return None
@@ -416,7 +451,7 @@ def _finding(
     group, which = str(chain.group[off.pull]), f"{names[0]}-{names[1]}"
     if end is not None:
         which, size = names[end[0]], end[1]
-        told = f"{told}: {which} is {1e3 * size:.2f} mm off"
+        told = f"{told}: {which} is {plain(1e3 * size, 3)} mm off"
     at = of_group(case, group, names if end is None else {which})
     return outlying(
         f"{group}/{which}",

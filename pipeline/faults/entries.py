@@ -22,6 +22,7 @@ from itertools import combinations
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 
@@ -32,6 +33,7 @@ from pipeline.machine.robot import configure
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
+from pipeline.system import alarms
 
 _NOISE_M = 1e-4
 """Standard uncertainty of a reading, and of a reflector put back into its nest, per axis [m]."""
@@ -107,6 +109,8 @@ class _Scene(Locked):
         tool: Stated positions of the targets, flange frame [m], shape (t, 3).
         base: Stated positions of the base reflectors, F_b [m], shape (b, 3).
         tool_std: Standard uncertainty of a point of the tool per axis [m].
+        tool_stated: Whether it is stated.
+        noise: Standard uncertainty of a reading per axis [m].
     """
 
     seen: Array
@@ -117,6 +121,8 @@ class _Scene(Locked):
     tool: Array
     base: Array
     tool_std: float
+    tool_stated: bool
+    noise: float
 
     @property
     def m(self) -> int:
@@ -187,14 +193,30 @@ class _Fit(Locked):
     Attributes:
         evidence: Logarithm of the restricted likelihood, averaged over the robot's errors.
         shift: Error of the free entry [m], shape (3,) or (0,).
-        std: Its standard uncertainty [m].
+        cov: Its covariance [m^2].
         left: Residual of each reading [m], shape (m + b, 3).
     """
 
     evidence: float
     shift: Array
-    std: Array
+    cov: Array
     left: Array
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainty of the error [m], shape (3,) or (0,)."""
+        return np.sqrt(np.diag(self.cov))
+
+    @property
+    def p_value(self) -> float:
+        """Probability of as large an error by chance: d' C^-1 d is chi-square.
+
+        1 where the rows do not determine it.
+        """
+        if not np.isfinite(self.evidence):
+            return 1.0
+        square = float(self.shift @ linear.solve(self.cov, self.shift))
+        return float(stats.chi2.sf(square, len(self.shift)))
 
 
 @lru_cache(maxsize=1)  # used for the readings, and again when the answer is written
@@ -214,7 +236,7 @@ def wrong_entries(case: Case) -> tuple[DoubtfulEntry, ...]:
     kept = scene.only(_alike(scene, found[best][1]))
     if len(kept.axes) < len(scene.axes):
         found = _single(case, kept)
-    if not _doubted(found):
+    if not (_doubted(found) or _contradicted(kept, found)):
         return ()  # exchanged points would leave a single free one far ahead of none
     found += [(claim, _fit(other, None)) for claim, other in _together(case, kept)]
     evidence = np.array([fit.evidence for _, fit in found[1:]])
@@ -231,6 +253,16 @@ def _doubted(found: Sequence[tuple[_Claim, _Fit]]) -> bool:
     """Whether a single wrong entry is likelier than none, at even prior odds."""
     none, *single = (fit.evidence for _, fit in found)
     return bool(single) and float(logsumexp(single)) - np.log(len(single)) > none
+
+
+def _contradicted(scene: _Scene, found: Sequence[tuple[_Claim, _Fit]]) -> bool:
+    """Whether a point of [tool] is farther off than its stated uncertainty explains.
+
+    By p-values of the points, at the rate of the false-alarm budget for all of them; where no
+    uncertainty is stated, a point must be likelier wrong than not (`_doubted`).
+    """
+    tool = [fit.p_value for claim, fit in found if claim.table == "tool"]
+    return scene.tool_stated and len(tool) * min(tool) < alarms.TOOL_POINT
 
 
 @dataclass(frozen=True)
@@ -306,9 +338,12 @@ def _scene(case: Case) -> _Scene | None:
         origin=here.flange_origin,
         tool=case.tool.points,
         base=np.array([case.settings.base_frame[one] for one in names]).reshape(-1, 3),
-        tool_std=max(stated, TOOL_M),
+        tool_std=stated or TOOL_M,
+        tool_stated=stated > 0,
+        noise=_NOISE_M,
     )
-    scene = scene.only(_same_shape(scene))
+    alike, scatter = _same_shape(scene)
+    scene = replace(scene.only(alike), noise=max(_NOISE_M, scatter))
     few = np.unique(np.linspace(0, len(scene.axes) - 1, _MOST_POSES).astype(int))
     return scene.only(np.isin(np.arange(len(scene.axes)), few)) if len(scene.axes) else None
 
@@ -322,19 +357,23 @@ def _base(case: Case) -> tuple[list[str], Array]:
     return names, np.array(at).reshape(-1, 3)
 
 
-def _same_shape(scene: _Scene) -> Bools:
-    """Mask of the poses in which the targets keep their usual distances, or those of a neighbour.
+def _same_shape(scene: _Scene) -> tuple[Bools, float]:
+    """Poses in which the targets keep their usual distances, and the scatter of a reading [m].
 
-    Shape (p,). Poses that are unlike the others, but like each other, show a target that moved.
+    A mask, shape (p,); distances may also be those of a neighbour: poses that are unlike the
+    others, but like each other, show a target that moved. A distance scatters as two readings do.
     """
     at = np.full((len(scene.axes), len(scene.tool), 3), np.nan)
     at[scene.pose, scene.target] = scene.seen[: scene.m]
     first, second = np.triu_indices(len(scene.tool), 1)
     apart = pd.DataFrame(np.linalg.norm(at[:, first] - at[:, second], axis=-1))
     off = (apart - apart.median()).abs()
-    usual = np.hypot(_NOISE_M, 1.4826 * off.median())  # for a normal distribution
+    scatter = 1.4826 * off.median()  # for a normal distribution
+    usual = np.hypot(_NOISE_M, scatter)
     next_to = (apart.diff().abs() <= _FAR * usual).all(axis=1).to_numpy()
-    return np.asarray(~(off > _FAR * usual).any(axis=1)) | next_to | np.append(next_to[1:], False)
+    alike = ~(off > _FAR * usual).any(axis=1).to_numpy()
+    both = scatter.max() / np.sqrt(2) if len(scatter) else 0.0
+    return alike | next_to | np.append(next_to[1:], False), float(np.nan_to_num(both))
 
 
 def _alike(scene: _Scene, fit: _Fit) -> Bools:
@@ -361,10 +400,10 @@ def _fit(scene: _Scene, entry: int | None) -> _Fit:
         R, t = turn @ R, turn @ (t - rows.centre) + rows.centre + step[3:]
     rows = _Rows.of(scene, free, R, t)
     tried = [rows.evidence(s) for s in _ROBOT_M]
-    x, std = rows.solved(_ROBOT_M[int(np.argmax(tried))])
+    x, cov = rows.solved(_ROBOT_M[int(np.argmax(tried))])
     left = (rows.y - rows.X @ x).reshape(-1, 3)
     evidence = float(logsumexp(tried) - np.log(len(tried)))
-    return _Fit(evidence if np.isfinite(evidence) else -np.inf, x[6:], std[6:], left)
+    return _Fit(evidence if np.isfinite(evidence) else -np.inf, x[6:], cov[6:, 6:], left)
 
 
 def _placed(scene: _Scene, kept: Bools) -> tuple[Array, Array]:
@@ -405,7 +444,7 @@ class _Rows(Locked):
         return cls(
             y=(at - scene.stated).ravel(),
             X=np.hstack([placing[:, 3:], placing[:, :3], free]),
-            base=sized @ sized.T + _NOISE_M**2 * np.eye(3 * len(at)),
+            base=sized @ sized.T + scene.noise**2 * np.eye(3 * len(at)),
             robot=robot @ robot.T,
             centre=centre,
         )
@@ -415,10 +454,10 @@ class _Rows(Locked):
         return W, W @ self.X, W @ self.y
 
     def solved(self, s: float) -> tuple[Array, Array]:
-        """Free parameters for robot's errors of size s [m], and their standard uncertainties."""
+        """Free parameters for robot's errors of size s [m], and their covariance."""
         _, X, y = self._white(s)
         inverse = linear.pseudoinverse(X)
-        return inverse(y), np.sqrt(np.diag(inverse.cov))
+        return inverse(y), np.asarray(inverse.cov)
 
     def evidence(self, s: float) -> float:
         """Restricted log likelihood, -1/2 (log|V| + log|X' V^-1 X| + y' P y)."""

@@ -236,7 +236,7 @@ def _of_rows(case: Case, poses: Ints, ring: Ring, cost: Array) -> Mistake:
     return exchange_mistake(
         ring,
         where=f"{file} {ring.where(names)}",
-        what=f"{file}: the rows of {in_words(names)}, or their groups in the tracker export,",
+        what=f"{file}: the rows of {in_words(ring, names)}, or their groups in the tracker export,",
         stand=misplacement(ring, "row"),
         of="the reflectors of these poses are",
         cost=cost,
@@ -284,15 +284,16 @@ def _of_groups(
     true = {str(names[i]): str(names[j]) for ring in several for i, j in ring.moves}
     out = {str(names[ring.members[-1]]) for ring in several if ring.ended}
     chain = _chain_too(case, laid, true)
-    sets = [in_words([str(names[k]) for k in ring.members]) for ring in several]
+    stands = [ring.among(away) for ring in several]
+    sets = [in_words(one, [str(laid.name[k]) for k in one.members]) for one in stands]
     first = several[0]
-    alone = first if len(several) == 1 else None
+    alone = stands[0] if len(several) == 1 else None
     here = case.readings[case.readings["group"].isin({*true, *true.values()})]
     here = here[chain | here["target"].isin(case.settings.measured)]
     at = lines_of(here)
     return exchange_mistake(
         first,
-        where=first.where([str(names[k]) for k in first.members]),
+        where=stands[0].where([str(names[k]) for k in first.members]),
         what=f"the groups {', '.join(sets)}",
         stand=misplacement(alone, "group"),
         of="their reflectors are",

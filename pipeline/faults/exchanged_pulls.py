@@ -402,7 +402,7 @@ def of_loads(asked: Screening, moved: PullMoves, fit: OrderFit, ring: Ring, row:
         )
         for i, j in ring.moves
     }
-    what, stand = f"{file}: the forces of {in_words(names)}", misplacement(ring, "row")
+    what, stand = f"{file}: the forces of {in_words(ring, names)}", misplacement(ring, "row")
     pull = names[[*ring.members].index(int(there[worst]))]
     return Mistake(
         name="exchanged",
@@ -573,7 +573,10 @@ def _of_states(
     states = pd.MultiIndex.from_frame(rows[_STATE].astype({"group": str}))
     at = lines_of(rows[states.isin([names[k] for k in ring.members])])
     where = ring.where(mine)
-    what, stand = f"the readings of {in_words(mine)} in pose {pose}", misplacement(ring, "group")
+    what, stand = (
+        f"the readings of {in_words(ring, mine)} in pose {pose}",
+        misplacement(ring, "group"),
+    )
     return Mistake(
         name="exchanged",
         where=where,

@@ -33,7 +33,7 @@ from pipeline.faults.conventions import symbol
 from pipeline.faults.exchanged_pulls import rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, apart, lines_of, outlying, pulls_of, without_pulls
-from pipeline.faults.typing_errors import WITHIN, intended
+from pipeline.faults.typing_errors import GUESSES, WITHIN, factor, intended
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import HUNG, MOUNTED, PULLED
 from pipeline.readers.logs import FORCE, SCALE
@@ -644,7 +644,13 @@ def _another(case: Case, data: Measured, wrong: Ints, fits: float, std: float) -
 def _meant(given: float, fits: float, std: float, unit: str, units: Mapping[str, float]) -> str:
     """The number that was probably meant, in words; `units` as of `intended`."""
     found = intended(given, fits, std, units)
-    return "" if found is None else f"; {found[1]}, {found[0]:.6g} {unit} may have been meant"
+    if found is None:
+        return ""
+    text = f"; {found[1]}, {found[0]:.6g} {unit} may have been meant"
+    times = factor(given, fits, std) if found[1] in GUESSES else None
+    if times is None:
+        return text
+    return f"{text}, but {plain(given / times, 4)} {unit} times {times:.1f} agrees as well"
 
 
 FAULT = Fault("outlier", scale_outliers)

@@ -9,6 +9,9 @@ from types import MappingProxyType
 _TENS = (10.0, 0.1, 100.0, 0.01, 1000.0, 0.001)
 """Factors of a missing or misplaced decimal point [1]."""
 
+GUESSES = ("one digit wrong", "one digit lost", "one digit too many")
+"""Slips with so many outcomes that one of them often fits by chance."""
+
 WITHIN = 3.0
 """Standard uncertainties within which a number agrees with the pulls [1]."""
 
@@ -38,6 +41,19 @@ def intended(
         if near:
             return min(near, key=lambda one: abs(one[0] - fits))
     return None
+
+
+def factor(given: float, fits: float, std: float) -> float | None:
+    """A factor in tenths, such as 1.1, of the number that fits, if one leads to the given number.
+
+    Args:
+        given: Number as logged.
+        fits: Number according to all other data.
+        std: Its standard uncertainty.
+    """
+    times = round(given / fits, 1) if fits else 0.0
+    whole = times <= 0 or times == round(times)  # an exact multiple is no error of a gain
+    return None if whole or abs(given / times - fits) > WITHIN * std else times
 
 
 def _scaled(given: float, units: Mapping[str, float]) -> Iterator[tuple[float, str]]:

@@ -376,14 +376,14 @@ def in_order(sheet: PositionSheet, seen: _AlignedTargets) -> Iterator[Mistake]:
 
 def _of_ring(sheet: PositionSheet, away: Ints, ring: Ring, cost: Array) -> Mistake:
     units = [int(away[k]) for k in ring.members]
-    names = [sheet.called(unit) for unit in units]
+    names, stands = [sheet.called(unit) for unit in units], ring.among(away)
     file = str(sheet.rows["file"].iloc[int(np.argmax(sheet.unit == units[0]))])
     own = [sheet.rows.index[sheet.unit == unit] for unit in units]
     return exchange_mistake(
         ring,
-        where=ring.where(names),
-        what=f"{file}: the joint values of {in_words(names)}",
-        stand=misplacement(ring, "pose"),
+        where=stands.where(names),
+        what=f"{file}: the joint values of {in_words(stands, names)}",
+        stand=misplacement(stands, "pose"),
         of="their targets are",
         cost=cost,
         at=sheet.at(units),

@@ -58,7 +58,7 @@ DRIFT = 0.05 * MOST_ALARMS - MOVED
 GREW = 0.01 * MOST_ALARMS
 """False-alarm rate of a base frame that grew between its rounds [1]."""
 
-MISFIT = 0.035 * MOST_ALARMS
+MISFIT = 0.032 * MOST_ALARMS
 """False-alarm rate of the chi-square test of the residuals with the noise stated or found [1]: a
 fit less probable than this is never called adequate."""
 
@@ -83,6 +83,10 @@ found [1]."""
 
 LOOSE = 0.01 * MOST_ALARMS - MOVED
 """False-alarm rate of targets that seem to move against each other under load [1]."""
+
+TOOL_POINT = 0.005 * MOST_ALARMS
+"""False-alarm rate of any point of [tool] being farther off than its stated uncertainty
+explains [1]."""
 
 COMPONENT = 0.003
 """False-alarm rate of each noise component that repeats show to be larger than stated [1]; it
@@ -112,6 +116,7 @@ OF_PULLS = {
     "structure of no certain law": STRUCTURE,
     "a wrong table": GEOMETRY,
     "loose targets": LOOSE,
+    "a wrong point of the tool": TOOL_POINT,
 }
 """Every test that can cost a campaign of pulls the verdict `adequate`, with its rate."""
 

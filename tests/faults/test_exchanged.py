@@ -8,7 +8,7 @@ import pytest
 from small_case import asked
 
 from pipeline.faults import screen
-from pipeline.faults.assignment import Ring, rings
+from pipeline.faults.assignment import Ring, in_words, misplacement, rings
 from pipeline.faults.base_names import base_names
 from pipeline.faults.conventions import conventions
 from pipeline.faults.exchanged import exchanged
@@ -134,6 +134,28 @@ def told(found, made):
 
 
 # --- rows of the joint log, groups of poses -------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("members", "words"),
+    [
+        ((2, 3), "pose02 and pose03"),
+        ((2, 3, 4), "pose02 to pose04 (3)"),
+        ((35, 54, 8), "pose08, pose35 and pose54"),
+        ((9, 1, 7, 3, 20, 30, 40, 50), "pose01, pose03, pose07, pose09, pose20, pose30 and 2 more"),
+    ],
+)
+def test_only_neighbours_are_said_as_a_range(members, words):
+    """Three single poses are not all of those between the first and the last."""
+    assert in_words(Ring(members), [f"pose{k:02d}" for k in members]) == words
+
+
+def test_members_among_some_places_are_off_by_one_only_if_these_are_neighbours():
+    """The first three of the misplaced poses, which are poses 8, 35 and 54, or 8 to 10."""
+    assert misplacement(Ring((0, 1, 2)).among(np.array([8, 35, 54])), "pose") == (
+        "in each other's place"
+    )
+    assert misplacement(Ring((0, 1, 2)).among(np.array([8, 9, 10])), "pose").startswith("one pose")
 
 
 @pytest.mark.sampled(4)

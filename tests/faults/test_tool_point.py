@@ -7,6 +7,7 @@ import pytest
 from small_case import asked, small
 
 from pipeline.faults.conventions import anchored
+from pipeline.faults.entries import wrong_entries
 from pipeline.faults.gross_reading import gross
 from pipeline.faults.reading import FAULT as READING
 from pipeline.faults.tool_point import tool_point
@@ -89,3 +90,39 @@ def test_a_target_that_moved_on_the_effector_is_not_wrong_in_tool(case, name, si
     late = replace(case, readings=rows[(rows["pose"] >= since) | rows["pose"].isna()])
     if since < 5:  # three poses or more, in all of which it is off by as much
         assert [one.where for one in tool_point(late)] == [name]
+
+
+def known(case, sigma_m, **off):
+    """Targets at other positions than stated, with a stated uncertainty [m]."""
+    moved = wrong(case, **off)
+    stated = case.settings.tool_uncertainty.model_copy(update={"sigma_m": sigma_m})
+    settings = moved.settings.model_copy(update={"tool_uncertainty": stated})
+    return replace(moved, settings=settings)
+
+
+def test_a_target_is_held_to_its_stated_uncertainty(case):
+    """0.6 mm off: twelve standard uncertainties of 0.05 mm, less than two where none is stated."""
+    off = 6e-4 * OFF / np.linalg.norm(OFF)
+
+    (found,) = wrong_entries(known(case, 5e-5, P2=off))
+
+    assert (found.table, found.names) == ("tool", ("P2",))
+    assert found.off_m == pytest.approx(6e-4, abs=2e-4)
+    assert wrong_entries(wrong(case, P2=off)) == wrong_entries(known(case, 5e-4, P2=off)) == ()
+
+
+def test_targets_that_are_where_their_uncertainty_allows_are_not_doubted(case):
+    """Drawn from the stated uncertainty."""
+    for seed, sigma_m in ((1, 5e-5), (2, 5e-5), (3, 1e-3)):
+        rng = np.random.default_rng(seed)
+        off = {name: sigma_m * rng.standard_normal(3) for name in case.settings.measured}
+        assert wrong_entries(known(case, sigma_m, **off)) == ()
+
+
+def test_readings_that_scatter_widely_contradict_no_target(case):
+    """Three quarters of a millimetre in each coordinate, where targets are stated to 0.02 mm."""
+    rows = case.readings.copy()
+    for seed in (1, 2):
+        noise = 7.5e-4 * np.random.default_rng(seed).standard_normal((len(rows), 3))
+        rows[XYZ] = case.readings[XYZ].to_numpy(float) + noise
+        assert wrong_entries(known(replace(case, readings=rows), 2e-5)) == ()

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.faults.typing_errors import intended
+from pipeline.faults.scale_reading import _meant
+from pipeline.faults.typing_errors import factor, intended
 
 
 @pytest.mark.parametrize(
@@ -43,3 +44,21 @@ def test_a_number_that_no_slip_explains_has_no_other_meaning():
     rng = np.random.default_rng(1)
     hits = [intended(2984.6, fits, 0.05) for fits in rng.uniform(1000, 2900, 300)]
     assert sum(one is not None for one in hits) < 10
+
+
+@pytest.mark.parametrize(
+    ("given", "fits", "times"),
+    [(2736.0, 2487.0, 1.1), (2736.0, 2350.0, None), (2487.0, 2487.0, None), (4974.0, 2487.0, None)],
+)
+def test_a_factor_in_tenths_may_fit_as_well(given, fits, times):
+    """2487 N logged times 1.1; no factor in between, and neither 1 nor 2."""
+    assert factor(given, fits, 10.0) == times
+
+
+def test_a_wrong_digit_is_no_more_likely_than_a_factor_that_fits():
+    """Where 2510 N fit, 2536 N by one digit or 2487 N times 1.1; where 2550 N fit, the former."""
+    both = _meant(2736.0, 2510.0, 10.0, "N", {})
+    assert both == (
+        "; one digit wrong, 2536 N may have been meant, but 2487 N times 1.1 agrees as well"
+    )
+    assert _meant(2736.0, 2550.0, 10.0, "N", {}).endswith("2536 N may have been meant")

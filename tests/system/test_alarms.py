@@ -36,7 +36,7 @@ def test_a_campaign_of_both_is_asked_all_that_either_is_and_whether_they_agree()
 RATES = {
     "SUSPECT", "LACK_OF_FIT", "READING", "DRIFT", "MISFIT", "SCATTER", "COMPONENT", "LAW",
     "GEOMETRY", "LOOSE", "MOVED", "EXCHANGED", "SCALE", "FRAME", "LADDERS", "GREW", "STRUCTURE",
-    "ERRING",
+    "ERRING", "TOOL_POINT",
 }  # fmt: skip
 
 
