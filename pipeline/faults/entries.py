@@ -236,7 +236,7 @@ def wrong_entries(case: Case) -> tuple[DoubtfulEntry, ...]:
     kept = scene.only(_alike(scene, found[best][1]))
     if len(kept.axes) < len(scene.axes):
         found = _single(case, kept)
-    if not (_doubted(found) or _contradicted(kept, found)):
+    if not _doubted(kept, found):
         return ()  # exchanged points would leave a single free one far ahead of none
     found += [(claim, _fit(other, None)) for claim, other in _together(case, kept)]
     evidence = np.array([fit.evidence for _, fit in found[1:]])
@@ -249,17 +249,18 @@ def wrong_entries(case: Case) -> tuple[DoubtfulEntry, ...]:
     return tuple(sorted(named, key=lambda one: -one.probability))
 
 
-def _doubted(found: Sequence[tuple[_Claim, _Fit]]) -> bool:
-    """Whether a single wrong entry is likelier than none, at even prior odds."""
+def _doubted(scene: _Scene, found: Sequence[tuple[_Claim, _Fit]]) -> bool:
+    """Whether one wrong entry is likelier than none, at even prior odds, or `_contradicted`."""
     none, *single = (fit.evidence for _, fit in found)
-    return bool(single) and float(logsumexp(single)) - np.log(len(single)) > none
+    likelier = bool(single) and float(logsumexp(single)) - np.log(len(single)) > none
+    return likelier or _contradicted(scene, found)
 
 
 def _contradicted(scene: _Scene, found: Sequence[tuple[_Claim, _Fit]]) -> bool:
     """Whether a point of [tool] is farther off than its stated uncertainty explains.
 
     By p-values of the points, at the rate of the false-alarm budget for all of them; where no
-    uncertainty is stated, a point must be likelier wrong than not (`_doubted`).
+    uncertainty is stated, only the odds decide.
     """
     tool = [fit.p_value for claim, fit in found if claim.table == "tool"]
     return scene.tool_stated and len(tool) * min(tool) < alarms.TOOL_POINT
