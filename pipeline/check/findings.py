@@ -365,14 +365,15 @@ def return_findings(fitted: Fitted) -> list[str]:
     """
     data, stated = fitted.data, fitted.reduced.data
     zeros = repeated_zeros(fitted.case.settings, fitted.reduced.placed)
-    if not (data.noise_stated and len(zeros.pose)):
-        return []
-    wider = np.einsum("dii->d", data.zero_cov) / np.einsum("dii->d", stated.zero_cov)
+    exact = np.einsum("dii->d", stated.zero_cov)
+    if not (stated.noise_stated and len(zeros.pose) and (exact > 0).all()):
+        return []  # NaN where no noise is stated
+    wider = np.einsum("dii->d", data.zero_cov) / exact
     pose = data.pulls.pose[data.pull]
     noise = {int(k): max(fitted.scatter**2, float(wider[pose == k].max())) for k in np.unique(pose)}
     off, most = [], 0.0
     for k, scale in noise.items():
-        mine = zeros.pose == k
+        mine = (zeros.pose == k) & np.isfinite(zeros.cov).all(axis=(1, 2))
         d, C = zeros.delta[mine], zeros.cov[mine] * scale
         chi2 = float(np.einsum("zi,zij,zj->", d, linear.inverse(C), d))
         if len(d) and chi2_beyond(chi2, d.size) * len(noise) < alarms.READING:

@@ -1,5 +1,6 @@
 """Report of readings that are far off and stay in use, and of those that were left out."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from small_case import asked, moved, small
 
 from pipeline.answer.inputs import left_out_entries, lost_told
+from pipeline.base import covariance
 from pipeline.check.findings import doubt_findings, return_findings
 from pipeline.faults.mistake import left_out, outlying, without_pulls
 from pipeline.reduction.case import UnusedReadings
@@ -94,6 +96,8 @@ def test_poses_whose_reflectors_do_not_return_are_named(case):
     (one,) = said(moved(case, late.to_numpy(), np.array([0.0, 0.3e-3, 0.0])))
     assert one.startswith("The unloaded reflectors did not return in pose 2: they stand up to 0.3")
     assert said(case) == []
+    nobody = replace(case, readings=rows.assign(**dict.fromkeys(covariance.columns(), np.nan)))
+    assert said(moved(nobody, late.to_numpy(), np.array([0.0, 0.3e-3, 0.0]))) == []
 
 
 def test_every_pull_knows_which_zeros_follow_it(case):
