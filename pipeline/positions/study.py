@@ -12,6 +12,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
+from scipy import special
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import linear
@@ -219,12 +220,39 @@ def _weigh(before: Calibration, after: Calibration, rng: np.random.Generator) ->
     better.
     """
     p = float(np.exp(min(before.likely - after.likely, 0.0)))
-    if after is before or p >= alarms.SUSPECT:
+    refuted = _of_masses(before)
+    if after is before or min(p, refuted) >= alarms.SUSPECT:
         return None
     parts = partings(after.readings, rng, rail(after.mechanism.table))
     last = Partition.SERIES if Partition.SERIES in parts else Partition.SPACE
     near, far = (_gain(before, after, parts[one], rng) for one in (Partition.BETWEEN, last))
-    return _Weighed(after, p, (near, far)) if near.sure and far.sure else None
+    sure = near.sure and far.sure
+    return _Weighed(after, min(p, refuted), (near, far)) if sure or refuted < p else None
+
+
+def _of_masses(found: Calibration) -> float:
+    """Probability of masses as far from the stated ones as estimated, if these hold to their sigma.
+
+    T = sum over v of (v' z)^2 / (1 - c_v) ~ chi2, z their deviations over the stated sigma, v and
+    c_v the axes of their posterior covariance in these units; axes of which the readings tell less
+    than a twentieth are left out.
+    """
+    at = layout(found.mechanism).moments
+    if found.wanted.moments or not found.solution.x[at].size:
+        return 1.0
+    mean, std = found.known.mean[at], found.known.std[at]
+    values, axes = linear.directions(found.solution.cov[at, at] / np.outer(std, std))
+    told = values < 1 - _TOLD
+    z = axes[:, told].T @ ((found.solution.x[at] - mean) / std)
+    return (
+        float(special.chdtrc(int(told.sum()), np.sum(z**2 / (1 - values[told]))))
+        if told.any()
+        else 1.0
+    )
+
+
+_TOLD = 0.05
+"""Least part of a prior variance that readings take away where they tell of a mass [1]."""
 
 
 def _gain(
