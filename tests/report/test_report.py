@@ -24,6 +24,7 @@ from pipeline.annex.sections.stiffness import stiffness
 from pipeline.annex.summaries import courses
 from pipeline.answer.contract import Answer, Odd, Remark, Stiffness
 from pipeline.base import quantities as numbers
+from pipeline.base.errors import Interrupted
 from pipeline.report.certificate import digest
 from pipeline.report.figures.catalogue import CATALOGUE, draw
 from pipeline.report.model import compose
@@ -75,6 +76,19 @@ def test_a_figure_that_cannot_be_drawn_costs_itself_alone(sample, monkeypatch):
 
     assert f"The figure {broken.name} could not be drawn" in lost.svg
     assert draw(other.name, *sample).svg == _SQUARE
+
+
+@pytest.mark.parametrize("end", [MemoryError(), Interrupted("stopped")])
+def test_what_ends_a_run_ends_it_in_a_figure_too(sample, monkeypatch, end):
+    """Neither a limit of memory nor Ctrl-C is a figure that cannot be drawn."""
+
+    def ended(*_):
+        raise end
+
+    monkeypatch.setattr("pipeline.report.figures.catalogue._drawn", ended)
+
+    with pytest.raises(type(end)):
+        draw(CATALOGUE[0].name, *sample)
 
 
 _SQUARE = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>'

@@ -8,6 +8,7 @@ from typing import Any
 
 from pipeline.answer.contract import Answer
 from pipeline.base import doors
+from pipeline.base.errors import PipelineError
 from pipeline.base.language import Say
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure, present
@@ -33,6 +34,8 @@ def draw(name: str, answer: Answer, tables: Tables, say: Say = str) -> Drawing:
     """
     try:
         return _drawn(_PLOTS[name], answer, tables, say)
+    except (MemoryError, PipelineError):  # the run has ended: a limit, Ctrl-C
+        raise
     except Exception as problem:
         lost = f"The figure {name} could not be drawn (internal error, {type(problem).__name__})"
         warnings.warn(f"{lost}; the answer and its other figures are complete.", stacklevel=1)
