@@ -118,7 +118,7 @@ def first_screen(found: CampaignResults, stated: FirstScreen) -> tuple[Line, ...
             else "",
         ),
         (About.VERDICT, f"{_verdict(found)} {capital(_predicted(found))}."),
-        (About.TO_DO, " ".join((*_out(found, stated), _to_do(found, stated.mine.stiffness)))),
+        (About.TO_DO, " ".join((*_out(found, stated), _to_do(found, stated)))),
         (About.MODEL, " ".join(_model(found, stated))),
         (About.NUMBERS, " ".join((_for_controller(found, stated), *_uncalibrated(found, stated)))),
         (About.TEST_POSE, " ".join(_test_pose(found, stated))),
@@ -323,10 +323,16 @@ def _at_most(force_n: float) -> str:
     return plain(step * math.floor(force_n / step), 2)
 
 
-def _to_do(found: CampaignResults, stiffness: Sequence[Stiffness]) -> str:
+def _to_do(found: CampaignResults, stated: FirstScreen) -> str:
     """What to do with the values, and what of the model no controller takes."""
+    stiffness, pose = stated.mine.stiffness, stated.pose
     if not any(joint.value is not None for joint in stiffness):
         return "Measure more before any stiffness is used: none is determined."
+    if _holds(found) and pose.expanded_mm and pose.expanded_mm > (pose.deflection_mm or 0.0):
+        return (
+            "Measure more poses, or pull harder, before these stiffnesses are used: the deflection "
+            f"that they predict at the test pose is {expanded(pose)}."
+        )
     beside = [one.called for one in found.told.model.hypotheses[0].beside_springs]
     if beside and found.row.model == Which.AVERAGED and len(found.told.model.hypotheses) > 1:
         beside = ["causes other than joint springs"]

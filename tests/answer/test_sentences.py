@@ -33,6 +33,7 @@ from pipeline.answer.sentences import (
     _of_robot,
     _of_springs,
     _out,
+    _to_do,
     _uncalibrated,
     _without,
     _wrong,
@@ -494,3 +495,23 @@ def test_a_stiffness_that_may_be_rigid_is_a_lower_limit(limits, said):
     one = SimpleNamespace(value=1.31e9, std=0.34e9, ci95=limits)
 
     assert stiffness_text(one, "N/m") == said
+
+
+@pytest.mark.parametrize(("std_mm", "used"), [(0.05, True), (19.0, False)])
+def test_stiffnesses_whose_prediction_is_all_uncertainty_are_not_to_be_used(std_mm, used):
+    found = SimpleNamespace(
+        row=SimpleNamespace(reason=Reason.ADEQUATE, model=None),
+        facts=Facts(),
+        told=SimpleNamespace(
+            model=SimpleNamespace(hypotheses=[SimpleNamespace(beside_springs=())])
+        ),
+        mistakes=(),
+        both=None,
+    )
+    joint = SimpleNamespace(value=3.8e6, ci95=(3.7e6, 3.9e6), called="A1")
+    stated = SimpleNamespace(
+        mine=SimpleNamespace(stiffness=[joint]), pose=Tip(deflection_mm=1.0, std_mm=std_mm)
+    )
+    text = _to_do(found, stated)
+    assert ("Use these stiffnesses" in text) == used
+    assert ("1 mm, U = 38 mm (k = 2)" in text) != used
