@@ -132,7 +132,7 @@ def _laws(whole: Study) -> pd.DataFrame:
         parts.append(
             pd.DataFrame(
                 {
-                    "cause": f"{NAME}:{law.joint}",
+                    "cause": f"{'joint_offset' if law.once else NAME}:{law.joint}",
                     "part": np.int32(count[law.joint]),
                     "pose": readings.pose[seen].astype(np.int32),
                     "repeat": readings.series[seen].astype(np.int32),

@@ -31,6 +31,7 @@ from pipeline.answer.words import (
     law_told,
     listed,
     mistaken,
+    sized,
     why,
     wrong,
 )
@@ -450,7 +451,9 @@ def _to_do(results: PositionsResults) -> str:
         return f"{correct(results.facts)} enter none of these values into a controller."
     if not results.row.reason.holds_for_its_readings:
         return "Use none of these values; find out first what the model misses, and run again."
-    beside = " A controller's table has no entry for the causes." if results.facts.causes else ""
+    causes = results.facts.causes
+    acting = len(causes) > len(_changed_zeros(causes))
+    beside = " A controller's table has no entry for the causes." if acting else ""
     those = "DH parameters, springs and causes together" if beside else _ALONE
     return (
         f"Use {those}: predict the positions of targets at other joint values with `pipeline "
@@ -549,14 +552,25 @@ def besides_causes(results: PositionsResults) -> Iterator[str]:
 
 
 def _named(causes: Sequence[FoundCause]) -> Iterator[str]:
-    """What of the catalogue acts, and the largest law outside of it."""
+    """What of the catalogue acts, zeros that changed, and the largest law outside of it."""
     known, laws = (_those(causes, law) for law in (False, True))
-    if known:
+    zeros = _changed_zeros(known)
+    if known := [one for one in known if one not in zeros]:
         those = listed([one.effect.called for one in known])
         yield f"Besides the joint springs, {those} {'act' if len(known) > 1 else 'acts'}."
+    for one in zeros:
+        yield (
+            f"{capital(sized(one.effect.called, one.amplitudes[0]))}: the table and predictions "
+            "are those of the robot since."
+        )
     if laws:
         of = "a law" if len(laws) == 1 else f"the largest of {len(laws)} laws"
         yield f"{capital(law_told(laws[0]))}: {of} outside the catalogue."
+
+
+def _changed_zeros(causes: Sequence[FoundCause]) -> list[FoundCause]:
+    """Joints referenced anew, or slipped, in mid-campaign: the identified table holds them."""
+    return [one for one in causes if one.effect.name == "joint_offset"]
 
 
 def _those(causes: Sequence[FoundCause], law: bool) -> list[FoundCause]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from pipeline.diagnosis.facts import (
 from pipeline.faults.mistake import Mistake
 from pipeline.geometry.unloaded import START
 from pipeline.machine.effect import Effect
-from pipeline.machine.effects import catalogue, table
+from pipeline.machine.effects import catalogue, joint_offset, table
 from pipeline.machine.effects.unlisted import AMPLITUDE, NAME
 from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
@@ -151,13 +152,26 @@ def _gain(one: Worth) -> CrossValidation:
 
 
 def _cause(law: NamedLaw, robot: Robot) -> FoundCause:
-    """A joint law as a cause outside the catalogue."""
+    """A changed zero, or a joint law as a cause outside the catalogue."""
+    if law.since is not None:
+        zero = _changed_zero(law.joint, *law.since, robot)
+        size = EffectSize.symmetric(zero.parameters[0], law.amplitude, law.std)
+        return FoundCause(zero, 1.0, (size,), law.p, gain=_gain(law.gain))
     slides = bool(robot.prismatic[law.joint - 1])
     unit = "m" if slides else "rad"
     parameter = Parameter("amplitude", unit, START[slides], meaning=AMPLITUDE)
     height = EffectSize.symmetric(parameter, law.amplitude, law.std)
     effect = _effect(law, robot, parameter)
     return FoundCause(effect, 1.0, (height,), law.p, gain=_gain(law.gain), height=height)
+
+
+def _changed_zero(joint: int, series: str, pose: int, robot: Robot) -> Effect:
+    """The zero of a joint that changed before a pose of a series."""
+    effect = replace(joint_offset.since(robot, joint, (), pose), axis=alone(robot)[joint - 1])
+    if not series:
+        return effect
+    at = f"{pose} of series {series}"
+    return replace(effect, noun=f"zero that changed at pose {at}", form=f"since pose {at}")
 
 
 def _effect(law: NamedLaw, robot: Robot, parameter: Parameter) -> Effect:
@@ -197,10 +211,6 @@ def _noun(law: NamedLaw, robot: Robot) -> str:
         return f"motion {plain(law.order, 2)} {turn} of joint {law.source}"
     if law.variable == "angle":
         return f"smooth error over its {'place' if slides else 'angle'}"
-    if law.since is not None:
-        series, pose = law.since
-        where = f"pose {pose} of series {series}" if series else f"pose {pose}"
-        return f"step from {where} on, half of it to each side,"
     if law.kind == "step":
         return "step where its torque changes sign, half of it to each side,"
     return f"error that grows with {_OF[law.variable]}"

@@ -39,8 +39,9 @@ class NamedLaw(Locked):
         source: Joint whose angle or torque is the variable, from 1; None for temperature and time.
         order: Periods per turn (per metre of a sliding joint), or degree; for a curve 1 / l in
             1/turn, with its correlation length l.
-        amplitude: Half the height of a wave or step; root two times the standard deviation of a
-            curve; otherwise the value at the end of the range [m] or [rad].
+        amplitude: Half the height of a wave or step; all of a step in time, with its sign; root two
+            times the standard deviation of a curve; otherwise the value at the end of the range
+            [m] or [rad].
         std: Its standard uncertainty.
         range: Range of the variable in the readings.
         p: Probability that any law appears as large by chance.
@@ -363,7 +364,7 @@ def _slices(found: Calibration) -> Iterator[tuple[NamedLaw, _Key, slice]]:
             law.variable,
             law.source,
             law.order,
-            *_size(x[part], cov[part, part]),
+            *_size(x[part], cov[part, part], signed=law.once),
             range=_ends(law.of(inputs)),
             since=_since(law, found) if law.once else None,
             number=k,
@@ -398,10 +399,10 @@ def _ends(v: Array) -> tuple[float, float]:
     return float(v.min()), float(v.max())
 
 
-def _size(x: Array, cov: Array) -> tuple[float, float]:
-    """Amplitude of a law and its standard uncertainty, by propagation."""
-    size = float(np.linalg.norm(x))
-    slope = x / max(size, 1e-300)
+def _size(x: Array, cov: Array, *, signed: bool) -> tuple[float, float]:
+    """Amplitude of a law, with the sign of a single one if asked, and its standard uncertainty."""
+    size = float(x[0] if signed else np.linalg.norm(x))
+    slope = x / (size or 1e-300)
     return size, float(np.sqrt(slope @ cov @ slope))
 
 

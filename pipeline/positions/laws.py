@@ -99,10 +99,12 @@ class JointLaw:
     def basis(self, inputs: Inputs) -> Array:
         """g_k at m poses, shape (m, amplitudes); zero where the variable is unknown.
 
-        A polynomial stays constant beyond its range, and where the time is unknown a step in time
-        counts as having happened.
+        A polynomial stays constant beyond its range. A step in time is -1 before and 0 since, so
+        that table and predictions are those of the robot as it is now.
         """
         v = (self.of(inputs) - self.middle) / self.scale
+        if self.once:
+            return -(v < 0).astype(float)[:, None]
         if self.kind == "step":
             return np.sign(np.nan_to_num(v, nan=1.0))[:, None]
         v = np.nan_to_num(v)

@@ -177,7 +177,7 @@ def test_a_joint_that_slipped_once_is_named_with_its_pose(slipped):
     (law,) = found.laws
     assert (law.joint, law.kind, law.variable) == (3, "step", "time")
     assert law.since == ("two", 70)
-    assert 2 * law.amplitude == pytest.approx(4e-4, abs=5 * 2 * law.std)
+    assert law.amplitude == pytest.approx(4e-4, abs=5 * law.std)
     assert found.moved == ()
     assert found.stages[-1].mean(Partition.BETWEEN) < 0.03e-3
 

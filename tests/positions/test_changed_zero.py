@@ -1,0 +1,38 @@
+"""A joint's zero that changed in a campaign of positions: what it is called, and whose table."""
+
+import numpy as np
+import pytest
+
+from pipeline.machine.robot import load
+from pipeline.positions.answer import _named
+from pipeline.positions.facts import _cause
+from pipeline.positions.joint_laws import NamedLaw
+from pipeline.positions.laws import Inputs, JointLaw
+
+STEP = JointLaw(4, "step", "time", None, 0.0, middle=1.5)
+
+
+def slipped(series: str) -> NamedLaw:
+    """1.5 mrad since pose 83."""
+    last = (series, 83)
+    return NamedLaw(4, "step", "time", None, 0.0, -1.5e-3, 2e-5, (0.0, 2.0), since=last, number=0)
+
+
+@pytest.mark.parametrize(("series", "form"), [("", "83"), ("noon", "83 of series noon")])
+def test_a_step_in_time_is_a_zero_that_changed(series, form):
+    found = _cause(slipped(series), load("ur5e"))
+
+    assert (found.effect.name, found.effect.where) == ("joint_offset", 4)
+    assert found.effect.form == f"since pose {form}"
+    assert found.effect.law is None  # no law outside the catalogue
+    assert found.amplitudes[0].value == -1.5e-3
+    (said,) = _named([found])
+    assert said.startswith(f"Zero that changed at pose {form} in joint 4 (wrist_1_joint), -1.5")
+
+
+def test_the_table_is_that_of_the_robot_since():
+    """Where the time is unknown, as in predictions, too: the step moves nothing there."""
+    series, time = np.array([0.0, 1.0, 1.0, np.nan]), np.array([0.9, 0.4, 0.6, np.nan])
+    inputs = Inputs(np.zeros((4, 6)), np.zeros((4, 6)), np.full(4, 20.0), time, series)
+
+    assert STEP.basis(inputs).ravel().tolist() == [-1.0, -1.0, 0.0, 0.0]
