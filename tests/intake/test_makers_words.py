@@ -65,6 +65,17 @@ def test_axes_of_a_maker_are_known_beside_other_columns(hall, maker):
     np.testing.assert_allclose(np.rad2deg(shown), degrees, atol=1e-4)
 
 
+def test_a_log_is_read_once_for_all_robots_with_the_same_axes(hall, monkeypatch):
+    """Of 46 robots that ship, sixteen have J1 to J6, eleven A1 to A6."""
+    asked, joints = [], logs.joints
+    monkeypatch.setattr(logs, "joints", lambda *given: asked.append(given) or joints(*given))
+
+    said = propose(hall[0])
+
+    assert len(said.robots) > 40
+    assert len(asked) < 30
+
+
 @pytest.mark.parametrize(
     ("more", "begins"),
     [
