@@ -44,7 +44,7 @@ run: .venv/.ready
 # in the order of tests/conftest.py, which begins with the groups.
 # Compiled modules are kept, also where the environment says otherwise: some tests start the command.
 TESTS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
-	$(PY) -m pytest -q -n 3 --dist loadgroup --no-loadscope-reorder
+	$(PY) -m pytest -q -n 2 --dist loadgroup --no-loadscope-reorder
 
 test: .venv/.ready
 	@$(PY) tests/get_browser.py

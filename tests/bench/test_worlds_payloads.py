@@ -229,6 +229,7 @@ def test_the_log_weighs_what_is_mounted(name):
         assert (far > 4) == bool(one.wrong)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("what", ["", "mass", "center"])
 def test_one_payload_is_not_what_is_stated(what):
     """By as much as the world says; the others are off by what campaign.toml states."""

@@ -52,6 +52,7 @@ POINTS = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", POINTS)
 def test_a_wrong_point_is_named_in_its_line(name):
     """From 5 mm for the tool and 20 mm for the base, up to any distance."""

@@ -113,7 +113,7 @@ def test_sensitivities_are_those_of_the_forward_model(name):
     assert np.abs(700 * at.A.transpose(3, 0, 2, 1) - B).max() < 1e-12 * np.abs(B).max()
 
 
-@pytest.mark.sampled(46)
+@pytest.mark.sampled(15)
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("noise", SCATTERS)
 def test_slopes_of_information_are_finite_differences(name, noise):

@@ -140,6 +140,7 @@ def test_weights_beside_pulls_tell_the_gain_of_the_scale_from_the_springs():
     assert both.unmoved == pulled.unmoved
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("every", "asked_for"), [(2, True), (1, False), (99, False)])
 def test_the_gain_is_a_suspect_where_weights_hang_beside_pulls(every, asked_for):
     """Every second load is a weight, every one, or none."""

@@ -168,6 +168,7 @@ def test_two_base_reflectors_with_each_other_s_names_are_told(pair):
     same(found.correct(bad), good())
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize(("where", "plant"), UNDONE, ids=[where for where, _ in UNDONE])
 def test_every_hypothesis_undoes_its_own_mistake(where, plant):
     """Of all hypotheses, those with its name restore the good campaign, and no other does."""

@@ -75,7 +75,7 @@ def test_a_robot_that_stands_off_its_table_has_no_wrong_row(off_table, clean):
     assert not wrong_rows(case_of(clean))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("change", "pose"),
     [

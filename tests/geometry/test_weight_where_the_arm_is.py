@@ -170,6 +170,7 @@ def bent(robot, machine, q, where, c):
     return out
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("where", ["upper_arm", "forearm"])
 def test_a_link_is_bent_by_the_weights_beyond(arm, where):
     """To a tenth of the largest sag; a motor at its proximal end does not bend it."""

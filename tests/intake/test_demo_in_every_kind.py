@@ -279,7 +279,7 @@ def test_which_way_azimuths_grow_only_points_off_a_plane_settle():
         assert len(why) == (sense is not None)
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", KINDS)
 def test_the_demo_is_read_from_every_kind(name, ours):
     """Names and states unchanged, positions to the digits written, times if present."""

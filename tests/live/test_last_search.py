@@ -126,6 +126,7 @@ def test_the_last_planned_pose_is_searched_and_a_pause_too():
     assert [one.value for one in later.stiffness] == [one.value for one in result.stiffness]
 
 
+@pytest.mark.whole
 def test_what_nothing_explains_is_told_though_the_search_is_silent(standing):
     """A zero and the one pull read from it: a second pull shows which of them is off."""
     zero, pull = steps(8)[:2]

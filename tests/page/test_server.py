@@ -261,7 +261,7 @@ def test_a_run_that_is_cancelled_leaves_nothing(demo, tmp_path):
     until(demo, "done")
 
 
-def test_from_files_to_fields_and_back(client, tmp_path):
+def test_from_files_to_fields_and_back(here, client, tmp_path):
     """campaign.toml is written for the files; each field is a line of it; comments stay."""
     drop(client, *(DEMO / one for one in ("tracker.csv", "loads.csv", "joints.csv")))
     assert client.post("/c/hall/init").json()["go"].endswith("/setup")
@@ -361,6 +361,7 @@ def test_a_line_that_is_put_in_moves_no_other():
     ]  # fmt: skip
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("at", [0, 3, 30_000])
 def test_a_long_program_with_lines_put_in_differs_where_it_was_changed(at):
     """Every other of 60 000 lines is a motion that was moved, those between are all alike."""

@@ -135,6 +135,7 @@ def test_a_wrong_model_is_no_worse_angle(calm):
     assert not beam.better
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("lost", ["tracker", "kind", "poses"])
 def test_without_a_station_nothing_is_concluded(polar, lost):
     """A campaign of displacements, of a camera or of 6D poses has no beam."""

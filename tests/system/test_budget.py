@@ -67,7 +67,11 @@ def test_a_gain_error_moves_all_stiffnesses_alike():
 
 
 @pytest.mark.parametrize(
-    ("key", "points"), [("sigma_m", [*PLAN.tool]), ("load_point_sigma_m", ["load_point"])]
+    ("key", "points"),
+    [
+        pytest.param("sigma_m", [*PLAN.tool], marks=pytest.mark.whole),
+        ("load_point_sigma_m", ["load_point"]),
+    ],
 )
 def test_the_part_of_the_geometry_is_what_wrong_tool_points_do(key, points):
     """Shift each coordinate of the tool, or of its load point, identify again, add the squares."""
