@@ -288,6 +288,7 @@ def test_a_file_has_one_name_and_patterns_are_few(tmp_path):
         parse(settings('["tracker.csv"]', many).decode())
 
 
+@pytest.mark.whole
 def test_an_export_at_the_top_is_found_by_two_stars(tmp_path, say):
     """They may stand for no folder at all, to those who look and to those who read."""
     put(tmp_path, **{"campaign.toml": settings('["tracker.csv"]', '["**/tracker*.csv"]')})

@@ -293,6 +293,7 @@ def test_targets_of_a_pose_are_one_body():
     np.testing.assert_allclose(np.std(turned, axis=0), SIGMA_RAD, rtol=0.05)
 
 
+@pytest.mark.whole
 def test_a_probe_aside_errs_with_its_lever():
     """Across the normal the mean errs by sigma and lever times rotation, along it by sigma."""
     cell = cell_of("poses")

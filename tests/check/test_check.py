@@ -174,6 +174,7 @@ def test_what_is_there_is_listed_and_what_comes_next(good):
         assert [str(pose), *values, "2"] in [one.split()[:9] for one in out.splitlines()]
 
 
+@pytest.mark.whole
 def test_programs_get_the_same_as_json(said):
     """In addition to the counts: forces, distances, poses, times, groups that are not used."""
     rows = FILES["tracker.csv"] + b"trial shot,P1,1.0,2.0,3.0,2026-11-03T12:00:00\n"
@@ -274,6 +275,7 @@ def test_a_name_with_blanks_is_found_in_its_line():
     assert lines(files) == [line]
 
 
+@pytest.mark.whole
 def test_a_campaign_without_base_reflectors_is_said_to_be_in_the_frame_of_the_robot(said, good):
     """The base position is not stated anywhere else."""
     points = TOML[TOML.index("[base_frame]") :].partition("\n\n")[0]

@@ -214,6 +214,7 @@ def test_heavy_tails_explain_some_far_readings_and_not_a_dozen():
     assert _chance(0, 1000, p) == 1.0
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("times", "scattered"), [(14.0, False), (200.0, True)])
 def test_heavy_tails_explain_how_many_readings_are_far_but_not_how_far(case, times, scattered):
     """Two readings off by 14 widths of the core are Student's (nu = 3), by 200 they are not."""

@@ -78,6 +78,7 @@ def mixed(case):
     return replace(case, **other)
 
 
+@pytest.mark.whole
 def test_the_order_of_rows_is_no_information_for_the_springs(mistaken):
     """If pose, repeat and time are stated, rows may come in any order."""
     case, other = mistaken[0], mixed(mistaken[0])

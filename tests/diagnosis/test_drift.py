@@ -111,6 +111,7 @@ def test_the_answer_names_it_and_blames_no_reflector():
     assert not any("is off by" in finding for finding in said.findings)
 
 
+@pytest.mark.whole
 def test_chance_is_no_drift():
     """Forty campaigns whose base readings only scatter as stated."""
     readings, rng = case().readings, np.random.default_rng(8)

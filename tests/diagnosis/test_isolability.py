@@ -117,6 +117,7 @@ def counted(robot):
     return unmoved, stiff, pairs
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["kr500_rail", "fanuc_r2000ic"])
 def test_the_twins_of_a_robot_are_those_of_another_design(name):

@@ -359,6 +359,7 @@ def test_springs_are_averaged_where_each_hypothesis_lacks_another_element():
     assert both.value == pytest.approx(middle)
 
 
+@pytest.mark.whole
 def test_the_spring_of_a_gear_with_a_second_law_is_not_joined():
     """Under the weight it is another number; the others are as certain as with it."""
     one = world(4)

@@ -345,6 +345,7 @@ def draws(case, count, rng, factor=1.0):
         yield replace(case, readings=now)
 
 
+@pytest.mark.whole
 def test_clean_draws_are_accused_no_more_often_than_the_rate(case, monkeypatch):
     """40 draws at a rate of one in five: both tests, each knowing its own scatter."""
     monkeypatch.setattr(alarms, "READING", 0.2)

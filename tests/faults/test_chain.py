@@ -359,6 +359,7 @@ def test_directions_of_poses_with_fewer_than_four_known_pulls_are_not_tested():
     assert module._direction(across(ends(np.random.default_rng(5), sigma=1e-6), 13, 1e-4)) is None
 
 
+@pytest.mark.whole
 def test_clean_draws_of_a_chain_are_accused_no_more_often_than_the_rate(monkeypatch):
     """200 chains, distances and directions at a rate of a fifth each."""
     monkeypatch.setattr(alarms, "READING", 0.4)

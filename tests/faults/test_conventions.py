@@ -292,6 +292,7 @@ def no_base(case):
     return replace(case, settings=case.settings.model_copy(update={"base_frame": {}}))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("plant", [turned_base, no_base])
 def test_readings_that_are_not_in_the_base_frame_are_brought_there(plant):
     """Corrected as a whole, forces are then as before, to a tenth of a degree."""

@@ -58,6 +58,7 @@ def test_covariances_in_the_frame_of_the_tracker_are_left_alone():
     assert misstated(asked(good())) == []
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("plant", "says"), [(along_the_beam, "the beam"), (along_the_base, "the base frame")]
 )
@@ -123,7 +124,7 @@ def test_a_certificate_that_is_merely_wrong_is_no_unit(times):
     assert misstated(asked(with_spread(good(), lambda mm: times * mm))) == []
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("far_mm", [1.0, 5.0, 20.0, 30.0])
 @pytest.mark.parametrize("part", [0.1, 0.3])
 def test_many_readings_that_are_off_are_no_unit(part, far_mm):

@@ -368,6 +368,7 @@ def test_only_the_line_of_its_own_file_goes(given):
     assert set(rows.index) - set(kept.readings.index) == {rows.index[5]}
 
 
+@pytest.mark.whole
 def test_a_reading_stands_out_of_a_model_that_does_not_fit():
     """3 mm beside a backlash of four times the typical size, which alone accuses no reading."""
     spread = asked(small(3, hidden={"effects": ["rail_backlash=4x"]}))

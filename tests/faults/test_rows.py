@@ -94,6 +94,7 @@ def test_a_wrong_row_of_the_joint_log_is_named(off_table, change, pose):
     assert ("repeats that of pose 4" in found[0].evidence) == (change is repeated)
 
 
+@pytest.mark.whole
 def test_two_rows_in_each_others_place_are_both_named():
     """Two of a dozen poses."""
     found = findings(logged(files(poses={"count": 12}), exchanged))
@@ -101,6 +102,7 @@ def test_two_rows_in_each_others_place_are_both_named():
     assert [f.where for f in found] == ["joints.csv pose02/pose07"]
 
 
+@pytest.mark.whole
 def test_without_the_pose_of_a_wrong_row_the_result_is_that_of_good_data(clean):
     """Exactly the readings, forces and joint values of the other poses remain."""
     good = case_of(clean)
@@ -176,6 +178,7 @@ def test_base_reflectors_that_agree_are_left_alone(four):
     assert not findings(four)
 
 
+@pytest.mark.whole
 def test_where_the_loss_of_another_reflector_would_do_as_well_none_is_named(four):
     """Of four coplanar reflectors any may be the one that is too high."""
     flat = {name: [*at[:2], 0.0] for name, at in CORNERS.items()}

@@ -104,6 +104,7 @@ def test_a_bad_reading_of_the_tracker_is_not_laid_on_the_scale():
     assert [f.where for f in said.findings] == ["pose04_rep1_loaded/P2"]
 
 
+@pytest.mark.whole
 def test_a_tracker_knocked_during_a_pull_is_not_laid_on_the_scale():
     """All reflectors of one pull are displaced by a millimetre along and across."""
     files = campaign().files

@@ -436,6 +436,7 @@ def test_where_no_noise_is_stated_the_other_pulls_are_the_noise():
     assert np.log(found.p_value) == pytest.approx(expected, rel=0.1)
 
 
+@pytest.mark.whole
 def test_a_law_that_is_wrong_in_one_pull_is_no_mistyped_reading(case):
     """A joint turns half as far again by its hardening in one pull: who knows the law can tell."""
     exact = small(8, tracker={"sigma_m": 1e-5}, scale={"sigma_n": 3.0})

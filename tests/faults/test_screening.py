@@ -187,6 +187,7 @@ def test_an_outlier_of_the_chain_is_found():
     assert [(f.name, f.where) for f in found] == [("outlier", "pose03_rep1_loaded/Pl1-Pl2")]
 
 
+@pytest.mark.whole
 def test_names_exchanged_in_the_whole_campaign_are_one_finding():
     """P1 and P3 are exchanged everywhere."""
     text = campaign().files["tracker.csv"].decode()
@@ -197,6 +198,7 @@ def test_names_exchanged_in_the_whole_campaign_are_one_finding():
     assert [(f.name, f.where) for f in found] == [("label_swap", "all groups")]
 
 
+@pytest.mark.whole
 def test_exchanged_names_of_base_reflectors_are_found():
     """B1 and B3 are exchanged in campaign.toml."""
     made = campaign()
@@ -208,6 +210,7 @@ def test_exchanged_names_of_base_reflectors_are_found():
     assert [(f.name, f.where) for f in found] == [("label_swap", "B1-B3")]
 
 
+@pytest.mark.whole
 def test_one_pull_with_the_chain_the_wrong_way_round():
     """Pl1 and Pl2 exchanged in one group are a swapped label, not a convention."""
     made = campaign()
@@ -236,6 +239,7 @@ def test_a_wrong_sign_in_a_robot_file_is_named():
     assert [(f.name, f.where) for f in found] == [("sign_or_convention", "d_4")]
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("joint", ["theta3", "theta6", "theta7"])
 def test_a_joint_that_counts_the_other_way_is_one_mistake(joint):

@@ -89,6 +89,7 @@ def again(files, group, of, targets, digits=None):
 EVERY = ("P1", "P2", "P3", "Pl1", "Pl2")
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("targets", [EVERY, ("P2",)])
 def test_a_state_that_was_stored_twice_is_named_reading_by_reading(files, targets):
     """The force of that pull is right: nothing else is accused, and the later state is left out."""

@@ -221,6 +221,7 @@ def test_laws_of_gears_follow_another_weight_as_differences_do(arm):
     assert np.abs(slope).max() > 1e-3
 
 
+@pytest.mark.whole
 def test_lost_motion_that_the_weight_shows_is_handed_to_pulls(arm):
     """The flanks of joint 3 separate by Pinocchio's torque.
 

@@ -105,6 +105,7 @@ def test_a_pose_is_told_when_it_is_measured_and_not_when_the_next_begins():
     assert (done.pose, done.complete, done.poses) == (2, True, 2)
 
 
+@pytest.mark.whole
 def test_a_pose_that_stays_as_it_is_is_told_when_nothing_comes():
     state = LiveState("demo")
     files = table(*of_pose(1))

@@ -277,6 +277,7 @@ def test_a_joint_never_loaded_is_said_to_be_so(told):
     assert all(joint.identifiable for joint in others)
 
 
+@pytest.mark.whole
 def test_no_reading_that_says_anything_is_no_rejection_either():
     """Noise a thousand times the deflection: nothing is determined, which is the answer."""
     found = campaign_answer("noise", in_memory(of_two_joints(3, 1.0)))

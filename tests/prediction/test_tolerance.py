@@ -384,6 +384,7 @@ def test_a_tolerance_needs_a_place(files):
         parse(text + "\n[tolerance]\ndeflection_mm = 1.0\n")
 
 
+@pytest.mark.whole
 def test_check_reads_the_path(files, tmp_path):
     """A faulty row is reported with its line before computation; a good path is counted."""
     folder = tmp_path / "data" / "raw" / "part"

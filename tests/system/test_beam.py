@@ -118,6 +118,7 @@ def test_springs_are_known_better_by_the_range(polar):
     assert np.median(ratio) < 0.9
 
 
+@pytest.mark.whole
 def test_a_wrong_model_is_no_worse_angle(calm):
     """Model error across the beam is many times the noise, and changes no weight."""
     cell, data = calm.case.cell, calm.plain

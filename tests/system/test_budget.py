@@ -92,6 +92,7 @@ def test_the_part_of_the_geometry_is_what_wrong_tool_points_do(key, points):
     assert claimed == pytest.approx(np.linalg.norm(moved, axis=0), rel=0.02)
 
 
+@pytest.mark.whole
 def test_the_part_of_the_joints_is_what_a_wrong_zero_does():
     """Shift the log of each joint, identify again, and add the squares."""
     files = simulate(PLAN.without_noise()).files

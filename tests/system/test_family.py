@@ -245,6 +245,7 @@ def test_many_readings_alike_far_off_are_mistakes_and_no_tails(many, used):
     assert found.rather.mistaken(3.0**2) < 0.1
 
 
+@pytest.mark.whole
 def test_tails_stay_tails_beside_a_bound():
     """Student's with 3 degrees of freedom, and bursts.
 

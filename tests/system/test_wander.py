@@ -185,6 +185,7 @@ def test_without_times_nothing_wanders():
     assert wander(data, beyond_of(rows)).size == 0.0
 
 
+@pytest.mark.whole
 def test_one_axis_alone_is_told_from_three():
     """The same walk along y only, and in all three axes: only the latter is the instrument's."""
     data, rng = measured(), np.random.default_rng
