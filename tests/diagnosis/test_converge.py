@@ -45,6 +45,7 @@ def mistaken():
     return case, true, settled(case)
 
 
+@pytest.mark.whole
 def test_what_is_wrong_is_found_beside_all_that_is_held(mistaken):
     """Three of 36 loaded readings off by 2 mm: exactly these, and the model is adequate."""
     _, true, end = mistaken
@@ -100,6 +101,7 @@ def test_the_order_of_rows_is_no_information_for_what_is_wrong(mistaken):
     assert again.right.estimate.value == pytest.approx(end.right.estimate.value, rel=1e-6)
 
 
+@pytest.mark.whole
 def test_readings_that_tails_explain_are_told_where_they_are_far_off(mistaken):
     """Of two that stay in use, the one beyond ten standard uncertainties, with its line."""
     end = mistaken[2]
