@@ -247,6 +247,7 @@ def test_a_reading_is_as_far_off_as_it_was_moved_whatever_the_others_know():
     assert found >= 4
 
 
+@pytest.mark.whole
 def test_what_is_left_of_a_rotation_is_an_angle():
     """One pose of a camera rotated by 20 mrad under load: the residual is in mrad, not mm."""
     six = {"kind": "camera", "measures": "poses", "sigma_m": 5e-5, "sigma_rad": 2e-4}
