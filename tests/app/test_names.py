@@ -9,6 +9,7 @@ import xml.etree.ElementTree as ET
 
 import pyarrow as pa
 import pytest
+import report_sample
 
 from pipeline.app import cli
 from pipeline.base import files, patterns, toml
@@ -440,9 +441,8 @@ def test_a_name_that_no_folder_can_have_is_told(name, command, tmp_path, say):
 def finished(tmp_path_factory):
     """Two finished campaigns without their computation: a result of one is kept for both."""
     root = tmp_path_factory.mktemp("finished")
-    found = campaign_answer("a", in_memory(GOOD))
     for name in ("a", "b"):
-        result = dump(found.answer.as_json() | {"campaign": name})
+        result = dump(report_sample.answer().as_json() | {"campaign": name})
         files.write(root / "reports" / name / "result.json", result)
         manifest = {"key": "k", "source": f"data/raw/{name}", "outputs": {}}
         files.write(root / "data" / "processed" / name / "manifest.json", dump(manifest))

@@ -287,6 +287,7 @@ def test_a_campaign_without_base_reflectors_is_said_to_be_in_the_frame_of_the_ro
     assert "has no reflectors: readings are taken to be in F_b" in content
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("copied", "onto"), [("P2", "load_point"), ("load_point", "P2")])
 def test_a_load_at_the_place_of_a_reflector_is_doubted(said, good, copied, onto):

@@ -197,6 +197,7 @@ def test_slopes_of_limits_are_finite_differences(limits, name):
     assert np.array_equal(kept(limits, at), penalty(limits, at, margin=0.0)[0] == 0)
 
 
+@pytest.mark.whole
 def test_the_chain_is_as_far_from_the_arm_as_a_fine_walk_along_both_says():
     """The clearance limit measures the true distance of chain and links."""
     robot, rng = load("kr500_rail"), np.random.default_rng(7)

@@ -59,6 +59,7 @@ def test_a_clean_campaign_keeps_them(case):
     assert not got.scattered
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("times", "faulty"), [(4.0, False), (30.0, True)])
 def test_noise_of_many_times_the_stated_is_faulty(times, faulty):
     """Four times the stated noise is a modest certificate, thirty times is not."""

@@ -103,6 +103,7 @@ def many(seed, suspects=40):
     return view
 
 
+@pytest.mark.whole
 def test_the_largest_of_more_columns_than_rows_is_drawn_as_rarely_as_stated():
     """Of clean draws 2 % are below 1 - (1 - 0.02)^(1/m) for the m tests."""
     view = many(1)

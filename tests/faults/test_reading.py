@@ -256,6 +256,7 @@ def test_all_that_are_off_are_named_at_once():
     assert find(case) is None
 
 
+@pytest.mark.whole
 def test_clean_draws_are_accused_no_more_often_than_the_rate(given, shifted, monkeypatch):
     """600 draws from the stated covariance: Bonferroni's bound holds, within a factor of three."""
     G = shifted.stack.errors.G

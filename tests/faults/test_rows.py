@@ -69,6 +69,7 @@ def off_table():
     return files("joint_offset:3", "base_rotation=2x")
 
 
+@pytest.mark.whole
 def test_a_robot_that_stands_off_its_table_has_no_wrong_row(off_table, clean):
     """Nor has one that agrees with its DH parameters."""
     assert not findings(off_table)
@@ -188,6 +189,7 @@ def test_where_the_loss_of_another_reflector_would_do_as_well_none_is_named(four
     assert not found
 
 
+@pytest.mark.whole
 def test_three_reflectors_on_one_line_say_nothing_and_stop_nothing():
     """Without the fourth, the rotation of the tracker about that line is undetermined."""
     line = {"B1": [1, 0, -0.3], "B2": [1, 8, -0.3], "B3": [1, 16, -0.3], "B4": [-1, 8, 0]}

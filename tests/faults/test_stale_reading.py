@@ -38,6 +38,7 @@ def named(case):
     return {one.where for one in screen(case, bring(case)).findings}
 
 
+@pytest.mark.whole
 def test_a_stale_end_of_a_chain_is_named_though_its_pull_is_left_out(files):
     """Pl2 repeats Pl1: file and line; the pull is not used."""
     case = written(files, {("pose03_rep2_loaded", "Pl2"): -1})
@@ -53,6 +54,7 @@ def test_a_stale_end_of_a_chain_is_named_though_its_pull_is_left_out(files):
     assert stale(written(files, {})) == []
 
 
+@pytest.mark.whole
 def test_a_stale_target_is_named_once_by_where_it_stands(files):
     """It stays in the campaign until the tests of readings find it."""
     case = written(files, {("pose03_rep2_loaded", "P2"): -1})

@@ -315,6 +315,7 @@ def test_what_is_broken_in_the_terminal_is_mended_here(demo, tmp_path):
     assert "P1 = [0.2, 0.05" in page.text
 
 
+@pytest.mark.whole
 def test_a_campaign_of_the_terminal_opens(client, tmp_path):
     """Whatever was begun elsewhere goes on here, with what it waits for."""
     shutil.copytree(DEMO, tmp_path / "data" / "raw" / "kr500_demo")
@@ -342,6 +343,7 @@ def test_what_cannot_be_taken_is_a_sentence(demo, method, way, body):
     assert answer.json()["problem"]
 
 
+@pytest.mark.whole
 def test_a_campaign_file_that_is_nested_too_deeply_is_shown(demo, tmp_path):
     """It is text to correct, as anything else that is not TOML."""
     (tmp_path / "data/raw/hall/campaign.toml").write_text("x = " + "[" * 5000)

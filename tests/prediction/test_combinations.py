@@ -366,6 +366,7 @@ def test_over_hypotheses_a_mix_is_their_mixture_and_known_to_each():
         assert np.abs(w @ free).max() < 1e-6 * np.linalg.norm(w)
 
 
+@pytest.mark.whole
 def test_the_motion_told_parts_the_members_best():
     """By finite differences: none of 300 drawn motions of a joint separates the two better."""
     robot, rng = FANUC, np.random.default_rng(11)

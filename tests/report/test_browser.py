@@ -252,6 +252,7 @@ def test_a_value_shows_under_the_pointer_and_goes_away(opened):
     assert tip.is_hidden()
 
 
+@pytest.mark.whole
 def test_arrow_keys_walk_through_the_values(opened):
     """Who has no pointer reads the values one by one; the tip stays inside the window."""
     page = opened(360)

@@ -52,6 +52,7 @@ CASES = [
 """Every two of verdict, reason and decision together."""
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("language", OTHERS)
 def test_nothing_of_it_stays_english(language):
     """Whatever is found, decided and to be done, but for the name of the campaign."""

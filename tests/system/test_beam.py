@@ -107,6 +107,7 @@ def test_a_far_reading_is_no_blunder_for_its_angles(polar):
     assert of_beam.mistaken(36.0 * of_beam.widest) == pytest.approx(plain.mistaken(36.0))
 
 
+@pytest.mark.whole
 def test_springs_are_known_better_by_the_range(polar):
     """Their uncertainties are smaller than with one figure for all directions."""
     case, reduced = polar.case, polar.reduced
