@@ -430,6 +430,7 @@ def untitled(here, client):
 RIGHT = {"1": "group", "2": "target", "4": "x", "5": "y", "6": "z"}
 
 
+@pytest.mark.whole
 def test_what_a_column_is_can_be_chosen(untitled, tmp_path):
     """What is chosen is read at once, and nothing more is asked about the columns."""
     proposed = untitled.get("/c/hall/look/odd.csv").text
