@@ -44,7 +44,7 @@ run: .venv/.ready
 # in the order of tests/conftest.py, which begins with the groups.
 # Compiled modules are kept, also where the environment says otherwise: some tests start the command.
 TESTS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
-	$(PY) -m pytest -q -n 3 --dist loadgroup --no-loadscope-reorder
+	$(PY) -m pytest -q -n 2 --dist loadgroup --no-loadscope-reorder
 
 test: .venv/.ready
 	@$(PY) tests/get_browser.py
@@ -152,7 +152,8 @@ clean:
 # --no-deps, because the lock is complete, and pip would look past a pin where somebody asks for its extras.
 # Each half by a pip of its own, which downloads and unpacks one package at a time.
 # A few packages carry templates that are no valid Python; these stay uncompiled, hence `|| true`,
-# and so do the tests that packages bring, a quarter of all source, which nobody imports.
+# and so do the tests that packages bring, a quarter of all source, and what nobody imports here.
+UNUSED := apprise|cma|cyclopts|dateparser|docker|lexers|mypy|mypyc|oauthlib|pymoo|rich_rst|ruamel|setuptools
 .venv/.installed: requirements.lock
 	@set -e; \
 	for python in $(if $(PYTHON),"$(PYTHON)",python3 python3.14 python3.13 python3.12 python3.11); do \
@@ -170,5 +171,5 @@ clean:
 	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r .venv/half0 & \
 	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r .venv/half1 || bad=1; \
 	wait $$!; test -z "$${bad-}"; \
-	$(PY) -W ignore -m compileall -qq -j 0 -x '/tests?/' .venv/lib || true
+	$(PY) -W ignore -m compileall -qq -j 0 -x '/(tests?|$(UNUSED))/' .venv/lib || true
 	@touch $@

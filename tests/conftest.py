@@ -7,7 +7,7 @@ import gc
 import importlib
 import signal
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +23,8 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a shell's background jo
     signal.signal(signal.SIGINT, signal.default_int_handler)  # and its children would do so too
 
 SEED = 20261103
+_AT_ONCE = 20
+"""Number of tests that a worker is given at once, unless they share a fixture."""
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
@@ -60,15 +62,23 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Run tests that share a module's fixture in one worker, and start such groups first.
 
     Otherwise each worker builds every fixture of a module, and a long group that starts last keeps
-    one worker busy while the others idle.
+    one worker busy while the others idle. The others are handed out by some of a file: after each
+    test pytest-xdist counts all that were handed out.
     """
     _sample(items)
     if not hasattr(config, "workerinput"):
         return
+    alone, of_file = set[pytest.Item](), Counter[str]()
     for item in items:
-        if item.get_closest_marker("xdist_group") is None and _shares(item):
-            item.add_marker(pytest.mark.xdist_group(item.path.stem))
-    items.sort(key=lambda item: item.get_closest_marker("xdist_group") is None)
+        if item.get_closest_marker("xdist_group") is not None:
+            continue
+        group = item.path.stem
+        if not _shares(item):
+            alone.add(item)
+            group += f"+{of_file[group] // _AT_ONCE}"
+            of_file[item.path.stem] += 1
+        item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=alone.__contains__)
 
 
 def _sample(items: list[pytest.Item]) -> None:

@@ -313,7 +313,8 @@ def _along(numbers: Array, names: Sequence[str], way: Polar) -> Iterator[float]:
 
 def _last_digit(values: Array) -> float:
     """The last decimal place that is written, at least 1e-12."""
-    places = (10.0**-k for k in range(12))
-    return next(
-        (p for p in places if np.allclose(values / p, np.round(values / p), 0, 1e-3)), 1e-12
-    )
+    for place in (10.0**-k for k in range(12)):
+        scaled = values / place
+        if np.all(np.abs(scaled - np.round(scaled)) <= 1e-3):
+            return place
+    return 1e-12

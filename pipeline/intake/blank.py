@@ -8,6 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from importlib import resources
 from itertools import chain
 from pathlib import Path, PurePosixPath
@@ -82,6 +83,12 @@ class KnownData:
     simulated: bool = False
 
 
+@cache
+def _template() -> jinja2.Template:
+    text = (resources.files(__package__) / "campaign.toml.jinja").read_text("utf-8")
+    return jinja2.Template(text, keep_trailing_newline=True)
+
+
 def write(folder: Path, proposal: FilesProposal, known: KnownData) -> list[str]:
     """Write campaign.toml, and empty logs if there are none; return what is still open.
 
@@ -94,10 +101,7 @@ def write(folder: Path, proposal: FilesProposal, known: KnownData) -> list[str]:
     """
     from pipeline.reduction.settings import unfilled
 
-    template = (resources.files(__package__) / "campaign.toml.jinja").read_text("utf-8")
-    text = jinja2.Template(template, keep_trailing_newline=True).render(
-        _words(folder, proposal, known)
-    )
+    text = _template().render(_words(folder, proposal, known))
     if proposal.nothing and known.robot is not None:
         joints = load(known.robot, folder).joints
         columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]

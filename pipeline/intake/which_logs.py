@@ -54,6 +54,9 @@ class LogFiles:
     refused: dict[str, str] = field(default_factory=dict)
 
 
+_Reading = Callable[[Robot, LogForm], Log]
+
+
 def propose_logs(files: Mapping[str, bytes]) -> LogFiles:
     """Find the logs among some files; of several of loads the one with most rows.
 
@@ -124,10 +127,12 @@ def counted_axes(columns: Mapping[str, str]) -> tuple[str, ...]:
 
 def _with_commas(files: Mapping[str, bytes], proposal: LogFiles) -> tuple[str, ...]:
     """Logs whose decimal mark only the other files of the folder show: a comma in all of them."""
-    marks = {name: _mark(name, data) for name, data in files.items() if not name.endswith(".toml")}
-    if {*marks.values()} - {"", "?"} != {","}:
+    marks = {name: _mark(name, files[name]) for name in (proposal.loads, proposal.joints) if name}
+    if "?" not in marks.values():
         return ()
-    return tuple(name for name in (proposal.loads, proposal.joints) if name and marks[name] == "?")
+    others = [k for k in files if k not in marks and not k.endswith(".toml")]
+    shown = {*marks.values(), *(_mark(name, files[name]) for name in others)}
+    return tuple(k for k in marks if marks[k] == "?") if shown - {"", "?"} == {","} else ()
 
 
 def _mark(name: str, data: bytes) -> str:
@@ -260,19 +265,44 @@ def _having(
     of axes are in the log, then those that can take all its poses.
     """
     found, rank = {}, {}
+    read = _read_once(name, data)
     meant = cache(partial(log_columns.understood_joints, name, data))  # a file is looked at once
     others = cache(partial(log_columns.has_other_axes, name, data))  # for all with the same axes
     for key, robot in robots.items():
         axes = log_columns.axes_of(robot)
-        form = _form(partial(logs.joints, name, data, robot), partial(meant, axes))
+        form = _form(partial(read, robot), partial(meant, axes))
         if form and not (key in SHIPPED and others(axes)):
             called = not form.columns or log_columns.are_called(form, robot)
-            fitting = _possible(name, data, robot, form)
+            fitting = _possible(read, robot, form)
             shown = robot.description.partition(" ")[0] in makers
             rank[key] = not key.endswith(".toml"), not shown, not called, not fitting
             counted = None if fitting else in_pulses(name, data, robot, form)
             found[key] = counted or _in_units_of(form, fitting)
     return {key: found[key] for key in sorted(found, key=rank.__getitem__)}
+
+
+def _read_once(name: str, data: bytes) -> _Reading:
+    """`logs.joints` of a file, which robots with the same axes and the same controller share."""
+    kept: dict[tuple[object, ...], Log | InputError] = {}
+
+    def read(robot: Robot, form: LogForm) -> Log:
+        axes = (
+            *((j.name, j.prismatic) for j in robot.joints),
+            *zip(robot.controller, robot.slides, strict=True),
+        )
+        matrices = robot.controller_matrix.tobytes(), robot.controller_offset.tobytes()
+        key = axes, matrices, form.model_dump_json()
+        if key not in kept:
+            try:
+                kept[key] = logs.joints(name, data, robot, form)
+            except InputError as problem:
+                kept[key] = problem
+        found = kept[key]
+        if isinstance(found, InputError):
+            raise found
+        return found
+
+    return read
 
 
 def _in_units_of(form: LogForm, fitting: Sequence[LogForm]) -> LogForm:
@@ -293,16 +323,17 @@ def _by_number(
     name: str, data: bytes, robots: Mapping[str, Robot]
 ) -> Iterator[tuple[str, LogForm]]:
     """Robots that can take every row of numbers of a log as a pose, in one order of the columns."""
+    read = _read_once(name, data)
     for key, robot in robots.items():
         with contextlib.suppress(InputError):
             ways = log_columns.numbered_joints(name, data, robot)
-            able = ((form, _possible(name, data, robot, form)) for form in ways)
+            able = ((form, _possible(read, robot, form)) for form in ways)
             fitting = [(form, some) for form, some in able if some]
             if len(fitting) == 1:
                 yield key, _in_units_of(*fitting[0])
 
 
-def _possible(name: str, data: bytes, robot: Robot, form: LogForm) -> list[LogForm]:
+def _possible(read: _Reading, robot: Robot, form: LogForm) -> list[LogForm]:
     """The log in each of the possible units in which the robot can take all poses."""
     open_ones = {ours for ours in form.columns.values() if "|" in ours}
     units = [{one.rpartition("_")[2] for one in ours.split("|")} for ours in open_ones]
@@ -311,7 +342,7 @@ def _possible(name: str, data: bytes, robot: Robot, form: LogForm) -> list[LogFo
         columns = {title: _in_one_of(ours, choice) for title, ours in form.columns.items()}
         chosen = form.model_copy(update={"columns": columns})
         with contextlib.suppress(InputError):
-            if not limits.impossible(logs.joints(name, data, robot, chosen), robot):
+            if not limits.impossible(read(robot, chosen), robot):
                 fitting.append(chosen)
     return fitting
 

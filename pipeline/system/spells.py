@@ -16,7 +16,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 
@@ -95,5 +94,5 @@ class States(Locked):
             fits &= (length >= np.minimum(_LEAST, count))[:, None]
             each = before[..., length:] - before[..., : q + 1 - length] + prior[..., None]
             spells.append(np.where(fits, each, -np.inf))
-            whole = np.logaddexp(whole, special.logsumexp(spells[-1], axis=-1))
+            whole = np.logaddexp(whole, np.logaddexp.reduce(spells[-1], axis=-1))
         return spells, whole

@@ -81,6 +81,7 @@ def test_a_pose_names_its_lines(values, cell):
         assert (readings["pose"] == row["pose"]).sum() == within.sum()
 
 
+@pytest.mark.whole
 def test_of_many_poses_the_worst_are_drawn():
     """A large campaign is thinned to what a picture holds, and its worst pose is kept."""
     case = small(poses={"count": MOST_POSES + 5}, pulls={"steps_n": [2500.0]})

@@ -83,6 +83,7 @@ def _controlled(case):
     return values, found.readings, found.pulls
 
 
+@pytest.mark.whole
 def test_the_smallest_visible_error_is_found_in_four_of_five_cases(campaign):
     """10 000 blunders of that size in drawn errors, refitted by plain numpy: 80 +- 1.5 %."""
     system = campaign[1].first.system
@@ -138,6 +139,7 @@ def test_sizes_are_those_that_were_stated(campaign):
     assert set(table["unit"][table["source"] == "direction"]) == {"rad"}
 
 
+@pytest.mark.whole
 def test_what_an_error_moves_is_what_the_next_run_finds(campaign):
     """The campaign fitted again with the error in its files: stiffnesses move as foretold."""
     case, values, table, _ = campaign

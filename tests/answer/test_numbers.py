@@ -84,7 +84,8 @@ def test_millimetres_read_as_metres_end_in_a_report(files):
     assert b"nan" not in pages["index.html"].split(b"<svg")[0]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.whole
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("poses", "sigma"), [(3, False), (2, True), (4, False)])
 def test_few_poses_get_an_honest_answer(poses, sigma):
     """With two poses of one reflector nothing can be tested, and no cause is named."""

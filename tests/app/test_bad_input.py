@@ -117,7 +117,7 @@ MENDED = {"metres as mm"}
 
 LIKE_ANOTHER = {"comma", "text for a number", "load without pose", "duplicate reading"}
 """Each is kept out by the same hand as another case, and takes a whole answer to see."""
-ANSWERED = {"metres as mm", "NaN"}
+ANSWERED = {"metres as mm", "NaN", "pose without load"}
 """The same, where the other case takes a whole answer, too."""
 
 

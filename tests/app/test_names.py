@@ -9,6 +9,7 @@ import xml.etree.ElementTree as ET
 
 import pyarrow as pa
 import pytest
+import report_sample
 
 from pipeline.app import cli
 from pipeline.base import files, patterns, toml
@@ -288,6 +289,7 @@ def test_a_file_has_one_name_and_patterns_are_few(tmp_path):
         parse(settings('["tracker.csv"]', many).decode())
 
 
+@pytest.mark.whole
 def test_an_export_at_the_top_is_found_by_two_stars(tmp_path, say):
     """They may stand for no folder at all, to those who look and to those who read."""
     put(tmp_path, **{"campaign.toml": settings('["tracker.csv"]', '["**/tracker*.csv"]')})
@@ -439,9 +441,8 @@ def test_a_name_that_no_folder_can_have_is_told(name, command, tmp_path, say):
 def finished(tmp_path_factory):
     """Two finished campaigns without their computation: a result of one is kept for both."""
     root = tmp_path_factory.mktemp("finished")
-    found = campaign_answer("a", in_memory(GOOD))
     for name in ("a", "b"):
-        result = dump(found.answer.as_json() | {"campaign": name})
+        result = dump(report_sample.answer().as_json() | {"campaign": name})
         files.write(root / "reports" / name / "result.json", result)
         manifest = {"key": "k", "source": f"data/raw/{name}", "outputs": {}}
         files.write(root / "data" / "processed" / name / "manifest.json", dump(manifest))

@@ -188,6 +188,7 @@ def test_a_report_of_an_earlier_input_is_told(done, say):
     assert json.loads(line)["earlier_report"] == report
 
 
+@pytest.mark.whole
 def test_status_remembers_why_the_last_run_rejected_these_files(done, say):
     """Until one of them changes or a result comes."""
     joints = done / "data" / "raw" / "c" / "joints.csv"
@@ -351,6 +352,7 @@ def raw(root, change):
         files.write(folder / file, content)
 
 
+@pytest.mark.whole
 def test_a_missing_load_is_told_once(tmp_path, say):
     """Five readings hang on one row of loads.csv: one sentence and a count."""
     loads = dict(simulate(Plan(name="c", poses={"count": 8})).files)["loads.csv"]

@@ -96,7 +96,7 @@ def test_who_stands_in_the_wrong_folder_reads_which(tmp_path, monkeypatch, capsy
     assert "--root" in said
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("shell", "code", "said"),
     [

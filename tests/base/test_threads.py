@@ -47,6 +47,7 @@ def test_where_both_fail_the_first_is_heard(much):
     assert both(lambda: 1, lambda: 2, much) == (1, 2)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("said", ["4", "no number"])
 def test_linear_algebra_has_one_thread_whatever_the_user_has_set(said):
     """Otherwise the last digits of result.json would depend on an environment variable."""

@@ -1,5 +1,7 @@
 """The page of constants: each number of the package with value, unit and meaning."""
 
+import pytest
+
 from bench.constants import constants, of, page
 
 SOURCE = '''
@@ -20,6 +22,7 @@ def test_a_number_is_told_with_its_unit_and_what_is_no_number_is_not():
     assert (few.name, few.value, few.unit, few.meaning) == ("_FEW", "-3", "", "Rows | poses.")
 
 
+@pytest.mark.whole
 def test_every_constant_of_the_package_has_a_sentence_and_a_row_of_the_page():
     told = constants()
     assert not [(one.module, one.name) for one in told if not one.meaning.endswith((".", "..."))]

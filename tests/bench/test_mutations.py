@@ -315,6 +315,7 @@ def test_what_does_not_end_is_ended_and_reported(monkeypatch):
     assert rows == {0: "same", 1: "hang", 2: "killed", 3: "hang", 4: "memory", 5: "same"}
 
 
+@pytest.mark.whole
 def test_two_processes_share_the_cases():
     """Each case is played once, whoever plays it, and one that dies is replaced."""
     asked = [(number, SCREENED) for number in (0, 5, 2, 6, 7, 8)]

@@ -52,6 +52,7 @@ def test_a_tool_of_half_the_error_has_half_of_it_in_every_resample():
     assert judge.ratio(off / 2, off, cluster) == pytest.approx((0.5, 0.5, 0.5))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("trial", cut.TRIALS, ids=lambda one: one.name)
 def test_no_reading_that_is_held_out_teaches(trial, tmp_path):
     held = cut.positions(trial, tmp_path, tmp_path / "peers")

@@ -160,7 +160,7 @@ def test_what_moves_is_measured_in_standard_uncertainties(clean):
     assert not forces_doubted({**factor, "findings": []}, answer)
 
 
-@pytest.mark.sampled(16)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", WORLDS)
 def test_every_world_writes_a_campaign(name):
     """Each reading has its line, in the order of time, and the table names what was read."""

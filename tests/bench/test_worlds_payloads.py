@@ -229,6 +229,7 @@ def test_the_log_weighs_what_is_mounted(name):
         assert (far > 4) == bool(one.wrong)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("what", ["", "mass", "center"])
 def test_one_payload_is_not_what_is_stated(what):
     """By as much as the world says; the others are off by what campaign.toml states."""
@@ -292,6 +293,7 @@ def test_targets_of_a_pose_are_one_body():
     np.testing.assert_allclose(np.std(turned, axis=0), SIGMA_RAD, rtol=0.05)
 
 
+@pytest.mark.whole
 def test_a_probe_aside_errs_with_its_lever():
     """Across the normal the mean errs by sigma and lever times rotation, along it by sigma."""
     cell = cell_of("poses")

@@ -52,6 +52,7 @@ POINTS = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", POINTS)
 def test_a_wrong_point_is_named_in_its_line(name):
     """From 5 mm for the tool and 20 mm for the base, up to any distance."""
@@ -173,6 +174,7 @@ def test_what_is_there_is_listed_and_what_comes_next(good):
         assert [str(pose), *values, "2"] in [one.split()[:9] for one in out.splitlines()]
 
 
+@pytest.mark.whole
 def test_programs_get_the_same_as_json(said):
     """In addition to the counts: forces, distances, poses, times, groups that are not used."""
     rows = FILES["tracker.csv"] + b"trial shot,P1,1.0,2.0,3.0,2026-11-03T12:00:00\n"
@@ -273,6 +275,7 @@ def test_a_name_with_blanks_is_found_in_its_line():
     assert lines(files) == [line]
 
 
+@pytest.mark.whole
 def test_a_campaign_without_base_reflectors_is_said_to_be_in_the_frame_of_the_robot(said, good):
     """The base position is not stated anywhere else."""
     points = TOML[TOML.index("[base_frame]") :].partition("\n\n")[0]
@@ -284,6 +287,7 @@ def test_a_campaign_without_base_reflectors_is_said_to_be_in_the_frame_of_the_ro
     assert "has no reflectors: readings are taken to be in F_b" in content
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("copied", "onto"), [("P2", "load_point"), ("load_point", "P2")])
 def test_a_load_at_the_place_of_a_reflector_is_doubted(said, good, copied, onto):

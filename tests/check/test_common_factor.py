@@ -27,6 +27,7 @@ def said_of(factors, robot=KR500, of=lambda joint: joint.typical_stiffness, std=
     return common_factor(robot, joints)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("factor", "said"),
     [(100.0, "100"), (9.81, "9.8"), (4.448, "4.4"), (2.0, "2.0"), (0.5, "0.50"), (0.102, "0.10")],

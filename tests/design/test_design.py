@@ -113,7 +113,7 @@ def test_sensitivities_are_those_of_the_forward_model(name):
     assert np.abs(700 * at.A.transpose(3, 0, 2, 1) - B).max() < 1e-12 * np.abs(B).max()
 
 
-@pytest.mark.sampled(46)
+@pytest.mark.sampled(15)
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("noise", SCATTERS)
 def test_slopes_of_information_are_finite_differences(name, noise):
@@ -197,6 +197,7 @@ def test_slopes_of_limits_are_finite_differences(limits, name):
     assert np.array_equal(kept(limits, at), penalty(limits, at, margin=0.0)[0] == 0)
 
 
+@pytest.mark.whole
 def test_the_chain_is_as_far_from_the_arm_as_a_fine_walk_along_both_says():
     """The clearance limit measures the true distance of chain and links."""
     robot, rng = load("kr500_rail"), np.random.default_rng(7)

@@ -161,6 +161,7 @@ ENOUGH = np.sqrt(8 * np.log(0.5 / 0.002))
 """Further sigmas between two alike causes from which the wrong one is named once in 500 times."""
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("labels", PAIRS)
 def test_a_proposal_promises_what_least_squares_would_find(asked, labels):
     """Sigmas now and with the pose; no other of thirty separates the two better."""

@@ -184,6 +184,7 @@ RULES = {
 """What the check says of poses that break each rule."""
 
 
+@pytest.mark.whole
 def test_a_rule_is_broken_where_coal_and_a_ray_say_so(problem):
     """Rule by rule, and nowhere else, but for what is within 5 mm or 0.005 of a cosine."""
     box, rng = PlanCoordinates(problem, 1), np.random.default_rng(4)

@@ -32,6 +32,7 @@ def by_pinocchio(robot, q):
     return np.linalg.svd(np.vstack([J[3:], J[:3] / length]), compute_uv=False)[-1]
 
 
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("name", SHIPPED)
 def test_it_is_the_smallest_singular_value(name):
     """To rounding, in twenty poses of every robot that ships."""
@@ -59,6 +60,7 @@ def test_where_there_is_ample_room_nobody_looks_closer(name):
     assert not quick_slope[:, wide].any()
 
 
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("name", SHIPPED)
 def test_its_slope_is_the_finite_difference(name):
     """By every joint, rails included, which do not change it."""

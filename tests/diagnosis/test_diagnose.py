@@ -81,6 +81,7 @@ def examined(seed, *effects, noise_scale=1.0, poses=16, stiffness=None):
     return found, cell, data, system, estimate
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("noise_scale", [1.3, 1.0, 0.8])
 def test_an_innocent_robot_is_let_go(noise_scale):

@@ -111,6 +111,7 @@ def test_the_answer_names_it_and_blames_no_reflector():
     assert not any("is off by" in finding for finding in said.findings)
 
 
+@pytest.mark.whole
 def test_chance_is_no_drift():
     """Forty campaigns whose base readings only scatter as stated."""
     readings, rng = case().readings, np.random.default_rng(8)
@@ -398,6 +399,7 @@ def test_a_tracker_that_warms_up_is_told_from_one_that_drifts():
     assert warm.std == pytest.approx(np.sqrt(np.diag(cov) * max(1, left / 30))[:3], rel=1e-6, abs=0)
 
 
+@pytest.mark.whole
 def test_readings_that_only_scatter_accuse_as_rarely_as_promised():
     """Of 80 clean campaigns 17 % have p < 1/2, since 1.3 times the stated scatter is tolerated."""
     rng = np.random.default_rng(7)
@@ -413,6 +415,7 @@ def test_readings_that_only_scatter_accuse_as_rarely_as_promised():
     assert np.mean(off**2) == pytest.approx(1.0, abs=0.25)
 
 
+@pytest.mark.whole
 def test_a_drift_of_the_visible_size_is_found_in_four_of_five_cases():
     """Readings with the largest tolerated scatter, and a drift of the size stated as visible."""
     rng = np.random.default_rng(9)

@@ -117,6 +117,7 @@ def counted(robot):
     return unmoved, stiff, pairs
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["kr500_rail", "fanuc_r2000ic"])
 def test_the_twins_of_a_robot_are_those_of_another_design(name):
@@ -140,6 +141,7 @@ def test_weights_beside_pulls_tell_the_gain_of_the_scale_from_the_springs():
     assert both.unmoved == pulled.unmoved
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("every", "asked_for"), [(2, True), (1, False), (99, False)])
 def test_the_gain_is_a_suspect_where_weights_hang_beside_pulls(every, asked_for):
     """Every second load is a weight, every one, or none."""

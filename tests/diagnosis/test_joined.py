@@ -225,7 +225,7 @@ def test_neither_kind_of_readings_alone_knows_a_spring_better(seed):
         assert np.linalg.eigvalsh((alone - both) / scale / scale[:, None]).min() > -1e-9
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_an_element_of_the_positions_takes_nothing_from_the_pulls(seed):
     """Held by either as the positions know it: no variance of the springs increases."""
@@ -359,6 +359,7 @@ def test_springs_are_averaged_where_each_hypothesis_lacks_another_element():
     assert both.value == pytest.approx(middle)
 
 
+@pytest.mark.whole
 def test_the_spring_of_a_gear_with_a_second_law_is_not_joined():
     """Under the weight it is another number; the others are as certain as with it."""
     one = world(4)

@@ -103,6 +103,7 @@ def many(seed, suspects=40):
     return view
 
 
+@pytest.mark.whole
 def test_the_largest_of_more_columns_than_rows_is_drawn_as_rarely_as_stated():
     """Of clean draws 2 % are below 1 - (1 - 0.02)^(1/m) for the m tests."""
     view = many(1)
@@ -117,12 +118,12 @@ def test_the_largest_of_more_columns_than_rows_is_drawn_as_rarely_as_stated():
 def test_structure_within_poses_is_no_law():
     """Effects specific to each pose are called a law no more often than stated."""
     view, rng, hits = many(3), np.random.default_rng(4), 0
-    for _ in range(200):
+    for _ in range(80):
         own = rng.standard_normal((POSES, ROWS // POSES)) * rng.lognormal(0, 1, (POSES, 1))
         made, now = view(own.ravel())
         hits += search._by_structure(made, now).min() < 0.1
 
-    assert hits <= stats.binom.ppf(0.999, 200, 0.1)
+    assert hits <= stats.binom.ppf(0.999, 80, 0.1)
 
 
 def test_a_law_over_all_poses_is_one():

@@ -36,7 +36,7 @@ def read_as_init(name, data, whose):
     return log, logs.joint_values(log, robot)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("brand", SUFFIX)
 @pytest.mark.parametrize("name", ["kr210_r2700_2", "irb6640", "kr500_rail"])
 def test_the_program_of_a_plan_is_the_joint_log_of_the_plan(name, brand):
@@ -132,7 +132,7 @@ def recording(q_deg, rng, form, home=None):
     return "\n".join(["Trace Messung", "", head, *lines, ""]).encode("utf-8")
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("form", "name"), [("rtde", "ur10e"), ("trace", "kr210_r2700_2")])
 @pytest.mark.parametrize("homed", [True, False])
 def test_a_recording_is_read_where_the_robot_stood(form, name, homed):

@@ -82,6 +82,7 @@ def difference(text, base="l0", flange="l7"):
     return agreement(robot, text, base, flange, "x.urdf", np.random.default_rng(1))
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("spread", [None, 0.0, 1e-12, 1e-7, 1e-4, 0.011, 0.3])
 def test_the_table_of_any_chain_is_the_chain(spread):
     """Skew, parallel and nearly parallel axes: flange and URDF agree to a nanometre."""

@@ -176,7 +176,7 @@ def before(case, k):
     return rows[k - 1] - rows[k]
 
 
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("k", range(1, 8))
 @pytest.mark.parametrize("off", [at_the_tracker, before, lambda case, k: 2.0, lambda c, k: 2e-2])
 def test_a_reading_is_named_however_far_it_is_off(case, k, off):
@@ -200,6 +200,7 @@ def drifted(case, shift):
     return replace(case, readings=rows)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("k", [1, 6])
 @pytest.mark.parametrize("size", [1e-3, 1.0])
 def test_beside_a_drift_the_bad_reading_is_named_and_no_other(case, k, size):
@@ -224,6 +225,7 @@ def grown(case, kelvin):
     return replace(case, readings=rows)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "kelvin", [(6.0, 6.0, 6.0), (12.0, 12.0, 12.0), (0.0, 15.0, 0.0), (0.0, 4.0, 0.0)]
 )
@@ -266,7 +268,7 @@ def in_rounds(rounds, course, rng, step_h=0.7):
     return replace(made, readings=pd.concat(every, ignore_index=True))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("size", [6e-4, 19.0])
 @pytest.mark.parametrize("k", [1, 7, 13, 20])
 def test_of_three_reflectors_beside_a_drift_the_one_that_is_off_is_named(k, size):
@@ -343,6 +345,7 @@ def draws(case, count, rng, factor=1.0):
         yield replace(case, readings=now)
 
 
+@pytest.mark.whole
 def test_clean_draws_are_accused_no_more_often_than_the_rate(case, monkeypatch):
     """40 draws at a rate of one in five: both tests, each knowing its own scatter."""
     monkeypatch.setattr(alarms, "READING", 0.2)

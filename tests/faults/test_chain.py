@@ -119,7 +119,7 @@ CHAINS = [
 ]
 
 
-@pytest.mark.sampled(len(CHAINS))
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("seeds", [range(4), range(4, 8), range(8, 12)])
 @pytest.mark.parametrize("chain", CHAINS)
 def test_a_good_chain_is_not_accused(chain, seeds):
@@ -147,6 +147,7 @@ def test_what_turns_no_force_by_more_than_a_scale_scatters_is_not_named(along, o
     assert [f.where for f in large] == ["pose04_rep2_loaded/Pl1"]
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("end", ["Pl1", "Pl2"])
 @pytest.mark.parametrize(
     ("chain", "along"),
@@ -358,6 +359,7 @@ def test_directions_of_poses_with_fewer_than_four_known_pulls_are_not_tested():
     assert module._direction(across(ends(np.random.default_rng(5), sigma=1e-6), 13, 1e-4)) is None
 
 
+@pytest.mark.whole
 def test_clean_draws_of_a_chain_are_accused_no_more_often_than_the_rate(monkeypatch):
     """200 chains, distances and directions at a rate of a fifth each."""
     monkeypatch.setattr(alarms, "READING", 0.4)
@@ -476,6 +478,7 @@ def test_the_law_that_accuses_a_pull_less_is_believed(monkeypatch):
     assert module._direction(given) is None
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("off", [0.2, 2.0])
 @pytest.mark.parametrize("end", ["Pl1", "Pl2"])
 def test_an_end_that_no_chain_reaches_is_named_whatever_the_scale_says(end, off):

@@ -168,6 +168,7 @@ def test_two_base_reflectors_with_each_other_s_names_are_told(pair):
     same(found.correct(bad), good())
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize(("where", "plant"), UNDONE, ids=[where for where, _ in UNDONE])
 def test_every_hypothesis_undoes_its_own_mistake(where, plant):
     """Of all hypotheses, those with its name restore the good campaign, and no other does."""
@@ -291,6 +292,7 @@ def no_base(case):
     return replace(case, settings=case.settings.model_copy(update={"base_frame": {}}))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("plant", [turned_base, no_base])
 def test_readings_that_are_not_in_the_base_frame_are_brought_there(plant):
     """Corrected as a whole, forces are then as before, to a tenth of a degree."""

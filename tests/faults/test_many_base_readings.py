@@ -78,6 +78,7 @@ def watched(rounds, drift_m=0.0):
     return register(made.settings, many)
 
 
+@pytest.mark.whole
 def test_many_rounds_are_looked_at_in_no_time():
     """Without a motion of the tracker before each of them, a cost quadratic in their number."""
     assert base_outlier(watched(2000), 1.0) == []

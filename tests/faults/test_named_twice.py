@@ -53,6 +53,7 @@ def test_zeros_that_share_a_name_are_rounds_where_the_pulls_between_bear_another
     assert len(given.readings) == len(files()[2])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("one", "other"), [(2, 5), (1, 6), (3, 4)])
 @pytest.mark.parametrize("kind", ["_loaded", "_unloaded"])
 def test_two_poses_whose_groups_bear_each_others_name_are_named(one, other, kind):

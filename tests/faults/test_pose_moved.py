@@ -136,6 +136,7 @@ def test_what_the_machine_does_in_every_pose_is_no_knock(hidden):
     assert [one.where for one in found(files(hidden={"effects": hidden}))] == []
 
 
+@pytest.mark.whole
 def test_one_reading_that_is_off_moves_no_pose():
     """The triangle of the effector distinguishes one bad reading from a rigid motion."""
     made = files()

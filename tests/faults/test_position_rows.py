@@ -151,6 +151,7 @@ def test_rows_whose_value_hardly_differs_in_the_other_unit_are_put_right_too(rig
     assert np.allclose(joints(put_right), right[JOINTS])
 
 
+@pytest.mark.whole
 def test_a_unit_up_to_some_row_and_in_single_rows(right):
     """The first ten rows in radians; and three in the midst, which are no beginning of anything."""
     other = right.assign(theta5_deg=in_rad(right.iloc[::-1], "theta5_deg", 50)["theta5_deg"])

@@ -102,6 +102,7 @@ def test_a_shift_moves_the_rows_as_reducing_again_does(given, shifted):
         assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("k", [0, 7, 13, 30, 41])
 def test_the_drop_is_that_of_the_fit_without_the_reading(given, shifted, k):
     """Of a loaded reading by deleting its rows, of any by fitting its shift, with the whole V."""
@@ -209,6 +210,7 @@ def find(case):
     return found[0] if found else None
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("group", "target"),
     [
@@ -254,6 +256,7 @@ def test_all_that_are_off_are_named_at_once():
     assert find(case) is None
 
 
+@pytest.mark.whole
 def test_clean_draws_are_accused_no_more_often_than_the_rate(given, shifted, monkeypatch):
     """600 draws from the stated covariance: Bonferroni's bound holds, within a factor of three."""
     G = shifted.stack.errors.G
@@ -366,6 +369,7 @@ def test_only_the_line_of_its_own_file_goes(given):
     assert set(rows.index) - set(kept.readings.index) == {rows.index[5]}
 
 
+@pytest.mark.whole
 def test_a_reading_stands_out_of_a_model_that_does_not_fit():
     """3 mm beside a backlash of four times the typical size, which alone accuses no reading."""
     spread = asked(small(3, hidden={"effects": ["rail_backlash=4x"]}))
@@ -378,6 +382,7 @@ def test_a_reading_stands_out_of_a_model_that_does_not_fit():
     assert find(spread.case) is None
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("targets", [("P1", "P2"), ("P1", "P2", "P3")])
 @pytest.mark.parametrize("alone", [False, True])
 def test_several_of_one_pull_are_bad_unless_the_effector_moved(targets, alone):
@@ -411,6 +416,7 @@ def test_a_force_that_is_wrong_is_no_bad_reading():
     assert found == {"pose05_rep2_loaded/P1", "pose04_rep1_loaded/P3"}
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("group", ["rep0_unloaded", "rep1_loaded", "rep3_unloaded"])
 def test_an_effector_that_moved_as_one_is_no_bad_reading(group):
     """All three targets of a pull, or of either zero, shifted by the same vector."""

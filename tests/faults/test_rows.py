@@ -69,13 +69,14 @@ def off_table():
     return files("joint_offset:3", "base_rotation=2x")
 
 
+@pytest.mark.whole
 def test_a_robot_that_stands_off_its_table_has_no_wrong_row(off_table, clean):
     """Nor has one that agrees with its DH parameters."""
     assert not findings(off_table)
     assert not wrong_rows(case_of(clean))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("change", "pose"),
     [
@@ -94,6 +95,7 @@ def test_a_wrong_row_of_the_joint_log_is_named(off_table, change, pose):
     assert ("repeats that of pose 4" in found[0].evidence) == (change is repeated)
 
 
+@pytest.mark.whole
 def test_two_rows_in_each_others_place_are_both_named():
     """Two of a dozen poses."""
     found = findings(logged(files(poses={"count": 12}), exchanged))
@@ -101,6 +103,7 @@ def test_two_rows_in_each_others_place_are_both_named():
     assert [f.where for f in found] == ["joints.csv pose02/pose07"]
 
 
+@pytest.mark.whole
 def test_without_the_pose_of_a_wrong_row_the_result_is_that_of_good_data(clean):
     """Exactly the readings, forces and joint values of the other poses remain."""
     good = case_of(clean)
@@ -176,6 +179,7 @@ def test_base_reflectors_that_agree_are_left_alone(four):
     assert not findings(four)
 
 
+@pytest.mark.whole
 def test_where_the_loss_of_another_reflector_would_do_as_well_none_is_named(four):
     """Of four coplanar reflectors any may be the one that is too high."""
     flat = {name: [*at[:2], 0.0] for name, at in CORNERS.items()}
@@ -185,6 +189,7 @@ def test_where_the_loss_of_another_reflector_would_do_as_well_none_is_named(four
     assert not found
 
 
+@pytest.mark.whole
 def test_three_reflectors_on_one_line_say_nothing_and_stop_nothing():
     """Without the fourth, the rotation of the tracker about that line is undetermined."""
     line = {"B1": [1, 0, -0.3], "B2": [1, 8, -0.3], "B3": [1, 16, -0.3], "B4": [-1, 8, 0]}

@@ -81,6 +81,7 @@ def test_it_is_named_beside_a_fault_of_the_model():
     assert [f.where for f in said.findings] == ["loads.csv pose04 rep1"]
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "effect",
@@ -95,6 +96,7 @@ def test_what_is_wrong_in_many_pulls_is_no_mistyped_reading(effect):
     assert not screened(campaign(effect).files).findings
 
 
+@pytest.mark.whole
 def test_a_bad_reading_of_the_tracker_is_not_laid_on_the_scale():
     """One reflector off by 2 mm contradicts its own pull more than any force could correct."""
     said = screened(campaign("outlier:pose04_rep1_loaded/P2=2e-3").files)
@@ -102,6 +104,7 @@ def test_a_bad_reading_of_the_tracker_is_not_laid_on_the_scale():
     assert [f.where for f in said.findings] == ["pose04_rep1_loaded/P2"]
 
 
+@pytest.mark.whole
 def test_a_tracker_knocked_during_a_pull_is_not_laid_on_the_scale():
     """All reflectors of one pull are displaced by a millimetre along and across."""
     files = campaign().files

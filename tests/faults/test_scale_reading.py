@@ -153,6 +153,7 @@ def test_what_the_model_misses_makes_the_reading_that_fits_less_certain():
     assert abs(fits - force) < 3 * std
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("factor", [10.0, 0.1, 1.3])
 def test_a_mistyped_reading_is_found_with_what_it_should_be(case, factor):
     """Ten times, a tenth, and exchanged digits: place, size and the value from the others."""
@@ -182,6 +183,7 @@ def places(findings):
     return sorted((int(pose[-2:]), int(repeat[-1:])) for _, pose, repeat in words)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "factors",
     [
@@ -228,6 +230,7 @@ def test_a_scale_that_was_not_zeroed_in_a_pose(case, zeros):
         assert not one.rivalled
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("since", "law", "also"),
     [
@@ -302,6 +305,7 @@ def test_a_reading_that_dominates_no_other_waits_for_the_causes():
     assert replace(sizes[0], beside_causes=True).sure(weak)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("factors", "waits"), [((1.3, 1.3), 1), ((1.3, 1.5), 0), ((3.0, 3.0), 0)])
 def test_a_pose_whose_two_pulls_share_a_factor_waits_for_the_causes(case, factors, waits):
     """The machine may be softer there; not by a factor of three, and not by two factors at once."""
@@ -315,7 +319,7 @@ def test_a_pose_whose_two_pulls_share_a_factor_waits_for_the_causes(case, factor
     assert [one.rivalled for one in found] == 2 * [bool(waits)]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_beside_other_pulls_that_stand_out_none_waits_to_be_named(seed):
     """Each pull moves by 0.3 mm on its own: one force 30 % off dominates, or is none."""
@@ -432,6 +436,7 @@ def test_where_no_noise_is_stated_the_other_pulls_are_the_noise():
     assert np.log(found.p_value) == pytest.approx(expected, rel=0.1)
 
 
+@pytest.mark.whole
 def test_a_law_that_is_wrong_in_one_pull_is_no_mistyped_reading(case):
     """A joint turns half as far again by its hardening in one pull: who knows the law can tell."""
     exact = small(8, tracker={"sigma_m": 1e-5}, scale={"sigma_n": 3.0})

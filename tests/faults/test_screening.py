@@ -62,7 +62,7 @@ BLUNDERS = [
 ]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("blunder", BLUNDERS)
 def test_a_blunder_is_named_with_its_place(blunder):
     """The first finding states what is wrong, and where."""
@@ -94,14 +94,14 @@ def test_a_shift_that_is_half_unseen_is_not_stated_larger_than_it_was():
     assert max(sizes) < 3e-3 + 3 * np.sqrt(2) * 3e-5  # loaded minus unloaded
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("noise", [{"sigma_m": 3e-5}, {"noise": "paper"}, {"noise_scale": 1.3}])
 def test_good_data_are_left_alone(noise):
     """Nothing is found in a clean campaign, whatever its noise."""
     assert not findings(campaign(tracker=noise).files)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "effect",
     [
@@ -187,6 +187,7 @@ def test_an_outlier_of_the_chain_is_found():
     assert [(f.name, f.where) for f in found] == [("outlier", "pose03_rep1_loaded/Pl1-Pl2")]
 
 
+@pytest.mark.whole
 def test_names_exchanged_in_the_whole_campaign_are_one_finding():
     """P1 and P3 are exchanged everywhere."""
     text = campaign().files["tracker.csv"].decode()
@@ -197,6 +198,7 @@ def test_names_exchanged_in_the_whole_campaign_are_one_finding():
     assert [(f.name, f.where) for f in found] == [("label_swap", "all groups")]
 
 
+@pytest.mark.whole
 def test_exchanged_names_of_base_reflectors_are_found():
     """B1 and B3 are exchanged in campaign.toml."""
     made = campaign()
@@ -208,6 +210,7 @@ def test_exchanged_names_of_base_reflectors_are_found():
     assert [(f.name, f.where) for f in found] == [("label_swap", "B1-B3")]
 
 
+@pytest.mark.whole
 def test_one_pull_with_the_chain_the_wrong_way_round():
     """Pl1 and Pl2 exchanged in one group are a swapped label, not a convention."""
     made = campaign()
@@ -236,6 +239,7 @@ def test_a_wrong_sign_in_a_robot_file_is_named():
     assert [(f.name, f.where) for f in found] == [("sign_or_convention", "d_4")]
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("joint", ["theta3", "theta6", "theta7"])
 def test_a_joint_that_counts_the_other_way_is_one_mistake(joint):

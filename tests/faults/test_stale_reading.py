@@ -38,6 +38,7 @@ def named(case):
     return {one.where for one in screen(case, bring(case)).findings}
 
 
+@pytest.mark.whole
 def test_a_stale_end_of_a_chain_is_named_though_its_pull_is_left_out(files):
     """Pl2 repeats Pl1: file and line; the pull is not used."""
     case = written(files, {("pose03_rep2_loaded", "Pl2"): -1})
@@ -53,6 +54,7 @@ def test_a_stale_end_of_a_chain_is_named_though_its_pull_is_left_out(files):
     assert stale(written(files, {})) == []
 
 
+@pytest.mark.whole
 def test_a_stale_target_is_named_once_by_where_it_stands(files):
     """It stays in the campaign until the tests of readings find it."""
     case = written(files, {("pose03_rep2_loaded", "P2"): -1})
@@ -89,6 +91,7 @@ def again(files, group, of, targets, digits=None):
 EVERY = ("P1", "P2", "P3", "Pl1", "Pl2")
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("targets", [EVERY, ("P2",)])
 def test_a_state_that_was_stored_twice_is_named_reading_by_reading(files, targets):
     """The force of that pull is right: nothing else is accused, and the later state is left out."""

@@ -55,6 +55,7 @@ def moved(given, pull, end, off):
     return replace(given, ends=ends)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(("partition", "where"), EVERY)
 def test_no_pull_is_off_because_others_of_its_pose_go_elsewhere(partition, where):
     for seed in range(3):

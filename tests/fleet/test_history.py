@@ -53,6 +53,7 @@ def years(rng, drift, n=6, joints=7, std=1e-9):
     return out
 
 
+@pytest.mark.whole
 def test_campaigns_of_a_steady_robot_are_rarely_flagged():
     """Over 1000 histories of seven joints that do not change, at most about 1 % are flagged."""
     rng = np.random.default_rng(11)

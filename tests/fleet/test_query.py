@@ -108,6 +108,7 @@ def test_tables_follow_the_answers(project):
         told(project)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("lost", ["index.json", "stiffness", "."])
 def test_what_a_killed_run_or_somebody_took_away_is_made_again(lost, project):
     """With each row once."""
@@ -119,7 +120,7 @@ def test_what_a_killed_run_or_somebody_took_away_is_made_again(lost, project):
     assert ask(project, question) == before
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("damage", ["cut", "noise", "inside"])
 @pytest.mark.parametrize("table", ["stiffness", "wear"])
 def test_a_damaged_table_is_made_again(damage, table, project, capsys):
@@ -338,6 +339,7 @@ def test_nothing_is_put_aside_into_the_current_folder(project):
     assert ask(project, "SELECT current_setting('temp_directory')").rows == [("",)]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("damage", [b"", b"PAR1" + b"x" * 99 + b"PAR1"])
 @pytest.mark.parametrize("table", ["41_covariance", "43_reliability"])
 def test_a_damaged_table_of_a_campaign_costs_its_rows_alone(damage, table, project, capsys):

@@ -94,6 +94,7 @@ def test_intervals_hold_the_wear_and_the_scatter_is_found():
     assert np.mean(scatters) == pytest.approx(0.02, abs=0.0025)
 
 
+@pytest.mark.whole
 def test_steady_robots_rarely_raise_an_alarm():
     """Less than one in a hundred robot-years, though each is looked at twice a year."""
     rng, raised, years = np.random.default_rng(3), 0, 0.0

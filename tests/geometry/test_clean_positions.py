@@ -156,7 +156,8 @@ ARMS = [
 """Seed, convention, whether the file states masses, how they lie; the first two differ in each."""
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.whole
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("seed", "convention", "masses", "hand"), ARMS)
 def test_an_arm_without_a_defect_is_given_no_law_and_no_cause(
     seed, convention, masses, hand, tmp_path

@@ -90,6 +90,7 @@ def test_an_error_that_repeats_itself_each_turn_need_not_stand_out_of_all_orders
     assert (of.p < LAW) == seen
 
 
+@pytest.mark.whole
 def test_two_waves_that_no_curve_of_few_poses_contains_take_its_place():
     """Neither wave explains half of the curve."""
 

@@ -9,6 +9,7 @@ from made_positions import ROBOT, read
 from pipeline.positions.initial import begin
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("size", [0.02, 0.5])
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_a_quarter_of_readings_far_off_hardly_moves_the_start(size, seed):

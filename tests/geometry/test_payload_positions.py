@@ -196,6 +196,7 @@ def test_springs_and_payload_are_those_of_a_dense_least_squares(one):
     assert np.all(u[7:] < 0.5 * STATED[1:])
 
 
+@pytest.mark.whole
 def test_a_prediction_knows_what_it_shares_with_the_springs(one):
     """Its uncertainty is that of the dense estimate of springs, payload and frame together.
 

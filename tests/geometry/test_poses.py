@@ -106,6 +106,7 @@ def test_intervals_of_6d_campaigns_cover():
     assert np.mean(inside) > 0.90
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("turned", [0.4, 2.5])
 def test_rotations_of_unstated_noise_are_weighed_by_their_own(turned):
     """Their noise relative to that of positions is found, from repeated zeros."""
@@ -123,6 +124,7 @@ def test_rotations_of_unstated_noise_are_weighed_by_their_own(turned):
     assert grown == pytest.approx([variance[1] / variance[0]])
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("stated", [True, False])
 def test_targets_that_are_read_one_by_one_are_not_taken_for_a_pose(stated):
     """Nor in data without scatter; a 6D pose is recognised whatever else is stated."""
@@ -264,6 +266,7 @@ def test_positions_and_rotations_of_6d_poses_are_weighed_by_what_is_stated_of_ea
     assert stds[1] > 2 * stds[0]
 
 
+@pytest.mark.whole
 def test_without_noise_6d_poses_give_the_entry_back():
     """To 1e-9: the rows hold for a rotation of any size once linearised at the solution."""
     still = SIX | {"stated": True}

@@ -180,6 +180,7 @@ def test_a_tracker_that_was_bumped_is_one_cause_and_a_drift_another():
     assert of_base(of_motion(found, drifts)[1], ())
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", range(12))
 def test_no_zero_changed_in_a_clean_campaign(seed):

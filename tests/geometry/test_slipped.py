@@ -61,6 +61,8 @@ def test_a_target_that_moved_is_found_with_its_pose(target, since, size_m):
     assert p < NO_ONE
 
 
+@pytest.mark.whole
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("targets", [2, 3])
 def test_a_rigid_effector_gives_no_alarm(targets):
     """P-values of the likeliest of all targets and poses, before any correction for their number.

@@ -170,6 +170,7 @@ def bent(robot, machine, q, where, c):
     return out
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("where", ["upper_arm", "forearm"])
 def test_a_link_is_bent_by_the_weights_beyond(arm, where):
     """To a tenth of the largest sag; a motor at its proximal end does not bend it."""
@@ -220,6 +221,7 @@ def test_laws_of_gears_follow_another_weight_as_differences_do(arm):
     assert np.abs(slope).max() > 1e-3
 
 
+@pytest.mark.whole
 def test_lost_motion_that_the_weight_shows_is_handed_to_pulls(arm):
     """The flanks of joint 3 separate by Pinocchio's torque.
 

@@ -2,18 +2,21 @@
 
 import re
 import struct
+from functools import cache
 from pathlib import Path
 
 import pytest
 from english import ENGLISH
 
 import pipeline.house
-from bench.messages import SPOKEN, texts
+from bench import messages
+from bench.messages import SPOKEN
 from pipeline.base.language import Language, spoken
 from pipeline.house.catalogue import Catalogue
 
 FOLDER = Path(pipeline.house.__file__).parent / "locale"
 OTHERS = [Language.DE, Language.FR]
+texts = cache(messages.texts)  # all of the source is read for them
 
 
 def written(path):

@@ -257,6 +257,7 @@ def test_whoever_inspects_or_checks_is_told_what_settled_it(tmp_path):
     assert note.startswith("tracker.txt was read with unit mm: so reflectors")
 
 
+@pytest.mark.whole
 def test_which_way_azimuths_grow_only_points_off_a_plane_settle():
     """Three points, or four coplanar ones, fit their mirror image; a tool's triangle does, too."""
     data = KINDS["name Hz V D"].data()
@@ -279,7 +280,7 @@ def test_which_way_azimuths_grow_only_points_off_a_plane_settle():
         assert len(why) == (sense is not None)
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", KINDS)
 def test_the_demo_is_read_from_every_kind(name, ours):
     """Names and states unchanged, positions to the digits written, times if present."""

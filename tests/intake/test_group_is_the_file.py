@@ -45,6 +45,7 @@ def french(group):
     return f"{number}_a_vide" + "_retour" * (repeat != "0")
 
 
+@pytest.mark.whole
 def test_init_proposes_it_and_the_campaign_is_the_same():
     """Names of groups of several words, one glob for the folder, and the readings of the demo."""
     files, split = by_file(french)

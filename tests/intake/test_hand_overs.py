@@ -308,6 +308,7 @@ def test_a_configuration_of_abb_names_the_robot():
     assert called({"MOC.cfg": text}, ["irb6700_200_260", "irb6700_235_265"]) == ("irb6700_200_260",)
 
 
+@pytest.mark.whole
 def test_listed_places_settle_the_sense_of_azimuths():
     """Four base reflectors off one plane: only one sense moves their places onto the readings."""
     four = BASE | {"BASE4": (3000, -2500, 300)}

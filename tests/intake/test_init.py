@@ -323,6 +323,7 @@ def test_the_groups_of_a_table_are_found_by_the_log(init, numbered, title):
     assert "assignment" not in unfilled(text).values()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "changed",
     [
@@ -558,6 +559,7 @@ def underlined(parts, group, target):
         f"{group}_{target}")  # fmt: skip
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("form", [behind, in_front, underlined])
 def test_names_that_hold_group_and_target_are_parted(init, form):
     """At the separator next to a part with few values that recurs with the others."""
@@ -761,6 +763,7 @@ def loads_of(title, cells):
     return FILES | {"loads.csv": "\n".join([*lines, ""]).encode()}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("files", "asked"),
     [

@@ -101,6 +101,7 @@ FORMS = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("form", FORMS)
 def test_the_level_of_the_pose_is_found_and_the_campaign_is_the_same(form):
     """Whichever level holds it, every reading is of the pose, pull and state that it was."""

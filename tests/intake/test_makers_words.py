@@ -48,7 +48,7 @@ MAKERS = {
 }
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("maker", MAKERS)
 def test_axes_of_a_maker_are_known_beside_other_columns(hall, maker):
     """With a speed or a TCP position beside them, columns are not guessed by order."""
@@ -63,6 +63,17 @@ def test_axes_of_a_maker_are_known_beside_other_columns(hall, maker):
     assert said.joints == "joints.csv"
     shown = np.column_stack([log.number[name] for name in "SLURBT"])
     np.testing.assert_allclose(np.rad2deg(shown), degrees, atol=1e-4)
+
+
+def test_a_log_is_read_once_for_all_robots_with_the_same_axes(hall, monkeypatch):
+    """Of 46 robots that ship, sixteen have J1 to J6, eleven A1 to A6."""
+    asked, joints = [], logs.joints
+    monkeypatch.setattr(logs, "joints", lambda *given: asked.append(given) or joints(*given))
+
+    said = propose(hall[0])
+
+    assert len(said.robots) > 40
+    assert len(asked) < 40
 
 
 @pytest.mark.parametrize(
@@ -93,6 +104,7 @@ def test_robots_that_call_their_axes_so_come_first(hall):
     assert {*said.robots[:8]} == {name for name in said.robots if name.startswith("gp")}
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("unit", NEWTON)
 @pytest.mark.parametrize("form", ["title", "cell"])
 def test_a_force_has_its_unit_in_the_title_or_in_every_cell(hall, unit, form):

@@ -74,6 +74,7 @@ def test_another_reading_in_an_old_place_calls_the_search(standing):
     assert isinstance(standing.beside(read(*SEVEN)), Result)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("change", ["campaign.toml", "joints.csv", "loads.csv"])
 def test_another_log_or_setting_calls_the_search(standing, change):
     files = table(*SEVEN)
@@ -88,6 +89,7 @@ def test_another_log_or_setting_calls_the_search(standing, change):
     assert standing.beside(load_campaign(files, name="demo")) == ()
 
 
+@pytest.mark.whole
 def test_after_a_quarter_more_poses_causes_are_sought_again(standing):
     lines = [line for k in range(8, 10) for line in of_pose(k)]
 
@@ -126,6 +128,7 @@ def test_the_last_planned_pose_is_searched_and_a_pause_too():
     assert [one.value for one in later.stiffness] == [one.value for one in result.stiffness]
 
 
+@pytest.mark.whole
 def test_what_nothing_explains_is_told_though_the_search_is_silent(standing):
     """A zero and the one pull read from it: a second pull shows which of them is off."""
     zero, pull = steps(8)[:2]

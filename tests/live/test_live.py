@@ -63,19 +63,32 @@ def test_a_pose_is_told_and_not_its_steps(told):
     assert told[1:3] == [None, None]
 
 
-def test_a_wide_reading_is_told_at_once_by_its_name(told):
-    (suspect,) = told[3].suspects
+@pytest.fixture(scope="module")
+def spoilt():
+    """What is said at once of two poses and a third whose last reading is off."""
+    first, pulled, bad = steps(3)[:3]
+    bad = [wide(line, 1.3) if ",P2," in line else line for line in bad]
+    lines = [*of_pose(1), *of_pose(2), *first, *pulled, *bad]
+    return LiveState("demo").look(table(*lines), 0.0)
+
+
+def test_a_wide_reading_is_told_at_once_by_its_name(spoilt):
+    (suspect,) = spoilt.suspects
     line = 1 + len([TITLES, *BASE, *of_pose(1), *of_pose(2), *steps(3)[0], *steps(3)[1]])
 
     assert suspect.where == "pose03_rep2_loaded/P2"
     assert suspect.readings == (f"tracker.csv:{line + 1}",)
     assert "1.3" in suspect.text
     assert suspect.text.endswith("Measure it again, or correct the file.")
+
+
+@pytest.mark.whole
+def test_a_reading_that_is_shot_again_replaces_it(told):
+    (suspect,) = told[3].suspects
+
+    assert suspect.where == "pose03_rep2_loaded/P2"
     assert not told[3].accepted
     assert not told[3].complete
-
-
-def test_a_reading_that_is_shot_again_replaces_it(told):
     assert told[4].suspects == ()
     assert told[4].accepted
 
@@ -92,7 +105,8 @@ def test_a_pose_is_told_when_it_is_measured_and_not_when_the_next_begins():
     assert (done.pose, done.complete, done.poses) == (2, True, 2)
 
 
-def test_a_pose_that_stays_as_it_is_is_told_when_nothing_comes(told):
+@pytest.mark.whole
+def test_a_pose_that_stays_as_it_is_is_told_when_nothing_comes():
     state = LiveState("demo")
     files = table(*of_pose(1))
     first = state.look(files, 0.0)

@@ -261,7 +261,7 @@ def test_a_run_that_is_cancelled_leaves_nothing(demo, tmp_path):
     until(demo, "done")
 
 
-def test_from_files_to_fields_and_back(client, tmp_path):
+def test_from_files_to_fields_and_back(here, client, tmp_path):
     """campaign.toml is written for the files; each field is a line of it; comments stay."""
     drop(client, *(DEMO / one for one in ("tracker.csv", "loads.csv", "joints.csv")))
     assert client.post("/c/hall/init").json()["go"].endswith("/setup")
@@ -315,6 +315,7 @@ def test_what_is_broken_in_the_terminal_is_mended_here(demo, tmp_path):
     assert "P1 = [0.2, 0.05" in page.text
 
 
+@pytest.mark.whole
 def test_a_campaign_of_the_terminal_opens(client, tmp_path):
     """Whatever was begun elsewhere goes on here, with what it waits for."""
     shutil.copytree(DEMO, tmp_path / "data" / "raw" / "kr500_demo")
@@ -342,6 +343,7 @@ def test_what_cannot_be_taken_is_a_sentence(demo, method, way, body):
     assert answer.json()["problem"]
 
 
+@pytest.mark.whole
 def test_a_campaign_file_that_is_nested_too_deeply_is_shown(demo, tmp_path):
     """It is text to correct, as anything else that is not TOML."""
     (tmp_path / "data/raw/hall/campaign.toml").write_text("x = " + "[" * 5000)
@@ -361,6 +363,7 @@ def test_a_line_that_is_put_in_moves_no_other():
     ]  # fmt: skip
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("at", [0, 3, 30_000])
 def test_a_long_program_with_lines_put_in_differs_where_it_was_changed(at):
     """Every other of 60 000 lines is a motion that was moved, those between are all alike."""
@@ -427,6 +430,7 @@ def untitled(here, client):
 RIGHT = {"1": "group", "2": "target", "4": "x", "5": "y", "6": "z"}
 
 
+@pytest.mark.whole
 def test_what_a_column_is_can_be_chosen(untitled, tmp_path):
     """What is chosen is read at once, and nothing more is asked about the columns."""
     proposed = untitled.get("/c/hall/look/odd.csv").text

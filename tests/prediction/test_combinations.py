@@ -187,7 +187,7 @@ def test_what_is_known_is_what_numpy_finds(world, told):
             assert joint.compliance_std == pytest.approx(np.linalg.norm(half[k]), rel=1e-6)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("world", list(WORLDS))
 def test_undetermined_is_no_rejection(world, told, tmp_path):
     """Exit code 0, with --strict a doubt; JSON, page, PDF and model state what is determined."""
@@ -243,28 +243,31 @@ def test_a_path_says_where_it_rests_on_what_is_not_known(told):
     assert "inf" not in offsets.summary
 
 
-def test_a_combination_is_as_the_contract_says(told):
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("world", list(WORLDS))
+def test_a_combination_is_as_the_contract_says(world, told):
     """One unit, the largest weight 1, no joint with its own value, at least two joints."""
-    for world in WORLDS:
-        _, found, _ = told(world)
-        stiffness = {joint.name: joint for joint in found.answer.stiffness}
-        for one in found.answer.combinations:
-            assert max(one.weights, key=abs) == 1
-            assert len(one.of) > 1
-            assert {stiffness[name].compliance_unit for name in one.of} == {one.unit}
-            assert not any(stiffness[name].identifiable for name in one.of)
-            assert all(other in stiffness[one.of[0]].finding for other in one.of[1:])
+    _, found, _ = told(world)
+    stiffness = {joint.name: joint for joint in found.answer.stiffness}
+    for one in found.answer.combinations:
+        assert max(one.weights, key=abs) == 1
+        assert len(one.of) > 1
+        assert {stiffness[name].compliance_unit for name in one.of} == {one.unit}
+        assert not any(stiffness[name].identifiable for name in one.of)
+        assert all(other in stiffness[one.of[0]].finding for other in one.of[1:])
 
 
-def test_a_model_that_nothing_tests_is_not_said_to_explain(told):
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("world", list(WORLDS))
+def test_a_model_that_nothing_tests_is_not_said_to_explain(world, told):
     """As many directions as coordinates: the first line claims nothing."""
-    for world in WORLDS:
-        answer = told(world)[1].answer
-        said = "leave nothing to test" in answer.verdict_sentence[0]
-        assert said == (answer.fit.dof == 0)
-    assert told("one pull of one reflector")[1].answer.fit.dof == 0
+    answer = told(world)[1].answer
+
+    assert ("leave nothing to test" in answer.verdict_sentence[0]) == (answer.fit.dof == 0)
+    assert answer.fit.dof == 0 or world != "one pull of one reflector"
 
 
+@pytest.mark.whole
 def test_a_joint_never_loaded_is_said_to_be_so(told):
     """No weight loads a vertical joint; all others have their value."""
     _, found, _ = told("a joint never loaded")
@@ -274,6 +277,7 @@ def test_a_joint_never_loaded_is_said_to_be_so(told):
     assert all(joint.identifiable for joint in others)
 
 
+@pytest.mark.whole
 def test_no_reading_that_says_anything_is_no_rejection_either():
     """Noise a thousand times the deflection: nothing is determined, which is the answer."""
     found = campaign_answer("noise", in_memory(of_two_joints(3, 1.0)))
@@ -362,6 +366,7 @@ def test_over_hypotheses_a_mix_is_their_mixture_and_known_to_each():
         assert np.abs(w @ free).max() < 1e-6 * np.linalg.norm(w)
 
 
+@pytest.mark.whole
 def test_the_motion_told_parts_the_members_best():
     """By finite differences: none of 300 drawn motions of a joint separates the two better."""
     robot, rng = FANUC, np.random.default_rng(11)

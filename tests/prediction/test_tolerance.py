@@ -306,16 +306,16 @@ def test_u_is_never_below_what_left_out_poses_were_missed_by(found):
 
 
 def test_without_left_out_poses_the_model_is_taken_at_its_word(found):
-    """Standard uncertainty along the deflection, from 300 draws of the stiffnesses."""
+    """Standard uncertainty along the deflection, from 120 draws of the stiffnesses."""
     model = found[0].model
     q, force = _pose(1000.0)
     here = tip(model, q[None], force[None], HeldOutError(None, 3000.0))
     one = model.hypotheses[0]
     rng = np.random.default_rng(1)
-    drawn = rng.multivariate_normal(one.value, one.cov, 300)
+    drawn = rng.multivariate_normal(one.value, one.cov, 120)
     moved = [np.linalg.norm(_with(model, x).predict(q, force).displacement) for x in drawn]
 
-    assert here.std[0] == pytest.approx(np.std(moved), rel=0.1)
+    assert here.std[0] == pytest.approx(np.std(moved), rel=0.2)
 
 
 def _with(model, value):
@@ -384,6 +384,7 @@ def test_a_tolerance_needs_a_place(files):
         parse(text + "\n[tolerance]\ndeflection_mm = 1.0\n")
 
 
+@pytest.mark.whole
 def test_check_reads_the_path(files, tmp_path):
     """A faulty row is reported with its line before computation; a good path is counted."""
     folder = tmp_path / "data" / "raw" / "part"

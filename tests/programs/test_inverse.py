@@ -43,7 +43,7 @@ def test_a_pose_is_reached_from_a_place_near_it(name):
         assert (np.abs(found.q - near) < 0.5).all()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "name",
     ["kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic", "kr210_l150", "kr210_r2700_2", "irb6640"],

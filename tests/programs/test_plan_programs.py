@@ -43,6 +43,7 @@ def parsed(files, suffix):
     return read(beside, files[beside], (name, files[name]))
 
 
+@pytest.mark.sampled(20)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(("name", "brand"), [(n, b) for n, own in ROBOTS.items() for b in own])
 def test_a_program_says_the_poses_of_its_plan_to_the_last_digit(name, brand, seed):

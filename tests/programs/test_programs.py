@@ -101,7 +101,7 @@ def step(text, kind, k, letters):
     return last * (1.0 if letters == "vector" else 1e-3) if k < 3 else 0.0
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", FEW + [pytest.param(k, marks=pytest.mark.slow) for k in MORE])
 @pytest.mark.parametrize("maker", ROBOTS)
 def test_only_coordinates_differ_and_they_cancel_the_deflection(maker, seed, tmp_path):

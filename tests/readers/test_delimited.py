@@ -89,7 +89,7 @@ def tables(draw):
     return draw(st.lists(st.one_of(row, row, row, row, other), min_size=1, max_size=12)), mark
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(tables(), st.booleans())
 def test_rows_are_taken_or_named_as_a_loop_over_them_does(table, quoted):
     """The same rows, the same values to the last digit, and a way out for every other row."""

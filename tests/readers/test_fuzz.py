@@ -421,14 +421,14 @@ def run(bench, name, seeds):
 
 
 @pytest.mark.sampled(3)
-@pytest.mark.parametrize("count", [25, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [12, pytest.param(60, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", VARIANTS)
 def test_damaged_exports_are_refused_or_read_honestly(benches, name, count):
-    """A few hundred damaged exports, with some of each kind of outcome."""
+    """Some damaged exports, with some of each kind of outcome."""
     outcomes = run(benches[name], name, range(count))
 
     assert {"refused", "partly", "same"} >= set(outcomes)
-    assert outcomes.count("refused") > 2
+    assert outcomes.count("refused") > count // 10
 
 
 @pytest.mark.slow

@@ -45,6 +45,7 @@ def test_pulses_are_known_by_their_size_and_asked_for(name, data):
         degrees(name, data, columns=columns)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("between", ["   ", ";", "\t"])
 def test_pulses_are_found_in_a_column_of_a_table(between):
     """Beside the dimensions of the robot."""

@@ -403,6 +403,7 @@ def some_readings(unit, decimals, seed=20261103):
     )
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("unit", ["mm", "m"])
 @pytest.mark.parametrize("name", WRITERS)
 def test_written_readings_come_back_exactly(name, unit):

@@ -72,6 +72,7 @@ def _noise(data, rng):
     return (loaded + drawn[data.zero])[..., 0]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("scatter", "power"), [(0.004, 0.3), (0.03, 0.95)])
 def test_the_scatter_of_the_days_is_found(truth, scatter, power):
     """Over thirty campaigns of five days the mean square is the true one.
@@ -89,6 +90,7 @@ def test_the_scatter_of_the_days_is_found(truth, scatter, power):
     assert np.mean([one.p_value < 0.01 for one in found]) > power
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("count", [2, DAYS])
 def test_days_without_scatter_have_uniform_probabilities(truth, count):
     """Pulls share their zero, and the pairs of five days have four degrees of freedom."""

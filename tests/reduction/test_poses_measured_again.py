@@ -29,6 +29,7 @@ def pulls(got):
     return {(r.pose, r.repeat): (r.force_n, round(1e3 * r.x_m, 3)) for r in both.itertuples()}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("behind", "log", "pattern"),
     [

@@ -108,6 +108,7 @@ def test_nothing_overflows(opened, width):
     assert outside == []
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("width", "scheme"), [(360, "dark"), (1920, "light")])
 def test_the_page_over_all_campaigns_is_as_good(opened, tmp_path, width, scheme):
@@ -127,6 +128,7 @@ def test_the_page_over_all_campaigns_is_as_good(opened, tmp_path, width, scheme)
     assert page.locator("#tip").inner_text().startswith("c0: k_r1 77.92")
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("width", [1440, 2560])
 def test_on_a_screen_no_table_or_figure_is_cut_off(opened, width):
     """Where there is room beside it, nothing stands in a part of the page that is too narrow."""
@@ -141,6 +143,7 @@ def test_on_a_screen_no_table_or_figure_is_cut_off(opened, width):
     assert cut == []
 
 
+@pytest.mark.whole
 def test_no_word_of_a_figure_is_cut(opened):
     """Every label of a figure stands inside it, but for the empty edge of its letters' boxes."""
     page = opened(1920)
@@ -159,6 +162,7 @@ def test_no_word_of_a_figure_is_cut(opened):
     assert cut == []
 
 
+@pytest.mark.whole
 def test_what_is_cut_off_can_be_scrolled_to(opened):
     """On a telephone a wide table scrolls within its own frame, by keyboard too."""
     page = opened(360)
@@ -189,6 +193,7 @@ def test_axe_finds_nothing(opened, width, scheme):
     assert "color-contrast" in {passed["id"] for passed in found["passes"]}
 
 
+@pytest.mark.whole
 def test_dark_is_dark_and_figures_follow(opened):
     """In the dark scheme the paper is dark and the figures' lines are light."""
     shades = {}
@@ -223,6 +228,7 @@ def test_a_press_on_a_heading_sorts_by_number(opened):
     assert down == [*order[::-1], "k_theta7"]
 
 
+@pytest.mark.whole
 def test_tables_sort_by_keyboard(opened):
     """A heading can be reached and pressed without a mouse."""
     page = opened()
@@ -246,6 +252,7 @@ def test_a_value_shows_under_the_pointer_and_goes_away(opened):
     assert tip.is_hidden()
 
 
+@pytest.mark.whole
 def test_arrow_keys_walk_through_the_values(opened):
     """Who has no pointer reads the values one by one; the tip stays inside the window."""
     page = opened(360)
@@ -262,6 +269,7 @@ def test_arrow_keys_walk_through_the_values(opened):
     assert box["x"] + box["width"] <= 360
 
 
+@pytest.mark.whole
 def test_a_value_stays_beside_its_mark_while_the_page_scrolls(opened):
     """A browser may scroll a figure into view after the first arrow key: the value goes along."""
     page = opened(360)

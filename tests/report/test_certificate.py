@@ -84,6 +84,7 @@ TOGETHER = [
 ]
 
 
+@pytest.mark.sampled(40)
 @pytest.mark.parametrize("decision", ["fail", "undecided"])
 @pytest.mark.parametrize(("verdict", "reason"), TOGETHER)
 def test_verdict_and_what_to_do_are_read_in_a_minute(sample, verdict, reason, decision):

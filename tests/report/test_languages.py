@@ -52,6 +52,7 @@ CASES = [
 """Every two of verdict, reason and decision together."""
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("language", OTHERS)
 def test_nothing_of_it_stays_english(language):
     """Whatever is found, decided and to be done, but for the name of the campaign."""
@@ -105,6 +106,7 @@ def test_page_and_paper_are_in_that_language(made, language):
     assert not re.search(r"\d\.\d+ ± ", first)
 
 
+@pytest.mark.whole
 def test_only_the_figures_of_the_certificate_are_said(made):
     """Its words, also those that a pointer shows; the annexes' stay as they are."""
     german, english = ({n: f for n, f in made[one].items() if "/" in n} for one in ("de", "en"))

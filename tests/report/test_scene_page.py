@@ -105,6 +105,7 @@ def says(page) -> str:
     return page.locator(".says").inner_text()
 
 
+@pytest.mark.whole
 def test_dragging_turns_the_cell(opened):
     """A drag to the side turns about the vertical: what was apart comes together, upright."""
     page = opened()
@@ -124,6 +125,7 @@ def test_dragging_turns_the_cell(opened):
     assert re.search(r"l-?0\.0 -\d", vertical)  # z points upwards still
 
 
+@pytest.mark.whole
 def test_the_wheel_zooms_only_where_it_was_asked_to(opened):
     """Who scrolls past gets past; a click, and the wheel zooms about the pointer."""
     page = opened()
@@ -141,6 +143,7 @@ def test_the_wheel_zooms_only_where_it_was_asked_to(opened):
     assert spread(dots(page)) > 1.15 * spread(before)
 
 
+@pytest.mark.whole
 def test_keys_turn_zoom_pick_and_return(opened):
     """Whatever the mouse does the keyboard does; Tab goes on to the buttons."""
     page = opened()
@@ -172,6 +175,7 @@ def test_keys_turn_zoom_pick_and_return(opened):
     assert page.evaluate("document.activeElement.name") == "pose"
 
 
+@pytest.mark.whole
 def test_a_click_on_an_arm_picks_its_pose(opened):
     """The pose under the pointer is told with file, pulls, deflection and residual."""
     page = opened()
@@ -195,6 +199,7 @@ def test_a_click_on_an_arm_picks_its_pose(opened):
     assert page.locator(".live ellipse").count() == len(vectors)
 
 
+@pytest.mark.whole
 def test_a_list_picks_and_a_slider_magnifies(opened):
     """The same without a picture: a list of poses, and by how much vectors are magnified."""
     page = opened()
@@ -216,6 +221,7 @@ def test_a_list_picks_and_a_slider_magnifies(opened):
     assert page.locator(".live .arm:visible").count() == 2
 
 
+@pytest.mark.whole
 def test_two_fingers_zoom(opened):
     """A pinch zooms; one finger that moves upwards scrolls the page and is left to the browser."""
     page = opened(768, has_touch=True)
@@ -240,6 +246,7 @@ def test_two_fingers_zoom(opened):
     )
 
 
+@pytest.mark.whole
 def test_the_page_sees_what_the_still_sees(opened, made):
     """The browser's projection and that of the still in the PDF agree to a pixel."""
     page = opened()

@@ -112,6 +112,7 @@ def test_an_item_whose_process_was_killed_is_begun_again(tmp_path):
     assert often == [1, 3, 1, 1, 2, 1]
 
 
+@pytest.mark.whole
 def test_an_item_that_always_kills_its_process_is_given_up(tmp_path):
     """After three processes it is that item's failure, and nobody else's."""
     found = {d.item: d for d in InProcesses(2).results(partial(dies, tmp_path, {2: 99}), range(5))}

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from conftest import without_drawings
 
 from pipeline.app import cli
 from pipeline.run import run
@@ -31,9 +32,15 @@ def project(files, root, *names):
     return root
 
 
+UNDRAWN = "import conftest\nwith conftest.without_drawings(): import pipeline.__main__"
+START = {True: ["-m", "pipeline"], False: ["-c", UNDRAWN]}
+"""The command line, with the figures of the report and without."""
+
+
 @pytest.mark.prefect
 @pytest.mark.xdist_group("prefect")
-def test_prefect_gives_the_answer_of_the_plain_run(small_campaign, tmp_path):
+@pytest.mark.parametrize("drawn", [False, pytest.param(True, marks=pytest.mark.whole)])
+def test_prefect_gives_the_answer_of_the_plain_run(small_campaign, tmp_path, drawn):
     """Two campaigns through Prefect, the first broken: one answer each, byte for byte our own."""
     root = project(small_campaign.files, tmp_path / "prefect", "broken", "good")
     plain = project(small_campaign.files, tmp_path / "plain", "good")
@@ -41,15 +48,16 @@ def test_prefect_gives_the_answer_of_the_plain_run(small_campaign, tmp_path):
     environment = {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")}
 
     done = subprocess.run(
-        [sys.executable, "-m", "pipeline", "run", "--json", "--root", root],
+        [sys.executable, *START[drawn], "run", "--json", "--root", root],
         capture_output=True,
         text=True,
         cwd=HERE,
-        env=environment | {"PYTHONPATH": str(HERE)},
+        env=environment | {"PYTHONPATH": f"{HERE}:{HERE / 'tests'}"},
         check=False,
     )
     ordered = []
-    alone = run(campaigns.find(plain, "good"), step=partial(noted, ordered))
+    with contextlib.nullcontext() if drawn else without_drawings():
+        alone = run(campaigns.find(plain, "good"), step=partial(noted, ordered))
 
     broken, good = (json.loads(line) for line in done.stdout.splitlines())
     assert done.returncode == 5

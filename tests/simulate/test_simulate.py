@@ -346,7 +346,7 @@ def in_turn(effects):
         yield pytest.param(effect, marks=marks, id=f"{effect.label} {effect.form}".strip())
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("effect", list(in_turn(catalogue(ROBOT))))
 def test_what_acts_survives_the_trip_through_the_files(effect, small_plan, read_back):
     """A model with the effect agrees with the files: branch, approach, times, forces, points."""
@@ -522,6 +522,7 @@ def test_given_poses_are_taken(small_plan):
     assert floor == pytest.approx(closest, abs=1e-6)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("robot", "dialect"),
     [
@@ -575,7 +576,7 @@ def test_the_branch_turns_with_the_load():
     assert branch == ["up", "up", "up", "down", "down", "up"] * 2
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("noise", ["paper", InstrumentNoise(range_m=8e-6, transverse_m=2e-5)])
 @pytest.mark.parametrize("dialect", WRITERS)
 def test_every_dialect_tells_the_same_campaign(dialect, noise, small_plan, read_back):
@@ -598,6 +599,7 @@ def test_every_dialect_tells_the_same_campaign(dialect, noise, small_plan, read_
         assert other.zero_cov == pytest.approx(plain.zero_cov, rel=1e-5, abs=1e-15)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("dialect", WRITERS)
 def test_unstated_noise_stays_unstated_in_every_dialect(dialect, small_plan, read_back):
     """Columns for uncertainties do not count as a statement if there is none."""

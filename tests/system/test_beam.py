@@ -107,6 +107,7 @@ def test_a_far_reading_is_no_blunder_for_its_angles(polar):
     assert of_beam.mistaken(36.0 * of_beam.widest) == pytest.approx(plain.mistaken(36.0))
 
 
+@pytest.mark.whole
 def test_springs_are_known_better_by_the_range(polar):
     """Their uncertainties are smaller than with one figure for all directions."""
     case, reduced = polar.case, polar.reduced
@@ -118,6 +119,7 @@ def test_springs_are_known_better_by_the_range(polar):
     assert np.median(ratio) < 0.9
 
 
+@pytest.mark.whole
 def test_a_wrong_model_is_no_worse_angle(calm):
     """Model error across the beam is many times the noise, and changes no weight."""
     cell, data = calm.case.cell, calm.plain
@@ -135,6 +137,7 @@ def test_a_wrong_model_is_no_worse_angle(calm):
     assert not beam.better
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("lost", ["tracker", "kind", "poses"])
 def test_without_a_station_nothing_is_concluded(polar, lost):
     """A campaign of displacements, of a camera or of 6D poses has no beam."""

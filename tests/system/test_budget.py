@@ -67,7 +67,11 @@ def test_a_gain_error_moves_all_stiffnesses_alike():
 
 
 @pytest.mark.parametrize(
-    ("key", "points"), [("sigma_m", [*PLAN.tool]), ("load_point_sigma_m", ["load_point"])]
+    ("key", "points"),
+    [
+        pytest.param("sigma_m", [*PLAN.tool], marks=pytest.mark.whole),
+        ("load_point_sigma_m", ["load_point"]),
+    ],
 )
 def test_the_part_of_the_geometry_is_what_wrong_tool_points_do(key, points):
     """Shift each coordinate of the tool, or of its load point, identify again, add the squares."""
@@ -88,6 +92,7 @@ def test_the_part_of_the_geometry_is_what_wrong_tool_points_do(key, points):
     assert claimed == pytest.approx(np.linalg.norm(moved, axis=0), rel=0.02)
 
 
+@pytest.mark.whole
 def test_the_part_of_the_joints_is_what_a_wrong_zero_does():
     """Shift the log of each joint, identify again, and add the squares."""
     files = simulate(PLAN.without_noise()).files

@@ -190,6 +190,7 @@ def test_lack_of_fit_is_the_f_test_of_nested_models(wrong, spread):
     assert found.found == (wrong > 0)
 
 
+@pytest.mark.whole
 def test_lack_of_fit_of_clean_campaigns_is_chance():
     """300 draws: both p-values are uniform."""
     rng = np.random.default_rng(14)

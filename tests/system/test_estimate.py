@@ -301,17 +301,17 @@ def test_twice_the_stated_noise_is_twice_the_uncertainty(rng):
 
 
 def test_the_stated_covariance_is_that_of_draws(rng):
-    """The errors of one campaign drawn 1000 times: estimates scatter as each of them states."""
+    """The errors of one campaign drawn 300 times: estimates scatter as each of them states."""
     made = system(rng)
     G, values = made.errors.G, []
-    for _ in range(1000):
+    for _ in range(300):
         c = made.B @ X + G @ rng.standard_normal(G.shape[1])
         values.append(solve(replace(made, c=c), np.zeros(3)).value)
     said = solve(made, np.zeros(3)).cov
 
     off = np.linalg.solve(np.linalg.cholesky(said / np.outer(X, X)), (np.array(values) / X - 1).T)
-    assert np.cov(off) == pytest.approx(np.eye(3), abs=5 * np.sqrt(2 / 1000))
-    assert off.mean(axis=1) == pytest.approx(np.zeros(3), abs=5 / np.sqrt(1000))
+    assert np.cov(off) == pytest.approx(np.eye(3), abs=5 * np.sqrt(2 / 300))
+    assert off.mean(axis=1) == pytest.approx(np.zeros(3), abs=5 / np.sqrt(300))
 
 
 def mixed(made):

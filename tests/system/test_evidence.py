@@ -57,7 +57,7 @@ def test_data_that_leave_nothing_give_a_number(rest, dof):
     assert found[0] < 0
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("strength", [0.3, 3.0, 12.0])
 @pytest.mark.parametrize("size", [-0.05, 0.0, 0.5, 1.5])
 @pytest.mark.parametrize("bounds", [(-np.inf, np.inf), (0.0, np.inf), (-1.0, 2.0)])
@@ -70,7 +70,7 @@ def test_one_parameter_has_the_evidence_of_its_integral(strength, size, bounds):
     assert found[0] == pytest.approx(expected, abs=0.05 + 0.02 * abs(expected))
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("correlation", [0.0, 0.7])
 @pytest.mark.parametrize("size", [(0.0, 0.0), (0.6, 0.3), (1.0, -0.5)])
 def test_two_parameters_have_the_evidence_of_their_integral(correlation, size):

@@ -231,6 +231,7 @@ def test_a_component_that_is_not_there_has_no_uncertainty():
     assert p[1] > 0.05
 
 
+@pytest.mark.whole
 def test_what_is_claimed_of_scales_holds_for_drawn_campaigns():
     """100 campaigns: unbiased, with true uncertainties and uniform p-values.
 

@@ -148,6 +148,7 @@ def test_the_springs_are_those_of_an_independent_fit(loads, more):
     assert found.identifiable[1:].all()
 
 
+@pytest.mark.whole
 def test_a_payload_acts_at_its_centre_and_not_at_the_load_point():
     """Its springs are wrong otherwise."""
     files = hang(MOUNTED, more=payload_tables(), noise=0.0)[0]
