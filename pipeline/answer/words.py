@@ -37,7 +37,13 @@ from pipeline.diagnosis.finding import WRONG_LAW, Finding, Verdict
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.faults.mistake import Mistake
 from pipeline.machine.effect import Table, in_place
-from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP, amount
+from pipeline.machine.effects.tracker_drift import (
+    GROUP_S,
+    HOUR_S,
+    PER_GROUP,
+    WARM_UP_H,
+    amount,
+)
 from pipeline.machine.robot import Robot, axes
 from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.reduction.growth import STEEL
@@ -606,11 +612,12 @@ def drifted(cause: FoundCause, base: Drift | None) -> str:
     effect = cause.effect
     if base is None or effect.name != base.effect.name:
         return ""
-    if (per := effect.parameters[0].unit) == PER_GROUP:
+    if effect.parameters[0].unit == PER_GROUP:
         return ""
     far = np.linalg.norm([one.value for one in cause.amplitudes])
     far_mm = 1e3 * float(far * amount(effect, np.array(base.hours * HOUR_S)))
-    how = "steadily" if per == "m/s" else "settling with a time constant of 1 h"
+    hours = WARM_UP_H.get(effect.form)
+    how = f"settling with a time constant of {hours:g} h" if hours else "steadily"
     return f"{plain(far_mm, 2)} mm in {plain(base.hours, 2)} h, {how}; "
 
 
