@@ -166,6 +166,12 @@ def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
                 f"{_SCATTERS[cause.name]} scatter {share} more than stated: the uncertainties "
                 "include it."
             )
+        elif cause.name == "heavy_tails" and cause.where is not None:
+            yield (
+                f"The readings of {cause.where} scatter some {plain(entries['s_target'], 1)} times "
+                "as much as those of the other targets: see that it sits firmly in its nest. They "
+                "weigh less, and the uncertainties include it."
+            )
         elif cause.name == "heavy_tails":
             yield (
                 "Single readings deviate farther than the stated noise allows (heavy tails): they "
