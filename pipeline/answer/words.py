@@ -166,18 +166,8 @@ def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
                 f"{_SCATTERS[cause.name]} scatter {share} more than stated: the uncertainties "
                 "include it."
             )
-        elif cause.name == "heavy_tails" and cause.where is not None:
-            yield (
-                f"The readings of {cause.where} scatter some {plain(entries['s_target'], 1)} times "
-                "as much as those of the other targets: see that it sits firmly in its nest. They "
-                "weigh less, and the uncertainties include it."
-            )
         elif cause.name == "heavy_tails":
-            yield (
-                "Single readings deviate farther than the stated noise allows (heavy tails): they "
-                "weigh less, and the uncertainties include it. Where they come from one target, "
-                "one pose or one pull, look there."
-            )
+            yield f"{_tailed(cause)} weigh less, and the uncertainties include it{_where(cause)}."
         elif cause.name == "tracker_wander" and (size := entries["s_wander"]) is not None:
             time = entries["correlation_time"]
             over = "" if time is None else f" over some {plain(time / 60, 2)} min"
@@ -186,6 +176,23 @@ def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
                 f"{who or 'The instrument'} wanders by {plain(1e3 * size, 2)} mm{over}: the "
                 "uncertainties include it."
             )
+
+
+def _tailed(cause: contract.Cause) -> str:
+    """Which readings have tails."""
+    if cause.where is None:
+        return "Single readings deviate farther than the stated noise allows (heavy tails): they"
+    times = plain(cause.parameters[0].value, 1)
+    return (
+        f"The readings of {cause.where} scatter some {times} times as much as those of the other "
+        "targets: see that it sits firmly in its nest. They"
+    )
+
+
+def _where(cause: contract.Cause) -> str:
+    if cause.where is not None:
+        return ""
+    return ". Where they come from one target, one pose or one pull, look there"
 
 
 _SCATTERS = {
