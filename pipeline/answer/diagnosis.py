@@ -32,6 +32,7 @@ from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
 from pipeline.reduction.register import timed
 from pipeline.system.estimate import left_out
+from pipeline.system.family import LoosestTarget
 from pipeline.system.fit import Fitted
 from pipeline.system.variance import NAMES, Components
 
@@ -398,11 +399,25 @@ def _shaped(right: Fitted, has_times: bool) -> list[contract.Cause]:
         unit="s",
         meaning="time over which it wanders",
     )
-    seen = (
-        (found.tailed, "heavy_tails", family.p_value, (freedom,)),
-        (found.wanders and beyond, "tracker_wander", wander.p_value, (size, time)),
+    tails = _noise_cause("heavy_tails", family.p_value, (freedom,))
+    slow = _noise_cause("tracker_wander", wander.p_value, (size, time))
+    loosest = [] if found.loosest is None else [_loosest(found.loosest, right)]
+    tailed, wanders = found.tailed and not loosest, found.wanders and beyond
+    return [*loosest, *(one for there, one in ((tailed, tails), (wanders, slow)) if there)]
+
+
+def _loosest(one: LoosestTarget, right: Fitted) -> contract.Cause:
+    """Tails that come from a single target, with its name."""
+    width = contract.Amplitude(
+        name="s_target",
+        value=one.width,
+        std=None,
+        unit="1",
+        meaning="scatter of the target over that of the others",
     )
-    return [_noise_cause(name, p, parameters) for there, name, p, parameters in seen if there]
+    return _noise_cause(
+        "heavy_tails", one.p_value, (width,), right.case.settings.measured[one.target]
+    )
 
 
 _SOURCE_OF = {"force": "scale"}
@@ -423,10 +438,12 @@ def _noisy(found: Components, i: int) -> contract.Cause:
     return _noise_cause(NAMES[name], p, (excess,))
 
 
-def _noise_cause(name: str, p: float, parameters: tuple[contract.Amplitude, ...]) -> contract.Cause:
+def _noise_cause(
+    name: str, p: float, parameters: tuple[contract.Amplitude, ...], where: str | None = None
+) -> contract.Cause:
     return contract.Cause(
         name=name,
-        where=None,
+        where=where,
         probability=at_most(p),
         parameters=parameters,
         p_value=p,

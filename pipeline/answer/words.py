@@ -38,7 +38,13 @@ from pipeline.diagnosis.finding import WRONG_LAW, Finding, Verdict
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.faults.mistake import Mistake
 from pipeline.machine.effect import Table, in_place
-from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP, amount
+from pipeline.machine.effects.tracker_drift import (
+    GROUP_S,
+    HOUR_S,
+    PER_GROUP,
+    WARM_UP_H,
+    amount,
+)
 from pipeline.machine.robot import Robot, axes
 from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.reduction.growth import STEEL
@@ -162,11 +168,7 @@ def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
                 "include it."
             )
         elif cause.name == "heavy_tails":
-            yield (
-                "Single readings deviate farther than the stated noise allows (heavy tails): they "
-                "weigh less, and the uncertainties include it. Where they come from one target, "
-                "one pose or one pull, look there."
-            )
+            yield f"{_tailed(cause)} weigh less, and the uncertainties include it{_where(cause)}."
         elif cause.name == "tracker_wander" and (size := entries["s_wander"]) is not None:
             time = entries["correlation_time"]
             over = "" if time is None else f" over some {plain(time / 60, 2)} min"
@@ -175,6 +177,23 @@ def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
                 f"{who or 'The instrument'} wanders by {plain(1e3 * size, 2)} mm{over}: the "
                 "uncertainties include it."
             )
+
+
+def _tailed(cause: contract.Cause) -> str:
+    """Which readings have tails."""
+    if cause.where is None:
+        return "Single readings deviate farther than the stated noise allows (heavy tails): they"
+    times = plain(cause.parameters[0].value, 1)
+    return (
+        f"The readings of {cause.where} scatter some {times} times as much as those of the other "
+        "targets: see that it sits firmly in its nest. They"
+    )
+
+
+def _where(cause: contract.Cause) -> str:
+    if cause.where is not None:
+        return ""
+    return ". Where they come from one target, one pose or one pull, look there"
 
 
 _SCATTERS = {
@@ -609,11 +628,12 @@ def drifted(cause: FoundCause, base: Drift | None) -> str:
     effect = cause.effect
     if base is None or effect.name != base.effect.name:
         return ""
-    if (per := effect.parameters[0].unit) == PER_GROUP:
+    if effect.parameters[0].unit == PER_GROUP:
         return ""
     far = np.linalg.norm([one.value for one in cause.amplitudes])
     far_mm = 1e3 * float(far * amount(effect, np.array(base.hours * HOUR_S)))
-    how = "steadily" if per == "m/s" else "settling with a time constant of 1 h"
+    hours = WARM_UP_H.get(effect.form)
+    how = f"settling with a time constant of {hours:g} h" if hours else "steadily"
     return f"{plain(far_mm, 2)} mm in {plain(base.hours, 2)} h, {how}; "
 
 

@@ -9,10 +9,11 @@ covariance and C that of x,
     T = g' (N - h' C h)^+ g,   g = sum d' V^-1 e,  N = sum d' V^-1 d,  h = sum D' V^-1 d
 
 over these poses, so that all of them are sums that run along the poses. Nothing changed once where
-the whole robot moving in proportion to time has a larger T than every change. What changed widens
-the errors of all joints at all poses where nobody looks for it: T is added to twice the log
-likelihood of the likeliest cell of each size of these errors, and the largest sum counts. The table
-that is estimated beside it is that of the robot as it stands at the end.
+the whole robot moving steadily, or as an instrument that warms up, has a larger T than every
+change. What changed widens the errors of all joints at all poses where nobody looks for it: T is
+added to twice the log likelihood of the likeliest cell of each size of these errors, and the
+largest sum counts. The table that is estimated beside it is that of the robot as it stands at the
+end.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from pipeline.base.arrays import Array, Ints, compared
 from pipeline.geometry.roughness import ScaleGrid
 from pipeline.geometry.slipped import ShapeRows, slips
 from pipeline.geometry.unloaded import MidChange, PoseRows, Unloaded
+from pipeline.machine.effects.tracker_drift import LAWS
 
 _SIDES = 2
 """Poses on either side of a change, at least [1]: a single one is a wrong row of the log."""
@@ -51,8 +53,8 @@ def changes(zeros: Unloaded, rows: PoseRows, found: ScaleGrid) -> tuple[MidChang
     gains = _gains(zeros, rows, found.unrefined or found, order)
     T, what = gains[_SIDES - 1 : len(order) - _SIDES], _what(zeros)
     freedom = [one.unknowns for one in what]
-    if gains[-1, 0] >= T.max():
-        return ()  # a steady motion of the instrument, which is no change
+    if gains[len(order) :, 0].max() >= T.max():
+        return ()  # a smooth motion of the instrument, which is no change
     if special.chdtrc(freedom, T.max(axis=0)).min() > special.chdtrc(1, _SEEN**2):
         return ()
     likeliest = dict[tuple[int, int | None], int]()  # of both ways of a joint the likelier one
@@ -93,7 +95,7 @@ def _what(zeros: Unloaded) -> list[MidChange]:
 def _gains(zeros: Unloaded, rows: PoseRows, found: ScaleGrid, order: Ints) -> Array:
     """Twice the log of the ratio of likelihoods of a change behind each of the poses.
 
-    In the order of `_what`, shape (p, k).
+    Then of each of `_courses`; in the order of `_what`, shape (p + c, k).
     """
     sizes = np.unique(found.transmission)
     best = [np.flatnonzero(found.transmission == size) for size in sizes]
@@ -103,34 +105,45 @@ def _gains(zeros: Unloaded, rows: PoseRows, found: ScaleGrid, order: Ints) -> Ar
 
 
 def _drops(zeros: Unloaded, rows: PoseRows, found: ScaleGrid, cell: int, order: Ints) -> Array:
-    """T of a change behind each of the poses, in time, shape (p, k).
-
-    Behind the last there is none: there stands what moves in proportion to time.
-    """
+    """T of a change behind each of the poses, in time, then of each course, shape (p + c, k)."""
     W = linear.whitening(rows.cov(found.transmission[cell]))
     Z, D = W @ rows.Z, W @ rows.D
     e = np.einsum("pij,pj->pi", W, rows.y) - D @ found.x[cell]
     where = zeros.columns
     whole = np.concatenate([D[:, :, where.shift], D[:, :, where.loose]], axis=2)
-    T, creep = [], np.linspace(0.0, 1.0, len(order))
+    T, courses = [], _courses(zeros, order)
     for one in _what(zeros):
         d = Z[:, :, [one.joint - 1]] if one.joint else whole
         if one.target is not None:
             d = D[:, :, where.tool][:, :, 3 * one.target : 3 * one.target + 3]
         each = d.swapaxes(1, 2) @ e[..., None], d.swapaxes(1, 2) @ d, d.swapaxes(1, 2) @ D
         sums = [np.cumsum(part[order], axis=0) for part in each]
-        g, N, h = (part if one.early else part[-1] - part for part in sums)
-        for part, own, s in zip((g, N, h), each, (creep, creep**2, creep), strict=True):
-            part[-1] = np.tensordot(s, own[order], 1)
+        since = (part if one.early else part[-1] - part for part in sums)
+        smooth = zip(each, (courses, courses**2, courses), strict=True)
+        along = (np.tensordot(s, own[order], 1) for own, s in smooth)
+        g, N, h = (np.concatenate(both) for both in zip(since, along, strict=True))
         left = N - h @ found.cov[cell] @ np.swapaxes(h, 1, 2)
         inverse = linear.left(left, np.einsum("pii->pi", N))[0]
         T.append((g.swapaxes(1, 2) @ inverse @ g)[:, 0, 0])
     return np.maximum(np.stack(T, axis=1), 0.0)
 
 
+def _courses(zeros: Unloaded, order: Ints) -> Array:
+    """Motions of an instrument at the poses in time, shape (c, p); only a steady one by numbers."""
+    when, timed = _when(zeros)
+    since = when[order] - when[order[0]]
+    steady = since / max(float(since[-1]), 1.0)
+    return np.array([law(since) for law in LAWS.values()]) if timed else steady[None]
+
+
 def _in_time(zeros: Unloaded) -> Ints:
     """Poses 0..p-1 as they were read, or as they are numbered where no time is known."""
+    return np.argsort(_when(zeros)[0], kind="stable")
+
+
+def _when(zeros: Unloaded) -> tuple[Array, bool]:
+    """Time of each pose's zero [s], or its number where not all are known; and which of both."""
     first = np.unique(zeros.pose, return_index=True)[1]
     time = zeros.pulls.time_zero[first]
-    when = time if np.isfinite(time).all() else zeros.pulls.pose[first]
-    return np.argsort(when, kind="stable")
+    timed = bool(np.isfinite(time).all())
+    return (time if timed else zeros.pulls.pose[first].astype(float)), timed

@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 from scipy import special
@@ -40,6 +41,10 @@ width of its core. What a campaign holds beyond that are mistakes."""
 SPELLS = ((0.2, 3.0), (0.04, 5.0))
 """Trial pairs: fraction of the poses in a spell, and the width of the readings there relative to
 the others, within the same bound."""
+
+TARGETS = ((1.0, 2.0), (1.0, 3.0), (1.0, 5.0), (1.0, 8.0), (0.3, 3.0), (0.3, 5.0), (0.3, 8.0))
+"""Trial pairs of one target: fraction of its readings that are wider, and their width relative to
+the others [1]: a nest gives way always, or where the pull or the pose loads it."""
 
 FAR_OFF = 10.0
 """Distance from which a reading is far off, in widths of the core [1]: never reached by a normal
@@ -117,6 +122,23 @@ class _Core:
     p_value: float
 
 
+@dataclass(frozen=True)
+class LoosestTarget:
+    """The target whose readings scatter more than those of the others.
+
+    Attributes:
+        target: Its index.
+        width: Scatter of its readings over that of the others, root mean square [1].
+        probability: Posterior probability that this, and no other law, is the noise.
+        p_value: Probability of a target this wide, of all targets, if the stated family were true.
+    """
+
+    target: int
+    width: float
+    probability: float
+    p_value: float
+
+
 @dataclass(frozen=True, eq=False)
 class Family(Locked):
     """Distribution of the noise of single readings.
@@ -132,6 +154,7 @@ class Family(Locked):
         reach: Fraction of its mistakes in each range of `_REACH`, shape (f, w).
         states: The states of the poses.
         noisy: Probability that each of them is in a spell, under each family, shape (f, t).
+        loosest: The target that scatters most; None where there is one target only.
     """
 
     weight: Array
@@ -144,6 +167,7 @@ class Family(Locked):
     reach: Array = field(default_factory=lambda: np.tile(np.eye(len(_REACH))[-1], (_FAMILIES, 1)))
     states: States = field(default_factory=States.none)
     noisy: Array = field(default_factory=lambda: np.zeros((_FAMILIES, 0)))
+    loosest: LoosestTarget | None = None
 
     @property
     def heavy(self) -> float:
@@ -311,18 +335,21 @@ def likelihood(square: Array, variance: Array, now: Array) -> Array:
     return np.asarray(np.exp(out - out.max(axis=1, keepdims=True)))
 
 
-def family(seen: Array, states: States, paper: bool, spells: bool = True) -> tuple[Family, Array]:
+def family(
+    seen: Array, states: States, paper: bool, targets: Ints | None = None
+) -> tuple[Family, Array]:
     """Estimate the family from the readings, and each reading's lambda.
 
     p = P[chi2(1) > 2 (L_Student - L_stated)] / 2, L the log likelihoods at their best scale and
     freedom: 1 / nu is at the end of its range under the null (Self and Liang, J. Am. Stat. Assoc.
-    82, 1987). Where spells are likelier than not, theirs counts if it is larger.
+    82, 1987). Spells count only where they are likelier than not, and if theirs is larger. One
+    target that scatters more than the others competes with every family; it gives no weights.
 
     Args:
         seen: `likelihood` of every reading, shape (n, K).
         states: The states of these readings.
         paper: Whether the stated family is that of Eq. (18).
-        spells: Whether spells are tried, too; they count only where they are likelier than not.
+        targets: Target of each reading, shape (n,); None where one may not be looser than others.
     """
     own, wide = (
         (seen @ law.reshape(-1, seen.shape[1]).T).T.reshape(*law.shape[:2], len(seen))
@@ -332,7 +359,7 @@ def family(seen: Array, states: States, paper: bool, spells: bool = True) -> tup
     each += np.log(_ALIKE)[:, None, None]
     logs = special.logsumexp(each, axis=(0, 1)) - np.log(len(_MISTAKES))  # (f, scales)
     free = special.logsumexp(logs, axis=1) - np.log(len(_WIDTHS))
-    if not spells or _odds(free)[_SPELL].sum() <= PRESENT:
+    if _odds(free)[_SPELL].sum() <= PRESENT:
         logs[_SPELL], free[_SPELL] = -np.inf, -np.inf
     weight, best = _odds(free), logs.max(axis=1)
     scale = _WIDTHS[logs.argmax(axis=1)]
@@ -344,13 +371,57 @@ def family(seen: Array, states: States, paper: bool, spells: bool = True) -> tup
     if 2 * (best[0] - logs[0, np.abs(_WIDTHS).argmin()]) < DECIDES:
         scale[0] = 0.0  # keep the scale that is stated or was found in contrasts
     told = Family(weight, scale, mistakes, p, paper, logs.max(axis=0), reach=reach)
+    if targets is not None and np.ptp(targets) > 0:
+        of_targets = _of_targets(seen, targets, own[0], paper)
+        told = replace(told, loosest=_loosest(of_targets, free, float(best[0])))
     return _with_spells(told, seen, states)
+
+
+def _of_targets(seen: Array, targets: Ints, own: Array, paper: bool) -> Array:
+    """Log likelihood where one target is wider and all else as stated, shape (w, scales, t).
+
+    Args:
+        seen: As for `family`.
+        targets: As for `family`.
+        own: Likelihood of each reading as a good one, shape (scales, n).
+        paper: As for `family`.
+    """
+    laws = np.array([[_bursts(*one, scale, paper) for scale in _WIDTHS] for one in TARGETS])
+    wide, which, each = laws @ seen.T, np.eye(int(targets.max()) + 1)[targets], []
+    for part, (odd, alike) in product(_MISTAKES, zip(_odd(seen), _ALIKE, strict=True)):
+        quiet = np.log((1 - part) * own + part * odd[0] + 1e-300)
+        noisy = np.log((1 - part) * wide + part * odd[0] + 1e-300)
+        each.append(quiet.sum(axis=1)[:, None] + (noisy - quiet) @ which + np.log(alike))
+    return np.asarray(special.logsumexp(each, axis=0) - np.log(len(_MISTAKES)))
+
+
+def _loosest(logs: Array, free: Array, stated: float) -> LoosestTarget:
+    """The likeliest target, against every family and all other targets.
+
+    A priori a law of one target is as likely as any law of all readings that is not as stated.
+
+    Args:
+        logs: As from `_of_targets`.
+        free: Log likelihood of each family, shape (f,).
+        stated: That of the stated one at its best scale.
+    """
+    widths, scales, count = logs.shape
+    mine = special.logsumexp(logs, axis=(0, 1)) - np.log(widths * scales * count)
+    odds = special.softmax(np.append(mine + np.log(_BEFORE[1:].sum()), free + np.log(_BEFORE)))
+    best = int(np.argmax(mine))
+    part, more = TARGETS[int(np.argmax(logs[:, :, best].max(axis=1)))]
+    width = float(np.sqrt(1 - part + part * more**2))
+    p = 0.5 * count * float(special.chdtrc(1, max(2 * (logs.max() - stated), 0.0)))
+    return LoosestTarget(best, width, float(odds[best]), min(p, 1.0))
+
+
+_BEFORE = np.append(1 - np.count_nonzero(~_SPELL[1:]) * _OTHER, np.full(_FAMILIES - 1, _OTHER))
+"""Prior probability of each family [1], shape (f,)."""
 
 
 def _odds(free: Array) -> Array:
     """Probability of each family by its log likelihood, shape (f,)."""
-    before = np.append(1 - np.count_nonzero(~_SPELL[1:]) * _OTHER, np.full(_FAMILIES - 1, _OTHER))
-    return np.asarray(special.softmax(free + np.log(before)))
+    return np.asarray(special.softmax(free + np.log(_BEFORE)))
 
 
 @cache

@@ -10,9 +10,8 @@ these alone, which leaves far more degrees of freedom for the noise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.assemble import ErrorBlock, inputs, with_readings
 from pipeline.system.beam import BeamNoise, beam
-from pipeline.system.family import FAR_OFF, PRESENT, Family, family, likelihood
+from pipeline.system.family import FAR_OFF, PRESENT, Family, LoosestTarget, family, likelihood
 from pipeline.system.linearised import Linearised
 from pipeline.system.odds import DECIDES
 from pipeline.system.rows_by_pose import ReadingsOfRows, RowsByPose, columns, estimates, free
@@ -104,6 +103,13 @@ class NoiseShape(Locked):
         return self.weighed and self.family.p_value < alarms.COMPONENT
 
     @property
+    def loosest(self) -> LoosestTarget | None:
+        """The target that scatters more than the others, if that is applied and significant."""
+        one = self.family.loosest
+        sure = one is not None and one.probability > PRESENT and one.p_value < alarms.COMPONENT
+        return one if self.weighed and sure else None
+
+    @property
     def wanders(self) -> bool:
         """Whether a wander is applied and significant."""
         likely = self.wander.probability > PRESENT
@@ -142,9 +148,6 @@ _Told = tuple[ReadingsOfRows, Family, Array, RowsByPose]
 """The readings, their family, the variance of each (n,) relative to the noise without tails, and
 the rows weighted accordingly."""
 
-_End = tuple[BeamNoise, _Told, Wander]
-"""Beam, tails and wander."""
-
 
 def shape(
     seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool = False
@@ -165,30 +168,10 @@ def shape(
     """
     # one iteration only: weights derived from weights favour readings that deviate in the
     # same direction, and uncertainties come out too small
-    ends = partial(_seen, accepted=accepted, rounds=1, loose=loose)
-    parts, told = ends(seen)
+    parts, told = _seen(seen, accepted, 1, loose)
     slow = _wander(seen, parts, told[3])
-    if told[1].in_spells:
-        parts, told, slow = _against_wander(seen, ends, (parts, told, slow))
     variance = np.ones(len(told[2])) if accepted is None else told[2]
     return NoiseShape(told[1], variance, told[0], slow, accepted is not None, parts)
-
-
-def _against_wander(
-    seen: Linearised, ends: Callable[..., tuple[BeamNoise, _Told]], spells: _End
-) -> _End:
-    """Beam, tails and wander of noise in spells, or without spells if a wander explains them.
-
-    A wander that is likelier than not where no spells are tried is taken for them if beside it, as
-    a part of V, they are not likelier than not any more: it is smooth in time and common to all
-    targets, a spell is neither.
-    """
-    parts, told = ends(seen, spells=False)
-    slow = _wander(seen, parts, told[3])
-    if slow.probability <= PRESENT:
-        return spells
-    beside = replace(seen, data=replace(seen.data, wander=slow.factor))
-    return spells if ends(beside)[1][1].in_spells else (parts, told, slow)
 
 
 def _wander(seen: Linearised, parts: BeamNoise, beyond: RowsByPose) -> Wander:
@@ -221,7 +204,6 @@ def _seen(
     accepted: tuple[int, ...] | None,
     rounds: int,
     loose: bool,
-    spells: bool = True,
 ) -> tuple[BeamNoise, _Told]:
     """BeamNoise and tails; where there are tails, both again with the readings so weighted."""
     X, data = _taken_out(seen, accepted, loose), replace(seen.data, bends=False)
@@ -229,7 +211,7 @@ def _seen(
     flat = replace(seen.model.cell, equilibrium="undeformed")
     others = inputs(flat, data, seen.model.values)
     parts = _beam(seen, Q, dof, data, others)
-    told = _tails(seen, Q, data, others, parts, rounds, spells)
+    told = _tails(seen, Q, data, others, parts, rounds)
     if told[1].heavy < _HEAVY and np.abs(np.log(told[2])).max() < _STILL:
         return parts, told
     # where most readings are off the model is wrong, which makes no part of the noise smaller
@@ -239,7 +221,7 @@ def _seen(
     if not (middle > 1.0 and again.along < parts.along):
         along, across = np.sqrt(min(middle, 1.0)) * np.array(again.found)
         parts = replace(again, found=(float(along), float(across)))
-    return parts, _tails(seen, Q, data, others, parts, rounds, spells)
+    return parts, _tails(seen, Q, data, others, parts, rounds)
 
 
 def _beam(
@@ -256,7 +238,6 @@ def _tails(
     others: Sequence[ErrorBlock],
     parts: BeamNoise,
     rounds: int,
-    spells: bool,
 ) -> _Told:
     """Tails of the readings of `stated`, after the beam is applied, with fixed effects Q."""
     data = parts.on(stated)
@@ -273,10 +254,16 @@ def _tails(
     start = variance
     for turn in range(rounds):
         square, spread, good = estimates(beyond.base, readings)
-        states = States.each(readings.state[good])
-        told, mean = family(likelihood(square, spread, variance)[good], states, data.paper, spells)
+        states, targets = States.each(readings.state[good]), readings.targets(data)[good]
+        told, mean = family(likelihood(square, spread, variance)[good], states, data.paper, targets)
         first = found if turn else told
-        found = replace(told, p_value=first.p_value, profile=first.profile, widest=parts.widest)
+        found = replace(
+            told,
+            p_value=first.p_value,
+            profile=first.profile,
+            widest=parts.widest,
+            loosest=first.loosest,
+        )
         before, variance = variance, np.ones(len(variance))
         variance[good] = _between(told, mean, start[good]) if turn + 1 < rounds else mean
         beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))

@@ -295,6 +295,14 @@ def test_noise_that_is_a_cause_is_said_and_nothing_else_is():
     assert wrong(Facts(), 0, [said]) == "Nothing else detectable in these readings."
 
 
+def test_tails_of_one_target_are_said_with_its_name():
+    """The reader looks at one nest, not at all single readings."""
+    entry = SimpleNamespace(name="s_target", value=4.8)
+    (said,) = noise_told([SimpleNamespace(name="heavy_tails", where="P2", parameters=[entry])])
+
+    assert said.startswith("The readings of P2 scatter some 5 times as much as those of the other")
+
+
 @pytest.mark.parametrize(("miss", "off"), [(3.7e-4, True), (3.1e-5, False)])
 def test_unloaded_positions_that_are_off_are_said_beside_the_displacements(miss, off):
     """0.37 mm rms at a noise of 0.03 mm: a ripple of an encoder, or waves of the rail."""

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.base import covariance
 from pipeline.diagnosis.drift import drift
 from pipeline.machine.effects import catalogue
-from pipeline.machine.effects.tracker_drift import GROUP_S, by_order
+from pipeline.machine.effects.tracker_drift import GROUP_S, WARM_UP_H, by_order
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.register import XYZ, Registration, register, timed
@@ -377,6 +377,22 @@ def test_the_velocity_is_that_of_the_place_where_it_is_asked():
     assert there.velocity == pytest.approx(here.velocity + off, abs=1e-14)
     off = np.cross(here.turn, PLACED.mean(axis=0) - CENTRE)
     assert nowhere.velocity == pytest.approx(here.velocity + off, abs=1e-14)
+
+
+@pytest.mark.parametrize("hours", [0.4, 1.9])
+def test_a_tracker_that_warms_up_at_its_own_pace_is_not_knocked(hours):
+    """Rounds that settle within 25 minutes, or within two hours, by up to 0.5 mm.
+
+    Planted bug: where one hour was the only time constant, the first was a steady drift.
+    """
+    rng = np.random.default_rng(2)
+    C, steps = tilted(rng), np.array([4e-4, -3e-4, 2e-4])
+    course = 1 - np.exp(-since() / 3600 / hours)
+    found = told(motion(course, steps, TURN) + scatter(rng, C), C)
+
+    assert found.named
+    assert found.knocked is None
+    assert WARM_UP_H[found.effect.form] == pytest.approx(hours, rel=0.3)
 
 
 def test_a_tracker_that_warms_up_is_told_from_one_that_drifts():

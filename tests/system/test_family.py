@@ -258,3 +258,28 @@ def test_tails_stay_tails_beside_a_bound():
     ]
 
     assert sum(one.heavy > 0.5 and one.mistaken(8.0**2) < 0.9 for one in found) >= 9
+
+
+@pytest.mark.parametrize("width", [3.0, 6.0])
+def test_one_target_that_scatters_more_is_no_tail(width):
+    """Of three targets the second is looser: it is named, and no law of all readings.
+
+    Planted bug: without targets among the laws, these were tails of all three.
+    """
+    rng, targets = np.random.default_rng(7), np.arange(300) % 3
+    e = errors(np.inf, 300, rng) * np.where(targets == 1, width, 1.0)[:, None]
+    found = family(seen(e, 0.6, rng), STATES, False, targets)[0].loosest
+
+    assert found.target == 1
+    assert found.probability > 0.99
+    assert found.p_value < 1e-6
+    assert found.width == pytest.approx(width, rel=0.4)
+
+
+@pytest.mark.parametrize("nu", [3.0, np.inf])
+def test_no_target_stands_for_noise_of_all(nu):
+    """Student's tails, or none, in the readings of three targets alike."""
+    rng, targets = np.random.default_rng(8), np.arange(300) % 3
+    found = family(seen(errors(nu, 300, rng), 0.6, rng), STATES, False, targets)[0].loosest
+
+    assert found.probability < 0.05

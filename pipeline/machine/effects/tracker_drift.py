@@ -1,7 +1,7 @@
 """Drift of the tracker (or its tripod): readings move with time, or settle during warm-up.
 
 steady:  p + v t
-warm-up: p + a (1 - exp(-t / 1 h))
+warm-up: p + a (1 - exp(-t / tau)), tau of `WARM_UP_H`
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -20,8 +20,7 @@ FURTHER = "the same pulls with a tracker that has been warm for two hours"
 """What would settle it, and what would where that is in the files."""
 
 HOUR_S = 3600.0
-"""Seconds in an hour: time constant of a tracker's warm-up, and the unit of time for drift
-rates."""
+"""Seconds in an hour: the unit of time for drift rates and for time constants."""
 
 GROUP_S = 100.0
 """Assumed time between groups of readings if an export has no times and the order of its rows
@@ -34,16 +33,32 @@ clock."""
 
 _Law = Callable[[Array], Array]
 
-LAWS: Mapping[str, _Law] = {"steady": lambda t: t, "warm-up": lambda t: -np.expm1(-t / HOUR_S)}
+WARM_UP_H: Mapping[str, float] = {
+    "warm-up": 1.0,
+    "warm-up in a quarter of an hour": 0.25,
+    "warm-up in half an hour": 0.5,
+    "warm-up in two hours": 2.0,
+}
+"""Time constant of each form of a warm-up [h]; physics: instruments are specified to need half an
+hour to two hours until they are warm, and with a factor of two between trials at most a sixth of
+any course between them is left, rms."""
+
+
+def _settling(hours: float) -> _Law:
+    return lambda t: -np.expm1(-t / (hours * HOUR_S))
+
+
+LAWS: Mapping[str, _Law] = {
+    "steady": lambda t: t,
+    **{form: _settling(hours) for form, hours in WARM_UP_H.items()},
+}
 """Drift of each form relative to its parameter, as a function of time [s]."""
 
 
 def effects(robot: Robot) -> tuple[Observation, ...]:
-    """One effect in two forms, on any robot."""
-    return (
-        _effect("steady", "v", "m/s", 4e-5 / HOUR_S, 3e-7),
-        _effect("warm-up", "a", "m", 6e-5, 1e-3),
-    )
+    """One effect in several forms, on any robot."""
+    warming = (_effect(form, "a", "m", 6e-5, 1e-3) for form in WARM_UP_H)
+    return _effect("steady", "v", "m/s", 4e-5 / HOUR_S, 3e-7), *warming
 
 
 def by_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
