@@ -44,7 +44,6 @@ from pipeline.base.strict import (
 from pipeline.machine.instrument import DataSheet, InstrumentNoise, sheet
 from pipeline.machine.robot import Robot, axes
 from pipeline.machine.robot.axes import LIMIT_SLACK, from_log_units
-from pipeline.machine.stated_tool import StatedTool
 from pipeline.machine.surroundings import Surrounded
 from pipeline.readers.export_settings import ExportSettings, JointForm, LogForm
 from pipeline.readers.reflector_sets import ReflectorSet
@@ -692,13 +691,6 @@ class Settings(Surrounded):
         if self.displacements is not None and "measured" not in self.naming.model_fields_set:
             return [name for name in self.tool if name != "load_point"]
         return self.naming.measured
-
-    @property
-    def stated_tool(self) -> StatedTool:
-        """Measured targets and load point as stated, with their uncertainties."""
-        std, load = self.tool_uncertainty.sigma_m, self.tool_uncertainty.load_point_sigma_m
-        points = {one: np.array(self.tool[one]) for one in ("load_point", *self.measured)}
-        return StatedTool(points, std, std if load is None else load)
 
 
 def tells_a_pose(places: Array) -> bool:

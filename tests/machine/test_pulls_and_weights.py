@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from pipeline.design.pull import branches
 from pipeline.machine import six
 from pipeline.machine.cell import Tool, columns, jacobian, paper_cell, predict
 from pipeline.machine.cell import load as loaded
-from pipeline.machine.effect import HUNG, PULLED, Pulls, branches, in_place
+from pipeline.machine.effect import HUNG, PULLED, Pulls, in_place
 from pipeline.machine.effects import catalogue
 from pipeline.machine.law import Law, parse
 from pipeline.machine.robot import configure, load
@@ -20,10 +21,10 @@ from pipeline.machine.robot.weight import (
     carried,
     gravity_torque,
     link_moments,
-    stiffening,
     weighs,
     work,
 )
+from pipeline.positions.positions_estimate import stiffening
 
 RAIL = load("kr500_rail")
 RNG = np.random.default_rng(71)
