@@ -17,10 +17,11 @@ from typing import Any
 
 import pyarrow as pa
 
-from pipeline.base import files, preferences
+from pipeline.base import files
 from pipeline.base.errors import CannotWrite, UsageError, listed
 from pipeline.base.shown import in_json, printable, say
 from pipeline.fleet import tables as fleet
+from pipeline.library import preferences
 from pipeline.tables import harmless
 
 FORMATS = ("table", "csv", "json", "xlsx")

@@ -98,6 +98,11 @@ class Storage(Strict):
     reports: _Address | None = None
     processed: _Address | None = None
 
+    @property
+    def stated(self) -> bool:
+        """Whether there is any."""
+        return self != Storage()
+
 
 class _FleetPreferences(Strict):
     """Settings for all robots together.
