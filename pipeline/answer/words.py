@@ -51,8 +51,8 @@ _RIVALS = 3
 """So many rivals of one cause are listed in a sentence."""
 
 
-_SPRINGS_DISAGREE = "pipeline.positions.words:springs_disagree"
-_TABLES_DISAGREE = "pipeline.positions.words:tables_disagree"
+_SPRINGS_DISAGREE = "pipeline.positions.disagreement:springs_disagree"
+_TABLES_DISAGREE = "pipeline.positions.disagreement:tables_disagree"
 """Doors of the positions: findings that only they have."""
 
 
