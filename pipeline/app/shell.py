@@ -22,8 +22,8 @@ _PREFECT = "pipeline.service.engine:through_prefect"
 """Door: brings a campaign up to date as a Prefect flow."""
 _TEXT = "pipeline.annex.text:as_text"
 """Door: a report as plain text."""
-_PREFERENCES = "pipeline.library.preferences:load"
-"""Door: pipeline.toml, which has settings of outbuildings only."""
+_STORAGE = "pipeline.library.preferences:storage"
+"""Door: the object storage that pipeline.toml states, None without one."""
 
 _FETCH, _PUBLISH = "pipeline.service.sync:fetch", "pipeline.service.sync:publish"
 """Doors: copy campaigns from object storage to this machine and back."""
@@ -49,9 +49,9 @@ def run_all(
     Raises:
         InputError: There is no campaign.
     """
-    preferences = found(_PREFERENCES)
-    storage = preferences(root).storage if preferences else None
-    refused = opened(_FETCH)(root, storage) if storage and storage.stated else []
+    storage = found(_STORAGE)
+    copies = storage(root) if storage else None
+    refused = opened(_FETCH)(root, copies) if copies else []
     yield from refused
     everyone = names or campaigns.every(root)
     if not everyone and not refused:
@@ -68,8 +68,8 @@ def run_all(
     from pipeline.answer import archive
 
     archive.refresh(root)
-    if storage and storage.stated:
-        yield from opened(_PUBLISH)(root, storage)
+    if copies:
+        yield from opened(_PUBLISH)(root, copies)
 
 
 def _one_by_one(

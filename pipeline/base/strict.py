@@ -228,8 +228,8 @@ def checked(
         if isinstance(cause, Misplaced):
             key, way_out = list(cause.key), cause.way_out or way_out
         line = toml.line_of(text, key)
-        if first["type"] == "extra_forbidden" and (meant := doors.found(_MEANT)):
-            way_out = meant(kind, key) or way_out
+        if first["type"] == "extra_forbidden":
+            way_out = _meant(kind, key) or way_out
         if first["type"] == "too_long":  # a decimal comma splits a number in two
             way_out = toml.remedy(text, line, way_out)
         if first["type"] == "value_error":
@@ -237,6 +237,12 @@ def checked(
         where = ".".join(words) or whole
         sentence = f"{where}: {message}" if where else message
         raise InputError(sentence, way_out, file=file, line=line) from problem
+
+
+def _meant(kind: type[BaseModel], key: Sequence[str | int]) -> str | None:
+    """Suggestion for an unknown key; None without the intake."""
+    found = doors.found(_MEANT)
+    return found(kind, key) if found else None
 
 
 def _parted(message: str, usual: str) -> tuple[str, str]:

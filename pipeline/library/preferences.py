@@ -98,11 +98,6 @@ class Storage(Strict):
     reports: _Address | None = None
     processed: _Address | None = None
 
-    @property
-    def stated(self) -> bool:
-        """Whether there is any."""
-        return self != Storage()
-
 
 class _FleetPreferences(Strict):
     """Settings for all robots together.
@@ -157,6 +152,16 @@ def load(root: Path, options: Mapping[str, Any] | None = None) -> Preferences:
         return _validated(content)
     except InputError as problem:
         raise UsageError(f"--{problem.thing.partition('.')[2].replace('_s:', ':')}") from problem
+
+
+def storage(root: Path) -> Storage | None:
+    """The object storage of a project; None if it states none.
+
+    Raises:
+        InputError: As `load`.
+    """
+    stated = load(root).storage
+    return None if stated == Storage() else stated
 
 
 def _validated(content: dict[str, Any], text: str = "") -> Preferences:

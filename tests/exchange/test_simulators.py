@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from bench.as_pinocchio import model as pin_model
 from pipeline.exchange.files import simulators
 from pipeline.exchange.to_urdf import urdf
+from pipeline.library.identified_springs import IdentifiedSprings
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import SHIPPED, load
@@ -149,7 +150,8 @@ def test_every_joint_has_the_spring_that_was_found():
     """Stiffness to the last digit, about zero unless set otherwise."""
     robot = load("kr500_rail")
     made = model(robot)
-    expected = [made.stiffness(j)[0] for j in range(robot.n)]
+    springs = IdentifiedSprings(made)
+    expected = [springs.stiffness(j)[0] for j in range(robot.n)]
     joints = list(ET.fromstring(written(made, "model.xml")).iter("joint"))
     springs = list(ET.fromstring(written(made, "model.sdf")).iter("dynamics"))
 
