@@ -260,7 +260,6 @@ OUTBUILDINGS = {
         "answer.archive": "or takes the answer that is there",
         "store.campaign": _PLACES,
         "prediction": "and predicts from the model of the answer",
-        "diagnosis.average": "whose springs are averaged as those of the answer",
         "positions": "and where the robot stands, from that of its positions",
         "report": "its figures are those of the report",
     },

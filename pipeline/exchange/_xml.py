@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.library.identified_springs import IdentifiedSprings
 from pipeline.machine.robot import Joint
 from pipeline.prediction.model import IdentifiedModel
 
@@ -84,9 +83,9 @@ class _LinkMass:
 
 def springs(handed: IdentifiedModel) -> list[Spring]:
     """Springs of all joints, from base to flange."""
-    found, stated = list[Spring](), IdentifiedSprings(handed)
+    found = []
     for j, joint in enumerate(handed.robot.joints):
-        stiffness, std, _ = stated.stiffness(j) or (joint.typical_stiffness, None, "")
+        stiffness, std, _ = handed.stiffness(j) or (joint.typical_stiffness, None, "")
         found.append(Spring(joint, stiffness, std))
     return found
 

@@ -6,7 +6,6 @@ import xml.etree.ElementTree as ET
 
 from pipeline.base.arrays import Array
 from pipeline.exchange._xml import BASE, FLANGE, causes, document, in_xml, row, rpy, shift
-from pipeline.library.identified_springs import IdentifiedSprings
 from pipeline.prediction.model import IdentifiedModel
 
 _FAR = 1e6
@@ -25,7 +24,7 @@ def urdf(handed: IdentifiedModel) -> bytes:
     comment = f" campaign {handed.campaign}; covariance{more} in model.toml "
     root.append(ET.Comment(in_xml(comment).replace("--", "- ")))
     ET.SubElement(root, "link", name=BASE)
-    parent, springs = BASE, IdentifiedSprings(handed)
+    parent = BASE
     for j, joint in enumerate(robot.joints):
         element = _joint(root, joint.name, parent, f"link_{joint.name}", robot.placement[j])
         element.set("type", "prismatic" if joint.prismatic else "revolute")
@@ -34,7 +33,7 @@ def urdf(handed: IdentifiedModel) -> bytes:
         ends = {"lower": max(joint.lower, -_FAR), "upper": min(joint.upper, _FAR)}
         ends |= {"effort": joint.effort or _FAR, "velocity": _FAR}
         ET.SubElement(element, "limit", {name: repr(float(end)) for name, end in ends.items()})
-        if stated := springs.stiffness(j):
+        if stated := handed.stiffness(j):
             stiffness, std, unit = stated
             entries = {"stiffness": repr(stiffness), "std": repr(std), "unit": unit}
             ET.SubElement(element, "elasticity", entries)

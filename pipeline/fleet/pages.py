@@ -19,9 +19,9 @@ from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.base.shown import printable
 from pipeline.fleet import tables as fleet
 from pipeline.fleet.history import about, earlier, finished, mark, previous
+from pipeline.fleet.preferred import expected_scatter
 from pipeline.fleet.sentences import alarm, fleet_sentences
 from pipeline.fleet.wear_table import RobotWear
-from pipeline.library import preferences
 from pipeline.store.campaign import CampaignFolder, code_version, dump, recalled, versions
 
 _INDEX_MANIFEST = "index.json"
@@ -62,7 +62,7 @@ def _wear(root: Path) -> tuple[RobotWear, ...]:
     """Wear of all robots, updated; new alarms are printed."""
     before = _alarms(fleet.wear(root))
     with suppress(CannotWrite):  # the next query creates what is missing, or says why not
-        fleet.refresh(root, preferences.load(root).fleet.scatter)
+        fleet.refresh(root, expected_scatter(root))
     wear = fleet.wear(root)
     for machine, words in _alarms(wear).items():
         if before.get(machine) != words:

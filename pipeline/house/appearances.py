@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.answer.contract import Answer
-from pipeline.base import files
+from pipeline.base import doors, files
 from pipeline.base.appearance import Appearance, Dress
 from pipeline.house.folder import house as house_of
-from pipeline.library import preferences
 from pipeline.store.campaign import dump
+
+_PREFERENCES = "pipeline.library.preferences:load"
+"""Door: pipeline.toml."""
 
 _Facts = Mapping[str, str]
 """Facts about a campaign that lines of the house may use, by name."""
@@ -46,7 +48,10 @@ def _facts(of: Answer) -> _Facts:
 
 def appearances(root: Path) -> Callable[[Mapping[str, Any], _Facts], Appearance]:
     """The same from the facts."""
-    preferred = preferences.load(root).report
+    load = doors.found(_PREFERENCES)
+    if load is None:
+        return lambda about, _: Appearance(str(about.get("language") or "en"))
+    preferred = load(root).report
     house = None if preferred.templates is None else house_of(root, preferred.templates)
 
     def look(about: Mapping[str, Any], facts: _Facts) -> Appearance:

@@ -11,11 +11,10 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.library import holds
 from pipeline.library.each_way import BothStiffnesses, along, each_way
-from pipeline.library.holds import against_pulls
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.configuration import velocity
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.path import ARM_M, Path
+from pipeline.prediction.path import ARM_M, Path, against_pulls
 
 _FURTHEST = holds.TWIST_RAD
 """Maximum joint rotation for a correction [rad]; tool motions that need more are left uncorrected,

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.base.arrays import Array, compared
+from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
-from pipeline.base.quantities import plain
 from pipeline.machine.robot.configuration import configure, torque
 from pipeline.machine.robot.mdh import Robot
 from pipeline.machine.robot.rating import ABSURD, payloads, weight_n
@@ -81,25 +80,3 @@ def refuse_absurd(robot: Robot, force_n: float, way_out: str, file: str | None =
         f"pull at most {ABSURD * weight:.0f} N: {way_out}, or correct payload_kg of the robot file",
         file=file,
     )
-
-
-def against_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str]:
-    """Warning if forces [N], shape (m,), are outside the range of the pulls, as a list.
-
-    A model is valid where it was tested: above the largest pull its error grows with the force. If
-    all forces are below the smallest pull by the ratio of two units, they may be in another unit.
-    """
-    if pulled is None:
-        return []
-    hardest, lowest, highest = compared([force_n.max(), pulled[0] / _LBF_N, pulled[1]])
-    if lowest < hardest <= highest:
-        return []
-    least, most, reached = (plain(one) for one in (*pulled, hardest))
-    text = f"The forces reach {reached} N; the campaign pulled with {least} to {most} N"
-    if hardest < pulled[0]:
-        return [f"{text}: check their unit."]
-    return [f"{text}: beyond that its model was not tested, and its error grows with the force."]
-
-
-_LBF_N = 4.4482
-"""A pound-force [N] (NIST SP 811): the smallest ratio between two units of force."""

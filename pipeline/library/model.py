@@ -16,7 +16,6 @@ from pipeline.library import compensate as offsets
 from pipeline.library import compliance, model_file
 from pipeline.library.compensate import Compensation
 from pipeline.library.compliance import CartesianStiffness
-from pipeline.library.identified_springs import IdentifiedSprings
 from pipeline.library.joints import as_asked, loaded, point
 from pipeline.machine.robot import Robot
 from pipeline.prediction.model import IdentifiedModel as Identified
@@ -94,12 +93,12 @@ class Model:
     @property
     def compliance(self) -> Array:
         """Compliance of each joint [m/N] or [rad/(N m)], shape (n,)."""
-        return IdentifiedSprings(self.identified).value
+        return self.identified.value
 
     @property
     def compliance_cov(self) -> Array:
         """Its covariance, shape (n, n); infinite on the diagonal where undetermined."""
-        return IdentifiedSprings(self.identified).cov
+        return self.identified.cov
 
     def predict(
         self, q: npt.ArrayLike, force_n: npt.ArrayLike, point_m: npt.ArrayLike | None = None

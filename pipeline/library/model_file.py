@@ -15,7 +15,6 @@ from pipeline.base.arrays import Array, Parameter
 from pipeline.base.errors import InputError, first_wrong
 from pipeline.base.files import words
 from pipeline.base.strict import STANDARD_GRAVITY, Numbers
-from pipeline.library.identified_springs import IdentifiedSprings
 from pipeline.machine import sides
 from pipeline.machine.cell import Cell, Tool, paper_cell
 from pipeline.machine.effect import Effect
@@ -29,8 +28,7 @@ from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 def dumps(handed: IdentifiedModel) -> str:
     """Text of model.toml: values, uncertainty, covariance, tool and robot, SI throughout."""
     robot, tool = handed.robot, handed.tool
-    found = IdentifiedSprings(handed)
-    springs = _parameters(paper_cell(robot, tool).parameters, found)
+    springs = _parameters(paper_cell(robot, tool).parameters, handed)
     content: dict[str, Any] = {
         "format": 2,
         "campaign": handed.campaign,
@@ -39,10 +37,10 @@ def dumps(handed: IdentifiedModel) -> str:
         **({} if handed.held_out_m is None else {"held_out_rms_m": handed.held_out_m}),
         **({} if handed.pulled_n is None else {"pulled_n": list(handed.pulled_n)}),
         **_at_pose(handed),
-        "covariance": found.cov.tolist(),
+        "covariance": handed.cov.tolist(),
         "recommended": dict(handed.recommended),
         "parameter": [
-            spring | dict(zip(_STIFFNESS, found.stiffness(j) or (), strict=False))
+            spring | dict(zip(_STIFFNESS, handed.stiffness(j) or (), strict=False))
             for j, spring in enumerate(springs)
         ],
         "hypothesis": [_hypothesis(one, tool) for one in handed.hypotheses],
@@ -84,7 +82,7 @@ _STIFFNESS = ("stiffness", "stiffness_std", "stiffness_unit")
 
 
 def _parameters(
-    names: Sequence[Parameter], found: IdentifiedSprings | ModelHypothesis
+    names: Sequence[Parameter], found: IdentifiedModel | ModelHypothesis
 ) -> list[dict[str, Any]]:
     return [
         {"name": p.name, "unit": p.unit, "value": x, "std": s}

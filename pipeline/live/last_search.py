@@ -20,7 +20,6 @@ from pipeline.base.quantities import MM
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.screen import Screened, ScreeningBase, singles_of
 from pipeline.library.campaign import Campaign, Result
-from pipeline.library.identified_springs import IdentifiedSprings
 from pipeline.library.model import Model
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 from pipeline.prediction.tolerance import HeldOutError, judge, path_of
@@ -177,17 +176,16 @@ def _updated(
     path = path_of(settings.tolerance, campaign.files, case.robot, case.tool)
     most = np.inf if settings.tolerance is None else settings.tolerance.deflection_mm / MM
     found = judge(told, where.q, where.force, shown, path, most)
-    springs = IdentifiedSprings(told)
     return answer.model_copy(
         update={
-            "stiffness": tuple(_known(one, springs) for one in answer.stiffness),
+            "stiffness": tuple(_known(one, told) for one in answer.stiffness),
             "test_pose": pose_entry(case.robot, where, found),
             "tolerance": tolerance_entry(settings.tolerance, where, found),
         }
     )
 
 
-def _known(one: Stiffness, springs: IdentifiedSprings) -> Stiffness:
-    value, std, _ = springs.stiffness(one.joint - 1) or (None, None, None)
+def _known(one: Stiffness, told: IdentifiedModel) -> Stiffness:
+    value, std, _ = told.stiffness(one.joint - 1) or (None, None, None)
     relative = None if value is None or std is None else std / value
     return one.model_copy(update={"value": value, "std": std, "relative_std": relative})

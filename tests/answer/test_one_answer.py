@@ -24,7 +24,6 @@ from pipeline.fleet.compare import compared
 from pipeline.fleet.history import previous
 from pipeline.fleet.trends import trends
 from pipeline.library import compensate, model_file
-from pipeline.library.identified_springs import IdentifiedSprings
 from pipeline.machine.robot import load
 from pipeline.prediction.path import Path
 from pipeline.store.campaign import find
@@ -235,15 +234,15 @@ def test_what_explains_nothing_is_no_earlier_campaign_to_compare_with(told):
 def test_model_file_and_urdf_hold_it(campaign):
     """model.toml and model.urdf have stiffness and standard uncertainty as in result.json."""
     found, answer, _ = campaign
-    springs = IdentifiedSprings(model_file.load(found.reports / "model.toml"))
+    model = model_file.load(found.reports / "model.toml")
     urdf = ElementTree.parse(found.reports / "model.urdf")
     elastic = {joint.get("name"): joint.find("elasticity") for joint in urdf.iter("joint")}
 
     for j, entry in enumerate(answer["stiffness"]):
         if entry["compliance_std"] is None:
             continue
-        assert springs.value[j] == pytest.approx(entry["compliance"], rel=1e-12)
-        assert springs.std[j] == pytest.approx(entry["compliance_std"], rel=1e-9)
+        assert model.value[j] == pytest.approx(entry["compliance"], rel=1e-12)
+        assert model.std[j] == pytest.approx(entry["compliance_std"], rel=1e-9)
         there = elastic[entry["name"].removeprefix("k_")]
         assert float(there.get("stiffness")) == pytest.approx(1 / entry["compliance"], rel=1e-9)
 

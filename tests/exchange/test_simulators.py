@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 from bench.as_pinocchio import model as pin_model
 from pipeline.exchange.files import simulators
 from pipeline.exchange.to_urdf import urdf
-from pipeline.library.identified_springs import IdentifiedSprings
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import SHIPPED, load
@@ -150,8 +149,7 @@ def test_every_joint_has_the_spring_that_was_found():
     """Stiffness to the last digit, about zero unless set otherwise."""
     robot = load("kr500_rail")
     made = model(robot)
-    springs = IdentifiedSprings(made)
-    expected = [springs.stiffness(j)[0] for j in range(robot.n)]
+    expected = [made.stiffness(j)[0] for j in range(robot.n)]
     joints = list(ET.fromstring(written(made, "model.xml")).iter("joint"))
     springs = list(ET.fromstring(written(made, "model.sdf")).iter("dynamics"))
 

@@ -21,7 +21,6 @@ from pipeline.answer.remarks import both_stiffnesses
 from pipeline.fleet.history import changes
 from pipeline.library.compensate import Compensation, compensate
 from pipeline.library.compliance import cartesian_stiffness
-from pipeline.library.identified_springs import IdentifiedSprings
 from pipeline.library.model_file import dumps
 from pipeline.library.model_file import parse as parse_model
 from pipeline.machine import cell as forward
@@ -240,10 +239,7 @@ def test_the_stiffness_is_that_of_the_test_poses_side():
     assert sum(part.share for part in joint.budget) == pytest.approx(1, abs=2e-3)
     again = parse_model(dumps(run.model))
     for model in (run.model, again):
-        assert IdentifiedSprings(model).stiffness(3)[:2] == (
-            pytest.approx(mine.value),
-            pytest.approx(mine.std),
-        )
+        assert model.stiffness(3)[:2] == (pytest.approx(mine.value), pytest.approx(mine.std))
 
 
 @pytest.mark.whole

@@ -7,7 +7,6 @@ import pytest
 
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool
-from pipeline.library.identified_springs import IdentifiedSprings
 from pipeline.machine.cell import load as loaded
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effect import Elastic, Pulls
@@ -87,12 +86,11 @@ def test_several_hypotheses_are_a_mixture() -> None:
     np.testing.assert_allclose(found.displacement, mean, rtol=1e-9)
     np.testing.assert_allclose(found.cov, cov, rtol=1e-6, atol=1e-6 * cov.max())
     value, V = moments([one.value for one in every], [one.cov for one in every])
-    springs = IdentifiedSprings(both)
-    np.testing.assert_allclose(springs.value, value, rtol=1e-9)
+    np.testing.assert_allclose(both.value, value, rtol=1e-9)
     np.testing.assert_allclose(
-        springs.cov / np.outer(value, value), V / np.outer(value, value), atol=1e-9
+        both.cov / np.outer(value, value), V / np.outer(value, value), atol=1e-9
     )
-    np.testing.assert_allclose(springs.std, np.sqrt(np.diag(V)), rtol=1e-6)
+    np.testing.assert_allclose(both.std, np.sqrt(np.diag(V)), rtol=1e-6)
 
 
 def test_an_impossible_hypothesis_takes_no_part() -> None:
@@ -140,7 +138,7 @@ def test_positions_are_those_of_the_robot_and_its_deflection() -> None:
 def test_a_stiffness_is_one_over_the_compliance_with_its_uncertainty() -> None:
     """u(1/x) = |d(1/x)/dx| u(x) by differences, in the joint's unit; None where it is no value."""
     one = hypothesis(5)
-    mine = IdentifiedSprings(model(one, stated=np.arange(7) != 4))
+    mine = model(one, stated=np.arange(7) != 4)
     for joint in (0, 1, 6):
         k, std, unit = mine.stiffness(joint)
         x, u, h = one.value[joint], one.std[joint], 1e-4 * one.value[joint]
@@ -149,10 +147,10 @@ def test_a_stiffness_is_one_over_the_compliance_with_its_uncertainty() -> None:
         assert unit == ("N/m" if joint == 0 else "N m/rad")
     assert one.std == pytest.approx(np.sqrt(np.diag(one.cov)))
     assert mine.stiffness(4) is None
-    assert IdentifiedSprings(model(one)).stiffness(4) is not None
+    assert model(one).stiffness(4) is not None
     lost, negative = one.cov.copy(), one.value.copy()
     lost[2, 2], negative[3], negative[5] = np.inf, -1e-9, 0.0
-    gone = IdentifiedSprings(model(replace(one, value=negative, cov=lost)))
+    gone = model(replace(one, value=negative, cov=lost))
     assert [k for k in range(7) if gone.stiffness(k) is None] == [2, 3, 5]
 
 
@@ -291,7 +289,7 @@ def test_two_sided_springs_have_the_side_of_the_test_pose() -> None:
         s = np.sign(sign * torque)
         T = np.eye(8)[:7]
         T[3, 7] = s
-        mine = IdentifiedSprings(model(one, at_pose=(Q[0], sign * FORCE[0])))
+        mine = model(one, at_pose=(Q[0], sign * FORCE[0]))
         assert mine.value == pytest.approx(T @ value)
         np.testing.assert_allclose(mine.cov, T @ one.cov @ T.T)
-    assert IdentifiedSprings(model(one)).value == pytest.approx(value[:7])
+    assert model(one).value == pytest.approx(value[:7])

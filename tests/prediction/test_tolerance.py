@@ -13,13 +13,11 @@ import pytest
 from pipeline.base.errors import InputError
 from pipeline.check.report import check
 from pipeline.library import holds
-from pipeline.library.holds import against_pulls
-from pipeline.library.identified_springs import IdentifiedSprings
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.mdh import parse as robot_of
 from pipeline.prediction.decision import Decision, decide
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.path import Path
+from pipeline.prediction.path import Path, against_pulls
 from pipeline.prediction.tolerance import (
     HeldOutError,
     TipDeflection,
@@ -132,7 +130,7 @@ def test_the_nominal_robot_is_certain_of_its_springs():
     found = model.predict(q, 500.0 * rail)
 
     assert found.displacement[0] @ rail > 500.0 / robot.joints[0].typical_stiffness
-    assert IdentifiedSprings(model).value == pytest.approx([1 / k for k in _typical(robot)])
+    assert model.value == pytest.approx([1 / k for k in _typical(robot)])
     assert not found.cov.any()
     assert (model.campaign, model.verdict, dict(model.recommended)) == ("", "", {})
 

@@ -23,7 +23,6 @@ from bench.as_pinocchio import model as pin_model
 from pipeline.base.errors import InputError, UsageError
 from pipeline.exchange.to_urdf import urdf
 from pipeline.library import compensate, model_file
-from pipeline.library.identified_springs import IdentifiedSprings
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
@@ -230,9 +229,7 @@ def test_the_file_holds_all_of_the_model(demo):
     assert model_file.dumps(model) == path.read_text("utf-8")
     for entry, said in zip(content["parameter"], answer["stiffness"], strict=True):
         assert (entry["stiffness"], entry["stiffness_std"]) == (said["value"], said["std"])
-    assert IdentifiedSprings(model).std == pytest.approx(
-        [e["compliance_std"] for e in answer["stiffness"]]
-    )
+    assert model.std == pytest.approx([e["compliance_std"] for e in answer["stiffness"]])
     assert content["robot"]["joint"][1]["r_m"] == 1.048
 
 
@@ -290,7 +287,7 @@ def test_a_robot_on_the_ceiling_hangs_there_in_the_model_too():
 def test_an_undetermined_spring_makes_predictions_uncertain_where_it_acts(demo):
     """Infinite for a force that turns joint 7, finite for one through its axis."""
     model = model_file.load(demo / "reports" / "kr500_demo" / "model.toml")
-    cov = IdentifiedSprings(model).cov.copy()
+    cov = model.cov.copy()
     cov[6, :] = cov[:, 6] = 0.0
     cov[6, 6] = np.inf
     (one,) = model.hypotheses
@@ -343,8 +340,8 @@ def test_a_joint_that_the_answer_does_not_state_has_no_stiffness(demo):
 
     assert ["stiffness" in entry for entry in content["parameter"]] == [j != 5 for j in range(7)]
     assert len(list(read.iter("elasticity"))) == 6
-    springs = IdentifiedSprings(model_file.parse(model_file.dumps(unstated)))
-    assert [springs.stiffness(j) is not None for j in range(7)] == [j != 5 for j in range(7)]
+    read = model_file.parse(model_file.dumps(unstated))
+    assert [read.stiffness(j) is not None for j in range(7)] == [j != 5 for j in range(7)]
 
 
 def test_a_model_of_an_older_format_is_refused_with_the_way_out(demo):
