@@ -5,6 +5,9 @@ Both are derived from pipeline/answer/contract.py alone; a test checks that.
 
 from __future__ import annotations
 
+import ast
+import inspect
+import itertools
 import json
 import types
 from collections.abc import Iterator
@@ -13,10 +16,37 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
+from pipeline.answer import contract
 from pipeline.answer.contract import Answer
 
 DOCS = Path(__file__).parents[1] / "docs"
 BEGIN, END = "<!-- make schema writes from here -->", "<!-- to here -->"
+
+
+def _meanings() -> dict[tuple[str, str], str]:
+    """The docstring below each field, by record and field."""
+    return {
+        (record.name, field.target.id): " ".join(str(text.value.value).split())
+        for record in ast.parse(inspect.getsource(contract)).body
+        if isinstance(record, ast.ClassDef)
+        for field, text in itertools.pairwise(record.body)
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+    }
+
+
+def _describe() -> None:
+    """Hand them to pydantic, which would read the source anew at every import."""
+    meanings = _meanings()
+    for kind in vars(contract).values():
+        if isinstance(kind, type) and issubclass(kind, contract.Fact):
+            for name, field in kind.model_fields.items():
+                owners = (meanings.get((one.__name__, name)) for one in kind.__mro__)
+                field.description = next(filter(None, owners), None)
+            kind.model_rebuild(force=True)
+
+
+_describe()
 
 
 def schema() -> str:

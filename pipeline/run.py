@@ -157,7 +157,7 @@ def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
     }
     others = archive.among(campaign, found.answer)  # as known before this campaign
     entries = {"language": raw.settings.language, "fields": raw.settings.fields}
-    look = archive.look_of(dress, entries, found.answer)
+    look = dress(entries, found.answer)
     pages = step(render)(
         found.answer, found.shown, run_time_s, others.previous, list(answers), others.wear, look
     )

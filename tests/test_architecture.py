@@ -269,7 +269,7 @@ OUTBUILDINGS = {
         "positions": "and where the robot stands, from that of its positions",
         "report": "its figures are those of the report",
     },
-    "house": {},
+    "house": {"store.campaign": "a line may quote the digest of result.json"},
     "intake": {
         "app.commands._shared": _COMMAND,
         "app.outcome": _COMMAND,

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
+from pipeline.annex import promises
 from pipeline.diagnosis.facts import Diagnosed
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.robot.configuration import torque
@@ -33,7 +34,7 @@ def clues_table(diagnosis: Diagnosed) -> pd.DataFrame:
         }
         for clue in diagnosis.clues
     ]
-    return pd.DataFrame(rows, columns=tables.DIAGNOSIS.names)
+    return pd.DataFrame(rows, columns=promises.DIAGNOSIS.names)
 
 
 def apart_table(diagnosis: Diagnosed) -> pd.DataFrame:
@@ -53,7 +54,7 @@ def apart_table(diagnosis: Diagnosed) -> pd.DataFrame:
 def examined_table(
     diagnosis: Diagnosed, cell: Cell, data: Measured, system: System, estimate: Estimate
 ) -> pd.DataFrame:
-    """Table `tables.examined`.
+    """Table `promises.examined`.
 
     Args:
         diagnosis: The diagnosis.

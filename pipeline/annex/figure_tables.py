@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
+from pipeline.annex import promises
 from pipeline.annex.diagnosis_tables import apart_table, clues_table, examined_table
 from pipeline.annex.position_tables import identified
 from pipeline.annex.posture import posture, standing_posture
@@ -44,16 +45,16 @@ def pictured(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
     checked = no_validation() if found.told.checked is None else found.told.checked
     return {
         "covariance": covariance_table(values.parameters, values.found.cov),
-        "models": keep("46_models", models, tables.MODELS),
-        "arm": keep("63_arm", arm, tables.ARM),
+        "models": keep("46_models", models, promises.MODELS),
+        "arm": keep("63_arm", arm, promises.ARM),
         **_kept(step(scene)(values), keep),
-        "enough": keep("47_enough", _enough(found, step), tables.ENOUGH),
-        "laws": keep("53_laws", seen, tables.LAWS),
+        "enough": keep("47_enough", _enough(found, step), promises.ENOUGH),
+        "laws": keep("53_laws", seen, promises.LAWS),
         **_examined(found, keep),
         **_soft(found, keep, step),
         **_controlled(found, keep),
-        "posture": keep("73_posture", posed, tables.POSTURE),
-        "validation": keep("60_validation", checked, tables.VALIDATION),
+        "posture": keep("73_posture", posed, promises.POSTURE),
+        "validation": keep("60_validation", checked, promises.VALIDATION),
     }
 
 
@@ -62,9 +63,9 @@ def _examined(found: CampaignResults, keep: Keep) -> _Tables:
     right, diagnosis = found.right, found.diagnosis
     rows = examined_table(diagnosis, right.case.cell, right.data, right.system, right.estimate)
     return {
-        "examined": keep("50_examined", rows, tables.examined(found.raw.robot)),
-        "diagnosis": keep("51_diagnosis", clues_table(diagnosis), tables.DIAGNOSIS),
-        "separability": keep("52_separability", apart_table(diagnosis), tables.SEPARABILITY),
+        "examined": keep("50_examined", rows, promises.examined(found.raw.robot)),
+        "diagnosis": keep("51_diagnosis", clues_table(diagnosis), promises.DIAGNOSIS),
+        "separability": keep("52_separability", apart_table(diagnosis), promises.SEPARABILITY),
     }
 
 
@@ -75,8 +76,8 @@ def _soft(found: CampaignResults, keep: Keep, step: Step) -> _Tables:
     same = found.mistakes or alone is mine
     other = no_workspace() if same else workspace(alone, found.where)
     return {
-        "workspace": keep("61_workspace", here, tables.WORKSPACE),
-        "workspace_joint_springs": keep("62_workspace_joint_springs", other, tables.WORKSPACE),
+        "workspace": keep("61_workspace", here, promises.WORKSPACE),
+        "workspace_joint_springs": keep("62_workspace_joint_springs", other, promises.WORKSPACE),
     }
 
 
@@ -84,7 +85,7 @@ def _controlled(found: CampaignResults, keep: Keep) -> _Tables:
     """How the readings check each other."""
     if found.control is None:
         return {}
-    keep("44_influence", found.control.pulls, tables.INFLUENCE)
+    keep("44_influence", found.control.pulls, promises.INFLUENCE)
     return {"reliability": keep("43_reliability", found.control.readings, tables.RELIABILITY)}
 
 
@@ -93,7 +94,7 @@ def of_positions(found: Study, keep: Keep, step: Step) -> _Tables:
     return {
         **identified(found, keep),
         **_kept(step(scene_of_positions)(found), keep),
-        "posture": keep("73_posture", _standing(found), tables.POSTURE),
+        "posture": keep("73_posture", _standing(found), promises.POSTURE),
     }
 
 
@@ -108,9 +109,9 @@ def _standing(found: Study) -> pd.DataFrame:
 def _kept(made: _Tables, keep: Keep) -> _Tables:
     """Check and keep the tables of a scene."""
     return {
-        "scene": keep("70_scene", made["scene"], tables.SCENE),
-        "poses": keep("71_poses", made["poses"], tables.POSES),
-        "vectors": keep("72_vectors", made["vectors"], tables.VECTORS),
+        "scene": keep("70_scene", made["scene"], promises.SCENE),
+        "poses": keep("71_poses", made["poses"], promises.POSES),
+        "vectors": keep("72_vectors", made["vectors"], promises.VECTORS),
     }
 
 

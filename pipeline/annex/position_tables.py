@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from pipeline import tables
+from pipeline.annex import promises
 from pipeline.base.arrays import Array
 from pipeline.machine.effects.unlisted import NAME
 from pipeline.positions.laws import JointLaw
@@ -45,10 +45,10 @@ def identified(
     last, laws = found.final, _laws(found)
     every = laws if pulls is None else pd.concat([laws, pulls], ignore_index=True)
     return {
-        "curves": keep("50_curves", _curves(last), tables.CURVES),
-        "curve_readings": keep("51_curve_readings", _curve_readings(last), tables.CURVE_READINGS),
-        "held_out": keep("60_held_out", _held_out(found), tables.HELD_OUT),
-        "laws": keep("53_laws", every, tables.LAWS),
+        "curves": keep("50_curves", _curves(last), promises.CURVES),
+        "curve_readings": keep("51_curve_readings", _curve_readings(last), promises.CURVE_READINGS),
+        "held_out": keep("60_held_out", _held_out(found), promises.HELD_OUT),
+        "laws": keep("53_laws", every, promises.LAWS),
     }
 
 
@@ -147,7 +147,9 @@ def _laws(whole: Study) -> pd.DataFrame:
                 }
             )
         )
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=tables.LAWS.names)
+    return (
+        pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=promises.LAWS.names)
+    )
 
 
 def _over(law: JointLaw, found: Calibration) -> tuple[str, str, Array]:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from pipeline import tables
-from pipeline.annex import bodies
+from pipeline.annex import bodies, promises
 from pipeline.annex.bodies import Bodies
 from pipeline.annex.posture import TOOL_RADIUS
 from pipeline.answer.recommended import ModelValues
@@ -178,7 +177,7 @@ def _lines(readings: pd.DataFrame) -> dict[int, dict[str, Any]]:
 
 def _typed(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     lines = dict.fromkeys(("first_line", "last_line", "joints_line"), "Int64")
-    return pd.DataFrame(rows, columns=tables.POSES.names).astype(lines)
+    return pd.DataFrame(rows, columns=promises.POSES.names).astype(lines)
 
 
 # --- positions ------------------------------------------------------------------------------------

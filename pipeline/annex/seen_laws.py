@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from pipeline import tables
+from pipeline.annex import promises
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import load
@@ -80,7 +80,7 @@ def laws(found: Hypothesis, data: Measured) -> pd.DataFrame:
         for effect, values, B in _effects(found)
         for place, one in enumerate(_seen(effect, values, B, loaded, found), 1)
     ]
-    empty = pd.DataFrame(columns=tables.LAWS.names)
+    empty = pd.DataFrame(columns=promises.LAWS.names)
     return pd.concat(parts, ignore_index=True) if parts else empty
 
 

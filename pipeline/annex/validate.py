@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.annex.promises import VALIDATION
 from pipeline.answer.contract import Drawn, PerTarget
 from pipeline.answer.recommended import ModelValues
 from pipeline.base import linear
@@ -24,7 +25,7 @@ from pipeline.reduction.settings import Settings
 from pipeline.reduction.weights import PULL
 from pipeline.system.estimate import solve
 from pipeline.system.system import System
-from pipeline.tables import VALIDATION, frame
+from pipeline.tables import frame
 
 AROUND_M, AROUND_RAD = 0.25, np.deg2rad(10.0)
 """Half width of the box around the test pose [m] or [rad]; the paper does not state its own."""

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.annex.bodies import arm_joints, links
+from pipeline.annex.promises import ARM, WORKSPACE
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
 from pipeline.machine.cell import Cell, jacobian, predict
@@ -16,7 +17,7 @@ from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.prediction.model import ModelHypothesis
 from pipeline.reduction.pose_of_interest import PoseOfInterest
-from pipeline.tables import ARM, WORKSPACE, frame
+from pipeline.tables import frame
 
 _STEPS = 25
 """Number of values of each of the two joints that move the arm."""

@@ -10,11 +10,6 @@ from pipeline.answer import contract
 from pipeline.answer.conformity import pose_entry, tolerance_entry
 from pipeline.answer.contract import Answer
 from pipeline.answer.diagnosis import best_pose, diagnosis_entry, noise_entry, placed
-from pipeline.answer.geometry import (
-    estimated_combinations,
-    estimated_table,
-    with_positions,
-)
 from pipeline.answer.inputs import (
     assumptions,
     identity_entry,
@@ -34,7 +29,7 @@ from pipeline.answer.stiffness import (
     combination_entries,
     stiffness_entries,
 )
-from pipeline.answer.values import stated, values_entry
+from pipeline.answer.values import stated, values_entry, with_positions
 from pipeline.answer.words import BECAUSE
 from pipeline.base import doors
 from pipeline.machine.effects import catalogue
@@ -45,13 +40,17 @@ _AGAINST = "pipeline.check.contradictions:against_stated"
 _FINDINGS = "pipeline.check.findings:findings"
 """Doors of the check: what contradicts what was stated, and what else is odd about the files."""
 
+_TABLE = "pipeline.positions.table_entries:estimated"
+"""Door of the positions: the robot's table as unloaded reflectors show it."""
+
 
 def answer(found: CampaignResults) -> Answer:
     """The answer to a campaign."""
     given, raw, where = found.given, found.raw, found.where
     values, springs = values_entry(found.told, where), values_entry(found.springs, where)
     stood = found.diagnosis.facts.unloaded
-    values = with_positions(values, stood)
+    values, table = with_positions(values, stood), doors.found(_TABLE)
+    letters, mixed = table(stood) if table else ((), ())
     against, findings = doors.found(_AGAINST), doors.found(_FINDINGS)
     against_stated = against(found, values.stiffness) if against else AgainstStated()
     together = combination_entries(found.told.values)
@@ -94,8 +93,8 @@ def answer(found: CampaignResults) -> Answer:
         influence=found.control.most if found.control else (),
         payloads=payload_entries(given.case),
         overload=against_stated.overload,
-        geometry=(table := estimated_table(stood)),
-        geometry_combinations=estimated_combinations(stood, table),
+        geometry=letters,
+        geometry_combinations=mixed,
         common_factor=against_stated.factor,
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium),

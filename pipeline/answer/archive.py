@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from pipeline import tables
 from pipeline.answer.contract import Answer
 from pipeline.base import files, parquet
-from pipeline.base.appearance import Appearance, AppearanceFacts
 from pipeline.base.doors import found
 from pipeline.base.errors import UsageError
-from pipeline.store.campaign import CampaignFolder, dump
+from pipeline.store.campaign import CampaignFolder
 
 _SHOWN = {
     "rejected": "13_rejected",
@@ -134,29 +132,3 @@ def kept_tables(campaign: CampaignFolder) -> dict[str, pd.DataFrame]:
     """The tables of a report as kept by the run, by name."""
     paths = {name: campaign.processed / f"{file}.parquet" for name, file in _SHOWN.items()}
     return {name: tables.frame(parquet.read(p)) for name, p in paths.items() if p.is_file()}
-
-
-def look_of(
-    dress: Callable[[Mapping[str, Any], AppearanceFacts], Appearance],
-    entries: Mapping[str, Any],
-    of: Answer,
-) -> Appearance:
-    """Appearance of a campaign's certificate, with the facts that lines of the house may quote.
-
-    Args:
-        dress: Result of `looks` for the project.
-        entries: Language and fields stated in campaign.toml, as kept in the manifest.
-        of: The answer.
-    """
-    worst = of.tolerance.worst if of.tolerance else None
-    facts = {
-        "campaign": of.name,
-        "measured": (of.measured or "")[:10],
-        "operator": of.identity.operator or "",
-        "robot": of.robot,
-        "machine": of.machine,
-        "verdict": str(of.diagnosis.verdict),
-        "tolerance": str(worst or ""),
-        "digest": files.sha256(dump(of.as_json()))[:16],
-    }
-    return dress(entries, facts)

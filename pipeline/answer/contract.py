@@ -10,7 +10,7 @@ import math
 from datetime import date
 from enum import StrEnum
 from operator import not_ as _nothing
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
@@ -41,6 +41,10 @@ _Day = Annotated[str, AfterValidator(_dated)]
 
 _Interval = tuple[_Number, _Number]
 _Share = Annotated[float, Field(ge=-1e-9, le=1 + 1e-9)]
+
+_T = TypeVar("_T")
+_Absent = Annotated[_T, Field(exclude_if=_nothing)]
+"""A key that is absent where it holds nothing."""
 
 LEAST_CONTROLLED = 10
 """So many of the errors that are controlled least stand in result.json."""
@@ -169,32 +173,39 @@ class Fact(BaseModel):
 class BudgetPart(Fact):
     """Contribution of one source of error to the uncertainty of a stiffness."""
 
-    source: str = Field(description="tracker, zero, force_reading, direction, registration, ...")
-    std: float = Field(description="standard uncertainty, in the stiffness' unit")
-    share: float = Field(description="part of the variance")
+    source: str
+    """tracker, zero, force_reading, direction, registration, ..."""
+    std: float
+    """standard uncertainty, in the stiffness' unit"""
+    share: float
+    """part of the variance"""
 
 
 class Remark(Fact):
     """One thing to know of a stiffness; its numbers are those of the stiffness."""
 
     odd: Odd
-    cause: str | None = Field(default=None, description="cause it depends on, in words")
-    others: tuple[str, ...] = Field(
-        default=(), description="what may act in place of that cause, in words"
-    )
+    cause: str | None = None
+    """cause it depends on, in words"""
+    others: tuple[str, ...] = ()
+    """what may act in place of that cause, in words"""
 
 
 class OneWay(Fact):
     """A stiffness where the torque on the joint has one sign; in the unit of the joint's."""
 
-    value: _Number = Field(description="null where the data give none")
-    std: _Number = Field(description="standard uncertainty")
-    ci95: _Interval = Field(description="95 % interval; null is no limit")
-    compliance: _Number = Field(description="the estimate itself")
-    compliance_std: _Number = Field(description="its standard uncertainty; null: undetermined")
-    axis_turns: Literal["plus", "minus"] | None = Field(
-        description="which way this torque turns the controller's axis; null without one"
-    )
+    value: _Number
+    """null where the data give none"""
+    std: _Number
+    """standard uncertainty"""
+    ci95: _Interval
+    """95 % interval; null is no limit"""
+    compliance: _Number
+    """the estimate itself"""
+    compliance_std: _Number
+    """its standard uncertainty; null: undetermined"""
+    axis_turns: Literal["plus", "minus"] | None
+    """which way this torque turns the controller's axis; null without one"""
 
 
 class BySign(Fact):
@@ -202,45 +213,54 @@ class BySign(Fact):
 
     positive: OneWay
     negative: OneWay
-    of: Literal["total", "pull"] = Field(
-        description="the torque whose sign it is: of pull and own weight, or of the pull alone"
-    )
-    correlation: _Number = Field(description="of both compliances; null: undetermined")
-    value_of: Literal["positive", "negative"] = Field(
-        description="which of them `value` is: that of the test pose"
-    )
+    of: Literal["total", "pull"]
+    """the torque whose sign it is: of pull and own weight, or of the pull alone"""
+    correlation: _Number
+    """of both compliances; null: undetermined"""
+    value_of: Literal["positive", "negative"]
+    """which of them `value` is: that of the test pose"""
 
 
 class Stiffness(Fact):
     """One joint."""
 
-    joint: int = Field(description="number, from 1")
-    joint_name: str = Field(description="in the robot file: r1, theta2, ...")
-    name: str = Field(description="k_r1, k_theta2, ...")
-    unit: str = Field(description="of value, std and ci95")
-    value: _Number = Field(description="null where the data give none; `finding` says why")
-    std: _Number = Field(description="standard uncertainty")
-    ci95: _Interval = Field(description="95 % interval; null is no limit")
-    identifiable: bool = Field(description="whether the data determine it")
+    joint: int
+    """number, from 1"""
+    joint_name: str
+    """in the robot file: r1, theta2, ..."""
+    name: str
+    """k_r1, k_theta2, ..."""
+    unit: str
+    """of value, std and ci95"""
+    value: _Number
+    """null where the data give none; `finding` says why"""
+    std: _Number
+    """standard uncertainty"""
+    ci95: _Interval
+    """95 % interval; null is no limit"""
+    identifiable: bool
+    """whether the data determine it"""
     joint_type: JointType
-    axis: str | None = Field(
-        default=None,
-        description="axis of the controller that moves this joint and no other, A1 or E1; null "
-        "where the robot file has none",
-    )
-    compliance: _Number = Field(description="the estimate itself")
-    compliance_std: _Number = Field(description="its standard uncertainty; null: undetermined")
+    axis: str | None = None
+    """axis of the controller that moves this joint and no other, A1 or E1; null where the robot
+    file has none"""
+    compliance: _Number
+    """the estimate itself"""
+    compliance_std: _Number
+    """its standard uncertainty; null: undetermined"""
     compliance_unit: str
-    relative_std: _Number = Field(description="std over value")
-    nominal: _Number = Field(description="stiffness in the robot file")
-    finding: str | None = Field(description="what to know of it, in a sentence")
-    remarks: tuple[Remark, ...] = Field(default=(), description="the same, to be told apart")
-    budget: tuple[BudgetPart, ...] = Field(description="where its uncertainty comes from")
-    by_sign: BySign | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="both, beside `joint_asymmetry`; absent otherwise",
-    )
+    relative_std: _Number
+    """std over value"""
+    nominal: _Number
+    """stiffness in the robot file"""
+    finding: str | None
+    """what to know of it, in a sentence"""
+    remarks: tuple[Remark, ...] = ()
+    """the same, to be told apart"""
+    budget: tuple[BudgetPart, ...]
+    """where its uncertainty comes from"""
+    by_sign: _Absent[BySign | None] = None
+    """both, beside `joint_asymmetry`; absent otherwise"""
 
     @property
     def called(self) -> str:
@@ -256,13 +276,18 @@ def called(name: str, axis: str | None) -> str:
 class Combination(Fact):
     """What is determined of joints that are not determined singly: one direction."""
 
-    of: tuple[str, ...] = Field(description="names of the stiffnesses whose compliances are mixed")
-    weights: tuple[float, ...] = Field(description="of each compliance; the largest is 1")
-    value: float = Field(description="sum of weight times compliance")
-    std: float = Field(description="standard uncertainty")
+    of: tuple[str, ...]
+    """names of the stiffnesses whose compliances are mixed"""
+    weights: tuple[float, ...]
+    """of each compliance; the largest is 1"""
+    value: float
+    """sum of weight times compliance"""
+    std: float
+    """standard uncertainty"""
     ci95: _Interval
     unit: str
-    needs: str = Field(description="the motion of one joint that would part them best")
+    needs: str
+    """the motion of one joint that would part them best"""
 
     @property
     def formula(self) -> str:
@@ -273,13 +298,16 @@ class Combination(Fact):
 class Fit(Fact):
     """Goodness of fit of a model."""
 
-    rms_mm: _Number = Field(description="residual, root mean square over coordinates, unweighted")
+    rms_mm: _Number
+    """residual, root mean square over coordinates, unweighted"""
     chi2: _Number
     dof: int
-    p_value: _Number = Field(description="null where no noise is stated")
+    p_value: _Number
+    """null where no noise is stated"""
     noise_from: NoiseFrom
     residual_std_mm: _Number
-    second_order_rms_mm: _Number = Field(description="what c = B x leaves out, rms")
+    second_order_rms_mm: _Number
+    """what c = B x leaves out, rms"""
     noise_statement: str
 
 
@@ -289,12 +317,10 @@ PerTarget = dict[str, _Number]
 class Drawn(Fact):
     """Means of Eq. (22) per target."""
 
-    test_pose: PerTarget = Field(description="over 1000 poses around the test pose")
-    global_: PerTarget = Field(
-        validation_alias="global",
-        serialization_alias="global",
-        description="over 1000 poses in the workspace",
-    )
+    test_pose: PerTarget
+    """over 1000 poses around the test pose"""
+    global_: PerTarget = Field(validation_alias="global", serialization_alias="global")
+    """over 1000 poses in the workspace"""
 
 
 class HeldOutPosition(Fact):
@@ -302,30 +328,26 @@ class HeldOutPosition(Fact):
 
     mean: _Number
     rms: _Number
-    p95: _Number = Field(description="95 % of the targets are nearer")
+    p95: _Number
+    """95 % of the targets are nearer"""
 
 
 class Validation(Drawn):
     """How far predictions can be trusted."""
 
-    held_out_rms_mm: _Number = Field(
-        description="rms error of a pose that was left out with all its pulls, unweighted"
-    )
-    independent: Drawn = Field(description="as in Eq. (23), each stiffness drawn by itself")
+    held_out_rms_mm: _Number
+    """rms error of a pose that was left out with all its pulls, unweighted"""
+    independent: Drawn
+    """as in Eq. (23), each stiffness drawn by itself"""
     poses: int
-    test_pose_stated: bool = Field(description="false: the strongest pull stands in")
-    by_payload: PerTarget = Field(
-        default={},
-        exclude_if=_nothing,
-        description="rms error [mm] of the rows of one payload or weight, the springs from all "
-        "other loads; null where these leave it open; absent with one load",
-    )
-    held_out_position_mm: HeldOutPosition | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="of absolute positions: every tenth pose left out, or of unloaded reflectors "
-        "each pose in turn; absent without positions",
-    )
+    test_pose_stated: bool
+    """false: the strongest pull stands in"""
+    by_payload: _Absent[PerTarget] = {}
+    """rms error [mm] of the rows of one payload or weight, the springs from all other loads; null
+    where these leave it open; absent with one load"""
+    held_out_position_mm: _Absent[HeldOutPosition | None] = None
+    """of absolute positions: every tenth pose left out, or of unloaded reflectors each pose in
+    turn; absent without positions"""
 
 
 class TargetDeflection(Fact):
@@ -335,7 +357,8 @@ class TargetDeflection(Fact):
     dx_mm: _Number
     dy_mm: _Number
     dz_mm: _Number
-    std_mm: tuple[_Number, _Number, _Number] = Field(description="per axis; null: infinite")
+    std_mm: tuple[_Number, _Number, _Number]
+    """per axis; null: infinite"""
 
     @property
     def size_mm(self) -> float | None:
@@ -349,7 +372,8 @@ class Values(Fact):
 
     stiffness: tuple[Stiffness, ...]
     fit: Fit
-    validation: Validation | None = Field(description="null where nothing is determined")
+    validation: Validation | None
+    """null where nothing is determined"""
     test_pose_deflection: tuple[TargetDeflection, ...]
 
 
@@ -364,20 +388,21 @@ class Extended(Fact):
 class Placed(Fact):
     """A cause with its place."""
 
-    name: str = Field(description="a word of the list of causes")
-    where: _Where = Field(description="joint number, link, target, reading, or null")
-    axis: str | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="axis of the controller that moves that joint; absent without one",
-    )
+    name: str
+    """a word of the list of causes"""
+    where: _Where
+    """joint number, link, target, reading, or null"""
+    axis: _Absent[str | None] = None
+    """axis of the controller that moves that joint; absent without one"""
 
 
 class Believed(Placed):
     """A cause within a hypothesis."""
 
-    form: str | None = Field(description="which of its laws")
-    in_catalogue: bool = Field(description="false: something without a name, of this kind")
+    form: str | None
+    """which of its laws"""
+    in_catalogue: bool
+    """false: something without a name, of this kind"""
 
 
 class Weighed(Fact):
@@ -392,14 +417,13 @@ class Recommended(Fact):
 
     model: Which
     data: Data
-    table: TableSource = Field(
-        default=TableSource.AS_DELIVERED,
-        description="geometry of the robot that the values rest on: estimated where unloaded "
-        "reflectors prove the delivered one wrong, see `geometry`",
-    )
+    table: TableSource = TableSource.AS_DELIVERED
+    """geometry of the robot that the values rest on: estimated where unloaded reflectors prove the
+    delivered one wrong, see `geometry`"""
     reason: Reason
     why: str
-    hypotheses: tuple[Weighed, ...] = Field(description="what the values are averaged over")
+    hypotheses: tuple[Weighed, ...]
+    """what the values are averaged over"""
 
 
 class Amplitude(Fact):
@@ -410,7 +434,8 @@ class Amplitude(Fact):
     std: _Number
     unit: str
     ci95: _Interval | None = None
-    meaning: str = Field(default="size", description="what it is, in words")
+    meaning: str = "size"
+    """what it is, in words"""
 
 
 class Rival(Placed):
@@ -422,24 +447,22 @@ class Rival(Placed):
 class AsGood(Placed):
     """Something outside the catalogue that predicts left-out poses as well as the cause."""
 
-    reduction: _Number = Field(
-        description="fraction by which the error falls with it in the cause's place"
-    )
+    reduction: _Number
+    """fraction by which the error falls with it in the cause's place"""
     ci95: _Interval
-    times_typical: _Number = Field(description="its largest parameter over the usual size of that")
+    times_typical: _Number
+    """its largest parameter over the usual size of that"""
 
 
 class Unnamed(Fact):
     """Probability that something outside the catalogue acts in place of a cause."""
 
     probability: _Share
-    looks_like: str | None = Field(
-        description="null where the only sign of it is what the model with the causes leaves"
-    )
+    looks_like: str | None
+    """null where the only sign of it is what the model with the causes leaves"""
     where: _Where
-    as_good: tuple[AsGood, ...] = Field(
-        default=(), description="what predicts as well in the cause's place, the best first"
-    )
+    as_good: tuple[AsGood, ...] = ()
+    """what predicts as well in the cause's place, the best first"""
 
 
 class Gain(Fact):
@@ -448,12 +471,12 @@ class Gain(Fact):
     Those that have one gain have it together: corrected mistakes, causes of unloaded positions.
     """
 
-    held_out_rms_before_mm: _Number = Field(
-        description="without the cause, the others in the model, weighted as with it; "
-        "joint_springs.validation is weighted by their own noise"
-    )
+    held_out_rms_before_mm: _Number
+    """without the cause, the others in the model, weighted as with it; joint_springs.validation is
+    weighted by their own noise"""
     held_out_rms_after_mm: _Number
-    reduction: _Number = Field(description="fraction by which the error falls at one weighting")
+    reduction: _Number
+    """fraction by which the error falls at one weighting"""
     ci95: _Interval | None
     of: Predicted | None = None
     test_pose_change_mm: _Number
@@ -473,17 +496,22 @@ class LawShape(Fact):
     """One shape of a law."""
 
     kind: Literal["periodic", "smooth", "step", "coupling"]
-    order: _Number = Field(description="periods per turn or per metre, degree, or 0 of a step")
+    order: _Number
+    """periods per turn or per metre, degree, or 0 of a step"""
 
 
 class OneLaw(Fact):
     """One of several laws of a place that the readings do not tell apart."""
 
     variable: Literal["angle", "torque", "position", "temperature", "time", "direction", "force"]
-    part: str = Field(description="what of the place follows it: spring, friction, roll, ...")
-    source_joint: int | None = Field(description="whose angle or torque it is of, where another")
-    shapes: tuple[LawShape, ...] = Field(description="which act together")
-    probability: _Share = Field(description="if one of these acts there")
+    part: str
+    """what of the place follows it: spring, friction, roll, ..."""
+    source_joint: int | None
+    """whose angle or torque it is of, where another"""
+    shapes: tuple[LawShape, ...]
+    """which act together"""
+    probability: _Share
+    """if one of these acts there"""
 
 
 class UnlistedLaw(Fact):
@@ -495,65 +523,53 @@ class UnlistedLaw(Fact):
 
     kind: Literal["periodic", "smooth", "step", "coupling"]
     variable: Literal["angle", "torque", "position", "temperature", "time", "direction", "force"]
-    part: str | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="what of the place follows it in campaigns of pulls: spring, friction, roll, "
-        "...; absent for positions",
-    )
-    joint: int | None = Field(description="that it moves, from 1; null for scale, tracker, guides")
-    source_joint: int | None = Field(description="whose angle or torque it is of, where another")
-    order: _Number = Field(
-        description="periods per turn or per metre, degree, or 0 of a step; of a smooth law of an "
-        "angle of a campaign of positions how many of the lengths over which it remembers make a "
-        "turn"
-    )
-    range: tuple[_Number, _Number] = Field(description="of the variable, where it was taught, SI")
+    part: _Absent[str | None] = None
+    """what of the place follows it in campaigns of pulls: spring, friction, roll, ...; absent for
+    positions"""
+    joint: int | None
+    """that it moves, from 1; null for scale, tracker, guides"""
+    source_joint: int | None
+    """whose angle or torque it is of, where another"""
+    order: _Number
+    """periods per turn or per metre, degree, or 0 of a step; of a smooth law of an angle of a
+    campaign of positions how many of the lengths over which it remembers make a turn"""
+    range: tuple[_Number, _Number]
+    """of the variable, where it was taught, SI"""
     text: str
-    either: tuple[OneLaw, ...] = Field(
-        default=(),
-        exclude_if=_nothing,
-        description="laws of this place of which none leads by 20 to 1 on the evidence, the stated "
-        "one first; absent where it does",
-    )
+    either: _Absent[tuple[OneLaw, ...]] = ()
+    """laws of this place of which none leads by 20 to 1 on the evidence, the stated one first;
+    absent where it does"""
 
 
 class Cause(Placed):
     """A cause that the data require, or a mistake in the data."""
 
-    location: str | None = Field(
-        default=None, description="part of the cell: rail, joint 3, force, ..."
-    )
+    location: str | None = None
+    """part of the cell: rail, joint 3, force, ..."""
     form: str | None = None
-    probability: _Share = Field(
-        description="that it acts and nothing outside the catalogue does, beside which it may act, "
-        "too; with its rivals and `outside_catalogue` 1, where those stand"
-    )
+    probability: _Share
+    """that it acts and nothing outside the catalogue does, beside which it may act, too; with its
+    rivals and `outside_catalogue` 1, where those stand"""
     parameters: tuple[Amplitude, ...]
-    p_value: _Number = Field(description="chance of so much evidence without it")
-    times_typical: _Number = Field(
-        default=None, description="its largest parameter over the usual size of that; null: none"
-    )
+    p_value: _Number
+    """chance of so much evidence without it"""
+    times_typical: _Number = None
+    """its largest parameter over the usual size of that; null: none"""
     rivals: tuple[Rival, ...]
     outside_catalogue: Unnamed | None = None
-    twins: tuple[str, ...] = Field(default=(), description="what no pose tells from it")
+    twins: tuple[str, ...] = ()
+    """what no pose tells from it"""
     signature: str | None = None
-    needs: str | None = Field(default=None, description="what would settle it")
+    needs: str | None = None
+    """what would settle it"""
     gain: Gain | None
     evidence: Evidence | None = None
-    readings: tuple[str, ...] = Field(
-        default=(),
-        exclude_if=_nothing,
-        description="`file:line` of all that a mistake concerns; absent where it is no single row",
-    )
-    since: str | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="`file:line` from which on a unit is another; absent where none changes",
-    )
-    law: UnlistedLaw | None = Field(
-        default=None, exclude_if=_nothing, description="of an `unlisted_law`; absent otherwise"
-    )
+    readings: _Absent[tuple[str, ...]] = ()
+    """`file:line` of all that a mistake concerns; absent where it is no single row"""
+    since: _Absent[str | None] = None
+    """`file:line` from which on a unit is another; absent where none changes"""
+    law: _Absent[UnlistedLaw | None] = None
+    """of an `unlisted_law`; absent otherwise"""
 
 
 class Alone(Placed):
@@ -569,7 +585,8 @@ class BlindSpot(Placed):
     """An effect that may be present unseen."""
 
     why: str
-    smallest_visible: _Number = Field(description="null: never detectable")
+    smallest_visible: _Number
+    """null: never detectable"""
     parameter: str
     unit: str
     typical: float
@@ -589,36 +606,42 @@ class ToMeasure(Fact):
 
     q: tuple[float, ...]
     q_unit: tuple[Literal["m", "deg"], ...]
-    anchor_m: tuple[float, float, float] = Field(description="where to attach the chain, F_b")
-    direction: tuple[float, float, float] = Field(
-        description="of the force on the robot, of length 1, F_b"
-    )
-    force_n: float = Field(description="of the largest load step")
-    steps: int = Field(description="load steps")
-    approach: _Number = Field(description="which way the carriage comes; null without a rail")
-    axes: tuple[AxisValue, ...] = Field(
-        default=(), exclude_if=_nothing, description="where the controller's axes stand there"
-    )
+    anchor_m: tuple[float, float, float]
+    """where to attach the chain, F_b"""
+    direction: tuple[float, float, float]
+    """of the force on the robot, of length 1, F_b"""
+    force_n: float
+    """of the largest load step"""
+    steps: int
+    """load steps"""
+    approach: _Number
+    """which way the carriage comes; null without a rail"""
+    axes: _Absent[tuple[AxisValue, ...]] = ()
+    """where the controller's axes stand there"""
 
 
 class NextPose(ToMeasure):
     """A pose that would decide what is open."""
 
-    separates: tuple[str, ...] = Field(description="the two that stay closest with it")
+    separates: tuple[str, ...]
+    """the two that stay closest with it"""
     sigmas_before: _Number
     sigmas_after: _Number
-    pose: int = Field(description="its number")
+    pose: int
+    """its number"""
 
 
 class BestPose(ToMeasure):
     """The pose that would determine a joint best."""
 
-    name: str = Field(description="of its stiffness: k_r1, k_theta2, ...")
-    relative_std_before: _Number = Field(
-        description="of the stiffness; of its typical compliance where it has no value"
-    )
-    relative_std_after: _Number = Field(description="the same with this pose, as expected")
-    determines: bool = Field(description="whether the joint then has a value")
+    name: str
+    """of its stiffness: k_r1, k_theta2, ..."""
+    relative_std_before: _Number
+    """of the stiffness; of its typical compliance where it has no value"""
+    relative_std_after: _Number
+    """the same with this pose, as expected"""
+    determines: bool
+    """whether the joint then has a value"""
 
 
 class CellLimits(Fact):
@@ -626,7 +649,8 @@ class CellLimits(Fact):
 
     kept: tuple[str, ...]
     not_checked: tuple[str, ...]
-    capsules: str | None = Field(description="where the robot's come from; null: it has none")
+    capsules: str | None
+    """where the robot's come from; null: it has none"""
 
 
 class MisfitPlace(Fact):
@@ -656,20 +680,19 @@ class Detection(Fact):
     threshold_p: _Number
     smallest_p: _Number
     lack_of_fit_p: PosesPulls
-    remainder_over_scatter: _Number = Field(
-        description="what is left with the causes over the scatter of the readings; null: unknown"
-    )
+    remainder_over_scatter: _Number
+    """what is left with the causes over the scatter of the readings; null: unknown"""
     remainder_p: Remainder
 
 
 class Scatter(Fact):
     """Scatter of the readings."""
 
-    tracker_over_stated: _Number = Field(
-        description="found over the noise in use: 1 where repeats have corrected the stated one "
-        "already, see `noise`"
-    )
-    tracker_over_stated_std: _Number = Field(description="null: no residuals are left")
+    tracker_over_stated: _Number
+    """found over the noise in use: 1 where repeats have corrected the stated one already, see
+    `noise`"""
+    tracker_over_stated_std: _Number
+    """null: no residuals are left"""
     scale_over_tracker: _Number
     known_from: str
 
@@ -679,36 +702,25 @@ class Diagnosis(Fact):
 
     verdict: Verdict
     why: str
-    reasons: tuple[Finding, ...] = Field(
-        description="what the verdict follows from, at most one for each of data, base reflectors, "
-        "unloaded reflectors and displacements",
-    )
+    reasons: tuple[Finding, ...]
+    """what the verdict follows from, at most one for each of data, base reflectors, unloaded
+    reflectors and displacements"""
     causes: tuple[Cause, ...]
-    alone: tuple[Alone, ...] = Field(
-        description="what the likeliest causes do each as the only one"
-    )
-    unloaded_off_mm: tuple[_Number, _Number] = Field(
-        description="how far the unloaded reflectors stand from the robot's table, and from the "
-        "table as estimated from them"
-    )
+    alone: tuple[Alone, ...]
+    """what the likeliest causes do each as the only one"""
+    unloaded_off_mm: tuple[_Number, _Number]
+    """how far the unloaded reflectors stand from the robot's table, and from the table as estimated
+    from them"""
     blind_spots: tuple[BlindSpot, ...]
-    not_found: tuple[BlindSpot, ...] = Field(
-        default=(),
-        description="examined and not found, and the size that would have been found",
-    )
+    not_found: tuple[BlindSpot, ...] = ()
+    """examined and not found, and the size that would have been found"""
     next_poses: tuple[NextPose, ...]
-    best_pose: BestPose | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="for the joint that is known worst, where no cause is in question; absent "
-        "without",
-    )
-    next_poses_in: CellLimits | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="what the cell lets a next pose do; absent without [cell]",
-    )
-    refused: tuple[str, ...] = Field(description="labels that fit only at an impossible size")
+    best_pose: _Absent[BestPose | None] = None
+    """for the joint that is known worst, where no cause is in question; absent without"""
+    next_poses_in: _Absent[CellLimits | None] = None
+    """what the cell lets a next pose do; absent without [cell]"""
+    refused: tuple[str, ...]
+    """labels that fit only at an impossible size"""
     misfit_sits_at: tuple[MisfitPlace, ...]
     detection: Detection
     scatter: Scatter
@@ -729,9 +741,8 @@ class FoundNoise(Fact):
     """Noise found in the data beside the stated one."""
 
     from_: NoiseFrom = Field(validation_alias="from", serialization_alias="from")
-    used_over_stated: _Number = Field(
-        default=None, description="scatter of the readings that the uncertainties rest on"
-    )
+    used_over_stated: _Number = None
+    """scatter of the readings that the uncertainties rest on"""
     contrasts: int
     components: tuple[NoiseComponent, ...]
 
@@ -749,7 +760,8 @@ class SetAside(Fact):
 
     name: str
     reason: str
-    readings: int = Field(description="their number, with those of no use without them")
+    readings: int
+    """their number, with those of no use without them"""
 
 
 class Growth(Fact):
@@ -757,11 +769,15 @@ class Growth(Fact):
 
     value: float
     std: float
-    expected: _Number = Field(description="by temperature_c; null without")
-    expected_std: float = Field(description="of that, or how far it may be without a temperature")
-    seen: _Number = Field(description="by the base reflectors alone; null where they do not tell")
+    expected: _Number
+    """by temperature_c; null without"""
+    expected_std: float
+    """of that, or how far it may be without a temperature"""
+    seen: _Number
+    """by the base reflectors alone; null where they do not tell"""
     seen_std: _Number
-    probability: float = Field(description="that it has grown at all; 1 with temperature_c")
+    probability: float
+    """that it has grown at all; 1 with temperature_c"""
 
 
 class BaseResiduals(Fact):
@@ -774,44 +790,47 @@ class BaseResiduals(Fact):
     p_value: _Number
     rotation_std_rad: tuple[float, float, float]
     translation_std_m: tuple[float, float, float]
-    growth: Growth | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="of rail and base frame with the temperature; absent where there is none",
-    )
+    growth: _Absent[Growth | None] = None
+    """of rail and base frame with the temperature; absent where there is none"""
 
 
 class Controlled(Fact):
     """Redundancy of one error: a row of the table `reliability`."""
 
-    source: str = Field(description="source of the error; `base`: a base reflector's reading")
-    reading: str | None = Field(description="null for an error of no single reading")
+    source: str
+    """source of the error; `base`: a base reflector's reading"""
+    reading: str | None
+    """null for an error of no single reading"""
     file: str | None
     line: int | None
-    axis: str | None = Field(description="axis of F_b nearest to it")
-    r: float = Field(description="redundancy: the part of it that the residuals show")
-    w: _Number = Field(description="standardised residual")
-    smallest_visible: _Number = Field(
-        description="found in 80 % of the cases at 0.1 % false alarms; null: no size is"
-    )
-    unit: str = Field(description="of smallest_visible; 1: standard uncertainties")
-    moves_sigmas: _Number = Field(
-        description="what that size moves most, in standard uncertainties; null: without limit"
-    )
-    moves_most: str = Field(description="a stiffness, or target and axis of the test pose")
+    axis: str | None
+    """axis of F_b nearest to it"""
+    r: float
+    """redundancy: the part of it that the residuals show"""
+    w: _Number
+    """standardised residual"""
+    smallest_visible: _Number
+    """found in 80 % of the cases at 0.1 % false alarms; null: no size is"""
+    unit: str
+    """of smallest_visible; 1: standard uncertainties"""
+    moves_sigmas: _Number
+    """what that size moves most, in standard uncertainties; null: without limit"""
+    moves_most: str
+    """a stiffness, or target and axis of the test pose"""
 
 
 class Carried(Fact):
     """The pull that carries most of a stiffness or of a cause."""
 
-    what: str = Field(description="k_theta2, or the cause's parameter that moves most")
-    name: str | None = Field(description="the cause; null for a stiffness")
+    what: str
+    """k_theta2, or the cause's parameter that moves most"""
+    name: str | None
+    """the cause; null for a stiffness"""
     where: _Where
     pose: int
     repeat: int
-    moves_sigmas: _Number = Field(
-        description="how far it moves without that pull, in standard uncertainties; null: lost"
-    )
+    moves_sigmas: _Number
+    """how far it moves without that pull, in standard uncertainties; null: lost"""
 
 
 class Body(Fact):
@@ -828,11 +847,12 @@ class Payload(Fact):
 
     name: str
     stated: Body
-    found: Body | None = Field(
-        description="from the joint torques or the absolute positions; null where none tell"
-    )
-    poses: int = Field(description="how many it was carried in, with torques or positions")
-    p_value: _Number = Field(description="of differing so much from the stated one by chance")
+    found: Body | None
+    """from the joint torques or the absolute positions; null where none tell"""
+    poses: int
+    """how many it was carried in, with torques or positions"""
+    p_value: _Number
+    """of differing so much from the stated one by chance"""
 
 
 class Overload(Fact):
@@ -842,61 +862,66 @@ class Overload(Fact):
     repeat: int
     force_n: float
     payload_kg: float
-    times: float = Field(description="force over the weight of the payload")
+    times: float
+    """force over the weight of the payload"""
 
 
 class CommonFactor(Fact):
     """All stiffnesses over those of the robot file, where they are off by one factor."""
 
-    value: float = Field(description="stiffnesses over those of the file, in common")
+    value: float
+    """stiffnesses over those of the file, in common"""
     ci95: tuple[float, float]
-    joints: int = Field(description="how many tell")
-    probability: float = Field(description="that it is more than robots of one type differ by")
+    joints: int
+    """how many tell"""
+    probability: float
+    """that it is more than robots of one type differ by"""
 
 
 class Measuring(Fact):
     """The instrument as campaign.toml has it; serial number and certificate not judged."""
 
     kind: Literal["laser_tracker", "camera", "arm", "unknown"]
-    measures: Literal["points", "poses"] = Field(description="found where nobody says so")
+    measures: Literal["points", "poses"]
+    """found where nobody says so"""
     model: str | None
     serial: str | None
     certificate: str | None = None
     calibrated: str | None
-    data_sheet: str | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="that the noise of its readings is taken from; absent where it is not",
-    )
+    data_sheet: _Absent[str | None] = None
+    """that the noise of its readings is taken from; absent where it is not"""
 
 
 class TableLetter(Placed):
     """An entry of the robot's table: a length, an offset, a twist or a joint's zero."""
 
-    nominal: float = Field(description="in the robot file")
+    nominal: float
+    """in the robot file"""
     value: float
-    std: float = Field(description="standard uncertainty")
-    prior_std: float = Field(
-        description="how rough the table is: as found over all of its lengths or angles"
-    )
+    std: float
+    """standard uncertainty"""
+    prior_std: float
+    """how rough the table is: as found over all of its lengths or angles"""
     unit: Literal["m", "rad"]
-    identifiable: bool = Field(
-        description="the readings alone know it better than the robot file does"
-    )
+    identifiable: bool
+    """the readings alone know it better than the robot file does"""
 
 
 class Mixed(Placed):
     """An entry of the robot's table within a sum of several."""
 
-    weight: float = Field(description="of its error; the largest is 1")
+    weight: float
+    """of its error; the largest is 1"""
 
 
 class TableCombination(Fact):
     """What is determined of entries of the robot's table that are not determined singly."""
 
     of: tuple[Mixed, ...]
-    value: float = Field(description="sum of weight times error; an error is value minus nominal")
-    std: float = Field(description="standard uncertainty")
+    value: float
+    """sum of weight times error; an error is value minus nominal"""
+    std: float
+    """standard uncertainty"""
     ci95: _Interval
     unit: Literal["m", "rad"]
 
@@ -905,9 +930,12 @@ class PositionStep(Fact):
     """Mean distance of left-out targets from their prediction by one model [mm]."""
 
     model: str
-    between_mm: _Number = Field(description="every tenth pose left out")
-    space_mm: _Number = Field(description="a tenth of joint space left out")
-    series_mm: _Number = Field(description="one series left out; null where there is one only")
+    between_mm: _Number
+    """every tenth pose left out"""
+    space_mm: _Number
+    """a tenth of joint space left out"""
+    series_mm: _Number
+    """one series left out; null where there is one only"""
 
 
 class Known(Fact):
@@ -928,14 +956,16 @@ class SpringBy(Fact):
 class SpringsBy(Fact):
     """Springs by the arm's weight in absolute positions, and by pulls, in one campaign."""
 
-    chi2: float = Field(description="squared difference in its uncertainty")
-    dof: int = Field(description="springs, or mixes of them, that both tell")
+    chi2: float
+    """squared difference in its uncertainty"""
+    dof: int
+    """springs, or mixes of them, that both tell"""
     p_value: float
-    joined: bool = Field(description="they agree: the stiffnesses are from both together")
-    lighter: float | None = Field(
-        description="springs over those that the arm would have if it weighed what is usual for "
-        "its payload; null where the robot file states masses"
-    )
+    joined: bool
+    """they agree: the stiffnesses are from both together"""
+    lighter: float | None
+    """springs over those that the arm would have if it weighed what is usual for its payload; null
+    where the robot file states masses"""
     each: tuple[SpringBy, ...]
 
 
@@ -943,7 +973,8 @@ class Repaired(Fact):
     """Work after which some joints are no longer what they were."""
 
     date: _Day
-    joints: tuple[int, ...] = Field(description="their numbers, from 1; empty: all")
+    joints: tuple[int, ...]
+    """their numbers, from 1; empty: all"""
     what: str | None
 
 
@@ -953,45 +984,47 @@ class Unit(Fact):
     serial: str | None
     certificate: str | None
     calibrated: str | None
-    history: tuple[Repaired, ...] = Field(
-        default=(), exclude_if=_nothing, description="its repairs; absent where none is named"
-    )
+    history: _Absent[tuple[Repaired, ...]] = ()
+    """its repairs; absent where none is named"""
 
 
 class Identity(Fact):
     """What a report is filed by; null is what campaign.toml does not state."""
 
-    first: _Day | None = Field(description="first reading")
-    last: _Day | None = Field(description="last reading")
+    first: _Day | None
+    """first reading"""
+    last: _Day | None
+    """last reading"""
     operator: str | None
-    temperature_c: _Number = Field(description="mean of rail and base frame")
+    temperature_c: _Number
+    """mean of rail and base frame"""
     scale: Unit | None
     poses: int
-    unloaded_only: int = Field(
-        default=0,
-        exclude_if=_nothing,
-        description="poses beside them in which reflectors were read and nothing was pulled; "
-        "absent without such",
-    )
+    unloaded_only: _Absent[int] = 0
+    """poses beside them in which reflectors were read and nothing was pulled; absent without
+    such"""
     pulls: int
-    force_n: tuple[float, float] | None = Field(description="smallest and largest load")
+    force_n: tuple[float, float] | None
+    """smallest and largest load"""
 
 
 class DayToDay(Fact):
     """Day-to-day scatter, from poses repeated on another day."""
 
-    poses: int = Field(description="pairs of the same pose on two days")
-    relative_std: float = Field(description="scatter of the displacements of a day, relative")
-    p_value: float = Field(description="of so much difference by the noise of the readings alone")
+    poses: int
+    """pairs of the same pose on two days"""
+    relative_std: float
+    """scatter of the displacements of a day, relative"""
+    p_value: float
+    """of so much difference by the noise of the readings alone"""
 
 
 class Tip(Fact):
     """Predicted deflection of the load point, where the force acts."""
 
     deflection_mm: _Number
-    std_mm: _Number = Field(
-        description="standard uncertainty, never below the error at left-out poses; null: infinite"
-    )
+    std_mm: _Number
+    """standard uncertainty, never below the error at left-out poses; null: infinite"""
 
     @property
     def expanded_mm(self) -> float | None:
@@ -1002,8 +1035,10 @@ class Tip(Fact):
 class PosePart(Fact):
     """Contribution of one source of error to the uncertainty at the test pose."""
 
-    source: str = Field(description="as in the budget of a stiffness; held_out: left-out poses")
-    std_mm: float = Field(description="standard uncertainty along the deflection")
+    source: str
+    """as in the budget of a stiffness; held_out: left-out poses"""
+    std_mm: float
+    """standard uncertainty along the deflection"""
 
 
 class TestPose(Tip):
@@ -1012,27 +1047,28 @@ class TestPose(Tip):
     __test__ = False
 
     axes: tuple[AxisValue, ...]
-    force_n: tuple[float, float, float] = Field(description="on the robot, F_b")
-    vector_mm: tuple[float, float, float] | None = Field(
-        default=None, description="the deflection, F_b; null in answers of earlier versions"
-    )
-    along_force_mm: _Number = Field(default=None, description="its part along the force")
-    budget: tuple[PosePart, ...] = Field(
-        default=(),
-        exclude_if=_nothing,
-        description="where std_mm comes from, adding up in quadrature; absent where it is infinite",
-    )
-    stated: bool = Field(description="false: the strongest pull stands in")
+    force_n: tuple[float, float, float]
+    """on the robot, F_b"""
+    vector_mm: tuple[float, float, float] | None = None
+    """the deflection, F_b; null in answers of earlier versions"""
+    along_force_mm: _Number = None
+    """its part along the force"""
+    budget: _Absent[tuple[PosePart, ...]] = ()
+    """where std_mm comes from, adding up in quadrature; absent where it is infinite"""
+    stated: bool
+    """false: the strongest pull stands in"""
 
 
 class Stretch(Tip):
     """Consecutive points of a path with the same decision, and the worst of them."""
 
     decision: Decision
-    first: int = Field(description="pose of its first point, as the file numbers them")
+    first: int
+    """pose of its first point, as the file numbers them"""
     last: int
     points: int
-    at: int = Field(description="pose of the largest deflection, which the numbers are of")
+    at: int
+    """pose of the largest deflection, which the numbers are of"""
 
 
 class JudgedPath(Fact):
@@ -1040,10 +1076,10 @@ class JudgedPath(Fact):
 
     file: str
     points: int
-    force_n: tuple[float, float] | None = Field(
-        default=None, description="smallest and largest force asked for"
-    )
-    decision: Decision = Field(description="pass where every point does, fail where one fails")
+    force_n: tuple[float, float] | None = None
+    """smallest and largest force asked for"""
+    decision: Decision
+    """pass where every point does, fail where one fails"""
     stretches: tuple[Stretch, ...]
 
     @property
@@ -1055,8 +1091,10 @@ class JudgedPath(Fact):
 class Tolerance(Fact):
     """What [tolerance] of campaign.toml asks, decided by ISO 14253-1 with a guard band 1.65 u."""
 
-    deflection_mm: float = Field(description="T")
-    test_pose: Decision | None = Field(description="null where campaign.toml has no [test_pose]")
+    deflection_mm: float
+    """T"""
+    test_pose: Decision | None
+    """null where campaign.toml has no [test_pose]"""
     path: JudgedPath | None
 
     @property
@@ -1092,12 +1130,9 @@ class Forward(Fact):
     """What the forward model takes into account."""
 
     equilibrium: Equilibrium
-    priors: tuple[str, ...] = Field(
-        default=(),
-        exclude_if=_nothing,
-        description="causes whose prior odds and sizes campaign.toml takes from other campaigns; "
-        "absent where all are guessed",
-    )
+    priors: _Absent[tuple[str, ...]] = ()
+    """causes whose prior odds and sizes campaign.toml takes from other campaigns; absent where all
+    are guessed"""
 
 
 class Input(Fact):
@@ -1115,104 +1150,73 @@ class _Heading(Fact):
     campaign: str
     name: str
     robot: str
-    simulated: bool = Field(
-        default=False, exclude_if=_nothing, description="the readings are of a virtual cell"
-    )
-    measured: _Day | None = Field(description="date, or date and time")
-    verdict_sentence: tuple[str, ...] = Field(description="the first screen, most important first")
-    first_screen: tuple[Line, ...] = Field(description="the same, with what each line is about")
-    recommended: Recommended = Field(description="which values stand at the top, and why")
+    simulated: _Absent[bool] = False
+    """the readings are of a virtual cell"""
+    measured: _Day | None
+    """date, or date and time"""
+    verdict_sentence: tuple[str, ...]
+    """the first screen, most important first"""
+    first_screen: tuple[Line, ...]
+    """the same, with what each line is about"""
+    recommended: Recommended
+    """which values stand at the top, and why"""
 
 
 class Answer(Values, _Heading):
     """result.json; the values at the top are those of the recommended model."""
 
-    test_pose: TestPose | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="the pose asked about, its force and the deflection of the load point; absent "
-        "with positions",
-    )
-    tolerance: Tolerance | None = Field(
-        default=None, exclude_if=_nothing, description="absent without [tolerance]"
-    )
-    identity: Identity = Field(description="what the report is filed by")
-    day_to_day: DayToDay | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="absent where no pose was repeated on another day",
-    )
-    combinations: tuple[Combination, ...] = Field(
-        default=(), description="what only several joints together are known by"
-    )
+    test_pose: _Absent[TestPose | None] = None
+    """the pose asked about, its force and the deflection of the load point; absent with
+    positions"""
+    tolerance: _Absent[Tolerance | None] = None
+    """absent without [tolerance]"""
+    identity: Identity
+    """what the report is filed by"""
+    day_to_day: _Absent[DayToDay | None] = None
+    """absent where no pose was repeated on another day"""
+    combinations: tuple[Combination, ...] = ()
+    """what only several joints together are known by"""
     diagnosis: Diagnosis
-    joint_springs: Values = Field(description="the paper's model on the data as given, always")
-    effective: tuple[Stiffness, ...] = Field(
-        default=(),
-        exclude_if=_nothing,
-        description="joint springs alone on the corrected data, which a controller takes beside a "
-        "cause; absent without an error in the data",
-    )
-    extended: Extended | None = Field(description="the identified causes' own fit; null without")
-    budget: tuple[dict[str, str | float], ...] = Field(
-        description="shares of the variance by source [%]"
-    )
+    joint_springs: Values
+    """the paper's model on the data as given, always"""
+    effective: _Absent[tuple[Stiffness, ...]] = ()
+    """joint springs alone on the corrected data, which a controller takes beside a cause; absent
+    without an error in the data"""
+    extended: Extended | None
+    """the identified causes' own fit; null without"""
+    budget: tuple[dict[str, str | float], ...]
+    """shares of the variance by source [%]"""
     noise: FoundNoise
-    rejected: tuple[Rejected, ...] = Field(description="everything that was left out")
-    set_aside: tuple[SetAside, ...] = Field(
-        default=(), description="left out on purpose, by [set_aside] of campaign.toml"
-    )
-    findings: tuple[str, ...] = Field(description="sentences to act on")
+    rejected: tuple[Rejected, ...]
+    """everything that was left out"""
+    set_aside: tuple[SetAside, ...] = ()
+    """left out on purpose, by [set_aside] of campaign.toml"""
+    findings: tuple[str, ...]
+    """sentences to act on"""
     registration: BaseResiduals | None
-    reliability: tuple[Controlled, ...] = Field(
-        default=(), description="the ten errors with the lowest r"
-    )
-    influence: tuple[Carried, ...] = Field(
-        default=(), description="the pull that carries most of each stiffness and cause"
-    )
-    payloads: tuple[Payload, ...] = Field(
-        default=(), exclude_if=_nothing, description="as stated and as found; absent without any"
-    )
-    instrument: Measuring | None = Field(
-        default=None, exclude_if=_nothing, description="what measured; absent where nobody says"
-    )
-    robot_unit: Unit | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="which machine of its type; absent where nobody says",
-    )
-    overload: Overload | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="a force far beyond the rated payload; absent without one",
-    )
-    geometry: tuple[TableLetter, ...] = Field(
-        default=(),
-        exclude_if=_nothing,
-        description="the robot's table as absolute positions or unloaded reflectors show it; "
-        "absent without them",
-    )
-    geometry_combinations: tuple[TableCombination, ...] = Field(
-        default=(),
-        exclude_if=_nothing,
-        description="what only several entries of the robot's table together are known by; absent "
-        "without such",
-    )
-    position_steps: tuple[PositionStep, ...] = Field(
-        default=(),
-        exclude_if=_nothing,
-        description="what each part of the model is worth; absent without positions",
-    )
-    springs_by: SpringsBy | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="springs by weight and by pulls; absent without both",
-    )
-    common_factor: CommonFactor | None = Field(
-        default=None,
-        exclude_if=_nothing,
-        description="of all stiffnesses against the robot file's; absent where these agree",
-    )
+    reliability: tuple[Controlled, ...] = ()
+    """the ten errors with the lowest r"""
+    influence: tuple[Carried, ...] = ()
+    """the pull that carries most of each stiffness and cause"""
+    payloads: _Absent[tuple[Payload, ...]] = ()
+    """as stated and as found; absent without any"""
+    instrument: _Absent[Measuring | None] = None
+    """what measured; absent where nobody says"""
+    robot_unit: _Absent[Unit | None] = None
+    """which machine of its type; absent where nobody says"""
+    overload: _Absent[Overload | None] = None
+    """a force far beyond the rated payload; absent without one"""
+    geometry: _Absent[tuple[TableLetter, ...]] = ()
+    """the robot's table as absolute positions or unloaded reflectors show it; absent without
+    them"""
+    geometry_combinations: _Absent[tuple[TableCombination, ...]] = ()
+    """what only several entries of the robot's table together are known by; absent without such"""
+    position_steps: _Absent[tuple[PositionStep, ...]] = ()
+    """what each part of the model is worth; absent without positions"""
+    springs_by: _Absent[SpringsBy | None] = None
+    """springs by weight and by pulls; absent without both"""
+    common_factor: _Absent[CommonFactor | None] = None
+    """of all stiffnesses against the robot file's; absent where these agree"""
     model: Forward
     assumptions: tuple[str, ...]
     inputs: tuple[Input, ...]

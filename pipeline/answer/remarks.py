@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from pipeline.answer.contract import Body, JointType, Odd, OneWay, Payload, Remark, Stiffness
 from pipeline.answer.words import listed
@@ -15,7 +14,7 @@ _CONTRADICTS = 0.001
 
 def finding(joint: Stiffness) -> str | None:
     """All remarks on one stiffness; None without any."""
-    return " ".join(_sentence(remark, [joint]) for remark in joint.remarks) or None
+    return " ".join(sentence(remark, [joint]) for remark in joint.remarks) or None
 
 
 def contradicted(payloads: Sequence[Payload], by: str = "joint torques") -> list[str]:
@@ -34,27 +33,6 @@ def _of(body: Body) -> str:
     places = zip(body.center_m, body.center_std_m, strict=True)
     center = ", ".join(with_std(1e3 * at, 1e3 * std) for at, std in places)
     return f"{with_std(body.mass_kg, body.mass_std_kg)} kg at ({center}) mm"
-
-
-def remark_sentences(joints: Iterable[Stiffness]) -> list[str]:
-    """Remarks on several stiffnesses; one that applies to several alike is made once.
-
-    Remarks on joints that are determined together are left to `check.findings`.
-    """
-    alike: dict[Any, tuple[Remark, list[Stiffness]]] = {}
-    for joint in joints:
-        for remark in joint.remarks:
-            if remark.odd is Odd.TOGETHER:
-                continue
-            alike.setdefault((remark, _own(remark, joint)), (remark, []))[1].append(joint)
-    return [_sentence(remark, those) for remark, those in alike.values()]
-
-
-def _own(remark: Remark, joint: Stiffness) -> object:
-    """Key of what a sentence depends on besides the name: number or type of the joint, or None."""
-    if remark.cause is not None:
-        return None
-    return joint.joint_type if remark.odd in (Odd.MIXED, Odd.NO_LEVER) else joint.joint
 
 
 _SENTENCES = {
@@ -92,7 +70,7 @@ _IDLE = {
 """Explanation that a joint is never loaded, and what to do, by its type."""
 
 
-def _sentence(remark: Remark, joints: Sequence[Stiffness]) -> str:
+def sentence(remark: Remark, joints: Sequence[Stiffness]) -> str:
     """A remark on one joint, or on several to which it applies alike."""
     first, each = joints[0], "Each of " if len(joints) > 1 else ""
     return _SENTENCES[remark.odd].format(

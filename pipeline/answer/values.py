@@ -13,6 +13,7 @@ from pipeline.answer.results import ReportedModel
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.base import doors, linear
 from pipeline.base.quantities import plain
+from pipeline.diagnosis.facts import UnloadedFacts
 from pipeline.machine.cell import Cell
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.reduction.measured import Measured
@@ -142,3 +143,15 @@ def _deflection_entries(
             model.tool.targets, moved.tolist(), std.tolist(), strict=True
         )
     )
+
+
+def with_positions(values: contract.Values, stood: UnloadedFacts) -> contract.Values:
+    """Values with the held-out error of unloaded positions, predicted by the estimated geometry."""
+    if stood.gain is None or values.validation is None:
+        return values
+    off = 1e3 * np.linalg.norm(stood.gain.after.reshape(-1, 3), axis=1)
+    distances = contract.HeldOutPosition(
+        mean=float(off.mean()), rms=linear.rms(off), p95=float(np.quantile(off, 0.95))
+    )
+    checked = values.validation.model_copy(update={"held_out_position_mm": distances})
+    return values.model_copy(update={"validation": checked})

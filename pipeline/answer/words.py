@@ -13,16 +13,15 @@ from pipeline.answer import contract
 from pipeline.answer.amounts import roughly
 from pipeline.answer.contract import About, Combination, Reason, Stiffness, ToMeasure
 from pipeline.base.arrays import Parameter
+from pipeline.base.doors import opened
 from pipeline.base.quantities import (
     common_prefix,
-    p_value,
     percent,
     plain,
     prefixed,
     probability,
     with_std,
 )
-from pipeline.diagnosis.agreement import ChiSquare
 from pipeline.diagnosis.average import POSSIBLE
 from pipeline.diagnosis.facts import (
     ALL_SPRINGS,
@@ -57,6 +56,11 @@ a chi-squared a third above its expectation."""
 
 _RIVALS = 3
 """So many rivals of one cause are listed in a sentence."""
+
+
+_SPRINGS_DISAGREE = "pipeline.positions.disagreement:springs_disagree"
+_TABLES_DISAGREE = "pipeline.positions.disagreement:tables_disagree"
+"""Doors of the positions: findings that only they have."""
 
 
 _PLACES, _FURTHER = 4, 3
@@ -410,21 +414,6 @@ def _of_table(facts: Facts) -> str:
     return "the DH parameters identified from the positions"
 
 
-def _tables_disagree(facts: Facts) -> str:
-    assert facts.agreement is not None
-    why = "an error in the data that is not completely corrected may do this."
-    if not facts.mistakes:
-        why = (
-            "positions and pulls are not of one robot, or of one before and after a collision, "
-            "repair or mastering."
-        )
-    return (
-        "The unloaded reflectors of the pulls do not stand where the robot identified from the "
-        f"positions has them ({plain(1e3 * facts.unloaded.miss_m, 2)} mm rms, "
-        f"{p_value(facts.agreement.table_p)} beside its uncertainty): {why}"
-    )
-
-
 def _stands_unexplained(facts: Facts) -> str:
     stood = facts.unloaded
     whose = "the estimated DH parameters" if stood.corrects else _of_table(facts)
@@ -649,46 +638,6 @@ def _predicts_nothing(facts: Facts) -> str:
     )
 
 
-def _springs_disagree(facts: Facts) -> str:
-    assert facts.agreement is not None
-    agreement = facts.agreement
-    if agreement.elements.p < ChiSquare(agreement.chi2, agreement.dof).p:
-        return (
-            f"Under the arm's own weight yields what does not so under the pulls "
-            f"({listed(list(agreement.held))}; chi-square {plain(agreement.elements.chi2, 3)} with "
-            f"{agreement.elements.dof} degrees of freedom): the weight acts on something that the "
-            "model lacks, a balancer or a law of the joint beside it. The stiffnesses are those of "
-            "the pulls alone."
-        )
-    if agreement.common is not None:
-        ratio, std = 1 / agreement.common.factor, agreement.common.std / agreement.common.factor**2
-        why = (
-            f"One factor explains it: links weigh {with_std(ratio, std)} times what the robot "
-            "file states, or the scale reads so many times the force. Weigh a link or a payload, "
-            "or have the scale calibrated."
-        )
-    else:
-        joint, times = agreement.most
-        where = capital(in_place(joint + 1).removeprefix(" in "))
-        how = f"under the pulls it is {plain(times, 3)} times as compliant"
-        if times <= 0:
-            how = "the weight turns it against its own torque"
-        why = f"{where} differs most: {how}. {_STATED if agreement.factor is None else _NOT_STATED}"
-    return (
-        "The springs by the arm's own weight are not those by the pulls (chi-square "
-        f"{plain(agreement.chi2, 3)} with {agreement.dof} degrees of freedom, "
-        f"{p_value(agreement.p)}). {why} The stiffnesses are those of the pulls alone."
-    )
-
-
-_STATED = "A balancer, masses of single links or a payload are not as the robot file states them."
-_NOT_STATED = (
-    "No masses that the links might have bring them together: a balancer or a law of the joint "
-    "beside its spring acts under the weight alone."
-)
-"""Why springs by weight and by pulls may differ, with and without masses in the robot file."""
-
-
 def _beyond_noise(facts: Facts) -> str:
     bounds = facts.bounds
     tracker = bounds.tracker >= bounds.force
@@ -767,7 +716,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     ),
     Finding.OFF_THE_TABLE: _off_the_table,
     Finding.GEOMETRY_REFUTED: _geometry_refuted,
-    Finding.TABLES_DISAGREE: _tables_disagree,
+    Finding.TABLES_DISAGREE: lambda facts: str(opened(_TABLES_DISAGREE)(facts)),
     Finding.ROUGH_TABLE: _rough_table,
     Finding.STANDS_UNEXPLAINED: _stands_unexplained,
     Finding.MISFIT: lambda facts: (
@@ -786,7 +735,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         "whether the forces belong to them."
     ),
     Finding.PREDICTS_NOTHING: _predicts_nothing,
-    Finding.SPRINGS_DISAGREE: _springs_disagree,
+    Finding.SPRINGS_DISAGREE: lambda facts: str(opened(_SPRINGS_DISAGREE)(facts)),
     Finding.BEYOND_NOISE: _beyond_noise,
     Finding.SCATTERED: _scattered,
     Finding.NOTHING: lambda _: "The joint springs explain what was measured.",

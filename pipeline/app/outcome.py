@@ -10,8 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.app.crash import shareable
-from pipeline.base import files
+from pipeline.base import doors, files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, place
 from pipeline.base.quantities import bracketed, prefixed
 from pipeline.base.shown import in_json, printable
@@ -210,10 +209,17 @@ def failed(name: str, problem: Exception) -> Outcome:
 _FRUGAL = "split its files, or raise memory_gib in pipeline.toml where a service runs it"
 
 
+_SHAREABLE = "pipeline.service.crash:shareable"
+"""Door of the service: an internal error without any data of the user."""
+
+
 def record_crash(problem: Exception) -> str:
     """Write a shareable report of an internal error, and return the sentence for the screen."""
     import tempfile
 
+    shareable = doors.found(_SHAREABLE)
+    if shareable is None:
+        return f"internal error ({_brief(problem)})."
     text = shareable(problem).encode("utf-8", "backslashreplace")
     path = Path(tempfile.gettempdir()) / f"pipeline-crash-{files.sha256(text)[:8]}.txt"
     try:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from pipeline.app.outcome import Meant, Outcome, Several, named, outcome
 from pipeline.app.progress import Progress, Tell, reporting
-from pipeline.base import files, preferences
-from pipeline.base.doors import is_there, opened
+from pipeline.base import files
+from pipeline.base.doors import found, is_there, opened
 from pipeline.base.errors import InputError, UsageError
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import CampaignFolder
@@ -22,6 +22,9 @@ _PREFECT = "pipeline.service.engine:through_prefect"
 """Door: brings a campaign up to date as a Prefect flow."""
 _TEXT = "pipeline.annex.text:as_text"
 """Door: a report as plain text."""
+_STORAGE = "pipeline.library.preferences:storage"
+"""Door: the object storage that pipeline.toml states, None without one."""
+
 _FETCH, _PUBLISH = "pipeline.service.sync:fetch", "pipeline.service.sync:publish"
 """Doors: copy campaigns from object storage to this machine and back."""
 
@@ -46,8 +49,9 @@ def run_all(
     Raises:
         InputError: There is no campaign.
     """
-    storage = preferences.load(root).storage
-    refused = list[Outcome]() if storage == preferences.Storage() else opened(_FETCH)(root, storage)
+    storage = found(_STORAGE)
+    copies = storage(root) if storage else None
+    refused = opened(_FETCH)(root, copies) if copies else []
     yield from refused
     everyone = names or campaigns.every(root)
     if not everyone and not refused:
@@ -64,8 +68,8 @@ def run_all(
     from pipeline.answer import archive
 
     archive.refresh(root)
-    if storage != preferences.Storage():
-        yield from opened(_PUBLISH)(root, storage)
+    if copies:
+        yield from opened(_PUBLISH)(root, copies)
 
 
 def _one_by_one(
@@ -137,7 +141,7 @@ def _in_language(root: Path, campaign: CampaignFolder, name: str, language: str)
     from pipeline.report.render import render
 
     answer, manifest = archive.read(campaign), campaign.manifest() or {}
-    look = archive.look_of(appearances(root), manifest | {"language": language}, answer)
+    look = appearances(root)(manifest | {"language": language}, answer)
     others, took = archive.among(campaign, answer), manifest.get("run_time_s")
     shown = archive.kept_tables(campaign)
     pages = render(answer, shown, took, others.previous, (), others.wear, look)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.base import files, preferences
-from pipeline.base.doors import opened
+from pipeline.base import files
+from pipeline.base.doors import found
 
-_HOUSE = "pipeline.house:house"
-"""Door of the reader of a folder of overrides."""
+_HOUSE = "pipeline.house:looks"
+"""Door of the house: language and additions of a project."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ class Appearance:
 PLAIN = Appearance()
 """Default appearance, in English."""
 
-AppearanceFacts = Mapping[str, str]
-"""Facts about a campaign that lines of the house may use, by name."""
+Dress = Callable[[Mapping[str, Any], Any], Appearance]
+"""Function from entries of campaign.toml and the answer to the look of a certificate."""
 
 
-def appearances(root: Path) -> Callable[[Mapping[str, Any], AppearanceFacts], Appearance]:
-    """Function from statements of campaign.toml and facts to the look of a campaign.
+def appearances(root: Path) -> Dress:
+    """What the house makes of the certificates of a project.
 
     Args:
         root: The project's root.
@@ -52,14 +52,9 @@ def appearances(root: Path) -> Callable[[Mapping[str, Any], AppearanceFacts], Ap
     Raises:
         InputError: pipeline.toml, or the folder that it names, is invalid.
     """
-    preferred = preferences.load(root).report
-    house = None if preferred.templates is None else opened(_HOUSE)(root, preferred.templates)
+    dressed = found(_HOUSE)
+    return dressed(root) if dressed else _plain
 
-    def look(about: Mapping[str, Any], facts: AppearanceFacts) -> Appearance:
-        language = str(about.get("language") or preferred.language)
-        if house is None:
-            return Appearance(language)
-        fields = house.fields(facts, about.get("fields") or {})
-        return Appearance(language, house.logo, fields, house.order)
 
-    return look
+def _plain(about: Mapping[str, Any], answer: object) -> Appearance:
+    return Appearance(str(about.get("language") or PLAIN.language))

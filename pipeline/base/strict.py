@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
-    AliasChoices,
     BaseModel,
     ConfigDict,
     Field,
@@ -24,7 +22,7 @@ from pydantic import (
     field_validator,
 )
 
-from pipeline.base import patterns, toml
+from pipeline.base import doors, patterns, toml
 from pipeline.base.errors import InputError, decisive, first_wrong
 from pipeline.base.shown import is_printable, printable
 
@@ -192,6 +190,9 @@ class Misplaced(ValueError):
         super().__init__(sentence)
 
 
+_MEANT = "pipeline.intake.meant:key"
+"""Door of the intake: what an unknown key may have been meant to be."""
+
 _Record = TypeVar("_Record", bound=BaseModel)
 _Part = TypeVar("_Part", str, str | int)
 
@@ -238,6 +239,12 @@ def checked(
         raise InputError(sentence, way_out, file=file, line=line) from problem
 
 
+def _meant(kind: type[BaseModel], key: Sequence[str | int]) -> str | None:
+    """Suggestion for an unknown key; None without the intake."""
+    found = doors.found(_MEANT)
+    return found(kind, key) if found else None
+
+
 def _parted(message: str, usual: str) -> tuple[str, str]:
     """What is wrong, and the way out, which only sentences of our own have in them."""
     wrong, own, stated = message.partition("; ")
@@ -252,74 +259,26 @@ def _without_unions(kind: type[BaseModel], words: Sequence[_Part]) -> list[_Part
 
 def _path(kind: type[BaseModel], location: Sequence[str | int]) -> list[str | int]:
     """Keys of a file that lead to a wrong entry."""
-    return [part for one in _without_unions(kind, location) for part in _apart(one)]
+    return [part for one in _without_unions(kind, location) for part in apart(one)]
 
 
-def _apart(word: str | int) -> list[str | int]:
+def apart(word: str | int) -> list[str | int]:
     """Split the key `tool.capsules`, a table within another one."""
     inner = isinstance(word, str) and word.startswith("tool.")
     return [*str(word).split(".", 1)] if inner else [word]
 
 
-def _meant(kind: type[BaseModel], key: Sequence[str | int]) -> str | None:
-    """Suggestion for an unknown key: a similar one of its table, or the table it belongs to."""
-    *table, last = (one for one in key if isinstance(one, str))
-    every = list(_known(kind))
-    here = {name.lower(): name for where, name in every if _same(where, table)}
-    if near := get_close_matches(last.lower(), here, 1):
-        return f"did you mean {here[near[0]]}?"
-    return _belongs(last, table, sorted({where for where, name in every if name == last}))
-
-
-def _belongs(key: str, table: Sequence[str], homes: Sequence[tuple[str, ...]]) -> str | None:
-    """Suggestion for a key of some other tables, the homes; None if there is none."""
-    if inside := [one[-1] for one in homes if [*one[:-1]] == table and table]:
-        return f"it belongs into {inside[0]} = {{ {key} = ... }}"
-    named = [f"[{'.'.join(one)}]" if one else "the top of the file" for one in homes]
-    return f"it belongs to {' or '.join(named)}" if named else None
-
-
-def _same(where: Sequence[str], table: Sequence[str]) -> bool:
-    """Whether a table matches a place, in which `_ANY` stands for any name."""
-    pairs = zip(where, table, strict=False)
-    return len(where) == len(table) and all(a in (b, _ANY) for a, b in pairs)
-
-
-_ANY = "NAME"
-"""Placeholder for the name of a table chosen by the author of a file."""
-
-
-def _known(
-    kind: type[BaseModel], path: Sequence[str] = ()
-) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Every key of a file with the path of its table."""
-    for field, info in kind.model_fields.items():
-        spelt = info.validation_alias
-        first = spelt.choices[0] if isinstance(spelt, AliasChoices) else spelt
-        *above, name = map(str, _apart(first if isinstance(first, str) else field))
-        yield (*path, *above), name
-        words = get_args(info.annotation)[:1] if get_origin(info.annotation) is dict else ()
-        yield from (((*path, *above, name), one) for word in words for one in _literals(word))
-        for inner, called in _records(info.annotation):
-            yield from _known(inner, (*path, *above, name, *[_ANY] * called))
-
-
-def _literals(kind: object) -> tuple[str, ...]:
-    """The words of a literal type; none for another."""
-    return get_args(kind) if get_origin(kind) is Literal else ()
-
-
 def _nested(kind: type[BaseModel]) -> Iterator[tuple[type[BaseModel], bool]]:
     """Records within a record, at any depth."""
     for info in kind.model_fields.values():
-        for inner in _records(info.annotation):
+        for inner in records(info.annotation):
             yield inner
             yield from _nested(inner[0])
 
 
-def _records(annotation: object, called: bool = False) -> Iterator[tuple[type[BaseModel], bool]]:
+def records(annotation: object, called: bool = False) -> Iterator[tuple[type[BaseModel], bool]]:
     """Records that a type contains, and whether each is named by the author of the file."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation, called
     for one in get_args(annotation):
-        yield from _records(one, called or get_origin(annotation) is dict)
+        yield from records(one, called or get_origin(annotation) is dict)

@@ -19,7 +19,7 @@ from pipeline.base.quantities import MM
 from pipeline.design.finished import printed
 from pipeline.design.plan_sheet import expected, turnings
 from pipeline.design.propose import BoundedPlan
-from pipeline.machine.effect import branches
+from pipeline.design.pull import branches
 from pipeline.machine.robot import axes
 from pipeline.machine.robot.axes import from_log_units
 

@@ -22,9 +22,9 @@ from pipeline.design.information import station
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.propose import BoundedPlan
+from pipeline.design.pull import branches
 from pipeline.design.schedule import pulls_at
 from pipeline.machine.cell import paper_cell, predict
-from pipeline.machine.effect import branches
 from pipeline.machine.robot import Joint, Robot, axes
 from pipeline.report.record import (
     Block,

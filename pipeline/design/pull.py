@@ -54,3 +54,16 @@ def _softness(robot: Robot, load_point: Array) -> float:
 def round_pull(value: float) -> float:
     """Round a pull to two significant digits, as people set it."""
     return float(f"{value:.2g}")
+
+
+def branches(steps: Array) -> Array:
+    """Sense in which the turnbuckle is last turned before each step: +1 tightened, -1 slackened.
+
+    Args:
+        steps: Load steps [N]; negative if the first step is reached from above by slackening.
+    """
+    out = np.sign(steps)
+    for k in range(1, len(steps)):
+        if steps[k] > 0:
+            out[k] = np.sign(steps[k] - abs(steps[k - 1])) or out[k - 1]
+    return out

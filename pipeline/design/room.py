@@ -136,7 +136,7 @@ def room_of(
     lower, upper = turns(robot, stated)
     tool, at = np.array(list(points.values()), dtype=float), stated.cell.tracker_m
     tracker = None if at is None else np.array(at)
-    bodies = robot.capsules.with_others(_effector(robot, stated))
+    bodies = together(robot.capsules, _effector(robot, stated))
     outward, crossed = _reached(robot, tool, bodies, tracker is not None)
     turned = 0.0 if tracker is None else _turned_by(robot, tool, lower, upper, hardest_n, tracker)
     shot = [] if tracker is None else accepted(points, stated)
@@ -184,7 +184,7 @@ def unchecked(robot: Robot, targets: Sequence[str], stated: Surrounded) -> tuple
         out.append("the floor: [cell] has no floor_z_m")
     if not cell.max_turn_deg:
         out.append("cables and hoses: [cell] has no max_turn_deg")
-    touching = _pairs(robot, robot.capsules.with_others(_effector(robot, stated)))[1]
+    touching = _pairs(robot, together(robot.capsules, _effector(robot, stated)))[1]
     out += [
         f"{one} against {other}: at the zero of all joints they touch" for one, other in touching
     ]
@@ -239,6 +239,16 @@ def _anywhere(robot: Robot, lower: Array, upper: Array, count: int) -> Configura
     lower = np.where(np.isfinite(lower), lower, np.where(robot.prismatic, -1.0, -np.pi))
     upper = np.where(np.isfinite(upper), upper, np.where(robot.prismatic, 1.0, np.pi))
     return configure(robot, rng.uniform(lower, upper, (count, robot.n)))
+
+
+def together(bodies: Capsules, others: Capsules) -> Capsules:
+    """Capsules followed by others."""
+    return Capsules(
+        np.concatenate([bodies.carrier, others.carrier]),
+        np.concatenate([bodies.ends, others.ends], axis=1),
+        np.concatenate([bodies.radius, others.radius]),
+        bodies.source,
+    )
 
 
 def _effector(robot: Robot, stated: Surrounded) -> Capsules:

@@ -6,7 +6,8 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.design.information import Experiment, station
-from pipeline.machine.effect import Pulls, branches
+from pipeline.design.pull import branches
+from pipeline.machine.effect import Pulls
 
 READING_S, TIGHTEN_S, POSE_S = 8.0, 60.0, 120.0
 """Duration of one reading, of tightening or slackening the chain, of driving to the next pose

@@ -9,7 +9,6 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.tails import chi2_beyond
-from pipeline.machine.positions_estimate import CommonFactorFit
 
 
 class ChiSquare(NamedTuple):
@@ -25,6 +24,15 @@ class ChiSquare(NamedTuple):
 
 
 _NOTHING = ChiSquare(0.0, 0)
+
+
+class CommonFactorFit(NamedTuple):
+    """Common factor of springs by pulls over those by weight, with chi-square misfit and dof."""
+
+    factor: float
+    std: float
+    chi2: float
+    dof: int
 
 
 @dataclass(frozen=True, eq=False)

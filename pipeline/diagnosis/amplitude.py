@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +10,10 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Parameter
-from pipeline.base.tails import CHI2_95, NORMAL_95, chi2_beyond
+from pipeline.base.tails import CHI2_95, NORMAL_95
 from pipeline.diagnosis.average import AveragedAmplitude, Hypothesis, each_way, size
 from pipeline.diagnosis.cause_search import SearchTask, of_model
-from pipeline.diagnosis.facts import EffectSize, FoundCause
+from pipeline.diagnosis.facts import EffectSize
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Elastic
 from pipeline.system.elimination import coefficients, eliminate
@@ -165,20 +165,3 @@ def _rise(view: Whitened, suspect: int, parameter: Parameter, at: float) -> floa
     A[: len(white), -1] = white - A[: len(white), fixed] * (at / view.typical[fixed])
     best = float(eliminate(view.M, view.base)[-1, -1])
     return float(eliminate(A.T @ A, free)[-1, -1]) - best
-
-
-def yielding(hypotheses: Sequence[Hypothesis]) -> Iterator[FoundCause]:
-    """Elements of the first hypothesis as causes, with their parameters.
-
-    The p-value is that of the parameters y with their covariance C: chi-square of y' C^-1 y.
-    """
-    first = hypotheses[0]
-    at = {one.name: k for k, one in enumerate(first.estimate.parameters)}
-    for effect in first.effects:
-        if isinstance(effect, Elastic) and all(one.name in at for one in effect.parameters):
-            k = [at[one.name] for one in effect.parameters]
-            y, C = first.estimate.value[k], first.estimate.cov[np.ix_(k, k)]
-            p = float(chi2_beyond(float(y @ linear.inverse(C) @ y), len(k)))
-            each = zip(effect.parameters, y.tolist(), np.sqrt(np.diag(C)).tolist(), strict=True)
-            sizes = tuple(EffectSize.symmetric(*one) for one in each)
-            yield FoundCause(effect, 1.0, sizes, p, each_way=both_ways(effect, hypotheses))

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock
 
-from pipeline.answer.archive import Among, Finished, kept_tables, look_of, read
+from pipeline.answer.archive import Among, Finished, kept_tables, read
 from pipeline.answer.contract import Answer
-from pipeline.base import files, preferences
-from pipeline.base.appearance import Appearance, AppearanceFacts, appearances
+from pipeline.base import files
+from pipeline.base.appearance import Dress, appearances
 from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.base.shown import printable
 from pipeline.fleet import tables as fleet
 from pipeline.fleet.history import about, earlier, finished, mark, previous
+from pipeline.fleet.preferred import expected_scatter
 from pipeline.fleet.sentences import alarm, fleet_sentences
 from pipeline.fleet.wear_table import RobotWear
 from pipeline.store.campaign import CampaignFolder, code_version, dump, recalled, versions
@@ -45,7 +46,7 @@ def refresh(root: Path) -> Path | None:
             "wear": fleet_sentences(one.answer, wear),
         }
         manifest = one.campaign.manifest() or {}
-        stands["look"] = look_of(dress, manifest, one.answer).key
+        stands["look"] = dress(manifest, one.answer).key
         if not _says(manifest, stands):
             _tell(one.campaign, dress)
     return _index(root, everyone, wear) if everyone else None
@@ -61,7 +62,7 @@ def _wear(root: Path) -> tuple[RobotWear, ...]:
     """Wear of all robots, updated; new alarms are printed."""
     before = _alarms(fleet.wear(root))
     with suppress(CannotWrite):  # the next query creates what is missing, or says why not
-        fleet.refresh(root, preferences.load(root).fleet.scatter)
+        fleet.refresh(root, expected_scatter(root))
     wear = fleet.wear(root)
     for machine, words in _alarms(wear).items():
         if before.get(machine) != words:
@@ -82,16 +83,14 @@ def _left_out(why: str) -> None:
     sys.stderr.write(f"{why} Until then it is left out of the page over all campaigns.\n")
 
 
-def _tell(
-    campaign: CampaignFolder, dress: Callable[[Mapping[str, Any], AppearanceFacts], Appearance]
-) -> None:
+def _tell(campaign: CampaignFolder, dress: Dress) -> None:
     """Write a campaign's report again, with the changes since previous campaigns."""
     from pipeline.report.render import render
 
     with campaign.locked():
         manifest, answer = campaign.manifest(), read(campaign)
         beside = among(campaign, answer)  # as read under the lock
-        look = look_of(dress, manifest or {}, answer)
+        look = dress(manifest or {}, answer)
         stands = {**beside.kept, "look": look.key}
         if manifest is None or _says(manifest, stands):
             return  # another run has done it

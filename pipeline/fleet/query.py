@@ -17,10 +17,11 @@ from typing import Any
 
 import pyarrow as pa
 
-from pipeline.base import files, preferences
+from pipeline.base import files
 from pipeline.base.errors import CannotWrite, UsageError, listed
 from pipeline.base.shown import in_json, printable, say
 from pipeline.fleet import tables as fleet
+from pipeline.fleet.preferred import expected_scatter
 from pipeline.tables import harmless
 
 FORMATS = ("table", "csv", "json", "xlsx")
@@ -49,7 +50,7 @@ def ask(root: Path, query: str) -> _Found:
     Raises:
         UsageError: It is not one, cannot be executed, or no campaign is finished.
     """
-    scatter = preferences.load(root).fleet.scatter
+    scatter = expected_scatter(root)
     try:
         fleet.refresh(root, scatter)
     except CannotWrite:  # a read-only project: tables as left by the last run

@@ -40,28 +40,10 @@ def usual(robot: Robot) -> tuple[Array, Array]:
     std = np.column_stack([mass, *[mass * half] * 3])
     last = turns[-1] - 1
     std[last] = np.hypot(std[last], _TOOL * payload * np.array([1.0, *[_TOOL_M] * 3]))
-    return link_moments(robot) if weighs(robot) else mean, np.maximum(std, _LEAST)
+    return link_moments(robot) if weighs(robot) else mean, np.maximum(std, LEAST)
 
 
-def stated_moments(robot: Robot) -> tuple[Array, Array]:
-    """Masses [kg] and first moments [kg m] of links by the robot file, with their uncertainties.
-
-    m ~ N(m_0, (u m_0)^2), each coordinate of the first moment ~ N(f_0, (u |f_0|)^2), u = `_STATED`.
-
-    Returns:
-        Mean and standard deviation, each of shape (n, 4), the moments in the links' frames.
-    """
-    mean = link_moments(robot)
-    size = np.linalg.norm(mean[:, 1:], axis=1)
-    std = _STATED * np.column_stack([mean[:, 0], *[size] * 3])
-    return mean, np.maximum(std, _LEAST)
-
-
-_STATED = 0.05
-"""Relative standard uncertainty of the mass and first moment of a link in its robot file [1], an
-estimate: drawings contain castings, whose own mass is within 5 to 20 % by grade (GB/T 11351),
-but no cables, grease, hoses and dress packs."""
-_LEAST = 1e-3
+LEAST = 1e-3
 """Least standard uncertainty of a mass [kg] or first moment [kg m]: none is exact, and none
 vanishes."""
 _ARM = 5.0

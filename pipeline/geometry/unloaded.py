@@ -30,7 +30,7 @@ from pipeline.base.tails import chi2_beyond
 from pipeline.geometry.arm_weight import carried_by, usual
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Geometry, Pulls
-from pipeline.machine.positions_estimate import PositionsEstimate
+from pipeline.machine.known_robot import KnownRobot
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.dh_parameters import DhParameter, changed, dh_parameters, twists
 from pipeline.machine.robot.weight import by_moments, carried, work
@@ -520,11 +520,9 @@ def unloaded(
     return replace(found, place=(off if turned is None else off[::2]).mean(axis=0))
 
 
-def _beside(known: PositionsEstimate | None, q: Array, names: Strings) -> Array:
+def _beside(known: KnownRobot | None, q: Array, names: Strings) -> Array:
     """Motions by errors of what positions tell besides the table, as `Unloaded.beside`."""
-    if known is None or known.unsure is None:
-        return np.zeros((len(q), 3, 0))
-    return known.unsure(q, names)
+    return np.zeros((len(q), 3, 0)) if known is None else known.errors(q, names)
 
 
 def _parting(grown: Course | None, at: Array, time: Array) -> Array:

@@ -6,10 +6,11 @@ campaign are inserted unchanged.
 
 The texts of certificate and sheet in other languages are here as well (`catalogue.py`).
 
-Door: `house`; `catalogue:translator`.
+Door: `looks`; `catalogue:translator`.
 Tests: `tests/house/`.
 """
 
+from pipeline.house.appearances import looks
 from pipeline.house.folder import House, house
 
-__all__ = ["House", "house"]
+__all__ = ["House", "house", "looks"]

@@ -25,8 +25,8 @@ from pipeline.library.kinematic_model import ByPulls
 from pipeline.machine.cell import Cell, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
 from pipeline.machine.effect import Pulls
-from pipeline.machine.positions_estimate import laws_of_gears
 from pipeline.positions.mechanism import Mechanism, layout
+from pipeline.positions.positions_estimate import laws_of_gears
 from pipeline.positions.yielding import by_weight_alone
 from pipeline.prediction.model import NOTHING_M, ModelHypothesis
 

@@ -134,19 +134,6 @@ class Pulls(Locked):
         return Pulls(**tiled | {"force": np.asarray(forces, float).reshape(-1, 3)})
 
 
-def branches(steps: Array) -> Array:
-    """Sense in which the turnbuckle is last turned before each step: +1 tightened, -1 slackened.
-
-    Args:
-        steps: Load steps [N]; negative if the first step is reached from above by slackening.
-    """
-    out = np.sign(steps)
-    for k in range(1, len(steps)):
-        if steps[k] > 0:
-            out[k] = np.sign(steps[k] - abs(steps[k - 1])) or out[k - 1]
-    return out
-
-
 @dataclass(frozen=True, eq=False)
 class Loaded(Locked):
     """A robot with its kinematics computed and its wrench applied, in F_b.

@@ -12,7 +12,6 @@ import pandas as pd
 from pipeline.answer import contract
 from pipeline.answer.contract import About, Answer, Line, NoiseFrom, Reason
 from pipeline.answer.diagnosis import cause_entry, mistake_entry, placed
-from pipeline.answer.geometry import table_combinations, table_entries
 from pipeline.answer.inputs import (
     identity_entry,
     measured_on,
@@ -56,6 +55,7 @@ from pipeline.positions.facts import facts_of
 from pipeline.positions.mechanism import layout
 from pipeline.positions.pose_errors import unusual
 from pipeline.positions.study import ModelStage, StageResult, Study
+from pipeline.positions.table_entries import table_combinations, table_entries
 from pipeline.store.campaign import Raw
 
 

@@ -7,7 +7,7 @@ positions goes back into their model.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,19 +20,22 @@ from pipeline.answer.contract import About, Answer, Line
 from pipeline.answer.diagnosis import cause_entry
 from pipeline.answer.recommended import ModelValues, joint_springs
 from pipeline.answer.results import CampaignResults
-from pipeline.base import doors
+from pipeline.base import doors, linear
+from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.agreement import SpringAgreement
-from pipeline.diagnosis.amplitude import yielding
-from pipeline.diagnosis.facts import Diagnosed, Facts
+from pipeline.diagnosis.amplitude import both_ways
+from pipeline.diagnosis.average import Hypothesis
+from pipeline.diagnosis.facts import Diagnosed, EffectSize, Facts, FoundCause
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.hypotheses import usual
 from pipeline.diagnosis.verdict import of_both, verdict
-from pipeline.machine.positions_estimate import called_for, laws_of_gears
+from pipeline.machine.effect import Elastic
 from pipeline.machine.robot.weight import weighs
 from pipeline.positions import answer as of_positions
 from pipeline.positions.answer import PositionsResults
 from pipeline.positions.campaign import model_file
 from pipeline.positions.combined import combined, spring_agreement
+from pipeline.positions.positions_estimate import PositionsEstimate, called_for, laws_of_gears
 from pipeline.positions.with_pulls import as_estimated, beside_pulls, opened, unloaded_p_value
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.reduction.bring import Keep, Step, bring
@@ -80,7 +83,7 @@ class PositionsAndPulls:
 
     def beside(self, stands: Fitted, diagnosis: Diagnosed) -> PositionsAndPulls:
         """The same after the pulls, whose likeliest model adds to what the positions know."""
-        if stands.data.stance is None:
+        if not isinstance(stands.data.stance, PositionsEstimate):
             return self
         one = diagnosis.hypotheses[0] if diagnosis.hypotheses else joint_springs(stands).first
         now = combined(one, stands.data)
@@ -254,3 +257,20 @@ def _of(one: np.ndarray) -> contract.Known | None:
     """Compliance with its uncertainty; None where nothing tells it."""
     value, std = one.tolist()
     return contract.Known(value=value, std=std) if np.isfinite(std) else None
+
+
+def yielding(hypotheses: Sequence[Hypothesis]) -> Iterator[FoundCause]:
+    """Elements of the first hypothesis as causes, with their parameters.
+
+    The p-value is that of the parameters y with their covariance C: chi-square of y' C^-1 y.
+    """
+    first = hypotheses[0]
+    at = {one.name: k for k, one in enumerate(first.estimate.parameters)}
+    for effect in first.effects:
+        if isinstance(effect, Elastic) and all(one.name in at for one in effect.parameters):
+            k = [at[one.name] for one in effect.parameters]
+            y, C = first.estimate.value[k], first.estimate.cov[np.ix_(k, k)]
+            p = float(chi2_beyond(float(y @ linear.inverse(C) @ y), len(k)))
+            each = zip(effect.parameters, y.tolist(), np.sqrt(np.diag(C)).tolist(), strict=True)
+            sizes = tuple(EffectSize.symmetric(*one) for one in each)
+            yield FoundCause(effect, 1.0, sizes, p, each_way=both_ways(effect, hypotheses))

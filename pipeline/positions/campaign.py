@@ -27,7 +27,7 @@ from pipeline.positions.position_readings import (
     wrong_entries,
 )
 from pipeline.positions.position_rows import PositionSheet, position_rows
-from pipeline.positions.positioned import Positioned, as_read, usable
+from pipeline.positions.positioned import Positioned, as_read, schema, usable
 from pipeline.positions.study import Study, study
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 from pipeline.reduction.bring import Keep, Step
@@ -61,7 +61,7 @@ def identify_positions(name: str, raw: Raw, keep: Keep, step: Step) -> Positions
     if late:  # a table as delivered shows decimetres, the identified one a millimetre
         read = usable(raw.settings, raw.robot, sheet.rows, rejects)
         found = _studied(raw, read, step)
-    keep("10_positions", read.table, tables.positions(raw.robot))
+    keep("10_positions", read.table, schema(raw.robot))
     off = outliers(found, read.table)
     rejected = keep("13_rejected", _rejected(read, off), tables.REJECTED)
     mistakes = (*wrong, *late, *wrong_entries(found), *implausible_outliers(off, found))

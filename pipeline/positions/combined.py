@@ -1,7 +1,7 @@
 """Springs and causes of a campaign of pulls, estimated together with absolute positions.
 
 The pulls' rows c = B x + G e are extended by the estimate from the positions of the table, the tool
-and the elements that deflect under the arm's weight (`machine.positions_estimate`):
+and the elements that deflect under the arm's weight (`positions.positions_estimate`):
 
     c       = B x + B_y y - J F a + G e
     [c0 y0] = [x_s y]     + K a   + W w
@@ -27,7 +27,7 @@ from pipeline.diagnosis.agreement import ChiSquare, SpringAgreement
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Cell, sensitivity
 from pipeline.machine.effect import Effect, Elastic
-from pipeline.machine.positions_estimate import PositionsEstimate, laws_of_gears
+from pipeline.positions.positions_estimate import PositionsEstimate, laws_of_gears
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.assemble import POSITIONS, by_stance
@@ -70,7 +70,7 @@ def combined(one: Hypothesis, data: Measured, usual: Array | None = None) -> _Co
         data: The measurements, with their stance.
         usual: Prior standard deviations about zero of its last parameters.
     """
-    assert data.stance is not None
+    assert isinstance(data.stance, PositionsEstimate)
     stance = data.stance.holding(one.cell.effects)
     there = _Places.of(one, stance)
     system = _beside(one, data, stance, there, usual)
@@ -187,7 +187,7 @@ def _beside(
     Elements that were subtracted with given values when the pulls were fitted are added back.
     """
     acted, old = data.stance, one.system
-    assert acted is not None
+    assert isinstance(acted, PositionsEstimate)
     flat = replace(one.cell, equilibrium="undeformed")
     M, k, s = len(old.rows), old.B.shape[1], len(there.rows)
     about = replace(data, stance=stance)  # whose errors of the table are those of K

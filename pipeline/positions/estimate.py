@@ -19,9 +19,11 @@ from scipy import sparse
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.arm_weight import stated_moments, usual
-from pipeline.machine.positions_estimate import soften
+from pipeline.geometry.arm_weight import LEAST, usual
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.weight import link_moments
 from pipeline.positions.mechanism import Linear, Mechanism, Payloads, balances, layout
+from pipeline.positions.positions_estimate import soften
 from pipeline.positions.random_curve import Curve, between_knots
 from pipeline.positions.scatter import PoseScatter
 from pipeline.positions.yielding import sizes
@@ -463,3 +465,23 @@ def again(rows: ReadRows, about: Linear, found: Posterior, scatter: PoseScatter)
     left = rows.y - rows.along(found.x)
     products = left[:, :, None] * left[:, None, :] + rows.variance(found.cov)
     return scatter.better(about, rows.L @ products @ np.swapaxes(rows.L, 1, 2))
+
+
+def stated_moments(robot: Robot) -> tuple[Array, Array]:
+    """Masses [kg] and first moments [kg m] of links by the robot file, with their uncertainties.
+
+    m ~ N(m_0, (u m_0)^2), each coordinate of the first moment ~ N(f_0, (u |f_0|)^2), u = `_STATED`.
+
+    Returns:
+        Mean and standard deviation, each of shape (n, 4), the moments in the links' frames.
+    """
+    mean = link_moments(robot)
+    size = np.linalg.norm(mean[:, 1:], axis=1)
+    std = _STATED * np.column_stack([mean[:, 0], *[size] * 3])
+    return mean, np.maximum(std, LEAST)
+
+
+_STATED = 0.05
+"""Relative standard uncertainty of the mass and first moment of a link in its robot file [1], an
+estimate: drawings contain castings, whose own mass is within 5 to 20 % by grade (GB/T 11351),
+but no cables, grease, hoses and dress packs."""

@@ -17,8 +17,9 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.machine.effects._anatomy import rail, turning
 from pipeline.machine.robot import SHIPPED, Robot, load
-from pipeline.machine.robot.dh_parameters import DhParameter, all_letters, nominal
-from pipeline.machine.robot.variants import alike, counted_back, differing, turned, variants
+from pipeline.machine.robot.dh_parameters import DhParameter, all_letters, file_of, nominal
+from pipeline.machine.robot.steps import Fixed
+from pipeline.machine.robot.variants import alike, as_written, differing, variants, with_row
 from pipeline.positions import left_out
 from pipeline.positions.initial import begin
 from pipeline.positions.mechanism import ArmWeights, linearised
@@ -161,3 +162,35 @@ def _off(
     """Median deviation of the targets from a nominal robot with tool and frames fitted [m]."""
     rows = linearised(readings, begin(robot, readings, tool), weights)
     return float(np.nanmedian(left_out.distances(rows.y, rows.read)))
+
+
+def turned(robot: Robot, joint: int, degrees: float, key: str = "theta_deg") -> Robot:
+    """The robot with some degrees added to an angle of one row: zero (theta) or twist (alpha)."""
+    file, j = file_of(robot), joint - 1
+    return with_row(robot, file, j, {key: getattr(file.joint[j], key) + degrees})
+
+
+def counted_back(robot: Robot, joint: int) -> Robot:
+    """The robot with one joint's sense reversed, Rz(-q) Tz(-r) = Rx(pi) Rz(q) Tz(r) Rx(-pi)."""
+    file, j = file_of(robot), joint - 1
+    rows, row = list(file.joint), file.joint[j]
+    changes: dict[str, object] = {"theta_deg": -row.theta_deg, "alpha_deg": row.alpha_deg + 180.0}
+    key = "r_m" if file.convention == "khalil" else "d_m"
+    changes[key] = -(getattr(row, key) or 0.0)
+    rows[j] = row.model_copy(update=changes)
+    base, flange = file.base or Fixed(), file.flange or Fixed()
+    if file.convention == "standard" and j:
+        before = rows[j - 1]
+        rows[j - 1] = before.model_copy(update={"alpha_deg": before.alpha_deg + 180.0})
+    elif file.convention == "standard":
+        roll, pitch, yaw = base.rpy_deg
+        base = base.model_copy(update={"rpy_deg": (roll + 180.0, pitch, yaw)})
+    elif joint < len(rows):
+        behind = rows[j + 1]
+        rows[j + 1] = behind.model_copy(update={"alpha_deg": behind.alpha_deg - 180.0})
+    else:
+        (x, y, z), (roll, pitch, yaw) = flange.xyz_m, flange.rpy_deg
+        flange = Fixed(xyz_m=(x, -y, -z), rpy_deg=(roll + 180.0, -pitch, -yaw))
+    return as_written(
+        robot, file.model_copy(update={"joint": rows, "base": base, "flange": flange})
+    )

@@ -27,9 +27,9 @@ from pipeline.geometry.arm_weight import carried_by
 from pipeline.geometry.unloaded import reach
 from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Configuration, Robot, configure
-from pipeline.machine.robot.configuration import rotation_about, translation_along
+from pipeline.machine.robot.configuration import rotation_about, torque, translation_along
 from pipeline.machine.robot.dh_parameters import DhParameter, changed, dh_parameters, twists
-from pipeline.machine.robot.weight import by_moments, carried, payload_torques, work
+from pipeline.machine.robot.weight import by_moments, carried, work
 from pipeline.positions.laws import Inputs, JointLaw
 from pipeline.positions.random_curve import Curve
 from pipeline.positions.readings import PositionReadings
@@ -578,3 +578,25 @@ def frame_of(mechanism: Mechanism, series: int) -> slice:
     """Slice of a series' frame in the parameter vector."""
     first = layout(mechanism).frames.start + 6 * series
     return slice(first, first + 6)
+
+
+def payload_torques(here: Configuration, gravity: Array, mass: Array, centre: Array) -> Array:
+    """Derivatives of the torque of a payload's weight with respect to its mass and centre.
+
+    With r = o + F c in F_b, tau_j = J_j(r)' m g: with respect to m it is J_j(r)' g, and to
+    coordinate k of the centre w_j . (F e_k x m g), w_j the axis of a revolute joint.
+
+    Args:
+        here: The robot at m joint vectors.
+        gravity: Acceleration in F_b [m/s^2], shape (3,).
+        mass: Mass of the payload at each pose [kg], shape (m,).
+        centre: Its centre of mass in the flange frame [m], shape (m, 3).
+
+    Returns:
+        By mass [N m/kg] and by the centre along x, y, z [N], shape (m, n, 4).
+    """
+    at = here.flange_origin + np.einsum("mij,mj->mi", here.flange_axes, centre)
+    by_mass = torque(here.twists, at, np.broadcast_to(gravity, at.shape))
+    pull = np.cross(np.swapaxes(here.flange_axes, 1, 2), (mass[:, None] * gravity)[:, None, :])
+    by_centre = np.einsum("mji,mki->mjk", here.twists[..., :3], pull)
+    return np.concatenate([by_mass[..., None], by_centre], axis=2)

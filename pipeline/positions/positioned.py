@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Ints
@@ -14,9 +15,21 @@ from pipeline.base.errors import InputError, listed
 from pipeline.machine.robot import Robot
 from pipeline.positions.mechanism import ArmWeights, Payloads
 from pipeline.positions.readings import PositionReadings
-from pipeline.readers.logs import AXES, TARGET, TURNS, Log, joint_values, positions
+from pipeline.readers.export_settings import OWN_LOG, LogForm
+from pipeline.readers.logs import (
+    ANGLE,
+    AXES,
+    LENGTH,
+    TEMPERATURE,
+    TURNS,
+    Log,
+    Quantity,
+    joint_values,
+    with_joints,
+)
 from pipeline.reduction.limits import LEEWAY
 from pipeline.reduction.settings import PositionsSettings, Settings
+from pipeline.tables import SOURCE, TARGET, number, promise, text
 
 _ORDER = {"xyz_intrinsic": "XYZ", "xyz_extrinsic": "xyz", "zyx_intrinsic": "ZYX"}
 """Notation of the rotation sequences in scipy; rx, ry, rz are the angles about x, y and z in
@@ -130,7 +143,7 @@ def _rows(log: Log, robot: Robot, said: PositionsSettings) -> pd.DataFrame:
     table = {
         "series": log.word.get("series", empty) if series is None else np.full(m, series, object),
         "pose": log.number.get("pose", np.arange(1.0, m + 1)),
-        "target": np.where(target == "", TARGET, target),
+        "target": np.where(target == "", _NAMELESS, target),
         "payload": log.word.get("payload", empty),
         "temperature": log.number.get("temperature", nothing),
         "file": np.full(m, log.file, dtype=object),
@@ -208,3 +221,51 @@ def _turned(angles: Array, rotation: str) -> Array:
     place = {"X": 0, "Y": 1, "Z": 2}
     sorted_by = angles[:, [place[letter] for letter in order.upper()]]
     return np.asarray(Rotation.from_euler(order, sorted_by).as_matrix())
+
+
+_NAMELESS = "T"
+"""Target name used if a table names none."""
+
+
+def positions(name: str, data: bytes, robot: Robot, stated: LogForm = OWN_LOG) -> Log:
+    """Read a table of positions: joint values, x, y, z and, for 6D targets, rx, ry, rz.
+
+    Args:
+        name: Name of the file.
+        data: Its content.
+        robot: The robot whose joints they are.
+        stated: [positions] of campaign.toml.
+
+    Returns:
+        Numbers by joint [m] or [rad], x, y, z [m]; if present rx, ry, rz [rad], pose and
+        temperature [degC]; words series, target and payload, empty if there is no such column.
+
+    Raises:
+        InputError: A joint is missing; the file cannot be read.
+    """
+    places = [Quantity(axis, LENGTH) for axis in AXES]
+    turns = [Quantity(turn, ANGLE, needed=False) for turn in TURNS]
+    others = [*turns, Quantity("pose", {}, needed=False),
+              Quantity("temperature", TEMPERATURE, needed=False),
+              *(Quantity(word, {}, "name", needed=False) for word in _WORDS)]  # fmt: skip
+    return with_joints(name, data, robot, stated, [*places, *others])
+
+
+_WORDS = ("series", "target", "payload")
+
+
+def schema(robot: Robot) -> pa.Schema:
+    """Schema of absolute positions as read, in the frame of the instrument."""
+    return promise(
+        "positions",
+        "series,pose,target",
+        text("series", "series of the instrument's frame"),
+        number("pose", "1", "number of the pose in its series"),
+        TARGET,
+        text("payload", "name of the payload on the flange, empty for none"),
+        number("temperature", "degC", "of the air, NaN unknown"),
+        *SOURCE,
+        *(number(axis, "m", "reading") for axis in "xyz"),
+        *(number(f"r{axis}", "rad", "reading of a 6D target, NaN for a point") for axis in "xyz"),
+        *(number(j.name, "m" if j.prismatic else "rad", "joint value") for j in robot.joints),
+    )

@@ -14,10 +14,8 @@ from pipeline.base.tails import chi2_beyond
 from pipeline.geometry.arm_weight import usual
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Elastic
-from pipeline.machine.positions_estimate import PositionsEstimate, soften
 from pipeline.machine.robot import configure
 from pipeline.machine.robot.weight import carried, work
-from pipeline.machine.stated_tool import StatedTool
 from pipeline.positions.calibrate import Calibration
 from pipeline.positions.estimate import (
     by_a_factor,
@@ -36,7 +34,9 @@ from pipeline.positions.mechanism import (
     layout,
     linearised,
 )
+from pipeline.positions.positions_estimate import PositionsEstimate, soften
 from pipeline.positions.random_curve import between_knots
+from pipeline.positions.stated_tool import StatedTool
 from pipeline.positions.yielding import by_weight_alone
 from pipeline.reduction.bring import bring
 from pipeline.reduction.case import Case
@@ -211,7 +211,7 @@ def as_estimated(case: Case, found: Calibration) -> tuple[Case, Calibration, flo
         The campaign, the estimate with the weight that the pulls determine, and by how much this is
         less than usual.
     """
-    tool = case.settings.stated_tool
+    tool = StatedTool.of(case.settings)
     known = stance(found, tool)
     there = case.standing(known)
     if not known.factor:

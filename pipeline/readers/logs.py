@@ -482,38 +482,8 @@ def columns(name: str, data: bytes) -> tuple[str, ...]:
 
 AXES, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 
-TARGET = "T"
-"""Target name used if a table names none."""
-
 TEMPERATURE = {"c": 1.0}
 """Units of temperature [degC]."""
-
-
-def positions(name: str, data: bytes, robot: Robot, stated: LogForm = OWN_LOG) -> Log:
-    """Read a table of positions: joint values, x, y, z and, for 6D targets, rx, ry, rz.
-
-    Args:
-        name: Name of the file.
-        data: Its content.
-        robot: The robot whose joints they are.
-        stated: [positions] of campaign.toml.
-
-    Returns:
-        Numbers by joint [m] or [rad], x, y, z [m]; if present rx, ry, rz [rad], pose and
-        temperature [degC]; words series, target and payload, empty if there is no such column.
-
-    Raises:
-        InputError: A joint is missing; the file cannot be read.
-    """
-    places = [Quantity(axis, LENGTH) for axis in AXES]
-    turns = [Quantity(turn, ANGLE, needed=False) for turn in TURNS]
-    others = [*turns, Quantity("pose", {}, needed=False),
-              Quantity("temperature", TEMPERATURE, needed=False),
-              *(Quantity(word, {}, "name", needed=False) for word in _WORDS)]  # fmt: skip
-    return with_joints(name, data, robot, stated, [*places, *others])
-
-
-_WORDS = ("series", "target", "payload")
 
 
 def with_joints(

@@ -13,11 +13,10 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.base import patterns
+from pipeline.base import doors, patterns
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError, listed
 from pipeline.base.threads import WORTH_A_THREAD, spread
-from pipeline.base.toml import quoted
 from pipeline.readers import Export
 from pipeline.readers._log_table import NUMBER_LIMIT
 from pipeline.readers._text import shortened
@@ -347,24 +346,11 @@ def _counted(pose: Ints, repeat: Ints, loaded: Bools) -> Ints:
     return out
 
 
-_STATE_WORDS = {
-    "unloaded": {"unbelastet", "leer", "ohne last", "frei", "no load", "free", "zero", "null",
-                 "vide", "à vide", "a vide", "sans charge", "u", "scarico"},
-    "loaded": {"belastet", "last", "laststufe", "zug", "voll", "load", "pull", "pulled", "charge",
-               "chargé", "traction", "l", "carico"},
-}  # fmt: skip
-"""What others call the states."""
-
-
 def _no_state(name: str, parts: Mapping[str, str], stated: Mapping[str, str]) -> InputError:
     """The error for a group whose name matches but holds no pose, repeat and state."""
     read = listed(f'{part} "{shortened(text)}"' for part, text in parts.items() if part in _PARTS)
-    word = parts.get("state", "")
-    known = not word or word.lower() in stated
-    state = next((f'"{one}"' for one, own in _STATE_WORDS.items() if word.lower() in own), "...")
-    ask = ' with "unloaded" or "loaded"' if state == "..." else ""
-    line = f"states = {{ {quoted(word)} = {state} }}{ask}"
-    add = "" if known else f", or write {line} into [naming], beside what is there"
+    meant, word = doors.found(_MEANT), parts.get("state", "")
+    add = meant(word) if meant and word and word.lower() not in stated else ""
     return InputError(
         f'naming.group reads {read} from group "{shortened(name)}"',
         f"let it find whole numbers and one of {listed(stated)}{add}",
@@ -374,6 +360,9 @@ def _no_state(name: str, parts: Mapping[str, str], stated: Mapping[str, str]) ->
 
 
 _PARTS = ("pose", "repeat", "state")
+
+_MEANT = "pipeline.intake.meant:state"
+"""Door of the intake: which state an unknown word may have been meant to be."""
 
 
 def _roles(names: Sequence[str], settings: Settings) -> Ints:

@@ -12,7 +12,7 @@ import pyarrow as pa
 from pipeline import tables
 from pipeline.base.arrays import Array, Ints
 from pipeline.machine.cell import Cell, Tool, paper_cell
-from pipeline.machine.positions_estimate import PositionsEstimate
+from pipeline.machine.known_robot import KnownRobot
 from pipeline.machine.robot import Robot
 from pipeline.readers import Faces
 from pipeline.reduction._raw_readings import (
@@ -98,14 +98,14 @@ class Case(FilesAsRead):
     joints: pd.DataFrame
     rejected: pd.DataFrame
     stations: tuple[Station, ...] = ()
-    stance: PositionsEstimate | None = None
+    stance: KnownRobot | None = None
 
-    def standing(self, stance: PositionsEstimate) -> Case:
+    def standing(self, stance: KnownRobot) -> Case:
         """The same with the robot's table, tool and joint values estimated from positions."""
         points = {name: tuple(at.tolist()) for name, at in stance.points.items()}
         known = {name: at for name, at in points.items() if name in self.settings.tool}
         q = self.joints[self.joint_columns].to_numpy(float)
-        there = dict(zip(self.joint_columns, (q + stance.unloaded(q)[0]).T, strict=True))
+        there = dict(zip(self.joint_columns, stance.joints(q).T, strict=True))
         return replace(
             self,
             settings=self.settings.model_copy(update={"tool": self.settings.tool | known}),

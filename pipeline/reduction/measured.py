@@ -15,7 +15,7 @@ from pipeline.base.errors import InputError, listed
 from pipeline.machine import six
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import MOUNTED, Pulls
-from pipeline.machine.positions_estimate import PositionsEstimate
+from pipeline.machine.known_robot import KnownRobot
 from pipeline.machine.robot import Robot, configure
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction._index import coded, found, numbered, places, pull_numbers
@@ -121,7 +121,7 @@ class Measured(Locked):
     day_rel: float = 0.0
     idle: Idle | None = None
     tracker: Array | None = None
-    stance: PositionsEstimate | None = None
+    stance: KnownRobot | None = None
 
     def __post_init__(self) -> None:
         """Fill in that pulls without further data have no body."""
@@ -137,7 +137,7 @@ class Measured(Locked):
         """Displacements that a shift of the instrument affects: all but rotations, shape (d,)."""
         return np.asarray(~(self.poses & (self.target == 1)))
 
-    def standing(self, stance: PositionsEstimate | None, tool: Tool) -> Measured:
+    def standing(self, stance: KnownRobot | None, tool: Tool) -> Measured:
         """The same given absolute positions: unloaded points as by the corrected table alone.
 
         The motion of the unloaded points due to weight, laws of joints and a crooked rail is

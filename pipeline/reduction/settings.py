@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from decimal import Decimal
 from difflib import get_close_matches
 from statistics import median_low
@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from pipeline.base import toml
+from pipeline.base import doors, toml
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, listed
 from pipeline.base.language import Language
@@ -44,7 +44,6 @@ from pipeline.base.strict import (
 from pipeline.machine.instrument import DataSheet, InstrumentNoise, sheet
 from pipeline.machine.robot import Robot, axes
 from pipeline.machine.robot.axes import LIMIT_SLACK, from_log_units
-from pipeline.machine.stated_tool import StatedTool
 from pipeline.machine.surroundings import Surrounded
 from pipeline.readers.export_settings import ExportSettings, JointForm, LogForm
 from pipeline.readers.reflector_sets import ReflectorSet
@@ -280,6 +279,10 @@ class PositionsSettings(LogForm):
         return [*dict.fromkeys(self.files.values())] or [self.file]
 
 
+_MEANT = "pipeline.intake.meant:pose"
+"""Door of the intake: what a pose beyond the limits of the robot may have been meant to be."""
+
+
 class AskedPose(Strict):
     """The pose at which a good prediction matters most, Eqs. (12), (13); N in F_b.
 
@@ -323,6 +326,10 @@ class AskedPose(Strict):
         """The values as written."""
         return (self.q if self.axes is None else self.axes) or []
 
+    def names(self, robot: Robot) -> Sequence[str]:
+        """Names of the values: of joints, or of the controller's axes."""
+        return (axes.joints if self.axes is None else axes.of)(robot).names
+
     def joint_values(self, robot: Robot, file: str = "campaign.toml") -> Array:
         """The pose in m and rad, shape (n,).
 
@@ -333,7 +340,7 @@ class AskedPose(Strict):
         Raises:
             InputError: The number of values is not that of the robot's joints or axes.
         """
-        names = [joint.name for joint in robot.joints] if self.axes is None else _axes_of(robot)
+        names = self.names(robot)
         if len(self.said) != len(names):
             kind = "joints" if self.axes is None else "axes"
             raise InputError(
@@ -356,9 +363,10 @@ class AskedPose(Strict):
             InputError: It has another number of joints, or one of them is outside its limits.
         """
         values = self.joint_values(robot)
-        out = np.flatnonzero(_beyond(robot, values))
+        out = np.flatnonzero(beyond_limits(robot, values))
         if not out.size:
             return
+        meant = doors.found(_MEANT)
         joint, value = robot.joints[out[0]], values[out[0]]
         unit, one = ("m", 1.0) if joint.prismatic else ("deg", np.rad2deg(1.0))
         axis = None if self.axes is None else axes.alone(robot)[out[0]]
@@ -366,38 +374,13 @@ class AskedPose(Strict):
         raise InputError(
             f"test_pose.{self.key} has {of} = {one * value:.7g} {unit}, outside its limits "
             f"{one * joint.lower:g} to {one * joint.upper:g} {unit}",
-            "; or ".join([*self._as_axes(robot), *self._with_other_sign(robot)])
-            or "give a pose that the robot can take",
+            (meant and meant(self, robot)) or "give a pose that the robot can take",
             file="campaign.toml",
             key=["test_pose", self.key],
         )
 
-    def _with_other_sign(self, robot: Robot) -> Iterator[str]:
-        stated = np.array(self.said)
-        names = [joint.name for joint in robot.joints] if self.axes is None else _axes_of(robot)
-        for k, name in enumerate(names):
-            turned = np.where(np.arange(len(stated)) == k, -stated, stated)
-            if not _beyond(robot, self._joints(robot, turned)).any():
-                yield f"is {name} = {-stated[k]:g} meant, with the other sign?"
 
-    def _as_axes(self, robot: Robot) -> Iterator[str]:
-        stated, names = np.array(self.said), _axes_of(robot)
-        if self.axes is not None or len(names) != len(stated):
-            return
-        shown = np.where(axes.of(robot).slides, 1e3 * stated, stated)
-        if not _beyond(robot, robot.from_controller(shown)).any():
-            yield (
-                f"are these what the controller shows for {', '.join(names)}? Then write "
-                f"axes = [{', '.join(f'{x:g}' for x in shown)}] (mm and degrees)"
-            )
-
-
-def _axes_of(robot: Robot) -> list[str]:
-    """Names of the controller's axes; of the joints where the robot file maps none."""
-    return list(axes.of(robot).names)
-
-
-def _beyond(robot: Robot, q: Array) -> Bools:
+def beyond_limits(robot: Robot, q: Array) -> Bools:
     """Joints outside their limits at joint values [m], [rad], shape (n,)."""
     return np.asarray((q < robot.lower - LIMIT_SLACK) | (q > robot.upper + LIMIT_SLACK))
 
@@ -692,13 +675,6 @@ class Settings(Surrounded):
         if self.displacements is not None and "measured" not in self.naming.model_fields_set:
             return [name for name in self.tool if name != "load_point"]
         return self.naming.measured
-
-    @property
-    def stated_tool(self) -> StatedTool:
-        """Measured targets and load point as stated, with their uncertainties."""
-        std, load = self.tool_uncertainty.sigma_m, self.tool_uncertainty.load_point_sigma_m
-        points = {one: np.array(self.tool[one]) for one in ("load_point", *self.measured)}
-        return StatedTool(points, std, std if load is None else load)
 
 
 def tells_a_pose(places: Array) -> bool:

@@ -15,7 +15,7 @@ from pipeline.base.errors import UsageError
 from pipeline.base.toml import given
 
 if TYPE_CHECKING:
-    from pipeline.base.preferences import Preferences
+    from pipeline.library.preferences import Preferences
 
 
 def serve(
@@ -119,7 +119,7 @@ def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
 
 def _preferred(root: Path, **options: Any) -> Preferences:
     """Preferences from pipeline.toml, overridden by the command line."""
-    from pipeline.base import preferences
+    from pipeline.library import preferences
 
     if not root.is_dir():
         raise UsageError(f"there is no folder {root}: correct --root")

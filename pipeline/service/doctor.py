@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from pipeline.base import preferences
 from pipeline.base.errors import InputError
-from pipeline.base.preferences import Preferences
+from pipeline.library import preferences
+from pipeline.library.preferences import Preferences
 from pipeline.service import server as service
 from pipeline.service import watch
 from pipeline.service.afar import Afar

@@ -40,8 +40,8 @@ from pipeline.app.outcome import Outcome, failed
 from pipeline.app.progress import Tell, reporting
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, UsageError
-from pipeline.base.preferences import Service, load
 from pipeline.base.shown import printable
+from pipeline.library.preferences import Service, load
 from pipeline.run import run
 from pipeline.service import server as service
 from pipeline.service import watch

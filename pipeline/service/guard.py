@@ -21,7 +21,7 @@ from typing import Any
 
 from pipeline.app.outcome import Outcome, failed
 from pipeline.base.errors import Unfinished
-from pipeline.base.preferences import Service
+from pipeline.library.preferences import Service
 from pipeline.service.executor import gone
 from pipeline.service.processes import PYTHON
 from pipeline.store.campaign import CampaignFolder

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
-from pipeline.base.preferences import Service
+from pipeline.library.preferences import Service
 from pipeline.service.processes import PARENT, follow
 
 

@@ -23,8 +23,8 @@ from pathlib import Path
 from pipeline.base import files
 from pipeline.base.environment import NOBODYS
 from pipeline.base.errors import UsageError
-from pipeline.base.preferences import Preferences, Service
 from pipeline.base.shown import printable
+from pipeline.library.preferences import Preferences, Service
 from pipeline.service import notify
 from pipeline.service import server as service
 from pipeline.service.processes import PARENT, PYTHON, REPORTS_URL, ROOT

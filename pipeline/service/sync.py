@@ -19,8 +19,8 @@ from pydantic import TypeAdapter
 from pipeline.app.outcome import Outcome, failed
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError
-from pipeline.base.preferences import Storage
 from pipeline.base.shown import printable
+from pipeline.library.preferences import Storage
 from pipeline.service.afar import Afar
 from pipeline.service.storage import Store
 from pipeline.store.campaign import MOST_ENTRIES, dump, recalled, unfit

@@ -20,10 +20,10 @@ from typing import Protocol
 from pipeline.app.outcome import Outcome, failed
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError
-from pipeline.base.preferences import FILE as PREFERENCES
-from pipeline.base.preferences import Notify, Preferences
 from pipeline.base.shown import printable
 from pipeline.base.strict import Strict
+from pipeline.library.preferences import FILE as PREFERENCES
+from pipeline.library.preferences import Notify, Preferences
 from pipeline.service import notify, sync
 from pipeline.service import server as service
 from pipeline.service.guard import Guard

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.base import linear
+from pipeline.base import linear, toml
 from pipeline.base.arrays import Array, Bools, Locked, Parameter
 from pipeline.base.errors import UsageError, listed
 from pipeline.machine.robot import Robot
+from pipeline.machine.robot.dh_parameters import file_of
 from pipeline.machine.robot.mdh import parse
-from pipeline.machine.robot.variants import misread
+from pipeline.machine.robot.variants import other_convention
 from pipeline.readers import OutgoingReadings
 
 KGF_N, _LBF_N, INCH_M = 9.80665, 4.4482216152605, 0.0254
@@ -292,3 +293,11 @@ def amounts(size: str, parameters: tuple[Parameter, ...], text: str) -> Array:
         wanted = ", ".join(f"{p.name} [{p.unit}]" for p in parameters) or "no size"
         raise UsageError(f'"{text}": it has {wanted}; give one number for each.')
     return values
+
+
+def misread(robot: Robot) -> tuple[str, str]:
+    """The robot's file with its letters under the other convention, and the true convention."""
+    file = file_of(robot)
+    wrong, _ = other_convention(file)
+    text = toml.dumps(wrong.model_dump(exclude_none=True, exclude={"capsules", "capsules_source"}))
+    return text, "standard_dh" if file.convention == "standard" else "modified_dh"

@@ -8,7 +8,8 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.strict import STANDARD_GRAVITY
-from pipeline.machine.effect import HUNG, MOUNTED, PULLED, branches
+from pipeline.design.pull import branches
+from pipeline.machine.effect import HUNG, MOUNTED, PULLED
 from pipeline.simulate.plan import Plan
 
 DOWN = np.array([0.0, 0.0, -1.0])

@@ -283,7 +283,7 @@ def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
 
 
 def by_stance(cell: Cell, data: Measured, values: Array) -> Array:
-    """Effect on c of each error of table and points, `PositionsEstimate.parts`, (d, 3, r) [m]."""
+    """Effect on c of each error of table and points, `KnownRobot.parts`, (d, 3, r) [m]."""
     assert data.stance is not None
     stance = data.stance
 
@@ -300,7 +300,7 @@ def by_stance(cell: Cell, data: Measured, values: Array) -> Array:
 def _beside_positions(cell: Cell, data: Measured, values: Array) -> Array:
     """Effect on c of errors of absolute positions via table, points and elements, (d, 3, r) [m].
 
-    The elements of `PositionsEstimate` are held in the cell at the values estimated from positions;
+    The elements of `KnownRobot` are held in the cell at the values estimated from positions;
     their errors are K a + W w.
     """
     assert data.stance is not None

@@ -17,9 +17,9 @@ from pipeline.answer.archive import _SHOWN, read
 from pipeline.app.cli import _exit_code
 from pipeline.app.shell import run_all
 from pipeline.base.errors import UsageError
-from pipeline.base.preferences import Preferences, Service
 from pipeline.fleet import history, pages
 from pipeline.fleet.states import states
+from pipeline.library.preferences import Preferences, Service
 from pipeline.report.figures.catalogue import _PLOTS
 from pipeline.run import run
 from pipeline.service.guard import Guard

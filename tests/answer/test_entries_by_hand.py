@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from pipeline.answer.diagnosis import mistake_entry
-from pipeline.answer.geometry import table_entries
 from pipeline.faults.mistake import as_it_is, outlying
 from pipeline.machine.robot import load
 from pipeline.machine.robot.dh_parameters import changed, dh_parameters, nominal
 from pipeline.positions.answer import _chance
+from pipeline.positions.table_entries import table_entries
 
 
 @pytest.mark.parametrize("name", ["kr500_rail", "ur10", "fanuc_r2000ic"])

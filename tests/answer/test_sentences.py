@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import report_sample
 
+from pipeline.annex.sections.stiffness import remark_sentences
 from pipeline.answer.conformity import (
     causes_differ,
     compared,
@@ -27,7 +28,7 @@ from pipeline.answer.contract import (
     Tip,
     Tolerance,
 )
-from pipeline.answer.remarks import remark_sentences, stiffness_text
+from pipeline.answer.remarks import stiffness_text
 from pipeline.answer.sentences import (
     _next,
     _of_robot,

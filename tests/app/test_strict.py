@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from pipeline.base.preferences import Preferences
+from pipeline.library.preferences import Preferences
 from pipeline.machine.robot import mdh
 from pipeline.reduction.settings import Settings
 from pipeline.simulate.plan import Plan

@@ -15,8 +15,8 @@ from test_cli import ENVIRONMENT, HERE, on_a_terminal
 
 from pipeline.app.cli import _exit_code
 from pipeline.base.errors import CannotWrite, UsageError
-from pipeline.base.preferences import Service
 from pipeline.fleet import compare, overview
+from pipeline.library.preferences import Service
 from pipeline.service import server as service
 from pipeline.service import supervisor
 

@@ -12,10 +12,12 @@ import pyarrow as pa
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from pipeline.base import doors, environment, language, preferences, shown, strict, toml
-from pipeline.base.appearance import Appearance, appearances
+from pipeline.base import doors, environment, language, shown, strict, toml
+from pipeline.base.appearance import Appearance
 from pipeline.base.arrays import sifted
 from pipeline.base.errors import InputError, UsageError
+from pipeline.house.appearances import appearances
+from pipeline.library import preferences
 
 ODD = ["\x00", "\x1b", "\x7f", "\x9f", "\xad", "\u202e", "\u2028", "\udc80", "\udcff", "\ud800"]
 ODD += ["\ufeff", "\U000e0001"]

@@ -8,6 +8,7 @@ import pytest
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline import tables
+from pipeline.annex import promises
 from pipeline.annex.diagnosis_tables import apart_table, clues_table, examined_table
 from pipeline.answer.diagnosis import diagnosis_of_good_data
 from pipeline.answer.stiffness import stiffness_entries
@@ -281,10 +282,10 @@ def test_what_the_diagnosis_says_fits_into_result_json_and_the_tables():
     said = diagnosis_of_good_data(found, KR500)
     assert json.loads(said.model_dump_json())["verdict"] == "explained"
     assert said.causes[0].gain.reduction > 0
-    tables.conform(clues_table(found), tables.DIAGNOSIS)
-    tables.conform(apart_table(found), tables.SEPARABILITY)
+    tables.conform(clues_table(found), promises.DIAGNOSIS)
+    tables.conform(apart_table(found), promises.SEPARABILITY)
     rows = examined_table(found, cell, data, system, estimate)
-    kept = tables.conform(rows, tables.examined(KR500)).to_pandas()
+    kept = tables.conform(rows, promises.examined(KR500)).to_pandas()
     assert np.isfinite(kept["left_out_extended_m"]).all()
     assert kept["left_out_extended_m"].std() < kept["left_out_m"].std()
 

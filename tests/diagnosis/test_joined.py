@@ -8,16 +8,16 @@ import pytest
 
 from bench.as_pinocchio import model as pin_model
 from pipeline.annex.seen_laws import laws
-from pipeline.diagnosis.amplitude import yielding
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.average import springs as springs_of
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects import catalogue
-from pipeline.machine.positions_estimate import PositionsEstimate
 from pipeline.machine.robot import load
 from pipeline.machine.robot.dh_parameters import dh_parameters
+from pipeline.positions.both import yielding
 from pipeline.positions.combined import combined, spring_agreement
+from pipeline.positions.positions_estimate import PositionsEstimate
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale
 from pipeline.system import alarms

@@ -22,14 +22,13 @@ from pipeline.geometry.arm_weight import usual
 from pipeline.library.kinematic_model import dumps, kinematic_model
 from pipeline.library.target_model import loads, predict
 from pipeline.machine.robot import configure, load
-from pipeline.machine.robot.variants import counted_back, turned
 from pipeline.machine.robot.weight import carried, work
 from pipeline.positions import study as of_study
 from pipeline.positions.calibrate import ModelStructure, calibrate
 from pipeline.positions.catalogue_causes import _evidence
 from pipeline.positions.cross_validation import Partition
 from pipeline.positions.estimate import FIXED_SIGMA, Posterior, Prior, prior, rougher, solved
-from pipeline.positions.gross_errors import corrected
+from pipeline.positions.gross_errors import corrected, counted_back, turned
 from pipeline.positions.initial import begin
 from pipeline.positions.joint_laws import _share
 from pipeline.positions.laws import JointLaw

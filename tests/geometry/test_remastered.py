@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 from small_case import asked, small
 
 from pipeline.answer.contract import Which
-from pipeline.answer.geometry import estimated_table
 from pipeline.diagnosis.causes import of_base, of_motion
 from pipeline.diagnosis.facts import Drift
 from pipeline.diagnosis.unloaded_geometry import corrected, from_unloaded
 from pipeline.machine.effects import catalogue, tracker_drift
 from pipeline.machine.robot import configure
 from pipeline.machine.robot.dh_parameters import changed, dh_parameters
+from pipeline.positions.table_entries import estimated
 from pipeline.reduction.course import Course
 from pipeline.reduction.register import register
 from pipeline.run import campaign_answer
@@ -233,7 +233,7 @@ def test_a_joint_that_slipped_is_one_cause_and_another_zero_of_the_robot_as_it_i
     assert configure(cell.robot, q).flange_origin == pytest.approx(
         configure(made.cell.robot, other).flange_origin, abs=2e-4
     )
-    stated = {(one.name, one.where): one for one in estimated_table(found)}[("joint_offset", 3)]
+    stated = {(one.name, one.where): one for one in estimated(found)[0]}[("joint_offset", 3)]
     assert stated.value - stated.nominal == pytest.approx(2e-3, abs=2e-4)
     assert data.pulls.q[since] == pytest.approx(given[since], abs=1e-9)
     assert (given - data.pulls.q)[~since, 2] == pytest.approx(-one.value[0], abs=1e-9)

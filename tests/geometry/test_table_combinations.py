@@ -8,7 +8,7 @@ from rail_chain import LETTERS, stands
 from test_unloaded import estimated, of, poses, read
 
 from pipeline.annex.sections.geometry import dh_table
-from pipeline.answer.geometry import estimated_combinations, estimated_table
+from pipeline.positions import table_entries
 
 ROUGH_M = 5e-4
 
@@ -19,8 +19,7 @@ def told(seed):
     wrong = {letter.label: ROUGH_M * float(rng.standard_normal()) for letter in LETTERS}
     found, _ = estimated(of(read(seed, wrong, joints=1e-4)))
     stood = SimpleNamespace(cells=found, causes=())
-    entries = estimated_table(stood)
-    return entries, estimated_combinations(stood, entries), wrong
+    return *table_entries.estimated(stood), wrong
 
 
 def label(entry):

@@ -12,15 +12,15 @@ from mixed_campaign import HIGH, LOAD_POINT, LOW
 from pipeline.geometry.arm_weight import usual
 from pipeline.machine.cell import Cell, Tool, baseline, predict
 from pipeline.machine.effect import Pulls
-from pipeline.machine.effects.gravity_sag import under_pulls
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.dh_parameters import dh_parameters
-from pipeline.machine.robot.weight import by_moments, carried, link_moments, stiffening
-from pipeline.machine.stated_tool import StatedTool
+from pipeline.machine.robot.weight import by_moments, carried, link_moments
 from pipeline.positions.calibrate import ModelStructure, calibrate, tried
 from pipeline.positions.initial import begin
 from pipeline.positions.mechanism import ArmWeights, Mechanism, Payloads, layout, linearised
+from pipeline.positions.positions_estimate import stiffening, under_pulls
 from pipeline.positions.scatter import start
+from pipeline.positions.stated_tool import StatedTool
 from pipeline.positions.with_pulls import stance, unloaded_p_value
 from pipeline.positions.yielding import Virtual, carried_on, yielding
 

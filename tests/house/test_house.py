@@ -8,9 +8,10 @@ import pytest
 import report_sample
 from pdf_text import pages_of
 
-from pipeline.base.appearance import Appearance, appearances
+from pipeline.base.appearance import Appearance
 from pipeline.base.errors import InputError
 from pipeline.house import house
+from pipeline.house.appearances import appearances
 from pipeline.report.certificate import certificate
 from pipeline.report.model import compose
 from pipeline.report.render import render

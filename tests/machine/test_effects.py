@@ -15,11 +15,11 @@ from pipeline.machine import cell as forward
 from pipeline.machine.cell import baseline
 from pipeline.machine.effect import Compound, Elastic, Geometry, Noise
 from pipeline.machine.effects import catalogue, table
-from pipeline.machine.effects.gravity_sag import under_pulls
 from pipeline.machine.effects.joint_hysteresis import slid
 from pipeline.machine.effects.nameless import competing, mounting, nameless, remembered
 from pipeline.machine.robot import load, mdh
 from pipeline.machine.robot.dh_parameters import dh_parameters
+from pipeline.positions.positions_estimate import under_pulls
 
 NAMES = [
     "rail_lateral",

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.errors import InputError
+from pipeline.design.room import together
 from pipeline.machine.robot import load
 from pipeline.machine.robot.capsules import Capsule, capsules
 from pipeline.machine.robot.steps import Fixed, screw_x, screw_z
@@ -37,7 +38,7 @@ def test_a_capsule_lies_in_the_frame_of_its_row():
     assert made.carrier.tolist() == [2]
     assert made.ends[:, 0] == pytest.approx(np.array([[1.0, 0.5, 0.0], [0.5, 0.0, 0.0]]))
     assert made.half == pytest.approx([np.sqrt(0.5) / 2])
-    assert len(made.with_others(made)) == 2
+    assert len(together(made, made)) == 2
     with pytest.raises(InputError, match="a9"):
         capsules([rows[0].model_copy(update={"link": "a9"})], {"a2": (2, np.eye(4))}, "", "r.toml")
 

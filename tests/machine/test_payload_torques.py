@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.machine.robot import configure, load
-from pipeline.machine.robot.weight import payload_torques
+from pipeline.positions.mechanism import payload_torques
 
 Q = np.array([[2.0, 0.3, -1.2, 1.9, 0.7, -0.8, 1.1], [5.0, -0.9, -0.6, 1.2, -1.4, 0.5, 2.3]])
 MASS, CENTRE = np.array([180.0, 60.0]), np.array([[0.11, -0.07, 0.32], [-0.2, 0.15, 0.1]])

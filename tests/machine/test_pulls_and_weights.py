@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from pipeline.design.pull import branches
+from pipeline.design.room import together
 from pipeline.machine import six
 from pipeline.machine.cell import Tool, columns, jacobian, paper_cell, predict
 from pipeline.machine.cell import load as loaded
-from pipeline.machine.effect import HUNG, PULLED, Pulls, branches, in_place
+from pipeline.machine.effect import HUNG, PULLED, Pulls, in_place
 from pipeline.machine.effects import catalogue
 from pipeline.machine.law import Law, parse
 from pipeline.machine.robot import configure, load
@@ -20,10 +22,10 @@ from pipeline.machine.robot.weight import (
     carried,
     gravity_torque,
     link_moments,
-    stiffening,
     weighs,
     work,
 )
+from pipeline.positions.positions_estimate import stiffening
 
 RAIL = load("kr500_rail")
 RNG = np.random.default_rng(71)
@@ -205,7 +207,7 @@ def test_capsules_move_with_their_link_and_those_of_the_base_stay() -> None:
             R, o = here.frame(joint)
             np.testing.assert_allclose(found[end, :, c].T, o + R @ ends[end, c], atol=1e-12)
     assert bodies.half == pytest.approx(np.linalg.norm(ends[1] - ends[0], axis=1) / 2)
-    both = bodies.with_others(Capsules(np.array([1]), ends[:, :1], np.array([0.4])))
+    both = together(bodies, Capsules(np.array([1]), ends[:, :1], np.array([0.4])))
     assert (len(both), both.source) == (4, "own")
     assert both.carrier.tolist() == [0, 2, 7, 1]
     assert both.radius.tolist() == [0.1, 0.2, 0.3, 0.4]

@@ -14,8 +14,9 @@ from pipeline.machine import robot as robots
 from pipeline.machine.robot import SHIPPED, axes, configure, load
 from pipeline.machine.robot.configuration import torque, velocity
 from pipeline.machine.robot.mdh import parse
-from pipeline.machine.robot.variants import alike, differing, misread
+from pipeline.machine.robot.variants import alike, differing
 from pipeline.machine.robot.weight import gravity_torque
+from pipeline.simulate.blunders import misread
 
 POINT = np.array([0.11, -0.07, 0.23])
 RNG = np.random.default_rng(7)

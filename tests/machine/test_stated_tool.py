@@ -8,9 +8,9 @@ import pytest
 
 from pipeline.machine.effect import Elastic
 from pipeline.machine.effects import catalogue
-from pipeline.machine.positions_estimate import PositionsEstimate
 from pipeline.machine.robot import load
-from pipeline.machine.stated_tool import StatedTool
+from pipeline.positions.positions_estimate import PositionsEstimate
+from pipeline.positions.stated_tool import StatedTool
 
 POINTS = {
     "load_point": [0.1, 0.0, 0.2],

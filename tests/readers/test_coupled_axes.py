@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.machine.robot import load
-from pipeline.readers.logs import positions
+from pipeline.positions.positioned import positions
 
 
 def test_the_third_axis_of_a_fanuc_turns_with_the_second():

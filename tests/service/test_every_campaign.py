@@ -10,7 +10,7 @@ from test_watch import Runs, arrive, look
 
 from pipeline.base import files
 from pipeline.base.errors import InputError
-from pipeline.base.preferences import Preferences
+from pipeline.library.preferences import Preferences
 from pipeline.service import doctor, server, supervisor, watch
 from pipeline.service.status import FolderState, folder_statuses, now
 from pipeline.store.campaign import dump, find

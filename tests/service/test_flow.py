@@ -116,7 +116,7 @@ PLANNED = """
 import os, sys
 from datetime import UTC, datetime
 from pathlib import Path
-from pipeline.base.preferences import Service
+from pipeline.library.preferences import Service
 from pipeline.service import server
 server.settle(Path(sys.argv[1]))
 from prefect.server.schemas.schedules import CronSchedule

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bench.bench_kill import PLAN
-from pipeline.base.preferences import Service
+from pipeline.library.preferences import Service
 from pipeline.service.guard import Guard
 from pipeline.service.processes import alive
 from pipeline.simulate import simulate

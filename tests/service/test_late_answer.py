@@ -10,7 +10,7 @@ from multiprocessing.connection import Pipe
 import pytest
 
 from pipeline.app.outcome import Outcome
-from pipeline.base.preferences import Service, Storage
+from pipeline.library.preferences import Service, Storage
 from pipeline.service import guard, sync
 from pipeline.service.guard import Guard, _Worker
 from pipeline.store.campaign import CampaignFolder

@@ -24,7 +24,7 @@ import pytest
 from get_browser import browser_path
 
 from bench.bench_service import family, free_port
-from pipeline.base.preferences import Service
+from pipeline.library.preferences import Service
 from pipeline.service import supervisor
 from pipeline.service.processes import alive
 

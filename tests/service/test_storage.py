@@ -18,7 +18,7 @@ from pipeline.app.cli import _exit_code
 from pipeline.app.outcome import outcome
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError
-from pipeline.base.preferences import Preferences, Storage, load
+from pipeline.library.preferences import Preferences, Storage, load
 from pipeline.service import afar, listing
 from pipeline.service import sync as mirror
 from pipeline.service.afar import Afar

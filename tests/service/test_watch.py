@@ -16,9 +16,10 @@ import pytest
 import report_sample
 
 from pipeline.app.outcome import failed, outcome
-from pipeline.base import files, preferences
+from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError
-from pipeline.base.preferences import Notify, Preferences, Service
+from pipeline.library import preferences
+from pipeline.library.preferences import Notify, Preferences, Service
 from pipeline.run import run
 from pipeline.service import supervisor, watch
 from pipeline.service.server import LastScan, Running

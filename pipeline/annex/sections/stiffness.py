@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from pipeline.annex.words import springs_alone
-from pipeline.answer import remarks
 from pipeline.answer.contract import (
     Answer,
     Believed,
     Combination,
     Fit,
     Known,
+    Odd,
+    Remark,
     SpringBy,
     Stiffness,
     Weighed,
 )
+from pipeline.answer.remarks import sentence
 from pipeline.answer.words import capital
 from pipeline.base import doors
 from pipeline.base.quantities import (
@@ -111,7 +113,7 @@ def _findings(answer: Answer) -> Iterator[str]:
     """Findings to act on: those of the whole campaign first, then those of single stiffnesses."""
     own = {joint.finding for joint in answer.stiffness}
     yield from dict.fromkeys(one for one in answer.findings if one not in own)
-    yield from remarks.remark_sentences(answer.stiffness)
+    yield from remark_sentences(answer.stiffness)
     for joint in answer.stiffness:
         if joint.finding and not joint.remarks:  # written by a version that had the sentence only
             yield joint.finding
@@ -305,3 +307,24 @@ def _fit_text(fit: Fit) -> Paragraph:
         f"{'' if fit.p_value is None else tested} {fit.noise_statement} The residual standard "
         f"deviation is {plain(fit.residual_std_mm)} mm."
     )
+
+
+def remark_sentences(joints: Iterable[Stiffness]) -> list[str]:
+    """Remarks on several stiffnesses; one that applies to several alike is made once.
+
+    Remarks on joints that are determined together are left to `check.findings`.
+    """
+    alike: dict[Any, tuple[Remark, list[Stiffness]]] = {}
+    for joint in joints:
+        for remark in joint.remarks:
+            if remark.odd is Odd.TOGETHER:
+                continue
+            alike.setdefault((remark, _own(remark, joint)), (remark, []))[1].append(joint)
+    return [sentence(remark, those) for remark, those in alike.values()]
+
+
+def _own(remark: Remark, joint: Stiffness) -> object:
+    """Key of what a sentence depends on besides the name: number or type of the joint, or None."""
+    if remark.cause is not None:
+        return None
+    return joint.joint_type if remark.odd in (Odd.MIXED, Odd.NO_LEVER) else joint.joint

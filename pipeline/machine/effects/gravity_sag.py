@@ -16,7 +16,6 @@ from pipeline.machine.effects.table import NEEDS
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque
 from pipeline.machine.robot.rating import relative
-from pipeline.machine.robot.weight import stiffening
 
 
 def effects(robot: Robot) -> tuple[Compound, ...]:
@@ -28,38 +27,17 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
     first = turning(robot)[0]
     upper = _Link(robot, shoulder, elbow, tuple(range(first, shoulder + 1)))
     masses = _Masses((upper, _Link(robot, elbow, wrist, tuple(range(first, elbow + 1)))))
-    described = _said(relative(robot))
+    common = described(relative(robot))
     elastic = Elastic(
-        **described,
+        **common,
         carrier=tuple(joint for link in masses.links for joint in link.chain),
         response=masses.response,
         shared=tuple(k for k, link in enumerate(masses.links) for _ in link.chain),
     )
-    return (Compound(**described, acts=(Geometry(**described, geometry=masses.geometry), elastic)),)
+    return (Compound(**common, acts=(Geometry(**common, geometry=masses.geometry), elastic)),)
 
 
-def under_pulls(compliance: Array, moments: Array, gravity: Array) -> Elastic:
-    """Known links whose weight adds to the deflection under a pull, c G c tau.
-
-    Args:
-        compliance: c of each joint [m/N] or [rad/(N m)], shape (n,).
-        moments: Mass [kg] and first moment [kg m] of each link, shape (n, 4).
-        gravity: Acceleration in F_b [m/s^2], shape (3,).
-    """
-
-    def response(loaded: Loaded, tau: Array) -> Array:
-        G = stiffening(loaded.configuration, gravity, moments)
-        return np.asarray(compliance * np.einsum("mjk,k,mk->mj", G, compliance, tau))
-
-    return Elastic(
-        **_said(1.0) | {"parameters": (Parameter("known", "1", 1.0, 0.0, 2.0),)},
-        carrier=tuple(range(1, len(compliance) + 1)),
-        response=response,
-        shared=(0,) * len(compliance),
-    )
-
-
-def _said(size: float) -> dict[str, Any]:
+def described(size: float) -> dict[str, Any]:
     """Description with link masses of the KR500, scaled by `size` for robots of another payload."""
     return {
         "name": "gravity_sag",

@@ -67,15 +67,6 @@ class Capsules(Locked):
         """Half the segment length of each capsule [m], shape (c,)."""
         return np.asarray(np.linalg.norm(self.ends[1] - self.ends[0], axis=-1) / 2)
 
-    def with_others(self, other: Capsules) -> Capsules:
-        """These capsules followed by others."""
-        return Capsules(
-            np.concatenate([self.carrier, other.carrier]),
-            np.concatenate([self.ends, other.ends], axis=1),
-            np.concatenate([self.radius, other.radius]),
-            self.source,
-        )
-
 
 def capsules(
     rows: Sequence[Capsule], frames: Mapping[str, tuple[int, Array]], source: str, file: str

@@ -9,7 +9,6 @@ from functools import lru_cache
 from pipeline.base import toml
 from pipeline.machine.robot.dh_parameters import file_of
 from pipeline.machine.robot.mdh import Robot, RobotFile, placements
-from pipeline.machine.robot.steps import Fixed
 
 _LENGTHS = {"a_m": "a", "d_m": "d", "r_m": "r"}
 _VISIBLE_M = 0.01
@@ -31,57 +30,21 @@ def _variants(robot: Robot) -> Iterator[tuple[str, Robot]]:
     for j, row in enumerate(file.joint):
         for key, letter in _LENGTHS.items():
             if abs(getattr(row, key) or 0.0) > _VISIBLE_M:
-                yield f"{letter}_{j + 1}", _with_row(robot, file, j, {key: -getattr(row, key)})
+                yield f"{letter}_{j + 1}", with_row(robot, file, j, {key: -getattr(row, key)})
         if row.alpha_deg % 180:
-            yield f"alpha_{j + 1}", _with_row(robot, file, j, {"alpha_deg": -row.alpha_deg})
-    other, name = _other_convention(file)
-    yield name, _as(robot, other)
+            yield f"alpha_{j + 1}", with_row(robot, file, j, {"alpha_deg": -row.alpha_deg})
+    other, name = other_convention(file)
+    yield name, as_written(robot, other)
 
 
-def turned(robot: Robot, joint: int, degrees: float, key: str = "theta_deg") -> Robot:
-    """The robot with some degrees added to an angle of one row: zero (theta) or twist (alpha)."""
-    file, j = file_of(robot), joint - 1
-    return _with_row(robot, file, j, {key: getattr(file.joint[j], key) + degrees})
-
-
-def counted_back(robot: Robot, joint: int) -> Robot:
-    """The robot with one joint's sense reversed, Rz(-q) Tz(-r) = Rx(pi) Rz(q) Tz(r) Rx(-pi)."""
-    file, j = file_of(robot), joint - 1
-    rows, row = list(file.joint), file.joint[j]
-    changes: dict[str, object] = {"theta_deg": -row.theta_deg, "alpha_deg": row.alpha_deg + 180.0}
-    key = "r_m" if file.convention == "khalil" else "d_m"
-    changes[key] = -(getattr(row, key) or 0.0)
-    rows[j] = row.model_copy(update=changes)
-    base, flange = file.base or Fixed(), file.flange or Fixed()
-    if file.convention == "standard" and j:
-        before = rows[j - 1]
-        rows[j - 1] = before.model_copy(update={"alpha_deg": before.alpha_deg + 180.0})
-    elif file.convention == "standard":
-        roll, pitch, yaw = base.rpy_deg
-        base = base.model_copy(update={"rpy_deg": (roll + 180.0, pitch, yaw)})
-    elif joint < len(rows):
-        behind = rows[j + 1]
-        rows[j + 1] = behind.model_copy(update={"alpha_deg": behind.alpha_deg - 180.0})
-    else:
-        (x, y, z), (roll, pitch, yaw) = flange.xyz_m, flange.rpy_deg
-        flange = Fixed(xyz_m=(x, -y, -z), rpy_deg=(roll + 180.0, -pitch, -yaw))
-    return _as(robot, file.model_copy(update={"joint": rows, "base": base, "flange": flange}))
-
-
-def misread(robot: Robot) -> tuple[str, str]:
-    """The robot's file with its letters under the other convention, and the true convention."""
-    file = file_of(robot)
-    wrong, _ = _other_convention(file)
-    text = toml.dumps(wrong.model_dump(exclude_none=True, exclude={"capsules", "capsules_source"}))
-    return text, "standard_dh" if file.convention == "standard" else "modified_dh"
-
-
-def _with_row(robot: Robot, file: RobotFile, j: int, change: dict[str, float]) -> Robot:
+def with_row(robot: Robot, file: RobotFile, j: int, change: dict[str, float]) -> Robot:
+    """The robot of a file with other entries in row j, from 0."""
     rows = [*file.joint[:j], file.joint[j].model_copy(update=change), *file.joint[j + 1 :]]
-    return _as(robot, file.model_copy(update={"joint": rows}))
+    return as_written(robot, file.model_copy(update={"joint": rows}))
 
 
-def _as(robot: Robot, file: RobotFile) -> Robot:
+def as_written(robot: Robot, file: RobotFile) -> Robot:
+    """The robot with the geometry, and the text, of another file."""
     placement, flange = placements(file)
     entries: dict[str, object] = {"convention": file.convention}
     ends = {"base": file.base, "flange": file.flange}
@@ -91,7 +54,7 @@ def _as(robot: Robot, file: RobotFile) -> Robot:
     return replace(robot, placement=placement, flange=flange, text=text)
 
 
-def _other_convention(file: RobotFile) -> tuple[RobotFile, str]:
+def other_convention(file: RobotFile) -> tuple[RobotFile, str]:
     """The same letters under the other convention; Khalil's d and r are Craig's a and d."""
     if file.convention == "standard":
         return file.model_copy(update={"convention": "craig"}), "modified_dh"

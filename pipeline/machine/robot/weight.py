@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.machine.robot.configuration import Configuration, cross, torque
+from pipeline.machine.robot.configuration import Configuration, cross
 from pipeline.machine.robot.mdh import Robot
 
 
@@ -64,33 +64,6 @@ def by_moments(here: Configuration, gravity: Array) -> Array:
     return out
 
 
-def stiffening(here: Configuration, gravity: Array, moments: Array) -> Array:
-    """Derivative of the torques of the links' weight by the joint values, G = d tau_g / dq.
-
-    Joint k moves everything it carries, of mass M_k and first moment P_k about the origin of F_b,
-    by v_k + w_k x r, and changes the torque of its weight about a preceding joint j by
-
-        G_jk = w_j . ((M_k v_k + w_k x P_k) x g),    j <= k,    G_kj = G_jk,
-
-    as weight has a potential.
-
-    Args:
-        here: The robot at m joint vectors.
-        gravity: Acceleration in F_b [m/s^2], shape (3,).
-        moments: Mass [kg] and first moment [kg m] of each link, shape (n, 4).
-
-    Returns:
-        Shape (m, n, n) [N m/rad], [N] or [N/m].
-    """
-    first = moments[:, :1] * here.origin + np.einsum("mkij,kj->mki", here.axes, moments[:, 1:])
-    P = np.cumsum(first[:, ::-1], axis=1)[:, ::-1]
-    M = np.cumsum(moments[::-1, 0])[::-1]
-    turn, slide = here.twists[..., :3], here.twists[..., 3:]
-    moved = M[:, None] * slide + cross(turn, P)
-    G = np.triu(np.einsum("mji,mki->mjk", turn, cross(moved, gravity)))
-    return np.asarray(G + np.swapaxes(np.triu(G, 1), 1, 2))
-
-
 def work(screws: Array, wrenches: Array) -> Array:
     """Work of wrenches (m, v, 6) per unit of screws (m, v, 6): torque or force, shape (m, v)."""
     return np.asarray(np.einsum("mvi,mvi->mv", screws, wrenches))
@@ -114,25 +87,3 @@ def gravity_torque(
         Shape (m, n).
     """
     return work(here.twists, carried(here, gravity, link_moments(robot), mass, centre))
-
-
-def payload_torques(here: Configuration, gravity: Array, mass: Array, centre: Array) -> Array:
-    """Derivatives of the torque of a payload's weight with respect to its mass and centre.
-
-    With r = o + F c in F_b, tau_j = J_j(r)' m g: with respect to m it is J_j(r)' g, and to
-    coordinate k of the centre w_j . (F e_k x m g), w_j the axis of a revolute joint.
-
-    Args:
-        here: The robot at m joint vectors.
-        gravity: Acceleration in F_b [m/s^2], shape (3,).
-        mass: Mass of the payload at each pose [kg], shape (m,).
-        centre: Its centre of mass in the flange frame [m], shape (m, 3).
-
-    Returns:
-        By mass [N m/kg] and by the centre along x, y, z [N], shape (m, n, 4).
-    """
-    at = here.flange_origin + np.einsum("mij,mj->mi", here.flange_axes, centre)
-    by_mass = torque(here.twists, at, np.broadcast_to(gravity, at.shape))
-    pull = np.cross(np.swapaxes(here.flange_axes, 1, 2), (mass[:, None] * gravity)[:, None, :])
-    by_centre = np.einsum("mji,mki->mjk", here.twists[..., :3], pull)
-    return np.concatenate([by_mass[..., None], by_centre], axis=2)

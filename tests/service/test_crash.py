@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.app.crash import shareable
 from pipeline.app.outcome import guarded, record_crash
+from pipeline.service.crash import shareable
 
 SECRET = ("ACME", "halle7", "Müller", "1234.567", "-87.5", "P_tip", "/srv/kunden")
 

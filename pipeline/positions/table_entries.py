@@ -1,4 +1,4 @@
-"""DH parameters estimated from the unloaded reflectors, for result.json."""
+"""DH parameters as estimated from positions or from unloaded reflectors, for result.json."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from pipeline.answer import contract
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Parameter
-from pipeline.base.linear import rms
 from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.facts import UnloadedFacts
+from pipeline.geometry.roughness import ScaleGrid
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.dh_parameters import dh_parameters, nominal
 from pipeline.system.combinations import mixes
@@ -102,23 +102,23 @@ def _combination(
     )
 
 
-def estimated_combinations(
-    stood: UnloadedFacts, entries: Sequence[contract.TableLetter]
-) -> tuple[contract.TableCombination, ...]:
-    """Determined combinations of DH parameters of a campaign of pulls; empty without estimates."""
+def estimated(
+    stood: UnloadedFacts,
+) -> tuple[tuple[contract.TableLetter, ...], tuple[contract.TableCombination, ...]]:
+    """Entries and determined combinations of them, by unloaded reflectors of pulls.
+
+    Empty if too few were read.
+    """
     if (found := stood.cells) is None:
-        return ()
+        return (), ()
     at, best = found.zeros.columns.table, found.best
-    return table_combinations(
+    entries = _estimated_entries(stood, found)
+    return entries, table_combinations(
         entries, found.covariance[at, at], found.cov[best][at, at], found.std[best][at]
     )
 
 
-def estimated_table(stood: UnloadedFacts) -> tuple[contract.TableLetter, ...]:
-    """DH parameters of a campaign of pulls; empty if too few reflectors were read unloaded."""
-    found = stood.cells
-    if found is None:
-        return ()
+def _estimated_entries(stood: UnloadedFacts, found: ScaleGrid) -> tuple[contract.TableLetter, ...]:
     zeros = found.zeros
     at = zeros.columns.table
     rough = np.maximum(found.per_letter, zeros.stated)
@@ -141,15 +141,3 @@ def _shared(stood: UnloadedFacts) -> set[str]:
     """Labels of entries that cannot be distinguished from a twin."""
     pairs = [one for one in stood.causes if one.twins]
     return {effect.label for one in pairs for effect in (one.effect, *one.twins)}
-
-
-def with_positions(values: contract.Values, stood: UnloadedFacts) -> contract.Values:
-    """Values with the held-out error of unloaded positions, predicted by the estimated geometry."""
-    if stood.gain is None or values.validation is None:
-        return values
-    off = 1e3 * np.linalg.norm(stood.gain.after.reshape(-1, 3), axis=1)
-    distances = contract.HeldOutPosition(
-        mean=float(off.mean()), rms=rms(off), p95=float(np.quantile(off, 0.95))
-    )
-    checked = values.validation.model_copy(update={"held_out_position_mm": distances})
-    return values.model_copy(update={"validation": checked})

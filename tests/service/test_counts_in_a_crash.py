@@ -1,6 +1,6 @@
 """Integers in the report of an internal error."""
 
-from pipeline.app.crash import shareable
+from pipeline.service.crash import shareable
 
 
 def test_counts_below_a_thousand_stay_and_others_do_not():

@@ -154,6 +154,16 @@ def load(root: Path, options: Mapping[str, Any] | None = None) -> Preferences:
         raise UsageError(f"--{problem.thing.partition('.')[2].replace('_s:', ':')}") from problem
 
 
+def storage(root: Path) -> Storage | None:
+    """The object storage of a project; None if it states none.
+
+    Raises:
+        InputError: As `load`.
+    """
+    stated = load(root).storage
+    return None if stated == Storage() else stated
+
+
 def _validated(content: dict[str, Any], text: str = "") -> Preferences:
     way_out = "correct it as docs/serve.md, docs/object-storage.md or docs/house.md describes"
     return checked(Preferences, content, FILE, "", way_out, text)

@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.tails import chi2_beyond
+from pipeline.reduction.settings import Settings
 
 _FLANGE_STD = np.repeat(1e-3, 6)
 """Standard deviation of the rotation [rad] and the shift [m] of the flange in which a tool is
@@ -27,6 +28,13 @@ class StatedTool(NamedTuple):
     points: dict[str, Array]
     std: float
     load_std: float
+
+    @classmethod
+    def of(cls, settings: Settings) -> StatedTool:
+        """Measured targets and load point as campaign.toml states them."""
+        std, load = settings.tool_uncertainty.sigma_m, settings.tool_uncertainty.load_point_sigma_m
+        points = {one: np.array(settings.tool[one]) for one in ("load_point", *settings.measured)}
+        return cls(points, std, std if load is None else load)
 
     def carried(self, known: dict[str, Array], cov: Array) -> tuple[Array, Array, Array, float]:
         """The load point where the measured targets carry it.

@@ -15,18 +15,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Locked, Strings
+from pipeline.base.arrays import Array, Bools, Locked, Parameter, Strings
+from pipeline.diagnosis.agreement import CommonFactorFit
 from pipeline.machine.cell import Cell
-from pipeline.machine.effect import Effect, Elastic
-from pipeline.machine.effects.gravity_sag import under_pulls
+from pipeline.machine.effect import Effect, Elastic, Loaded
+from pipeline.machine.effects.gravity_sag import described
 from pipeline.machine.robot import Robot
+from pipeline.machine.robot.configuration import Configuration, cross
 from pipeline.machine.robot.dh_parameters import DhParameter, changed
-from pipeline.machine.stated_tool import StatedTool
+from pipeline.positions.stated_tool import StatedTool
 
 _KNOWN = 1e-9
 """Eigenvalues below this fraction of the largest, of the correlation matrix, are treated as zero
@@ -38,15 +39,6 @@ previous one."""
 _LEAST = 0.01
 """Lower bound of the common factor of all springs [1]; an arm a hundred times heavier than usual is
 implausible."""
-
-
-class CommonFactorFit(NamedTuple):
-    """Common factor of springs by pulls over those by weight, with chi-square misfit and dof."""
-
-    factor: float
-    std: float
-    chi2: float
-    dof: int
 
 
 def called_for(elements: Sequence[Elastic], by: Sequence[Effect]) -> tuple[int, ...]:
@@ -219,14 +211,16 @@ class PositionsEstimate(Locked):
     def _moved(self, off: Array) -> dict[str, Array]:
         return {name: at + by for (name, at), by in zip(self.points.items(), off, strict=True)}
 
-    def moved(self, q: Array, names: Strings) -> Array:
-        """Deviation of points from where the corrected table puts them [m], F_b, (m, 3).
+    def joints(self, q: Array) -> Array:
+        """Joint values of the robot [m] or [rad] where the controller has q, both (m, n)."""
+        return q + self.unloaded(q)[0]
 
-        Args:
-            q: Joint values [m] or [rad], shape (m, n).
-            names: Name of one point each, shape (m,); a point that was not read has the mean
-                deviation of the others.
-        """
+    def errors(self, q: Array, names: Strings) -> Array:
+        """As `KnownRobot.errors`."""
+        return np.zeros((len(q), 3, 0)) if self.unsure is None else self.unsure(q, names)
+
+    def moved(self, q: Array, names: Strings) -> Array:
+        """As `KnownRobot.moved`."""
         off = self.unloaded(q)[1]
         out = off.mean(axis=1)
         for k, name in zip(range(off.shape[1]), self.points, strict=False):
@@ -246,3 +240,51 @@ class PositionsEstimate(Locked):
         if not self.moments.any():
             return ()
         return ((under_pulls(self.compliance, self.moments, self.gravity), np.ones(1)),)
+
+
+def under_pulls(compliance: Array, moments: Array, gravity: Array) -> Elastic:
+    """Known links whose weight adds to the deflection under a pull, c G c tau.
+
+    Args:
+        compliance: c of each joint [m/N] or [rad/(N m)], shape (n,).
+        moments: Mass [kg] and first moment [kg m] of each link, shape (n, 4).
+        gravity: Acceleration in F_b [m/s^2], shape (3,).
+    """
+
+    def response(loaded: Loaded, tau: Array) -> Array:
+        G = stiffening(loaded.configuration, gravity, moments)
+        return np.asarray(compliance * np.einsum("mjk,k,mk->mj", G, compliance, tau))
+
+    return Elastic(
+        **described(1.0) | {"parameters": (Parameter("known", "1", 1.0, 0.0, 2.0),)},
+        carrier=tuple(range(1, len(compliance) + 1)),
+        response=response,
+        shared=(0,) * len(compliance),
+    )
+
+
+def stiffening(here: Configuration, gravity: Array, moments: Array) -> Array:
+    """Derivative of the torques of the links' weight by the joint values, G = d tau_g / dq.
+
+    Joint k moves everything it carries, of mass M_k and first moment P_k about the origin of F_b,
+    by v_k + w_k x r, and changes the torque of its weight about a preceding joint j by
+
+        G_jk = w_j . ((M_k v_k + w_k x P_k) x g),    j <= k,    G_kj = G_jk,
+
+    as weight has a potential.
+
+    Args:
+        here: The robot at m joint vectors.
+        gravity: Acceleration in F_b [m/s^2], shape (3,).
+        moments: Mass [kg] and first moment [kg m] of each link, shape (n, 4).
+
+    Returns:
+        Shape (m, n, n) [N m/rad], [N] or [N/m].
+    """
+    first = moments[:, :1] * here.origin + np.einsum("mkij,kj->mki", here.axes, moments[:, 1:])
+    P = np.cumsum(first[:, ::-1], axis=1)[:, ::-1]
+    M = np.cumsum(moments[::-1, 0])[::-1]
+    turn, slide = here.twists[..., :3], here.twists[..., 3:]
+    moved = M[:, None] * slide + cross(turn, P)
+    G = np.triu(np.einsum("mji,mki->mjk", turn, cross(moved, gravity)))
+    return np.asarray(G + np.swapaxes(np.triu(G, 1), 1, 2))
