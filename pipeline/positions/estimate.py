@@ -99,9 +99,17 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     free = np.zeros(len(turns), dtype=bool)
     most = std.copy()
     most[where.yields] = np.where(soften(mechanism.elements), std[where.yields], _WAVE)
-    signed = np.zeros(where.dense, dtype=bool)
-    signed[where.yields] = [p.lower == 0 for one in mechanism.elements for p in one.parameters]
-    return Prior(mean, std, turns, free, most, tuple(_groups(mechanism)), stated, False, signed)
+    return Prior(
+        mean, std, turns, free, most, tuple(_groups(mechanism)), stated, False, _signed(mechanism)
+    )
+
+
+def _signed(mechanism: Mechanism) -> Bools:
+    """Dense parameters that the catalogue bounds at zero."""
+    where = layout(mechanism)
+    out = np.zeros(where.dense, dtype=bool)
+    out[where.yields] = [p.lower == 0 for one in mechanism.elements for p in one.parameters]
+    return out
 
 
 def _groups(mechanism: Mechanism) -> Iterator[slice]:
