@@ -164,14 +164,22 @@ def with_laws(
     found, further = _of_all_else(data, found, others, signs, judge)
     found = _of_outputs(data, found, judge)
     p |= further
+    p |= _by_copies(found, names, p, signs)
+    return NamedModel(found, _named(found, p, judge), causes(found, names, signs, judge))
+
+
+def _by_copies(
+    found: Calibration, names: Sequence[CatalogueLaw], known: dict[_Key, float], signs: Array
+) -> dict[_Key, float]:
+    """p-values of laws without a cause in the catalogue that the search did not find."""
+    laws = found.mechanism.laws
     plain = [
         k
-        for k, law in enumerate(found.mechanism.laws)
-        if (not names[k].name if k < len(names) else _key(law) not in p)
+        for k, law in enumerate(laws)
+        if (not names[k].name if k < len(names) else _key(law) not in known)
     ]
     chance = chances(found, [_of_law(found.mechanism, k) for k in plain], signs)
-    p |= {_key(found.mechanism.laws[k]): c for k, c in zip(plain, chance, strict=True)}
-    return NamedModel(found, _named(found, p, judge), causes(found, names, signs, judge))
+    return {_key(laws[k]): c for k, c in zip(plain, chance, strict=True)}
 
 
 def _bent(clues: Sequence[law_tests.LawTest]) -> dict[int, float]:
