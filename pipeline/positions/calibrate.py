@@ -313,11 +313,11 @@ def _only(known: Prior, mechanism: Mechanism, wanted: ModelStructure) -> Prior:
 
 
 def _amplitudes(begun: Mechanism, wanted: ModelStructure) -> Array:
-    """Initial amplitudes of the wanted laws: the earlier ones if their laws come first, else 0."""
-    count = sum(law.amplitudes for law in wanted.laws)
-    if begun.laws != wanted.laws[: len(begun.laws)]:
-        return np.zeros(count)
-    return padded(begun.amplitudes, count)
+    """Initial amplitudes of the wanted laws: the earlier ones, 0 for new laws."""
+    ends = np.cumsum([law.amplitudes for law in begun.laws])[:-1]
+    known = dict(zip(begun.laws, np.split(begun.amplitudes, ends), strict=False))
+    each = [known.get(law, np.zeros(law.amplitudes)) for law in wanted.laws]
+    return np.concatenate([np.zeros(0), *each])
 
 
 def _equipped(begun: Mechanism, readings: PositionReadings, wanted: ModelStructure) -> Mechanism:

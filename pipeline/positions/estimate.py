@@ -10,7 +10,7 @@ estimated, too (MacKay, Neural Computation 4, 1992).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 
@@ -39,9 +39,9 @@ _LOOSE = 1e3
 FIXED_SIGMA = 1e-12
 """Standard deviation of a parameter that is held fixed, in its own unit."""
 
-_WAVE = 3e-4
-"""Prior standard deviation of a law's amplitude [m or rad]: an arc minute, as data sheets of
-reducers state their transmission error and their lost motion."""
+_WAVE = 1.5e-4
+"""Prior standard deviation of a law's amplitude and of half a lost motion [m or rad]: half an arc
+minute, as data sheets of reducers state transmission error and lost motion from end to end."""
 
 _BALANCER = 1e-3
 """Prior standard deviation of what a balancer turns the shoulder by [rad]: as the arm's weight, a
@@ -62,6 +62,8 @@ class Prior(Locked):
         stated: Roughness of lengths [m] and of angles [rad] in the robot file; NaN where not
             stated.
         returning: Whether scales of groups that have vanished may grow again.
+        signed: Which parameters cannot be negative: compliances of elements, lost motion, (dense,);
+            empty for none.
     """
 
     mean: Array
@@ -72,6 +74,7 @@ class Prior(Locked):
     groups: tuple[slice, ...]
     stated: tuple[float, float]
     returning: bool = False
+    signed: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     def roughness(self, turns: bool) -> float:
         """Present roughness of lengths [m] or of angles [rad]."""
@@ -98,7 +101,17 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     free = np.zeros(len(turns), dtype=bool)
     most = std.copy()
     most[where.yields] = np.where(soften(mechanism.elements), std[where.yields], _WAVE)
-    return Prior(mean, std, turns, free, most, tuple(_groups(mechanism)), stated)
+    return Prior(
+        mean, std, turns, free, most, tuple(_groups(mechanism)), stated, False, _signed(mechanism)
+    )
+
+
+def _signed(mechanism: Mechanism) -> Bools:
+    """Dense parameters that the catalogue bounds at zero."""
+    where = layout(mechanism)
+    out = np.zeros(where.dense, dtype=bool)
+    out[where.yields] = [p.lower == 0 for one in mechanism.elements for p in one.parameters]
+    return out
 
 
 def _groups(mechanism: Mechanism) -> Iterator[slice]:
@@ -399,8 +412,15 @@ def rougher(known: Prior, found: Posterior) -> Prior:
             std[rest] = max(float(np.sqrt(second[rest].mean())), 1e-6)
     for one in known.groups:
         scale = _scale(found.x[one], np.diag(found.cov)[one], std[one], known.returning)
+        if scale != 1 and _impossible(found.x[one], known.signed[one]):
+            scale = _LEAST
         std[one] = np.minimum(std[one] * scale, known.most[one])
     return replace(known, std=std)
+
+
+def _impossible(x: Array, signed: Bools) -> bool:
+    """Whether all that cannot be negative is."""
+    return bool(signed.any()) and bool((x[signed] < 0).all())
 
 
 def _scale(x: Array, var: Array, std: Array, returning: bool) -> float:
@@ -408,9 +428,13 @@ def _scale(x: Array, var: Array, std: Array, returning: bool) -> float:
     known = float(np.sum(1 - np.minimum(var / std**2, 1.0)))
     if std[0] <= FIXED_SIGMA or known < (_UNSEEN**2 if returning else _UNSEEN):
         return 1.0
-    least = 0.1 if known > _UNSEEN else 1.0
-    return float(np.clip(np.sqrt(np.sum((x / std) ** 2) / known), least, 10.0))
+    least = _LEAST if known > _UNSEEN else 1.0
+    return float(np.clip(np.sqrt(np.sum((x / std) ** 2) / known), least, 1 / _LEAST))
 
+
+_LEAST = 0.1
+"""Least factor of a scale in one update [1], which is also that of what comes out negative and
+cannot be: play that takes back what the weight does stands for something else."""
 
 _UNSEEN = 1e-3
 """Minimum effective number of determined parameters [1]; below it their scale does not shrink, and

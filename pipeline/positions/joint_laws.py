@@ -163,10 +163,24 @@ def with_laws(
     curved = {joint + 1 for joint, _ in found.wanted.curves}
     others = [law for law in every if law.joint not in curved or not _own_angle(law)]
     found, further = _of_all_else(data, found, others, signs, judge)
-    plain = [k for k, one in enumerate(names) if not one.name]
-    chance = chances(found, [_of_law(found.mechanism, k) for k in plain], signs)
-    p |= {_key(names[k].law): c for k, c in zip(plain, chance, strict=True)} | further
+    found = _of_outputs(data, found, judge)
+    p |= further
+    p |= _by_copies(found, names, p, signs)
     return NamedModel(found, _named(found, p, judge), causes(found, names, signs, judge))
+
+
+def _by_copies(
+    found: Calibration, names: Sequence[CatalogueLaw], known: dict[_Key, float], signs: Array
+) -> dict[_Key, float]:
+    """p-values of laws without a cause in the catalogue that the search did not find."""
+    laws = found.mechanism.laws
+    plain = [
+        k
+        for k, law in enumerate(laws)
+        if (not names[k].name if k < len(names) else _key(law) not in known)
+    ]
+    chance = chances(found, [_of_law(found.mechanism, k) for k in plain], signs)
+    return {_key(laws[k]): c for k, c in zip(plain, chance, strict=True)}
 
 
 def _bent(clues: Sequence[law_tests.LawTest]) -> dict[int, float]:
@@ -199,7 +213,12 @@ def _of_own_angles(
     found = data.identify(springs.mechanism, wanted, springs)
     waves = [law for j in joints if (law := _one_wave(springs, found, clues, j)) is not None]
     found = _better(data, found, [(law,) for law in waves], judge)
-    found = _better(data, found, [_series(found, j) for j, _ in found.wanted.curves], judge)
+    found = _better(
+        data,
+        found,
+        [_series(found, j, found.mechanism.laws) for j, _ in found.wanted.curves],
+        judge,
+    )
     p = {_curve_of(j): chance for j, chance in bent.items()}
     own = filter(_own_angle, found.mechanism.laws)
     return found, p | {_key(law): bent.get(law.joint - 1, 1.0) for law in own}
@@ -255,9 +274,9 @@ def _better(
     return found
 
 
-def _series(found: Calibration, joint: int) -> tuple[JointLaw, ...]:
+def _series(found: Calibration, joint: int, known: Sequence[JointLaw]) -> tuple[JointLaw, ...]:
     """Further waves of what turns with a joint, from 0; those that are not there shrink to none."""
-    span, known = float(np.ptp(found.readings.q[:, joint])), found.mechanism.laws
+    span = float(np.ptp(found.readings.q[:, joint]))
     if found.mechanism.table.prismatic[joint]:
         return ()
     return tuple(
@@ -265,6 +284,28 @@ def _series(found: Calibration, joint: int) -> tuple[JointLaw, ...]:
         for law in law_tests.of_output(joint + 1)
         if law.order * span > np.pi and not any(_alike(law, one) for one in known)
     )
+
+
+def _of_outputs(data: LawSearchData, found: Calibration, judge: LeftOutPoses) -> Calibration:
+    """The estimate with all waves of what turns with any joint, if the readings are likelier so.
+
+    Their scales begin where the search ended, and as usual: the likelier end counts, if held-out
+    poses are predicted as well. Each hides others as long as it is not there, and waves of other
+    orders, or curves, stand in their places.
+    """
+    joints = range(found.mechanism.table.n)
+    laws = tuple(law for law in found.mechanism.laws if not law_tests.beside_output(law))
+    laws += tuple(law for j in joints for law in _series(found, j, laws))
+    rest = tuple(one for one in found.wanted.curves if found.mechanism.table.prismatic[one[0]])
+    if laws == found.mechanism.laws:
+        return found
+    wanted = replace(found.wanted, laws=laws, curves=rest)
+    if tried(found, wanted, found.likely).likely < found.likely:
+        return found
+    anew = replace(found, known=replace(found.known, groups=()))
+    ends = [data.identify(found.mechanism, wanted, one) for one in (found, anew)]
+    best = max(ends, key=lambda one: one.likely)
+    return best if best.likely > found.likely and judge.as_good(best, found) else found
 
 
 _Key = tuple[str, int, str, int | None, float, float]

@@ -250,6 +250,12 @@ def _of_output(law: JointLaw) -> bool:
     return own and law.order <= _BOLTS and law.order == round(law.order)
 
 
+def beside_output(law: JointLaw) -> bool:
+    """Whether a wave stands in the place of one of what turns with the joint."""
+    own = law.kind == "periodic" and law.source == law.joint
+    return own and law.order < _BOLTS + 0.5 and law.order != round(law.order)
+
+
 def of_output(joint: int) -> tuple[JointLaw, ...]:
     """Every such wave of a joint, from 1."""
     orders = map(float, range(1, _BOLTS + 1))

@@ -228,6 +228,36 @@ def test_a_scale_that_has_vanished_returns_where_readings_call_for_it(y, size):
     assert known.std[0] == pytest.approx(size, rel=1e-6)
 
 
+@pytest.mark.parametrize(("y", "vanishes"), [(-10.0, True), (10.0, False)])
+def test_play_that_takes_back_what_the_weight_does_vanishes(y, vanishes):
+    """Of b >= 0, read as y with unit variance: its scale falls to what the readings do not see."""
+    none = np.zeros(0, dtype=bool)
+    known = Prior(
+        np.zeros(1), np.ones(1), none, none, np.array([1e3]), (slice(0, 1),), (np.nan, np.nan),
+        signed=np.ones(1, dtype=bool),
+    )  # fmt: skip
+    for _ in range(10):
+        var = 1 / (1 + known.std[0] ** -2)
+        known = rougher(known, Posterior(np.array([var * y]), np.array([[var]]), 0.0))
+
+    assert (known.std[0] < 0.05) == vanishes
+
+
+def test_compliances_and_play_cannot_be_negative():
+    """As the catalogue bounds them; couplings and differences of stiffness can."""
+    robot, rng = load(RAIL), np.random.default_rng(0)
+    machine = HeavyRobot(robot, np.zeros((8, 6)), Truth(np.zeros(7)))
+    there = begin(robot, read(machine, poses(rng, 1, 2, robot), rng), {})
+    elements = yielding(robot, np.array([[-1.0], [1.0]]) * np.ones(robot.n))
+    there = replace(there, elements=elements, yields=np.zeros(len(sizes(elements))))
+    signed = prior(there, (np.nan, np.nan), NOTHING).signed[layout(there).yields]
+    names = [p.name for one in elements for p in one.parameters]
+
+    assert [name for name, one in zip(names, signed, strict=True) if not one] == [
+        name for name in names if name.startswith("dc_") or name.endswith("_xy")
+    ]
+
+
 def test_a_balancer_turns_the_shoulder_as_far_as_the_weight_does():
     """Amplitudes of a thousandth are hardly drawn to zero, and those of gears are."""
     robot, rng = load(RAIL), np.random.default_rng(0)
@@ -240,7 +270,7 @@ def test_a_balancer_turns_the_shoulder_as_far_as_the_weight_does():
     std = prior(there, (np.nan, np.nan), NOTHING).std[layout(there).laws]
 
     assert (std[:4] >= 1e-3).all()
-    assert std[4:] == pytest.approx(3e-4)
+    assert std[4:] == pytest.approx(1.5e-4)
 
 
 def test_a_tool_that_nobody_states_is_as_usual():
