@@ -32,7 +32,7 @@ from pipeline.positions.cross_validation import LeftOutGain as Worth
 from pipeline.positions.cross_validation import Partition
 from pipeline.positions.joint_laws import NamedLaw
 from pipeline.positions.mechanism import placed
-from pipeline.positions.outstanding import same_robot
+from pipeline.positions.outstanding import confirmed, same_robot
 from pipeline.positions.pose_errors import unusual
 from pipeline.positions.study import Study
 
@@ -73,7 +73,7 @@ def _entries(found: Study, robot: Robot) -> Iterator[FoundCause]:
     std = np.sqrt(np.diag(final.solution.cov))
     known = {one.label: one for one in (*catalogue(robot), *table.effects(robot))}
     effects = [known[letter.label] for letter in final.mechanism.letters]
-    for k in np.flatnonzero(final.known.free).tolist():
+    for k in np.flatnonzero(confirmed(final.known, final.solution)).tolist():
         effect, off = effects[k], float(final.mechanism.values[k])
         size = EffectSize.symmetric(effect.parameters[0], off, float(std[k]))
         twins = tuple(effects[other] for other in same_robot(final.known, final.solution, k))

@@ -7,6 +7,7 @@ integrated over a grid, so that a wrong entry does not raise the scale that it i
 from __future__ import annotations
 
 import numpy as np
+from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, compared
@@ -51,6 +52,18 @@ def outstanding(known: Prior, found: Posterior) -> Bools:
         far = free if all(_far(known, grid, one) for one in free) else far
     none[[one.columns[0] for one in far]] = True
     return none
+
+
+def confirmed(known: Prior, found: Posterior) -> Bools:
+    """Which of the DH parameters that are free the final estimate shows far off, shape (k,).
+
+    They were freed beside other laws and masses, which may since have taken their place; and of an
+    entry that the readings hardly see, as the last offset beside a free tool, nothing is left.
+    """
+    k = len(known.free)
+    z = np.abs(found.x[:k]) / np.sqrt(np.diag(found.cov)[:k])
+    shown = 2 * k * special.ndtr(-z) < alarms.GEOMETRY
+    return known.free & shown & outstanding(known, found)
 
 
 def _large(known: Prior, found: Posterior) -> list[int]:

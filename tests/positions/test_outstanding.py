@@ -1,6 +1,7 @@
 """Entries of a robot's table that are off by far more than the rest, in a campaign of positions."""
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from pipeline.machine.robot import load
 from pipeline.positions.estimate import Posterior, Prior
 from pipeline.positions.facts import facts_of
 from pipeline.positions.mechanism import ArmWeights, Payloads
-from pipeline.positions.outstanding import outstanding, same_robot
+from pipeline.positions.outstanding import confirmed, outstanding, same_robot
 from pipeline.positions.study import study
 from tests.geometry.test_clean_positions import DOWN, TOOL, campaign
 
@@ -77,6 +78,20 @@ def test_the_place_of_an_error_that_two_entries_share_stays_open():
 
     assert {int(one), *same_robot(known, found, int(one))} == {4, 5}
     assert same_robot(known, found, 2) == ()
+
+
+@pytest.mark.parametrize("error", [4e-3, 1.6e-4])
+def test_an_entry_that_was_freed_is_named_only_if_the_end_confirms_it(error):
+    """A link was freed, and a wave of the joint beside it took the error afterwards."""
+    off = delivered(np.random.default_rng(0))
+    off[2] = error
+    known, found = table(off)
+    free = np.arange(len(off)) == 2
+    known = replace(known, free=free, std=np.where(free, 1e-2, known.std))
+
+    assert np.flatnonzero(confirmed(known, found)).tolist() == ([2] if error > 1e-3 else [])
+    found.cov[2, 2] = error**2  # and if the readings hardly see it, as a flange beside a free tool
+    assert not confirmed(known, found).any()
 
 
 @pytest.mark.whole
