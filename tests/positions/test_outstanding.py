@@ -90,7 +90,20 @@ def test_an_entry_that_was_freed_is_named_only_if_the_end_confirms_it(error):
     known = replace(known, free=free, std=np.where(free, 1e-2, known.std))
 
     assert np.flatnonzero(confirmed(known, found)).tolist() == ([2] if error > 1e-3 else [])
-    found.cov[2, 2] = error**2  # and if the readings hardly see it, as a flange beside a free tool
+
+
+def test_an_entry_that_the_readings_hardly_see_is_not_named():
+    """The last offset beside a free tool: seen to 5 mm, and its prior keeps it at 0.2 +- 0.4."""
+    off = delivered(np.random.default_rng(0))
+    off[2] = 0.03
+    free = np.arange(len(off)) == 2
+    known, _ = table(delivered(np.random.default_rng(0)))
+    known = replace(known, free=free, std=np.where(free, 4e-4, known.std))
+    seen = np.diag(np.where(free, 5e-3, STD) ** -2.0)
+    cov = np.linalg.inv(seen + np.diag(known.std**-2))
+    found = Posterior(cov @ seen @ off, cov, 0.0)
+
+    assert outstanding(known, found)[2]  # beside such a wide prior as suspects have
     assert not confirmed(known, found).any()
 
 
