@@ -391,7 +391,7 @@ def tried(found: Calibration, wanted: ModelStructure, least: float = -np.inf) ->
     mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
     here = found.linear
     anew = wanted.bed or wanted.moments or wanted.yields != found.wanted.yields
-    if found.mechanism.curves or anew:
+    if found.mechanism.curves or mechanism.laws != found.mechanism.laws or anew:
         here = linearised(found.readings, mechanism, found.weights)
     known = found.known
     new_masses = mechanism.unknown != found.mechanism.unknown
