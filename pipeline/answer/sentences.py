@@ -325,14 +325,9 @@ def _at_most(force_n: float) -> str:
 
 def _to_do(found: CampaignResults, stated: FirstScreen) -> str:
     """What to do with the values, and what of the model no controller takes."""
-    stiffness, pose = stated.mine.stiffness, stated.pose
-    if not any(joint.value is not None for joint in stiffness):
-        return "Measure more before any stiffness is used: none is determined."
-    if _holds(found) and pose.expanded_mm and pose.expanded_mm > (pose.deflection_mm or 0.0):
-        return (
-            "Measure more poses, or pull harder, before these stiffnesses are used: the deflection "
-            f"that they predict at the test pose is {expanded(pose)}."
-        )
+    stiffness = stated.mine.stiffness
+    if more := _to_measure(found, stated):
+        return more
     beside = [one.called for one in found.told.model.hypotheses[0].beside_springs]
     if beside and found.row.model == Which.AVERAGED and len(found.told.model.hypotheses) > 1:
         beside = ["causes other than joint springs"]
@@ -344,6 +339,19 @@ def _to_do(found: CampaignResults, stated: FirstScreen) -> str:
         f"correct paths and programs with `pipeline compensate {typed(found.campaign)} PATH`, or "
         "enter all effective values of the first page."
     )
+
+
+def _to_measure(found: CampaignResults, stated: FirstScreen) -> str:
+    """What to measure before any of the values is used; empty if they serve."""
+    if all(joint.value is None for joint in stated.mine.stiffness):
+        return "Measure more before any stiffness is used: none is determined."
+    d, u = stated.pose.deflection_mm, stated.pose.expanded_mm
+    if _holds(found) and d and u and u > d:
+        return (
+            "Measure more poses, or pull harder, before these stiffnesses are used: the deflection "
+            f"that they predict at the test pose is {expanded(stated.pose)}."
+        )
+    return ""
 
 
 def _do(found: CampaignResults) -> str:

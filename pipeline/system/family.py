@@ -371,7 +371,7 @@ def family(
     if 2 * (best[0] - logs[0, np.abs(_WIDTHS).argmin()]) < DECIDES:
         scale[0] = 0.0  # keep the scale that is stated or was found in contrasts
     told = Family(weight, scale, mistakes, p, paper, logs.max(axis=0), reach=reach)
-    if targets is not None and np.ptp(targets) > 0:
+    if targets is not None and len(np.unique(targets)) > 1:
         of_targets = _of_targets(seen, targets, own[0], paper)
         told = replace(told, loosest=_loosest(of_targets, free, float(best[0])))
     return _with_spells(told, seen, states)

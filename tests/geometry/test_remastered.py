@@ -153,7 +153,7 @@ def test_what_positions_leave_unsure_is_no_change():
 
     bent = unsure(data.pulls.q[data.pull], None)[:, :, 0]
     read = replace(data, unloaded=data.unloaded + 1.3 * bent)
-    known = replace(read, stance=SimpleNamespace(unsure=unsure))
+    known = replace(read, stance=SimpleNamespace(errors=unsure))
     silent, found = (
         from_unloaded(made.cell, one, 1.0, catalogue(made.case.robot)) for one in (read, known)
     )
