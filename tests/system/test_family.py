@@ -283,3 +283,13 @@ def test_no_target_stands_for_noise_of_all(nu):
     found = family(seen(errors(nu, 300, rng), 0.6, rng), STATES, False, targets)[0].loosest
 
     assert found.probability < 0.05
+
+
+def test_where_no_reading_is_left_the_stated_family_stays():
+    """As of a campaign whose pulls determine every reading: no target is looser than another."""
+    none = np.zeros(0, dtype=np.int64)
+    laws = seen(np.zeros((0, 3)), 0.6, np.random.default_rng(0))
+
+    told, _ = family(laws, States.each(none.reshape(0, 2)), False, none)
+
+    assert told.loosest is None
