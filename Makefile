@@ -150,7 +150,7 @@ clean:
 
 # pip compiles one file at a time and some settings forbid Python to do it later: compile here, on all cores.
 # --no-deps, because the lock is complete, and pip would look past a pin where somebody asks for its extras.
-# Each half by a pip of its own, which downloads and unpacks one package at a time.
+# uv fetches many packages at a time, in half a minute less; pip does it where only pip knows from where.
 # A few packages carry templates that are no valid Python; these stay uncompiled, hence `|| true`,
 # and so do the tests that packages bring, a quarter of all source, and what nobody imports here.
 UNUSED := apprise|cma|cyclopts|dateparser|docker|lexers|mypy|mypyc|oauthlib|pymoo|rich_rst|ruamel|setuptools
@@ -167,9 +167,9 @@ UNUSED := apprise|cma|cyclopts|dateparser|docker|lexers|mypy|mypyc|oauthlib|pymo
 	echo "Building .venv with $$("$$found" --version), which takes a minute or two, once."; \
 	rm -rf .venv; \
 	"$$found" -m venv .venv; \
-	awk '/^[a-z]/ { half = !half } { print > (".venv/half" half) }' requirements.lock; \
-	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r .venv/half0 & \
-	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r .venv/half1 || bad=1; \
-	wait $$!; test -z "$${bad-}"; \
+	awk '/^[a-z]/ { on = /^uv==/ } on' requirements.lock > .venv/uv.txt; \
+	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r .venv/uv.txt; \
+	.venv/bin/uv pip sync --quiet --system-certs --python $(PY) --require-hashes --only-binary :all: requirements.lock 2>.venv/uv.log || \
+	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r requirements.lock; \
 	$(PY) -W ignore -m compileall -qq -j 0 -x '/(tests?|$(UNUSED))/' .venv/lib || true
 	@touch $@

@@ -126,12 +126,18 @@ def _inverted(low: float, high: float) -> tuple[float | None, float | None]:
 
 
 def _parts(hypotheses: Sequence[Hypothesis], n: int) -> dict[str, Array]:
-    """Contribution of each source to the variance of each compliance, shape (n,), by source."""
+    """Contribution of each source to the variance of each compliance, shape (n,), by source.
+
+    Those of each hypothesis are scaled to its own variance: they know neither the ratio of its
+    remainder nor the prior of a cause that is too small to be identified.
+    """
     out: dict[str, Array] = {}
     for one in hypotheses:
-        split = budget(one.system, one.estimate)
-        for name, std in zip(split.source.tolist(), split.std[:, :n], strict=True):
-            out[name] = out.get(name, np.zeros(n)) + one.weight * (one.ratio * std) ** 2
+        split, own = budget(one.system, one.estimate), np.diag(one.estimate.cov)[:n]
+        for name, share in zip(split.source.tolist(), split.share[:, :n], strict=True):
+            out[name] = out.get(name, np.zeros(n)) + one.weight * np.multiply(
+                share, own, out=np.zeros(n), where=share > 0
+            )
     return out
 
 
