@@ -1,8 +1,8 @@
-"""Base reflectors with exchanged names in [base_frame]: two of them, or all of them off by one.
+"""Base reflectors with exchanged names, in [base_frame] or in one round: two, or all off by one.
 
 A rigid motion preserves distances: the names are right if the distances between the reflectors are
 those in campaign.toml. Where several assignments satisfy this, as for a rectangle, the robot's
-table shows which one brings the effector to its position.
+table shows which one brings the effector to its position; for one round, the other rounds do.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import pandas as pd
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array
@@ -29,20 +30,34 @@ _MOST = 1000
 
 
 def base_names(case: Case) -> list[Mistake]:
-    """The mistake that base reflectors are misnamed, if exactly one other assignment fits."""
-    names, seen, nominal = _reflectors(case)
+    """The mistakes that base reflectors are misnamed, if exactly one other assignment fits.
+
+    In all rounds, against [base_frame]; else in single ones, by the distances in each.
+    """
+    rows = case.readings
+    rounds = rows["group"][
+        rows["pose"].isna() & rows["target"].isin(list(case.settings.base_frame))
+    ]
+    single = (_misnamed(case, group) for group in rounds.unique())
+    return _misnamed(case, None) or [one for found in single for one in found]
+
+
+def _misnamed(case: Case, group: str | None) -> list[Mistake]:
+    """Misnamed base reflectors of a round, or of all if None."""
+    names, seen, nominal = _reflectors(case, group)
     if len(names) < BASE_REFLECTORS:
         return []
     given = tuple(range(len(names)))
-    before, table = _miss(seen, nominal, given), anchored_miss(case)
+    before = _miss(seen, nominal, given)
+    table = anchored_miss(case) if group is None else None
     fine = before < GROSS_DISTANCE_M and (table is None or table < GROSS_ANCHORED_M)
-    order = None if fine else _true(case, names, seen, nominal)
+    order = None if fine else _true(case, names, seen, nominal, group)
     if order is None or order == given:
         return []
     right = _renamed(case, _places(names, order))
     if before < GROSS_DISTANCE_M and not _nearer(anchored_miss(right), table):
         return []
-    return [_finding(case, names, order, before, _miss(seen, nominal, order))]
+    return [_finding(case, names, order, (before, _miss(seen, nominal, order)), group)]
 
 
 def not_rigid(case: Case) -> float | None:
@@ -51,21 +66,27 @@ def not_rigid(case: Case) -> float | None:
     None where it is below `GROSS_DISTANCE_M`, or where fewer reflectors were read than a
     registration needs.
     """
-    names, seen, nominal = _reflectors(case)
+    names, seen, nominal = _reflectors(case, None)
     if len(names) < BASE_REFLECTORS:
         return None
     off_m = _miss(seen, nominal, range(len(names)))
     return off_m if off_m >= GROSS_DISTANCE_M else None
 
 
-def _reflectors(case: Case) -> tuple[list[str], Array, Array]:
+def _reflectors(case: Case, group: str | None) -> tuple[list[str], Array, Array]:
     """Names, median readings [m], tracker's frame, and positions in [base_frame] [m]."""
-    rows, base = case.readings, case.settings.base_frame
-    rows = rows[rows["pose"].isna() & rows["target"].isin(list(base))]
+    base, rows = case.settings.base_frame, _of_base(case, group)
+    rows = rows[rows["target"].isin(list(base))]
     at = rows.groupby(rows["target"].astype(str))[XYZ].median()
     names = [str(name) for name in at.index]
     places = np.array([base[name] for name in names]).reshape(-1, 3)
     return names, at.to_numpy(float), places
+
+
+def _of_base(case: Case, group: str | None) -> pd.DataFrame:
+    """Readings of the base reflectors in a round, or in all if None."""
+    rows = case.readings
+    return rows[rows["pose"].isna() & (group is None or rows["group"] == group)]
 
 
 def _miss(seen: Array, nominal: Array, order: Sequence[int]) -> float:
@@ -75,7 +96,9 @@ def _miss(seen: Array, nominal: Array, order: Sequence[int]) -> float:
     return float(np.sqrt(np.mean(np.sum((seen @ R.T + t - due) ** 2, axis=1))))
 
 
-def _true(case: Case, names: list[str], seen: Array, nominal: Array) -> tuple[int, ...] | None:
+def _true(
+    case: Case, names: list[str], seen: Array, nominal: Array, group: str | None
+) -> tuple[int, ...] | None:
     """The place of each reflector; None where no single assignment fits."""
     tried = [order for order, _ in zip(_alike(seen, nominal), range(_MOST), strict=False)]
     miss = {order: _miss(seen, nominal, order) for order in tried}
@@ -89,9 +112,20 @@ def _true(case: Case, names: list[str], seen: Array, nominal: Array) -> tuple[in
         return None
     if len(kept) == 1:
         return kept[0]
-    away = {order: anchored_miss(_renamed(case, _places(names, order))) for order in kept}
+    if group is None:
+        away = {order: anchored_miss(_renamed(case, _places(names, order))) for order in kept}
+    else:
+        others = _other_rounds(case, names, group)
+        away = {order: float(np.abs(seen - others[list(order)]).max()) for order in kept}
     best, second = sorted(kept, key=lambda order: away[order] or np.inf)[:2]
     return best if _nearer(away[best], away[second]) else None
+
+
+def _other_rounds(case: Case, names: list[str], group: str) -> Array:
+    """Median readings of the reflectors in all rounds but one [m], not finite where none is."""
+    rows = _of_base(case, None)
+    at = rows[rows["group"] != group].groupby(rows["target"].astype(str))[XYZ].median()
+    return at.reindex(names).to_numpy(float)
 
 
 def _nearer(one: float | None, other: float | None) -> bool:
@@ -129,25 +163,41 @@ def _renamed(case: Case, place: dict[str, str]) -> Case:
     return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))
 
 
+def _rewritten(case: Case, place: dict[str, str], group: str) -> Case:
+    """The campaign with the readings of a round under the names of their places."""
+    rows, here = case.readings, _of_base(case, group).index
+    names = rows["target"].astype(str)
+    names.loc[here] = names.loc[here].replace(place)
+    return replace(case, readings=rows.assign(target=names.astype(rows["target"].dtype)))
+
+
 def _finding(
-    case: Case, names: list[str], order: Sequence[int], before: float, after: float
+    case: Case,
+    names: list[str],
+    order: Sequence[int],
+    miss: tuple[float, float],
+    group: str | None,
 ) -> Mistake:
     place = _places(names, order)
-    wrong = sorted(place)
-    rows = case.readings
-    rows = rows[rows["pose"].isna() & rows["target"].isin(wrong)]
-    at = lines_of(rows)
+    wrong, (before, after) = sorted(place), miss
+    rows = _of_base(case, group)
+    at = lines_of(rows[rows["target"].isin(wrong)])
     each = ", ".join(f"{name} stands at the place of {place[name]}" for name in wrong)
+    where, whose = "-".join(wrong), "names or places in [base_frame]"
+    correct = partial(_renamed, place=place)
+    if group is not None:
+        where, whose = f"{group} {where}", f"names in {group}"
+        correct = partial(_rewritten, place=place, group=group)
     return Mistake(
         name="label_swap",
-        where="-".join(wrong),
-        evidence=f"the base reflectors have each other's names or places in [base_frame]: {each} "
+        where=where,
+        evidence=f"the base reflectors have each other's {whose}: {each} "
         f"({lines(at)}); as stated they are {length(before)} from their places, and "
         f"{length(after)} with the names exchanged",
         correction=f"recomputed with the places of {', '.join(wrong)} exchanged",
         before=1e3 * before,
         after=1e3 * after,
-        correct=partial(_renamed, place=place),
+        correct=correct,
         at=at,
     )
 

@@ -9,6 +9,7 @@ import pytest
 from small_case import asked
 
 from bench.fuzz.catalogue import case as spoilt
+from pipeline.faults.base_names import base_names
 from pipeline.faults.chain import chain_gross, chain_outlier
 from pipeline.faults.conventions import aligned
 from pipeline.faults.labels import CHAIN, FAULT, chain_distances
@@ -91,9 +92,25 @@ def test_names_exchanged_in_one_state_are_found_and_put_back(group, names):
     assert f"({', '.join(found.at)})" in found.evidence
 
 
+@pytest.mark.parametrize("names", [{"B1": "B3", "B3": "B1"}, {"B1": "B2", "B2": "B3", "B3": "B1"}])
+def test_base_reflectors_misnamed_in_one_round_are_put_back_there(names):
+    """In the last of two rounds alone; the other round and [base_frame] are left as they are."""
+    rounds = good().readings.loc[good().readings["pose"].isna(), "group"].unique()
+    assert len(rounds) > 1
+    bad = written(rounds[-1], names)
+
+    (found,) = base_names(bad)
+
+    assert (found.name, found.where) == ("label_swap", f"{rounds[-1]} {'-'.join(sorted(names))}")
+    assert len(found.at) == len(names)
+    right = found.correct(bad)
+    assert right.settings == bad.settings
+    assert (right.readings["target"].astype(str) == good().readings["target"].astype(str)).all()
+
+
 def test_good_names_are_left_alone():
     """Nothing is found if nothing is wrong, nor with too few poses."""
-    assert labels(good()) == []
+    assert labels(good()) == base_names(good()) == []
     few = good().joints["pose"] <= 2
     bad = written("pose02_rep0_unloaded", {"P1": "P2", "P2": "P1"})
     assert labels(replace(bad, joints=good().joints[few])) == []
