@@ -512,6 +512,31 @@ def test_a_class_of_the_core_has_its_name_alone():
     assert not {name: where for name, where in seen.items() if len(where) > 1}
 
 
+def code_lines(path):
+    """Lines of code: neither blank, nor a comment, nor of a docstring."""
+    lines = path.read_text("utf-8").splitlines()
+    said = {
+        k
+        for node in statements(path)
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        for k in range(node.lineno, node.end_lineno + 1)
+    }
+    counted = [line for k, line in enumerate(lines, 1) if k not in said]
+    return sum(bool(line.strip()) and not line.lstrip().startswith("#") for line in counted)
+
+
+def test_the_core_does_not_grow():
+    """What is added to it takes the place of something, or stands in an outbuilding."""
+    core = [
+        path
+        for path in PACKAGE.rglob("*.py")
+        if path.relative_to(PACKAGE).parts[0] not in OUTBUILDINGS
+    ]
+
+    assert sum(map(code_lines, core)) <= 29_000
+    assert len(core) <= 260
+
+
 def test_a_file_of_tests_has_its_name_alone():
     """Pytest imports each by its name, and confuses two with the same name."""
     names = [path.name for path in Path(__file__).parent.rglob("*.py")]
