@@ -222,6 +222,7 @@ def whiten(
     noise: float,
     force_noise: float = 1.0,
     doubt: Sequence[tuple[int, float]] = (),
+    in_each: bool = True,
 ) -> Whitened:
     """Whiten a linearised campaign.
 
@@ -231,8 +232,9 @@ def whiten(
         force_noise: Factor on the scatter of the scale's readings, relative to the tracker's.
         doubt: Accepted suspects whose law is known to a fraction only: their effect in each pull is
             uncertain by that fraction.
+        in_each: Whether the law may err in each pull otherwise, or in all pulls alike only.
     """
-    errors = _widened(seen, doubt, force_noise)
+    errors = _widened(seen, doubt if in_each else (), force_noise)
     white = whitener(errors, seen.rows.pose)
     spread = np.sqrt(np.asarray(errors.G.multiply(errors.G).sum(axis=1)).ravel())
     kin = [_kin(seen, accepted, fraction) for accepted, fraction in doubt]
