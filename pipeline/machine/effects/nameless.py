@@ -151,7 +151,7 @@ def _effect(
         noun=words,
         place="joint",
         parameters=tuple(  # unit 1, relative to typical values: it is never reported
-            Parameter(f"{name}_{where}_{k}", "1", size, -np.inf if signed else 0.0, np.inf)
+            Parameter(f"{name}_{where}_{k}", "1", size, -20 * size if signed else 0.0, 20 * size)
             for k in sorted({*shared} or range(len(carrier)))
         ),
         signature=f"{words} {where}",
@@ -298,7 +298,7 @@ def _acting(name: str, unit: str, size: float) -> dict[str, Any]:
         "name": name,
         "noun": words,
         "place": "force",
-        "parameters": vector(f"{name}_{{}}", unit, size, -np.inf, np.inf),
+        "parameters": vector(f"{name}_{{}}", unit, size, -20 * size, 20 * size),
         "signature": words,
         "needs": "",
         "source": "",
