@@ -173,7 +173,7 @@ class LinearTask(SearchTask):
         """Linearised with some causes."""
         return Seen(SimpleNamespace(accepted=tuple(accepted)))
 
-    def whitened(self, seen, doubt=()):
+    def whitened(self, seen, doubt=(), in_each=True):
         """Whitened, with unnamed causes if requested."""
         return (self.wide if seen.more else self.truth).view(seen.model.accepted)
 

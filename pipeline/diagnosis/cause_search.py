@@ -87,9 +87,11 @@ class SearchTask:
         """The campaign linearised at a model; the errors are those of `near` if given."""
         return linearise(model, self.data, self.suspects, near)
 
-    def whitened(self, seen: Linearised, doubt: Sequence[int] = ()) -> Whitened:
+    def whitened(
+        self, seen: Linearised, doubt: Sequence[int] = (), in_each: bool = True
+    ) -> Whitened:
         """The linearised campaign, whitened; laws of `doubt` are valid within tolerance only."""
-        return whiten(seen, self.noise, self.force_noise, self.laws(doubt))
+        return whiten(seen, self.noise, self.force_noise, self.laws(doubt), in_each)
 
     def laws(self, doubt: Sequence[int]) -> list[tuple[int, float]]:
         """The suspects `doubt`, each with the relative tolerance of its law."""
@@ -218,6 +220,7 @@ class SearchResult(Locked):
         strange: For each accepted cause, what could replace it from outside the catalogue; empty
             where nothing competes.
         refused: Labels of causes that would need a physically impossible magnitude.
+        rough: Remainder ratio with the causes at their best within tolerance; None if unknown.
         beyond: P-value by scatter of the likeliest law outside the catalogue that is not accepted.
     """
 
@@ -237,6 +240,7 @@ class SearchResult(Locked):
     rivals: tuple[tuple[Replacement, ...], ...]
     strange: tuple[NamelessReplacement, ...]
     refused: tuple[str, ...]
+    rough: float | None
     beyond: float = 1.0
 
     @property
@@ -254,11 +258,6 @@ class SearchResult(Locked):
     def stranger(self) -> NamelessReplacement | None:
         """The likeliest replacement from outside the catalogue."""
         return max(self.strange, key=lambda one: one.probability, default=None)
-
-    @property
-    def rough(self) -> float | None:
-        """Remainder ratio with the causes; None where unknown."""
-        return remainder(self.plain)
 
     @property
     def explains(self) -> bool:
@@ -311,6 +310,7 @@ def search(task: SearchTask, start: Array, rng: np.random.Generator) -> SearchRe
         rivals=rivals,
         strange=_strange(task, wide),
         refused=tuple(refused),
+        rough=remainder(task.whitened(end.seen, end.seen.model.accepted, in_each=False)),
     )
 
 
@@ -571,7 +571,8 @@ def _may_stand(
 def _moves(task: SearchTask, view: Whitened, out: tuple[int, ...], most: int) -> Iterator[_Move]:
     """All moves in which the causes `out` leave and none, one, or a pair takes their places.
 
-    Pairs are tried where two leave, or where `most` is two.
+    Pairs are tried where two leave, or where `most` is two: two others then, since one that stays
+    and one beside it would be an addition, for which the law of the first is uncertain.
     """
     accepted = view.model.accepted
     gone = [accepted[place] for place in out]
@@ -584,6 +585,8 @@ def _moves(task: SearchTask, view: Whitened, out: tuple[int, ...], most: int) ->
     for i in free:
         yield _Move(float(now.log_evidence[i]) - LEAST_EVIDENCE - mine, out, (i,))
     if max(len(out), most) > 1:
+        stays = {task.suspects[i].label for i in gone} if len(out) == 1 else set()
+        free = [i for i in free if task.suspects[i].label not in stays]
         for pair, evidence in _in_pairs(task, view, rest, now, free):
             yield _Move(evidence - 2 * LEAST_EVIDENCE - mine, out, pair)
 

@@ -222,7 +222,8 @@ def _hypothesis(
     """
     effects = tuple(task.suspects[i] for i in model.accepted)
     system, estimate = _solved(task, model, seen)
-    ratio = max(remainder(task.whitened(seen)) or 1.0, 1.0) if effects else 1.0
+    best = task.whitened(seen, model.accepted, in_each=False)
+    ratio = max(remainder(best) or 1.0, 1.0) if effects else 1.0
     cov = estimate.cov * ratio**2
     known = identifiable(
         np.array([p.typical for p in estimate.parameters]), estimate.value, np.sqrt(np.diag(cov))

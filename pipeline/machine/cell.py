@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TypeVar
 
 import numpy as np
@@ -27,7 +27,13 @@ from pipeline.machine.effect import (
     Wrench,
 )
 from pipeline.machine.robot import Configuration, Robot, configure
-from pipeline.machine.robot.configuration import cross, torque, velocity
+from pipeline.machine.robot.configuration import (
+    cross,
+    rotation_about,
+    torque,
+    translation_along,
+    velocity,
+)
 
 _E = TypeVar("_E", bound=Effect)
 
@@ -443,6 +449,54 @@ def sensitivity(cell: Cell, pulls: Pulls, values: Array, effects: Sequence[Effec
             else _derivative(cell.with_effects(effect), effect, len(values), loaded, more)
         )
     return np.concatenate(out, axis=-1)
+
+
+def seated_elsewhere(
+    cell: Cell, pulls: Pulls, values: Array, effect: Elastic, part: Array, by: float
+) -> Array:
+    """Change of the displacements if an elastic element sat elsewhere on what carries it.
+
+    Its screws are turned by the angle `by` about each axis of its carrier's frame, and shifted
+    along each by the same fraction of the lever from which they move the targets (rms).
+
+    Args:
+        cell: The cell.
+        pulls: Commanded and measured inputs.
+        values: Parameters of the cell, shape (k,).
+        effect: The element, with screws of its own.
+        part: Its parameters, shape (j,).
+        by: Angle [rad], and fraction of the lever [1].
+
+    Returns:
+        Shape (m, t, 3, 6): three turns, then three shifts [m].
+    """
+    loaded = load(cell, pulls, values)
+    screws, here = effect.screws(loaded), _columns(_Same([effect]), loaded)[0] @ part
+    moved = velocity(screws, loaded.points)[:, :, screws[:, :, :3].any(axis=(0, 2))]
+    lever = float(np.sqrt(np.mean(np.sum(moved**2, axis=-1)))) if moved.size else 0.0
+    out = []
+    for motion in _motions(loaded, effect.carrier[0]):
+        size = by if motion[:, :3].any() else by * lever
+        there = replace(effect, twists=partial(_moved_by, effect, size * motion))
+        out.append(_read(cell, pulls, _columns(_Same([there]), loaded)[0] @ part - here))
+    return np.stack(out, axis=-1)
+
+
+def _motions(loaded: Loaded, joint: int) -> tuple[Array, ...]:
+    """Turns about, then shifts along the axes of a joint's frame, those of F_b for 0, (m, 6)."""
+    axes, origin = np.eye(3)[None], np.zeros((1, 3))
+    if joint:
+        axes, origin = loaded.configuration.frame(joint)
+    each = [axes[:, :, k] for k in range(3)]
+    return (*(rotation_about(origin, axis) for axis in each), *map(translation_along, each))
+
+
+def _moved_by(effect: Elastic, motion: Array, loaded: Loaded) -> Array:
+    """Screws of an element that a small motion (m, 6) carries along, to first order, (m, v, 6)."""
+    screws, turn = effect.screws(loaded), motion[:, None, :3]
+    omega = cross(turn, screws[:, :, :3])
+    shift = cross(turn, screws[:, :, 3:]) + cross(motion[:, None, 3:], screws[:, :, :3])
+    return screws + np.concatenate([omega, shift], axis=2)
 
 
 def _linear(cell: Cell, effects: Sequence[Effect], loaded: Loaded) -> dict[int, Array]:

@@ -25,6 +25,19 @@ from pipeline.system.score_tests import ScoreTests
 WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])
 """Prior standard deviations of a parameter in its typical size [1]; all have the same weight."""
 
+LARGE_WIDTHS = np.array([30.0, 150.0, 750.0])
+"""The same where something is broken, each five times the one before [1]: a normal distribution
+gives a size of five standard deviations up, which the next one then takes over."""
+
+_BROKEN = 0.01
+"""Prior probability that a cause, if present, is broken rather than of a usual size [1]."""
+
+_EVERY = np.concatenate([WIDTHS, LARGE_WIDTHS])
+_SHARES = np.repeat(
+    [(1 - _BROKEN) / len(WIDTHS), _BROKEN / len(LARGE_WIDTHS)], [len(WIDTHS), len(LARGE_WIDTHS)]
+)
+"""Prior probability of each width [1]."""
+
 LEAST_EVIDENCE = 3.0
 """Minimum log evidence of a further cause [1], 20 to 1."""
 
@@ -78,7 +91,8 @@ def _evidence(
     """Log of p(y | M_j) / p(y | base), shape (n,).
 
     Priors: p(b) flat, p(s) ~ 1/s, z | s ~ N(0, s^2 w^2 I) between the physical bounds, averaged
-    over w in `WIDTHS` times the expected size. The ratio is
+    over w in `WIDTHS` and `LARGE_WIDTHS` times the expected size: a usual size is likely, and none
+    impossible, or a large cause would lose to several others that share what it does. The ratio is
 
         mean over w of |I + w^2 G|^(-1/2) (1 - q / rest)^(-dof / 2) prod_i (post_i / prior_i),
         q = h' (G + I / w^2)^-1 h.
@@ -89,7 +103,7 @@ def _evidence(
     Econometrics (1971).
     """
     k, rest = G.shape[-1], max(rest, _LEAST)
-    width = WIDTHS[:, None, None] * np.asarray(expected)[..., None]
+    width = _EVERY[:, None, None] * np.asarray(expected)[..., None]
     inverse = linear.inverse(G + np.eye(k) / width[..., None] ** 2)  # (widths, n, k, k)
     mean = np.einsum("wnij,nj->wni", inverse, h)
     q = np.minimum(np.einsum("nj,wnj->wn", h, mean), rest * (1 - 1e-12))
@@ -98,7 +112,7 @@ def _evidence(
     scatter = np.maximum(scatter, _LEAST)
     inside = _log_share(lower, upper, mean, scatter) - _log_share(lower, upper, 0.0, width)
     out = -0.5 * logdet - 0.5 * dof * np.log1p(-q / rest) + inside.sum(axis=-1)
-    return np.asarray(special.logsumexp(out, axis=0) - np.log(len(WIDTHS)))
+    return np.asarray(special.logsumexp(out, axis=0, b=_SHARES[:, None]))
 
 
 def _log_share(lower: Array, upper: Array, mean: Array | float, scatter: Array | float) -> Array:

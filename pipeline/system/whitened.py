@@ -18,8 +18,8 @@ import scipy.sparse
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.bootstrap import unproven
-from pipeline.machine.cell import Cell, load
-from pipeline.machine.effect import Effect, same_element
+from pipeline.machine.cell import Cell, load, seated_elsewhere
+from pipeline.machine.effect import Effect, Elastic, same_element
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.elimination import coefficients
@@ -222,6 +222,7 @@ def whiten(
     noise: float,
     force_noise: float = 1.0,
     doubt: Sequence[tuple[int, float]] = (),
+    in_each: bool = True,
 ) -> Whitened:
     """Whiten a linearised campaign.
 
@@ -231,8 +232,9 @@ def whiten(
         force_noise: Factor on the scatter of the scale's readings, relative to the tracker's.
         doubt: Accepted suspects whose law is known to a fraction only: their effect in each pull is
             uncertain by that fraction.
+        in_each: Whether the law may err in each pull otherwise, or in all pulls alike only.
     """
-    errors = _widened(seen, doubt, force_noise)
+    errors = _widened(seen, doubt if in_each else (), force_noise)
     white = whitener(errors, seen.rows.pose)
     spread = np.sqrt(np.asarray(errors.G.multiply(errors.G).sum(axis=1)).ravel())
     kin = [_kin(seen, accepted, fraction) for accepted, fraction in doubt]
@@ -285,9 +287,10 @@ def of_laws(
 
 
 def _kin(seen: Linearised, accepted: int, fraction: float) -> Array:
-    """Alternative laws of the same element, each a fraction of the accepted one's effect, (M, j).
+    """What an accepted law may be instead, each to a fraction of its effect, (M, j).
 
-    Column k is fraction |Z_a z_a| / |Z_k| Z_k [m], Z_a z_a the effect of the accepted one.
+    Alternative laws of the same element: column k is fraction |Z_a z_a| / |Z_k| Z_k [m], Z_a z_a
+    the effect of the accepted one. And its own where an elastic element sits elsewhere.
 
     The shape of a law is known to that fraction only, and all pulls deviate together.
     """
@@ -295,7 +298,8 @@ def _kin(seen: Linearised, accepted: int, fraction: float) -> Array:
     owner = owners(seen.suspects)
     mine = [c for c in range(len(owner)) if owner[c] == accepted]
     index = dict(accepted_columns(seen.model, seen.suspects))
-    moved = seen.Z[:, mine] @ seen.model.values[[index[c] for c in mine]]
+    part = seen.model.values[[index[c] for c in mine]]
+    moved = seen.Z[:, mine] @ part
     others = [
         i
         for i, other in enumerate(seen.suspects)
@@ -305,7 +309,16 @@ def _kin(seen: Linearised, accepted: int, fraction: float) -> Array:
     columns = seen.Z[:, np.isin(owner, others)]
     size = np.linalg.norm(columns, axis=0)
     scale = fraction * np.linalg.norm(moved) / np.where(size > 0, size, np.inf)
-    return np.asarray(columns * scale)
+    return np.column_stack([columns * scale, _elsewhere(seen, effect, part, fraction)])
+
+
+def _elsewhere(seen: Linearised, effect: Effect, part: Array, fraction: float) -> Array:
+    """`seated_elsewhere` of an element whose seat its joint does not give, (M, 6), else (M, 0)."""
+    if not isinstance(effect, Elastic) or effect.twists is None:
+        return np.zeros((len(seen.rows), 0))
+    flat, data = replace(seen.model.cell, equilibrium="undeformed"), seen.data
+    off = seated_elsewhere(flat, data.pulls, seen.model.values, effect, part, fraction)
+    return off[data.pull, data.target].reshape(-1, off.shape[-1])
 
 
 def _widened(seen: Linearised, doubt: Sequence[tuple[int, float]], force_noise: float) -> Errors:

@@ -209,6 +209,17 @@ def test_two_take_the_places_of_two_in_one_move():
     assert cause_search._better(case, one, {frozenset({0, 4})}, 1e-30) != (0, 1, 2)
 
 
+def test_one_that_stays_and_one_beside_it_are_no_exchange():
+    """That is an addition, which is tried with the law of the first one uncertain."""
+    truth = made(np.random.default_rng(12), SUSPECTS, {0: [3.0], 1: [3.0]})
+    case, view = task_of(truth), truth.view((0,))
+    beside = [move.into for move in cause_search._moves(case, view, (0,), 2)]
+
+    assert view.beside(view.base).log_evidence[1] > 10
+    assert any(len(into) == 2 for into in beside)
+    assert not any(0 in into for into in beside if len(into) == 2)
+
+
 def test_where_three_leave_something_a_fourth_shows_which_was_a_mixture():
     """Four join, and the one made redundant by the others is dropped."""
     truth = made(np.random.default_rng(13), MIXED, {0: [3.0], 1: [3.0], 6: [2.0]}, mixed=PAIRS)

@@ -438,11 +438,41 @@ def test_sliding_friction_follows_its_differential_equation(bench):
     np.testing.assert_allclose(z, expected, atol=2e-4)
 
 
-def test_a_worn_gear_may_have_lost_as_much_as_an_ordinary_one_has():
-    """Half of 15 arcmin between both ends, the backlash of planetary gears of a lower class."""
-    (bound,) = {one.parameters[0].upper for one in EFFECTS if one.name == "joint_lost_motion"}
+@pytest.mark.parametrize("robot", [KR500, FANUC], ids=["rail", "base"])
+def test_nothing_that_yields_or_is_loose_is_too_large_to_be_named(robot):
+    """What cannot be negative has no upper bound, except masses that a robot of its size has."""
+    yields = [
+        p for e in catalogue(robot) if e.name != "gravity_sag" for p in e.parameters if p.lower == 0
+    ]
 
-    assert bound == pytest.approx(np.deg2rad(15 / 60) / 2, rel=0.02)
+    assert len(yields) > 30
+    assert {p.name for p in yields if np.isfinite(p.upper)} == {"s_tracker", "s_force"}
+
+
+@pytest.mark.parametrize("k", range(6))
+def test_an_element_that_sits_elsewhere_is_one_with_screws_of_that_place(bench, k):
+    """A bending link turned by 20 urad about an axis of its joint, or shifted by 20 um along it."""
+    cell, pulls, x = bench
+    link = next(e for e in EFFECTS if (e.label, e.form) == ("link_bending:forearm", "hinge"))
+    part, by = np.array([1e-7, 5e-8]), 2e-5
+    here = forward.load(cell, pulls, x)
+    axes, origin = here.configuration.frame(4)
+    at, own = link.screws(here), forward.columns(link, here) @ part
+    lever = np.sqrt(np.mean(np.sum(forward.velocity(at, here.points) ** 2, axis=-1)))
+    turn = Rotation.from_rotvec(by * (k < 3) * axes[:, :, k % 3])
+    shift = by * lever * (k >= 3) * axes[:, :, k % 3]
+
+    def there(loaded):
+        omega = np.stack([turn.apply(at[:, v, :3]) for v in range(2)], axis=1)
+        feet = [np.cross(at[:, v, :3], at[:, v, 3:]) for v in range(2)]  # nearest to the origin
+        feet = np.stack([turn.apply(foot - origin) + origin + shift for foot in feet], axis=1)
+        return np.concatenate([omega, np.cross(feet, omega)], axis=2)
+
+    expected = forward.columns(replace(link, twists=there), here) @ part - own
+    got = forward.seated_elsewhere(cell, pulls, x, link, part, by)[..., k]
+
+    assert np.abs(got).max() > 1e-10
+    np.testing.assert_allclose(got, expected, atol=1e-3 * np.abs(got).max())
 
 
 def test_twins_are_found_by_rank():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from pipeline.system.evidence import WIDTHS, Scores, _evidence
+from pipeline.system.evidence import _EVERY, _SHARES, Scores, _evidence
 from pipeline.system.score_tests import by_products
 
 DOF = 400
@@ -20,7 +20,8 @@ def likelihood(G, h, z):
 
 def ends(lower, upper, width):
     """Limits beyond which the integrand is negligible."""
-    return max(lower, -9 * width), min(upper, 9 * width)
+    far = 9 * min(width, 2.5)
+    return max(lower, -far), min(upper, far)
 
 
 def integral(G, h, lower, upper, width):
@@ -34,7 +35,7 @@ def integral(G, h, lower, upper, width):
             *spans[0], points=np.clip(best, *spans[0]), limit=400,
         )  # fmt: skip
         return value
-    grid = [np.linspace(*span, 601) for span in spans]
+    grid = [np.linspace(*span, 401) for span in spans]
     step = np.prod([axis[1] - axis[0] for axis in grid])
     z = np.stack(np.meshgrid(*grid, indexing="ij"), -1).reshape(-1, 2)
     drop = 2 * z @ h - np.einsum("ni,ij,nj->n", z, G, z)
@@ -43,8 +44,19 @@ def integral(G, h, lower, upper, width):
 
 
 def by_quadrature(G, h, lower, upper):
-    """Log of the mean over the widths of the prior."""
-    return np.log(np.mean([integral(G, h, lower, upper, width) for width in WIDTHS]))
+    """Log of the mean over the widths of the prior, by their shares."""
+    return np.log(_SHARES @ [integral(G, h, lower, upper, width) for width in _EVERY])
+
+
+@pytest.mark.parametrize("size", [60.0, 200.0, 1000.0])
+def test_a_cause_of_any_size_keeps_the_evidence_of_its_fit(size):
+    """Hundred standard uncertainties in all, at a multiple of the size that is usual: broken."""
+    G = np.array([[(100 / size) ** 2]])
+    h, free = G[:, 0] * size, np.full((1, 1), np.inf)
+    rest = 100.0**2 + DOF
+    found = _evidence(G[None], h[None], rest, DOF, 0 * free.clip(0, 1), free)
+
+    assert found[0] == pytest.approx(0.5 * DOF * np.log(rest / DOF), abs=20)
 
 
 @pytest.mark.parametrize(("rest", "dof"), [(0.0, DOF), (1e-30, 0), (0.0, 0)])
@@ -102,7 +114,8 @@ def with_scatter(g, h, rest, dof, width):
     p(y | z, s) p(s) is s^-dof exp(-(rest - 2 h z + g z^2) / 2 s^2) / s, and z | s ~ N(0, s^2 w^2).
     """
     u = np.linspace(-1.6, 3.0, 401)[:, None]
-    z = np.linspace(-9 * width, 9 * width, 1201)
+    far = min(9 * width, 60.0)  # the likelihood is narrower than the largest widths
+    z = np.linspace(-far, far, 1201)
     s = np.sqrt(rest / dof) * np.exp(u)
     square = rest - 2 * h * z * s + g * (z * s) ** 2
     joint = np.exp(-dof * u - square / (2 * s**2)) * stats.norm.pdf(z, scale=width)
@@ -116,7 +129,7 @@ def test_a_scatter_that_is_not_known_is_integrated_out(g, h):
     rest, dof = 15.0, 12
     free = np.full((1, 1), np.inf)
     found = _evidence(np.array([[[g]]]), np.array([[h]]), rest, dof, -free, free)
-    expected = np.mean([with_scatter(g, h, rest, dof, width) for width in WIDTHS])
+    expected = _SHARES @ [with_scatter(g, h, rest, dof, width) for width in _EVERY]
 
     assert found[0] == pytest.approx(np.log(expected), abs=1e-5)
 
@@ -153,8 +166,8 @@ def test_rows_have_the_evidence_of_their_densities(rows):
         return -0.5 * log - 0.5 * 58 * np.log(r @ W @ r)
 
     alone = log_density(np.eye(60))
-    ratios = [np.exp(log_density(np.eye(60) + w**2 * D @ D.T) - alone) for w in WIDTHS]
-    assert found.log_evidence[0] == pytest.approx(np.log(np.mean(ratios)), abs=1e-6)
+    ratios = [np.exp(log_density(np.eye(60) + w**2 * D @ D.T) - alone) for w in _EVERY]
+    assert found.log_evidence[0] == pytest.approx(np.log(_SHARES @ ratios), abs=1e-6)
 
 
 def test_what_the_base_explains_is_no_evidence(rows):

@@ -165,6 +165,38 @@ def test_errors_with_laws_have_the_covariance_that_weighs(given):
     assert (~errors.common[law]).sum() == given.rows.pull.max() + 1
 
 
+def test_an_element_may_sit_elsewhere_by_its_tolerance(small_campaign, read_back):
+    """A carriage that rolls: six errors of all pulls, in proportion to size and tolerance."""
+    rolls = seen(small_campaign, read_back(small_campaign).data, (0,))
+    twice = replace(rolls, model=replace(rolls.model, values=rolls.model.values * ([1] * 7 + [2])))
+
+    one, other = (
+        with_laws(each, each.errors, [(0, tolerance)])
+        for each, tolerance in ((rolls, 0.02), (twice, 0.01))
+    )
+
+    law = (one.source == "law") & one.common
+    moved = rolls.Z[:, 0] * rolls.model.values[7]
+    assert law.sum() == 6
+    size = np.linalg.norm(one.G[:, law].toarray(), axis=0) / np.linalg.norm(moved)
+    assert 0.005 < size.max() < 0.06  # turned by 20 mrad, or shifted by 2 % of its lever
+    np.testing.assert_allclose(
+        one.G[:, law].toarray(),
+        other.G[:, law].toarray(),
+        rtol=0.05,
+        atol=1e-2 * np.abs(moved).max() * 0.02,
+    )
+
+
+def test_a_law_at_its_best_within_tolerance_errs_in_all_pulls_alike(given):
+    """The scatter of single pulls stays that of the readings."""
+    laws = [(HARDENING, 0.3)]
+    best, plain = whiten(given, NOISE, 1.5, laws, in_each=False), whiten(given, NOISE, 1.5)
+    assert best.spread == pytest.approx(plain.spread)
+    assert best.common == plain.common + len(KIN)
+    assert best.common == whiten(given, NOISE, 1.5, laws).common
+
+
 def test_a_law_that_is_accepted_is_no_doubt_about_another(small_campaign, read_back):
     """Two laws of a gear estimated together: each may be the third, of which neither says more."""
     both = seen(small_campaign, read_back(small_campaign).data, (HARDENING, KIN[1]))

@@ -7,6 +7,7 @@ depend on the place of the scale.
 """
 
 from functools import partial
+from math import inf
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import PULLED, Loaded, Wrench
@@ -33,7 +34,7 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             noun="weight of the chain",
             place="force",
             form=form,
-            parameters=(Parameter("w_chain", "N", 50.0, 0.0, 600.0, "weight of chain and scale"),),
+            parameters=(Parameter("w_chain", "N", 50.0, 0.0, inf, "weight of chain and scale"),),
             signature="a constant pull downwards; along the chain as much of it as hangs between "
             "scale and robot",
             needs="the weight of chain and scale, from any balance, and where the scale sits",

@@ -51,7 +51,7 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         form=form,
         tolerance=0.2,
         parameters=(
-            Parameter(f"f_{joint}", "rad", 5e-5, 0.0, 1e-3, "hysteresis of {joint}, each way"),
+            Parameter(f"f_{joint}", "rad", 5e-5, 0.0, np.inf, "hysteresis of {joint}, each way"),
         ),
         signature=f"at the same reading joint {joint} stands elsewhere while unloading than while "
         "loading",

@@ -20,10 +20,6 @@ _WIDTH = {"narrow": 0.03, "wide": 0.08}
 """tau_b as a fraction of the rated torque [1]; lost motion is specified at 3 % of the rated
 torque."""
 
-_MOST_RAD = 2.2e-3
-"""Upper bound of b [rad]: half of 15 arcmin, the backlash of ordinary planetary gears, which a worn
-reducer may also reach."""
-
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """One effect per revolute joint and form; also of the total torque if link masses are known."""
@@ -57,9 +53,7 @@ def _effect(robot: Robot, joint: int, width: str, total: bool) -> Elastic:
         form=f"{width}, total" if total else width,
         tolerance=0.15,
         parameters=(
-            Parameter(
-                f"b_{joint}", "rad", 6e-5, 0.0, _MOST_RAD, "half of the lost motion of {joint}"
-            ),
+            Parameter(f"b_{joint}", "rad", 6e-5, 0.0, np.inf, "half of the lost motion of {joint}"),
         ),
         signature=f"joint {joint} turns by the same angle at every load, in the sense of its "
         "torque: half of the gear's total lost motion",

@@ -96,7 +96,7 @@ def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
         form=form,
         tolerance=_BETWEEN if form else 0.03,
         parameters=vector(
-            *(f"c_tilt{joint}_{{}}", "rad/(N m)", c / 6, 0.0, 5 * c),
+            *(f"c_tilt{joint}_{{}}", "rad/(N m)", c / 6, 0.0, np.inf),
             meaning="tilt compliance of the bearing of {joint} about {}",
             axes="xy",
         ),
@@ -120,7 +120,7 @@ def _oblique(along: Elastic, c: float) -> Elastic:
         parameters=(
             *along.parameters,
             Parameter(
-                *(f"c_tilt{along.where}_xy", "rad/(N m)", c / 6, -2.5 * c, 2.5 * c),
+                *(f"c_tilt{along.where}_xy", "rad/(N m)", c / 6, -np.inf, np.inf),
                 "coupling of both tilt compliances of the bearing of {joint}",
             ),
         ),

@@ -71,11 +71,11 @@ def _effect(robot: Robot, where: str, short: str, near: int, far: int, form: str
         form=form,
         parameters=(
             Parameter(
-                *(f"c_{short}_in_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
+                *(f"c_{short}_in_plane", "rad/(N m)", c / 5, 0.0, np.inf),
                 f"bending compliance of the {short} arm in the arm's plane",
             ),
             Parameter(
-                *(f"c_{short}_out_of_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
+                *(f"c_{short}_out_of_plane", "rad/(N m)", c / 5, 0.0, np.inf),
                 f"bending compliance of the {short} arm across the arm's plane",
             ),
         ),

@@ -51,7 +51,7 @@ def _said(form: str) -> dict[str, Any]:
         "place": "force",
         "form": form,
         "parameters": vector(
-            "dl_{}", "m", 5e-3, -0.5, 0.5, meaning="correction of the stated point along {}"
+            "dl_{}", "m", 5e-3, -np.inf, np.inf, meaning="correction of the stated point along {}"
         ),
         "signature": "torques of the wrist are off by the force times a lever fixed in the tool, "
         "or displacements by their rotation times it",

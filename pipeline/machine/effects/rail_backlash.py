@@ -61,7 +61,7 @@ def _effect(form: str, rest: float, law: Callable[[Array, Array], Array]) -> Ela
         place="rail",
         form=form,
         tolerance=0.1,
-        parameters=(Parameter("b_rail", "m", 2e-4, 0.0, 2e-3, "backlash of the rail's drive"),),
+        parameters=(Parameter("b_rail", "m", 2e-4, 0.0, np.inf, "backlash of the rail's drive"),),
         signature="a step along the rail, the same for all reflectors and all forces, "
         "that depends on the sign of the pull and on the way the carriage came",
         needs="pulls both ways along the rail at poses approached both ways, recorded in "

@@ -25,7 +25,7 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
             place="tool",
             parameters=tuple(
                 Parameter(
-                    *(f"c_tool_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c),
+                    *(f"c_tool_{axis}", "rad/(N m)", c / 6, 0.0, np.inf),
                     f"tilt compliance of the tool on its flange about {axis}",
                 )
                 for axis in "xy"
