@@ -381,13 +381,19 @@ def _fewer(task: SearchTask, end: _Stand, limit: Threshold, refused: dict[str, N
         seen = _dropped(task, seen)
     if set(seen.model.accepted) == set(end.seen.model.accepted):
         return end
-    return max(end, _stand(task, seen, seen.model.accepted), key=lambda one: _worth(task, one))
+    other = _stand(task, seen, seen.model.accepted)
+    return max(end, other, key=lambda one: _worth(task, one.plain))
 
 
-def _worth(task: SearchTask, end: _Stand) -> float:
-    """Log evidence of all accepted causes, minus `LEAST_EVIDENCE` for each."""
-    accepted = end.seen.model.accepted
-    return _chained(task, end.plain, (), accepted) - LEAST_EVIDENCE * len(accepted)
+def _worth(task: SearchTask, view: Whitened) -> float:
+    """Log evidence of springs and accepted causes, minus `LEAST_EVIDENCE` for each of these.
+
+    Up to a constant of the campaign, wherever it is linearised: p(y | springs) ~ rest^(-dof / 2).
+    """
+    accepted = view.model.accepted
+    alone = _beside(task, view, ())
+    springs = -0.5 * alone.dof * float(np.log(alone.rest))
+    return springs + _chained(task, view, (), accepted) - LEAST_EVIDENCE * len(accepted)
 
 
 def _dropped(task: SearchTask, seen: Linearised) -> Linearised:

@@ -397,7 +397,8 @@ def _together(asked: Screening, start: _Righted) -> _Righted | None:
         righted = _righted(asked, among, which)
         if righted is None or not righted.matters:
             return None
-        if tuple(righted.exchanged) != tuple(which):
+        exchanged = tuple(righted.exchanged)
+        if exchanged not in tried:  # two in each other's place are both wrong
             which = righted.exchanged
         elif righted.alone or righted.clear:
             return righted

@@ -320,10 +320,12 @@ class Wrench(Effect):
         wrench: loaded, values (k,) -> acting load point (m, 3) [m] and force (m, 3) [N].
         gain_std: values (k,) -> standard uncertainty of the scale's mean gain that the effect
             brings along [1], because no deflection shows which of its readings were right.
+        zero_std: The same of its zero [N].
     """
 
     wrench: Callable[[Loaded, Array], tuple[Array, Array]]
     gain_std: Callable[[Array], float] = lambda values: 0.0
+    zero_std: Callable[[Array], float] = lambda values: 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -99,7 +99,7 @@ def inputs(cell: Cell, data: Measured, values: Array) -> list[ErrorBlock]:
     """
     d, m = len(data.pull), len(data.pulls)
     unit = 1.0 if data.noise_stated or data.found_m else _SMALL_M
-    modes = _of_force(data, unit, _gain_std(cell, data, values))
+    modes = _of_force(data, unit, _of_scale(cell, data, values))
     ends = np.cumsum([mode.shape[1] for mode in modes.values()])[:-1]
     moved = np.split(_moved(cell, data, values, np.concatenate([*modes.values()], 1)), ends, 2)
     pulled = dict(zip(modes, moved, strict=True))
@@ -151,22 +151,24 @@ def _scaled(cell: Cell, data: Measured, values: Array) -> Array:
     return np.asarray((moved * data.shifts[:, None])[..., None])
 
 
-def _gain_std(cell: Cell, data: Measured, values: Array) -> float:
-    """Standard uncertainty of the scale's gain [1]: its own, and that of every effect on it."""
-    of = cell.split(values)
-    added = [facet.gain_std(mine) for facet, mine in of if isinstance(facet, Wrench)]
-    return float(np.linalg.norm([data.scale.gain_sigma, *added]))
+def _of_scale(cell: Cell, data: Measured, values: Array) -> tuple[float, float]:
+    """Standard uncertainties of the scale's gain [1] and zero [N], with those of all effects."""
+    scale = data.scale
+    of = [(facet, mine) for facet, mine in cell.split(values) if isinstance(facet, Wrench)]
+    gain = np.linalg.norm([scale.gain_sigma, *(facet.gain_std(mine) for facet, mine in of)])
+    zero = np.linalg.norm([scale.zero_sigma_n, *(facet.zero_std(mine) for facet, mine in of)])
+    return float(gain), float(zero)
 
 
-def _of_force(data: Measured, unit: float, gain_std: float) -> dict[str, Array]:
+def _of_force(data: Measured, unit: float, scale: tuple[float, float]) -> dict[str, Array]:
     """Change of each force per standard uncertainty of each source of error, (m, r, 3) [N].
 
     Args:
         data: The measurements.
         unit: Factor of the directions [1].
-        gain_std: Standard uncertainty of the scale's gain [1].
+        scale: Standard uncertainties of the scale's gain [1] and zero [N].
     """
-    force = data.pulls.force
+    force, (gain_std, zero_std_n) = data.pulls.force, scale
     size = np.linalg.norm(force, axis=1, keepdims=True)
     along = (force / size)[:, None]
     return {
@@ -175,7 +177,7 @@ def _of_force(data: Measured, unit: float, gain_std: float) -> dict[str, Array]:
         * size[:, None]
         * unit,
         "force_gain": (data.pulls.pulled * force)[:, None] * gain_std,
-        "force_zero": data.pulls.pulled[..., None] * along * data.scale.zero_sigma_n,
+        "force_zero": data.pulls.pulled[..., None] * along * zero_std_n,
         "payload_mass": along * (_of_body(data) * data.mass_std).T[..., None],
     }
 

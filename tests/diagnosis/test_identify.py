@@ -10,6 +10,7 @@ from scipy import integrate, stats
 from pipeline.diagnosis import cause_search
 from pipeline.diagnosis.cause_search import by_label, search
 from pipeline.machine.effects.nameless import NAMELESS
+from pipeline.system.evidence import LEAST_EVIDENCE
 from pipeline.system.linearised import CurrentModel
 
 SUSPECTS = (
@@ -242,7 +243,7 @@ def test_three_that_leave_something_make_room_for_the_parts_of_a_mixture():
     better = cause_search._fewer(case, end, limit, {})
 
     assert sorted(better.seen.model.accepted) == [0, 1, 6]
-    assert cause_search._worth(case, better) > cause_search._worth(case, end)
+    assert cause_search._worth(case, better.plain) > cause_search._worth(case, end.plain)
 
 
 def test_the_same_is_found_in_whatever_order_poses_and_causes_stand():
@@ -329,6 +330,21 @@ def test_a_size_that_the_unloaded_reflectors_refute_is_refused(most, taken):
     assert ("a" in got.refused) is not taken
     minus = found(made(np.random.default_rng(8), SUSPECTS, {0: [-3.0]}), refuted={"a": most})
     assert (minus.accepted == (0,)) is taken
+
+
+def test_the_worth_of_causes_does_not_depend_on_what_else_was_linearised():
+    """It is the whole evidence: that of the springs, and of each cause beside those before."""
+    truth = made(np.random.default_rng(4), SUSPECTS, {0: [2.0]})
+    case = task_of(truth)
+
+    two, one = (cause_search._worth(case, truth.view(of)) for of in ((0, 2), (0,)))
+
+    more = truth.view((0,)).beside(truth.view((0,)).base).log_evidence[2]
+    assert two - one == pytest.approx(more - LEAST_EVIDENCE)
+    less = truth.view().beside(truth.view().base)
+    assert one == pytest.approx(
+        less.log_evidence[0] - LEAST_EVIDENCE - 0.5 * less.dof * np.log(less.rest)
+    )
 
 
 def test_bounds_have_two_sigma_and_a_third_of_slack():

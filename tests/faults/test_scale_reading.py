@@ -492,3 +492,26 @@ def test_a_pull_in_which_one_target_alone_is_off_is_no_wrong_force():
     wrong = typed(given, 5, 2, lambda f: f + size * 0.2)
     assert [one.where for one in scale_outliers(asked(wrong))] == ["loads.csv pose05 rep2"]
     assert scale_outliers(asked(tailed)) == []
+
+
+@pytest.mark.parametrize("first", [3, 5])
+def test_two_readings_that_take_each_others_place_are_both_wrong(monkeypatch, first):
+    """Each explains the log better than the other does alone, and nothing is left beside both."""
+
+    def righted(asked, among, which):
+        alone = len(which) == 1
+        return SimpleNamespace(
+            matters=True,
+            exchanged=np.array([8 - which[0]]) if alone else which,
+            alone=not alone,
+            clear=False,
+            more=np.array([3, 5]),
+        )
+
+    monkeypatch.setattr(scale_reading, "_righted", righted)
+    start = SimpleNamespace(among=SimpleNamespace(of=np.zeros((40, 40))), more=np.array([first]))
+
+    both = scale_reading._together(None, start)
+
+    assert both is not None
+    assert both.exchanged.tolist() == [3, 5]

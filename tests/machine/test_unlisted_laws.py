@@ -136,32 +136,51 @@ def test_a_law_moves_the_reflectors_as_a_machine_that_has_it(name):
     )
 
 
-def test_the_scale_reads_another_force_by_the_law():
+@pytest.mark.parametrize(
+    ("variable", "most", "of"),
+    [
+        ("time", 2e4, lambda: PULLS.time),
+        ("force", 4e3, lambda: np.linalg.norm(PULLS.force, axis=1)),
+    ],
+)
+def test_the_scale_reads_another_force_by_the_law(variable, most, of):
     """The relative force error scales the displacements; it is none in the middle of the range."""
     x = KR500.nominal_compliance
-    one = unlisted.effect(KR500, law("scale", "reading", "smooth", "time", 0, 1.0, (0.0, 2e4)))
+    one = unlisted.effect(KR500, law("scale", "reading", "smooth", variable, 0, 1.0, (0.0, most)))
     moved = sensitivity(CELL, PULLS, x, CELL.effects) @ x
 
     made = sensitivity(CELL, PULLS, x, [one])[..., 0]
 
-    share = (PULLS.time / 2e4 - 0.5)[:, None, None]
+    share = (of() / most - 0.5)[:, None, None]
     np.testing.assert_allclose(made, moved * share, rtol=1e-6, atol=1e-6 * np.abs(moved).max())
 
 
 @pytest.mark.parametrize(
-    ("part", "variable", "kind", "std"),
+    ("part", "variable", "kind", "gain", "zero"),
     [
-        ("reading", "time", "smooth", 0.03 / np.sqrt(12)),
-        ("reading", "time", "step", 0.03 / np.sqrt(12)),
-        ("reading", "force", "smooth", 0.0),
-        ("zero", "time", "smooth", 0.0),
+        ("reading", "time", "smooth", 0.03 / np.sqrt(12), 0.0),
+        ("reading", "time", "step", 0.03 / np.sqrt(12), 0.0),
+        ("reading", "force", "smooth", 0.03 / np.sqrt(12), 0.0),
+        ("zero", "time", "smooth", 0.0, 0.03 / np.sqrt(3)),
+        ("zero", "force", "step", 0.0, 0.03 / np.sqrt(3)),
     ],
 )
-def test_when_a_gain_that_changes_with_time_was_right_is_not_known(part, variable, kind, std):
-    """A gain that changes by 3 % in all was right at any level of that range with equal odds."""
+def test_where_a_scale_that_changes_was_right_is_not_known(part, variable, kind, gain, zero):
+    """A gain that changes by 3 % in all was right at any level of that range with equal odds.
+
+    A zero that changes by 0.03 N may be off by as much in every pull.
+    """
     one = unlisted.effect(KR500, law("scale", part, kind, variable, 0, 1.0, (0.0, 2e4), at=1e4))
 
-    assert one.gain_std(np.array([-0.03])) == pytest.approx(std)
+    assert one.gain_std(np.array([-0.03])) == pytest.approx(gain)
+    assert one.zero_std(np.array([-0.03])) == pytest.approx(zero)
+
+
+def test_a_gain_that_changes_with_the_direction_of_the_force_may_be_off_everywhere():
+    """By as much as it changes from one direction to the opposite, at any level alike."""
+    one = unlisted.effect(KR500, law("scale", "reading", "smooth", "direction", 0, 1.0, (-1, 1)))
+
+    assert one.gain_std(np.array([0.0, 0.03, 0.04])) == pytest.approx(0.05 / np.sqrt(3))
 
 
 def test_a_zero_of_the_scale_that_jumps_adds_the_same_force_to_every_later_pull():

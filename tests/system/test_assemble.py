@@ -94,6 +94,24 @@ def test_a_gain_that_drifts_leaves_the_mean_gain_open(cell, data):
     )
 
 
+def test_a_zero_that_jumps_leaves_its_level_open(cell, data):
+    """Beside a stated zero of 3 N, a jump of 20 N adds a uniform distribution about either end."""
+    size = np.linalg.norm(data.pulls.force, axis=1)
+    ends = float(size.min()), float(size.max())
+    jump = unlisted.effect(
+        cell.robot, Law("scale", "zero", "step", "force", 0, 1.0, *ends, sum(ends) / 2)
+    )
+    stated, x = replace(data, scale=Scale(zero_sigma_n=3.0)), cell.robot.nominal_compliance
+
+    def zero(cell, values):
+        errors = assemble(cell, stated, values).errors
+        return np.linalg.norm(errors.G[:, errors.source == "force_zero"].toarray())
+
+    jumping = zero(cell.with_effects(jump), np.append(x, 20.0))
+
+    assert jumping / zero(cell, x) == pytest.approx(np.hypot(3.0, 20 / np.sqrt(3)) / 3.0, rel=0.03)
+
+
 def test_the_zero_of_the_scale_moves_all_pulls_by_the_same_force(cell, data):
     """Two newtons of tare: every force longer by as much, and the model evaluated again."""
     wrong = replace(data, scale=Scale(zero_sigma_n=2.0))

@@ -661,25 +661,27 @@ def _of_guide(robot: Robot, law: Law) -> Effect:
 def _of_scale(law: Law) -> Effect:
     """True force: the measured one times 1 + sum_k b_k g_k(v); plus that sum [N] for its zero.
 
-    When a gain that changes with time was 1 is not known: any time of the campaign is as likely, so
+    Where a gain that changes was 1 is not known: any value of what it depends on is as likely, so
     that the law is zero at the middle of its range, with the standard uncertainty of a uniform
-    distribution over it. All springs are known no better than that.
+    distribution over it. All springs are known no better than that. A zero that changes may be off
+    by a constant in addition, of the size of the change.
     """
-    k = 3 if law.variable == "direction" else _width(law, False)
-    gains = law.part == "reading" and law.variable == "time"
-    middle = _basis(law, np.array([law.low, law.high])).mean(axis=0) if gains else 0.0
+    zero, by_direction = law.part == "zero", law.variable == "direction"
+    k = 3 if by_direction else _width(law, False)
+    ends = np.array([law.low, law.high])
+    middle = 0.0 if zero or by_direction else _basis(law, ends).mean(axis=0)
 
     def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-        along = direction(loaded) if law.part == "zero" else loaded.force
-        by_direction = law.variable == "direction"
+        along = direction(loaded) if zero else loaded.force
         g = direction(loaded) if by_direction else _basis(law, variable(law, loaded)) - middle
         return loaded.load_point, loaded.force + loaded.pulls.pulled * (g @ values)[:, None] * along
 
-    unit, typical = ("N", _ZERO_N) if law.part == "zero" else ("1", 0.01)
+    unit, typical = ("N", _ZERO_N) if zero else ("1", 0.01)
     return Wrench(
         **_said(law, "force", k, unit, typical),  # type: ignore[arg-type]
         wrench=wrench,
-        gain_std=lambda values: _uniform(law, values) if gains else 0.0,
+        gain_std=lambda values: 0.0 if zero else _uniform(law, values),
+        zero_std=lambda values: 2 * _uniform(law, values) if zero else 0.0,
     )
 
 
