@@ -75,7 +75,7 @@ _ALL = (
     _scale(
         "curvature",
         "curvature",
-        Parameter("e_scale", "1", 0.005, -np.inf, np.inf, "curvature of the scale at full load"),
+        Parameter("e_scale", "1", 0.005, -0.1, 0.1, "curvature of the scale at full load"),
         _curvature,
         signature="displacement over force changes with the force alike at every pose, "
         "whichever joint turns",
