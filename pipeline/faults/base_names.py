@@ -8,7 +8,6 @@ table shows which one brings the effector to its position.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -16,7 +15,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.faults.assignment import lines
-from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored_miss
+from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored_miss, with_places
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
@@ -125,8 +124,7 @@ def _places(names: list[str], order: Sequence[int]) -> dict[str, str]:
 def _renamed(case: Case, place: dict[str, str]) -> Case:
     """The campaign with the places in [base_frame] under the right names."""
     base = case.settings.base_frame
-    base = base | {name: base[other] for name, other in place.items()}
-    return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))
+    return with_places("base_frame", {name: base[at] for name, at in place.items()}, case)
 
 
 def _finding(
