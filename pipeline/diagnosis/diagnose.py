@@ -13,7 +13,7 @@ from scipy import special
 from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
-from pipeline.diagnosis.blindspots import blind_spots, not_found
+from pipeline.diagnosis.blindspots import unnoticed
 from pipeline.diagnosis.cause_search import SearchResult, SearchTask, by_label, search
 from pipeline.diagnosis.causes import (
     missing,
@@ -278,10 +278,10 @@ def _unnoticed(
     final = found.view if facts.helps else found.first
     names = _listed(facts)
     asked = tuple(effect for effect in whole if effect.label not in names)
-    of = final, final.base, found.threshold.p, known, visible
-    rough = facts.unloaded.rough  # the entries of a rough table are estimated
-    absent = [one for one in asked if not (rough and one.name in (*table.NOUNS, "joint_offset"))]
-    return blind_spots(asked, *of), not_found(tuple(absent), *of)
+    spots, shown = unnoticed(asked, final, final.base, found.threshold.p, known, visible)
+    # the entries of a rough table are estimated
+    estimated = (*table.NOUNS, "joint_offset") if facts.unloaded.rough else ()
+    return spots, tuple(one for one in shown if one.effect.name not in estimated)
 
 
 def _listed(facts: Facts) -> set[str]:
