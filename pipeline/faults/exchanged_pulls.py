@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import product
 
 import numpy as np
@@ -238,6 +238,7 @@ def misfit(case: Case) -> float:
     return np.nan if moved is None else ordered(moved, np.arange(len(moved.force))).left
 
 
+@lru_cache(maxsize=1)
 def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
     """Whether the logged force of each pull, (pose, repeat), contradicts its displacements.
 
