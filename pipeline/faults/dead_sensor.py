@@ -21,7 +21,7 @@ from pipeline.base.linear import rms
 from pipeline.base.quantities import plain
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import miss, unloaded
-from pipeline.faults.exchanged_pulls import displacement_std
+from pipeline.faults.exchanged_pulls import displacement_std, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.joint_row import without_poses
 from pipeline.faults.mistake import Mistake, as_it_is, length, lines_of, pulls_of, without_pulls
@@ -194,9 +194,7 @@ def _copied(case: Case, data: Measured) -> list[Mistake]:
     pulls = data.pulls
     size = np.linalg.norm(pulls.force, axis=1)
     mine = np.flatnonzero(pulls.by == PULLED)
-    known = case.loads.set_index(["pose", "repeat"])["force_n"]
-    key = pd.MultiIndex.from_arrays([pulls.pose[mine], pulls.repeat[mine]])
-    logged = known.reindex(key).to_numpy(float)
+    logged = case.loads["force_n"].to_numpy(float)[rows_of(case, data, mine)]
     found = []
     for force in np.unique(logged[np.isfinite(logged)]).tolist():
         same = mine[logged == force]
@@ -251,8 +249,7 @@ def _correlated(f: Array, g: Array) -> bool:
 
 def _loads_of(case: Case, data: Measured, pulls: Ints) -> pd.DataFrame:
     """The rows of the loads of some pulls."""
-    keys = pd.MultiIndex.from_arrays([data.pulls.pose[pulls], data.pulls.repeat[pulls]])
-    return case.loads[pd.MultiIndex.from_frame(case.loads[["pose", "repeat"]]).isin(keys)]
+    return case.loads.iloc[np.sort(rows_of(case, data, pulls))]
 
 
 def _unlike(data: Measured, same: Ints, size: Array) -> bool:
