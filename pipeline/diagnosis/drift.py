@@ -245,8 +245,7 @@ def _base(
     points = table[XYZ].to_numpy(float)
     which = np.eye(table["target"].nunique())[pd.factorize(table["target"])[0]]
     fixed = np.einsum("kij,kt->kitj", white, which).reshape(3 * len(table), -1)
-    turns = linear.turning(points - at) / _LEVER_M
-    rigid = np.concatenate([np.tile(np.eye(3), (len(table), 1, 1)), turns], axis=2)
+    rigid = linear.motions((points - at) / _LEVER_M)
     off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)  # small numbers keep digits in the fit
     y = (white @ off[..., None]).ravel()
     if wander is not None and wander.process.any():

@@ -70,8 +70,7 @@ def _reflectors(case: Case) -> tuple[list[str], Array, Array]:
 def _miss(seen: Array, nominal: Array, order: Sequence[int]) -> float:
     """Rms deviation of the readings from their positions after the best rigid motion [m]."""
     due = nominal[list(order)]
-    R, t = linear.rigid(seen, due)
-    return float(np.sqrt(np.mean(np.sum((seen @ R.T + t - due) ** 2, axis=1))))
+    return float(np.sqrt(np.mean(np.sum((linear.moved_onto(seen, due) - due) ** 2, axis=1))))
 
 
 def _true(case: Case, names: list[str], seen: Array, nominal: Array) -> tuple[int, ...] | None:

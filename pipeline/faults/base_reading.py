@@ -11,9 +11,9 @@ test.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import pandas as pd
@@ -22,7 +22,7 @@ from scipy import special
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.tails import chi2_beyond
-from pipeline.faults.fault import Fault
+from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import bad_reading, smallest
 from pipeline.machine.effects.tracker_drift import LAWS
@@ -125,8 +125,8 @@ def base_outlier(registration: Registration, scale: float) -> list[Mistake]:
     if seen.table["group"].nunique() > _ROUNDS:
         return []
     every = [_freed(one, seen.table, near, limit) for one in _courses(seen, scale)]
-    best = min(every, key=lambda free: free.score)
-    if not best.certain or _whole_reflector(seen.table, best):
+    best = min(filter(None, every), key=lambda free: free.score, default=None)
+    if best is None or not best.certain or _whole_reflector(seen.table, best):
         return []
     return list(_findings(best, seen.table, scale))
 
@@ -223,8 +223,7 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
     white = covariance.alike(C, lambda own: linear.whitening(R @ own @ R.T * scale**2))
     off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)
     lever = table[XYZ].to_numpy(float) - off - registration.centre  # of the nominal positions
-    turns = linear.turning(lever)
-    rigid = white @ np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
+    rigid = white @ linear.motions(lever)
     y = (white @ off[..., None])[..., 0]
     yield _Readings(rigid, y, white, 0.0)
     for much in _drifts(table):
@@ -257,8 +256,11 @@ def _scatter(registration: Registration, near: Bools) -> float:
     return float(np.sqrt(left.rest / left.dof)) if left.dof > 0 else np.inf
 
 
-def _freed(one: _Readings, table: pd.DataFrame, near: Bools, limit: float) -> _Free:
-    """Readings freed until no further one is significant; insignificant ones are used again."""
+def _freed(one: _Readings, table: pd.DataFrame, near: Bools, limit: float) -> _Free | None:
+    """Readings freed until no further one is significant; insignificant ones are used again.
+
+    None where too few readings or reflectors would be left.
+    """
     free = set(np.flatnonzero(~near).tolist())
     most = (len(near) - _REFLECTORS) // 2
     while len(free) <= most:
@@ -267,8 +269,7 @@ def _freed(one: _Readings, table: pd.DataFrame, near: Bools, limit: float) -> _F
         if drop[best] <= limit:
             break
         free = _exchanged(one, free | {best})
-    lost = _lost(table, near)
-    return _told(one, table, free, lost, limit) if len(free) <= most else _nothing()
+    return _told(one, table, free, _lost(table, near), limit) if len(free) <= most else None
 
 
 def _exchanged(one: _Readings, free: set[int]) -> set[int]:
@@ -298,7 +299,9 @@ def _lost(table: pd.DataFrame, near: Bools) -> Bools:
     return np.asarray(~near & (by.transform("sum") > 0.5 * (by.transform("size") - 1)))
 
 
-def _told(one: _Readings, table: pd.DataFrame, free: set[int], lost: Bools, limit: float) -> _Free:
+def _told(
+    one: _Readings, table: pd.DataFrame, free: set[int], lost: Bools, limit: float
+) -> _Free | None:
     """The freed readings, each tested given the others; insignificant ones are used again."""
     drops, sizes, decided = {}, {}, True
     for k in sorted(free):
@@ -311,30 +314,22 @@ def _told(one: _Readings, table: pd.DataFrame, free: set[int], lost: Bools, limi
     used = np.ones(len(table), dtype=bool)
     used[sorted(free)] = False
     if table["target"][used].nunique() < _REFLECTORS:
-        return _nothing()
+        return None
     base = one.base(used)
     return _Free(base.rest, base.dof, drops, sizes, one.cost + limit * len(free), decided)
-
-
-def _nothing() -> _Free:
-    return _Free(np.inf, 0, {}, {}, np.inf, False)
 
 
 _off = lru_cache(maxsize=1)(base_outlier)
 """Result kept for the second of the two tests, which has the same arguments."""
 
 
-def _when(found: Sequence[Mistake], single: bool) -> list[Mistake]:
-    return list(found) if (len(found) == 1) is single else []
+def _found(single: bool, asked: Screening) -> list[Mistake]:
+    """One bad reading, or several."""
+    found = _off(asked.reduced.registration, asked.spread[0])
+    return found if (len(found) == 1) is single else []
 
 
-ONE_READING = Fault(
-    "outlier",
-    lambda asked: _when(_off(asked.reduced.registration, asked.spread[0]), True),
-)
+ONE_READING = Fault("outlier", partial(_found, True))
 
-SEVERAL_READINGS = Fault(
-    "outlier",
-    lambda asked: _when(_off(asked.reduced.registration, asked.spread[0]), False),
-)
+SEVERAL_READINGS = Fault("outlier", partial(_found, False))
 """Tested after a reflector that is off in every round, which is one mistake and not several."""

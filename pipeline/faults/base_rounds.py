@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array
-from pipeline.base.linear import rigid
+from pipeline.base.linear import moved_onto
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import FEWEST_POSES, anchored, pairs, unloaded
 from pipeline.faults.fault import Fault
@@ -97,8 +97,8 @@ def _square(case: Case, rows: pd.DataFrame, rounds: list[Round]) -> float:
     for mine, one in zip(np.eye(len(rounds)), rounds, strict=True):
         R, t = one.pose()
         placed += np.interp(rows["since"].to_numpy(), begun, mine)[:, None] * (seen @ R.T + t)
-    R, t = rigid(placed, expected)
-    off = pd.DataFrame(placed @ R.T + t - expected).groupby(rows["pose"].to_numpy(int)).mean()
+    off = pd.DataFrame(moved_onto(placed, expected) - expected)
+    off = off.groupby(rows["pose"].to_numpy(int)).mean()
     return float(np.sum(off.to_numpy() ** 2))
 
 

@@ -9,7 +9,7 @@ is wrong.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache, partial
 
@@ -18,8 +18,8 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import covariance
-from pipeline.base.arrays import Array, Ints, Strings
-from pipeline.base.linear import rigid
+from pipeline.base.arrays import Array, Ints
+from pipeline.base.linear import moved_onto, rigid
 from pipeline.faults import unloaded_points as shown
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, lines_of
@@ -203,7 +203,7 @@ def _miss(points: UnloadedPoints) -> float | None:
 
 def _off(seen: Array, expected: Array, state: Ints) -> float:
     """Median over groups of the distance from where points are expected, moved rigidly [m]."""
-    residual = seen - _moved_onto(seen, expected)
+    residual = seen - moved_onto(expected, seen)
     square = np.bincount(state, (residual**2).sum(axis=1)) / np.maximum(np.bincount(state), 1)
     return float(np.sqrt(np.median(square)))
 
@@ -217,7 +217,7 @@ def _by_one_length(points: UnloadedPoints) -> float:
     for axis in np.moveaxis(along, 1, 0):
         value = 0.0
         for _ in range(2):  # nearly linear: the frame turns a little with it
-            r, moved = (seen - _moved_onto(seen, expected + (value + step) * axis)
+            r, moved = (seen - moved_onto(expected + (value + step) * axis, seen)
                         for step in (0.0, _STEP_M))  # fmt: skip
             slope = (moved - r) / _STEP_M
             value -= float((slope * r).sum() / max((slope**2).sum(), _FLAT))
@@ -312,12 +312,6 @@ def _robust(expected: Array, seen: Array) -> tuple[Array, Array]:
         good = off < np.maximum(3 * np.median(off), 1e-3)
         R, t = rigid(expected[good], seen[good])
     return R, t
-
-
-def _moved_onto(seen: Array, expected: Array) -> Array:
-    """The expected points after the best rigid motion onto those seen."""
-    R, t = rigid(expected, seen)
-    return expected @ R.T + t
 
 
 # --- what may have gone wrong ---------------------------------------------------------------------
@@ -459,7 +453,7 @@ def _names(case: Case) -> Iterator[_SupposedMistake]:
                 "all groups",
                 f"the targets {', '.join(case.settings.measured)} carry the names of "
                 f"{', '.join(names)} in every group",
-                partial(renamed, names=names),
+                partial(renamed, true=dict(zip(case.settings.measured, names, strict=True))),
                 partial(shown.renamed, names),
             )
 
@@ -506,11 +500,12 @@ def _logged(M: Array, q0: Array | float, case: Case) -> Case:
     return replace(case, joints=case.joints.assign(**new))
 
 
-def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
-    """Readings with permuted target names in every group."""
-    true = dict(zip(case.settings.measured, names, strict=True))
+def renamed(case: Case, true: Mapping[str, str], groups: Collection[str] | None = None) -> Case:
+    """Readings of some groups, by default of all, with other names of their targets."""
     rows = case.readings
-    return replace(case, readings=rows.assign(target=[true.get(t, t) for t in rows["target"]]))
+    here = rows["group"].isin(rows["group"] if groups is None else groups)
+    target = [true.get(t, t) if h else t for t, h in zip(rows["target"], here, strict=True)]
+    return replace(case, readings=rows.assign(target=target))
 
 
 FAULT = Fault("sign_or_convention", lambda asked: conventions(asked.case), in_files=True)

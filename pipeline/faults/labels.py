@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array, Bools
-from pipeline.faults.conventions import aligned, pairs, unloaded
+from pipeline.faults.conventions import aligned, pairs, renamed, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, of_group
 from pipeline.machine.robot import configure
@@ -149,20 +148,11 @@ def _finding(
         correction=f"recomputed with {text} of {group} exchanged",
         before=before,
         after=after,
-        correct=partial(_exchanged, groups=[group], true=names),
+        # a reading at the position of `name`, written as `other`, is one of `name`
+        correct=partial(renamed, true={b: a for a, b in names.items()}, groups=[group]),
         at=at,
         alike=text,
     )
-
-
-def _exchanged(case: Case, groups: list[str], true: dict[str, str]) -> Case:
-    """Readings of some groups renamed; `true` maps a name to that of the reading in its place."""
-    rows = case.readings
-    here = rows["group"].isin(groups)
-    # a reading at the position of `name`, written as `other`, is one of `name`
-    back = {other: name for name, other in true.items()}
-    target = [back.get(t, t) if h else t for t, h in zip(rows["target"], here, strict=True)]
-    return replace(case, readings=rows.assign(target=target))
 
 
 # --- the chain ------------------------------------------------------------------------------------
@@ -292,7 +282,7 @@ def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
             correction=f"recomputed with {near} and {far} of {group} exchanged",
             before=1e3 * a,
             after=1e3 * b,
-            correct=partial(_exchanged, groups=[str(group)], true={near: far, far: near}),
+            correct=partial(renamed, true={near: far, far: near}, groups=[str(group)]),
             at=at,
             alike=f"{near} and {far}",
         )

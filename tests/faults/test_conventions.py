@@ -355,7 +355,9 @@ def test_only_unloaded_readings_of_known_poses_are_judged():
     assert set(rows["target"]) == {"P1", "P2", "P3"}
     less = replace(good(), joints=good().joints[good().joints["pose"] != 3])
     assert set(unloaded(less)["pose"]) == set(rows["pose"]) - {3}
-    again = renamed(renamed(good(), ("P2", "P3", "P1")), ("P3", "P1", "P2"))
+    again = renamed(
+        renamed(good(), {"P1": "P2", "P2": "P3", "P3": "P1"}), {"P1": "P3", "P2": "P1", "P3": "P2"}
+    )
     assert (again.readings["target"] == good().readings["target"]).all()
 
 
