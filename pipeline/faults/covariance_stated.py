@@ -78,19 +78,10 @@ class _Statement:
 
 def _frames(R: Array) -> list[_Statement]:
     """Statements along other axes; R from the tracker's frame to F_b."""
-
-    def along(axes: Callable[[Array], Array]) -> Callable[[Array, Array], Array]:
-        return lambda C, points: axes(points) @ C @ np.swapaxes(axes(points), -1, -2)
-
-    kind, read = (
-        ("sign_or_convention", "covariance_frame"),
-        "and were read along the tracker's axes",
-    )
+    kind, read = ("sign_or_convention", "covariance_frame"), "were read along the tracker's axes"
     return [
-        _Statement(
-            *kind, f"stated along the base frame {read}", TOLERATED_FACTOR, along(lambda _: R.T)
-        ),
-        _Statement(*kind, f"stated along the beam {read}", TOLERATED_FACTOR, along(_beam)),
+        _Statement(*kind, f"stated along the {along} and {read}", TOLERATED_FACTOR, means)
+        for along, means in (("base frame", lambda C, _: R.T @ C @ R), ("beam", _along_beam))
     ]
 
 
@@ -215,6 +206,11 @@ def _root(unit_m: float, C: Array, _: Array) -> Array:
 
 def _square(unit_m: float, C: Array, _: Array) -> Array:
     return C @ C / unit_m**2
+
+
+def _along_beam(C: Array, points: Array) -> Array:
+    axes = _beam(points)
+    return np.asarray(axes @ C @ np.swapaxes(axes, -1, -2))
 
 
 def _beam(points: Array) -> Array:
