@@ -58,15 +58,14 @@ class _Readings(Locked):
     white: Array
     cost: float
 
-    def base(self, used: Bools) -> Base:
-        """The base, from some of the readings."""
-        return Base.of(self.X[used].reshape(-1, self.X.shape[2]), self.y[used].ravel())
+    def base(self, used: Bools, key: Ints | None = None) -> Base:
+        """The base, from some of the readings, `key` the block of each row."""
+        return Base.of(self.X[used].reshape(-1, self.X.shape[2]), self.y[used].ravel(), key)
 
     def each(self, used: Bools) -> ScoreTests:
         """Shift of every used reading by itself [m], given the base."""
-        white, y = self.white[used], self.y[used].ravel()
-        X = self.X[used].reshape(-1, self.X.shape[2])
-        base = Base.of(X, y, key=np.repeat(np.arange(len(white)), 3))
+        white = self.white[used]
+        base = self.base(used, np.repeat(np.arange(len(white)), 3))
         found = base.beside(white[:, :, None, :])
         return replace(found, N=found.N[:, 0], g=found.g[:, 0], whole=found.whole[:, 0])
 
@@ -282,8 +281,7 @@ def _exchanged(one: _Readings, free: set[int]) -> set[int]:
 
 def _drops(one: _Readings, free: set[int]) -> tuple[Array, ScoreTests]:
     """Reduction by every reading given those that are free, -1 for these, shape (m,)."""
-    used = np.ones(len(one.y), dtype=bool)
-    used[sorted(free)] = False
+    used = ~np.isin(np.arange(len(one.y)), [*free])
     found = one.each(used)
     drop = np.full(len(used), -1.0)
     drop[used] = found.drop
@@ -311,8 +309,7 @@ def _told(
         at = int(np.sum([i not in free for i in range(k)]))
         drops[k], sizes[k] = float(drop[k]), float(np.linalg.norm(found.size[at]))
         decided &= lost[k] or bool(np.delete(drop, k).max() < drop[k] - odds.DECIDES)
-    used = np.ones(len(table), dtype=bool)
-    used[sorted(free)] = False
+    used = ~np.isin(np.arange(len(table)), [*free])
     if table["target"][used].nunique() < _REFLECTORS:
         return None
     base = one.base(used)

@@ -1,7 +1,6 @@
 """Base reflectors: one wrong reading or nominal position, against fits without it."""
 
 from dataclasses import replace
-
 from types import SimpleNamespace
 
 import numpy as np
