@@ -78,11 +78,8 @@ def _true(case: Case, names: list[str], seen: Array, nominal: Array) -> tuple[in
     tried = [order for order, _ in zip(_alike(seen, nominal), range(_MOST), strict=False)]
     miss = {order: _miss(seen, nominal, order) for order in tried}
     least = min(miss.values(), default=np.inf)
-    kept = [
-        order
-        for order in tried
-        if miss[order] <= max(CLEARLY_NEARER * least, GROSS_DISTANCE_M / CLEARLY_NEARER)
-    ]
+    most = max(CLEARLY_NEARER * least, GROSS_DISTANCE_M / CLEARLY_NEARER)
+    kept = [order for order in tried if miss[order] <= most]
     if least >= GROSS_DISTANCE_M or len(tried) == _MOST:
         return None
     if len(kept) == 1:

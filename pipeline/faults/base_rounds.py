@@ -67,10 +67,8 @@ def drifted(case: Case) -> list[Mistake]:
     before, best = _square(case, rows, rounds), min(left, key=lambda pair: left[pair])
     rivals = [np.inf, *(square for pair, square in left.items() if pair != best)]
     n = 3 * poses - 6
-    if (
-        n * np.log(before / left[best]) < -2 * np.log(alarms.MOVED)
-        or n * np.log(min(rivals) / left[best]) < odds.DECIDES
-    ):
+    gains = n * np.log(np.array([before, min(rivals)]) / left[best])
+    if (gains < (-2 * np.log(alarms.MOVED), odds.DECIDES)).any():
         return []
     a, b = (rounds[k].group for k in best)
     away = (float(np.sqrt(square / poses)) for square in (before, left[best]))
@@ -125,11 +123,11 @@ def _since(case: Case, k: int, R: Array, t: Array) -> Mistake | None:
         {
             "given": np.linalg.norm(seen @ R.T + t - expected, axis=1),
             "later": np.linalg.norm(_as_from(case, k, seen) @ R.T + t - expected, axis=1),
+            "since": since[rows.index].to_numpy(),
         }
     )
-    order = since[rows.index].to_numpy()
-    away = places.groupby(rows["pose"].to_numpy(int)).median()
-    away = away.loc[pd.Series(order).groupby(rows["pose"].to_numpy(int)).min().sort_values().index]
+    of_pose = places.groupby(rows["pose"].to_numpy(int))
+    away = of_pose.agg({"given": "median", "later": "median", "since": "min"}).sort_values("since")
     moved = (CLEARLY_NEARER * away["later"] < away["given"]).to_numpy()
     first = int(np.argmax(moved))
     if (

@@ -139,9 +139,8 @@ def _outlier(asked: Screening) -> list[Mistake]:
 
     A chain stretches by its force, not by what was logged.
     """
-    return chain_outlier(
-        asked.case, frozenset(key for key, odd in odd_forces(asked).items() if odd)
-    )
+    unknown = frozenset(key for key, odd in odd_forces(asked).items() if odd)
+    return chain_outlier(asked.case, unknown)
 
 
 def chain_outlier(case: Case, unknown: frozenset[tuple[int, int]] = frozenset()) -> list[Mistake]:

@@ -305,7 +305,6 @@ def aligned(case: Case) -> tuple[Array, Array] | None:
 
 def _robust(expected: Array, seen: Array) -> tuple[Array, Array]:
     """Rigid motion of the expected points onto the readings, without those far off."""
-    good = np.ones(len(seen), dtype=bool)
     R, t = rigid(expected, seen)
     for _ in range(3):
         off = np.linalg.norm(seen - expected @ R.T - t, axis=1)

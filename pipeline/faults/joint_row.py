@@ -113,11 +113,8 @@ def wrong_rows(case: Case) -> list[Mistake]:
         laid = _laid(read, out)
         if np.array_equal(np.flatnonzero(laid.apart), sorted(out)):
             wrong = [k for k in sorted(out) if _whole(read, laid, k)]
-            return (
-                []
-                if _knocked(case, read, wrong)
-                else [_finding(case, read, laid, k) for k in wrong]
-            )
+            wrong = [] if _knocked(case, read, wrong) else wrong
+            return [_finding(case, read, laid, k) for k in wrong]
     return []
 
 
