@@ -123,11 +123,8 @@ def _twice(rows: pd.DataFrame) -> Iterator[tuple[tuple[str, str], tuple[list[int
 
 def _stand_alike(case: Case, here: tuple[pd.Series, pd.Series]) -> bool:
     """Whether two poses have the same joint values in the log."""
-    log = case.joints.set_index("pose")[case.joint_columns]
-    poses = [int(one["pose"]) for one in here]
-    return all(pose in log.index for pose in poses) and bool(
-        np.array_equal(log.loc[poses[0]].to_numpy(float), log.loc[poses[1]].to_numpy(float))
-    )
+    log = case.joints[case.joints["pose"].isin([one["pose"] for one in here])]
+    return len(log) == 2 and bool(log.duplicated(case.joint_columns).any())
 
 
 def _copy(asked: Screening, names: tuple[str, str], here: tuple[Any, Any]) -> int:
