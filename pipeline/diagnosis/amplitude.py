@@ -89,20 +89,12 @@ def both_ways(effect: Effect, sets: Sequence[Hypothesis]) -> tuple[EffectSize, .
         return ()
     joint = effect.carrier[0] - 1
     found, own = each_way(sets, joint, effect), sets[0].estimate.parameters[joint]
-    ends = zip(found.value, found.std, found.low, found.high, strict=True)
-    return tuple(
-        EffectSize(
-            replace(
-                own,
-                name=f"c_joint{joint + 1}_{way}",
-                meaning="compliance of {joint} under a torque of " + f"{way} sign",
-            ),
-            float(value),
-            float(std),
-            (float(low), float(high)),
-        )
-        for way, (value, std, low, high) in zip(_WAYS, ends, strict=True)
-    )
+    ends, out = np.stack([found.value, found.std, found.low, found.high], axis=1).tolist(), []
+    for way, (value, std, low, high) in zip(_WAYS, ends, strict=True):
+        meaning = f"compliance of {{joint}} under a torque of {way} sign"
+        parameter = replace(own, name=f"c_joint{joint + 1}_{way}", meaning=meaning)
+        out.append(EffectSize(parameter, value, std, (low, high)))
+    return tuple(out)
 
 
 _WAYS = ("positive", "negative")

@@ -89,14 +89,10 @@ def unnoticed(
             far = not np.isfinite(size) or visible > 1e3
             why = f"a typical size is {1 / size:.2g} of what would be seen here"
             if effect.label in twins.of_stiffness:
-                why = _hidden(effect)
+                of_joint = "acts about the axis of a joint and is part of that joint's stiffness"
+                all_alike = "multiplies every stiffness alike"
+                why = all_alike if isinstance(effect, Wrench) else of_joint
             elif far:
                 why = "no pull of this campaign moves it, or the joint springs hide it altogether"
             spots.append(Unnoticed(effect, why, None if far else visible, size))
     return tuple(sorted(spots, key=lambda spot: -compared(spot.times))), tuple(shown)
-
-
-def _hidden(effect: Effect) -> str:
-    if isinstance(effect, Wrench):
-        return "multiplies every stiffness alike"
-    return "acts about the axis of a joint and is part of that joint's stiffness"

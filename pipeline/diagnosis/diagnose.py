@@ -59,7 +59,6 @@ from pipeline.system.noise_shape import NoiseShape
 from pipeline.system.scatter import scatter
 from pipeline.system.system import Estimate, ScatterRatio, System
 from pipeline.system.variance import Components, variance_components
-from pipeline.system.whitened import Whitened
 
 _EQUILIBRIA = ("deformed", "undeformed")
 
@@ -295,7 +294,10 @@ def _listed(facts: Facts) -> set[str]:
 
 def _left_out(found: SearchResult, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:
     """Cross-validation residuals of the joint springs and of the extended model."""
-    before = worth.before if worth else _left_by_springs(found.first)
+    view, springs = found.first, np.arange(found.first.first)
+    every = np.ones(len(view.rows), dtype=bool)
+    left = view.raw[:, -1] - view.predicted(springs, view.M, every)
+    before = worth.before if worth else left
     after = worth.after if worth and helps else before
     return {"left_out_before_m": before, "left_out_after_m": after}
 
@@ -420,9 +422,3 @@ def _gain(
     if not found.accepted or found.first.poses < 4:
         return None
     return gain(task, found.first, found.plain, found.threshold.p, rng)
-
-
-def _left_by_springs(view: Whitened) -> Array:
-    """Residuals of the joint springs [m]."""
-    every = np.ones(len(view.rows), dtype=bool)
-    return view.raw[:, -1] - view.predicted(np.arange(view.first), view.M, every)

@@ -153,8 +153,7 @@ class Screening:
     @cached_property
     def spread(self) -> tuple[float, int]:
         """Scatter of the readings over the stated one, and the number of contrasts behind it."""
-        data = self.reduced.data
-        return noise_scale(self.system, self.estimate, data, self.zeros, self.cell)
+        return noise_scale(self.system, self.estimate, self.reduced.data, self.zeros, self.cell)
 
 
 @dataclass(frozen=True)

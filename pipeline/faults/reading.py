@@ -340,7 +340,7 @@ def _columns(
     return np.asarray(np.einsum("pab,pbni->pani", white.inverse, D, optimize=True))
 
 
-def shown(row_pull: Ints, which: Ints, pull: Ints, nth: Ints, of: Ints) -> Array:
+def shown(row_pull: Ints, which: Ints, pull: Ints | int, nth: Ints | int, of: Ints | int) -> Array:
     """Part of the shift of a reading that a row of its target in its pose shows.
 
     A loaded reading moves its own row by one; zero n of N moves every loaded row by -1/N, its own
