@@ -50,14 +50,6 @@ class Outcome:
     verdict: str | None = None
     passing: bool = False
 
-    @property
-    def event(self) -> str:
-        """One line for the screen of a service."""
-        if self.complaints and self.verdict is None:
-            return self.complaints[0]
-        text = " ".join(self.content.get("verdict_sentence", [])[:1])
-        return f"{printable(self.campaign)}: {text or self.text}"
-
     def as_json(self) -> str:
         """One line of JSON."""
         return in_json(self.content)

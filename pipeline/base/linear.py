@@ -398,6 +398,12 @@ def rigid(a: Array, b: Array) -> tuple[Array, Array]:
     return R, b.mean(axis=0) - R @ a.mean(axis=0)
 
 
+def moved_onto(a: Array, b: Array) -> Array:
+    """The points a after the best rigid motion onto b, (n, 3) each."""
+    R, t = rigid(a, b)
+    return a @ R.T + t
+
+
 def principal(X: Array) -> tuple[Array, Array, Array]:
     """Singular value decomposition U, s, V' of matrices (..., m, k)."""
     U, s, Vt = np.linalg.svd(X)
@@ -407,6 +413,15 @@ def principal(X: Array) -> tuple[Array, Array, Array]:
 def extent(points: Array) -> Array:
     """Singular values of a centred set of points (n, 3), the largest first."""
     return np.asarray(np.linalg.svd(points - points.mean(axis=0), compute_uv=False))
+
+
+def motions(levers: Array) -> Array:
+    """Motion of points by a shift and by a small rotation [rad] about the origin of their levers.
+
+    (..., 3) -> (..., 3, 6).
+    """
+    turns = turning(levers)
+    return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=-1)
 
 
 def turning(levers: Array) -> Array:

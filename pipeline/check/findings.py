@@ -19,10 +19,10 @@ from pipeline.base.quantities import bracketed, common_prefix, plain, prefixed, 
 from pipeline.base.tails import chi2_beyond
 from pipeline.check.contradictions import along_the_beam, overloaded
 from pipeline.diagnosis.facts import FoundCause, UnloadedFacts
+from pipeline.library.compensate import against_pulls
 from pipeline.machine.effect import Effect, Observation, Pulls
 from pipeline.machine.instrument import near, sheet
 from pipeline.machine.robot import configure
-from pipeline.prediction.path import against_pulls
 from pipeline.readers import Faces
 from pipeline.reduction.case import Case
 from pipeline.reduction.digits import division, rounding

@@ -30,10 +30,11 @@ from pipeline.check.survey import (
 )
 from pipeline.check.wrong_lines import TOML, WrongLine, mistaken, text_of, wrong_lines
 from pipeline.faults.conventions import anchored_miss, miss
+from pipeline.library.compensate import against_pulls
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.robot import Robot, axes, configure
 from pipeline.machine.robot.axes import in_log_units
-from pipeline.prediction.path import Path, against_pulls
+from pipeline.prediction.path import Path
 from pipeline.prediction.tolerance import path_of
 from pipeline.readers import _log_table, opened_as_text
 from pipeline.readers.export_settings import LogForm

@@ -11,7 +11,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Parameter
 from pipeline.base.tails import CHI2_95, NORMAL_95
-from pipeline.diagnosis.average import AveragedAmplitude, Hypothesis, each_way, size
+from pipeline.diagnosis.average import Hypothesis, each_way, size
 from pipeline.diagnosis.cause_search import SearchTask, of_model
 from pipeline.diagnosis.facts import EffectSize
 from pipeline.machine.cell import predict
@@ -71,10 +71,10 @@ def averaged(
     out = []
     for suspect, sizes in zip(view.model.accepted, amplitudes(task, view), strict=True):
         effect = task.suspects[suspect]
-        over = [size(sets, effect, k) for k in range(len(sizes))]
-        bends = not isinstance(effect, Elastic)
-        each = zip(sizes, over, strict=True)
-        out.append(tuple(_bent(one, mixed) if bends else _of(one, mixed) for one, mixed in each))
+        over = [EffectSize(one.parameter, *size(sets, effect, k)) for k, one in enumerate(sizes)]
+        if not isinstance(effect, Elastic):
+            over = [_bent(one, mixed) for one, mixed in zip(sizes, over, strict=True)]
+        out.append(tuple(over))
     return out
 
 
@@ -89,40 +89,28 @@ def both_ways(effect: Effect, sets: Sequence[Hypothesis]) -> tuple[EffectSize, .
         return ()
     joint = effect.carrier[0] - 1
     found, own = each_way(sets, joint, effect), sets[0].estimate.parameters[joint]
-    ends = zip(found.value, found.std, found.low, found.high, strict=True)
-    return tuple(
-        EffectSize(
-            replace(
-                own,
-                name=f"c_joint{joint + 1}_{way}",
-                meaning="compliance of {joint} under a torque of " + f"{way} sign",
-            ),
-            float(value),
-            float(std),
-            (float(low), float(high)),
-        )
-        for way, (value, std, low, high) in zip(_WAYS, ends, strict=True)
-    )
+    ends, out = np.stack([found.value, found.std, found.low, found.high], axis=1).tolist(), []
+    for way, (value, std, low, high) in zip(_WAYS, ends, strict=True):
+        meaning = f"compliance of {{joint}} under a torque of {way} sign"
+        parameter = replace(own, name=f"c_joint{joint + 1}_{way}", meaning=meaning)
+        out.append(EffectSize(parameter, value, std, (low, high)))
+    return tuple(out)
 
 
 _WAYS = ("positive", "negative")
 """Names for the sign of the torque on a joint, in the order of `average.each_way`."""
 
 
-def _of(alone: EffectSize, over: AveragedAmplitude) -> EffectSize:
-    return EffectSize(alone.parameter, over.value, over.std, over.ci95)
-
-
-def _bent(alone: EffectSize, over: AveragedAmplitude) -> EffectSize:
+def _bent(alone: EffectSize, over: EffectSize) -> EffectSize:
     """Averaged magnitude, its interval as skewed as that of the accepted cause alone."""
     straight = NORMAL_95 * alone.std
     if not 0 < straight < np.inf:
-        return _of(alone, over)
+        return over
     low, high = (
         over.value + abs(own - alone.value) / straight * (end - over.value)
         for end, own in zip(over.ci95, alone.ci95, strict=True)
     )
-    return replace(_of(alone, over), ci95=(low, high))
+    return replace(over, ci95=(low, high))
 
 
 def _profile(

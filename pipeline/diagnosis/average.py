@@ -94,39 +94,16 @@ class Springs(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class _DeterminedMix(Locked):
-    """A combination of compliances that is determined although the single ones are not.
+class _DeterminedMix(combinations.Mix):
+    """A combination of compliances [m/N] or [rad/(N m)], averaged over all hypotheses.
 
     Attributes:
-        of: Indices of the joints, shape (m,).
-        weights: Weights of their compliances; the largest is 1, shape (m,).
-        value: Weighted sum of the compliances [m/N] or [rad/(N m)].
-        std: Its standard uncertainty, in the same unit.
         low: Lower end of the 95 % interval.
         high: Upper end of the 95 % interval.
     """
 
-    of: Ints
-    weights: Array
-    value: float
-    std: float
     low: float
     high: float
-
-
-@dataclass(frozen=True)
-class AveragedAmplitude:
-    """One parameter of a cause, averaged over the hypotheses that contain it.
-
-    Attributes:
-        value: Best estimate, SI.
-        std: Its standard uncertainty; infinite where undetermined.
-        ci95: 95 % interval.
-    """
-
-    value: float
-    std: float
-    ci95: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -218,11 +195,16 @@ def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
     return Springs(value, cov, low, high, sure)
 
 
-def size(hypotheses: Sequence[Hypothesis], effect: Effect, k: int) -> AveragedAmplitude:
+def size(
+    hypotheses: Sequence[Hypothesis], effect: Effect, k: int
+) -> tuple[float, float, tuple[float, float]]:
     """One parameter of a cause, averaged over the hypotheses that contain it in this form.
 
     Hypotheses with another of its forms are excluded: the same symbol is a different quantity
     there.
+
+    Returns:
+        Value, standard uncertainty, infinite where undetermined, and 95 % interval, SI.
     """
     held = [
         replace(one, estimate=one.sized or one.estimate) for one in _holding(hypotheses, effect)
@@ -230,7 +212,7 @@ def size(hypotheses: Sequence[Hypothesis], effect: Effect, k: int) -> AveragedAm
     name = effect.parameters[k].name
     names = [[parameter.name for parameter in one.estimate.parameters] for one in held]
     value, cov, low, high = _over(held, _parts(held, [np.array([e.index(name)]) for e in names]))
-    return AveragedAmplitude(value.item(), float(np.sqrt(cov.item())), (low.item(), high.item()))
+    return value.item(), float(np.sqrt(cov.item())), (low.item(), high.item())
 
 
 def _holding(hypotheses: Sequence[Hypothesis], effect: Effect) -> list[Hypothesis]:
@@ -410,7 +392,7 @@ def together(
     std = np.sqrt(np.einsum("ci,hij,cj->hc", W, covs, W))
     ends = zip(*_interval(hypotheses, values @ W.T, std), strict=True)
     return tuple(
-        _DeterminedMix(mix.of, mix.weights, mix.value, mix.std, float(low), float(high))
+        _DeterminedMix(**vars(mix), low=float(low), high=float(high))
         for mix, (low, high) in zip(found, ends, strict=True)
     )
 

@@ -55,15 +55,17 @@ def needed(k: ArrayLike, p: float) -> Array:
     return np.asarray(special.chndtrinc(special.chdtri(k, p), k, 1 - _POWER))
 
 
-def blind_spots(
+def unnoticed(
     effects: tuple[Effect, ...],
     view: Whitened,
     base: Ints,
     p: float,
     twins: Twins,
     elsewhere: Mapping[str, float],
-) -> tuple[Unnoticed, ...]:
+) -> tuple[tuple[Unnoticed, ...], tuple[Unnoticed, ...]]:
     """Causes that could be present at their typical magnitude undetected, least visible first.
+
+    And those that a typical magnitude would have shown.
 
     Args:
         effects: The whole catalogue.
@@ -74,52 +76,23 @@ def blind_spots(
         elsewhere: Multiples of the typical magnitude that are visible outside the displacements, by
             label.
     """
-    best, out = _least(view, base, p, elsewhere), []
-    for effect in {e.label: e for e in effects}.values():
-        if effect.label in twins.of_stiffness:
-            out.append(Unnoticed(effect, _hidden(effect), None, np.inf))
-        elif effect.label in best and best[effect.label] > 1:
-            size = best[effect.label]
-            far = not np.isfinite(size) or size * effect.parameters[0].typical > 1e3
-            visible = None if far else size * effect.parameters[0].typical
-            why = (
-                "no pull of this campaign moves it, or the joint springs hide it altogether"
-                if visible is None
-                else f"a typical size is {1 / size:.2g} of what would be seen here"
-            )
-            out.append(Unnoticed(effect, why, visible, size))
-    return tuple(sorted(out, key=lambda spot: -compared(spot.times)))
-
-
-def not_found(
-    effects: tuple[Effect, ...],
-    view: Whitened,
-    base: Ints,
-    p: float,
-    twins: Twins,
-    elsewhere: Mapping[str, float],
-) -> tuple[Unnoticed, ...]:
-    """Causes that a typical magnitude would have shown; arguments as for `blind_spots`."""
-    best = _least(view, base, p, elsewhere)
-    seen = {e.label: e for e in effects if e.label not in twins.of_stiffness}.values()
-    return tuple(
-        Unnoticed(one, "", size * one.parameters[0].typical, size)
-        for one in seen
-        if (size := float(best.get(one.label, np.inf))) <= 1
-    )
-
-
-def _least(
-    view: Whitened, base: Ints, p: float, elsewhere: Mapping[str, float]
-) -> dict[str, float]:
-    """Multiple of the typical magnitude from which each cause shows somewhere, by label."""
-    best = dict(elsewhere)
+    best, spots, shown = dict(elsewhere), list[Unnoticed](), list[Unnoticed]()
     for effect, size in zip(view.suspects, smallest_visible(view, base, p), strict=True):
         best[effect.label] = float(np.fmin(best.get(effect.label, np.nan), size))
-    return best
-
-
-def _hidden(effect: Effect) -> str:
-    if isinstance(effect, Wrench):
-        return "multiplies every stiffness alike"
-    return "acts about the axis of a joint and is part of that joint's stiffness"
+    best |= dict.fromkeys(twins.of_stiffness, np.inf)
+    for effect in {e.label: e for e in effects}.values():
+        size = best.get(effect.label, np.nan)
+        visible = size * effect.parameters[0].typical
+        if size <= 1:
+            shown.append(Unnoticed(effect, "", visible, size))
+        elif size > 1:
+            far = not np.isfinite(size) or visible > 1e3
+            why = f"a typical size is {1 / size:.2g} of what would be seen here"
+            if effect.label in twins.of_stiffness:
+                of_joint = "acts about the axis of a joint and is part of that joint's stiffness"
+                all_alike = "multiplies every stiffness alike"
+                why = all_alike if isinstance(effect, Wrench) else of_joint
+            elif far:
+                why = "no pull of this campaign moves it, or the joint springs hide it altogether"
+            spots.append(Unnoticed(effect, why, None if far else visible, size))
+    return tuple(sorted(spots, key=lambda spot: -compared(spot.times))), tuple(shown)

@@ -13,7 +13,7 @@ from scipy import special
 from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
-from pipeline.diagnosis.blindspots import blind_spots, not_found
+from pipeline.diagnosis.blindspots import unnoticed
 from pipeline.diagnosis.cause_search import SearchResult, SearchTask, by_label, search
 from pipeline.diagnosis.causes import (
     missing,
@@ -59,7 +59,6 @@ from pipeline.system.noise_shape import NoiseShape
 from pipeline.system.scatter import scatter
 from pipeline.system.system import Estimate, ScatterRatio, System
 from pipeline.system.variance import Components, variance_components
-from pipeline.system.whitened import Whitened
 
 _EQUILIBRIA = ("deformed", "undeformed")
 
@@ -278,10 +277,10 @@ def _unnoticed(
     final = found.view if facts.helps else found.first
     names = _listed(facts)
     asked = tuple(effect for effect in whole if effect.label not in names)
-    of = final, final.base, found.threshold.p, known, visible
-    rough = facts.unloaded.rough  # the entries of a rough table are estimated
-    absent = [one for one in asked if not (rough and one.name in (*table.NOUNS, "joint_offset"))]
-    return blind_spots(asked, *of), not_found(tuple(absent), *of)
+    spots, shown = unnoticed(asked, final, final.base, found.threshold.p, known, visible)
+    # the entries of a rough table are estimated
+    estimated = (*table.NOUNS, "joint_offset") if facts.unloaded.rough else ()
+    return spots, tuple(one for one in shown if one.effect.name not in estimated)
 
 
 def _listed(facts: Facts) -> set[str]:
@@ -295,7 +294,10 @@ def _listed(facts: Facts) -> set[str]:
 
 def _left_out(found: SearchResult, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:
     """Cross-validation residuals of the joint springs and of the extended model."""
-    before = worth.before if worth else _left_by_springs(found.first)
+    view, springs = found.first, np.arange(found.first.first)
+    every = np.ones(len(view.rows), dtype=bool)
+    left = view.raw[:, -1] - view.predicted(springs, view.M, every)
+    before = worth.before if worth else left
     after = worth.after if worth and helps else before
     return {"left_out_before_m": before, "left_out_after_m": after}
 
@@ -420,9 +422,3 @@ def _gain(
     if not found.accepted or found.first.poses < 4:
         return None
     return gain(task, found.first, found.plain, found.threshold.p, rng)
-
-
-def _left_by_springs(view: Whitened) -> Array:
-    """Residuals of the joint springs [m]."""
-    every = np.ones(len(view.rows), dtype=bool)
-    return view.raw[:, -1] - view.predicted(np.arange(view.first), view.M, every)

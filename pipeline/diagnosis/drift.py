@@ -14,11 +14,10 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import covariance, linear
-from pipeline.base.arrays import Array, Bools
+from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.blindspots import needed
 from pipeline.diagnosis.facts import Drift
-from pipeline.diagnosis.rounds import in_rounds
 from pipeline.machine.effect import Effect, Observation
 from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS, PER_GROUP, amount, by_order
 from pipeline.reduction.expected import expected
@@ -34,13 +33,14 @@ _ROUNDS = 100
 """Maximum number of rounds of readings that are tested for separate motions; of more, only a motion
 in time is."""
 
+_MANY = 1000
+"""Number of readings above which they are averaged in rounds: all pairs of a thousand are 8 MB."""
+_SPANS = 100
+"""Number of time spans, hence rounds, into which the readings are averaged."""
+_OFF = ["dx_m", "dy_m", "dz_m"]
+
 _LEVER_M = 10.0
 """Lever at which rotations are expressed as translations [m], for the conditioning."""
-
-
-def _forms(effects: Sequence[Effect]) -> list[Observation]:
-    """The laws of a drift."""
-    return [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
 
 
 def motion(of: Fitted) -> tuple[tuple[Effect, ...], Drift | None]:
@@ -85,13 +85,14 @@ def drift(
         None without times, unless the laws are by the order of rows; with too few reflectors; or
             with one round of readings.
     """
-    forms = _forms(effects)
+    forms = [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
     by_order = any(e.parameters[0].unit == PER_GROUP for e in forms)
     table = in_rounds(_repeated(registration.table, by_order))
     since = table["since"].to_numpy(float)
     if not forms or table["target"].nunique() < 3 or since.max() <= 0:
         return None
-    at = _stated_at(unloaded, registration)
+    known = unloaded[np.isfinite(unloaded).all(axis=1)]
+    at = known.mean(axis=0) if len(known) else registration.centre
     base, white, rigid = _base(registration, table, at, scale, since, wander)
     if base.dof < 7:
         return None
@@ -156,9 +157,8 @@ def _knocked(
     size = each.size[0].reshape(-1, 6)
     steps = np.sqrt(np.mean(np.sum((rigid @ size.T) ** 2, axis=1), axis=0))
     most = int(np.argmax(steps))
-    if each.p(TOLERATED_FACTOR**2, np.inf)[0] >= alarms.MOVED or steps[most] <= FAR_OFF * _unit_m(
-        white
-    ):
+    chance = each.p(TOLERATED_FACTOR**2, np.inf)[0]
+    if chance >= alarms.MOVED or steps[most] <= FAR_OFF * _unit_m(white):
         return law
     begun = table.groupby(table["group"].astype(str))["since"].mean().sort_values()
     return replace(law, knocked=tuple(begun.index[most : most + 2]), moved_m=float(steps[most]))
@@ -177,12 +177,6 @@ def _repeated(table: pd.DataFrame, by_order: bool) -> pd.DataFrame:
         table = table.assign(time_s=seconds(table))
     table = table.assign(since=table["time_s"] - table["time_s"].min())
     return table[table.groupby("target")["group"].transform("nunique") > 1]
-
-
-def _stated_at(unloaded: Array, registration: Registration) -> Array:
-    """Point at which the velocity is stated [m], F_b, shape (3,)."""
-    known = unloaded[np.isfinite(unloaded).all(axis=1)]
-    return np.asarray(known.mean(axis=0) if len(known) else registration.centre)
 
 
 def _moved(base: Base, motions: Array, amounts: Sequence[Array]) -> ScoreTests:
@@ -245,19 +239,14 @@ def _base(
     points = table[XYZ].to_numpy(float)
     which = np.eye(table["target"].nunique())[pd.factorize(table["target"])[0]]
     fixed = np.einsum("kij,kt->kitj", white, which).reshape(3 * len(table), -1)
-    turns = linear.turning(points - at) / _LEVER_M
-    rigid = np.concatenate([np.tile(np.eye(3), (len(table), 1, 1)), turns], axis=2)
-    off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)  # small numbers keep digits in the fit
+    rigid = linear.motions((points - at) / _LEVER_M)
+    off = table[_OFF].to_numpy(float)  # small numbers keep digits in the fit
     y = (white @ off[..., None]).ravel()
     if wander is not None and wander.process.any():
         F = wander.of_readings(since, points - registration.tracker)
         common = (white @ F).reshape(len(y), -1)
-        fixed = np.block(
-            [
-                [fixed, common],
-                [np.zeros((common.shape[1], fixed.shape[1])), np.eye(common.shape[1])],
-            ]
-        )
+        known = np.eye(common.shape[1], fixed.shape[1] + common.shape[1], fixed.shape[1])
+        fixed = np.vstack([np.hstack([fixed, common]), known])
         y = np.append(y, np.zeros(common.shape[1]))
     return Base.of(fixed, y), white, rigid
 
@@ -276,3 +265,41 @@ def _undecided(effect: Observation, table: pd.DataFrame) -> Observation:
         "nobody can tell a drift from a tracker that was knocked once"
     )
     return replace(effect, needs=needs)
+
+
+def in_rounds(table: pd.DataFrame) -> pd.DataFrame:
+    """Average many readings, by reflector and span of time.
+
+    p = C sum C_k^-1 p_k, C = (sum C_k^-1)^-1 (m and m^2, F_b), at the mean of their times: a motion
+    that is linear within a hundredth of the campaign has the same effect on the means. Up to
+    `_MANY` readings are returned unchanged.
+
+    Args:
+        table: Table REGISTRATION with `since`, seconds after the first reading.
+    """
+    if len(table) <= _MANY:
+        return table
+    since = table["since"].to_numpy(float)
+    whole_s = since.max() or 1.0  # without times a group is read at once
+    span = np.minimum((since / whole_s * _SPANS).astype(np.int64), _SPANS - 1)
+    target, names = pd.factorize(table["target"])
+    _, first, which = np.unique(span * len(names) + target, return_index=True, return_inverse=True)
+    C = covariance.weighing(table)
+    W = covariance.alike(C, linear.inverse)
+    whole = linear.inverse(_sums(W.reshape(-1, 9), which).reshape(-1, 3, 3))
+    values = table[[*XYZ, *_OFF]].to_numpy(float)
+    sums = _sums(np.einsum("kij,kaj->kai", W, values.reshape(-1, 2, 3)).reshape(-1, 6), which)
+    means = np.einsum("kij,kaj->kai", whole, sums.reshape(-1, 2, 3)).reshape(-1, 6)
+    count = np.bincount(which)
+    out = table.iloc[first].copy()
+    out[[*XYZ, *_OFF]] = means
+    out[covariance.columns()] = covariance.flat(whole)
+    out["since"] = np.bincount(which, since) / count
+    begins = table["group"].astype(str).to_numpy()[first]
+    out["group"] = [f"{name} ({k})" for name, k in zip(begins, span[first], strict=True)]
+    return out
+
+
+def _sums(rows: Array, which: Ints) -> Array:
+    """Sums of the rows with the same number in `which`, shape (numbers, columns)."""
+    return np.column_stack([np.bincount(which, column) for column in rows.T])

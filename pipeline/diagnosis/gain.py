@@ -35,13 +35,11 @@ def alone(
     """
     pose, springs = first.pose[: len(first.rows)], np.arange(first.first)
     before = first.left_out(springs)
-    out = []
-    for suspect, probability in likely:
-        mine = first.left_out(np.concatenate([springs, first.columns([suspect])]))
-        out.append(
-            SoleCause(first.suspects[suspect], probability, *interval(before, mine, pose, rng))
-        )
-    return tuple(out)
+    each = [first.left_out(np.concatenate([springs, first.columns([k])])) for k, _ in likely]
+    return tuple(
+        SoleCause(first.suspects[k], probability, *interval(before, mine, pose, rng))
+        for (k, probability), mine in zip(likely, each, strict=True)
+    )
 
 
 def beside(extended: Whitened, others: Sequence[int], rng: np.random.Generator) -> CrossValidation:

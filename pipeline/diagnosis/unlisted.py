@@ -268,9 +268,8 @@ def _by_structure(view: Whitened, now: Scores) -> Array:
     most = np.full(len(signs), -np.inf)
     for rank in np.unique(now.rank[now.rank > 0]):
         mine = half[:, now.rank == rank]
-        drop = np.sum(
-            (signs @ mine.reshape(len(parts), -1)).reshape(len(signs), -1, at.shape[1]) ** 2, axis=2
-        )
+        each = (signs @ mine.reshape(len(parts), -1)).reshape(len(signs), -1, at.shape[1])
+        drop = np.sum(each**2, axis=2)
         most = np.maximum(most, _likelihood(drop.max(axis=1) / rest, rank, now.dof))
     own = _likelihood(now.drop / now.rest, now.rank, now.dof)
     return np.asarray((1 + (most[:, None] >= own * (1 - 1e-9)).sum(axis=0)) / (1 + len(signs)))

@@ -8,7 +8,6 @@ table shows which one brings the effector to its position; for one round, the ot
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,7 +16,7 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.faults.assignment import lines
-from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored_miss
+from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored_miss, with_places
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
@@ -92,8 +91,7 @@ def _of_base(case: Case, group: str | None) -> pd.DataFrame:
 def _miss(seen: Array, nominal: Array, order: Sequence[int]) -> float:
     """Rms deviation of the readings from their positions after the best rigid motion [m]."""
     due = nominal[list(order)]
-    R, t = linear.rigid(seen, due)
-    return float(np.sqrt(np.mean(np.sum((seen @ R.T + t - due) ** 2, axis=1))))
+    return float(np.sqrt(np.mean(np.sum((linear.moved_onto(seen, due) - due) ** 2, axis=1))))
 
 
 def _true(
@@ -103,11 +101,8 @@ def _true(
     tried = [order for order, _ in zip(_alike(seen, nominal), range(_MOST), strict=False)]
     miss = {order: _miss(seen, nominal, order) for order in tried}
     least = min(miss.values(), default=np.inf)
-    kept = [
-        order
-        for order in tried
-        if miss[order] <= max(CLEARLY_NEARER * least, GROSS_DISTANCE_M / CLEARLY_NEARER)
-    ]
+    most = max(CLEARLY_NEARER * least, GROSS_DISTANCE_M / CLEARLY_NEARER)
+    kept = [order for order in tried if miss[order] <= most]
     if least >= GROSS_DISTANCE_M or len(tried) == _MOST:
         return None
     if len(kept) == 1:
@@ -159,8 +154,7 @@ def _places(names: list[str], order: Sequence[int]) -> dict[str, str]:
 def _renamed(case: Case, place: dict[str, str]) -> Case:
     """The campaign with the places in [base_frame] under the right names."""
     base = case.settings.base_frame
-    base = base | {name: base[other] for name, other in place.items()}
-    return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))
+    return with_places("base_frame", {name: base[at] for name, at in place.items()}, case)
 
 
 def _rewritten(case: Case, place: dict[str, str], group: str) -> Case:

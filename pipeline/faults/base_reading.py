@@ -11,9 +11,9 @@ test.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import pandas as pd
@@ -22,7 +22,7 @@ from scipy import special
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.tails import chi2_beyond
-from pipeline.faults.fault import Fault
+from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import bad_reading, smallest
 from pipeline.machine.effects.tracker_drift import LAWS
@@ -58,15 +58,14 @@ class _Readings(Locked):
     white: Array
     cost: float
 
-    def base(self, used: Bools) -> Base:
-        """The base, from some of the readings."""
-        return Base.of(self.X[used].reshape(-1, self.X.shape[2]), self.y[used].ravel())
+    def base(self, used: Bools, key: Ints | None = None) -> Base:
+        """The base, from some of the readings, `key` the block of each row."""
+        return Base.of(self.X[used].reshape(-1, self.X.shape[2]), self.y[used].ravel(), key)
 
     def each(self, used: Bools) -> ScoreTests:
         """Shift of every used reading by itself [m], given the base."""
-        white, y = self.white[used], self.y[used].ravel()
-        X = self.X[used].reshape(-1, self.X.shape[2])
-        base = Base.of(X, y, key=np.repeat(np.arange(len(white)), 3))
+        white = self.white[used]
+        base = self.base(used, np.repeat(np.arange(len(white)), 3))
         found = base.beside(white[:, :, None, :])
         return replace(found, N=found.N[:, 0], g=found.g[:, 0], whole=found.whole[:, 0])
 
@@ -125,8 +124,8 @@ def base_outlier(registration: Registration, scale: float) -> list[Mistake]:
     if seen.table["group"].nunique() > _ROUNDS:
         return []
     every = [_freed(one, seen.table, near, limit) for one in _courses(seen, scale)]
-    best = min(every, key=lambda free: free.score)
-    if not best.certain or _whole_reflector(seen.table, best):
+    best = min(filter(None, every), key=lambda free: free.score, default=None)
+    if best is None or not best.certain or _whole_reflector(seen.table, best):
         return []
     return list(_findings(best, seen.table, scale))
 
@@ -223,8 +222,7 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
     white = covariance.alike(C, lambda own: linear.whitening(R @ own @ R.T * scale**2))
     off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)
     lever = table[XYZ].to_numpy(float) - off - registration.centre  # of the nominal positions
-    turns = linear.turning(lever)
-    rigid = white @ np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
+    rigid = white @ linear.motions(lever)
     y = (white @ off[..., None])[..., 0]
     yield _Readings(rigid, y, white, 0.0)
     for much in _drifts(table):
@@ -257,8 +255,11 @@ def _scatter(registration: Registration, near: Bools) -> float:
     return float(np.sqrt(left.rest / left.dof)) if left.dof > 0 else np.inf
 
 
-def _freed(one: _Readings, table: pd.DataFrame, near: Bools, limit: float) -> _Free:
-    """Readings freed until no further one is significant; insignificant ones are used again."""
+def _freed(one: _Readings, table: pd.DataFrame, near: Bools, limit: float) -> _Free | None:
+    """Readings freed until no further one is significant; insignificant ones are used again.
+
+    None where too few readings or reflectors would be left.
+    """
     free = set(np.flatnonzero(~near).tolist())
     most = (len(near) - _REFLECTORS) // 2
     while len(free) <= most:
@@ -267,8 +268,7 @@ def _freed(one: _Readings, table: pd.DataFrame, near: Bools, limit: float) -> _F
         if drop[best] <= limit:
             break
         free = _exchanged(one, free | {best})
-    lost = _lost(table, near)
-    return _told(one, table, free, lost, limit) if len(free) <= most else _nothing()
+    return _told(one, table, free, _lost(table, near), limit) if len(free) <= most else None
 
 
 def _exchanged(one: _Readings, free: set[int]) -> set[int]:
@@ -281,8 +281,7 @@ def _exchanged(one: _Readings, free: set[int]) -> set[int]:
 
 def _drops(one: _Readings, free: set[int]) -> tuple[Array, ScoreTests]:
     """Reduction by every reading given those that are free, -1 for these, shape (m,)."""
-    used = np.ones(len(one.y), dtype=bool)
-    used[sorted(free)] = False
+    used = ~np.isin(np.arange(len(one.y)), [*free])
     found = one.each(used)
     drop = np.full(len(used), -1.0)
     drop[used] = found.drop
@@ -298,7 +297,9 @@ def _lost(table: pd.DataFrame, near: Bools) -> Bools:
     return np.asarray(~near & (by.transform("sum") > 0.5 * (by.transform("size") - 1)))
 
 
-def _told(one: _Readings, table: pd.DataFrame, free: set[int], lost: Bools, limit: float) -> _Free:
+def _told(
+    one: _Readings, table: pd.DataFrame, free: set[int], lost: Bools, limit: float
+) -> _Free | None:
     """The freed readings, each tested given the others; insignificant ones are used again."""
     drops, sizes, decided = {}, {}, True
     for k in sorted(free):
@@ -308,33 +309,24 @@ def _told(one: _Readings, table: pd.DataFrame, free: set[int], lost: Bools, limi
         at = int(np.sum([i not in free for i in range(k)]))
         drops[k], sizes[k] = float(drop[k]), float(np.linalg.norm(found.size[at]))
         decided &= lost[k] or bool(np.delete(drop, k).max() < drop[k] - odds.DECIDES)
-    used = np.ones(len(table), dtype=bool)
-    used[sorted(free)] = False
+    used = ~np.isin(np.arange(len(table)), [*free])
     if table["target"][used].nunique() < _REFLECTORS:
-        return _nothing()
+        return None
     base = one.base(used)
     return _Free(base.rest, base.dof, drops, sizes, one.cost + limit * len(free), decided)
-
-
-def _nothing() -> _Free:
-    return _Free(np.inf, 0, {}, {}, np.inf, False)
 
 
 _off = lru_cache(maxsize=1)(base_outlier)
 """Result kept for the second of the two tests, which has the same arguments."""
 
 
-def _when(found: Sequence[Mistake], single: bool) -> list[Mistake]:
-    return list(found) if (len(found) == 1) is single else []
+def _found(single: bool, asked: Screening) -> list[Mistake]:
+    """One bad reading, or several."""
+    found = _off(asked.reduced.registration, asked.spread[0])
+    return found if (len(found) == 1) is single else []
 
 
-ONE_READING = Fault(
-    "outlier",
-    lambda asked: _when(_off(asked.reduced.registration, asked.spread[0]), True),
-)
+ONE_READING = Fault("outlier", partial(_found, True))
 
-SEVERAL_READINGS = Fault(
-    "outlier",
-    lambda asked: _when(_off(asked.reduced.registration, asked.spread[0]), False),
-)
+SEVERAL_READINGS = Fault("outlier", partial(_found, False))
 """Tested after a reflector that is off in every round, which is one mistake and not several."""

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array
-from pipeline.base.linear import rigid
+from pipeline.base.linear import moved_onto
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import FEWEST_POSES, anchored, pairs, unloaded
 from pipeline.faults.fault import Fault
@@ -67,10 +67,8 @@ def drifted(case: Case) -> list[Mistake]:
     before, best = _square(case, rows, rounds), min(left, key=lambda pair: left[pair])
     rivals = [np.inf, *(square for pair, square in left.items() if pair != best)]
     n = 3 * poses - 6
-    if (
-        n * np.log(before / left[best]) < -2 * np.log(alarms.MOVED)
-        or n * np.log(min(rivals) / left[best]) < odds.DECIDES
-    ):
+    gains = n * np.log(np.array([before, min(rivals)]) / left[best])
+    if (gains < (-2 * np.log(alarms.MOVED), odds.DECIDES)).any():
         return []
     a, b = (rounds[k].group for k in best)
     away = (float(np.sqrt(square / poses)) for square in (before, left[best]))
@@ -97,8 +95,8 @@ def _square(case: Case, rows: pd.DataFrame, rounds: list[Round]) -> float:
     for mine, one in zip(np.eye(len(rounds)), rounds, strict=True):
         R, t = one.pose()
         placed += np.interp(rows["since"].to_numpy(), begun, mine)[:, None] * (seen @ R.T + t)
-    R, t = rigid(placed, expected)
-    off = pd.DataFrame(placed @ R.T + t - expected).groupby(rows["pose"].to_numpy(int)).mean()
+    off = pd.DataFrame(moved_onto(placed, expected) - expected)
+    off = off.groupby(rows["pose"].to_numpy(int)).mean()
     return float(np.sum(off.to_numpy() ** 2))
 
 
@@ -125,11 +123,11 @@ def _since(case: Case, k: int, R: Array, t: Array) -> Mistake | None:
         {
             "given": np.linalg.norm(seen @ R.T + t - expected, axis=1),
             "later": np.linalg.norm(_as_from(case, k, seen) @ R.T + t - expected, axis=1),
+            "since": since[rows.index].to_numpy(),
         }
     )
-    order = since[rows.index].to_numpy()
-    away = places.groupby(rows["pose"].to_numpy(int)).median()
-    away = away.loc[pd.Series(order).groupby(rows["pose"].to_numpy(int)).min().sort_values().index]
+    of_pose = places.groupby(rows["pose"].to_numpy(int))
+    away = of_pose.agg({"given": "median", "later": "median", "since": "min"}).sort_values("since")
     moved = (CLEARLY_NEARER * away["later"] < away["given"]).to_numpy()
     first = int(np.argmax(moved))
     if (

@@ -134,33 +134,13 @@ class _Off:
     p_value: float | None
 
 
-@dataclass(frozen=True, eq=False)
-class _Turned(Locked):
-    """Directions against the other pulls of their poses, by the law most favourable to each.
-
-    Attributes:
-        pull: Indices of the pulls, shape (n,).
-        p: P-value of each, shape (n,).
-        apart: Deviation over the residuals of the other pulls of the pose, shape (n,).
-        size: Deviation [rad], shape (n,).
-        sigmas: Deviation in standard deviations, shape (n,).
-    """
-
-    pull: Ints
-    p: Array
-    apart: Array
-    size: Array
-    sigmas: Array
-
-
 def _outlier(asked: Screening) -> list[Mistake]:
     """As `chain_outlier`, of pulls whose displacements agree with their force.
 
     A chain stretches by its force, not by what was logged.
     """
-    return chain_outlier(
-        asked.case, frozenset(key for key, odd in odd_forces(asked).items() if odd)
-    )
+    unknown = frozenset(key for key, odd in odd_forces(asked).items() if odd)
+    return chain_outlier(asked.case, unknown)
 
 
 def chain_outlier(case: Case, unknown: frozenset[tuple[int, int]] = frozenset()) -> list[Mistake]:
@@ -183,7 +163,7 @@ def chain_outlier(case: Case, unknown: frozenset[tuple[int, int]] = frozenset())
     else:
         return []
     end = _end(chain, off.pull)
-    return [_finding(case, chain, off, case.settings.naming.chain, told, off.size, end)]
+    return [_finding(case, chain, off, told, end)]
 
 
 def _rarer(one: _Off, other: _Off) -> bool:
@@ -199,10 +179,9 @@ def _with_direction(chain: _Chain, near: _Off, names: Sequence[str]) -> tuple[_O
     text = f"{names[0]} and {names[1]} are {1e3 * near.size:.2f} mm farther apart or nearer than "
     text += f"in the other pulls, {apart(near.sigmas)}"
     turned = _turned(chain)
-    at = np.flatnonzero(turned.pull == near.pull)
-    if not len(at):
+    if near.pull not in turned.index:
         return near, text
-    turn, sigmas = float(turned.size[at[0]]), float(turned.sigmas[at[0]])
+    turn, sigmas = map(float, turned.loc[near.pull, ["size", "sigmas"]])
     size = float(np.hypot(near.size, turn * np.median(_length(chain))))
     both = replace(near, sigmas=float(np.hypot(near.sigmas, sigmas)), axes=3, size=size)
     return both, f"{text}, and {_told_direction(turn, sigmas)}"
@@ -235,11 +214,8 @@ def chain_gross(case: Case) -> list[Mistake]:
     sigmas = float(away[best] / chain.std[best])
     off = _Off(best, sigmas, 1, float(away[best]), None)
     miss = _misses(chain, best) or (0.0, 0.0)
-    if min(miss) > GROSS_DISTANCE_M:
-        return [
-            _finding(case, chain, off, names, text, size, (k, size)) for k, size in enumerate(miss)
-        ]
-    return [_finding(case, chain, off, names, text, off.size, _end(chain, best))]
+    ends = enumerate(miss) if min(miss) > GROSS_DISTANCE_M else [_end(chain, best)]
+    return [_finding(case, chain, off, text, end) for end in ends]
 
 
 def _read(case: Case, unknown: frozenset[tuple[int, int]] = frozenset()) -> _Chain:
@@ -343,35 +319,35 @@ def _each(X: Array, y: Array) -> ScoreTests:
     return Base.of(X, y).beside(np.eye(len(y))[None, :, :, None]).of_block(0)
 
 
-def _turned(chain: _Chain) -> _Turned:
-    """Directions against the other pulls of the set, in sets of four pulls or more.
+def _turned(chain: _Chain) -> pd.DataFrame:
+    """Directions against the other pulls of the set, in sets of four pulls or more, by pull.
 
-    For each pull the law of the course that is most favourable to it is used.
+    For each pull the law of the course that is most favourable to it is used. Columns as of
+    `_turns`: p, apart, size, sigmas.
     """
     index = chain.towards
     known = np.isfinite(chain.force)
     pulls = np.flatnonzero(known & (np.bincount(index, known)[index] >= 4))
     if not len(pulls):
-        return _Turned(pulls, *np.zeros((4, 0)))
+        return pd.DataFrame()
     seen = np.bincount(index, ~np.isfinite(chain.give))[index] == 0
     courses = (chain.force, 1 / chain.force, np.where(seen, chain.give, chain.force))
-    laws = [_turns(chain, pulls, course) for course in courses]
-    p, apart, size, sigmas = (np.stack([law[i] for law in laws]) for i in range(4))
-    return _Turned(pulls, p.max(axis=0), apart.min(axis=0), size.min(axis=0), sigmas.min(axis=0))
+    laws = [np.stack(_turns(chain, pulls, course), axis=1) for course in courses]
+    found = pd.DataFrame(np.min(laws, axis=0), pulls, ["p", "apart", "size", "sigmas"])
+    return found.assign(p=np.max(laws, axis=0)[:, 0])
 
 
 def _direction(chain: _Chain) -> _Off | None:
     """The worst outlier by direction."""
     turned = _turned(chain)
-    if not len(turned.pull):
+    if turned.empty:
         return None
-    best = int(np.argmin(turned.p))
-    chance = len(turned.pull) * float(turned.p[best])
-    sure = chance < alarms.READING / _TESTS and turned.apart[best] > _APART
-    if not sure or turned.size[best] < _MATTERS_RAD:
+    at = int(np.argmin(turned["p"]))
+    best = turned.iloc[at]
+    chance, size = len(turned) * float(best["p"]), float(best["size"])
+    if chance >= alarms.READING / _TESTS or best["apart"] <= _APART or size < _MATTERS_RAD:
         return None
-    sigmas, size = float(turned.sigmas[best]), float(turned.size[best])
-    return _Off(int(turned.pull[best]), sigmas, 2, size, chance)
+    return _Off(int(turned.index[at]), float(best["sigmas"]), 2, size, chance)
 
 
 def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Array, Array]:
@@ -440,14 +416,9 @@ def _unlike(X: Array, at: Array, others: Bools, pull: int) -> float:
 
 
 def _finding(
-    case: Case,
-    chain: _Chain,
-    off: _Off,
-    names: Sequence[str],
-    told: str,
-    size: float,
-    end: tuple[int, float] | None,
+    case: Case, chain: _Chain, off: _Off, told: str, end: tuple[int, float] | None
 ) -> Mistake:
+    names, size = case.settings.naming.chain, off.size
     group, which = str(chain.group[off.pull]), f"{names[0]}-{names[1]}"
     if end is not None:
         which, size = names[end[0]], end[1]

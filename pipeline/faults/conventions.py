@@ -9,7 +9,7 @@ is wrong.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache, partial
 
@@ -18,8 +18,8 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import covariance
-from pipeline.base.arrays import Array, Ints, Strings
-from pipeline.base.linear import rigid
+from pipeline.base.arrays import Array, Ints
+from pipeline.base.linear import moved_onto, rigid
 from pipeline.faults import unloaded_points as shown
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, lines_of
@@ -203,7 +203,7 @@ def _miss(points: UnloadedPoints) -> float | None:
 
 def _off(seen: Array, expected: Array, state: Ints) -> float:
     """Median over groups of the distance from where points are expected, moved rigidly [m]."""
-    residual = seen - _moved_onto(seen, expected)
+    residual = seen - moved_onto(expected, seen)
     square = np.bincount(state, (residual**2).sum(axis=1)) / np.maximum(np.bincount(state), 1)
     return float(np.sqrt(np.median(square)))
 
@@ -217,7 +217,7 @@ def _by_one_length(points: UnloadedPoints) -> float:
     for axis in np.moveaxis(along, 1, 0):
         value = 0.0
         for _ in range(2):  # nearly linear: the frame turns a little with it
-            r, moved = (seen - _moved_onto(seen, expected + (value + step) * axis)
+            r, moved = (seen - moved_onto(expected + (value + step) * axis, seen)
                         for step in (0.0, _STEP_M))  # fmt: skip
             slope = (moved - r) / _STEP_M
             value -= float((slope * r).sum() / max((slope**2).sum(), _FLAT))
@@ -305,7 +305,6 @@ def aligned(case: Case) -> tuple[Array, Array] | None:
 
 def _robust(expected: Array, seen: Array) -> tuple[Array, Array]:
     """Rigid motion of the expected points onto the readings, without those far off."""
-    good = np.ones(len(seen), dtype=bool)
     R, t = rigid(expected, seen)
     for _ in range(3):
         off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
@@ -314,54 +313,48 @@ def _robust(expected: Array, seen: Array) -> tuple[Array, Array]:
     return R, t
 
 
-def _moved_onto(seen: Array, expected: Array) -> Array:
-    """The expected points after the best rigid motion onto those seen."""
-    R, t = rigid(expected, seen)
-    return expected @ R.T + t
-
-
 # --- what may have gone wrong ---------------------------------------------------------------------
 
 
 def supposed_mistakes(case: Case) -> Iterator[_SupposedMistake]:
     """Every mistake that is tested."""
     for factor, (unit, says) in UNITS.items():
-        yield _SupposedMistake(
-            "unit_mixup",
-            unit,
-            f"in the tracker export {says}",
-            scaled(factor),
-            partial(shown.scaled, factor),
-        )
+        says = f"in the tracker export {says}"
+        yield _of_tracker("unit_mixup", unit, says, factor * np.eye(3))
     for ending, unit, factor, says in LOGGED:
-        columns = [column for column in case.joint_columns if column.endswith(ending)]
-        if columns:
-            says = f"in the joint log {says}"
-            yield _SupposedMistake(
-                "unit_mixup", unit, says, partial(_logged, columns, factor),
-                partial(shown.logged, [case.joint_columns.index(c) for c in columns], factor),
-            )  # fmt: skip
-    yield _SupposedMistake(
-        "sign_or_convention",
-        "left_handed",
-        "the tracker's frame is left-handed",
-        _mirrored,
-        shown.mirrored,
-    )
+        mine = [column.endswith(ending) for column in case.joint_columns]
+        if any(mine):
+            M = np.diag(np.where(mine, factor, 1.0))
+            yield _of_log("unit_mixup", unit, f"in the joint log {says}", M)
+    left_handed = "the tracker's frame is left-handed"
+    yield _of_tracker("sign_or_convention", "left_handed", left_handed, _MIRROR)
     if case.robot.controller_matrix.shape[1] == case.robot.n:
-        yield _SupposedMistake(
-            "sign_or_convention",
-            "controller_axes",
-            "the joint log holds the controller's axes under the names of the joints",
-            _from_controller,
-            shown.from_controller,
-        )
+        says = "the joint log holds the controller's axes under the names of the joints"
+        to_joints = case.robot.controller_matrix, case.robot.controller_offset
+        yield _of_log("sign_or_convention", "controller_axes", says, *to_joints)
     yield from _columns(case)
     for where, says, robot in _robots(case.robot):
         correct = partial(replace, robot=robot)
         yield _SupposedMistake("sign_or_convention", where, says, correct, correct, single=True)
     yield from _names(case)
     yield from _turned(case)
+
+
+_MIRROR = np.diag([1.0, -1.0, 1.0])
+"""The tracker's y reversed."""
+
+
+def _of_tracker(name: str, where: str, says: str, A: Array) -> _SupposedMistake:
+    """Readings that are meant as A p."""
+    return _SupposedMistake(name, where, says, partial(mapped, A), partial(shown.mapped, A))
+
+
+def _of_log(
+    name: str, where: str, says: str, M: Array, q0: Array | float = 0.0, single: bool = False
+) -> _SupposedMistake:
+    """Joint values that are meant as M q + q0."""
+    on_points = partial(shown.logged, M, q0)
+    return _SupposedMistake(name, where, says, partial(_logged, M, q0), on_points, single=single)
 
 
 _TURNS = [np.eye(3)[list(order)] * signs for order in itertools.permutations(range(3))
@@ -381,7 +374,7 @@ def _turned(case: Case) -> Iterator[_SupposedMistake]:
                 "sign_or_convention",
                 table,
                 f"[{table}] is in another frame{how}",
-                partial(_with_places, table, moved := _at(turn, places)),
+                partial(with_places, table, moved := _at(turn, places)),
                 partial(shown.with_places, table, moved),
                 write="; write " + ", ".join(
                     f"{name} = [{', '.join(f'{x:.7g}' for x in at)}]" for name, at in moved.items()
@@ -423,7 +416,7 @@ def _turn(turn: Array, frame: str) -> str:
     return f"turned by {sign}{angle:.0f} deg{axis} of {frame}{mirrored}"
 
 
-def _with_places(table: str, places: Mapping[str, Point], case: Case) -> Case:
+def with_places(table: str, places: Mapping[str, Point], case: Case) -> Case:
     """The campaign with other places in one of its tables."""
     settings = case.settings
     moved = {**getattr(settings, table), **places}
@@ -432,38 +425,22 @@ def _with_places(table: str, places: Mapping[str, Point], case: Case) -> Case:
 
 def _columns(case: Case) -> Iterator[_SupposedMistake]:
     """Single columns of the joint log that may be wrong."""
-    for k, (column, joint) in enumerate(zip(case.joint_columns, case.robot.joints, strict=True)):
-        for ending, unit, factor, says in _LOGGED_ALONE if len(case.joint_columns) > 1 else ():
+    alone, kept = partial(_of_log, single=True), np.eye(len(case.joint_columns))
+    for column, joint, mine in zip(case.joint_columns, case.robot.joints, kept, strict=True):
+        for ending, unit, factor, says in _LOGGED_ALONE if len(kept) > 1 else ():
             if column.endswith(ending):
-                yield _SupposedMistake(
-                    "unit_mixup",
-                    f"{joint.name}_{unit}",
-                    f"in the joint log {joint.name} {says}",
-                    partial(_logged, [column], factor),
-                    partial(shown.logged, [k], factor),
-                    single=True,
-                )
-        yield _SupposedMistake(
-            "sign_or_convention",
-            f"{joint.name}_reversed",
-            f"in the joint log {joint.name} has the opposite sign",
-            partial(_logged, [column], -1.0),
-            partial(shown.logged, [k], -1.0),
-            single=True,
-        )
-    for one, other in itertools.combinations(case.joint_columns, 2):
-        if one.rpartition("_")[2] == other.rpartition("_")[2]:
-            names = [column.rpartition("_")[0] for column in (one, other)]
-            yield _SupposedMistake(
-                "exchanged",
-                f"{'/'.join(names)} columns",
-                f"in the joint log {' and '.join(names)} stand in each other's column",
-                partial(_in_columns, one, other),
-                partial(
-                    shown.in_columns, case.joint_columns.index(one), case.joint_columns.index(other)
-                ),
-                single=True,
-            )
+                says = f"in the joint log {joint.name} {says}"
+                M = np.diag(np.where(mine, factor, 1.0))
+                yield alone("unit_mixup", f"{joint.name}_{unit}", says, M)
+        says = f"in the joint log {joint.name} has the opposite sign"
+        yield alone("sign_or_convention", f"{joint.name}_reversed", says, np.diag(1 - 2 * mine))
+    for i, k in itertools.combinations(range(len(kept)), 2):
+        one, other = (case.joint_columns[j].rpartition("_") for j in (i, k))
+        if one[2] == other[2]:
+            says = f"in the joint log {one[0]} and {other[0]} stand in each other's column"
+            order = np.arange(len(kept))
+            order[[i, k]] = k, i
+            yield alone("exchanged", f"{one[0]}/{other[0]} columns", says, kept[order])
 
 
 def _names(case: Case) -> Iterator[_SupposedMistake]:
@@ -475,7 +452,7 @@ def _names(case: Case) -> Iterator[_SupposedMistake]:
                 "all groups",
                 f"the targets {', '.join(case.settings.measured)} carry the names of "
                 f"{', '.join(names)} in every group",
-                partial(renamed, names=names),
+                partial(renamed, true=dict(zip(case.settings.measured, names, strict=True))),
                 partial(shown.renamed, names),
             )
 
@@ -493,31 +470,21 @@ def _robots(robot: Robot) -> Iterator[tuple[str, str, Robot]]:
         yield where, _DH_SAYS.get(where) or f"the robot file is wrong in {where}", other
 
 
-def scaled(factor: float) -> Callable[[Case], Case]:
-    """Correction that multiplies coordinates by a factor; a noise stated in metres is kept."""
+def mapped(A: Array, case: Case) -> Case:
+    """The campaign with readings A p, A (3, 3) orthogonal but for a factor.
 
-    def correct(case: Case) -> Case:
-        rows = case.readings
-        rows = rows.assign(**{axis: rows[axis] * factor for axis in XYZ})
-        own = rows["covariance_from"] == "file"
-        C = covariance.flat(covariance.matrices(rows))
-        C[own.to_numpy()] *= factor**2
-        noise = case.settings.reading_noise
-        if isinstance(noise, InstrumentNoise):
-            beam = instrument.beam_covariance(rows[XYZ].to_numpy(float), noise)
-            C = np.where(own.to_numpy()[:, None], C, beam)
-        return replace(case, readings=with_covariance(rows, C))
-
-    return correct
-
-
-def _mirrored(case: Case) -> Case:
-    """The campaign with the tracker's y reversed."""
-    rows, flip = case.readings, np.diag([1.0, -1.0, 1.0])
-    C = flip @ covariance.matrices(rows) @ flip
-    return replace(
-        case, readings=with_covariance(rows.assign(y_m=-rows["y_m"]), covariance.flat(C))
-    )
+    Covariances from the file are in the unit of the readings; others only turn.
+    """
+    rows, noise = case.readings, case.settings.reading_noise
+    at, factor = rows[XYZ].to_numpy(float) @ A.T, np.linalg.norm(A[0])
+    own = (rows["covariance_from"] == "file").to_numpy()
+    C = A @ covariance.matrices(rows) @ A.T
+    C[~own] /= factor**2
+    six = covariance.flat(C)
+    if factor != 1 and isinstance(noise, InstrumentNoise):
+        six = np.where(own[:, None], six, instrument.beam_covariance(at, noise))
+    rows = rows.assign(**dict(zip(XYZ, at.T, strict=True)))
+    return replace(case, readings=with_covariance(rows, six))
 
 
 def with_covariance(rows: pd.DataFrame, six: Array) -> pd.DataFrame:
@@ -525,32 +492,19 @@ def with_covariance(rows: pd.DataFrame, six: Array) -> pd.DataFrame:
     return rows.assign(**dict(zip(covariance.columns(), six.T, strict=True)))
 
 
-def _logged(columns: Sequence[str], factor: float, case: Case) -> Case:
-    """The campaign with some columns of the joint log multiplied by a factor."""
-    joints = case.joints.assign(**{c: case.joints[c] * factor for c in columns})
-    return replace(case, joints=joints)
+def _logged(M: Array, q0: Array | float, case: Case) -> Case:
+    """The campaign with joint values M q + q0."""
+    q = case.joints[case.joint_columns].to_numpy(float) @ M.T + q0
+    new = dict(zip(case.joint_columns, q.T, strict=True))
+    return replace(case, joints=case.joints.assign(**new))
 
 
-def _in_columns(one: str, other: str, case: Case) -> Case:
-    """The campaign with two columns of the joint log exchanged."""
-    joints = case.joints.assign(**{one: case.joints[other], other: case.joints[one]})
-    return replace(case, joints=joints)
-
-
-def _from_controller(case: Case) -> Case:
-    """Joint values from columns that hold the controller's axes."""
-    axes = case.joints[case.joint_columns].to_numpy(float)
-    q = axes @ case.robot.controller_matrix.T + case.robot.controller_offset
-    return replace(
-        case, joints=case.joints.assign(**dict(zip(case.joint_columns, q.T, strict=True)))
-    )
-
-
-def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
-    """Readings with permuted target names in every group."""
-    true = dict(zip(case.settings.measured, names, strict=True))
+def renamed(case: Case, true: Mapping[str, str], groups: Collection[str] | None = None) -> Case:
+    """Readings of some groups, by default of all, with other names of their targets."""
     rows = case.readings
-    return replace(case, readings=rows.assign(target=[true.get(t, t) for t in rows["target"]]))
+    here = rows["group"].isin(rows["group"] if groups is None else groups)
+    target = [true.get(t, t) if h else t for t, h in zip(rows["target"], here, strict=True)]
+    return replace(case, readings=rows.assign(target=target))
 
 
 FAULT = Fault("sign_or_convention", lambda asked: conventions(asked.case), in_files=True)

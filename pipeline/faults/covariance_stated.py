@@ -78,19 +78,10 @@ class _Statement:
 
 def _frames(R: Array) -> list[_Statement]:
     """Statements along other axes; R from the tracker's frame to F_b."""
-
-    def along(axes: Callable[[Array], Array]) -> Callable[[Array, Array], Array]:
-        return lambda C, points: axes(points) @ C @ np.swapaxes(axes(points), -1, -2)
-
-    kind, read = (
-        ("sign_or_convention", "covariance_frame"),
-        "and were read along the tracker's axes",
-    )
+    kind, read = ("sign_or_convention", "covariance_frame"), "were read along the tracker's axes"
     return [
-        _Statement(
-            *kind, f"stated along the base frame {read}", TOLERATED_FACTOR, along(lambda _: R.T)
-        ),
-        _Statement(*kind, f"stated along the beam {read}", TOLERATED_FACTOR, along(_beam)),
+        _Statement(*kind, f"stated along the {along} and {read}", TOLERATED_FACTOR, means)
+        for along, means in (("base frame", lambda C, _: R.T @ C @ R), ("beam", _along_beam))
     ]
 
 
@@ -217,12 +208,13 @@ def _square(unit_m: float, C: Array, _: Array) -> Array:
     return C @ C / unit_m**2
 
 
-def _beam(points: Array) -> Array:
-    """Axes along the beam to each point, then across it level and upright, tracker's frame."""
+def _along_beam(C: Array, points: Array) -> Array:
+    """Covariances along the beam to each point, then across it level and upright."""
     along = points / np.linalg.norm(points, axis=1, keepdims=True)
     level = np.cross([0.0, 0.0, 1.0], along)
     level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), np.finfo(float).tiny)
-    return np.stack([along, level, np.cross(along, level)], axis=2)
+    axes = np.stack([along, level, np.cross(along, level)], axis=2)
+    return np.asarray(axes @ C @ np.swapaxes(axes, -1, -2))
 
 
 FAULT = Fault("sign_or_convention", misstated, in_files=True)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,7 +22,7 @@ from pipeline.base.linear import rms
 from pipeline.base.quantities import plain
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import miss, unloaded
-from pipeline.faults.exchanged_pulls import displacement_std
+from pipeline.faults.exchanged_pulls import displacement_std, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.joint_row import without_poses
 from pipeline.faults.mistake import Mistake, as_it_is, length, lines_of, pulls_of, without_pulls
@@ -145,7 +146,8 @@ def _of_still(case: Case, data: Measured, moved: Array, run: Ints) -> Mistake:
             correct=as_it_is,
             hopeless=True,
         )
-    only = _only_target(data, run)
+    targets = set(data.name[run])  # a pose that is read as one has none
+    only = str(min(targets)) if len(targets) == 1 and not data.poses else ""
     of = f", all of {only}" if only else ""
     return mistake(
         where=f"{file}/{only}" if only else file,
@@ -153,12 +155,6 @@ def _of_still(case: Case, data: Measured, moved: Array, run: Ints) -> Mistake:
         correction="recomputed without these readings",
         correct=partial(_unread, keys=keys),
     )
-
-
-def _only_target(data: Measured, run: Ints) -> str:
-    """The one target of some displacements; empty if there are several."""
-    of = set(data.name[run])
-    return str(min(of)) if len(of) == 1 and not data.poses else ""
 
 
 def _keys(data: Measured, run: Ints) -> pd.MultiIndex:
@@ -194,9 +190,7 @@ def _copied(case: Case, data: Measured) -> list[Mistake]:
     pulls = data.pulls
     size = np.linalg.norm(pulls.force, axis=1)
     mine = np.flatnonzero(pulls.by == PULLED)
-    known = case.loads.set_index(["pose", "repeat"])["force_n"]
-    key = pd.MultiIndex.from_arrays([pulls.pose[mine], pulls.repeat[mine]])
-    logged = known.reindex(key).to_numpy(float)
+    logged = case.loads["force_n"].to_numpy(float)[rows_of(case, data, mine)]
     found = []
     for force in np.unique(logged[np.isfinite(logged)]).tolist():
         same = mine[logged == force]
@@ -251,8 +245,7 @@ def _correlated(f: Array, g: Array) -> bool:
 
 def _loads_of(case: Case, data: Measured, pulls: Ints) -> pd.DataFrame:
     """The rows of the loads of some pulls."""
-    keys = pd.MultiIndex.from_arrays([data.pulls.pose[pulls], data.pulls.repeat[pulls]])
-    return case.loads[pd.MultiIndex.from_frame(case.loads[["pose", "repeat"]]).isin(keys)]
+    return case.loads.iloc[np.sort(rows_of(case, data, pulls))]
 
 
 def _unlike(data: Measured, same: Ints, size: Array) -> bool:
@@ -272,25 +265,30 @@ def _unlike(data: Measured, same: Ints, size: Array) -> bool:
 
 def _of_copy(case: Case, data: Measured, same: Ints, force: float, every: bool) -> Mistake:
     rows = _loads_of(case, data, same)
-    file = str(rows["file"].iloc[0])
     at = lines_of(rows)
-    return Mistake(
-        name="copied_column",
-        where=f"{file} force",
-        evidence=f"{len(at)} pulls have the same force of {plain(force, 6)} N ({lines(at)}), and "
+    return _copied_in(
+        rows,
+        "force",
+        f"{len(at)} pulls have the same force of {plain(force, 6)} N ({lines(at)}), and "
         f"within a pose they moved the robot by amounts that differ by more than {_UNLIKE} times: "
         "one number was copied down the column, or the scale hung",
-        correction="nothing can be corrected, no force was logged; each was taken to be known to "
-        "100 % only"
-        if every
-        else "recomputed without these pulls",
+        lost="no force was logged; each was taken to be known to 100 % only" if every else "",
+        kept="these pulls",
         before=_UNLIKE,
         after=1.0,
         unit="1",
         correct=_unlogged if every else partial(without_pulls, pulls=pulls_of(rows)),
-        at=at,
-        hopeless=every,
     )
+
+
+def _copied_in(
+    rows: pd.DataFrame, what: str, told: str, lost: str, kept: str, **known: Any
+) -> Mistake:
+    """The mistake of rows with copied numbers; what was `lost`, if nothing can be corrected."""
+    correction = f"nothing can be corrected, {lost}" if lost else f"recomputed without {kept}"
+    where, at = f"{rows['file'].iloc[0]} {what}", lines_of(rows)
+    usual: dict[str, Any] = {"name": "copied_column", "at": at, "hopeless": bool(lost)}
+    return Mistake(where=where, evidence=told, correction=correction, **usual, **known)
 
 
 def _unlogged(case: Case) -> Case:
@@ -317,21 +315,18 @@ def _one_pose(case: Case) -> list[Mistake]:
             continue
         at, size = lines_of(rows), float(np.linalg.norm(spread, axis=1).max())
         every = len(rows) == len(log)
-        found.append(
-            Mistake(
-                name="copied_column",
-                where=f"{rows['file'].iloc[0]} joints",
-                evidence=f"{len(at)} poses have the same joint values ({lines(at)}), and their "
+        found += [
+            _copied_in(
+                rows,
+                "joints",
+                f"{len(at)} poses have the same joint values ({lines(at)}), and their "
                 f"unloaded reflectors are up to {length(size)} apart: one row was copied down",
-                correction="nothing can be corrected, no joint values were logged"
-                if every
-                else "recomputed without these poses",
+                lost="no joint values were logged" if every else "",
+                kept="these poses",
                 before=1e3 * size,
                 correct=as_it_is if every else partial(without_poses, poses=rows["pose"].tolist()),
-                at=at,
-                hopeless=every,
             )
-        )
+        ]
     return found
 
 
@@ -344,19 +339,17 @@ def _one_column(case: Case) -> Iterator[Mistake]:
     for one, other in combinations(case.joint_columns, 2):
         equal = one.rpartition("_")[2] == other.rpartition("_")[2] and log[one].equals(log[other])
         if equal and log[one].nunique() > _COPIED and off is not None and off >= GROSS_DISTANCE_M:
-            names, at = [column.rpartition("_")[0] for column in (one, other)], lines_of(log)
-            file = str(log["file"].iloc[0])
-            yield Mistake(
-                name="copied_column",
-                where=f"{file} {'/'.join(names)}",
-                evidence=f"{file}: {' and '.join(names)} are equal in every row, and "
+            names = [column.rpartition("_")[0] for column in (one, other)]
+            yield _copied_in(
+                log,
+                "/".join(names),
+                f"{log['file'].iloc[0]}: {' and '.join(names)} are equal in every row, and "
                 f"the unloaded reflectors are {length(off)} from where the robot file then places "
                 "them: one column was copied over the other",
-                correction="nothing can be corrected, the values of one joint were not logged",
+                lost="the values of one joint were not logged",
+                kept="",
                 before=1e3 * off,
                 correct=as_it_is,
-                at=at,
-                hopeless=True,
             )
 
 

@@ -153,8 +153,8 @@ class _Scene(Locked):
         """
         lever = at[: self.m] - self.origin[self.pose]
         each = np.zeros((self.m, 3, len(self.axes), 6))  # of its own in every pose
-        each[np.arange(self.m), :, self.pose] = _screw(lever)
-        foot = _screw(at[: self.m] / _CELL_M).reshape(-1, 6)
+        each[np.arange(self.m), :, self.pose] = linear.motions(lever)
+        foot = linear.motions(at[: self.m] / _CELL_M).reshape(-1, 6)
         robot = np.hstack([each.reshape(3 * self.m, -1), foot, self._flange(lever)])
         below = np.zeros((3 * len(self.base), robot.shape[1]))
         return *self._entries, np.vstack([robot, below])
@@ -170,7 +170,7 @@ class _Scene(Locked):
         """Columns of an error of the flange frame that is the same in all poses."""
         turn = self.axes[self.pose]
         own = np.einsum("nji,nj->ni", turn, lever)
-        return np.asarray(np.einsum("nij,njk->nik", turn, _screw(own)).reshape(-1, 6))
+        return np.asarray(np.einsum("nij,njk->nik", turn, linear.motions(own)).reshape(-1, 6))
 
     def only(self, poses: Bools) -> _Scene:
         """The scene with some poses only."""
@@ -441,7 +441,7 @@ class _Rows(Locked):
         centre = at.mean(axis=0)
         entries, size, robot = scene.errors(at)
         sized = entries * size
-        placing = _screw(at - centre).reshape(-1, 6)
+        placing = linear.motions(at - centre).reshape(-1, 6)
         return cls(
             y=(at - scene.stated).ravel(),
             X=np.hstack([placing[:, 3:], placing[:, :3], free]),
@@ -469,9 +469,3 @@ class _Rows(Locked):
         rest = float(y @ y - np.sum((inside.T @ y) ** 2))
         size = -2 * np.log(np.diag(W)).sum() + float(linear.log_det(X.T @ X))
         return -0.5 * float(size + rest)
-
-
-def _screw(lever: Array) -> Array:
-    """Columns of a translation and of a rotation with these levers [m], (n, 3) -> (n, 3, 6)."""
-    shift = np.broadcast_to(np.eye(3), (len(lever), 3, 3))
-    return np.concatenate([shift, linear.turning(lever)], axis=-1)

@@ -179,25 +179,23 @@ def _laid(
     seen[group, target] = rows[XYZ].to_numpy(float)
     table = configure(case.robot, case.q(poses)).points(case.tool.points)
     for _ in range(_FITTED * free):
-        placed = seen @ R.T + t
-        off = np.stack([_square(placed, table[k]) for k in range(len(poses))], axis=1)
-        R, t = _moved(seen, table, off)
-    placed = seen @ R.T + t
+        R, t = _moved(seen, table, _square(seen @ R.T + t, table))
     return _LaidGroups(
         name=np.array(names, dtype=object),
         pose=np.searchsorted(poses, first["pose"].to_numpy(int)),
         loaded=(first["state"] == "loaded").to_numpy(bool),
         repeat=first["repeat"].to_numpy(int),
         poses=poses,
-        off=np.stack([_square(placed, table[k]) for k in range(len(poses))], axis=1),
+        off=_square(seen @ R.T + t, table),
         R=R,
         t=t,
     )
 
 
 def _square(placed: Array, table: Array) -> Array:
-    """Mean squared distance of the targets of each group from their positions [m^2], shape (g,)."""
-    return np.asarray(np.nanmean(np.sum((placed - table) ** 2, axis=2), axis=1))
+    """Mean squared distance of the targets of each group from their places [m^2], (g, p)."""
+    each = [np.nanmean(np.sum((placed - at) ** 2, axis=2), axis=1) for at in table]
+    return np.stack(each, axis=1)
 
 
 def _moved(seen: Array, table: Array, off: Array) -> tuple[Array, Array]:

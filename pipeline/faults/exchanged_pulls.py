@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import product
 
 import numpy as np
@@ -238,6 +238,7 @@ def misfit(case: Case) -> float:
     return np.nan if moved is None else ordered(moved, np.arange(len(moved.force))).left
 
 
+@lru_cache(maxsize=1)
 def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
     """Whether the logged force of each pull, (pose, repeat), contradicts its displacements.
 
@@ -246,10 +247,14 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
     moved = PullMoves.of(asked)
     if moved is None:
         return {}
-    of = asked.reduced.data.pulls
-    keys = zip(of.pose[moved.pull].tolist(), of.repeat[moved.pull].tolist(), strict=True)
     fit = ordered(moved, np.arange(len(moved.force)))
-    return dict(zip(keys, (np.diag(fit.cost) > moved.least).tolist(), strict=True))
+    return dict(zip(_keys(asked, moved), (np.diag(fit.cost) > moved.least).tolist(), strict=True))
+
+
+def _keys(asked: Screening, moved: PullMoves) -> list[tuple[int, int]]:
+    """Pose and repeat of each pull."""
+    of = asked.reduced.data.pulls
+    return [*zip(of.pose[moved.pull].tolist(), of.repeat[moved.pull].tolist(), strict=True)]
 
 
 # --- rows of the loads ----------------------------------------------------------------------------
@@ -378,10 +383,11 @@ def rows_of(case: Case, data: Measured, which: Ints | slice = slice(None)) -> In
 
 def of_loads(asked: Screening, moved: PullMoves, fit: OrderFit, ring: Ring, row: Ints) -> Mistake:
     """The mistake that rows of the loads are in each other's place."""
-    case, pulls = asked.case, asked.reduced.data.pulls
+    case = asked.case
     rows = case.loads.iloc[row[list(ring.members)]]
     file = str(rows["file"].iloc[0])
-    keys = [(int(p), int(r)) for p, r in zip(rows["pose"], rows["repeat"], strict=True)]
+    every = _keys(asked, moved)
+    keys = [every[k] for k in ring.members]
     names = [f"pose{p:02d} rep{r}" for p, r in keys]
     at = lines_of(rows)
     where, also = f"{file} {ring.where(names)}", ""
@@ -395,13 +401,7 @@ def of_loads(asked: Screening, moved: PullMoves, fit: OrderFit, ring: Ring, row:
     worst = int(np.argmax(np.abs(moved.force[there] - moved.force[here])))
     before = float(np.sqrt(fit.cost[here, here].max()))
     after = float(np.sqrt(fit.cost[here, there].max()))
-    true = {
-        (int(pulls.pose[moved.pull[i]]), int(pulls.repeat[moved.pull[i]])): (
-            int(pulls.pose[moved.pull[j]]),
-            int(pulls.repeat[moved.pull[j]]),
-        )
-        for i, j in ring.moves
-    }
+    true = {every[i]: every[j] for i, j in ring.moves}
     what, stand = f"{file}: the forces of {in_words(ring, names)}", misplacement(ring, "row")
     pull = names[[*ring.members].index(int(there[worst]))]
     return Mistake(
@@ -573,10 +573,8 @@ def _of_states(
     states = pd.MultiIndex.from_frame(rows[_STATE].astype({"group": str}))
     at = lines_of(rows[states.isin([names[k] for k in ring.members])])
     where = ring.where(mine)
-    what, stand = (
-        f"the readings of {in_words(ring, mine)} in pose {pose}",
-        misplacement(ring, "group"),
-    )
+    what = f"the readings of {in_words(ring, mine)} in pose {pose}"
+    stand = misplacement(ring, "group")
     return Mistake(
         name="exchanged",
         where=where,

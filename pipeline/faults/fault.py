@@ -7,21 +7,22 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy import special
 
 from pipeline.base.arrays import Array
 from pipeline.faults.mistake import Mistake
-from pipeline.faults.noise_scale import noise_scale
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
 from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
-from pipeline.system.contrasts import Zeros, repeated_zeros
+from pipeline.system.contrasts import Zeros, pure_error, repeated_zeros
 from pipeline.system.estimate import identify, solve
 from pipeline.system.family import Family
 from pipeline.system.fit import beside_everything
 from pipeline.system.noise_shape import tails
 from pipeline.system.system import Errors, Estimate, System
+from pipeline.system.whiten import whitener
 from pipeline.system.whitened import of_laws
 
 _BLUNDER_PROBABILITY = 0.9
@@ -152,8 +153,7 @@ class Screening:
     @cached_property
     def spread(self) -> tuple[float, int]:
         """Scatter of the readings over the stated one, and the number of contrasts behind it."""
-        data = self.reduced.data
-        return noise_scale(self.system, self.estimate, data, self.zeros, self.cell)
+        return noise_scale(self.system, self.estimate, self.reduced.data, self.zeros, self.cell)
 
 
 @dataclass(frozen=True)
@@ -171,3 +171,27 @@ class Fault:
     find: Callable[[Screening], list[Mistake]]
     in_files: bool = False
     in_forces: bool = False
+
+
+def noise_scale(
+    system: System, estimate: Estimate, data: Measured, zeros: Zeros, cell: Cell
+) -> tuple[float, int]:
+    """Scatter of the effector's readings against each other over the stated one, robustly.
+
+    s = median|w| / 0.6745 of the whitened contrasts w, then five iterations of
+    s^2 = mean(w^2) / 0.9733 over |w| <= 3 s, with 0.9733 the variance of a standard normal
+    truncated at 3. At least one: a certificate may be conservative, but chance must not create
+    outliers.
+
+    Returns:
+        The factor, and the number of contrasts that it is estimated from.
+    """
+    contrasts = pure_error(system, estimate.residual, data, zeros, cell)
+    if len(contrasts.rows) < 12:
+        return 1.0, max(estimate.dof, 1)
+    w = whitener(contrasts.errors, contrasts.rows.pose).by_pose(contrasts.c)
+    scale = float(np.median(np.abs(w)) / special.ndtri(0.75))
+    for _ in range(5):
+        inside = w[np.abs(w) <= 3 * scale]  # never empty, also if all rows are equal
+        scale = float(np.sqrt(np.mean(inside**2) / 0.9733))  # normal truncated at 3 sigma
+    return max(scale, 1.0), len(w)

@@ -113,11 +113,8 @@ def wrong_rows(case: Case) -> list[Mistake]:
         laid = _laid(read, out)
         if np.array_equal(np.flatnonzero(laid.apart), sorted(out)):
             wrong = [k for k in sorted(out) if _whole(read, laid, k)]
-            return (
-                []
-                if _knocked(case, read, wrong)
-                else [_finding(case, read, laid, k) for k in wrong]
-            )
+            wrong = [] if _knocked(case, read, wrong) else wrong
+            return [_finding(case, read, laid, k) for k in wrong]
     return []
 
 
@@ -229,8 +226,7 @@ def _moved(seen: Array, due: Array, size: float, usual: float) -> bool:
     far = np.sort(np.linalg.norm(seen - due, axis=1))
     if len(far) < 2 or far[-2] < far[-1] / 3 or far[-1] < size / 2:
         return False
-    R, t = rigid(due, seen)
-    left = float(np.sqrt(np.mean(np.sum((seen - due @ R.T - t) ** 2, axis=1))))
+    left = float(np.sqrt(np.mean(np.sum((seen - linear.moved_onto(due, seen)) ** 2, axis=1))))
     away = np.linalg.norm(seen[:, None] - due[None], axis=2)
     row, column = optimize.linear_sum_assignment(away**2)
     names = rms(away[row, column])

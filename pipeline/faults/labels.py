@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array, Bools
-from pipeline.faults.conventions import aligned, pairs, unloaded
+from pipeline.faults.conventions import aligned, pairs, renamed, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, of_group
 from pipeline.machine.robot import configure
@@ -57,17 +56,15 @@ def _measured(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
     ]
     seen, expected, _ = pairs(case, rows)
     off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
-    usual = float(np.median(off))
-    wrong = rows[off > max(GROSS_DISTANCE_M, 3 * usual)]
+    near = max(GROSS_DISTANCE_M, 3 * float(np.median(off)))
+    wrong = rows[off > near]
     places = dict(zip(rows.index, expected @ R.T + t, strict=True))
     for group in dict.fromkeys(wrong["group"]):
         state = case.readings[case.readings["group"] == group]
-        swaps = list(_swaps(wrong[wrong["group"] == group], state, places, 3 * usual))
+        swaps = list(_swaps(wrong[wrong["group"] == group], state, places, near))
         names = dict(swaps)
         names |= {b: a for a, b in swaps if b not in names}
-        if names and _in_place(
-            case, names, state, places, (R, t), max(GROSS_DISTANCE_M, 3 * usual)
-        ):
+        if names and _in_place(case, names, state, places, (R, t), near):
             yield _finding(case, str(group), names, off, rows)
 
 
@@ -107,16 +104,15 @@ def _off_chain(case: Case, base: tuple[Array, Array], pose: float, name: str, he
     if not len(ends) or name not in case.settings.naming.chain or np.isnan(pose):
         return np.inf  # a round of the base has no pose
     usual = ends[("near", "far")[case.settings.naming.chain.index(name)]]
-    load = configure(case.robot, case.q(np.array([int(pose)]))).points(case.tool.load_point[None])[
-        0, 0
-    ]
+    stands = configure(case.robot, case.q(np.array([int(pose)])))
+    load = stands.points(case.tool.load_point[None])[0, 0]
     off = abs(float(np.linalg.norm(here - load @ R.T - t)) - float(usual.median()))
     spread = _USUAL * float((usual - usual.median()).abs().median())
     return off / max(1.0, spread / GROSS_DISTANCE_M)
 
 
 def _swaps(
-    wrong: pd.DataFrame, state: pd.DataFrame, places: dict[int, Array], usual: float
+    wrong: pd.DataFrame, state: pd.DataFrame, places: dict[int, Array], near: float
 ) -> Iterator[tuple[str, str]]:
     """Pairs (name as written, name of the reading that is where it should be)."""
     points = state[XYZ].to_numpy(float)
@@ -125,11 +121,7 @@ def _swaps(
         nearest = int(np.argmin(away))
         other = str(state["target"].iloc[nearest])
         given = float(away[state.index.get_loc(index)])
-        if (
-            other != name
-            and away[nearest] < max(GROSS_DISTANCE_M, usual)
-            and CLEARLY_NEARER * away[nearest] < given
-        ):
+        if other != name and away[nearest] < min(near, given / CLEARLY_NEARER):
             yield str(name), other
 
 
@@ -149,20 +141,11 @@ def _finding(
         correction=f"recomputed with {text} of {group} exchanged",
         before=before,
         after=after,
-        correct=partial(_exchanged, groups=[group], true=names),
+        # a reading at the position of `name`, written as `other`, is one of `name`
+        correct=partial(renamed, true={b: a for a, b in names.items()}, groups=[group]),
         at=at,
         alike=text,
     )
-
-
-def _exchanged(case: Case, groups: list[str], true: dict[str, str]) -> Case:
-    """Readings of some groups renamed; `true` maps a name to that of the reading in its place."""
-    rows = case.readings
-    here = rows["group"].isin(groups)
-    # a reading at the position of `name`, written as `other`, is one of `name`
-    back = {other: name for name, other in true.items()}
-    target = [back.get(t, t) if h else t for t, h in zip(rows["target"], here, strict=True)]
-    return replace(case, readings=rows.assign(target=target))
 
 
 # --- the chain ------------------------------------------------------------------------------------
@@ -292,7 +275,7 @@ def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
             correction=f"recomputed with {near} and {far} of {group} exchanged",
             before=1e3 * a,
             after=1e3 * b,
-            correct=partial(_exchanged, groups=[str(group)], true={near: far, far: near}),
+            correct=partial(renamed, true={near: far, far: near}, groups=[str(group)]),
             at=at,
             alike=f"{near} and {far}",
         )

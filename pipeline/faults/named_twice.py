@@ -10,15 +10,14 @@ more than a robot gives way, or all pulls of a pose, are a mistake in the record
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 
 from pipeline.faults.assignment import lines
 from pipeline.faults.fault import Fault, Screening
+from pipeline.faults.joint_row import without_poses
 from pipeline.faults.mistake import Mistake, as_it_is, length
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction._raw_readings import Contradiction, ExchangedNames
-from pipeline.reduction.case import Case
 
 
 def named_twice(asked: Screening) -> Iterator[Mistake]:
@@ -64,17 +63,9 @@ def _of_pose(pose: int, ones: list[Contradiction], lost: bool) -> Mistake:
         f"by mistake nothing in the files says ({lines(at)})",
         correction=f"computed without {left}",
         before=1e3 * worst.apart_m,
-        correct=partial(_without_pose, pose=pose) if lost else as_it_is,
+        correct=partial(without_poses, poses=[pose]) if lost else as_it_is,
         at=at,
     )
-
-
-def _without_pose(case: Case, pose: int) -> Case:
-    rows, loads, joints = (
-        table[table["pose"].ne(pose).fillna(True)]
-        for table in (case.readings, case.loads, case.joints)
-    )
-    return replace(case, readings=rows, loads=loads, joints=joints)
 
 
 FAULT = Fault("exchanged", lambda asked: list(named_twice(asked)), in_files=True)

@@ -13,11 +13,18 @@ from functools import partial
 
 import numpy as np
 
-from pipeline.base import covariance
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rigid
 from pipeline.faults.base_names import not_rigid
-from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored, miss, pairs, unloaded
+from pipeline.faults.conventions import (
+    GROSS_ANCHORED_M,
+    anchored,
+    mapped,
+    miss,
+    pairs,
+    unloaded,
+    with_places,
+)
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
@@ -62,15 +69,9 @@ def _placed(turn: Array, shift: Array, case: Case) -> Case:
     base = case.settings.base_frame
     if base:
         moved = {name: tuple((turn @ at + shift).tolist()) for name, at in base.items()}
-        return replace(case, settings=case.settings.model_copy(update={"base_frame": moved}))
-    rows = case.readings
-    here = rows[XYZ].to_numpy(float) @ turn.T + shift
-    C = covariance.flat(turn @ covariance.matrices(rows) @ turn.T)
-    columns = [*XYZ, *covariance.columns()]
-    return replace(
-        case,
-        readings=rows.assign(**dict(zip(columns, np.column_stack([here, C]).T, strict=True))),
-    )
+        return with_places("base_frame", moved, case)
+    turned = mapped(turn, case)
+    return replace(turned, readings=turned.readings.assign(**turned.readings[XYZ] + shift))
 
 
 FAULT = Fault("sign_or_convention", lambda asked: placement(asked.case), in_files=True)

@@ -18,7 +18,7 @@ from scipy import special
 from pipeline.base.arrays import Array, Ints
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, apart, left_out, length, lines_of, of_group, outlying
-from pipeline.faults.reading import Shifted, confirmed, shifted_readings
+from pipeline.faults.reading import Shifted, confirmed, shifted_readings, shown
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms, odds
 from pipeline.system.assemble import by_force
@@ -156,14 +156,11 @@ def _shown(states: _States, first: int, pull: Ints, which: Ints) -> Array:
         pull: Pull of each row, -1 for a repeated zero.
         which: Number of the difference of zeros.
     """
-    later = states[first:]
-    pulls = [one for one, _ in later if one >= 0]
-    zeros = np.array([float(one in later) for one in sorted(states) if one[0] < 0])
-    if not pulls or len(later) < _FEWEST:
+    later, zeros = np.array(states[first:]), sum(one < 0 for one, _ in states)
+    if len(later) < _FEWEST or later[:, 0].max() < 0:
         return np.zeros(len(pull))
-    mean, nth = np.cumsum(zeros) / np.arange(1, len(zeros) + 1), np.minimum(which, len(zeros) - 1)
-    of_zero = zeros[nth] - mean[np.maximum(nth - 1, 0)]  # one group may hold several readings
-    return np.where(pull < 0, of_zero, np.isin(pull, pulls) - mean[-1])
+    nth = np.minimum(which, zeros - 1)  # one group may hold several readings
+    return np.sum([shown(pull, nth, one, n, zeros) for one, n in later], axis=0)
 
 
 def _flat(found: ScoreTests) -> ScoreTests:

@@ -180,12 +180,7 @@ class Shifted(Locked):
     def _rigid(self, base: Base, k: int) -> Array:
         """Six motions of the effector in the pull of a reading, or in all pulls from its zero."""
         one, stack = self.readings, self.stack
-        which, nth = stack.which, one.nth[k]
-        if one.pull[k] < 0:  # as `_columns` does for a zero
-            later = np.where(which > nth, -1.0 / np.maximum(which, 1), 0.0)
-            share = np.where(stack.pull < 0, np.where(which == nth, 1.0, later), -1.0 / one.of[k])
-        else:
-            share = (stack.pull == one.pull[k]).astype(float)
+        share = shown(stack.pull, stack.which, one.pull[k], one.nth[k], one.of[k])
         share = np.where(stack.pose == one.pose[k], share, 0.0)
         rigid = self.white.by_pose(stack.modes * share[:, None])
         return np.vstack([rigid, np.zeros((len(base.blocks.index) - len(rigid), 6))])
@@ -328,12 +323,7 @@ def _readings(stack: Stack, counts: dict[tuple[int, int], int], six: bool) -> Ta
 def _columns(
     stack: Stack, white: Whitener, readings: TargetReadings, blocks: Blocks, six: bool
 ) -> Array:
-    """Effect of a unit shift of each reading on the rows of its pose, whitened.
-
-    A loaded reading moves its own row by one; zero n of N moves every loaded row of its target by
-    -1/N, its own difference to the mean of those before by one, and those after it by -1/k, with k
-    their index.
-    """
+    """Effect of a unit shift of each reading on the rows of its pose, whitened."""
     target, axis = (
         (0 * stack.target, 3 * stack.target + stack.axis) if six else (stack.target, stack.axis)
     )
@@ -345,11 +335,27 @@ def _columns(
         for part in (readings.target, readings.pull, readings.nth, readings.of)
     )
     there = white.blocks.there[:, :, None] & blocks.there[:, None, :]
-    later = np.where(which > nth, -1.0 / np.maximum(which, 1), 0.0)
-    zero = np.where(row_pull < 0, np.where(which == nth, 1.0, later), -1.0 / np.maximum(of, 1))
-    moved = np.where(pull >= 0, row_pull == pull, zero) * (there & (row_target == target))
+    moved = shown(row_pull, which, pull, nth, of) * (there & (row_target == target))
     D = moved[..., None] * np.eye(6 if six else 3)[axis]
     return np.asarray(np.einsum("pab,pbni->pani", white.inverse, D, optimize=True))
+
+
+def shown(row_pull: Ints, which: Ints, pull: Ints | int, nth: Ints | int, of: Ints | int) -> Array:
+    """Part of the shift of a reading that a row of its target in its pose shows.
+
+    A loaded reading moves its own row by one; zero n of N moves every loaded row by -1/N, its own
+    difference to the mean of those before by one, and those after it by -1/k, with k their index.
+
+    Args:
+        row_pull: Pull of each row, -1 for a repeated zero.
+        which: Number of the difference of zeros of each row.
+        pull: Pull of the reading, -1 for a zero.
+        nth: Number n of the zero.
+        of: Number N of zeros.
+    """
+    later = np.where(which > nth, -1.0 / np.maximum(which, 1), 0.0)
+    zero = np.where(row_pull < 0, np.where(which == nth, 1.0, later), -1.0 / np.maximum(of, 1))
+    return np.where(pull >= 0, row_pull == pull, zero)
 
 
 def bad_reading(

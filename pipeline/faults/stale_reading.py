@@ -11,8 +11,8 @@ is elsewhere than the robot's table predicts; otherwise the later one.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -80,13 +80,12 @@ def repeated(asked: Screening) -> list[Mistake]:
     pairs = rows.groupby("at")["group"].nunique()
     within = float((pairs * (pairs - 1) / 2).sum())
     across = float(pairs.sum() * (pairs.sum() - 1) / 2) - within
-    copy = _Copy(asked)
     found: dict[int, Mistake] = {}
     for names, same, here in _unexplained(case, rows, rows[equal]):
         alike = here[0]["at"] == here[1]["at"]
         p = (within if alike else across) * float(np.prod(chance[same[1]].to_numpy(float)))
         if p < alarms.READING:
-            which = copy.of(names, here)
+            which = _copy(asked, names, here)
             for k in same[which]:
                 row = rows.loc[[k]].iloc[0]
                 one = _repeats(row, names[1 - which], names[which], p)
@@ -124,35 +123,20 @@ def _twice(rows: pd.DataFrame) -> Iterator[tuple[tuple[str, str], tuple[list[int
 
 def _stand_alike(case: Case, here: tuple[pd.Series, pd.Series]) -> bool:
     """Whether two poses have the same joint values in the log."""
-    log = case.joints.set_index("pose")[case.joint_columns]
-    poses = [int(one["pose"]) for one in here]
-    return all(pose in log.index for pose in poses) and bool(
-        np.array_equal(log.loc[poses[0]].to_numpy(float), log.loc[poses[1]].to_numpy(float))
-    )
+    log = case.joints[case.joints["pose"].isin([one["pose"] for one in here])]
+    return len(log) == 2 and bool(log.duplicated(case.joint_columns).any())
 
 
-@dataclass(eq=False)
-class _Copy:
-    """Which of two groups that share readings was not measured."""
-
-    asked: Screening
-
-    @cached_property
-    def _away(self) -> frozenset[str]:
-        return misplaced_groups(self.asked.case)
-
-    @cached_property
-    def _odd(self) -> dict[tuple[int, int], bool]:
-        return odd_forces(self.asked)
-
-    def of(self, names: tuple[str, str], here: tuple[pd.Series, pd.Series]) -> int:
-        """0 or 1; by default 1, the later one."""
-        if here[0]["at"] != here[1]["at"]:
-            return 0 if [name in self._away for name in names] == [True, False] else 1
-        if any(one["state"] != "loaded" for one in here):
-            return 1
-        odd = [self._odd.get((int(one["pose"]), int(one["repeat"]))) for one in here]
-        return 0 if odd == [True, False] else 1
+def _copy(asked: Screening, names: tuple[str, str], here: tuple[Any, Any]) -> int:
+    """Which of two groups that share readings was not measured; by default 1, the later one."""
+    if here[0]["at"] != here[1]["at"]:
+        wrong = [name in misplaced_groups(asked.case) for name in names]
+    elif any(one["state"] != "loaded" for one in here):
+        return 1
+    else:
+        odd = odd_forces(asked)
+        wrong = [odd.get((int(one["pose"]), int(one["repeat"])), False) for one in here]
+    return 0 if wrong == [True, False] else 1
 
 
 def _without_noise(rows: pd.DataFrame) -> bool:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
-from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
-from pipeline.faults.conventions import FEWEST_POSES, unloaded
+from pipeline.faults.conventions import FEWEST_POSES, unloaded, with_places
 from pipeline.faults.entries import TOOL_M, DoubtfulEntry, wrong_entries
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake
@@ -42,14 +40,8 @@ def _finding(entry: DoubtfulEntry) -> Mistake:
         before=1e3 * size,
         size=size,
         size_unit="m",
-        correct=partial(_moved, name=name, place=entry.found),
+        correct=partial(with_places, "tool", {name: tuple(entry.found.tolist())}),
     )
-
-
-def _moved(case: Case, name: str, place: Array) -> Case:
-    """The campaign with a target of [tool] in another place."""
-    tool = {**case.settings.tool, name: (float(place[0]), float(place[1]), float(place[2]))}
-    return replace(case, settings=case.settings.model_copy(update={"tool": tool}))
 
 
 FAULT = Fault("tool_point", lambda asked: tool_point(asked.case), in_files=True)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.base.arrays import Array, Bools, Strings
 from pipeline.faults.assignment import lines
-from pipeline.faults.conventions import LOGGED, UNITS, anchored, pairs, scaled, unloaded
+from pipeline.faults.conventions import LOGGED, UNITS, anchored, mapped, pairs, unloaded
 from pipeline.faults.exchanged import misplaced
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, lines_of
@@ -125,7 +125,7 @@ def _too_small(places: Mapping[str, ArrayLike], target: Strings, at: Array) -> f
 
 def _regauged(case: Case, at: frozenset[str], factor: float) -> Case:
     mine = np.isin(lines_of(case.readings), list(at))
-    other = scaled(factor)(replace(case, readings=case.readings[mine])).readings
+    other = mapped(factor * np.eye(3), replace(case, readings=case.readings[mine])).readings
     return replace(case, readings=pd.concat([case.readings[~mine], other]).sort_index())
 
 

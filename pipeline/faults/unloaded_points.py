@@ -99,35 +99,14 @@ def _not_alone(agree: Bools, reflector: Ints) -> Bools:
 # --- corrections ----------------------------------------------------------------------------------
 
 
-def scaled(factor: float, points: UnloadedPoints) -> UnloadedPoints:
-    """Coordinates of the tracker multiplied by a factor."""
-    return replace(points, seen=points.seen * factor, base=points.base * factor)
+def mapped(A: Array, points: UnloadedPoints) -> UnloadedPoints:
+    """Coordinates A p of the tracker."""
+    return replace(points, seen=points.seen @ A.T, base=points.base @ A.T)
 
 
-def mirrored(points: UnloadedPoints) -> UnloadedPoints:
-    """The tracker's y reversed."""
-    flip = np.array([1.0, -1.0, 1.0])
-    return replace(points, seen=points.seen * flip, base=points.base * flip)
-
-
-def logged(joints: Sequence[int], factor: float, points: UnloadedPoints) -> UnloadedPoints:
-    """Values of some joints multiplied by a factor."""
-    q = points.q.copy()
-    q[:, joints] *= factor
-    return replace(points, q=q)
-
-
-def in_columns(one: int, other: int, points: UnloadedPoints) -> UnloadedPoints:
-    """Values of two joints exchanged."""
-    q = points.q.copy()
-    q[:, [one, other]] = q[:, [other, one]]
-    return replace(points, q=q)
-
-
-def from_controller(points: UnloadedPoints) -> UnloadedPoints:
-    """Joint values from columns that hold the controller's axes."""
-    robot = points.robot
-    return replace(points, q=points.q @ robot.controller_matrix.T + robot.controller_offset)
+def logged(M: Array, q0: Array | float, points: UnloadedPoints) -> UnloadedPoints:
+    """Joint values M q + q0."""
+    return replace(points, q=points.q @ M.T + q0)
 
 
 def with_places(table: str, places: Mapping[str, Point], points: UnloadedPoints) -> UnloadedPoints:

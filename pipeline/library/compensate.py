@@ -8,13 +8,14 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked, compared
+from pipeline.base.quantities import plain
 from pipeline.library import holds
 from pipeline.library.each_way import BothStiffnesses, along, each_way
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.configuration import velocity
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.path import ARM_M, Path, against_pulls
+from pipeline.prediction.path import ARM_M, Path
 
 _FURTHEST = holds.TWIST_RAD
 """Maximum joint rotation for a correction [rad]; tool motions that need more are left uncorrected,
@@ -178,3 +179,25 @@ def _turned(points: Array, moved: Array) -> Array:
     """Rotation vector (m, 3) of a small rigid motion of the tip and three orthogonal arms."""
     arms = points[:, 1:] - points[:, :1]
     return np.cross(arms, moved[:, 1:] - moved[:, :1]).sum(axis=1) / (2 * ARM_M**2)
+
+
+def against_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str]:
+    """Warning if forces [N], shape (m,), are outside the range of the pulls, as a list.
+
+    A model is valid where it was tested: above the largest pull its error grows with the force. If
+    all forces are below the smallest pull by the ratio of two units, they may be in another unit.
+    """
+    if pulled is None:
+        return []
+    hardest, lowest, highest = compared([force_n.max(), pulled[0] / _LBF_N, pulled[1]])
+    if lowest < hardest <= highest:
+        return []
+    least, most, reached = (plain(one) for one in (*pulled, hardest))
+    text = f"The forces reach {reached} N; the campaign pulled with {least} to {most} N"
+    if hardest < pulled[0]:
+        return [f"{text}: check their unit."]
+    return [f"{text}: beyond that its model was not tested, and its error grows with the force."]
+
+
+_LBF_N = 4.4482
+"""A pound-force [N] (NIST SP 811): the smallest ratio between two units of force."""

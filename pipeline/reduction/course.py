@@ -195,8 +195,7 @@ class _Rounds(Locked):
     @property
     def rigid(self) -> Array:
         """Motions of a round, shape (m, 3, 6)."""
-        shifts = np.broadcast_to(np.eye(3), (len(self.lever), 3, 3))
-        return np.concatenate([shifts, linear.turning(self.lever)], axis=2)
+        return linear.motions(self.lever)
 
     def _columns(self, ways: Array, which: Array) -> Array:
         """`ways` (m, 3, w) in each of several sets of readings (m, n), whitened, (3 m, n w)."""

@@ -71,7 +71,7 @@ def watch(
             if as_json:
                 say(outcome.as_json())
             else:
-                processes.log(outcome.event)
+                processes.log(processes.event(outcome))
 
 
 _LIVE_S = 1.0

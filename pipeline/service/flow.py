@@ -46,7 +46,7 @@ from pipeline.run import run
 from pipeline.service import server as service
 from pipeline.service import watch
 from pipeline.service.guard import Guard
-from pipeline.service.processes import PARENT, REPORTS_URL, ROOT, follow, log
+from pipeline.service.processes import PARENT, REPORTS_URL, ROOT, event, follow, log
 from pipeline.store.campaign import CampaignFolder, every, find
 
 _TAG = "campaign"
@@ -109,7 +109,7 @@ def _look(root: Path, hand_out: bool) -> None:
     for made in _scanned(root, hand_out):
         if made.exit_code == Unfinished.exit_code:
             _crashed(made)
-        log(made.event)
+        log(event(made))
         outcomes.append(made)
         _drop_late()
     if outcomes:
@@ -217,11 +217,11 @@ def attend(campaign: str, seen: str) -> Any:
         made = watch.attend(found, seen, _Slot(guard))
     if made is None:
         return Completed(message="It has changed since, or is done; the next scan sees to it.")
-    log(made.event)
+    log(event(made))
     if made.verdict is None:
-        return (Crashed if made.exit_code == Unfinished.exit_code else Failed)(message=made.event)
+        return (Crashed if made.exit_code == Unfinished.exit_code else Failed)(message=event(made))
     _publish(found, read(found))
-    return Completed(message=made.event)
+    return Completed(message=event(made))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ import threading
 import time
 from collections.abc import Iterator
 
-from pipeline.base.shown import say
+from pipeline.app.outcome import Outcome
+from pipeline.base.shown import printable, say
 
 PYTHON = (sys.executable, "-P", "-m")
 """Command that runs a module of ours; never one in the current folder, which anybody may write
@@ -121,3 +122,11 @@ def at_most(memory: int) -> None:
     _, most = resource.getrlimit(resource.RLIMIT_DATA)
     if most == resource.RLIM_INFINITY or memory < most:
         resource.setrlimit(resource.RLIMIT_DATA, (memory, most))
+
+
+def event(made: Outcome) -> str:
+    """One line on a campaign for the screen."""
+    if made.complaints and made.verdict is None:
+        return made.complaints[0]
+    text = " ".join(made.content.get("verdict_sentence", [])[:1])
+    return f"{printable(made.campaign)}: {text or made.text}"

@@ -30,7 +30,7 @@ dropped [1]: half a digit of its value is a fair price for a mix of fewer joints
 
 
 @dataclass(frozen=True, eq=False)
-class _Mix(Locked):
+class Mix(Locked):
     """A combination that the data determine, of parameters that they do not determine singly.
 
     Attributes:
@@ -61,9 +61,7 @@ def information(system: System, n: int, ratio: float = 1.0) -> Array:
     return eliminate(N, np.arange(n, len(N)))[:n, :n]
 
 
-def mixes(
-    N: Array, parameters: Sequence[Parameter], value: Array, alone: Bools
-) -> tuple[_Mix, ...]:
+def mixes(N: Array, parameters: Sequence[Parameter], value: Array, alone: Bools) -> tuple[Mix, ...]:
     """Every combination that the data determine of parameters that they do not determine singly.
 
     The best determined comes first. Each has a member that no later one has, so they are
@@ -85,14 +83,14 @@ def mixes(
     return tuple(_mix(line, typical, value) for line in lines if np.sum(line.w != 0) > 1)
 
 
-def _mix(line: _Line, typical: Array, value: Array) -> _Mix:
+def _mix(line: _Line, typical: Array, value: Array) -> Mix:
     """The mix in the parameters' own unit."""
     w = line.w / typical
     scale = w[np.argmax(np.abs(w))]
     of = np.flatnonzero(w)
     weights = w[of] / scale
     std = np.sqrt(line.variance) / abs(scale)
-    return _Mix(of, weights, float(weights @ value[of]), float(std))
+    return Mix(of, weights, float(weights @ value[of]), float(std))
 
 
 @dataclass(frozen=True, eq=False)

@@ -219,16 +219,10 @@ def _turning(data: Measured) -> Array:
 
 def _rigid(cell: Cell, axes: Array, target: Ints) -> Array:
     """Effect of six small rigid motions of the effector on the given targets, shape (n, 3, 6)."""
-    modes = np.zeros((len(target), 3, 6))
     if cell.tool.six:
-        for k in (0, 1):
-            modes[target == k, :, 3 * k : 3 * k + 3] = np.eye(3)
-        return modes
+        return np.eye(6).reshape(2, 3, 6)[target]
     tool = cell.tool.points - cell.tool.points.mean(axis=0)
-    levers = np.einsum("rij,rj->ri", axes, tool[target])
-    modes[:, :, :3] = np.eye(3)
-    modes[:, :, 3:] = linear.turning(levers)
-    return modes
+    return linear.motions(np.einsum("rij,rj->ri", axes, tool[target]))
 
 
 def _in_poses(zeros: Zeros, q: Mapping[int, Array], cell: Cell) -> Zeros:

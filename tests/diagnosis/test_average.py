@@ -132,15 +132,15 @@ def test_the_size_of_a_cause_is_that_of_draws_from_the_hypotheses_that_hold_it()
         sized(0.2, 4.0e-7, 1e-8, "joint_tilt:5"),
     ]
 
-    found = size(several, EFFECTS["joint_tilt:5"], 0)
+    value, std, (low, high) = size(several, EFFECTS["joint_tilt:5"], 0)
 
     which = rng.random(400_000) < 0.2 / 0.7
     z = rng.standard_normal(len(which))
     drawn = np.where(which, 4.0e-7 + 1e-8 * z, 3.0e-7 + 2e-8 * z)
-    assert found.value == pytest.approx(drawn.mean(), rel=2e-3)
-    assert found.std == pytest.approx(drawn.std(), rel=5e-3)
-    assert found.ci95[0] == pytest.approx(3.0e-7 - 1.96 * 2e-8, rel=2e-3)
-    assert found.ci95[1] == pytest.approx(4.0e-7 + 1.96 * 1e-8, rel=2e-3)
+    assert value == pytest.approx(drawn.mean(), rel=2e-3)
+    assert std == pytest.approx(drawn.std(), rel=5e-3)
+    assert low == pytest.approx(3.0e-7 - 1.96 * 2e-8, rel=2e-3)
+    assert high == pytest.approx(4.0e-7 + 1.96 * 1e-8, rel=2e-3)
 
 
 def test_every_interval_holds_whichever_likely_hypothesis_is_true():

@@ -10,7 +10,7 @@ from scipy import stats
 
 from bench.league.visible import identifiable
 from pipeline.answer import words
-from pipeline.diagnosis.blindspots import blind_spots, needed, not_found, smallest_visible, visible
+from pipeline.diagnosis.blindspots import needed, smallest_visible, unnoticed, visible
 from pipeline.diagnosis.diagnose import _unnoticed
 from pipeline.diagnosis.facts import DETECTED, SEPARATED, Facts, UnloadedFacts
 from pipeline.diagnosis.isolability import Twins
@@ -160,8 +160,8 @@ for one in catalogue(ROBOT):
     CAUSES.setdefault(one.label, one)
 
 
-def spots(times, elsewhere=None, twins=NONE, forms=(), which=blind_spots):
-    """Blind spots of causes that are detected from these multiples of typical size."""
+def spots(times, elsewhere=None, twins=NONE, forms=(), shown=False):
+    """Blind spots, or what is `shown`, of causes detected from these multiples of typical size."""
     labels = [*times]
     effects = tuple(CAUSES[label] for label in labels)
     alone = made(
@@ -180,7 +180,7 @@ def spots(times, elsewhere=None, twins=NONE, forms=(), which=blind_spots):
     view = replace(view, A=A, M=A.T @ A)
     return {
         spot.effect.label: spot
-        for spot in which(effects, view, view.base, 1e-3, twins, elsewhere or {})
+        for spot in unnoticed(effects, view, view.base, 1e-3, twins, elsewhere or {})[shown]
     }
 
 
@@ -202,7 +202,7 @@ def test_what_a_typical_size_would_have_shown_is_not_found():
     times = {"rail_roll": 0.25, "joint_tilt:3": 3.0, "compensator": 2.0, "scale_gain": 0.1}
     twins = Twins(("scale_gain",), (), ())
 
-    found = spots(times, {"compensator": 0.5}, twins, which=not_found)
+    found = spots(times, {"compensator": 0.5}, twins, shown=True)
 
     assert {label: one.times for label, one in found.items()} == pytest.approx(
         {"rail_roll": 0.25, "compensator": 0.5}, rel=1e-6

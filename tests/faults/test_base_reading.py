@@ -1,6 +1,7 @@
 """Base reflectors: one wrong reading or nominal position, against fits without it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from small_case import small
 
 from pipeline.faults import reading
-from pipeline.faults.base_reading import _when, base_outlier, shifts
+from pipeline.faults.base_reading import ONE_READING, SEVERAL_READINGS, base_outlier, shifts
 from pipeline.faults.base_reflector import _freed, base_target
 from pipeline.reduction.register import XYZ, agreeing, register
 from pipeline.system import alarms
@@ -155,10 +156,14 @@ def test_two_bad_readings_are_both_named(case):
         f"{g}/{t}" for g, t in zip(rows["group"], rows["target"], strict=True)
     }
     assert [m.size for m in found] == pytest.approx([6e-4, 6e-4], abs=8e-5)
-    assert _when(found, single=True) == []
-    assert _when(found[:1], single=True) == found[:1]
-    assert _when(found, single=False) == found
-    assert _when(found[:1], single=False) == []
+    for read, single in ((one, True), (two, False)):
+        asked = SimpleNamespace(
+            reduced=SimpleNamespace(registration=registered(read)), spread=(1.0, 0)
+        )
+        assert [len(test.find(asked)) > 0 for test in (ONE_READING, SEVERAL_READINGS)] == [
+            single,
+            not single,
+        ]
     for mistake in found:
         two = mistake.correct(two)
     assert sorted(set(case.readings.index) - set(two.readings.index)) == sorted(rows.index)

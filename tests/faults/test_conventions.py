@@ -15,10 +15,10 @@ from pipeline.faults.base_names import base_names
 from pipeline.faults.conventions import (
     anchored_miss,
     conventions,
+    mapped,
     miss,
     pairs,
     renamed,
-    scaled,
     supposed_mistakes,
     unloaded,
     unloaded_points,
@@ -245,7 +245,7 @@ def test_what_no_mistake_explains_to_the_end_is_not_corrected():
     strewn = {a: good().readings[a] + off[:, k] for k, a in enumerate(XYZ)}
     bad = in_unit(1e3)(with_readings(good(), **strewn))
 
-    assert miss(bad) > 100 * miss(scaled(1e-3)(bad))
+    assert miss(bad) > 100 * miss(mapped(1e-3 * np.eye(3), bad))
     assert conventions(bad) == []
 
 
@@ -318,7 +318,7 @@ def test_a_wrong_unit_takes_the_files_covariances_along_and_no_others():
     own = np.arange(len(rows)) % 3 == 0
     mixed = with_readings(good(), covariance_from=np.where(own, "file", "stated"))
 
-    right = scaled(1e3)(mixed).readings
+    right = mapped(1e3 * np.eye(3), mixed).readings
 
     factor = np.where(own, 1e6, 1.0)[:, None, None]
     expected = factor * covariance.matrices(rows)
@@ -342,7 +342,7 @@ def test_a_beam_is_as_long_as_the_corrected_unit_says():
     tracker = good().settings.tracker.model_copy(update={"sigma_m": None, "noise": beam})
     case = replace(good(), settings=good().settings.model_copy(update={"tracker": tracker}))
 
-    right = scaled(25.4)(case).readings
+    right = mapped(25.4 * np.eye(3), case).readings
 
     expected = beam_covariance(25.4 * case.readings[XYZ].to_numpy(float), beam)
     assert right[covariance.columns()].to_numpy() == pytest.approx(expected)
@@ -355,7 +355,9 @@ def test_only_unloaded_readings_of_known_poses_are_judged():
     assert set(rows["target"]) == {"P1", "P2", "P3"}
     less = replace(good(), joints=good().joints[good().joints["pose"] != 3])
     assert set(unloaded(less)["pose"]) == set(rows["pose"]) - {3}
-    again = renamed(renamed(good(), ("P2", "P3", "P1")), ("P3", "P1", "P2"))
+    again = renamed(
+        renamed(good(), {"P1": "P2", "P2": "P3", "P3": "P1"}), {"P1": "P3", "P2": "P1", "P3": "P2"}
+    )
     assert (again.readings["target"] == good().readings["target"]).all()
 
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from small_case import small
 
-from pipeline.diagnosis.rounds import in_rounds
+from pipeline.diagnosis.drift import in_rounds
 from pipeline.faults.base_reading import _courses, _stands_out, base_outlier
 from pipeline.reduction.register import XYZ, register
 

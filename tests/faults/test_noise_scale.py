@@ -7,8 +7,8 @@ import pytest
 import scipy.sparse
 from scipy import integrate, stats
 
-from pipeline.faults import noise_scale as module
-from pipeline.faults.noise_scale import noise_scale
+from pipeline.faults import fault as module
+from pipeline.faults.fault import noise_scale
 from pipeline.system.system import Errors, RowIndex
 
 

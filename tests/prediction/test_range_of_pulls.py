@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool
+from pipeline.library.compensate import against_pulls
 from pipeline.machine.cell import load, paper_cell, sensitivity
 from pipeline.machine.effect import Elastic
 from pipeline.machine.effects import unlisted
 from pipeline.machine.robot import load as robot_of
-from pipeline.prediction.path import against_pulls
 
 KR500 = robot_of("kr500_rail")
 CELL = paper_cell(KR500, rich_tool(np.random.default_rng(36)))

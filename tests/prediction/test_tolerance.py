@@ -13,11 +13,12 @@ import pytest
 from pipeline.base.errors import InputError
 from pipeline.check.report import check
 from pipeline.library import holds
+from pipeline.library.compensate import against_pulls
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.mdh import parse as robot_of
 from pipeline.prediction.decision import Decision, decide
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.path import Path, against_pulls
+from pipeline.prediction.path import Path
 from pipeline.prediction.tolerance import (
     HeldOutError,
     TipDeflection,
