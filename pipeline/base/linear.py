@@ -363,28 +363,6 @@ def whitening(V: Array) -> Array:
     return np.asarray(np.linalg.inv(L) if L.ndim > 2 else lapack.dtrtri(L, lower=1)[0])
 
 
-def triangular(V: Array) -> tuple[Array, Array]:
-    """Cholesky factors L of positive definite V = L L', and their inverses, both (k, k, m).
-
-    For m small matrices along the last axis, (k, k, m): all rows of a column at once are faster
-    than a call for each matrix. V is regularised as in `whitening`.
-
-    Raises:
-        LinAlgError: A row has no variance.
-    """
-    L, W = np.zeros_like(V), np.zeros_like(V)
-    for j in range(len(V)):
-        column = V[j:, j] - np.einsum("ikm,km->im", L[j:, :j], L[j, :j])
-        if not (column[0] > 0).all():
-            if not (np.einsum("iim->im", V) > 0).all():
-                raise np.linalg.LinAlgError("a row has no variance")
-            return triangular(V + _ROUNDED * V * np.eye(len(V))[:, :, None])
-        W[j, j] = 1 / np.sqrt(column[0])
-        L[j:, j] = column * W[j, j]
-        W[j, :j] = -W[j, j] * np.einsum("km,kim->im", L[j, :j], W[:j, :j])
-    return L, W
-
-
 def factor(C: Array) -> Array:
     """Symmetric square root L with L L' = C for positive semidefinite C, shape (..., k, k).
 

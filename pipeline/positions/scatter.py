@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize
 
-from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.unloaded import START
 from pipeline.machine.robot import Robot
@@ -53,7 +52,7 @@ class PoseScatter(Locked):
     def factors(self, rows: Linear) -> tuple[Array, Array]:
         """L and W = L^-1 with V = L L' of each pose, over the rows read at any, (m, r, r) each."""
         of = _RowsByPose.of(rows, len(self.joints))
-        pair = linear.triangular(of.cov(np.append(self.joints, [self.position, self.rotation])))
+        pair = triangular(of.cov(np.append(self.joints, [self.position, self.rotation])))
         L, W = (np.ascontiguousarray(np.moveaxis(one, 2, 0)) for one in pair)
         return L, W
 
@@ -91,6 +90,10 @@ def start(robot: Robot, sigma_m: float | None) -> PoseScatter:
     """Initial scatter; `sigma_m` is the stated noise of a coordinate [m], or None."""
     joints = np.array([START[joint.prismatic] for joint in robot.joints])
     return PoseScatter(joints, sigma_m or _NOISE[0], _NOISE[1], sigma_m is not None)
+
+
+_ROUNDED = 1e-12
+"""Relative increase of a variance that is lost in the rounding of a larger one [1]."""
 
 
 class _RowsByPose(NamedTuple):
@@ -138,7 +141,7 @@ class _Likelihood:
     def __call__(self, logs: Array) -> tuple[float, Array]:
         s = np.exp(logs / 2)
         (i, j), Z, read, turns = self.rows
-        W = np.ascontiguousarray(np.moveaxis(linear.triangular(self.rows.cov(s))[1], 2, 0))
+        W = np.ascontiguousarray(np.moveaxis(triangular(self.rows.cov(s))[1], 2, 0))
         inverse = np.swapaxes(W, 1, 2).copy() @ W  # of one array, numpy takes a slower way
         inner = inverse @ self.products
         f = 0.5 * float(np.einsum("mii->", inner)) - float(np.log(np.einsum("mii->mi", W)).sum())
@@ -150,3 +153,25 @@ class _Likelihood:
             Z.reshape(len(Z), -1) @ left.ravel(), [diagonal[~turns].sum(), diagonal[turns].sum()]
         )
         return f, 0.5 * slope * s**2
+
+
+def triangular(V: Array) -> tuple[Array, Array]:
+    """Cholesky factors L of positive definite V = L L', and their inverses, both (k, k, m).
+
+    For m small matrices along the last axis, (k, k, m): all rows of a column at once are faster
+    than a call for each matrix. V is regularised as in `linear.whitening`.
+
+    Raises:
+        LinAlgError: A row has no variance.
+    """
+    L, W = np.zeros_like(V), np.zeros_like(V)
+    for j in range(len(V)):
+        column = V[j:, j] - np.einsum("ikm,km->im", L[j:, :j], L[j, :j])
+        if not (column[0] > 0).all():
+            if not (np.einsum("iim->im", V) > 0).all():
+                raise np.linalg.LinAlgError("a row has no variance")
+            return triangular(V + _ROUNDED * V * np.eye(len(V))[:, :, None])
+        W[j, j] = 1 / np.sqrt(column[0])
+        L[j:, j] = column * W[j, j]
+        W[j, :j] = -W[j, j] * np.einsum("km,kim->im", L[j, :j], W[:j, :j])
+    return L, W
