@@ -374,9 +374,9 @@ def _shares(found: Calibration, joint: int, orders: Array) -> Array:
     phase = orders * q[:, None]
     waves = np.stack([np.cos(phase), np.sin(phase)], axis=1).reshape(len(q), -1)
     f, rest = (one - X @ (X.T @ one) for one in (f, waves))
-    left, waves = (one.reshape(len(q), 2, -1) for one in (rest, waves))
+    left, whole = (one.reshape(len(q), 2, -1) for one in (rest, waves))
     known, _ = linear.left(
-        np.einsum("mij,mkj->jik", left, left), np.einsum("mij,mij->ji", waves, waves), _PROJECTED
+        np.einsum("mij,mkj->jik", left, left), np.einsum("mij,mij->ji", whole, whole), _PROJECTED
     )
     g = np.einsum("mij,m->ji", left, f)
     return np.asarray(np.einsum("ji,jik,jk->j", g, known, g) / max(float(f @ f), linear.TINY))
